@@ -1,0 +1,143 @@
+//! The one error type: what is wrong, where, and what to do about it.
+//!
+//! An error carries every problem that was found, not only the first, so that a user mends a
+//! file once. Only `main` prints errors and picks the exit code.
+
+use std::fmt;
+
+/// `Result` with [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Whose fault it is, and whether trying again can help.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Bad use or bad input: flags, scene, mesh, texture. Exit code 2.
+    Invalid,
+    /// The input may be right, but this program or this machine cannot do it. Exit code 2.
+    Unsupported,
+    /// A limit the user set (`--max-memory`) or a size that no machine holds. Exit code 2.
+    Limit,
+    /// A check or threshold failed. Exit code 1.
+    Check,
+    /// Disk full, out of memory, a file that vanished: a retry may help. Exit code 3.
+    Retry,
+    /// Stopped by a signal (its number). Exit code 128 + signal.
+    Interrupted(i32),
+}
+
+/// One thing that is wrong (or, as a warning, suspicious).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// Where: `scene.json:3:14 (/camera/fov)`, `bunny.ply: vertex 12`, `--crop`; may be empty.
+    pub place: String,
+    /// What was found and what was expected.
+    pub message: String,
+    /// The nearest valid choice or the next step, if there is one.
+    pub help: Option<String>,
+}
+
+impl Problem {
+    /// A problem at `place` without help.
+    pub fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
+        Self {
+            place: place.into(),
+            message: message.into(),
+            help: None,
+        }
+    }
+
+    /// The same problem with a next step.
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.place.is_empty() {
+            write!(f, "{}: ", self.place)?;
+        }
+        f.write_str(&self.message)?;
+        match &self.help {
+            Some(help) => write!(f, "\n  help: {help}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// One or more problems of one kind. Never empty.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Error {
+    /// Decides the exit code.
+    pub kind: Kind,
+    /// Everything that was found, in the order of the input.
+    pub problems: Vec<Problem>,
+}
+
+impl Error {
+    /// One problem of `kind`.
+    pub fn new(kind: Kind, problem: Problem) -> Self {
+        Self {
+            kind,
+            problems: vec![problem],
+        }
+    }
+
+    /// Bad input at `place`.
+    pub fn invalid(place: impl Into<String>, message: impl Into<String>) -> Self {
+        Self::new(Kind::Invalid, Problem::new(place, message))
+    }
+
+    /// An input/output error on `path` while doing `what` ("read", "create").
+    ///
+    /// What a user must change first (missing, a folder, no permission) is [`Kind::Invalid`];
+    /// the rest (disk full, device error) is [`Kind::Retry`].
+    pub fn io(path: &std::path::Path, what: &str, error: &std::io::Error) -> Self {
+        use std::io::ErrorKind as E;
+        let kind = match error.kind() {
+            E::NotFound
+            | E::PermissionDenied
+            | E::IsADirectory
+            | E::NotADirectory
+            | E::ReadOnlyFilesystem
+            | E::InvalidInput
+            | E::InvalidFilename => Kind::Invalid,
+            _ => Kind::Retry,
+        };
+        let place = path.display().to_string();
+        Self::new(kind, Problem::new(place, format!("cannot {what}: {error}")))
+    }
+
+    /// Adds a next step to the last problem.
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        if let Some(problem) = self.problems.last_mut() {
+            problem.help = Some(help.into());
+        }
+        self
+    }
+
+    /// The exit code of the program: 1 check, 2 input, 3 retry, 128 + signal.
+    pub fn exit_code(&self) -> u8 {
+        match self.kind {
+            Kind::Check => 1,
+            Kind::Invalid | Kind::Unsupported | Kind::Limit => 2,
+            Kind::Retry => 3,
+            Kind::Interrupted(signal) => (128 + signal) as u8,
+        }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, problem) in self.problems.iter().enumerate() {
+            if i > 0 {
+                f.write_str("\n")?;
+            }
+            write!(f, "error: {problem}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Error {}

@@ -1,0 +1,20 @@
+//! lightpath: a CPU ray tracer for big scanned meshes.
+//!
+//! Data flows one way, one function an arrow:
+//! scene file -> [`scene::Description`] -> [`scene::Scene`] -> [`world::World`] ->
+//! [`accel::Accelerator`] -> [`film::Film`] -> EXR and PNG. ARCHITECTURE.md draws it.
+#![deny(
+    missing_docs,
+    unsafe_op_in_unsafe_fn,
+    clippy::undocumented_unsafe_blocks
+)]
+
+pub mod accel;
+pub mod error;
+pub mod film;
+pub mod geometry;
+pub mod mesh;
+pub mod monitor;
+pub mod render;
+pub mod scene;
+pub mod world;

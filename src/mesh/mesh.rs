@@ -1,0 +1,74 @@
+//! A mesh as its file has it: arrays in file units, indices checked, nothing transformed.
+
+/// Vertex positions in the precision of the file.
+#[derive(Debug, Clone)]
+pub enum Positions {
+    /// `float` (or narrower) coordinates.
+    F32(Vec<[f32; 3]>),
+    /// `double` (or 32-bit integer) coordinates.
+    F64(Vec<[f64; 3]>),
+}
+
+/// Texture coordinates with v up, as files have them.
+#[derive(Debug, Clone)]
+pub enum Uvs {
+    /// One per vertex.
+    PerVertex(Vec<[f32; 2]>),
+    /// Three per triangle, in the order of its corners.
+    PerCorner(Vec<[[f32; 2]; 3]>),
+}
+
+/// Vertex colours as stored; integers are fractions of their type's maximum, sRGB-encoded unless
+/// the scene says otherwise, floats are linear.
+#[derive(Debug, Clone)]
+pub enum Colors {
+    /// 8-bit.
+    U8(Vec<[u8; 3]>),
+    /// 16-bit.
+    U16(Vec<[u16; 3]>),
+    /// Float.
+    F32(Vec<[f32; 3]>),
+}
+
+/// A triangle mesh in file units.
+///
+/// Every index is below the number of vertices; every vertex that a triangle uses is finite; no
+/// triangle repeats a vertex index.
+#[derive(Debug, Clone)]
+pub struct Mesh {
+    /// All vertices of the file, used or not.
+    pub positions: Positions,
+    /// Vertex indices.
+    pub triangles: Vec<[u32; 3]>,
+    /// Per-vertex normals, as stored (any length).
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// Texture coordinates.
+    pub uvs: Option<Uvs>,
+    /// Vertex colours.
+    pub colors: Option<Colors>,
+    /// `comment TextureFile NAME`.
+    pub texture_file: Option<String>,
+    /// What was used, ignored, split and dropped on the way in.
+    pub notes: Notes,
+}
+
+/// What reading a mesh file did beyond copying.
+#[derive(Debug, Clone, Default)]
+pub struct Notes {
+    /// `ascii`, `binary_little_endian`, `binary_big_endian`.
+    pub format: &'static str,
+    /// Faces in the file, before triangulation.
+    pub faces: u64,
+    /// Faces with more than three corners that were split.
+    pub polygons_split: u64,
+    /// Faces with fewer than three corners, skipped.
+    pub faces_too_small: u64,
+    /// Triangles that repeat a vertex or have zero area, dropped.
+    pub degenerate_dropped: u64,
+    /// Triangles dropped by `--repair` because they use a missing or non-finite vertex.
+    pub repaired_dropped: u64,
+    /// `element.property` names that were used, in file order.
+    pub used: Vec<String>,
+    /// `element.property` names that were read over.
+    pub ignored: Vec<String>,
+}
