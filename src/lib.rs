@@ -15,6 +15,7 @@ pub mod film;
 pub mod geometry;
 pub mod mesh;
 pub mod monitor;
+pub mod output;
 pub mod render;
 pub mod scene;
 pub mod world;
