@@ -126,11 +126,11 @@ impl Scene {
         let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
         for j in 0..grid {
             for i in 0..grid {
-                // The middle of each cell, sheared within the cell so that no two points share
-                // a row or a column: an edge parallel to the light's own is then resolved to
-                // 1/grid^2 and not 1/grid.
-                let s = (i as f64 + (j as f64 + 0.5) / side) / side;
-                let t = (j as f64 + (i as f64 + 0.5) / side) / side;
+                // One point in each cell of the grid, moved within it so that hardly two share a
+                // row or a column: an edge parallel to the light's own is then resolved to
+                // 1/grid^2, where cell middles would resolve 1/grid.
+                let s = (i as f64 + scatter(j)) / side;
+                let t = (j as f64 + scatter(i)) / side;
                 let q = corner + s * e + t * h;
                 let mut got = self.light_point(light, surface, q);
                 if lambertian {
@@ -189,6 +189,12 @@ impl Scene {
         };
         self.objects.iter().enumerate().any(hits)
     }
+}
+
+/// The k-th of a sequence that fills [0, 1) evenly: multiples of the golden ratio.
+fn scatter(k: usize) -> f64 {
+    const GOLDEN: f64 = 1.618_033_988_749_895;
+    ((k as f64 + 0.5) * GOLDEN).fract()
 }
 
 /// The part of object `k` that the ray left, if it left that object.
