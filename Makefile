@@ -44,7 +44,7 @@ lint: ## format, clippy with and without default features, shell scripts: no war
 	shellcheck scripts/*.sh .ci/run
 
 docs: setup ## the API documentation, no warnings
-	RUSTDOCFLAGS='-D warnings' cargo doc $(FLAGS) --no-deps --document-private-items
+	RUSTDOCFLAGS='-D warnings' cargo doc $(FLAGS) --no-deps
 
 # Not `install: build`: `sudo make install` must not compile as root.
 install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, completions to PREFIX
