@@ -10,12 +10,20 @@
 )]
 
 pub mod accel;
+pub mod camera;
+pub mod cli;
 pub mod error;
 pub mod film;
 pub mod geometry;
+pub mod integrate;
+pub mod math;
 pub mod mesh;
 pub mod monitor;
 pub mod output;
+pub mod ray;
 pub mod render;
+pub mod sampler;
 pub mod scene;
+pub mod shading;
+pub mod simd;
 pub mod world;
