@@ -69,10 +69,10 @@ impl Camera {
     /// frame's top left corner, with lens coordinates in [0, 1)^2 (unused by a pinhole).
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> (Vec3, Vec3) {
-        let direction = self.corner + self.right * x + self.down * y;
         match &self.lens {
-            None => (self.position, unit(direction)),
+            None => self.pinhole_ray(x, y),
             Some(l) => {
+                let direction = self.towards(x, y);
                 let [lx, ly] = disk(lens);
                 let offset = l.x * lx + l.y * ly;
                 (
@@ -81,6 +81,19 @@ impl Camera {
                 )
             }
         }
+    }
+}
+
+impl Camera {
+    /// [`Camera::ray`] of a camera without a lens.
+    #[inline(always)]
+    pub fn pinhole_ray(&self, x: f32, y: f32) -> (Vec3, Vec3) {
+        (self.position, unit(self.towards(x, y)))
+    }
+
+    #[inline(always)]
+    fn towards(&self, x: f32, y: f32) -> Vec3 {
+        self.corner + self.right * x + self.down * y
     }
 }
 

@@ -101,8 +101,9 @@ impl Error {
             | E::IsADirectory
             | E::NotADirectory
             | E::ReadOnlyFilesystem
-            | E::InvalidInput
-            | E::InvalidFilename => Kind::Invalid,
+            | E::InvalidInput => Kind::Invalid,
+            // ENAMETOOLONG has no stable name in this edition's oldest compiler.
+            _ if error.raw_os_error() == Some(36) => Kind::Invalid,
             _ => Kind::Retry,
         };
         let place = path.display().to_string();

@@ -60,34 +60,35 @@ struct Pattern {
     block: [u32; 2],
     /// Samples of each pixel.
     samples: u32,
+    /// Pixel within the block, by lane.
+    x: [u32; LANES],
+    /// Pixel within the block, by lane.
+    y: [u32; LANES],
+    /// Sample within the packet, by lane.
+    sample: [u32; LANES],
 }
 
 impl Pattern {
     fn for_spp(spp: u32) -> Self {
-        match spp {
-            0..4 => Self {
-                block: [4, 4],
-                samples: 1,
-            },
-            4..16 => Self {
-                block: [2, 2],
-                samples: 4,
-            },
-            _ => Self {
-                block: [1, 1],
-                samples: 16,
-            },
+        let (block, samples) = match spp {
+            0..4 => ([4, 4], 1),
+            4..16 => ([2, 2], 4),
+            _ => ([1, 1], 16),
+        };
+        let lane = |f: fn(u32, u32, u32) -> u32| {
+            std::array::from_fn(|i| f(i as u32 / samples, block[0], i as u32 % samples))
+        };
+        let (x, y) = (
+            lane(|pixel, width, _| pixel % width),
+            lane(|pixel, width, _| pixel / width),
+        );
+        Self {
+            block,
+            samples,
+            x,
+            y,
+            sample: lane(|_, _, sample| sample),
         }
-    }
-
-    /// Pixel within the block, and sample within the packet, of a lane.
-    #[inline(always)]
-    fn lane(&self, lane: u32) -> ([u32; 2], u32) {
-        let pixel = lane / self.samples;
-        (
-            [pixel % self.block[0], pixel / self.block[0]],
-            lane % self.samples,
-        )
     }
 }
 
@@ -104,8 +105,17 @@ struct Scratch {
     /// Light of one area light, before the base colour.
     sums: Lanes3,
     throughput: [f32; LANES],
-    pixels: [[u32; 2]; LANES],
+    x: [u32; LANES],
+    y: [u32; LANES],
     samples: [u32; LANES],
+}
+
+impl Scratch {
+    /// Pixel of a lane.
+    #[inline(always)]
+    fn pixel(&self, i: usize) -> [u32; 2] {
+        [self.x[i], self.y[i]]
+    }
 }
 
 /// Rendering one tile: `rows[y][x]` are the kept pixels of the tile at `(x0, y0)`.
@@ -133,7 +143,8 @@ impl Kernel for TileKernel<'_, '_, '_> {
             radiance: [[0.0; LANES]; 3],
             sums: [[0.0; LANES]; 3],
             throughput: [1.0; LANES],
-            pixels: [[0; 2]; LANES],
+            x: [0; LANES],
+            y: [0; LANES],
             samples: [0; LANES],
         };
         let mut counts = RayCounts::default();
@@ -149,7 +160,7 @@ impl Kernel for TileKernel<'_, '_, '_> {
             }
             let sums = self
                 .integrator
-                .block(pattern, [x, y], &mut scratch, &mut counts);
+                .block(&pattern, [x, y], &mut scratch, &mut counts);
             for (pixel, sum) in sums.iter().enumerate().take((bw * bh) as usize) {
                 let (px, py) = (x + pixel as u32 % bw, y + pixel as u32 / bw);
                 if (w.x0..w.x1).contains(&px) && (w.y0..w.y1).contains(&py) {
@@ -166,9 +177,9 @@ impl Kernel for TileKernel<'_, '_, '_> {
 fn morton(index: u32) -> [u32; 2] {
     let even = |mut bits: u32| {
         bits &= 0x5555_5555;
-        bits = (bits | bits >> 1) & 0x3333_3333;
-        bits = (bits | bits >> 2) & 0x0f0f_0f0f;
-        (bits | bits >> 4) & 0x00ff_00ff
+        bits = (bits | (bits >> 1)) & 0x3333_3333;
+        bits = (bits | (bits >> 2)) & 0x0f0f_0f0f;
+        (bits | (bits >> 4)) & 0x00ff_00ff
     };
     [even(index), even(index >> 1)]
 }
@@ -178,7 +189,7 @@ impl Integrator<'_> {
     #[inline(always)]
     fn block(
         &self,
-        pattern: Pattern,
+        pattern: &Pattern,
         corner: [u32; 2],
         scratch: &mut Scratch,
         counts: &mut RayCounts,
@@ -188,12 +199,11 @@ impl Integrator<'_> {
         for first in (0..spp).step_by(pattern.samples as usize) {
             let mut active = Mask::NONE;
             for i in 0..LANES {
-                let ([x, y], sample) = pattern.lane(i as u32);
-                let pixel = [corner[0] + x, corner[1] + y];
-                let inside = pixel[0] < self.world.frame[0] && pixel[1] < self.world.frame[1];
-                scratch.pixels[i] = pixel;
-                scratch.samples[i] = first + sample;
-                active.0[i] = -i32::from(inside && first + sample < spp);
+                let (x, y) = (corner[0] + pattern.x[i], corner[1] + pattern.y[i]);
+                let sample = first + pattern.sample[i];
+                (scratch.x[i], scratch.y[i], scratch.samples[i]) = (x, y, sample);
+                let [width, height] = self.world.frame;
+                active.0[i] = -i32::from((x < width) & (y < height) & (sample < spp));
             }
             self.camera_rays(scratch);
             counts.primary += u64::from(active.count());
@@ -226,7 +236,7 @@ impl Integrator<'_> {
         let mut offsets = [[0.5f32; 4]; LANES];
         if self.world.spp > 1 || camera.has_lens() {
             for (i, offset) in offsets.iter_mut().enumerate() {
-                *offset = self.sampler().camera(scratch.pixels[i], scratch.samples[i]);
+                *offset = self.sampler().camera(scratch.pixel(i), scratch.samples[i]);
                 if self.world.spp == 1 {
                     (offset[0], offset[1]) = (0.5, 0.5);
                 }
@@ -235,24 +245,25 @@ impl Integrator<'_> {
         let rays = &mut scratch.packet.rays;
         let mut raster = [[0.0f32; LANES]; 2];
         for i in 0..LANES {
-            raster[0][i] = scratch.pixels[i][0] as f32 + offsets[i][0];
-            raster[1][i] = scratch.pixels[i][1] as f32 + offsets[i][1];
+            raster[0][i] = scratch.x[i] as f32 + offsets[i][0];
+            raster[1][i] = scratch.y[i] as f32 + offsets[i][1];
         }
-        let mut set = |i: usize, lens: [f32; 2]| {
-            let (origin, direction) = camera.ray(raster[0][i], raster[1][i], lens);
-            set_lane(&mut rays.org, i, origin);
-            set_lane(&mut rays.dir, i, direction);
-            rays.tnear[i] = 0.0;
-            rays.tfar[i] = f32::INFINITY;
-            rays.leaving[i] = NONE;
-        };
+        rays.tnear = [0.0; LANES];
+        rays.tfar = [f32::INFINITY; LANES];
+        rays.leaving = [NONE; LANES];
+        // Two loops, as the one without a lens becomes SIMD code.
         if camera.has_lens() {
-            for (i, offset) in offsets.iter().enumerate() {
-                set(i, [offset[2], offset[3]]);
+            for i in 0..LANES {
+                let lens = [offsets[i][2], offsets[i][3]];
+                let (origin, direction) = camera.ray(raster[0][i], raster[1][i], lens);
+                set_lane(&mut rays.org, i, origin);
+                set_lane(&mut rays.dir, i, direction);
             }
         } else {
             for i in 0..LANES {
-                set(i, [0.5; 2]);
+                let (origin, direction) = camera.pinhole_ray(raster[0][i], raster[1][i]);
+                set_lane(&mut rays.org, i, origin);
+                set_lane(&mut rays.dir, i, direction);
             }
         }
     }
@@ -417,7 +428,7 @@ impl Integrator<'_> {
                     .wrapping_add(sample);
                 let [s, t] = self
                     .sampler()
-                    .light(scratch.pixels[lane], all, index, bounce);
+                    .light(scratch.pixel(lane), all, index, bounce);
                 from[j] = lane;
                 set_lane(&mut q, j, *corner + *edge * s + *height * t);
             }
@@ -519,10 +530,21 @@ mod tests {
     fn patterns_use_every_lane_once() {
         for spp in [1, 4, 7, 16, 100] {
             let pattern = Pattern::for_spp(spp);
-            let mut seen: Vec<_> = (0..16).map(|i| pattern.lane(i)).collect();
+            let mut seen: Vec<_> = (0..LANES)
+                .map(|i| [pattern.x[i], pattern.y[i], pattern.sample[i]])
+                .collect();
+            seen.sort_unstable();
             seen.dedup();
-            assert_eq!(seen.len(), 16);
+            assert_eq!(seen.len(), LANES);
             assert_eq!(pattern.block[0] * pattern.block[1] * pattern.samples, 16);
+            assert_eq!(
+                seen[15],
+                [
+                    pattern.block[0] - 1,
+                    pattern.block[1] - 1,
+                    pattern.samples - 1
+                ]
+            );
         }
     }
 }

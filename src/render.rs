@@ -34,7 +34,7 @@ pub fn render(
     monitor: &Monitor,
 ) -> Result<(Film, RayCounts)> {
     let window = settings.window;
-    let mut film = Film::new(world.frame, window);
+    let mut film = Film::new(world.frame, window)?;
     monitor.begin(
         Phase::Render,
         u64::from(window.width()) * u64::from(window.height()),
@@ -114,7 +114,7 @@ mod tests {
             x1: 100,
             y1: 65,
         };
-        let mut film = Film::new([200, 100], window);
+        let mut film = Film::new([200, 100], window).unwrap();
         for tile in tiles(&mut film) {
             assert_eq!(tile.rows.len(), tile.window.height() as usize);
             assert_eq!(tile.window.x0 / TILE, (tile.window.x1 - 1) / TILE);

@@ -30,13 +30,13 @@ impl Sampler {
         let [s, t, _, _] = self.point(
             pixel,
             index,
-            1 + (u64::from(bounce) << 32 | u64::from(light)),
+            1 + ((u64::from(bounce) << 32) | u64::from(light)),
         );
         [s, t]
     }
 
     fn point(&self, [x, y]: [u32; 2], index: u32, purpose: u64) -> [f32; 4] {
-        let pixel = u64::from(y) << 32 | u64::from(x);
+        let pixel = (u64::from(y) << 32) | u64::from(x);
         let block = u64::from(index / SEQUENCE);
         let seed = mix(mix(mix(self.seed ^ mix(block)) ^ pixel) ^ purpose);
         sobol_burley::sample_4d(index % SEQUENCE, 0, seed as u32)

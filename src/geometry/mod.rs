@@ -6,12 +6,10 @@ mod triangle;
 
 use glam::DVec3;
 
+pub use crate::ray::NONE;
 pub use sphere::Sphere;
 pub use surface::{Surfaces, refine};
 pub use triangle::clamp_barycentrics;
-
-/// No primitive, no geometry (Embree's `RTC_INVALID_GEOMETRY_ID`).
-pub const NONE: u32 = u32::MAX;
 
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`].
 #[derive(Debug, Default)]

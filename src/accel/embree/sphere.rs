@@ -95,6 +95,11 @@ unsafe fn each_hit(args: &UserArguments, mut found: impl FnMut(RayLanes, usize, 
     }
 }
 
+/// A number below `x` by one to two ulp.
+fn below(x: f32) -> f32 {
+    x - x.abs() * f32::EPSILON - f32::MIN_POSITIVE
+}
+
 pub unsafe extern "C" fn bounds(args: *const BoundsArguments) {
     // SAFETY: Embree passes valid arguments; the user data is a live `SphereSet`.
     let (args, set) = unsafe { (&*args, &*(*args).user.cast::<SphereSet>()) };
@@ -104,10 +109,10 @@ pub unsafe extern "C" fn bounds(args: *const BoundsArguments) {
     // One ulp of slack covers the rounding to f32.
     let lower = (sphere.center - sphere.radius)
         .to_array()
-        .map(|x| (x as f32).next_down());
+        .map(|x| below(x as f32));
     let upper = (sphere.center + sphere.radius)
         .to_array()
-        .map(|x| (x as f32).next_up());
+        .map(|x| -below(-(x as f32)));
     // SAFETY: Embree passes room for one box.
     unsafe {
         *args.bounds = Bounds {
