@@ -103,9 +103,8 @@ mod tests {
 
     #[test]
     fn a_point_a_line_and_nothing() {
-        let see = |points: Vec<DVec3>| {
-            frame(points.into_iter(), DVec3::NEG_Z, DVec3::Y, 30.0, 1.0, 0.08)
-        };
+        let see =
+            |points: Vec<DVec3>| frame(points.into_iter(), DVec3::NEG_Z, DVec3::Y, 30.0, 1.0, 0.08);
         assert!(see(vec![DVec3::ONE]).unwrap().z > 1.0);
         assert!(see(vec![DVec3::ZERO, DVec3::Z]).unwrap().z > 1.0);
         assert_eq!(see(vec![]), None);

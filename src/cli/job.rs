@@ -59,7 +59,9 @@ impl Origin {
 
     fn stdin() -> Result<Self> {
         let mut text = Vec::new();
-        let read = std::io::stdin().take(MAX_STDIN_BYTES).read_to_end(&mut text);
+        let read = std::io::stdin()
+            .take(MAX_STDIN_BYTES)
+            .read_to_end(&mut text);
         read.map_err(|error| Error::io("<stdin>".as_ref(), "read", &error))?;
         Ok(Self {
             name: "<stdin>".to_string(),
@@ -92,7 +94,10 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
             ("--template", args.mesh.template.is_some()),
         ];
         for (flag, _) in given.iter().filter(|(_, given)| *given) {
-            let message = format!("found with the scene {}, expected a .ply", args.input.display());
+            let message = format!(
+                "found with the scene {}, expected a .ply",
+                args.input.display()
+            );
             return Err(Error::invalid(*flag, message)
                 .help("a scene says itself how its meshes stand: `rotate` in its trimesh"));
         }
@@ -119,12 +124,24 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
         let ours = studio::furnish(&subject, &origin, &overrides, &mut warnings)?;
         overrides.prepend(ours);
     }
-    finish(origin.source(), origin.folder.clone(), args, overrides, warnings)
+    finish(
+        origin.source(),
+        origin.folder.clone(),
+        args,
+        overrides,
+        warnings,
+    )
 }
 
 fn load_file(args: &RenderArgs, overrides: Overrides) -> Result<Job> {
     let folder = args.input.parent().unwrap_or(Path::new("")).to_owned();
-    finish(Source::File(&args.input), folder, args, overrides, Vec::new())
+    finish(
+        Source::File(&args.input),
+        folder,
+        args,
+        overrides,
+        Vec::new(),
+    )
 }
 
 fn finish(

@@ -17,10 +17,6 @@ use super::{meshes, units};
 const FILM_BYTES: u64 = 16;
 /// 8-bit RGBA while the PNG is written.
 const PNG_BYTES: u64 = 4;
-/// Position in f32, and as much again for normals, coordinates or colours.
-const VERTEX_BYTES: u64 = 24;
-/// Three indices.
-const TRIANGLE_BYTES: u64 = 12;
 /// The program, its threads, tables.
 const BASE_BYTES: u64 = 32 << 20;
 
@@ -63,34 +59,53 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
         film_bytes: pixels * (FILM_BYTES + PNG_BYTES),
         ..Prediction::default()
     };
+    let mut problems = Vec::new();
     for shape in &scene.shapes {
         match &shape.kind {
             ShapeKind::Trimesh(mesh) => {
-                let promise = meshes::promise(&mesh.path)?;
+                let promise = meshes::promise(&mesh.path).unwrap_or_else(|error| {
+                    problems.extend(error.problems);
+                    Default::default()
+                });
                 sum.triangles = sum.triangles.saturating_add(promise.triangles);
-                let vertices = promise.vertices.saturating_mul(VERTEX_BYTES);
-                let triangles = promise.triangles.saturating_mul(TRIANGLE_BYTES);
-                sum.mesh_bytes = sum.mesh_bytes.saturating_add(vertices).saturating_add(triangles);
+                sum.mesh_bytes = sum.mesh_bytes.saturating_add(promise.array_bytes);
             }
             ShapeKind::Sphere { .. } | ShapeKind::Triangle { .. } => sum.triangles += 1,
             ShapeKind::Plane { .. } => sum.triangles += 2,
         }
     }
+    if !problems.is_empty() {
+        return Err(Error {
+            kind: Kind::Invalid,
+            problems,
+        });
+    }
     sum.texture_bytes = textures(scene);
     let [live, peak] = per_triangle(scene.backend);
     sum.accelerator_bytes = sum.triangles.saturating_mul(live);
     sum.accelerator_peak_bytes = sum.triangles.saturating_mul(peak);
-    let parts = [sum.film_bytes, sum.mesh_bytes, sum.texture_bytes, sum.accelerator_peak_bytes];
+    let parts = [
+        sum.film_bytes,
+        sum.mesh_bytes,
+        sum.texture_bytes,
+        sum.accelerator_peak_bytes,
+    ];
     sum.peak_bytes = parts.iter().fold(BASE_BYTES, |a, b| a.saturating_add(*b));
     Ok(sum)
 }
 
 /// Bytes of the decoded images, each once; files that are no images are complained about later.
 fn textures(scene: &Scene) -> u64 {
-    let paths = scene.materials.iter().filter_map(|m| m.texture.as_ref().map(|t| &t.path));
+    let paths = scene
+        .materials
+        .iter()
+        .filter_map(|m| m.texture.as_ref().map(|t| &t.path));
     let paths: BTreeSet<_> = paths.collect();
     let bytes = paths.into_iter().filter_map(|path| {
-        let reader = image::ImageReader::open(path).ok()?.with_guessed_format().ok()?;
+        let reader = image::ImageReader::open(path)
+            .ok()?
+            .with_guessed_format()
+            .ok()?;
         use image::ImageFormat::{Hdr, OpenExr};
         let float = matches!(reader.format(), Some(Hdr | OpenExr));
         let (width, height) = reader.into_dimensions().ok()?;
@@ -115,7 +130,10 @@ impl Prediction {
             units::bytes(self.peak_bytes)
         );
         let problem = Problem::new("--max-memory", message);
-        Err(Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh")))
+        Err(Error::new(
+            Kind::Limit,
+            problem.help("render a --crop, or a smaller mesh"),
+        ))
     }
 
     /// What is left of `limit` for the accelerator beside a world of `mesh_bytes`.

@@ -12,33 +12,39 @@ use crate::{
 
 /// Reads a file.
 pub fn read(path: &Path, repair: bool) -> Result<Mesh> {
-    mesh::read_ply(
-        path,
-        mesh::ReadOptions {
-            repair,
-            ..Default::default()
-        },
-    )
+    mesh::read_ply(path, mesh::ReadOptions::default().repair(repair))
 }
 
-/// What a header promises.
+/// What a header promises, within what the file's size allows.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Promise {
-    /// Vertices.
-    pub vertices: u64,
-    /// Triangles, if all faces are triangles.
+    /// Bytes of vertex and index arrays.
+    pub array_bytes: u64,
+    /// Triangles after splitting.
     pub triangles: u64,
 }
 
 /// Reads the header alone.
-pub fn promise(_path: &Path) -> Result<Promise> {
-    Ok(Promise::default())
+pub fn promise(path: &Path) -> Result<Promise> {
+    let summary = mesh::inspect_ply(path)?;
+    // The reader refuses a header that promises more rows than the file has bytes; a prediction
+    // must not choke on it first.
+    let lies = summary.triangles.max(summary.vertices) > summary.file_bytes;
+    Ok(match lies {
+        true => Promise::default(),
+        false => Promise {
+            array_bytes: summary.array_bytes,
+            triangles: summary.triangles,
+        },
+    })
 }
 
 /// Whether a file name is a mesh's.
 pub fn is_mesh(path: &Path) -> bool {
     let name = path.to_string_lossy().to_ascii_lowercase();
-    [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| name.ends_with(end))
+    [".ply", ".ply.gz", ".ply.zst"]
+        .iter()
+        .any(|end| name.ends_with(end))
 }
 
 /// The vertices that triangles use, in file units.

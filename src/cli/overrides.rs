@@ -43,7 +43,9 @@ impl Overrides {
         let transparent = args.transparent.then_some(true);
         all.flag("--transparent", "/output/transparent", transparent);
         for set in &args.set {
-            let pointer = set.split_once('=').map_or(set.as_str(), |(pointer, _)| pointer);
+            let pointer = set
+                .split_once('=')
+                .map_or(set.as_str(), |(pointer, _)| pointer);
             all.list.push((None, pointer.to_string(), set.clone()));
         }
         all
@@ -86,7 +88,10 @@ impl Overrides {
 
     /// Names the flag instead of the `--set` it became.
     pub fn explain(&self, error: Error) -> Error {
-        let problems = error.problems.into_iter().map(|problem| self.named(problem));
+        let problems = error
+            .problems
+            .into_iter()
+            .map(|problem| self.named(problem));
         Error {
             kind: error.kind,
             problems: problems.collect(),

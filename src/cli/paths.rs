@@ -18,7 +18,8 @@ pub fn prefix(output: Option<&Path>, input: &Path) -> PathBuf {
     if text.ends_with(b"/") || output.is_dir() {
         return output.join(stem);
     }
-    let is_ours = |end: &std::ffi::OsStr| end.eq_ignore_ascii_case("exr") || end.eq_ignore_ascii_case("png");
+    let is_ours =
+        |end: &std::ffi::OsStr| end.eq_ignore_ascii_case("exr") || end.eq_ignore_ascii_case("png");
     match output.extension() {
         Some(end) if is_ours(end) => output.with_extension(""),
         _ => output.to_owned(),
@@ -36,7 +37,9 @@ pub fn seen_from(path: &Path, folder: &Path) -> String {
     let here: Vec<Component> = folder.components().collect();
     let common = there.iter().zip(&here).take_while(|(a, b)| a == b).count();
     let ups = here[common..].iter().map(|_| "..".to_string());
-    let downs = there[common..].iter().map(|c| c.as_os_str().to_string_lossy().into_owned());
+    let downs = there[common..]
+        .iter()
+        .map(|c| c.as_os_str().to_string_lossy().into_owned());
     ups.chain(downs).collect::<Vec<_>>().join("/")
 }
 

@@ -45,7 +45,9 @@ impl Files {
         Ok(Self {
             outputs: Outputs::create(&prefix)?,
             stats: args.report.stats.as_ref().map(text).transpose()?,
-            scene: scene.map(|path| Ok((path.clone(), text(path)?))).transpose()?,
+            scene: scene
+                .map(|path| Ok((path.clone(), text(path)?)))
+                .transpose()?,
         })
     }
 }
@@ -253,7 +255,9 @@ fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
     if !args.report.quiet {
         eprintln!("{}", stats.summary());
     }
-    let names = paths.iter().map(|path| path.as_path().display().to_string());
+    let names = paths
+        .iter()
+        .map(|path| path.as_path().display().to_string());
     if args.report.json {
         let mut value = json!(stats);
         value["outputs"] = names.collect();

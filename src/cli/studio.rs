@@ -88,7 +88,9 @@ fn first_trimesh(template: &Origin) -> Result<String> {
     let mut shapes = shapes.take_while(|shape| document.get(shape).is_some());
     let is_trimesh = |shape: &String| {
         let kind = document.get(&format!("{shape}/type"));
-        kind.is_some_and(|node| matches!(&node.kind, crate::scene::NodeKind::Text(t) if t == "trimesh"))
+        kind.is_some_and(
+            |node| matches!(&node.kind, crate::scene::NodeKind::Text(t) if t == "trimesh"),
+        )
     };
     shapes.find(is_trimesh).ok_or_else(|| {
         let message = "found no shape of type trimesh, expected one that the mesh replaces";
@@ -147,11 +149,25 @@ fn place(
     foot[vertical] = if up > 0.0 { low } else { high }[vertical];
     foot[vertical] -= up * HAIR * (high - low).max_element();
     let center = spec.center - foot;
-    let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
+    let (fov, aspect) = (
+        camera.fov_deg,
+        f64::from(camera.width) / f64::from(camera.height),
+    );
     let placed = turned().map(|p| p + center);
-    let position = frame(placed, camera.lookat, camera.up, fov, aspect, MARGIN).ok_or_else(empty)?;
-    ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));
-    point(camera, loaded, position, spec.center + (high - low) / 2.0 * DVec3::AXES[vertical], ours);
+    let position =
+        frame(placed, camera.lookat, camera.up, fov, aspect, MARGIN).ok_or_else(empty)?;
+    ours.flag(
+        "FILE.ply",
+        &format!("{shape}/center"),
+        Some(center.to_array().to_vec()),
+    );
+    point(
+        camera,
+        loaded,
+        position,
+        spec.center + (high - low) / 2.0 * DVec3::AXES[vertical],
+        ours,
+    );
     Ok(())
 }
 
