@@ -245,9 +245,9 @@ fn a_signal_leaves_nothing() {
             "--size",
             "2000x2000",
             "--spp",
-            "4096",
-            "--light-samples",
             "64",
+            "--light-samples",
+            "16",
         ];
         let mut child = scratch
             .command(&args)
