@@ -89,18 +89,7 @@ pub struct Job {
 pub fn load(args: &RenderArgs) -> Result<Job> {
     let is_mesh = meshes::is_mesh(&args.input);
     if !is_mesh {
-        let given = [
-            ("--up", args.mesh.up.is_some()),
-            ("--template", args.mesh.template.is_some()),
-        ];
-        for (flag, _) in given.iter().filter(|(_, given)| *given) {
-            let message = format!(
-                "found with the scene {}, expected a .ply",
-                args.input.display()
-            );
-            return Err(Error::invalid(*flag, message)
-                .help("a scene says itself how its meshes stand: `rotate` in its trimesh"));
-        }
+        only_for_meshes(args)?;
     }
     let mut overrides = Overrides::new(&args.scene);
     let mut warnings = Vec::new();
@@ -131,6 +120,21 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
         overrides,
         warnings,
     )
+}
+
+/// Refuses flags that mean nothing for a scene.
+fn only_for_meshes(args: &RenderArgs) -> Result<()> {
+    let flag = match (args.mesh.up, &args.mesh.template) {
+        (Some(_), _) => "--up",
+        (_, Some(_)) => "--template",
+        _ => return Ok(()),
+    };
+    let message = format!(
+        "found with {}, expected with a .ply file",
+        args.input.display()
+    );
+    Err(Error::invalid(flag, message)
+        .help("a scene says itself how its meshes stand: `rotate` in its trimesh"))
 }
 
 fn load_file(args: &RenderArgs, overrides: Overrides) -> Result<Job> {

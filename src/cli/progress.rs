@@ -24,6 +24,8 @@ use super::{args::ProgressMode, units};
 const PLAIN_EVERY: Duration = Duration::from_secs(3);
 const JSON_EVERY: Duration = Duration::from_millis(500);
 const BAR_EVERY: Duration = Duration::from_millis(100);
+/// How often counters are read, so that a phase's rate starts when the phase does.
+const POLL_EVERY: Duration = BAR_EVERY;
 
 /// A display that runs until it is dropped.
 #[derive(Debug)]
@@ -54,8 +56,13 @@ impl Progress {
         let (shown, monitor) = (bar.clone(), Arc::clone(monitor));
         let work = move || {
             let mut meter = Meter::new(monitor);
-            while stopped.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
+            let mut shown_at = Instant::now();
+            while stopped.recv_timeout(POLL_EVERY) == Err(RecvTimeoutError::Timeout) {
                 let now = meter.read();
+                if shown_at.elapsed() < every {
+                    continue;
+                }
+                shown_at = Instant::now();
                 match (&shown, mode) {
                     (Some(bar), _) => now.show(bar),
                     (_, ProgressMode::Json) => now.json(),
