@@ -109,16 +109,16 @@ struct Scratch {
 }
 
 /// Rendering one tile: `rows[y][x]` are the kept pixels of the tile at `(x0, y0)`.
-pub struct TileKernel<'a, 'r> {
+pub struct TileKernel<'a, 'r, 'f> {
     /// What does not change.
     pub integrator: Integrator<'a>,
     /// The kept pixels of this tile.
     pub window: Window,
     /// Their R, G, B, A.
-    pub rows: &'r mut [&'r mut [[f32; 4]]],
+    pub rows: &'r mut [&'f mut [[f32; 4]]],
 }
 
-impl Kernel for TileKernel<'_, '_> {
+impl Kernel for TileKernel<'_, '_, '_> {
     type Output = RayCounts;
 
     #[inline(always)]

@@ -349,7 +349,7 @@ impl VertexColors {
         };
         Vec3::from(match self.space {
             ColorSpace::Linear => stored,
-            ColorSpace::Srgb => stored.map(super::texture::srgb_to_linear),
+            ColorSpace::Srgb => stored.map(|c| super::texture::linear_from_srgb(c.into()) as f32),
         })
     }
 }

@@ -144,11 +144,9 @@ pub type UserFunction = unsafe extern "C" fn(*const UserArguments);
 
 macro_rules! api {
     ($($name:ident = $symbol:literal: fn($($arg:ty),*) $(-> $ret:ty)?;)*) => {
-        /// The library and its entry points.
+        /// The library's entry points.
         pub struct Api {
             $(pub $name: unsafe extern "C" fn($($arg),*) $(-> $ret)?,)*
-            // Dropped last: the entry points live in it.
-            _library: libloading::Library,
         }
 
         impl Api {
@@ -162,7 +160,9 @@ macro_rules! api {
                         )?
                     };
                 )*
-                Ok(Self { $($name,)* _library: library })
+                // Never unloaded: TBB's worker threads outlive the last device.
+                std::mem::forget(library);
+                Ok(Self { $($name,)* })
             }
         }
     };
