@@ -17,4 +17,5 @@ pub mod mesh;
 pub mod monitor;
 pub mod render;
 pub mod scene;
+pub mod shading;
 pub mod world;

@@ -1,0 +1,3 @@
+//! Materials, textures and lights: what turns a hit into radiance.
+
+pub mod texture;

@@ -1,0 +1,686 @@
+//! Textures: image files become linear RGB that can be looked up at (u, v).
+//!
+//! Reads PPM and its kin, PNG, JPEG, Radiance HDR and OpenEXR, told apart by content, never by
+//! file name. Texels are decoded to linear light before any filtering: sRGB for integer images
+//! of any format, none for float images, unless the scene says otherwise. Embedded colour
+//! profiles, gamma chunks and EXIF orientations are not applied; alpha is dropped.
+//! Refuses what is larger than a given number of bytes (known from the header, before pixels are
+//! decoded), what ends too early, and float images with texels that are not finite.
+
+use std::{
+    fs::File,
+    io::{BufReader, ErrorKind},
+    path::Path,
+};
+
+use glam::Vec3;
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    scene::{ColorSpace, Filter, Wrap},
+};
+
+/// What [`Texture::load`] lets one texture take while it is decoded: 4 GiB.
+pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
+
+const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
+
+/// An image as linear RGB, rows from the top.
+#[derive(Debug, Clone)]
+pub struct Texture {
+    width: u32,
+    height: u32,
+    texels: Texels,
+    had_alpha: bool,
+}
+
+/// 8-bit images stay 8-bit: a quarter of the memory, and exact.
+#[derive(Debug, Clone)]
+enum Texels {
+    /// RGB bytes, and the linear value of each byte.
+    Bytes(Vec<u8>, Box<[f32; 256]>),
+    /// Linear RGB.
+    Floats(Vec<f32>),
+}
+
+impl Texture {
+    /// Reads an image file of at most [`DEFAULT_MAX_BYTES`].
+    ///
+    /// `color_space` `None`: sRGB for integer images, linear for float images.
+    pub fn load(path: &Path, color_space: Option<ColorSpace>) -> Result<Self> {
+        Self::load_within(path, color_space, DEFAULT_MAX_BYTES)
+    }
+
+    /// Reads an image file that needs at most `max_bytes` while it is decoded.
+    pub fn load_within(
+        path: &Path,
+        color_space: Option<ColorSpace>,
+        max_bytes: u64,
+    ) -> Result<Self> {
+        let mut reader = ImageReader::new(open(path)?)
+            .with_guessed_format()
+            .map_err(|e| Error::io(path, "read the texture", &e))?;
+        let Some(format) = reader.format() else {
+            return Err(Error::invalid(name(path), "not an image of a known format")
+                .help(format!("textures are {FORMATS}")));
+        };
+        reader.limits(limits(max_bytes));
+        let decoder = reader.into_decoder().map_err(|e| explain(path, e))?;
+        let had_alpha = decoder.color_type().has_alpha();
+        check_size(path, &decoder, max_bytes)?;
+        if format == ImageFormat::Jpeg {
+            check_jpeg_end(path)?;
+        }
+        let image = DynamicImage::from_decoder(decoder).map_err(|e| explain(path, e))?;
+        let (width, height) = (image.width(), image.height());
+        let texels = decode(image, color_space);
+        if let Some(texel) = texels.first_non_finite() {
+            let (x, y) = (texel % u64::from(width), texel / u64::from(width));
+            return Err(Error::invalid(
+                name(path),
+                format!("texel ({x}, {y}) is NaN or infinite; every value must be finite"),
+            ));
+        }
+        Ok(Self {
+            width,
+            height,
+            texels,
+            had_alpha,
+        })
+    }
+
+    /// Width in texels, >= 1.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height in texels, >= 1.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Whether the file has an alpha channel, which is ignored.
+    pub fn had_alpha(&self) -> bool {
+        self.had_alpha
+    }
+
+    /// Bytes of memory that the texels take.
+    pub fn bytes(&self) -> u64 {
+        let bytes = match &self.texels {
+            Texels::Bytes(bytes, table) => bytes.len() + size_of_val(&**table),
+            Texels::Floats(floats) => size_of_val(&**floats),
+        };
+        bytes as u64
+    }
+
+    /// Linear RGB at (u, v): u runs right, v runs down from the first row, the image is [0, 1]^2.
+    ///
+    /// Any u, v are safe: NaN looks up texel 0 of its axis, huge values some texel of the image.
+    pub fn lookup(&self, u: f64, v: f64, filter: Filter, wrap_u: Wrap, wrap_v: Wrap) -> Vec3 {
+        // The products are exact for u, v that came from f32, so floor never errs at a border.
+        let x = u * f64::from(self.width);
+        let y = v * f64::from(self.height);
+        match filter {
+            Filter::Nearest => self.texel(
+                index(x.floor(), 0, self.width, wrap_u),
+                index(y.floor(), 0, self.height, wrap_v),
+            ),
+            Filter::Bilinear => {
+                let (x, y) = (x - 0.5, y - 0.5);
+                let (column, row) = (x.floor(), y.floor());
+                let x0 = index(column, 0, self.width, wrap_u);
+                let x1 = index(column, 1, self.width, wrap_u);
+                let y0 = index(row, 0, self.height, wrap_v);
+                let y1 = index(row, 1, self.height, wrap_v);
+                let (s, t) = (fraction(x - column), fraction(y - row));
+                let upper = mix(self.texel(x0, y0), self.texel(x1, y0), s);
+                let lower = mix(self.texel(x0, y1), self.texel(x1, y1), s);
+                mix(upper, lower, t)
+            }
+        }
+    }
+
+    /// The texel in column `x` of row `y`, both inside the image.
+    fn texel(&self, x: usize, y: usize) -> Vec3 {
+        let at = 3 * (y * self.width as usize + x);
+        match &self.texels {
+            Texels::Bytes(bytes, table) => {
+                let rgb = &bytes[at..at + 3];
+                Vec3::new(
+                    table[rgb[0] as usize],
+                    table[rgb[1] as usize],
+                    table[rgb[2] as usize],
+                )
+            }
+            Texels::Floats(floats) => Vec3::from_slice(&floats[at..at + 3]),
+        }
+    }
+}
+
+impl Texels {
+    /// The texel (row by row) of the first value that is NaN or infinite.
+    fn first_non_finite(&self) -> Option<u64> {
+        match self {
+            Texels::Bytes(..) => None,
+            Texels::Floats(floats) => {
+                let at = floats.iter().position(|value| !value.is_finite())?;
+                Some(at as u64 / 3)
+            }
+        }
+    }
+}
+
+/// Texel index `floor + offset` on an axis of `size` texels. `floor` may be anything: `as`
+/// saturates and turns NaN into 0.
+fn index(floor: f64, offset: i64, size: u32, wrap: Wrap) -> usize {
+    let i = (floor as i64).saturating_add(offset);
+    let size = i64::from(size);
+    let inside = if (0..size).contains(&i) {
+        i
+    } else {
+        match wrap {
+            Wrap::Repeat => i.rem_euclid(size),
+            Wrap::Clamp => i.clamp(0, size - 1),
+        }
+    };
+    inside as usize
+}
+
+/// A filter weight; 0 where the coordinate was not finite.
+fn fraction(value: f64) -> f32 {
+    if value.is_finite() { value as f32 } else { 0.0 }
+}
+
+/// `a` at 0, `b` at 1; exactly `a` everywhere when the two are equal.
+fn mix(a: Vec3, b: Vec3, t: f32) -> Vec3 {
+    a + (b - a) * t
+}
+
+/// sRGB to linear (IEC 61966-2-1); odd, so that negative values of float images survive.
+fn linear_from_srgb(value: f64) -> f64 {
+    let x = value.abs();
+    let linear = if x <= 0.04045 {
+        x / 12.92
+    } else {
+        ((x + 0.055) / 1.055).powf(2.4)
+    };
+    linear.copysign(value)
+}
+
+/// Drops alpha, spreads grey to RGB and makes values linear.
+fn decode(image: DynamicImage, color_space: Option<ColorSpace>) -> Texels {
+    let color = image.color();
+    let bytes_per_value = color.bytes_per_pixel() / color.channel_count();
+    let is_float = matches!(
+        image,
+        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
+    );
+    let default = if is_float {
+        ColorSpace::Linear
+    } else {
+        ColorSpace::Srgb
+    };
+    let linear = |stored: f64| match color_space.unwrap_or(default) {
+        ColorSpace::Srgb => linear_from_srgb(stored) as f32,
+        ColorSpace::Linear => stored as f32,
+    };
+    if is_float {
+        let mut floats = image.into_rgb32f().into_raw();
+        for value in &mut floats {
+            *value = linear(f64::from(*value));
+        }
+        Texels::Floats(floats)
+    } else if bytes_per_value == 1 {
+        let table = std::array::from_fn(|byte| linear(byte as f64 / 255.0));
+        Texels::Bytes(image.into_rgb8().into_raw(), Box::new(table))
+    } else {
+        let words = image.into_rgb16().into_raw();
+        let floats = words.iter().map(|&word| linear(f64::from(word) / 65535.0));
+        Texels::Floats(floats.collect())
+    }
+}
+
+/// Opens a regular file that is not empty.
+fn open(path: &Path) -> Result<BufReader<File>> {
+    let failed = |e| Error::io(path, "read the texture", &e);
+    let file = File::open(path).map_err(failed)?;
+    let data = file.metadata().map_err(failed)?;
+    if !data.is_file() {
+        let what = if data.is_dir() {
+            "a folder"
+        } else {
+            "not a regular file"
+        };
+        return Err(Error::invalid(
+            name(path),
+            format!("is {what}; expected an image"),
+        ));
+    }
+    if data.len() == 0 {
+        return Err(Error::invalid(name(path), "is empty; expected an image"));
+    }
+    Ok(BufReader::with_capacity(1 << 16, file))
+}
+
+/// What the decoders may allocate for themselves. Ours is [`check_size`].
+fn limits(max_bytes: u64) -> Limits {
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(max_bytes);
+    limits
+}
+
+/// Compares what the header announces, decoded and as we keep it, with the limit.
+fn check_size(path: &Path, decoder: &impl ImageDecoder, max_bytes: u64) -> Result<()> {
+    let (width, height) = decoder.dimensions();
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels == 0 {
+        return Err(Error::invalid(
+            name(path),
+            format!("the image is {width} x {height} pixels; both must be at least 1"),
+        ));
+    }
+    let color = decoder.color_type();
+    let stored: u8 = match color.bytes_per_pixel() / color.channel_count() {
+        1 => 3,
+        _ => 12,
+    };
+    let needed = u128::from(pixels) * u128::from(color.bytes_per_pixel() + stored);
+    if needed > u128::from(max_bytes) {
+        let message = format!(
+            "{width} x {height} pixels need {needed} bytes while they are decoded; the limit is \
+             {max_bytes}"
+        );
+        return Err(
+            Error::new(Kind::Limit, Problem::new(name(path), message)).help("scale the image down")
+        );
+    }
+    Ok(())
+}
+
+/// The JPEG decoder paints what is missing grey; we refuse a file without its end marker.
+fn check_jpeg_end(path: &Path) -> Result<()> {
+    let data = std::fs::read(path).map_err(|e| Error::io(path, "read the texture", &e))?;
+    if jpeg_is_complete(&data) {
+        Ok(())
+    } else {
+        Err(truncated(path))
+    }
+}
+
+/// Walks the segments to the end-of-image marker.
+fn jpeg_is_complete(data: &[u8]) -> bool {
+    let mut at = 2;
+    loop {
+        // To the next marker: entropy-coded data has FF only before 00 or a restart (D0-D7).
+        while at + 1 < data.len() && (data[at] != 0xff || matches!(data[at + 1], 0 | 0xff)) {
+            at += 1;
+        }
+        match data.get(at + 1) {
+            None => return false,
+            Some(0xd9) => return true,
+            Some(0x01 | 0xd0..=0xd8) => at += 2,
+            Some(_) => match data.get(at + 2..at + 4) {
+                Some(length) => at += 2 + usize::from(u16::from_be_bytes([length[0], length[1]])),
+                None => return false,
+            },
+        }
+    }
+}
+
+fn name(path: &Path) -> String {
+    path.display().to_string()
+}
+
+fn truncated(path: &Path) -> Error {
+    Error::invalid(name(path), "the image ends too early").help("the file may be cut off")
+}
+
+/// What the decoder said, in our words.
+fn explain(path: &Path, error: ImageError) -> Error {
+    match error {
+        ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => truncated(path),
+        ImageError::IoError(e) if e.raw_os_error().is_some() => {
+            Error::io(path, "read the texture", &e)
+        }
+        ImageError::Limits(e) => Error::new(
+            Kind::Limit,
+            Problem::new(name(path), format!("the image is too large to decode: {e}")),
+        )
+        .help("scale the image down"),
+        ImageError::Unsupported(e) => {
+            Error::new(Kind::Unsupported, Problem::new(name(path), e.to_string()))
+                .help(format!("textures are {FORMATS}"))
+        }
+        other => Error::invalid(name(path), other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use image::{Rgb, RgbImage, Rgba, RgbaImage};
+    use tempfile::TempDir;
+
+    use super::*;
+
+    const N: Filter = Filter::Nearest;
+    const B: Filter = Filter::Bilinear;
+    const R: Wrap = Wrap::Repeat;
+    const C: Wrap = Wrap::Clamp;
+
+    /// A folder with one file in it.
+    fn file(name: &str, data: &[u8]) -> (TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, data).unwrap();
+        (folder, path)
+    }
+
+    fn saved(name: &str, image: &DynamicImage) -> (TempDir, PathBuf) {
+        let (folder, path) = file(name, b"");
+        image.save(&path).unwrap();
+        (folder, path)
+    }
+
+    fn load(name: &str, data: &[u8]) -> Texture {
+        let (_folder, path) = file(name, data);
+        Texture::load(&path, None).unwrap()
+    }
+
+    fn error(name: &str, data: &[u8]) -> Error {
+        let (_folder, path) = file(name, data);
+        Texture::load(&path, None).unwrap_err()
+    }
+
+    fn linear_ppm(data: &str) -> Texture {
+        let (_folder, path) = file("t.ppm", data.as_bytes());
+        Texture::load(&path, Some(ColorSpace::Linear)).unwrap()
+    }
+
+    /// 4 x 2, grey 0 20 40 60 over 100 120 140 160, of 200.
+    fn ramp() -> Texture {
+        let grey = "0 20 40 60 100 120 140 160".split(' ');
+        let body: Vec<String> = grey.map(|g| format!("{g} {g} {g}")).collect();
+        linear_ppm(&format!("P3\n# by hand\n4 2\n200\n{}\n", body.join("\n")))
+    }
+
+    /// In units of the ramp; its samples are 8-bit, so within 200/255/2 of them.
+    fn grey(texture: &Texture, u: f64, v: f64, filter: Filter, wrap: Wrap) -> f32 {
+        let rgb = texture.lookup(u, v, filter, wrap, wrap);
+        assert_eq!((rgb.x, rgb.x), (rgb.y, rgb.z));
+        (rgb.x * 200.0).round()
+    }
+
+    #[test]
+    fn nearest_is_the_texel_under_the_point() {
+        let t = ramp();
+        assert_eq!((t.width(), t.height(), t.had_alpha()), (4, 2, false));
+        for (u, v, expected) in [
+            (0.0, 0.0, 0.0),
+            (0.2499, 0.4999, 0.0),
+            (0.25, 0.0, 20.0),
+            (0.9999, 0.25, 60.0),
+            (0.0, 0.5, 100.0),
+            (0.75, 0.99, 160.0),
+        ] {
+            assert_eq!(grey(&t, u, v, N, R), expected, "{u} {v}");
+        }
+    }
+
+    #[test]
+    fn nearest_wraps_each_index() {
+        let t = ramp();
+        assert_eq!(grey(&t, 1.0, 0.0, N, R), 0.0);
+        assert_eq!(grey(&t, 1.0, 0.0, N, C), 60.0);
+        assert_eq!(grey(&t, -0.01, 0.0, N, R), 60.0);
+        assert_eq!(grey(&t, -0.01, 0.0, N, C), 0.0);
+        assert_eq!(grey(&t, 7.3, -3.2, N, R), 120.0);
+        assert_eq!(grey(&t, 0.0, 1.0, N, R), 0.0);
+        assert_eq!(grey(&t, 0.0, 1.0, N, C), 100.0);
+        let mixed = t.lookup(1.1, 1.1, N, R, C).x * 200.0;
+        assert_eq!(mixed.round(), 100.0);
+    }
+
+    #[test]
+    fn bilinear_has_centres_at_half_integers() {
+        let t = ramp();
+        assert_eq!(grey(&t, 0.125, 0.25, B, C), 0.0);
+        assert_eq!(grey(&t, 0.375, 0.75, B, C), 120.0);
+        assert_eq!(grey(&t, 0.25, 0.25, B, C), 10.0);
+        assert_eq!(grey(&t, 0.3125, 0.25, B, C), 15.0);
+        assert_eq!(grey(&t, 0.5, 0.5, B, C), 80.0);
+    }
+
+    #[test]
+    fn bilinear_borders_wrap_or_clamp() {
+        let t = ramp();
+        assert_eq!(grey(&t, 0.0, 0.25, B, C), 0.0);
+        assert_eq!(grey(&t, 0.0, 0.25, B, R), 30.0);
+        assert_eq!(grey(&t, 1.0, 0.25, B, R), 30.0);
+        assert_eq!(grey(&t, 1.0, 0.25, B, C), 60.0);
+        assert_eq!(grey(&t, 0.125, 0.0, B, C), 0.0);
+        assert_eq!(grey(&t, 0.125, 0.0, B, R), 50.0);
+        assert_eq!(grey(&t, 0.125, 1.0, B, C), 100.0);
+        assert_eq!(grey(&t, -5.0, 9.0, B, C), 100.0);
+    }
+
+    #[test]
+    fn any_coordinate_is_safe() {
+        let t = ramp();
+        let odd = [
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            1e300,
+            -1e300,
+            9.3e18,
+            -9.3e18,
+            f64::MAX,
+            -0.0,
+        ];
+        for u in odd {
+            for v in odd {
+                for (filter, wrap) in [(N, R), (N, C), (B, R), (B, C)] {
+                    let rgb = t.lookup(u, v, filter, wrap, wrap);
+                    assert!(rgb.is_finite() && (0.0..=0.8).contains(&rgb.x), "{u} {v}");
+                }
+            }
+        }
+        assert_eq!(grey(&t, f64::NAN, 0.75, N, R), 100.0);
+        assert_eq!(grey(&t, f64::INFINITY, 0.0, N, C), 60.0);
+    }
+
+    #[test]
+    fn a_constant_texture_is_constant() {
+        let t = load(
+            "t.ppm",
+            b"P3 3 2 255 \
+            7 80 9 7 80 9 7 80 9 7 80 9 7 80 9 7 80 9",
+        );
+        let expected = t.lookup(0.5, 0.5, N, R, R);
+        for i in 0..50 {
+            let (u, v) = (f64::from(i) * 0.0371, f64::from(i) * 0.0713);
+            assert_eq!(t.lookup(u, v, B, R, C), expected);
+        }
+    }
+
+    #[test]
+    fn integers_are_srgb_and_decoded_before_filtering() {
+        let t = load("t.ppm", b"P6 2 1 255\n\x00\x80\xff\xff\x80\xff");
+        let half = linear_from_srgb(128.0 / 255.0) as f32;
+        assert!((half - 0.215_860_5).abs() < 1e-6);
+        let middle = t.lookup(0.5, 0.5, B, C, C);
+        assert_eq!(middle, Vec3::new(0.5, half, 1.0));
+        assert_eq!(t.bytes(), 6 + 1024);
+    }
+
+    #[test]
+    fn linear_is_obeyed() {
+        let t = linear_ppm("P3 1 1 255 51 102 255");
+        let rgb = t.lookup(0.5, 0.5, N, C, C);
+        assert!((rgb - Vec3::new(0.2, 0.4, 1.0)).length() < 1e-6);
+    }
+
+    #[test]
+    fn sixteen_bits_are_kept() {
+        let t = linear_ppm("P3 1 1 65535 1 32768 65535");
+        let rgb = t.lookup(0.5, 0.5, N, C, C);
+        assert_eq!(rgb, Vec3::new(1.0, 32768.0, 65535.0) / 65535.0);
+        let t = load("t.ppm", b"P6 1 1 65535\n\x80\x00\x00\x00\xff\xff");
+        let half = linear_from_srgb(32768.0 / 65535.0) as f32;
+        assert_eq!(t.lookup(0.0, 0.0, N, C, C), Vec3::new(half, 0.0, 1.0));
+    }
+
+    #[test]
+    fn png_grey_alpha_and_sixteen_bits() {
+        let rgba = RgbaImage::from_fn(2, 1, |x, _| Rgba([255 * x as u8, 255, 0, 9]));
+        let (_folder, path) = saved("a.png", &rgba.into());
+        let t = Texture::load(&path, None).unwrap();
+        assert!(t.had_alpha());
+        assert_eq!(t.lookup(0.6, 0.5, N, C, C), Vec3::new(1.0, 1.0, 0.0));
+
+        let grey = image::GrayImage::from_pixel(1, 1, image::Luma([51]));
+        let (_folder, path) = saved("g.png", &grey.into());
+        let t = Texture::load(&path, Some(ColorSpace::Linear)).unwrap();
+        assert!((t.lookup(0.5, 0.5, N, C, C) - Vec3::splat(0.2)).length() < 1e-6);
+
+        let deep = image::ImageBuffer::from_pixel(1, 1, Rgb([1u16, 2, 65535]));
+        let (_folder, path) = saved("d.png", &DynamicImage::ImageRgb16(deep));
+        let t = Texture::load(&path, Some(ColorSpace::Linear)).unwrap();
+        let expected = Vec3::new(1.0, 2.0, 65535.0) / 65535.0;
+        assert_eq!(t.lookup(0.5, 0.5, N, C, C), expected);
+        assert_eq!(t.bytes(), 12);
+    }
+
+    #[test]
+    fn content_decides_the_format() {
+        let t = load("actually-a-ppm.png", b"P6 1 1 255\n\xff\xff\xff");
+        assert_eq!(t.lookup(0.5, 0.5, N, C, C), Vec3::ONE);
+    }
+
+    #[test]
+    fn jpeg() {
+        let image = RgbImage::from_pixel(16, 8, Rgb([200, 100, 50]));
+        let (_folder, path) = saved("t.jpg", &image.into());
+        let t = Texture::load(&path, Some(ColorSpace::Linear)).unwrap();
+        assert_eq!((t.width(), t.height()), (16, 8));
+        let rgb = t.lookup(0.5, 0.5, N, C, C) * 255.0;
+        assert!((rgb - Vec3::new(200.0, 100.0, 50.0)).abs().max_element() < 4.0);
+    }
+
+    #[test]
+    fn hdr_and_exr_are_linear_and_unbounded() {
+        let image = image::Rgb32FImage::from_pixel(3, 2, Rgb([4.0, 0.25, 0.0]));
+        let image = DynamicImage::ImageRgb32F(image);
+        for name in ["t.hdr", "t.exr"] {
+            let (_folder, path) = saved(name, &image);
+            let t = Texture::load(&path, None).unwrap();
+            assert_eq!((t.width(), t.height()), (3, 2));
+            assert_eq!(t.lookup(0.4, 0.6, B, R, C), Vec3::new(4.0, 0.25, 0.0));
+            let t = Texture::load(&path, Some(ColorSpace::Srgb)).unwrap();
+            assert!(t.lookup(0.4, 0.6, B, R, C).x > 20.0);
+        }
+    }
+
+    #[test]
+    fn exr_alpha_is_dropped_and_nan_refused() {
+        let rgba = image::Rgba32FImage::from_pixel(2, 2, Rgba([1.0, 2.0, 3.0, 0.5]));
+        let mut image = DynamicImage::ImageRgba32F(rgba);
+        let (_folder, path) = saved("t.exr", &image);
+        let t = Texture::load(&path, None).unwrap();
+        assert!(t.had_alpha());
+        assert_eq!(t.lookup(0.5, 0.5, N, C, C), Vec3::new(1.0, 2.0, 3.0));
+
+        if let DynamicImage::ImageRgba32F(rgba) = &mut image {
+            rgba.put_pixel(1, 1, Rgba([0.0, f32::NAN, 0.0, 1.0]));
+        }
+        let (_folder, path) = saved("n.exr", &image);
+        let message = Texture::load(&path, None).unwrap_err().to_string();
+        assert!(message.contains("texel (1, 1) is NaN"), "{message}");
+    }
+
+    #[test]
+    fn a_header_larger_than_memory_is_refused_before_decoding() {
+        for header in ["P3 100000 100000 255 ", "P6 100000 100000 255\n"] {
+            let e = error("t.ppm", header.as_bytes());
+            assert_eq!(e.kind, Kind::Limit);
+            let message = e.to_string();
+            assert!(message.contains("100000 x 100000 pixels need 60000000000 bytes"));
+            assert!(message.contains("the limit is 4294967296"), "{message}");
+        }
+        let (_folder, path) = file("t.ppm", b"P6 2 2 255\n123456789012");
+        assert!(Texture::load_within(&path, None, 24).is_ok());
+        let e = Texture::load_within(&path, None, 23).unwrap_err();
+        assert_eq!(e.kind, Kind::Limit);
+        error("t.ppm", b"P6 4294967295 4294967295 255\n");
+        error("t.ppm", b"P4 4294967295 4294967295\n");
+        error("t.ppm", b"P6 99999999999999 1 255\n");
+        error("t.ppm", b"P6 0 5 255\n");
+    }
+
+    #[test]
+    fn what_is_no_image_is_a_clear_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let message = |path: &Path| Texture::load(path, None).unwrap_err().to_string();
+        let missing = message(&folder.path().join("no.png"));
+        assert!(missing.contains("no.png: cannot read the texture: No such file"));
+        assert!(message(folder.path()).contains("is a folder"));
+        assert!(message(Path::new("/dev/null")).contains("not a regular file"));
+        assert!(error("t.png", b"").to_string().contains("is empty"));
+        let unknown = error("t.png", b"hello world, this is text").to_string();
+        assert!(
+            unknown.contains("not an image of a known format"),
+            "{unknown}"
+        );
+        assert!(unknown.contains("PNG, JPEG"));
+        let webp = error("t.webp", b"RIFF\x00\x00\x00\x00WEBPVP8 ");
+        assert_eq!(webp.kind, Kind::Unsupported);
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        let image = DynamicImage::ImageRgb8(RgbImage::from_fn(24, 16, |x, y| {
+            Rgb([(x * 10) as u8, (y * 15) as u8, (x * y) as u8])
+        }));
+        for name in ["t.png", "t.jpg", "t.hdr", "t.exr", "t.ppm"] {
+            let image = match name {
+                "t.hdr" | "t.exr" => DynamicImage::ImageRgb32F(image.to_rgb32f()),
+                _ => image.clone(),
+            };
+            let (_folder, path) = saved(name, &image);
+            let whole = std::fs::read(&path).unwrap();
+            // A PNG is whole once its pixels are; its last chunk says nothing.
+            let end = whole.len() - if name == "t.png" { 13 } else { 1 };
+            for length in (0..end).step_by(7).chain([end]) {
+                std::fs::write(&path, &whole[..length]).unwrap();
+                let e = Texture::load(&path, None);
+                assert!(e.is_err(), "{name} cut at {length} of {}", whole.len());
+            }
+        }
+        let short = error("t.ppm", b"P3 2 2 255 1 2 3 4");
+        assert_eq!(short.kind, Kind::Invalid);
+    }
+
+    #[test]
+    fn flipped_bytes_never_panic() {
+        let image = DynamicImage::ImageRgb8(RgbImage::from_pixel(9, 7, Rgb([1, 200, 77])));
+        for name in ["t.png", "t.jpg", "t.hdr", "t.exr", "t.ppm"] {
+            let image = match name {
+                "t.hdr" | "t.exr" => DynamicImage::ImageRgb32F(image.to_rgb32f()),
+                _ => image.clone(),
+            };
+            let (_folder, path) = saved(name, &image);
+            let whole = std::fs::read(&path).unwrap();
+            for at in (0..whole.len().min(700)).step_by(5) {
+                for bits in [0xff, 0x01] {
+                    let mut data = whole.clone();
+                    data[at] ^= bits;
+                    std::fs::write(&path, &data).unwrap();
+                    let _ = Texture::load_within(&path, None, 1 << 26);
+                }
+            }
+        }
+    }
+}
