@@ -10,12 +10,21 @@
 )]
 
 pub mod accel;
+pub mod camera;
 pub mod error;
 pub mod film;
 pub mod geometry;
+pub mod integrate;
+pub mod math;
 pub mod mesh;
 pub mod monitor;
+pub mod ray;
 pub mod render;
+pub mod sampler;
 pub mod scene;
 pub mod shading;
+<<<<<<< HEAD
+=======
+pub mod simd;
+>>>>>>> main
 pub mod world;

@@ -50,6 +50,11 @@ impl Monitor {
         }
     }
 
+    /// Sets how many steps of this phase are done.
+    pub fn set_done(&self, done: u64) {
+        self.done.store(done, Relaxed);
+    }
+
     /// Whether a signal asked the job to stop.
     pub fn stopped(&self) -> bool {
         self.signal.load(Relaxed) != 0

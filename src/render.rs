@@ -1,42 +1,134 @@
-//! [`World`] + settings -> [`Film`].
+//! [`World`] and an accelerator -> [`Film`]: tiles over threads, progress, cancel.
 
-use crate::{
-    accel::Accelerator,
-    error::{Error, Result},
-    film::{Film, Window},
-    monitor::Monitor,
-    world::World,
-};
+use std::sync::atomic::Ordering::Relaxed;
+
+use rayon::prelude::*;
+
+use crate::accel::Accelerator;
+use crate::error::Result;
+use crate::film::{Film, Window};
+pub use crate::integrate::RayCounts;
+use crate::integrate::{Integrator, TILE, TileKernel};
+use crate::monitor::{Monitor, Phase};
+use crate::simd::{self, Isa};
+use crate::world::World;
 
 /// What a render needs beyond the scene.
 #[derive(Debug, Clone, Copy)]
 pub struct RenderSettings {
-    /// Worker threads, >= 1.
-    pub threads: usize,
-    /// Pixels to render.
+    /// Pixels to render, within the frame.
     pub window: Window,
+    /// Instruction set of the shading kernels.
+    pub isa: Isa,
 }
 
-/// Rays traced, by class.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct RayCounts {
-    /// From the camera.
-    pub primary: u64,
-    /// Towards lights.
-    pub shadow: u64,
-    /// Mirror bounces.
-    pub reflection: u64,
-}
-
-/// Renders the window.
+/// Renders the window on the threads of the current rayon pool. The same bits for any number of
+/// threads and any window.
 ///
 /// # Errors
 /// `Interrupted` after a signal.
 pub fn render(
-    _world: &World,
-    _accelerator: &dyn Accelerator,
-    _settings: &RenderSettings,
-    _monitor: &Monitor,
+    world: &World,
+    accelerator: &dyn Accelerator,
+    settings: &RenderSettings,
+    monitor: &Monitor,
 ) -> Result<(Film, RayCounts)> {
-    Err(Error::invalid("", "to be written"))
+    let window = settings.window;
+    let mut film = Film::new(world.frame, window);
+    monitor.begin(
+        Phase::Render,
+        u64::from(window.width()) * u64::from(window.height()),
+    );
+    let integrator = Integrator {
+        world,
+        accelerator,
+        window,
+    };
+    let counts = tiles(&mut film)
+        .into_par_iter()
+        .map(|mut tile| {
+            if monitor.stopped() {
+                return RayCounts::default();
+            }
+            let window = tile.window;
+            let kernel = TileKernel {
+                integrator,
+                window,
+                rows: &mut tile.rows,
+            };
+            let counts = simd::dispatch(settings.isa, kernel);
+            let pixels = u64::from(window.width()) * u64::from(window.height());
+            monitor.done.fetch_add(pixels, Relaxed);
+            monitor
+                .rays
+                .fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
+            counts
+        })
+        .reduce(RayCounts::default, |a, b| a + b);
+    monitor.check()?;
+    Ok((film, counts))
+}
+
+/// A tile's pixels: disjoint pieces of the film's rows.
+struct Tile<'f> {
+    window: Window,
+    rows: Vec<&'f mut [[f32; 4]]>,
+}
+
+/// Cuts the film along the frame's absolute tile grid.
+fn tiles(film: &mut Film) -> Vec<Tile<'_>> {
+    let window = film.window;
+    let cuts = |from: u32, to: u32| {
+        (from / TILE..to.div_ceil(TILE)).map(move |t| (from.max(t * TILE), to.min((t + 1) * TILE)))
+    };
+    let mut tiles = Vec::new();
+    let mut rows = film.pixels.chunks_mut(window.width() as usize);
+    for (y0, y1) in cuts(window.y0, window.y1) {
+        let first = tiles.len();
+        for (x0, x1) in cuts(window.x0, window.x1) {
+            tiles.push(Tile {
+                window: Window { x0, y0, x1, y1 },
+                rows: Vec::new(),
+            });
+        }
+        for mut row in rows.by_ref().take((y1 - y0) as usize) {
+            for tile in &mut tiles[first..] {
+                let (piece, rest) = row.split_at_mut(tile.window.width() as usize);
+                tile.rows.push(piece);
+                row = rest;
+            }
+        }
+    }
+    tiles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_cover_a_window_once() {
+        let window = Window {
+            x0: 5,
+            y0: 30,
+            x1: 100,
+            y1: 65,
+        };
+        let mut film = Film::new([200, 100], window);
+        for tile in tiles(&mut film) {
+            assert_eq!(tile.rows.len(), tile.window.height() as usize);
+            assert_eq!(tile.window.x0 / TILE, (tile.window.x1 - 1) / TILE);
+            for (dy, row) in tile.rows.into_iter().enumerate() {
+                for (dx, pixel) in row.iter_mut().enumerate() {
+                    pixel[0] += (tile.window.x0 + dx as u32) as f32;
+                    pixel[1] += (tile.window.y0 + dy as u32) as f32;
+                    pixel[3] += 1.0;
+                }
+            }
+        }
+        for (i, pixel) in film.pixels.iter().enumerate() {
+            let (x, y) = (5 + i % 95, 30 + i / 95);
+            assert_eq!(*pixel, [x as f32, y as f32, 0.0, 1.0]);
+        }
+    }
 }

@@ -1,11 +1,13 @@
-//! What finds the hits.
+//! What finds the hits: one trait, four backends.
 
-use crate::{
-    error::{Error, Result},
-    geometry::Geometry,
-    monitor::Monitor,
-    scene::Backend,
-};
+#[cfg(feature = "embree")]
+pub mod embree;
+
+use crate::error::{Error, Kind, Problem, Result};
+use crate::geometry::Geometry;
+use crate::monitor::{Monitor, Phase};
+use crate::ray::{Coherence, Mask, RayPacket, Rays};
+use crate::scene::Backend;
 
 /// How an accelerator is built.
 #[derive(Debug, Clone, Copy)]
@@ -14,7 +16,7 @@ pub struct BuildOptions {
     pub threads: usize,
     /// Embree without its ROBUST flag.
     pub fast: bool,
-    /// Stop the build cleanly once the accelerator holds more bytes.
+    /// Stop the build cleanly once the accelerator would hold more bytes.
     pub max_bytes: Option<u64>,
 }
 
@@ -32,9 +34,19 @@ pub struct BuildInfo {
 }
 
 /// Finds closest hits and occlusion for packets of 16 rays.
+///
+/// A zero, NaN or infinite direction or origin, and `tnear > tfar`, is a miss.
 pub trait Accelerator: Sync {
     /// What it is and what it cost.
     fn info(&self) -> BuildInfo;
+
+    /// The closest hit of every active lane: sets `tfar` and the hit, or leaves `geom` as it was
+    /// (the caller clears it). Hits of the primitive in `leaving` do not count, but for the far
+    /// side of a sphere.
+    fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence);
+
+    /// Sets `tfar` to -inf in every active lane that meets anything in (`tnear`, `tfar`).
+    fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence);
 }
 
 /// Builds `backend` over `geometry`.
@@ -43,10 +55,25 @@ pub trait Accelerator: Sync {
 /// `Unsupported` where the backend cannot run here or has no such mode, `Limit` above
 /// `max_bytes`, `Interrupted` after a signal, `Retry` when memory ran out.
 pub fn build<'g>(
-    _geometry: &'g Geometry,
-    _backend: Backend,
-    _options: &BuildOptions,
-    _monitor: &Monitor,
+    geometry: &'g Geometry,
+    backend: Backend,
+    options: &BuildOptions,
+    monitor: &Monitor,
 ) -> Result<Box<dyn Accelerator + 'g>> {
-    Err(Error::invalid("", "to be written"))
+    monitor.begin(Phase::Build, 1000);
+    match backend {
+        #[cfg(feature = "embree")]
+        Backend::Embree => Ok(Box::new(embree::Embree::build(geometry, options, monitor)?)),
+        _ => Err(unavailable(backend)),
+    }
+}
+
+fn unavailable(backend: Backend) -> Error {
+    Error::new(
+        Kind::Unsupported,
+        Problem::new(
+            "--backend",
+            format!("this build has no `{backend:?}` backend"),
+        ),
+    )
 }

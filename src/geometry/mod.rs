@@ -1,5 +1,186 @@
-//! All primitives of a scene, relative to one f64 origin.
+//! All primitives of a scene, relative to one f64 origin, as every accelerator sees them.
 
-/// The primitives that an accelerator sees.
+mod sphere;
+mod surface;
+mod triangle;
+
+use glam::DVec3;
+
+pub use sphere::Sphere;
+pub use surface::{Surfaces, refine};
+pub use triangle::clamp_barycentrics;
+
+/// No primitive, no geometry (Embree's `RTC_INVALID_GEOMETRY_ID`).
+pub const NONE: u32 = u32::MAX;
+
+/// Triangles over shared vertices; f32, relative to [`Geometry::origin`].
 #[derive(Debug, Default)]
-pub struct Geometry {}
+pub struct TriangleMesh {
+    /// One unused element stands at the end: Embree reads 16 bytes from each vertex.
+    vertices: Vec<[f32; 3]>,
+    /// Vertex indices, each below `vertices().len()`.
+    triangles: Vec<[u32; 3]>,
+    /// The coursework's `bvh: false`: its backend loops over the triangles.
+    pub loop_only: bool,
+}
+
+impl TriangleMesh {
+    /// Takes the arrays; indices must be below the number of vertices.
+    pub fn new(mut vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, loop_only: bool) -> Self {
+        debug_assert!(
+            triangles
+                .iter()
+                .flatten()
+                .all(|&i| (i as usize) < vertices.len())
+        );
+        vertices.push([0.0; 3]);
+        Self {
+            vertices,
+            triangles,
+            loop_only,
+        }
+    }
+
+    /// The vertices.
+    pub fn vertices(&self) -> &[[f32; 3]] {
+        self.vertices.split_last().map_or(&[], |(_, rest)| rest)
+    }
+
+    /// The vertices and the unused element behind them.
+    pub fn padded_vertices(&self) -> &[[f32; 3]] {
+        &self.vertices
+    }
+
+    /// Vertex indices of each triangle.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Corners of triangle `prim`.
+    #[inline(always)]
+    pub fn corners(&self, prim: u32) -> [[f32; 3]; 3] {
+        let [a, b, c] = self.triangles[prim as usize];
+        [
+            self.vertices[a as usize],
+            self.vertices[b as usize],
+            self.vertices[c as usize],
+        ]
+    }
+
+    /// Bytes of both arrays.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&self.vertices[..]) + size_of_val(&self.triangles[..])) as u64
+    }
+}
+
+/// The primitives of a scene. Geometry ids: the meshes in order, then one for all quads, then one
+/// for all spheres, whether or not there are any.
+#[derive(Debug, Default)]
+pub struct Geometry {
+    /// World position of the point that all coordinates are relative to.
+    pub origin: DVec3,
+    /// Triangles.
+    pub meshes: Vec<TriangleMesh>,
+    /// Convex planar quads, corners in order.
+    pub quads: Vec<[[f32; 3]; 4]>,
+    /// Spheres.
+    pub spheres: Vec<Sphere>,
+    /// Sum of the primitives of all geometries before each one, and the total.
+    bases: Vec<u32>,
+}
+
+/// Which kind of primitive a geometry id names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GeometryKind {
+    /// Index into [`Geometry::meshes`].
+    Mesh(usize),
+    /// [`Geometry::quads`].
+    Quads,
+    /// [`Geometry::spheres`].
+    Spheres,
+}
+
+impl Geometry {
+    /// Collects the primitives.
+    ///
+    /// # Errors
+    /// The number of primitives, if it is not below 2^32 - 1.
+    pub fn new(
+        origin: DVec3,
+        meshes: Vec<TriangleMesh>,
+        quads: Vec<[[f32; 3]; 4]>,
+        spheres: Vec<Sphere>,
+    ) -> Result<Self, u64> {
+        let counts = meshes
+            .iter()
+            .map(|m| m.triangles.len())
+            .chain([quads.len(), spheres.len()]);
+        let mut total = 0u64;
+        let mut bases = vec![0];
+        for count in counts {
+            total += count as u64;
+            bases.push(
+                u32::try_from(total)
+                    .ok()
+                    .filter(|&n| n < NONE)
+                    .ok_or(total)?,
+            );
+        }
+        Ok(Self {
+            origin,
+            meshes,
+            quads,
+            spheres,
+            bases,
+        })
+    }
+
+    /// Id of the geometry that holds all quads.
+    pub fn quads_id(&self) -> u32 {
+        self.meshes.len() as u32
+    }
+
+    /// Id of the geometry that holds all spheres.
+    pub fn spheres_id(&self) -> u32 {
+        self.meshes.len() as u32 + 1
+    }
+
+    /// What a geometry id (not [`NONE`]) names.
+    #[inline(always)]
+    pub fn kind(&self, geom: u32) -> GeometryKind {
+        match (geom as usize).checked_sub(self.meshes.len()) {
+            None => GeometryKind::Mesh(geom as usize),
+            Some(0) => GeometryKind::Quads,
+            Some(_) => GeometryKind::Spheres,
+        }
+    }
+
+    /// One number per primitive of the whole scene; lower geometry ids first.
+    #[inline(always)]
+    pub fn primitive(&self, geom: u32, prim: u32) -> u32 {
+        self.bases[geom as usize] + prim
+    }
+
+    /// First primitive number of each geometry, and the total number of primitives.
+    pub fn bases(&self) -> &[u32] {
+        &self.bases
+    }
+
+    /// The triangle of a quad that `u`, `v` of a hit fall into, and `u`, `v` in it. Embree's
+    /// convention: `v0 v1 v3` where u + v <= 1, else `v2 v3 v1` with 1 - u, 1 - v.
+    #[inline(always)]
+    pub fn quad_half(&self, prim: u32, u: f32, v: f32) -> ([[f32; 3]; 3], f32, f32) {
+        let [v0, v1, v2, v3] = self.quads[prim as usize];
+        if u + v <= 1.0 {
+            ([v0, v1, v3], u, v)
+        } else {
+            ([v2, v3, v1], 1.0 - u, 1.0 - v)
+        }
+    }
+
+    /// Bytes of the primitive arrays.
+    pub fn bytes(&self) -> u64 {
+        self.meshes.iter().map(TriangleMesh::bytes).sum::<u64>()
+            + (size_of_val(&self.quads[..]) + size_of_val(&self.spheres[..])) as u64
+    }
+}

@@ -191,7 +191,7 @@ pub struct Trimesh {
 }
 
 /// How stored colour values become linear light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ColorSpace {
     /// sRGB-encoded.
     Srgb,

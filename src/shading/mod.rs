@@ -1,3 +1,12 @@
-//! Materials, textures and lights: what turns a hit into radiance.
+//! Surface points -> what they look like and what light they get. Knows nothing of how hits are
+//! found.
 
-pub mod texture;
+mod light;
+mod look;
+mod points;
+mod texture;
+
+pub use light::{Emitter, Falloff, Light, Lit, light_rays};
+pub use look::{Material, Owner, Shape, Shapes, UvSource, VertexColors};
+pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
+pub use texture::Texture;

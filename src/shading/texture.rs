@@ -198,7 +198,7 @@ fn mix(a: Vec3, b: Vec3, t: f32) -> Vec3 {
 }
 
 /// sRGB to linear (IEC 61966-2-1); odd, so that negative values of float images survive.
-fn linear_from_srgb(value: f64) -> f64 {
+pub(super) fn linear_from_srgb(value: f64) -> f64 {
     let x = value.abs();
     let linear = if x <= 0.04045 {
         x / 12.92

@@ -1,0 +1,71 @@
+# lightpath. `make render` and `make test` work as the first and only command after `git clone`.
+
+SCENE  ?= scenes/still-life.json
+OUT    ?= out/$(basename $(notdir $(SCENE)))
+PREFIX ?= /usr/local
+ARGS   ?=
+
+CARGO_TARGET_DIR ?= target
+BINARY := $(CARGO_TARGET_DIR)/release/lightpath
+# One profile for everything, so that nothing is compiled twice.
+FLAGS  := --locked --release
+# Where setup puts Rust when the system's own is too old.
+export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
+
+.PHONY: help setup build render test bench lint docs install clean
+
+help: ## this list
+	@echo 'make TARGET, where TARGET is'
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1	\2/p' Makefile | expand -t 12
+	@echo 'Example: make render SCENE=scenes/spot.json ARGS="--spp 16"'
+
+setup: ## install what is missing: Rust, a linker, Embree 4; says what and why
+	@scripts/setup.sh
+
+build: setup ## compile target/release/lightpath
+	cargo build $(FLAGS)
+
+render: build ## render SCENE (scenes/still-life.json) to OUT.exr and OUT.png (out/still-life)
+	@mkdir -p $(dir $(OUT))
+	$(BINARY) render $(SCENE) -o $(OUT) $(ARGS)
+
+test: setup ## all tests, and a build without Embree
+	cargo build $(FLAGS) --no-default-features
+	cargo test $(FLAGS) --no-fail-fast $(ARGS)
+
+bench: setup ## the benchmarks
+	cargo bench --locked --benches $(ARGS)
+
+lint: ## format, clippy with and without default features, shell scripts: no warnings
+	@scripts/setup.sh lint
+	cargo fmt --check
+	cargo clippy $(FLAGS) --all-targets -- -D warnings
+	cargo clippy $(FLAGS) --all-targets --no-default-features -- -D warnings
+	shellcheck scripts/*.sh .ci/run
+
+docs: setup ## the API documentation, no warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc $(FLAGS) --no-deps
+
+# Not `install: build`: `sudo make install` must not compile as root.
+install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, completions to PREFIX
+	install -D -m 755 $(BINARY) $(DESTDIR)$(PREFIX)/bin/lightpath
+	@if [ -d vendor/embree ]; then \
+	    set -ex; \
+	    install -d -m 755 $(DESTDIR)$(PREFIX)/lib/lightpath; \
+	    install -m 644 vendor/embree/lib*-*.so.* $(DESTDIR)$(PREFIX)/lib/lightpath; \
+	    cp -P vendor/embree/libembree4.so.4 $(DESTDIR)$(PREFIX)/lib/lightpath; \
+	fi
+	install -d -m 755 $(addprefix $(DESTDIR)$(PREFIX)/share/, doc/lightpath man/man1 \
+	    bash-completion/completions zsh/site-functions fish/vendor_completions.d)
+	install -m 644 LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md $(DESTDIR)$(PREFIX)/share/doc/lightpath
+	$(BINARY) man > $(DESTDIR)$(PREFIX)/share/man/man1/lightpath.1
+	$(BINARY) completions bash > $(DESTDIR)$(PREFIX)/share/bash-completion/completions/lightpath
+	$(BINARY) completions zsh > $(DESTDIR)$(PREFIX)/share/zsh/site-functions/_lightpath
+	$(BINARY) completions fish > $(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d/lightpath.fish
+
+$(BINARY):
+	$(MAKE) build
+
+clean: ## remove what was compiled and rendered (not vendor/)
+	cargo clean
+	rm -rf out

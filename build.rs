@@ -1,0 +1,214 @@
+//! Tells the crate what it cannot know by itself: the file name under which Embree 4 is loaded at run
+//! time and where the loader may look for it, whether this compiler has AVX-512, and its own origin.
+//! Nothing here can fail the build: without Embree it still succeeds, and says how to install it.
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What `dlopen` gets when no library is found now: the soname of Embree 4.
+const EMBREE_SONAME: &str = "libembree4.so.4";
+
+/// The first Rust release whose AVX-512 target features and intrinsics are stable.
+const AVX512_SINCE: (u32, u32) = (1, 89);
+
+/// What ends up in the executable, and therefore what makes a build "dirty".
+const BUILT_FROM: [&str; 4] = ["build.rs", "Cargo.toml", "Cargo.lock", "src"];
+
+fn main() {
+    let root = PathBuf::from(variable("CARGO_MANIFEST_DIR"));
+    for path in BUILT_FROM {
+        // A missing path would run this script on every build.
+        if root.join(path).exists() {
+            println!("cargo::rerun-if-changed={path}");
+        }
+    }
+    compiler();
+    commit(&root);
+    if env::var_os("CARGO_FEATURE_EMBREE").is_some() {
+        embree(&root);
+    }
+}
+
+/// An environment variable as text, empty when it is not set.
+fn variable(name: &str) -> String {
+    env::var(name).unwrap_or_default()
+}
+
+/// The first line that a command prints, or `None` when it fails.
+fn first_line(command: &mut Command) -> Option<String> {
+    let output = command
+        .output()
+        .ok()
+        .filter(|output| output.status.success())?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    Some(text.lines().next().unwrap_or_default().trim().to_owned())
+}
+
+// ---------------------------------------------------------------------------------------------------
+// The compiler
+
+fn compiler() {
+    println!("cargo::rustc-check-cfg=cfg(lightpath_avx512)");
+    let version = first_line(Command::new(variable("RUSTC")).arg("--version")).unwrap_or_default();
+    let number = version.split_whitespace().nth(1).unwrap_or("unknown");
+    println!("cargo::rustc-env=LIGHTPATH_RUSTC_VERSION={number}");
+    let mut parts = number
+        .split(['.', '-'])
+        .map_while(|part| part.parse::<u32>().ok());
+    let release = (parts.next().unwrap_or(0), parts.next().unwrap_or(0));
+    if release >= AVX512_SINCE && variable("CARGO_CFG_TARGET_ARCH") == "x86_64" {
+        println!("cargo::rustc-cfg=lightpath_avx512");
+    }
+}
+
+// ---------------------------------------------------------------------------------------------------
+// The commit
+
+/// `LIGHTPATH_GIT_COMMIT`: the short hash, with `-dirty` when a built file differs from it, or
+/// `unknown` for a source tree that is not the root of a git checkout.
+fn commit(root: &Path) {
+    let commit = git_commit(root).unwrap_or_else(|| "unknown".to_owned());
+    println!("cargo::rustc-env=LIGHTPATH_GIT_COMMIT={commit}");
+}
+
+fn git_commit(root: &Path) -> Option<String> {
+    let git = |arguments: &[&str]| {
+        let mut command = Command::new("git");
+        command
+            .arg("--no-optional-locks")
+            .arg("-C")
+            .arg(root)
+            .args(arguments);
+        command
+            .env_remove("GIT_DIR")
+            .env_remove("GIT_WORK_TREE")
+            .env_remove("GIT_INDEX_FILE");
+        first_line(&mut command)
+    };
+    // A copy of the sources inside somebody else's checkout is not that checkout.
+    let top = PathBuf::from(git(&["rev-parse", "--show-toplevel"])?);
+    if top.canonicalize().ok()? != root.canonicalize().ok()? {
+        return None;
+    }
+    // The log of HEAD changes with every commit and every checkout, and with nothing else.
+    for name in ["HEAD", "logs/HEAD"] {
+        let path = git(&["rev-parse", "--git-path", name])?;
+        if root.join(&path).exists() {
+            println!("cargo::rerun-if-changed={path}");
+        }
+    }
+    let hash = git(&["rev-parse", "--short", "HEAD"])?;
+    let changed = git(&[&["status", "--porcelain", "--"][..], &BUILT_FROM[..]].concat())?;
+    Some(if changed.is_empty() {
+        hash
+    } else {
+        format!("{hash}-dirty")
+    })
+}
+
+// ---------------------------------------------------------------------------------------------------
+// Embree
+
+/// A library found on this machine.
+struct Library {
+    folder: PathBuf,
+    file: String,
+}
+
+/// `LIGHTPATH_EMBREE_FILE`, the name that is loaded at run time, and the folders in which the dynamic
+/// loader looks for it: the executable's own run path.
+fn embree(root: &Path) {
+    println!("cargo::rerun-if-env-changed=EMBREE_DIR");
+    let vendor = root.join("vendor").join("embree");
+    let chosen = env::var_os("EMBREE_DIR")
+        .filter(|folder| !folder.is_empty())
+        .map(|folder| root.join(folder));
+    let from_user = chosen.as_deref().and_then(|folder| {
+        let found = ["lib", "lib64", ""].iter().find_map(|inner| library_in(&folder.join(inner)));
+        if found.is_none() {
+            println!(
+                "cargo::warning=EMBREE_DIR is {}, but there is no libembree4.so in it or in its lib folder",
+                folder.display()
+            );
+        }
+        found
+    });
+    let explicit = from_user.as_ref().map(|library| library.folder.clone());
+    let found = from_user.or_else(|| library_in(&vendor)).or_else(|| {
+        system_folders()
+            .iter()
+            .find_map(|folder| library_in(folder))
+    });
+
+    match &found {
+        Some(library) => {
+            println!(
+                "cargo::rerun-if-changed={}",
+                library.folder.join(&library.file).display()
+            );
+        }
+        None => println!(
+            "cargo::warning=Embree 4 is not installed: `make setup` installs it. Until then only the other backends run."
+        ),
+    }
+    let file = found
+        .as_ref()
+        .map_or(EMBREE_SONAME, |library| &library.file);
+    println!("cargo::rustc-env=LIGHTPATH_EMBREE_FILE={file}");
+
+    if variable("CARGO_CFG_TARGET_OS") == "linux" {
+        // Installed; target/release/lightpath; target/release/deps/<test>; doctests, which run anywhere.
+        // The vendor folder is listed even while it does not exist: `make setup` needs no rebuild.
+        let mut folders: Vec<PathBuf> = explicit.into_iter().collect();
+        folders.push("$ORIGIN/../lib/lightpath".into());
+        folders.push("$ORIGIN/../../vendor/embree".into());
+        folders.push("$ORIGIN/../../../vendor/embree".into());
+        folders.push(vendor);
+        let list: Vec<String> = folders
+            .iter()
+            .map(|folder| folder.display().to_string())
+            .collect();
+        // One argument each, not -Wl: a comma in a folder's name would split that one.
+        for argument in ["-Xlinker", "-rpath", "-Xlinker", &list.join(":")] {
+            println!("cargo::rustc-link-arg={argument}");
+        }
+    }
+}
+
+/// The folders where a distribution or a `make install` puts libraries, when building for this machine.
+fn system_folders() -> Vec<PathBuf> {
+    if variable("HOST") != variable("TARGET") {
+        return Vec::new();
+    }
+    let architecture = variable("CARGO_CFG_TARGET_ARCH");
+    let multiarch = format!("/usr/lib/{architecture}-linux-gnu");
+    [
+        multiarch.as_str(),
+        "/usr/lib64",
+        "/usr/lib",
+        "/usr/local/lib",
+    ]
+    .iter()
+    .map(PathBuf::from)
+    .collect()
+}
+
+/// The Embree 4 library of a folder: the soname if it is there, else a name with a version
+/// (`libembree4-4aef3270.so.4`, `libembree4.so.4.4.0`), else the developer's link `libembree4.so`.
+fn library_in(folder: &Path) -> Option<Library> {
+    let mut names: Vec<String> = fs::read_dir(folder)
+        .ok()?
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| {
+            name.starts_with("libembree4") && name.contains(".so") && folder.join(name).is_file()
+        })
+        .collect();
+    names.sort_by_key(|name| (name != EMBREE_SONAME, !name.contains(".so."), name.clone()));
+    let file = names.into_iter().next()?;
+    Some(Library {
+        folder: folder.to_path_buf(),
+        file,
+    })
+}

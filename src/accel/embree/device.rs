@@ -1,0 +1,234 @@
+//! The library and a device: loading, versions, errors, memory.
+
+use std::ffi::{CStr, CString, c_char, c_void};
+use std::ptr::NonNull;
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+
+use super::ffi::{self, Api, DeviceHandle, Enum};
+use crate::error::{Error, Kind, Problem, Result};
+
+/// What Embree's callbacks write and the wrapper reads. Boxed: callbacks keep its address.
+#[derive(Debug)]
+pub struct Watch {
+    /// Bytes held now.
+    pub bytes: AtomicI64,
+    /// Most bytes ever held.
+    pub peak_bytes: AtomicI64,
+    limit_bytes: i64,
+    limit_hit: AtomicBool,
+    last_error: Mutex<Option<(Enum, String)>>,
+}
+
+/// An Embree device of one render.
+pub struct Device {
+    api: Arc<Api>,
+    handle: NonNull<DeviceHandle>,
+    watch: Box<Watch>,
+    version: [u8; 3],
+}
+
+// SAFETY: Embree's API is thread-safe on devices; `Watch` is made of atomics and a mutex.
+unsafe impl Send for Device {}
+// SAFETY: as above.
+unsafe impl Sync for Device {}
+
+/// Opens the library that `build.rs` found, along the executable's rpath.
+///
+/// # Errors
+/// `Unsupported` if it is not there or not Embree 4.
+pub fn load_library() -> Result<Arc<Api>> {
+    let file = option_env!("LIGHTPATH_EMBREE_FILE").unwrap_or("libembree4.so.4");
+    let missing = |error: &dyn std::fmt::Display| {
+        Error::new(
+            Kind::Unsupported,
+            Problem::new("Embree", format!("cannot load {file}: {error}")).help(
+                "`make setup` installs Embree 4 (Debian >= 13: apt install libembree-dev); \
+                 `--backend bvh` needs no Embree",
+            ),
+        )
+    };
+    // SAFETY: Embree's and TBB's initialisers have no preconditions.
+    let library = unsafe { libloading::Library::new(file) }.map_err(|e| missing(&e))?;
+    Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
+}
+
+impl Device {
+    /// A device with `threads` build threads that refuses to hold more than `max_bytes`.
+    ///
+    /// # Errors
+    /// `Unsupported` for a library outside [4.3.0, 5) or a processor it cannot use.
+    pub fn new(api: Arc<Api>, threads: usize, max_bytes: Option<u64>) -> Result<Self> {
+        let config = CString::new(format!("threads={threads},set_affinity=0"))
+            .map_err(|e| Error::invalid("Embree", e.to_string()))?;
+        // SAFETY: a NUL-terminated string.
+        let handle = unsafe { (api.new_device)(config.as_ptr()) };
+        let Some(handle) = NonNull::new(handle) else {
+            // SAFETY: the null device asks for the error of `rtcNewDevice` on this thread.
+            let code = unsafe { (api.get_device_error)(std::ptr::null_mut()) };
+            return Err(unsupported(format!(
+                "cannot create a device: {}",
+                error_name(code)
+            )));
+        };
+        let watch = Box::new(Watch {
+            bytes: AtomicI64::new(0),
+            peak_bytes: AtomicI64::new(0),
+            limit_bytes: max_bytes
+                .and_then(|n| i64::try_from(n).ok())
+                .unwrap_or(i64::MAX),
+            limit_hit: AtomicBool::new(false),
+            last_error: Mutex::new(None),
+        });
+        let mut device = Self {
+            api,
+            handle,
+            watch,
+            version: [0; 3],
+        };
+        let version = device.property(ffi::RTC_DEVICE_PROPERTY_VERSION);
+        device.version = [version / 10_000, version / 100 % 100, version % 100].map(|n| n as u8);
+        if !(40_300..50_000).contains(&version) {
+            let [major, minor, patch] = device.version;
+            return Err(unsupported(format!(
+                "found Embree {major}.{minor}.{patch}, expected at least 4.3.0 and below 5"
+            )));
+        }
+        let watch = std::ptr::from_ref::<Watch>(&device.watch)
+            .cast_mut()
+            .cast::<c_void>();
+        // SAFETY: `watch` is boxed and outlives the device handle (see `Drop`).
+        unsafe {
+            (device.api.set_error_function)(device.handle.as_ptr(), Some(on_error), watch);
+            (device.api.set_memory_function)(device.handle.as_ptr(), Some(on_memory), watch);
+        }
+        device.check()?;
+        Ok(device)
+    }
+
+    /// The entry points.
+    pub fn api(&self) -> &Api {
+        &self.api
+    }
+
+    /// The C handle.
+    pub fn handle(&self) -> *mut DeviceHandle {
+        self.handle.as_ptr()
+    }
+
+    /// Memory counters.
+    pub fn watch(&self) -> &Watch {
+        &self.watch
+    }
+
+    /// Major, minor, patch.
+    pub fn version(&self) -> [u8; 3] {
+        self.version
+    }
+
+    /// The instruction set that Embree chose.
+    pub fn isa(&self) -> &'static str {
+        if self.property(ffi::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0 {
+            "AVX-512"
+        } else if self.property(ffi::RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) != 0 {
+            "AVX/AVX2"
+        } else {
+            "SSE"
+        }
+    }
+
+    fn property(&self, property: Enum) -> isize {
+        // SAFETY: a live device.
+        unsafe { (self.api.get_device_property)(self.handle(), property) }
+    }
+
+    /// The error of the set-up calls since the last check, whichever thread it arose on.
+    pub fn check(&self) -> Result<()> {
+        // SAFETY: a live device; reading clears the code of this thread.
+        let code = unsafe { (self.api.get_device_error)(self.handle()) };
+        let logged = self
+            .watch
+            .last_error
+            .lock()
+            .map_or(None, |mut last| last.take());
+        let (code, text) = match (code, logged) {
+            (0, None) => return Ok(()),
+            (code, None) => (code, String::new()),
+            (_, Some(logged)) => logged,
+        };
+        if self.watch.limit_hit.load(Relaxed) {
+            let limit = self.watch.limit_bytes;
+            return Err(Error::new(
+                Kind::Limit,
+                Problem::new(
+                    "--max-memory",
+                    format!("the accelerator would hold more than the {limit} bytes left to it"),
+                ),
+            ));
+        }
+        let kind = if code == ffi::RTC_ERROR_OUT_OF_MEMORY {
+            Kind::Retry
+        } else {
+            Kind::Unsupported
+        };
+        Err(Error::new(
+            kind,
+            Problem::new("Embree", format!("{}: {text}", error_name(code))),
+        ))
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // SAFETY: created by `rtcNewDevice`, released once; `watch` is dropped after this.
+        unsafe { (self.api.release_device)(self.handle()) };
+    }
+}
+
+fn unsupported(message: String) -> Error {
+    Error::new(
+        Kind::Unsupported,
+        Problem::new("Embree", message).help("`--backend bvh` needs no Embree"),
+    )
+}
+
+fn error_name(code: Enum) -> &'static str {
+    match code {
+        0 => "no error",
+        2 => "invalid argument",
+        3 => "invalid operation",
+        4 => "out of memory",
+        5 => "unsupported processor",
+        6 => "cancelled",
+        _ => "unknown error",
+    }
+}
+
+unsafe extern "C" fn on_error(watch: *mut c_void, code: Enum, text: *const c_char) {
+    // SAFETY: `watch` is the box of the device that calls.
+    let watch = unsafe { &*watch.cast::<Watch>() };
+    let text = if text.is_null() {
+        String::new()
+    } else {
+        // SAFETY: Embree passes a NUL-terminated string.
+        unsafe { CStr::from_ptr(text) }
+            .to_string_lossy()
+            .into_owned()
+    };
+    if let Ok(mut last) = watch.last_error.lock() {
+        last.get_or_insert((code, text));
+    }
+}
+
+unsafe extern "C" fn on_memory(watch: *mut c_void, bytes: isize, _post: bool) -> bool {
+    // SAFETY: `watch` is the box of the device that calls.
+    let watch = unsafe { &*watch.cast::<Watch>() };
+    let bytes = bytes as i64;
+    let now = watch.bytes.fetch_add(bytes, Relaxed) + bytes;
+    watch.peak_bytes.fetch_max(now, Relaxed);
+    let fits = bytes <= 0 || now <= watch.limit_bytes;
+    if !fits {
+        watch.limit_hit.store(true, Relaxed);
+    }
+    fits
+}

@@ -1,0 +1,377 @@
+//! Embree 4's C API, declared by hand for the layout of 4.3 and later, and loaded at run time.
+//!
+//! Only what is used is declared. Sizes and offsets are asserted here and compared with the C
+//! headers, where these are installed, by `tests/embree_layout.rs`. Ray and hit packets are
+//! [`crate::ray::Rays`] and [`crate::ray::RayPacket`].
+
+use std::ffi::{c_char, c_int, c_uint, c_void};
+use std::mem::{align_of, offset_of, size_of};
+
+use crate::ray::{Mask, RayPacket, Rays};
+
+/// A C enumeration (4 bytes).
+pub type Enum = c_int;
+
+/// Opaque `RTCDevice`.
+#[repr(C)]
+pub struct DeviceHandle([u8; 0]);
+/// Opaque `RTCScene`.
+#[repr(C)]
+pub struct SceneHandle([u8; 0]);
+/// Opaque `RTCGeometry`.
+#[repr(C)]
+pub struct GeometryHandle([u8; 0]);
+
+pub const RTC_ERROR_OUT_OF_MEMORY: Enum = 4;
+pub const RTC_GEOMETRY_TYPE_TRIANGLE: Enum = 0;
+pub const RTC_GEOMETRY_TYPE_QUAD: Enum = 1;
+pub const RTC_GEOMETRY_TYPE_USER: Enum = 120;
+pub const RTC_BUFFER_TYPE_INDEX: Enum = 0;
+pub const RTC_BUFFER_TYPE_VERTEX: Enum = 1;
+pub const RTC_FORMAT_FLOAT3: Enum = 0x9003;
+pub const RTC_FORMAT_UINT3: Enum = 0x5003;
+pub const RTC_FORMAT_UINT4: Enum = 0x5004;
+pub const RTC_SCENE_FLAG_ROBUST: Enum = 4;
+pub const RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS: Enum = 8;
+pub const RTC_BUILD_QUALITY_MEDIUM: Enum = 1;
+pub const RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER: Enum = 2;
+pub const RTC_RAY_QUERY_FLAG_COHERENT: Enum = 0x10000;
+pub const RTC_DEVICE_PROPERTY_VERSION: Enum = 0;
+pub const RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED: Enum = 33;
+pub const RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED: Enum = 34;
+
+/// `RTCRay`: one ray.
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+pub struct Ray {
+    pub org: [f32; 3],
+    pub tnear: f32,
+    pub dir: [f32; 3],
+    pub time: f32,
+    pub tfar: f32,
+    pub mask: c_uint,
+    pub id: c_uint,
+    pub flags: c_uint,
+}
+
+/// `RTCHit`: one hit.
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+pub struct Hit {
+    pub ng: [f32; 3],
+    pub u: f32,
+    pub v: f32,
+    pub prim_id: c_uint,
+    pub geom_id: c_uint,
+    pub inst_id: c_uint,
+    pub inst_prim_id: c_uint,
+}
+
+/// `RTCRayHit`.
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+pub struct RayHit {
+    pub ray: Ray,
+    pub hit: Hit,
+}
+
+/// `RTCBounds`.
+#[repr(C, align(16))]
+pub struct Bounds {
+    pub lower: [f32; 3],
+    pub align0: f32,
+    pub upper: [f32; 3],
+    pub align1: f32,
+}
+
+/// `RTCRayQueryContext`, and behind it what our filter needs.
+#[repr(C)]
+pub struct QueryContext {
+    pub inst_id: c_uint,
+    pub inst_prim_id: c_uint,
+    /// First primitive number of each geometry.
+    pub bases: *const u32,
+}
+
+/// `RTCIntersectArguments` and `RTCOccludedArguments`, which have the same layout.
+#[repr(C)]
+pub struct QueryArguments {
+    pub flags: Enum,
+    pub feature_mask: c_uint,
+    pub context: *mut QueryContext,
+    pub filter: Option<unsafe extern "C" fn(*const FilterArguments)>,
+    pub user_geometry: Option<unsafe extern "C" fn(*const c_void)>,
+}
+
+/// `RTCBoundsFunctionArguments`.
+#[repr(C)]
+pub struct BoundsArguments {
+    pub user: *const c_void,
+    pub prim_id: c_uint,
+    pub time_step: c_uint,
+    pub bounds: *mut Bounds,
+}
+
+/// `RTCIntersectFunctionNArguments` and `RTCOccludedFunctionNArguments`, which have the same
+/// layout: `rays` is an `RTCRayHitN` or an `RTCRayN` of `n` lanes.
+#[repr(C)]
+pub struct UserArguments {
+    pub valid: *mut c_int,
+    pub user: *const c_void,
+    pub prim_id: c_uint,
+    pub context: *const c_void,
+    pub rays: *mut f32,
+    pub n: c_uint,
+    pub geom_id: c_uint,
+}
+
+/// `RTCFilterFunctionNArguments`.
+#[repr(C)]
+pub struct FilterArguments {
+    pub valid: *mut c_int,
+    pub user: *const c_void,
+    pub context: *const QueryContext,
+    pub ray: *mut f32,
+    pub hit: *const f32,
+    pub n: c_uint,
+}
+
+pub type ErrorFunction = unsafe extern "C" fn(*mut c_void, Enum, *const c_char);
+pub type MemoryFunction = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
+pub type ProgressFunction = unsafe extern "C" fn(*mut c_void, f64) -> bool;
+pub type BoundsFunction = unsafe extern "C" fn(*const BoundsArguments);
+pub type UserFunction = unsafe extern "C" fn(*const UserArguments);
+
+macro_rules! api {
+    ($($name:ident = $symbol:literal: fn($($arg:ty),*) $(-> $ret:ty)?;)*) => {
+        /// The library's entry points.
+        pub struct Api {
+            $(pub $name: unsafe extern "C" fn($($arg),*) $(-> $ret)?,)*
+        }
+
+        impl Api {
+            /// Resolves every entry point; the error names the first that is missing.
+            pub fn resolve(library: libloading::Library) -> Result<Self, libloading::Error> {
+                $(
+                    // SAFETY: the type is the C declaration of this symbol in Embree 4.
+                    let $name = unsafe {
+                        *library.get::<unsafe extern "C" fn($($arg),*) $(-> $ret)?>(
+                            concat!($symbol, "\0").as_bytes(),
+                        )?
+                    };
+                )*
+                // Never unloaded: TBB's worker threads outlive the last device.
+                std::mem::forget(library);
+                Ok(Self { $($name,)* })
+            }
+        }
+    };
+}
+
+type Device = *mut DeviceHandle;
+type Scene = *mut SceneHandle;
+type Geometry = *mut GeometryHandle;
+
+api! {
+    new_device = "rtcNewDevice": fn(*const c_char) -> Device;
+    release_device = "rtcReleaseDevice": fn(Device);
+    get_device_property = "rtcGetDeviceProperty": fn(Device, Enum) -> isize;
+    get_device_error = "rtcGetDeviceError": fn(Device) -> Enum;
+    set_error_function = "rtcSetDeviceErrorFunction": fn(Device, Option<ErrorFunction>, *mut c_void);
+    set_memory_function = "rtcSetDeviceMemoryMonitorFunction":
+        fn(Device, Option<MemoryFunction>, *mut c_void);
+    new_scene = "rtcNewScene": fn(Device) -> Scene;
+    release_scene = "rtcReleaseScene": fn(Scene);
+    set_scene_flags = "rtcSetSceneFlags": fn(Scene, Enum);
+    set_scene_build_quality = "rtcSetSceneBuildQuality": fn(Scene, Enum);
+    set_progress_function = "rtcSetSceneProgressMonitorFunction":
+        fn(Scene, Option<ProgressFunction>, *mut c_void);
+    attach_geometry_by_id = "rtcAttachGeometryByID": fn(Scene, Geometry, c_uint);
+    commit_scene = "rtcCommitScene": fn(Scene);
+    new_geometry = "rtcNewGeometry": fn(Device, Enum) -> Geometry;
+    release_geometry = "rtcReleaseGeometry": fn(Geometry);
+    commit_geometry = "rtcCommitGeometry": fn(Geometry);
+    set_shared_buffer = "rtcSetSharedGeometryBuffer":
+        fn(Geometry, Enum, c_uint, Enum, *const c_void, usize, usize, usize);
+    set_new_buffer = "rtcSetNewGeometryBuffer":
+        fn(Geometry, Enum, c_uint, Enum, usize, usize) -> *mut c_void;
+    set_user_primitive_count = "rtcSetGeometryUserPrimitiveCount": fn(Geometry, c_uint);
+    set_user_data = "rtcSetGeometryUserData": fn(Geometry, *const c_void);
+    set_bounds_function = "rtcSetGeometryBoundsFunction":
+        fn(Geometry, Option<BoundsFunction>, *const c_void);
+    set_intersect_function = "rtcSetGeometryIntersectFunction": fn(Geometry, Option<UserFunction>);
+    set_occluded_function = "rtcSetGeometryOccludedFunction": fn(Geometry, Option<UserFunction>);
+    intersect1 = "rtcIntersect1": fn(Scene, *mut RayHit, *mut QueryArguments);
+    intersect16 = "rtcIntersect16": fn(*const Mask, Scene, *mut RayPacket, *mut QueryArguments);
+    occluded1 = "rtcOccluded1": fn(Scene, *mut Ray, *mut QueryArguments);
+    occluded16 = "rtcOccluded16": fn(*const Mask, Scene, *mut Rays, *mut QueryArguments);
+}
+
+/// Name, size, alignment and member offsets of every declared structure, as
+/// `(C name, size, align, [(C member, offset)])`: the table that the layout test checks.
+pub type Layout = (&'static str, usize, usize, &'static [(&'static str, usize)]);
+
+/// The structures as Rust lays them out.
+pub const LAYOUTS: &[Layout] = &[
+    (
+        "RTCRay",
+        size_of::<Ray>(),
+        align_of::<Ray>(),
+        &[
+            ("org_x", offset_of!(Ray, org)),
+            ("tnear", offset_of!(Ray, tnear)),
+            ("dir_x", offset_of!(Ray, dir)),
+            ("time", offset_of!(Ray, time)),
+            ("tfar", offset_of!(Ray, tfar)),
+            ("mask", offset_of!(Ray, mask)),
+            ("id", offset_of!(Ray, id)),
+            ("flags", offset_of!(Ray, flags)),
+        ],
+    ),
+    (
+        "RTCHit",
+        size_of::<Hit>(),
+        align_of::<Hit>(),
+        &[
+            ("Ng_x", offset_of!(Hit, ng)),
+            ("u", offset_of!(Hit, u)),
+            ("v", offset_of!(Hit, v)),
+            ("primID", offset_of!(Hit, prim_id)),
+            ("geomID", offset_of!(Hit, geom_id)),
+            ("instID", offset_of!(Hit, inst_id)),
+            ("instPrimID", offset_of!(Hit, inst_prim_id)),
+        ],
+    ),
+    (
+        "RTCRayHit",
+        size_of::<RayHit>(),
+        align_of::<RayHit>(),
+        &[("hit", offset_of!(RayHit, hit))],
+    ),
+    (
+        "RTCRay16",
+        size_of::<Rays>(),
+        align_of::<Rays>(),
+        &[
+            ("org_x", offset_of!(Rays, org)),
+            ("tnear", offset_of!(Rays, tnear)),
+            ("dir_x", offset_of!(Rays, dir)),
+            ("time", offset_of!(Rays, time)),
+            ("tfar", offset_of!(Rays, tfar)),
+            ("mask", offset_of!(Rays, mask)),
+            ("id", offset_of!(Rays, leaving)),
+            ("flags", offset_of!(Rays, flags)),
+        ],
+    ),
+    (
+        "RTCRayHit16",
+        size_of::<RayPacket>(),
+        align_of::<RayPacket>(),
+        &[("hit", offset_of!(RayPacket, hits))],
+    ),
+    (
+        "RTCHit16",
+        size_of::<crate::ray::Hits>(),
+        align_of::<crate::ray::Hits>(),
+        &[
+            ("Ng_x", offset_of!(crate::ray::Hits, ng)),
+            ("u", offset_of!(crate::ray::Hits, u)),
+            ("v", offset_of!(crate::ray::Hits, v)),
+            ("primID", offset_of!(crate::ray::Hits, prim)),
+            ("geomID", offset_of!(crate::ray::Hits, geom)),
+            ("instID", offset_of!(crate::ray::Hits, instance)),
+            ("instPrimID", offset_of!(crate::ray::Hits, instance_prim)),
+        ],
+    ),
+    (
+        "RTCBounds",
+        size_of::<Bounds>(),
+        align_of::<Bounds>(),
+        &[
+            ("lower_x", offset_of!(Bounds, lower)),
+            ("upper_x", offset_of!(Bounds, upper)),
+        ],
+    ),
+    (
+        "RTCIntersectArguments",
+        size_of::<QueryArguments>(),
+        align_of::<QueryArguments>(),
+        &[
+            ("flags", offset_of!(QueryArguments, flags)),
+            ("feature_mask", offset_of!(QueryArguments, feature_mask)),
+            ("context", offset_of!(QueryArguments, context)),
+            ("filter", offset_of!(QueryArguments, filter)),
+            ("intersect", offset_of!(QueryArguments, user_geometry)),
+        ],
+    ),
+    (
+        "RTCOccludedArguments",
+        size_of::<QueryArguments>(),
+        align_of::<QueryArguments>(),
+        &[
+            ("flags", offset_of!(QueryArguments, flags)),
+            ("feature_mask", offset_of!(QueryArguments, feature_mask)),
+            ("context", offset_of!(QueryArguments, context)),
+            ("filter", offset_of!(QueryArguments, filter)),
+            ("occluded", offset_of!(QueryArguments, user_geometry)),
+        ],
+    ),
+    (
+        "RTCBoundsFunctionArguments",
+        size_of::<BoundsArguments>(),
+        align_of::<BoundsArguments>(),
+        &[
+            ("geometryUserPtr", offset_of!(BoundsArguments, user)),
+            ("primID", offset_of!(BoundsArguments, prim_id)),
+            ("timeStep", offset_of!(BoundsArguments, time_step)),
+            ("bounds_o", offset_of!(BoundsArguments, bounds)),
+        ],
+    ),
+    (
+        "RTCIntersectFunctionNArguments",
+        size_of::<UserArguments>(),
+        align_of::<UserArguments>(),
+        &[
+            ("valid", offset_of!(UserArguments, valid)),
+            ("geometryUserPtr", offset_of!(UserArguments, user)),
+            ("primID", offset_of!(UserArguments, prim_id)),
+            ("context", offset_of!(UserArguments, context)),
+            ("rayhit", offset_of!(UserArguments, rays)),
+            ("N", offset_of!(UserArguments, n)),
+            ("geomID", offset_of!(UserArguments, geom_id)),
+        ],
+    ),
+    (
+        "RTCOccludedFunctionNArguments",
+        size_of::<UserArguments>(),
+        align_of::<UserArguments>(),
+        &[
+            ("ray", offset_of!(UserArguments, rays)),
+            ("N", offset_of!(UserArguments, n)),
+            ("geomID", offset_of!(UserArguments, geom_id)),
+        ],
+    ),
+    (
+        "RTCFilterFunctionNArguments",
+        size_of::<FilterArguments>(),
+        align_of::<FilterArguments>(),
+        &[
+            ("valid", offset_of!(FilterArguments, valid)),
+            ("geometryUserPtr", offset_of!(FilterArguments, user)),
+            ("context", offset_of!(FilterArguments, context)),
+            ("ray", offset_of!(FilterArguments, ray)),
+            ("hit", offset_of!(FilterArguments, hit)),
+            ("N", offset_of!(FilterArguments, n)),
+        ],
+    ),
+];
+
+const _: () = {
+    assert!(size_of::<Ray>() == 48 && size_of::<Hit>() == 48 && size_of::<RayHit>() == 96);
+    assert!(size_of::<Rays>() == 768 && size_of::<RayPacket>() == 1344);
+    assert!(align_of::<Rays>() == 64 && align_of::<RayPacket>() == 64 && align_of::<Mask>() == 64);
+    assert!(offset_of!(RayPacket, hits) == 768 && offset_of!(Rays, leaving) == 640);
+    assert!(size_of::<Bounds>() == 32 && size_of::<QueryArguments>() == 32);
+    assert!(offset_of!(QueryContext, bases) == 8);
+    assert!(size_of::<UserArguments>() == 48 && size_of::<FilterArguments>() == 48);
+};

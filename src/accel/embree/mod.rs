@@ -1,0 +1,178 @@
+//! Intel Embree 4 as an accelerator. No raw pointer and no `unsafe` leaves this folder.
+
+mod device;
+mod ffi;
+mod filter;
+mod scene;
+mod sphere;
+
+pub use self::ffi::{LAYOUTS, Layout};
+
+use self::device::Device;
+use self::ffi::{QueryArguments, QueryContext};
+use super::{Accelerator, BuildInfo, BuildOptions};
+use crate::error::Result;
+use crate::geometry::{Geometry, NONE};
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+
+/// Below this many active lanes single rays are faster than a packet.
+const SINGLE_BELOW: u32 = 4;
+
+/// An Embree scene over the geometry's own arrays.
+pub struct Embree<'g> {
+    scene: scene::Scene<'g>,
+    geometry: &'g Geometry,
+}
+
+impl<'g> Embree<'g> {
+    /// Loads the library and builds the scene.
+    ///
+    /// # Errors
+    /// See [`super::build`].
+    pub fn build(
+        geometry: &'g Geometry,
+        options: &BuildOptions,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let device = Device::new(device::load_library()?, options.threads, options.max_bytes)?;
+        let scene = scene::Scene::build(device, geometry, options.fast, monitor)?;
+        Ok(Self { scene, geometry })
+    }
+
+    fn context(&self) -> QueryContext {
+        QueryContext {
+            inst_id: NONE,
+            inst_prim_id: NONE,
+            bases: self.geometry.bases().as_ptr(),
+        }
+    }
+
+    /// Runs `query` with the arguments that `coherence` and `filter` ask for.
+    #[inline(always)]
+    fn query(&self, coherence: Coherence, filter: bool, query: impl FnOnce(*mut QueryArguments)) {
+        let mut context = self.context();
+        let coherent = match coherence {
+            Coherence::Coherent => ffi::RTC_RAY_QUERY_FLAG_COHERENT,
+            Coherence::Incoherent => 0,
+        };
+        let invoke = if filter {
+            ffi::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER
+        } else {
+            0
+        };
+        query(&mut QueryArguments {
+            flags: coherent | invoke,
+            feature_mask: u32::MAX,
+            context: &mut context,
+            filter: filter.then_some(filter::reject_leaving),
+            user_geometry: None,
+        });
+    }
+}
+
+/// Whether any active lane leaves a primitive.
+#[inline(always)]
+fn any_leaving(active: &Mask, rays: &Rays) -> bool {
+    (0..LANES).fold(false, |any, i| {
+        any | ((active.0[i] != 0) & (rays.leaving[i] != NONE))
+    })
+}
+
+fn ray(rays: &Rays, i: usize) -> ffi::Ray {
+    ffi::Ray {
+        org: [rays.org[0][i], rays.org[1][i], rays.org[2][i]],
+        tnear: rays.tnear[i],
+        dir: [rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]],
+        time: 0.0,
+        tfar: rays.tfar[i],
+        mask: u32::MAX,
+        id: rays.leaving[i],
+        flags: 0,
+    }
+}
+
+const NO_HIT: ffi::Hit = ffi::Hit {
+    ng: [0.0; 3],
+    u: 0.0,
+    v: 0.0,
+    prim_id: NONE,
+    geom_id: NONE,
+    inst_id: NONE,
+    inst_prim_id: NONE,
+};
+
+impl Accelerator for Embree<'_> {
+    fn info(&self) -> BuildInfo {
+        let device = self.scene.device();
+        let [major, minor, patch] = device.version();
+        let load = |n: &std::sync::atomic::AtomicI64| {
+            n.load(std::sync::atomic::Ordering::Relaxed).max(0) as u64
+        };
+        BuildInfo {
+            version: format!("Embree {major}.{minor}.{patch}"),
+            isa: device.isa().to_owned(),
+            bytes: load(&device.watch().bytes),
+            peak_bytes: load(&device.watch().peak_bytes),
+        }
+    }
+
+    fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+        let filter = any_leaving(active, &packet.rays);
+        let scene = self.scene.handle();
+        if active.count() >= SINGLE_BELOW {
+            // SAFETY: packet and mask are aligned to 64 bytes and laid out as Embree's.
+            return self.query(coherence, filter, |args| unsafe {
+                (self.scene.api().intersect16)(active, scene, packet, args);
+            });
+        }
+        for i in (0..LANES).filter(|&i| active.0[i] != 0) {
+            let mut single = ffi::RayHit {
+                ray: ray(&packet.rays, i),
+                hit: NO_HIT,
+            };
+            // SAFETY: aligned to 16 bytes and laid out as Embree's.
+            self.query(coherence, filter, |args| unsafe {
+                (self.scene.api().intersect1)(scene, &mut single, args);
+            });
+            packet.rays.tfar[i] = single.ray.tfar;
+            (packet.hits.u[i], packet.hits.v[i]) = (single.hit.u, single.hit.v);
+            (packet.hits.prim[i], packet.hits.geom[i]) = (single.hit.prim_id, single.hit.geom_id);
+            for (lanes, n) in packet.hits.ng.iter_mut().zip(single.hit.ng) {
+                lanes[i] = n;
+            }
+        }
+    }
+
+    fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+        let filter = any_leaving(active, rays);
+        let scene = self.scene.handle();
+        if active.count() >= SINGLE_BELOW {
+            // SAFETY: rays and mask are aligned to 64 bytes and laid out as Embree's.
+            return self.query(coherence, filter, |args| unsafe {
+                (self.scene.api().occluded16)(active, scene, rays, args);
+            });
+        }
+        for i in (0..LANES).filter(|&i| active.0[i] != 0) {
+            let mut single = ray(rays, i);
+            // SAFETY: aligned to 16 bytes and laid out as Embree's.
+            self.query(coherence, filter, |args| unsafe {
+                (self.scene.api().occluded1)(scene, &mut single, args);
+            });
+            rays.tfar[i] = single.tfar;
+        }
+    }
+}
+
+/// Version and instruction set of the library that would be used.
+///
+/// # Errors
+/// `Unsupported` if there is none.
+pub fn describe() -> Result<(String, String)> {
+    let device = Device::new(device::load_library()?, 1, None)?;
+    let [major, minor, patch] = device.version();
+    Ok((
+        format!("Embree {major}.{minor}.{patch}"),
+        device.isa().to_owned(),
+    ))
+}

@@ -1,0 +1,226 @@
+//! [`Geometry`] -> a committed Embree scene that borrows its arrays.
+
+use std::ffi::{c_uint, c_void};
+use std::ptr::NonNull;
+
+use super::device::Device;
+use super::ffi::{self, Enum, GeometryHandle, SceneHandle};
+use super::sphere::{self, SphereSet};
+use crate::error::Result;
+use crate::geometry::{Geometry, TriangleMesh};
+use crate::monitor::Monitor;
+
+/// A committed scene over `'g`'s arrays.
+pub struct Scene<'g> {
+    handle: NonNull<SceneHandle>,
+    /// User data of the sphere geometry: its address is known to Embree.
+    _spheres: Box<SphereSet<'g>>,
+    // Dropped after the handle's release.
+    device: Device,
+}
+
+// SAFETY: a committed scene is immutable and Embree's queries are thread-safe.
+unsafe impl Send for Scene<'_> {}
+// SAFETY: as above.
+unsafe impl Sync for Scene<'_> {}
+
+impl<'g> Scene<'g> {
+    /// Builds the scene; `fast` leaves out the ROBUST flag.
+    pub fn build(
+        device: Device,
+        geometry: &'g Geometry,
+        fast: bool,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        // SAFETY: a live device.
+        let handle = unsafe { (device.api().new_scene)(device.handle()) };
+        let Some(handle) = NonNull::new(handle) else {
+            device.check()?;
+            return Err(crate::error::Error::invalid(
+                "Embree",
+                "no scene was created",
+            ));
+        };
+        let base = geometry.bases()[geometry.spheres_id() as usize];
+        let spheres = Box::new(SphereSet {
+            spheres: &geometry.spheres,
+            base,
+        });
+        let scene = Self {
+            handle,
+            _spheres: spheres,
+            device,
+        };
+        let robust = if fast { 0 } else { ffi::RTC_SCENE_FLAG_ROBUST };
+        let flags = robust | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
+        // SAFETY: live handles.
+        unsafe {
+            (scene.api().set_scene_flags)(scene.handle(), flags);
+            (scene.api().set_scene_build_quality)(scene.handle(), ffi::RTC_BUILD_QUALITY_MEDIUM);
+        }
+        scene.device.check()?;
+        for (id, mesh) in geometry.meshes.iter().enumerate() {
+            scene.attach_mesh(mesh, id as c_uint)?;
+        }
+        if !geometry.quads.is_empty() {
+            scene.attach_quads(&geometry.quads, geometry.quads_id())?;
+        }
+        if !geometry.spheres.is_empty() {
+            scene.attach_spheres(geometry.spheres_id())?;
+        }
+        scene.commit(monitor)?;
+        Ok(scene)
+    }
+
+    /// The entry points.
+    pub fn api(&self) -> &ffi::Api {
+        self.device.api()
+    }
+
+    /// The C handle.
+    pub fn handle(&self) -> *mut SceneHandle {
+        self.handle.as_ptr()
+    }
+
+    /// The device.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
+    fn attach_mesh(&self, mesh: &'g TriangleMesh, id: c_uint) -> Result<()> {
+        let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_TRIANGLE)?;
+        let share = |kind: Enum, format: Enum, array: &'g [[u32; 3]], count: usize| {
+            // SAFETY: the array outlives the scene ('g) and holds `count` elements of 12 bytes;
+            // behind the last vertex stands one unused element (`padded_vertices`).
+            unsafe {
+                let data = array.as_ptr().cast::<c_void>();
+                (self.api().set_shared_buffer)(geometry.0, kind, 0, format, data, 0, 12, count);
+            }
+        };
+        let triangles = mesh.triangles();
+        share(
+            ffi::RTC_BUFFER_TYPE_INDEX,
+            ffi::RTC_FORMAT_UINT3,
+            triangles,
+            triangles.len(),
+        );
+        // SAFETY: as in `share`.
+        unsafe {
+            let data = mesh.padded_vertices().as_ptr().cast::<c_void>();
+            let (kind, format) = (ffi::RTC_BUFFER_TYPE_VERTEX, ffi::RTC_FORMAT_FLOAT3);
+            let count = mesh.vertices().len();
+            (self.api().set_shared_buffer)(geometry.0, kind, 0, format, data, 0, 12, count);
+        }
+        self.attach(&geometry, id)
+    }
+
+    fn attach_quads(&self, quads: &[[[f32; 3]; 4]], id: c_uint) -> Result<()> {
+        let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_QUAD)?;
+        let indices: Vec<[u32; 4]> = (0..quads.len() as u32)
+            .map(|i| [0, 1, 2, 3].map(|k| 4 * i + k))
+            .collect();
+        self.fill(
+            &geometry,
+            ffi::RTC_BUFFER_TYPE_VERTEX,
+            ffi::RTC_FORMAT_FLOAT3,
+            quads.as_flattened(),
+        )?;
+        self.fill(
+            &geometry,
+            ffi::RTC_BUFFER_TYPE_INDEX,
+            ffi::RTC_FORMAT_UINT4,
+            &indices,
+        )?;
+        self.attach(&geometry, id)
+    }
+
+    /// Copies `data` into a buffer that Embree owns.
+    fn fill<T: Copy>(
+        &self,
+        geometry: &OwnedGeometry,
+        kind: Enum,
+        format: Enum,
+        data: &[T],
+    ) -> Result<()> {
+        // SAFETY: a live geometry; Embree returns null (checked) or room for the elements.
+        unsafe {
+            let (stride, count) = (size_of::<T>(), data.len());
+            let room = (self.api().set_new_buffer)(geometry.0, kind, 0, format, stride, count);
+            self.device.check()?;
+            if !room.is_null() {
+                std::ptr::copy_nonoverlapping(data.as_ptr(), room.cast::<T>(), count);
+            }
+        }
+        Ok(())
+    }
+
+    fn attach_spheres(&self, id: c_uint) -> Result<()> {
+        let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_USER)?;
+        let set = std::ptr::from_ref::<SphereSet>(&self._spheres).cast::<c_void>();
+        // SAFETY: live geometry; `set` is boxed in this scene; both callbacks are set, as a
+        // query of a missing one would crash.
+        unsafe {
+            let count = self._spheres.spheres.len() as c_uint;
+            (self.api().set_user_primitive_count)(geometry.0, count);
+            (self.api().set_user_data)(geometry.0, set);
+            (self.api().set_bounds_function)(geometry.0, Some(sphere::bounds), std::ptr::null());
+            (self.api().set_intersect_function)(geometry.0, Some(sphere::intersect));
+            (self.api().set_occluded_function)(geometry.0, Some(sphere::occluded));
+        }
+        self.attach(&geometry, id)
+    }
+
+    fn geometry(&self, kind: Enum) -> Result<OwnedGeometry<'_>> {
+        // SAFETY: a live device.
+        let handle = unsafe { (self.api().new_geometry)(self.device.handle(), kind) };
+        self.device.check()?;
+        Ok(OwnedGeometry(handle, self.api()))
+    }
+
+    fn attach(&self, geometry: &OwnedGeometry, id: c_uint) -> Result<()> {
+        self.device.check()?;
+        // SAFETY: live handles; the scene keeps its own reference to the geometry.
+        unsafe {
+            (self.api().commit_geometry)(geometry.0);
+            (self.api().attach_geometry_by_id)(self.handle(), geometry.0, id);
+        }
+        self.device.check()
+    }
+
+    fn commit(&self, monitor: &Monitor) -> Result<()> {
+        let user = std::ptr::from_ref(monitor).cast_mut().cast::<c_void>();
+        // SAFETY: the callback is taken back before `monitor`'s borrow ends.
+        unsafe {
+            (self.api().set_progress_function)(self.handle(), Some(on_progress), user);
+            (self.api().commit_scene)(self.handle());
+            (self.api().set_progress_function)(self.handle(), None, std::ptr::null_mut());
+        }
+        let committed = self.device.check();
+        monitor.check()?;
+        committed
+    }
+}
+
+impl Drop for Scene<'_> {
+    fn drop(&mut self) {
+        // SAFETY: created by `rtcNewScene`, released once, before the device.
+        unsafe { (self.api().release_scene)(self.handle()) };
+    }
+}
+
+/// A geometry reference that is given back.
+struct OwnedGeometry<'a>(*mut GeometryHandle, &'a ffi::Api);
+
+impl Drop for OwnedGeometry<'_> {
+    fn drop(&mut self) {
+        // SAFETY: created by `rtcNewGeometry`, released once.
+        unsafe { (self.1.release_geometry)(self.0) };
+    }
+}
+
+unsafe extern "C" fn on_progress(monitor: *mut c_void, done: f64) -> bool {
+    // SAFETY: `commit` passes a live monitor.
+    let monitor = unsafe { &*monitor.cast::<Monitor>() };
+    monitor.set_done((done * 1000.0) as u64);
+    !monitor.stopped()
+}

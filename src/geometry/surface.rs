@@ -1,0 +1,179 @@
+//! Hits -> surface points: position, normal and a safe origin for the rays that leave.
+//!
+//! All in f64 from the primitive itself, whatever the backend computed, then rounded once.
+
+use glam::DVec3;
+
+use super::{Geometry, GeometryKind, NONE, triangle::refine_triangle};
+use crate::ray::{LANES, Mask, RayPacket};
+
+/// 16 surface points, relative to the scene's origin.
+#[derive(Debug, Clone)]
+#[repr(C, align(64))]
+pub struct Surfaces {
+    /// Position, rounded to nearest: within half an ulp per coordinate.
+    pub position: [[f32; LANES]; 3],
+    /// Position rounded away from the surface, to the side that the ray came from: at most 1.5 ulp
+    /// per coordinate from the exact point and never behind the surface's tangent plane.
+    pub outside: [[f32; LANES]; 3],
+    /// Unit geometric normal, turned to the ray's origin.
+    pub ng: [[f32; LANES]; 3],
+    /// Barycentric weight of the second corner (of the half of a quad), in [0, 1].
+    pub u: [f32; LANES],
+    /// Barycentric weight of the third corner, in [0, 1].
+    pub v: [f32; LANES],
+    /// Primitive number in the whole scene.
+    pub primitive: [u32; LANES],
+    /// Which lanes hit anything.
+    pub hit: Mask,
+}
+
+impl Surfaces {
+    /// No surface points.
+    pub const EMPTY: Self = Self {
+        position: [[0.0; LANES]; 3],
+        outside: [[0.0; LANES]; 3],
+        ng: [[0.0; LANES]; 3],
+        u: [0.0; LANES],
+        v: [0.0; LANES],
+        primitive: [NONE; LANES],
+        hit: Mask::NONE,
+    };
+}
+
+/// Computes the surface points of a traced packet's active lanes.
+#[inline(always)]
+pub fn refine(geometry: &Geometry, active: &Mask, packet: &RayPacket, out: &mut Surfaces) {
+    let mut corners = [[[0.0f32; LANES]; 3]; 3];
+    let mut weights = [packet.hits.u, packet.hits.v];
+    let mut spheres = false;
+    for i in 0..LANES {
+        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+        let hit = active.0[i] != 0 && geom != NONE;
+        out.hit.0[i] = -i32::from(hit);
+        if !hit {
+            continue;
+        }
+        out.primitive[i] = geometry.primitive(geom, prim);
+        let triangle = match geometry.kind(geom) {
+            GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim),
+            GeometryKind::Quads => {
+                let half = geometry.quad_half(prim, weights[0][i], weights[1][i]);
+                (weights[0][i], weights[1][i]) = (half.1, half.2);
+                half.0
+            }
+            GeometryKind::Spheres => {
+                spheres = true;
+                continue;
+            }
+        };
+        for (corner, vertex) in corners.iter_mut().zip(&triangle) {
+            for axis in 0..3 {
+                corner[axis][i] = vertex[axis];
+            }
+        }
+    }
+    for i in 0..LANES {
+        let (origin, direction) = ray(packet, i);
+        let triangle = corners.map(|corner| dvec(&corner, i));
+        let weights = (f64::from(weights[0][i]), f64::from(weights[1][i]));
+        let point = refine_triangle(triangle, origin, direction, weights);
+        out.u[i] = point.u as f32;
+        out.v[i] = point.v as f32;
+        store(out, i, point.position, point.normal, direction);
+    }
+    if spheres {
+        refine_spheres(geometry, packet, out);
+    }
+}
+
+#[inline(never)]
+fn refine_spheres(geometry: &Geometry, packet: &RayPacket, out: &mut Surfaces) {
+    for i in 0..LANES {
+        if out.hit.0[i] == 0 || packet.hits.geom[i] != geometry.spheres_id() {
+            continue;
+        }
+        let sphere = geometry.spheres[packet.hits.prim[i] as usize];
+        let (origin, direction) = ray(packet, i);
+        // The backend's t names the root; its point is moved onto the sphere along the radius.
+        let near = origin + direction * f64::from(packet.rays.tfar[i]);
+        let normal = (near - sphere.center).normalize_or(DVec3::Z);
+        store(
+            out,
+            i,
+            sphere.center + normal * sphere.radius,
+            normal,
+            direction,
+        );
+    }
+}
+
+#[inline(always)]
+fn ray(packet: &RayPacket, i: usize) -> (DVec3, DVec3) {
+    (dvec(&packet.rays.org, i), dvec(&packet.rays.dir, i))
+}
+
+#[inline(always)]
+fn dvec(v: &[[f32; LANES]; 3], i: usize) -> DVec3 {
+    DVec3::new(f64::from(v[0][i]), f64::from(v[1][i]), f64::from(v[2][i]))
+}
+
+/// Rounds a point and its unit normal into lane `i`, turned against `direction`.
+#[inline(always)]
+fn store(out: &mut Surfaces, i: usize, position: DVec3, normal: DVec3, direction: DVec3) {
+    let turn = if normal.dot(direction) > 0.0 {
+        -1.0
+    } else {
+        1.0
+    };
+    let (p, n) = (position.to_array(), (normal * turn).to_array());
+    for axis in 0..3 {
+        let rounded = p[axis] as f32;
+        out.position[axis][i] = rounded;
+        out.outside[axis][i] = round_towards(p[axis], rounded, n[axis]);
+        out.ng[axis][i] = n[axis] as f32;
+    }
+}
+
+/// `rounded`, or its neighbour where it lies on the wrong side of `exact`: the result minus
+/// `exact` has the sign of `towards` or is zero, so that over three axes the dot product with the
+/// normal is never negative.
+#[inline(always)]
+fn round_towards(exact: f64, rounded: f32, towards: f64) -> f32 {
+    let wrong = (f64::from(rounded) - exact) * towards < 0.0;
+    let step = if (rounded > 0.0) == (towards > 0.0) {
+        1
+    } else {
+        -1
+    };
+    let next = f32::from_bits((rounded.to_bits() as i32).wrapping_add(step) as u32);
+    // Around zero the neighbours are denormals; the smallest normal number does as well.
+    let next = if rounded == 0.0 {
+        f32::MIN_POSITIVE.copysign(towards as f32)
+    } else {
+        next
+    };
+    if wrong { next } else { rounded }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn rounding_never_goes_behind_the_plane(
+            p in prop::array::uniform3(-1e6f64..1e6), n in prop::array::uniform3(-1f64..1.0),
+        ) {
+            let mut above = 0.0;
+            for axis in 0..3 {
+                let rounded = p[axis] as f32;
+                let safe = round_towards(p[axis], rounded, n[axis]);
+                prop_assert!((f64::from(safe) - p[axis]).abs() <= 1.5 * f64::from(rounded.abs() * f32::EPSILON) + 1e-37);
+                above += (f64::from(safe) - p[axis]) * n[axis];
+            }
+            prop_assert!(above >= 0.0);
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! The point of a triangle that a ray meets, in f64 from the f32 vertices.
+
+use glam::DVec3;
+
+/// A point on a triangle.
+#[derive(Debug, Clone, Copy)]
+pub struct TrianglePoint {
+    /// `v0 + u (v1 - v0) + v (v2 - v0)`.
+    pub position: DVec3,
+    /// Unit normal `(v1 - v0) x (v2 - v0)`.
+    pub normal: DVec3,
+    /// Weight of v1, in [0, 1].
+    pub u: f64,
+    /// Weight of v2, in [0, 1].
+    pub v: f64,
+}
+
+/// Moves barycentric weights into the triangle: u, v >= 0, u + v <= 1. NaN becomes 0.
+#[inline(always)]
+pub fn clamp_barycentrics(u: f64, v: f64) -> (f64, f64) {
+    // `max` and `min` return the other operand for a NaN.
+    let (u, v) = (u.max(0.0).min(1.0), v.max(0.0).min(1.0));
+    let scale = 1.0 / (u + v).max(1.0);
+    (u * scale, v * scale)
+}
+
+/// Where the ray `origin + t direction`, which a backend reported to hit this triangle at (u, v),
+/// meets its plane, moved onto the triangle.
+///
+/// The position is interpolated from the corners, so it lies on the triangle to f64 rounding
+/// however the ray came (DESIGN: a hit's position comes from the primitive). Where the ray lies in
+/// the plane the backend's (u, v) decide.
+#[inline(always)]
+pub fn refine_triangle(
+    [v0, v1, v2]: [DVec3; 3],
+    origin: DVec3,
+    direction: DVec3,
+    (u, v): (f64, f64),
+) -> TrianglePoint {
+    let (e1, e2) = (v1 - v0, v2 - v0);
+    let normal = e1.cross(e2);
+    let to_v0 = v0 - origin;
+    // Barycentrics as ratios of triple products (Moeller and Trumbore 1997, eq. 6).
+    let det = normal.dot(direction);
+    let r = to_v0.cross(direction);
+    let inverse = 1.0 / det;
+    let (ru, rv) = (r.dot(e2) * inverse, -r.dot(e1) * inverse);
+    let sound = ru.is_finite() & rv.is_finite();
+    let (u, v) = if sound { (ru, rv) } else { (u, v) };
+    let (u, v) = clamp_barycentrics(u, v);
+    let position = v0 + e1 * u + e2 * v;
+    TrianglePoint {
+        position,
+        normal: normal * (1.0 / normal.length()),
+        u,
+        v,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn position_and_weights_of_a_known_hit() {
+        let corners = [DVec3::ZERO, DVec3::X * 2.0, DVec3::Y * 4.0];
+        let point = refine_triangle(corners, DVec3::new(0.5, 1.0, -3.0), DVec3::Z, (0.0, 0.0));
+        assert_eq!(point.position, DVec3::new(0.5, 1.0, 0.0));
+        assert_eq!((point.u, point.v), (0.25, 0.25));
+        assert_eq!(point.normal, DVec3::Z);
+    }
+
+    #[test]
+    fn a_ray_in_the_plane_takes_the_reported_weights() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let point = refine_triangle(corners, DVec3::new(-1.0, 0.2, 0.0), DVec3::X, (0.0, 0.2));
+        assert_eq!(point.position, DVec3::new(0.0, 0.2, 0.0));
+    }
+
+    #[test]
+    fn weights_are_clamped() {
+        assert_eq!(clamp_barycentrics(-1e-9, 0.5), (0.0, 0.5));
+        assert_eq!(clamp_barycentrics(f64::NAN, 2.0), (0.0, 1.0));
+        let (u, v) = clamp_barycentrics(0.9, 0.9);
+        assert_eq!((u, v), (0.5, 0.5));
+    }
+}

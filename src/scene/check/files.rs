@@ -1,0 +1,74 @@
+//! Files that a scene names: they must exist. What is in them is the reader's business.
+
+use std::path::{Path, PathBuf};
+
+use crate::scene::nearest::did_you_mean;
+
+use super::Check;
+
+/// Most names of a folder to compare a misspelt one with.
+const MAX_LISTED: usize = 10_000;
+
+impl Check<'_, '_> {
+    /// The path of a mesh, relative to the working folder.
+    pub(super) fn mesh_file(&mut self, pointer: &str, written: &str) -> PathBuf {
+        let lower = written.to_ascii_lowercase();
+        if [".ply", ".ply.gz", ".ply.zst"]
+            .iter()
+            .any(|end| lower.ends_with(end))
+        {
+            return self.file(pointer, written, "a mesh");
+        }
+        let message = format!("found {written:?}, expected the path of a .ply file");
+        let help = "convert other formats to PLY first, for example with MeshLab or Blender";
+        self.problems.error(pointer, message, Some(help.into()));
+        self.folder.join(written)
+    }
+
+    /// The path of a file that must exist, relative to the working folder.
+    pub(super) fn file(&mut self, pointer: &str, written: &str, what: &str) -> PathBuf {
+        let path = self.folder.join(written);
+        let message = match std::fs::metadata(&path) {
+            Ok(data) if data.is_dir() => {
+                format!("found {written:?}, which is a folder, expected {what}")
+            }
+            Ok(_) => return path,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                format!(
+                    "found {written:?}, expected {what}: there is no file {}",
+                    path.display()
+                )
+            }
+            Err(error) => format!(
+                "found {written:?}, expected {what}: cannot look at {}: {error}",
+                path.display()
+            ),
+        };
+        self.problems.error(pointer, message, near_file(&path));
+        path
+    }
+}
+
+/// The nearest existing file name in the folder of `path`, or the part of it that is missing.
+fn near_file(path: &Path) -> Option<String> {
+    let folder = match path.parent()? {
+        here if here.as_os_str().is_empty() => Path::new("."),
+        folder => folder,
+    };
+    if !folder.is_dir() {
+        return Some(format!("there is no folder {}", folder.display()));
+    }
+    let entries = std::fs::read_dir(folder).ok()?.flatten().take(MAX_LISTED);
+    let mut names: Vec<String> = entries
+        .filter_map(|e| e.file_name().into_string().ok())
+        .collect();
+    names.sort_unstable();
+    let wanted = path.file_name()?.to_str()?;
+    did_you_mean(
+        wanted,
+        names
+            .iter()
+            .map(String::as_str)
+            .filter(|name| *name != wanted),
+    )
+}

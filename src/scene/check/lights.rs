@@ -1,0 +1,69 @@
+//! Lights: an area light is the rectangle of docs/scene-format.md and must have an area.
+
+use crate::scene::{
+    checked::{Light, LightKind},
+    description::{self, AreaLight, Color, Emission, Name},
+};
+
+use super::{Check, geometry::is_flat};
+
+impl Check<'_, '_> {
+    /// Checks `/scene/lightsources`.
+    pub(super) fn lights(&mut self) -> Vec<Light> {
+        let mut lights: Vec<Light> = Vec::new();
+        for i in 0..self.count("/scene/lightsources") {
+            let pointer = format!("/scene/lightsources/{i}");
+            let Some(light) = self.part::<description::Light>(&pointer) else {
+                continue;
+            };
+            let light = match light {
+                description::Light::PointLight(l) => {
+                    let kind = LightKind::Point {
+                        position: l.position.vec(),
+                    };
+                    self.light(&pointer, (&l.name, &l.group), (l.id, l.specular), kind)
+                }
+                description::Light::AreaLight(l) => {
+                    let kind = self.area(&pointer, &l);
+                    self.light(&pointer, (&l.name, &l.group), (l.id, l.specular), kind)
+                }
+            };
+            lights.push(light);
+        }
+        lights
+    }
+
+    fn light(
+        &mut self,
+        pointer: &str,
+        (name, group): (&Option<Name>, &Option<Name>),
+        (id, specular): (Color, Option<Color>),
+        kind: LightKind,
+    ) -> Light {
+        Light {
+            name: self.name(&format!("{pointer}/name"), name),
+            group: self.name(&format!("{pointer}/group"), group),
+            diffuse: id.vec(),
+            specular: specular.unwrap_or(id).vec(),
+            kind,
+        }
+    }
+
+    fn area(&mut self, pointer: &str, light: &AreaLight) -> LightKind {
+        let corner = light.v0.vec();
+        let edge = light.v1.vec() - corner;
+        let across = light.v2.vec() - corner;
+        if is_flat(edge, across) {
+            let message =
+                "found an area light of zero area, expected v0, v1 and v2 not on one line";
+            self.problems.error(pointer, message, None);
+        }
+        LightKind::Area {
+            corner,
+            edge,
+            height: across - edge * (across.dot(edge) / edge.length_squared()),
+            samples: light.samples,
+            lambertian: light.emission == Emission::Lambertian,
+        }
+    }
+}

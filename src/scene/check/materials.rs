@@ -1,0 +1,149 @@
+//! Materials: names resolved, textures present.
+
+use std::collections::HashMap;
+
+use crate::scene::{
+    checked::{ColorSpace, Filter, Material, TextureUse, Wrap},
+    description::{self, MaterialUse},
+    document::{NodeKind, join},
+    nearest::{did_you_mean, list},
+};
+
+use super::Check;
+
+/// All materials of a scene.
+pub(super) struct Materials {
+    /// Named ones first, in file order, then inline ones.
+    pub all: Vec<Material>,
+    /// Index of each name, and whether a shape uses it.
+    names: HashMap<String, (usize, bool)>,
+}
+
+impl Check<'_, '_> {
+    /// Checks `/scene/materials`.
+    pub(super) fn named_materials(&mut self) -> Materials {
+        let mut materials = Materials {
+            all: Vec::new(),
+            names: HashMap::new(),
+        };
+        let document = self.document;
+        let Some(NodeKind::Object(members)) = document.get("/scene/materials").map(|n| &n.kind)
+        else {
+            return materials;
+        };
+        for member in members.iter().filter(|m| m.key != "comment") {
+            let pointer = join("/scene/materials", &member.key);
+            // A broken material keeps its name, or every use of it would be an error too.
+            let written = self.part(&pointer).unwrap_or_default();
+            let material = self.material(&pointer, &written);
+            materials
+                .names
+                .insert(member.key.clone(), (materials.all.len(), false));
+            materials.all.push(material);
+        }
+        materials
+    }
+
+    /// Warns of materials that no shape uses.
+    pub(super) fn unused(&mut self, materials: &Materials) {
+        for (name, (_, used)) in &materials.names {
+            if !used {
+                let message = format!("found the material {name:?}, which no shape uses");
+                self.problems
+                    .warn(&join("/scene/materials", name), message, None);
+            }
+        }
+    }
+
+    /// The index of the material of a shape.
+    pub(super) fn material_of(&mut self, shape: &str, materials: &mut Materials) -> Option<usize> {
+        let pointer = format!("{shape}/material");
+        match self.part::<MaterialUse>(&pointer)? {
+            MaterialUse::Inline(material) => {
+                let material = self.material(&pointer, &material);
+                materials.all.push(material);
+                Some(materials.all.len() - 1)
+            }
+            MaterialUse::Named(name) => {
+                if let Some((index, used)) = materials.names.get_mut(&name.0) {
+                    *used = true;
+                    return Some(*index);
+                }
+                let mut known: Vec<&str> = materials.names.keys().map(String::as_str).collect();
+                known.sort_unstable();
+                let help = did_you_mean(&name.0, known.iter().copied());
+                let wanted = match known.len() {
+                    0 => "a material under /scene/materials or an inline one".to_string(),
+                    1..=20 => list(known),
+                    n => format!("one of the {n} names under /scene/materials"),
+                };
+                let message = format!("found the unknown material {:?}, expected {wanted}", name.0);
+                self.problems.error(&pointer, message, help);
+                None
+            }
+        }
+    }
+
+    fn material(&mut self, pointer: &str, written: &description::Material) -> Material {
+        Material {
+            kd: written.kd as f32,
+            ks: written.ks as f32,
+            ka: written.ka as f32,
+            kr: written.kr as f32,
+            specular_exponent: written.specularexponent as f32,
+            diffuse_color: written.diffusecolor.vec(),
+            texture: self.texture(pointer, written),
+        }
+    }
+
+    fn texture(&mut self, pointer: &str, written: &description::Material) -> Option<TextureUse> {
+        let Some(name) = &written.texture_path else {
+            self.texture_keys_without_path(pointer);
+            return None;
+        };
+        let place = format!("{pointer}/tPath");
+        let path = self.file(&place, &name.0, "an image");
+        let [u, v] = written.texture_scale;
+        Some(TextureUse {
+            place: self.document.place(&place),
+            path,
+            declared_size: [written.texture_width, written.texture_height],
+            filter: match written.filter {
+                description::Filter::Bilinear => Filter::Bilinear,
+                description::Filter::Nearest => Filter::Nearest,
+            },
+            wrap: written.wrap.map(|wrap| match wrap {
+                description::Wrap::Repeat => Wrap::Repeat,
+                description::Wrap::Clamp => Wrap::Clamp,
+            }),
+            color_space: written.colorspace.map(ColorSpace::from),
+            scale: glam::DVec2::new(u, v).as_vec2(),
+        })
+    }
+
+    fn texture_keys_without_path(&mut self, pointer: &str) {
+        for key in [
+            "tWidth",
+            "tHeight",
+            "filter",
+            "wrap",
+            "colorspace",
+            "tScale",
+        ] {
+            let at = format!("{pointer}/{key}");
+            if self.document.get(&at).is_some() {
+                let message = format!("found `{key}` without `tPath`; it has no effect");
+                self.problems.warn(&at, message, None);
+            }
+        }
+    }
+}
+
+impl From<description::ColorSpace> for ColorSpace {
+    fn from(space: description::ColorSpace) -> Self {
+        match space {
+            description::ColorSpace::Srgb => Self::Srgb,
+            description::ColorSpace::Linear => Self::Linear,
+        }
+    }
+}

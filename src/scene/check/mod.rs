@@ -1,0 +1,158 @@
+//! Description -> [`Scene`]: what the types cannot say. Every problem is collected; a part whose
+//! structure is broken is skipped and the others are still checked, so one run reports all.
+//! Opens no file but looks whether those that are named exist.
+
+mod camera;
+mod files;
+mod geometry;
+mod lights;
+mod materials;
+mod overview;
+mod shapes;
+
+use std::{collections::BTreeSet, path::Path};
+
+use serde::de::DeserializeOwned;
+
+use super::{
+    checked::{Backend, Falloff, Scene, ToneOperator, Tonemap},
+    description::{Accelerator, Attenuation, Description, Name, Operator, Transfer},
+    document::{Document, NodeKind},
+    problems::Problems,
+};
+
+/// Longest name in characters: EXR headers hold 255 bytes, prefixes and suffixes included.
+const MAX_NAME_CHARS: usize = 200;
+
+/// Checks the meaning of `problems.document`. `broken` are the pointers that the structural check
+/// could not read; `folder` is what paths are relative to.
+pub fn check(
+    problems: &mut Problems,
+    broken: Vec<String>,
+    folder: &Path,
+) -> Option<(Description, Scene)> {
+    let mut check = Check {
+        document: problems.document,
+        problems,
+        broken: broken.into_iter().collect(),
+        folder,
+    };
+    let camera = check.camera();
+    let lights = check.lights();
+    let mut materials = check.named_materials();
+    let shapes = check.shapes(&mut materials);
+    check.unused(&materials);
+    check.layers();
+    let description: Option<Description> = check.part("");
+    let (camera, description) = (camera?, description?);
+    let scene = Scene {
+        nbounces: description.nbounces,
+        spp: description.spp,
+        // The bits are what matters; a negative seed is as good as any.
+        seed: u64::from_ne_bytes(description.seed.to_ne_bytes()),
+        camera,
+        background: description.scene.backgroundcolor.vec(),
+        ambient: description.scene.ambient.vec(),
+        falloff: match description.scene.attenuation {
+            Attenuation::None => Falloff::None,
+            Attenuation::Linear => Falloff::Linear,
+            Attenuation::Quadratic => Falloff::Quadratic,
+        },
+        backend: match description.scene.accelerator {
+            Accelerator::Embree => Backend::Embree,
+            Accelerator::Bvh => Backend::Bvh,
+            Accelerator::Coursework => Backend::Coursework,
+            Accelerator::Brute => Backend::Brute,
+        },
+        lights,
+        shapes,
+        materials: materials.all,
+        tonemap: tonemap(&description),
+        layers: description
+            .output
+            .layers
+            .iter()
+            .map(|l| l.0.clone())
+            .collect(),
+        transparent: description.output.transparent,
+    };
+    check.look_over(&scene);
+    check.problems.is_empty().then_some((description, scene))
+}
+
+fn tonemap(description: &Description) -> Tonemap {
+    let tonemap = &description.tonemap;
+    Tonemap {
+        operator: match tonemap.operator {
+            Operator::Max => ToneOperator::Max,
+            Operator::Clamp => ToneOperator::Clamp,
+            Operator::Reinhard => ToneOperator::Reinhard,
+        },
+        exposure: tonemap.exposure as f32,
+        srgb: tonemap.transfer == Transfer::Srgb,
+    }
+}
+
+struct Check<'d, 'p> {
+    document: &'d Document,
+    problems: &'p mut Problems<'d>,
+    broken: BTreeSet<String>,
+    folder: &'p Path,
+}
+
+impl Check<'_, '_> {
+    /// The value at `pointer`, unless it is absent or its structure is broken.
+    fn part<T: DeserializeOwned>(&mut self, pointer: &str) -> Option<T> {
+        let below = format!("{pointer}/");
+        let next = self.broken.range(below.clone()..).next();
+        if self.broken.contains(pointer) || next.is_some_and(|p| p.starts_with(&below)) {
+            return None;
+        }
+        let value = self.document.get(pointer)?.to_value();
+        match serde_json::from_value(value) {
+            Ok(part) => Some(part),
+            Err(error) => {
+                // The schema is made from the types, so this is not expected to happen.
+                self.problems.error(pointer, error.to_string(), None);
+                None
+            }
+        }
+    }
+
+    /// Items of the array at `pointer`.
+    fn count(&self, pointer: &str) -> usize {
+        match self.document.get(pointer).map(|node| &node.kind) {
+            Some(NodeKind::List(items)) => items.len(),
+            _ => 0,
+        }
+    }
+
+    /// A name that can stand in an EXR header.
+    fn name(&mut self, pointer: &str, name: &Option<Name>) -> Option<String> {
+        let Name(name) = name.as_ref()?;
+        if name.chars().any(char::is_control) || name.trim().is_empty() {
+            let message = format!("found {name:?}, expected a name without control characters");
+            self.problems.error(pointer, message, None);
+        } else if name.chars().count() > MAX_NAME_CHARS {
+            let count = name.chars().count();
+            let message =
+                format!("found a name of {count} characters, expected at most {MAX_NAME_CHARS}");
+            self.problems.error(pointer, message, None);
+        }
+        Some(name.clone())
+    }
+
+    fn layers(&mut self) {
+        let layers: Vec<Name> = self.part("/output/layers").unwrap_or_default();
+        for (i, layer) in layers.iter().enumerate() {
+            if layers[..i].contains(layer) {
+                let message = format!(
+                    "found the layer {:?} a second time; it is written once",
+                    layer.0
+                );
+                self.problems
+                    .warn(&format!("/output/layers/{i}"), message, None);
+            }
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! What is valid but surely not meant, seen from the scene as a whole: warnings only.
+
+use glam::DVec3;
+
+use crate::scene::checked::{LightKind, Scene, ShapeKind};
+
+use super::Check;
+
+impl Check<'_, '_> {
+    /// Warns of a camera or a light that a sphere swallows, and of mirrors that never mirror.
+    pub(super) fn look_over(&mut self, scene: &Scene) {
+        let spheres: Vec<(usize, DVec3, f64)> = scene
+            .shapes
+            .iter()
+            .enumerate()
+            .filter_map(|(i, shape)| match shape.kind {
+                ShapeKind::Sphere { center, radius, .. } => Some((i, center, radius)),
+                _ => None,
+            })
+            .collect();
+        let around = |point: DVec3| {
+            let holds = move |sphere: &&(usize, DVec3, f64)| point.distance(sphere.1) < sphere.2;
+            spheres.iter().filter(holds).map(|(i, ..)| *i)
+        };
+        let swallowed: Vec<usize> = around(scene.camera.position).collect();
+        for i in &swallowed {
+            let message = format!(
+                "found the camera inside the sphere /scene/shapes/{i}; it sees only the inner side"
+            );
+            self.problems
+                .warn(&format!("/scene/shapes/{i}"), message, None);
+        }
+        for (l, light) in scene.lights.iter().enumerate() {
+            let point = match light.kind {
+                LightKind::Point { position } => position,
+                LightKind::Area {
+                    corner,
+                    edge,
+                    height,
+                    ..
+                } => corner + (edge + height) / 2.0,
+            };
+            if let Some(i) = around(point).find(|i| !swallowed.contains(i)) {
+                let message = format!(
+                    "found the light inside the sphere /scene/shapes/{i}, which shadows all else from it"
+                );
+                self.problems
+                    .warn(&format!("/scene/lightsources/{l}"), message, None);
+            }
+        }
+        if scene.nbounces == 0 && scene.materials.iter().any(|m| m.kr > 0.0) {
+            let message = "found 0 although a material has `kr` > 0; no mirror will mirror";
+            self.problems.warn(
+                "/nbounces",
+                message,
+                Some("set `nbounces` to 1 or more".into()),
+            );
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Shapes: areas, convexity, files, materials.
+
+use glam::DVec3;
+
+use crate::scene::{
+    checked::{Shape, ShapeKind, Trimesh},
+    description::{self, Pole, TriMesh},
+};
+
+use super::{
+    Check,
+    geometry::{QuadFault, is_flat, quad_fault},
+    materials::Materials,
+};
+
+impl Check<'_, '_> {
+    /// Checks `/scene/shapes`.
+    pub(super) fn shapes(&mut self, materials: &mut Materials) -> Vec<Shape> {
+        let mut shapes = Vec::new();
+        for i in 0..self.count("/scene/shapes") {
+            let pointer = format!("/scene/shapes/{i}");
+            let material = self.material_of(&pointer, materials);
+            let Some(shape) = self.part::<description::Shape>(&pointer) else {
+                continue;
+            };
+            let name = self.name(&format!("{pointer}/name"), shape.common().0);
+            let kind = self.shape_kind(&pointer, &shape);
+            shapes.extend(material.map(|material| Shape {
+                name,
+                material,
+                kind,
+            }));
+        }
+        shapes
+    }
+
+    fn shape_kind(&mut self, pointer: &str, shape: &description::Shape) -> ShapeKind {
+        match shape {
+            description::Shape::Sphere(s) => ShapeKind::Sphere {
+                center: s.center.vec(),
+                radius: s.radius,
+                pole: match s.pole {
+                    Pole::X => 0,
+                    Pole::Y => 1,
+                    Pole::Z => 2,
+                },
+            },
+            description::Shape::Plane(s) => {
+                let corners = [s.v0.vec(), s.v1.vec(), s.v2.vec(), s.v3.vec()];
+                self.quad(pointer, &corners);
+                ShapeKind::Plane { corners }
+            }
+            description::Shape::Triangle(s) => {
+                let corners = [s.v0.vec(), s.v1.vec(), s.v2.vec()];
+                let [v0, v1, v2] = corners;
+                if is_flat(v1 - v0, v2 - v0) {
+                    let message =
+                        "found a triangle of zero area, expected v0, v1 and v2 not on one line";
+                    self.problems.error(pointer, message, None);
+                }
+                ShapeKind::Triangle { corners }
+            }
+            description::Shape::TriMesh(s) => {
+                ShapeKind::Trimesh(Box::new(self.trimesh(pointer, s)))
+            }
+        }
+    }
+
+    fn quad(&mut self, pointer: &str, corners: &[DVec3; 4]) {
+        let Some(fault) = quad_fault(corners) else {
+            return;
+        };
+        let in_order = || Some("list the corners in order around the quad".to_string());
+        let (at, message, help) = match fault {
+            QuadFault::NoArea => (
+                pointer.to_string(),
+                "found a quad of zero area, expected four corners in order around it".to_string(),
+                in_order(),
+            ),
+            QuadFault::Coincident(i) => {
+                let next = (i + 1) % 4;
+                let message =
+                    format!("found v{i} equal to v{next}, expected four different corners");
+                (
+                    format!("{pointer}/v{next}"),
+                    message,
+                    Some("use a `triangle`".to_string()),
+                )
+            }
+            QuadFault::OutOfPlane(i, off) => {
+                let message = format!(
+                    "found v{i} out of the quad's plane by {off:.2e} of the longest edge, expected at most 1e-4"
+                );
+                (
+                    format!("{pointer}/v{i}"),
+                    message,
+                    Some("use two triangles".to_string()),
+                )
+            }
+            QuadFault::Concave(i) => {
+                let message =
+                    format!("found a quad that is not convex at v{i}, expected a convex one");
+                (format!("{pointer}/v{i}"), message, in_order())
+            }
+        };
+        self.problems.error(&at, message, help);
+    }
+
+    fn trimesh(&mut self, pointer: &str, mesh: &TriMesh) -> Trimesh {
+        let place = format!("{pointer}/path");
+        Trimesh {
+            place: self.document.place(&place),
+            path: self.mesh_file(&place, &mesh.path.0),
+            fit: mesh.fit,
+            rotate_deg: mesh.rotate.0.into(),
+            size: mesh.size,
+            center: mesh.center.vec(),
+            smooth: mesh.smooth,
+            bvh: mesh.bvh,
+            vertex_colors: mesh.vertexcolors,
+            vertex_color_space: mesh.vertexcolorspace.map(Into::into),
+        }
+    }
+}

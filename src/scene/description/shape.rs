@@ -1,0 +1,151 @@
+//! Shapes as written.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Angles, ColorSpace, MaterialUse, Name, Point};
+
+/// A shape.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "lowercase")]
+pub enum Shape {
+    /// A sphere.
+    Sphere(Sphere),
+    /// A bounded planar convex quad.
+    Plane(Plane),
+    /// A triangle.
+    Triangle(Triangle),
+    /// A mesh from a PLY file.
+    TriMesh(TriMesh),
+}
+
+impl Shape {
+    /// Its name and material.
+    pub fn common(&self) -> (&Option<Name>, &MaterialUse) {
+        match self {
+            Self::Sphere(s) => (&s.name, &s.material),
+            Self::Plane(s) => (&s.name, &s.material),
+            Self::Triangle(s) => (&s.name, &s.material),
+            Self::TriMesh(s) => (&s.name, &s.material),
+        }
+    }
+}
+
+/// A sphere.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Sphere {
+    /// Used for object IDs in the EXR.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<Name>,
+    /// An inline material or the name of one.
+    pub material: MaterialUse,
+    /// World position of the centre.
+    pub center: Point,
+    /// World units.
+    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    pub radius: f64,
+    /// Axis of the texture's poles.
+    #[serde(default)]
+    pub pole: Pole,
+}
+
+/// Axis of a sphere's texture poles.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Pole {
+    /// poles on x
+    X,
+    /// poles on y
+    Y,
+    /// poles on z
+    #[default]
+    Z,
+}
+
+/// A bounded planar convex quad, corners in order around it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Plane {
+    /// Used for object IDs in the EXR.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<Name>,
+    /// An inline material or the name of one.
+    pub material: MaterialUse,
+    /// Corner 0.
+    pub v0: Point,
+    /// Corner 1.
+    pub v1: Point,
+    /// Corner 2.
+    pub v2: Point,
+    /// Corner 3.
+    pub v3: Point,
+}
+
+/// A triangle, not of zero area.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Triangle {
+    /// Used for object IDs in the EXR.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<Name>,
+    /// An inline material or the name of one.
+    pub material: MaterialUse,
+    /// Corner 0.
+    pub v0: Point,
+    /// Corner 1.
+    pub v1: Point,
+    /// Corner 2.
+    pub v2: Point,
+}
+
+/// A mesh from a PLY file, placed by `fit`, then `rotate`, then `size` and `center`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TriMesh {
+    /// Used for object IDs in the EXR.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<Name>,
+    /// An inline material or the name of one.
+    pub material: MaterialUse,
+    /// A `.ply` file, relative to the scene file.
+    pub path: Name,
+    /// Centre the mesh's box on the origin and scale its longest side to this.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    pub fit: Option<f64>,
+    /// Degrees about the x, then y, then z axis; [-90, 0, 0] stands a z-up scan upright.
+    #[serde(default = "no_angles")]
+    pub rotate: Angles,
+    /// Vertices become `center + size * p`.
+    #[serde(default = "one")]
+    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    pub size: f64,
+    /// Vertices become `center + size * p`.
+    #[serde(default = "origin")]
+    pub center: Point,
+    /// Shade with interpolated vertex normals.
+    #[serde(default)]
+    pub smooth: bool,
+    /// false makes the `coursework` backend loop over the mesh's triangles; others ignore it.
+    #[serde(default = "yes")]
+    pub bvh: bool,
+    /// Multiply `diffusecolor` by the file's vertex colours.
+    #[serde(default = "yes")]
+    pub vertexcolors: bool,
+    /// Overrides what the file's colour type implies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertexcolorspace: Option<ColorSpace>,
+}
+
+fn no_angles() -> Angles {
+    Angles([0.0; 3])
+}
+
+fn origin() -> Point {
+    Point([0.0; 3])
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn yes() -> bool {
+    true
+}

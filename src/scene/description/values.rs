@@ -1,0 +1,96 @@
+//! The values that scene files are made of. The bounds keep every later product finite:
+//! coordinates squared in f32, colours times coefficients.
+
+use std::borrow::Cow;
+
+use glam::{DVec3, Vec3};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Serialize};
+
+/// Largest coordinate, in world units: its square still fits f32.
+pub const MAX_COORDINATE: f64 = 1e18;
+/// Largest colour component.
+pub const MAX_COLOR: f64 = 1e18;
+
+/// Linear RGB, may exceed 1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Color(pub [f64; 3]);
+
+/// A point in world units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Point(pub [f64; 3]);
+
+/// A direction of any length.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Direction(pub [f64; 3]);
+
+/// Degrees about the x, then y, then z axis.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Angles(pub [f64; 3]);
+
+/// A word that is not empty.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Name(pub String);
+
+impl Color {
+    /// As the renderer has it.
+    pub fn vec(self) -> Vec3 {
+        DVec3::from(self.0).as_vec3()
+    }
+}
+
+impl Point {
+    /// As the renderer has it.
+    pub fn vec(self) -> DVec3 {
+        self.0.into()
+    }
+}
+
+fn three(limit: Option<f64>, description: &str) -> Schema {
+    let mut item = serde_json::json!({ "type": "number" });
+    if let Some(limit) = limit {
+        item["minimum"] = (-limit).into();
+        item["maximum"] = limit.into();
+    }
+    json_schema!({
+        "description": description,
+        "type": "array",
+        "items": item,
+        "minItems": 3,
+        "maxItems": 3,
+    })
+}
+
+/// A schema by hand, inlined where it is used.
+macro_rules! inline_schema {
+    ($type:ident, $schema:expr) => {
+        impl JsonSchema for $type {
+            fn inline_schema() -> bool {
+                true
+            }
+            fn schema_name() -> Cow<'static, str> {
+                stringify!($type).into()
+            }
+            fn json_schema(_: &mut SchemaGenerator) -> Schema {
+                $schema
+            }
+        }
+    };
+}
+
+inline_schema!(Color, three(Some(MAX_COLOR), "Linear RGB, may exceed 1."));
+inline_schema!(
+    Point,
+    three(Some(MAX_COORDINATE), "A point in world units.")
+);
+inline_schema!(Direction, three(None, "A direction of any length."));
+inline_schema!(
+    Angles,
+    three(Some(1e6), "Degrees about the x, then y, then z axis.")
+);
+inline_schema!(Name, json_schema!({ "type": "string", "minLength": 1 }));

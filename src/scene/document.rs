@@ -1,0 +1,292 @@
+//! A JSON text as a tree that remembers where everything was written.
+//!
+//! Why: a message about `/camera/fov` must name the line and column, also when the value is wrong
+//! in meaning and not in syntax. Keeps what a JSON value type loses: places, duplicate keys, the
+//! source text of numbers. It knows nothing of scenes.
+
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use crate::error::{Error, Kind, Problem, Result};
+
+use super::parse::{self, SyntaxError};
+
+/// Where a node was written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Place {
+    /// In the text.
+    Text {
+        /// 1-based.
+        line: u32,
+        /// 1-based, in characters.
+        column: u32,
+    },
+    /// By `--set` at this JSON pointer.
+    Set(Arc<str>),
+    /// By code: there is no text.
+    Code,
+}
+
+impl Place {
+    /// Sorts problems by the place of their cause: the text first, then overrides.
+    pub(super) fn order(&self) -> (u32, u32) {
+        match self {
+            Self::Text { line, column } => (*line, *column),
+            Self::Set(_) | Self::Code => (u32::MAX, u32::MAX),
+        }
+    }
+}
+
+/// A JSON value and its place.
+#[derive(Debug, Clone)]
+pub struct Node {
+    /// Where it starts.
+    pub place: Place,
+    /// What it is.
+    pub kind: NodeKind,
+}
+
+/// A JSON value; numbers as they were written.
+#[derive(Debug, Clone)]
+pub enum NodeKind {
+    /// `null`
+    Null,
+    /// `true` or `false`
+    Bool(bool),
+    /// The source text of a number.
+    Number(String),
+    /// A string, escapes resolved.
+    Text(String),
+    /// An array.
+    List(Vec<Node>),
+    /// An object, duplicate keys kept.
+    Object(Vec<Member>),
+}
+
+/// One key of an object.
+#[derive(Debug, Clone)]
+pub struct Member {
+    /// Of the key.
+    pub place: Place,
+    /// The key.
+    pub key: String,
+    /// Its value.
+    pub value: Node,
+}
+
+impl Node {
+    /// The value of `key`; the last one if it is there twice.
+    pub fn member(&self, key: &str) -> Option<&Node> {
+        match &self.kind {
+            NodeKind::Object(members) => {
+                let found = members.iter().rev().find(|m| m.key == key)?;
+                Some(&found.value)
+            }
+            _ => None,
+        }
+    }
+
+    /// One step of a JSON pointer, unescaped.
+    fn step(&self, token: &str) -> Option<&Node> {
+        match &self.kind {
+            NodeKind::List(items) => items.get(list_index(token)?),
+            _ => self.member(token),
+        }
+    }
+
+    /// A whole number, however it is written (`16`, `16.0`, `1.6e1`).
+    pub fn integer(&self) -> Option<i128> {
+        let NodeKind::Number(text) = &self.kind else {
+            return None;
+        };
+        if let Ok(integer) = text.parse::<i128>() {
+            return Some(integer);
+        }
+        let number = text.parse::<f64>().ok()?;
+        // Beyond 2^53 a float no longer says which integer was meant.
+        let exact = number.fract() == 0.0 && number.abs() <= 9_007_199_254_740_992.0;
+        exact.then_some(number as i128)
+    }
+
+    /// The number, if it is one; infinite if it is beyond f64.
+    pub fn number(&self) -> Option<f64> {
+        match &self.kind {
+            NodeKind::Number(text) => text.parse().ok(),
+            _ => None,
+        }
+    }
+
+    /// As a plain JSON value, without `comment` keys; of duplicate keys the last counts.
+    /// Whole numbers become integers; a number beyond f64 becomes `null`.
+    pub fn to_value(&self) -> Value {
+        match &self.kind {
+            NodeKind::Null => Value::Null,
+            NodeKind::Bool(b) => Value::Bool(*b),
+            NodeKind::Text(s) => Value::String(s.clone()),
+            NodeKind::List(items) => items.iter().map(Self::to_value).collect(),
+            NodeKind::Object(members) => members
+                .iter()
+                .filter(|m| m.key != "comment")
+                .map(|m| (m.key.clone(), m.value.to_value()))
+                .collect(),
+            NodeKind::Number(_) => {
+                let integer = self.integer();
+                if let Some(n) = integer.and_then(|i| i64::try_from(i).ok()) {
+                    return n.into();
+                }
+                self.number().unwrap_or(f64::NAN).into()
+            }
+        }
+    }
+
+    /// The node of a value made by code.
+    fn from_value(value: &Value) -> Self {
+        let kind = match value {
+            Value::Null => NodeKind::Null,
+            Value::Bool(b) => NodeKind::Bool(*b),
+            Value::Number(n) => NodeKind::Number(n.to_string()),
+            Value::String(s) => NodeKind::Text(s.clone()),
+            Value::Array(items) => NodeKind::List(items.iter().map(Self::from_value).collect()),
+            Value::Object(map) => NodeKind::Object(
+                map.iter()
+                    .map(|(key, value)| Member {
+                        place: Place::Code,
+                        key: key.clone(),
+                        value: Self::from_value(value),
+                    })
+                    .collect(),
+            ),
+        };
+        Self {
+            place: Place::Code,
+            kind,
+        }
+    }
+}
+
+/// A whole JSON text.
+#[derive(Debug, Clone)]
+pub struct Document {
+    /// What messages call it: a path, `<stdin>`.
+    pub name: String,
+    /// Its one value.
+    pub root: Node,
+}
+
+impl Document {
+    /// Parses strict JSON in UTF-8; a byte order mark is skipped.
+    ///
+    /// # Errors
+    /// The first thing that is not JSON, with its place.
+    pub fn parse(name: &str, bytes: &[u8]) -> Result<Self> {
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        let text =
+            std::str::from_utf8(bytes).map_err(|e| not_utf8(name, bytes, e.valid_up_to()))?;
+        if text.trim().is_empty() {
+            return Err(Error::invalid(
+                name,
+                "found an empty file, expected a JSON object",
+            ));
+        }
+        let root = parse::parse(text).map_err(|e| syntax_error(name, e))?;
+        Ok(Self {
+            name: name.to_string(),
+            root,
+        })
+    }
+
+    /// A document without text, for scenes made by code.
+    pub fn from_value(name: &str, value: &Value) -> Self {
+        Self {
+            name: name.to_string(),
+            root: Node::from_value(value),
+        }
+    }
+
+    /// The node at a JSON pointer.
+    pub fn get(&self, pointer: &str) -> Option<&Node> {
+        tokens(pointer).try_fold(&self.root, |node, token| node.step(&token))
+    }
+
+    /// The node at `pointer`, or else its nearest ancestor that exists.
+    pub(super) fn nearest(&self, pointer: &str) -> &Node {
+        let mut node = &self.root;
+        for token in tokens(pointer) {
+            match node.step(&token) {
+                Some(child) => node = child,
+                None => break,
+            }
+        }
+        node
+    }
+
+    /// `FILE:LINE:COL (/json/pointer)` of the node at `pointer`.
+    pub fn place(&self, pointer: &str) -> String {
+        self.describe(&self.nearest(pointer).place, pointer)
+    }
+
+    /// `FILE:LINE:COL (/json/pointer)`, or `--set /pointer` for an override.
+    pub fn describe(&self, place: &Place, pointer: &str) -> String {
+        let what = match place {
+            Place::Text { line, column } => format!("{}:{line}:{column}", self.name),
+            Place::Set(at) if **at == *pointer => return format!("--set {pointer}"),
+            Place::Set(at) => format!("--set {at}"),
+            Place::Code => self.name.clone(),
+        };
+        match pointer {
+            "" => what,
+            _ => format!("{what} ({pointer})"),
+        }
+    }
+}
+
+/// The unescaped steps of a JSON pointer (RFC 6901).
+pub(super) fn tokens(pointer: &str) -> impl Iterator<Item = String> + '_ {
+    let steps = pointer.strip_prefix('/').map(|rest| rest.split('/'));
+    steps
+        .into_iter()
+        .flatten()
+        .map(|t| t.replace("~1", "/").replace("~0", "~"))
+}
+
+/// `pointer` extended by one key.
+pub(super) fn join(pointer: &str, key: &str) -> String {
+    format!("{pointer}/{}", key.replace('~', "~0").replace('/', "~1"))
+}
+
+/// An array index as RFC 6901 writes it: no sign, no leading zero.
+pub(super) fn list_index(token: &str) -> Option<usize> {
+    let plain =
+        token.bytes().all(|b| b.is_ascii_digit()) && (token == "0" || !token.starts_with('0'));
+    token.parse().ok().filter(|_| plain)
+}
+
+fn syntax_error(name: &str, error: SyntaxError) -> Error {
+    let place = format!("{name}:{}:{}", error.line, error.column);
+    let problem = Problem {
+        place,
+        message: error.message,
+        help: error.help.map(str::to_string),
+    };
+    Error::new(Kind::Invalid, problem)
+}
+
+fn not_utf8(name: &str, bytes: &[u8], at: usize) -> Error {
+    let before = String::from_utf8_lossy(&bytes[..at]);
+    let line = before.matches('\n').count() + 1;
+    let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+    let place = format!("{name}:{line}:{column}");
+    let byte = bytes.get(at).copied().unwrap_or(0);
+    let error = Error::invalid(
+        place,
+        format!("found byte 0x{byte:02x}, which is not UTF-8, expected JSON text"),
+    );
+    match bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => {
+            error.help("this looks like UTF-16: save the file as UTF-8")
+        }
+        [0x1f, 0x8b, ..] => error.help("this looks like a gzip file: unpack it first"),
+        _ => error.help("save the file as UTF-8"),
+    }
+}

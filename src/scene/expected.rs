@@ -1,0 +1,104 @@
+//! The words of a message: what was found, what a schema expects.
+
+use serde_json::Value;
+
+use super::{
+    document::{Node, NodeKind},
+    nearest::list,
+    schema::{resolve, tag},
+};
+
+/// Longest piece of the input that a message repeats, in characters.
+const QUOTED_CHARS: usize = 60;
+
+/// A value as a message shows it.
+pub fn found(node: &Node) -> String {
+    match &node.kind {
+        NodeKind::Null => "null".into(),
+        NodeKind::Bool(b) => b.to_string(),
+        NodeKind::Number(text) => cut(text),
+        NodeKind::Text(text) => format!("{:?}", cut(text)),
+        NodeKind::List(items) => format!("an array of {}", items.len()),
+        NodeKind::Object(_) => "an object".into(),
+    }
+}
+
+fn cut(text: &str) -> String {
+    match text.char_indices().nth(QUOTED_CHARS) {
+        None => text.to_string(),
+        Some((at, _)) => format!("{}...", &text[..at]),
+    }
+}
+
+/// The words of an enumeration.
+pub fn words(schema: &Value) -> Option<Vec<&str>> {
+    if let Some(only) = schema["const"].as_str() {
+        return Some(vec![only]);
+    }
+    let list = schema["enum"].as_array().or(schema["oneOf"].as_array())?;
+    list.iter()
+        .map(|w| w.as_str().or(w["const"].as_str()))
+        .collect()
+}
+
+/// What a schema accepts, in words.
+pub fn expected(root: &Value, schema: &Value) -> String {
+    let schema = resolve(root, schema);
+    if let Some(words) = words(schema) {
+        return list(words);
+    }
+    let branches = schema["oneOf"].as_array().or(schema["anyOf"].as_array());
+    let kind = match (schema["type"].as_str(), branches) {
+        (Some(kind), _) => kind,
+        (None, Some(branches)) if branches.iter().any(|b| tag(b).is_some()) => "object",
+        (None, Some(branches)) => {
+            let all: Vec<String> = branches.iter().map(|b| expected(root, b)).collect();
+            return all.join(" or ");
+        }
+        (None, None) => "",
+    };
+    match kind {
+        "object" => "an object".into(),
+        "array" => array(root, schema),
+        "string" => "a string".into(),
+        "boolean" => "true or false".into(),
+        "integer" => format!("an integer{}", range(schema)),
+        "number" => format!("a number{}", range(schema)),
+        _ => "a value".into(),
+    }
+}
+
+fn array(root: &Value, schema: &Value) -> String {
+    let items = resolve(root, &schema["items"]);
+    let what = match items["type"].as_str() {
+        Some("number") => "numbers",
+        Some("string") => "strings",
+        _ => "objects",
+    };
+    match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {
+        (Some(min), Some(max)) if min == max => format!("an array of {min} {what}"),
+        _ => format!("an array of {what}"),
+    }
+}
+
+fn range(schema: &Value) -> String {
+    let bound = |key: &str| schema.get(key).map(show);
+    let low = bound("exclusiveMinimum").map(|b| ('(', b));
+    let low = low.or(bound("minimum").map(|b| ('[', b)));
+    let high = bound("exclusiveMaximum").map(|b| (')', b));
+    let high = high.or(bound("maximum").map(|b| (']', b)));
+    match (low, high) {
+        (Some((open, low)), Some((close, high))) => format!(" in {open}{low}, {high}{close}"),
+        (Some((open, low)), None) => format!(" {} {low}", if open == '(' { ">" } else { ">=" }),
+        (None, Some((close, high))) => format!(" {} {high}", if close == ')' { "<" } else { "<=" }),
+        (None, None) => String::new(),
+    }
+}
+
+fn show(bound: &Value) -> String {
+    match bound.as_f64() {
+        Some(f) if bound.is_f64() && f.abs() >= 1e6 => format!("{f:e}"),
+        Some(f) if bound.is_f64() => f.to_string(),
+        _ => bound.to_string(),
+    }
+}

@@ -1,0 +1,125 @@
+//! `--set /json/pointer=VALUE`: changes a [`Document`] before it is checked, so that an override
+//! passes the same checks as the text and is named as `--set` in messages.
+
+use std::sync::Arc;
+
+use crate::error::Problem;
+
+use super::{
+    document::{Document, Member, Node, NodeKind, Place, join, list_index, tokens},
+    parse::{self, MAX_DEPTH},
+};
+
+impl Document {
+    /// Applies one `/json/pointer=VALUE`. VALUE is JSON, or else taken as a string. Missing object
+    /// members are created; an array index must exist, `-` appends.
+    ///
+    /// # Errors
+    /// A text that is no assignment, or a pointer that leads nowhere.
+    pub fn apply_set(&mut self, assignment: &str) -> std::result::Result<(), Problem> {
+        let complain = |message: &str| Problem::new(format!("--set {assignment}"), message);
+        let Some((pointer, value)) = assignment.split_once('=') else {
+            let problem = complain("found no `=`, expected /json/pointer=VALUE");
+            return Err(problem.help("for example --set /camera/fov=40"));
+        };
+        if !pointer.starts_with('/') {
+            let problem =
+                complain("found a pointer without a leading `/`, expected /json/pointer=VALUE");
+            return Err(problem.help(format!("write --set /{assignment}")));
+        }
+        let steps: Vec<String> = tokens(pointer).collect();
+        if steps.len() > MAX_DEPTH {
+            return Err(complain("found a pointer deeper than any scene"));
+        }
+        let place = Place::Set(Arc::from(pointer));
+        let kind = match parse::parse(value) {
+            Ok(node) => node.kind,
+            Err(_) => NodeKind::Text(value.to_string()),
+        };
+        let mut new = Node {
+            place: place.clone(),
+            kind,
+        };
+        replace_places(&mut new, &place);
+        let mut node = &mut self.root;
+        let mut walked = String::new();
+        for step in &steps {
+            node = descend(node, step, &place, &walked).map_err(|problem| Problem {
+                place: format!("--set {assignment}"),
+                ..problem
+            })?;
+            walked = join(&walked, step);
+        }
+        *node = new;
+        Ok(())
+    }
+}
+
+fn replace_places(node: &mut Node, place: &Place) {
+    node.place = place.clone();
+    match &mut node.kind {
+        NodeKind::List(items) => items
+            .iter_mut()
+            .for_each(|item| replace_places(item, place)),
+        NodeKind::Object(members) => {
+            for member in members {
+                member.place = place.clone();
+                replace_places(&mut member.value, place);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// One step down, made where it is missing.
+fn descend<'a>(
+    node: &'a mut Node,
+    step: &str,
+    place: &Place,
+    walked: &str,
+) -> std::result::Result<&'a mut Node, Problem> {
+    let empty = Node {
+        place: place.clone(),
+        kind: NodeKind::Object(Vec::new()),
+    };
+    match &mut node.kind {
+        NodeKind::Object(members) => {
+            let at = match members.iter().rposition(|m| m.key == step) {
+                Some(at) => at,
+                None => {
+                    members.push(Member {
+                        place: place.clone(),
+                        key: step.to_string(),
+                        value: empty,
+                    });
+                    members.len() - 1
+                }
+            };
+            Ok(&mut members[at].value)
+        }
+        NodeKind::List(items) => {
+            let count = items.len();
+            let at = match list_index(step) {
+                Some(index) if index < count => index,
+                _ if step == "-" => {
+                    items.push(empty);
+                    count
+                }
+                _ => {
+                    let message = format!(
+                        "found the index `{step}` into {walked}, an array of {count}, expected 0 to {} or `-` to append",
+                        count.saturating_sub(1)
+                    );
+                    return Err(Problem::new("", message));
+                }
+            };
+            Ok(&mut items[at])
+        }
+        _ => {
+            let message = format!(
+                "found the key `{step}` below {walked}, which is neither an object nor an array"
+            );
+            Err(Problem::new("", message))
+        }
+    }
+}

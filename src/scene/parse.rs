@@ -1,0 +1,364 @@
+//! JSON text -> [`Node`]s with places: strict RFC 8259, nothing more.
+//!
+//! Why our own: messages need a line and a column for every value, duplicate keys and the source
+//! text of numbers must survive, and nesting must be bounded before it can exhaust the stack. It
+//! refuses what lenient parsers let pass: comments, trailing or missing commas, single quotes,
+//! loose names, `NaN`, hexadecimal. A test holds it against `serde_json`.
+
+use super::document::{Member, Node, NodeKind, Place};
+
+/// Deepest nesting of arrays and objects; a scene needs 6.
+pub const MAX_DEPTH: usize = 64;
+
+/// Where and why a text is not JSON.
+#[derive(Debug)]
+pub struct SyntaxError {
+    /// 1-based.
+    pub line: u32,
+    /// 1-based, in characters.
+    pub column: u32,
+    /// What was found and what was expected.
+    pub message: String,
+    /// The way out, for the usual mistakes.
+    pub help: Option<&'static str>,
+}
+
+type Parsed<T> = Result<T, SyntaxError>;
+
+/// Parses exactly one value.
+pub fn parse(text: &str) -> Parsed<Node> {
+    let mut parser = Parser {
+        text,
+        at: 0,
+        line: 1,
+        mark: (0, 1),
+        depth: 0,
+    };
+    parser.skip_space();
+    let node = parser.value()?;
+    parser.skip_space();
+    match parser.peek() {
+        None => Ok(node),
+        Some(_) => Err(parser.unexpected("the end of the file")),
+    }
+}
+
+struct Parser<'a> {
+    text: &'a str,
+    /// Byte offset, always on a character boundary.
+    at: usize,
+    line: u32,
+    /// A byte offset in this line and its column: columns are counted from here, so that a file
+    /// of one long line stays linear.
+    mark: (usize, u32),
+    depth: usize,
+}
+
+impl Parser<'_> {
+    fn peek(&self) -> Option<u8> {
+        self.text.as_bytes().get(self.at).copied()
+    }
+
+    fn place(&mut self) -> Place {
+        self.mark = (self.at, self.column_of(self.at));
+        Place::Text {
+            line: self.line,
+            column: self.mark.1,
+        }
+    }
+
+    /// Of an offset in this line, not before the mark.
+    fn column_of(&self, at: usize) -> u32 {
+        let chars = self.text[self.mark.0.min(at)..at].chars().count();
+        u32::try_from(chars).map_or(u32::MAX, |n| self.mark.1.saturating_add(n))
+    }
+
+    fn error(&self, message: impl Into<String>) -> SyntaxError {
+        self.error_at(self.at, message)
+    }
+
+    fn error_at(&self, at: usize, message: impl Into<String>) -> SyntaxError {
+        SyntaxError {
+            line: self.line,
+            column: self.column_of(at),
+            message: message.into(),
+            help: None,
+        }
+    }
+
+    fn skip_space(&mut self) {
+        while let Some(byte) = self.peek() {
+            match byte {
+                b' ' | b'\t' | b'\r' => self.at += 1,
+                b'\n' => {
+                    self.at += 1;
+                    self.line = self.line.saturating_add(1);
+                    self.mark = (self.at, 1);
+                }
+                _ => break,
+            }
+        }
+    }
+
+    /// The character or word at the current position, and a way out of the usual mistakes.
+    fn unexpected(&self, expected: &str) -> SyntaxError {
+        let rest = &self.text[self.at..];
+        let word: String = rest
+            .chars()
+            .take_while(|c| c.is_alphanumeric() || "_+-.".contains(*c))
+            .take(30)
+            .collect();
+        let found = match rest.chars().next() {
+            None => "the end of the file".to_string(),
+            Some(c) if word.is_empty() => format!("`{}`", c.escape_debug()),
+            Some(_) => format!("`{word}`"),
+        };
+        let mut error = self.error(format!("found {found}, expected {expected}"));
+        let lower = word.trim_start_matches(['+', '-']).to_ascii_lowercase();
+        error.help = match lower.as_str() {
+            "nan" | "inf" | "infinity" => Some("JSON has no NaN and no infinity; write a number"),
+            "true" | "false" | "null" => Some("JSON words are lower case"),
+            _ if rest.starts_with(['/', '#']) => {
+                Some("JSON has no comments; any object may have a `comment` key")
+            }
+            _ if rest.starts_with('\'') => Some("JSON strings take double quotes"),
+            _ if rest.starts_with('+') => Some("JSON numbers take no leading +"),
+            _ if rest.starts_with('.') => Some("write 0 before the decimal point"),
+            _ => None,
+        };
+        error
+    }
+
+    fn value(&mut self) -> Parsed<Node> {
+        let place = self.place();
+        let kind = match self.peek() {
+            Some(b'{') => self.nested(Self::object)?,
+            Some(b'[') => self.nested(Self::list)?,
+            Some(b'"') => NodeKind::Text(self.string()?),
+            Some(b'-' | b'0'..=b'9') => NodeKind::Number(self.number()?),
+            _ => self.word()?,
+        };
+        Ok(Node { place, kind })
+    }
+
+    fn word(&mut self) -> Parsed<NodeKind> {
+        let words = [
+            ("true", NodeKind::Bool(true)),
+            ("false", NodeKind::Bool(false)),
+            ("null", NodeKind::Null),
+        ];
+        for (word, kind) in words {
+            if self.text[self.at..].starts_with(word) {
+                self.at += word.len();
+                return Ok(kind);
+            }
+        }
+        Err(self.unexpected("a value"))
+    }
+
+    fn nested(&mut self, read: fn(&mut Self) -> Parsed<NodeKind>) -> Parsed<NodeKind> {
+        if self.depth == MAX_DEPTH {
+            return Err(self.error(format!("found nesting deeper than {MAX_DEPTH} levels")));
+        }
+        self.depth += 1;
+        self.at += 1;
+        self.skip_space();
+        let kind = read(self)?;
+        self.depth -= 1;
+        Ok(kind)
+    }
+
+    /// After an item: true if another follows, false after `close`.
+    fn another(&mut self, close: u8, expected: &str) -> Parsed<bool> {
+        self.skip_space();
+        match self.peek() {
+            Some(b',') => {
+                let comma = self.error("found a comma after the last item");
+                self.at += 1;
+                self.skip_space();
+                if self.peek() == Some(close) {
+                    return Err(SyntaxError {
+                        help: Some("remove the comma"),
+                        ..comma
+                    });
+                }
+                Ok(true)
+            }
+            Some(byte) if byte == close => {
+                self.at += 1;
+                Ok(false)
+            }
+            _ => Err(self.unexpected(expected)),
+        }
+    }
+
+    fn list(&mut self) -> Parsed<NodeKind> {
+        let mut items = Vec::new();
+        if self.peek() == Some(b']') {
+            self.at += 1;
+            return Ok(NodeKind::List(items));
+        }
+        loop {
+            items.push(self.value()?);
+            if !self.another(b']', "a comma or `]`")? {
+                return Ok(NodeKind::List(items));
+            }
+        }
+    }
+
+    fn object(&mut self) -> Parsed<NodeKind> {
+        let mut members = Vec::new();
+        if self.peek() == Some(b'}') {
+            self.at += 1;
+            return Ok(NodeKind::Object(members));
+        }
+        loop {
+            let place = self.place();
+            if self.peek() != Some(b'"') {
+                return Err(self.unexpected("a key in double quotes"));
+            }
+            let key = self.string()?;
+            self.skip_space();
+            if self.peek() != Some(b':') {
+                return Err(self.unexpected(&format!("`:` after the key {key:?}")));
+            }
+            self.at += 1;
+            self.skip_space();
+            let value = self.value()?;
+            members.push(Member { place, key, value });
+            if !self.another(b'}', "a comma or `}`")? {
+                return Ok(NodeKind::Object(members));
+            }
+        }
+    }
+
+    fn digits(&mut self) -> Parsed<()> {
+        let start = self.at;
+        while matches!(self.peek(), Some(b'0'..=b'9')) {
+            self.at += 1;
+        }
+        match self.at - start {
+            0 => Err(self.unexpected("a digit")),
+            _ => Ok(()),
+        }
+    }
+
+    fn number(&mut self) -> Parsed<String> {
+        let start = self.at;
+        if self.peek() == Some(b'-') {
+            self.at += 1;
+        }
+        if self.peek() == Some(b'0') {
+            self.at += 1;
+        } else {
+            self.digits()?;
+        }
+        if self.peek() == Some(b'.') {
+            self.at += 1;
+            self.digits()?;
+        }
+        if matches!(self.peek(), Some(b'e' | b'E')) {
+            self.at += 1;
+            if matches!(self.peek(), Some(b'+' | b'-')) {
+                self.at += 1;
+            }
+            self.digits()?;
+        }
+        if matches!(
+            self.peek(),
+            Some(b'0'..=b'9' | b'a'..=b'z' | b'A'..=b'Z' | b'.' | b'_')
+        ) {
+            self.at = start;
+            let mut error = self.unexpected("a number");
+            error.help = Some("JSON numbers are decimal, without leading zeros or a suffix");
+            return Err(error);
+        }
+        Ok(self.text[start..self.at].to_string())
+    }
+
+    fn string(&mut self) -> Parsed<String> {
+        let start = self.at;
+        let opening = |p: &Self| p.error_at(start, "found a string without a closing quote");
+        self.at += 1;
+        let mut string = String::new();
+        loop {
+            let rest = &self.text[self.at..];
+            let Some(plain) = rest.find(|c: char| c == '"' || c == '\\' || c < ' ') else {
+                return Err(opening(self));
+            };
+            string.push_str(&rest[..plain]);
+            self.at += plain;
+            match self.peek() {
+                Some(b'"') => {
+                    self.at += 1;
+                    return Ok(string);
+                }
+                Some(b'\\') => string.push(self.escape()?),
+                Some(b'\n' | b'\r') => return Err(opening(self)),
+                _ => {
+                    return Err(self.unexpected(
+                        "an escape such as \\t: control characters are not allowed in strings",
+                    ));
+                }
+            }
+        }
+    }
+
+    fn escape(&mut self) -> Parsed<char> {
+        const ESCAPES: &str = "\\\" \\\\ \\/ \\b \\f \\n \\r \\t \\uXXXX";
+        let start = self.at;
+        let bad = |p: &Self| {
+            p.error_at(
+                start,
+                format!("found a bad escape, expected one of {ESCAPES}"),
+            )
+        };
+        self.at += 1;
+        let byte = self.peek();
+        let plain = match byte {
+            Some(b'"') => '"',
+            Some(b'\\') => '\\',
+            Some(b'/') => '/',
+            Some(b'b') => '\u{8}',
+            Some(b'f') => '\u{c}',
+            Some(b'n') => '\n',
+            Some(b'r') => '\r',
+            Some(b't') => '\t',
+            Some(b'u') => {
+                let mut units = Vec::with_capacity(2);
+                while units.len() < 2 && self.text[self.at..].starts_with('u') {
+                    let Some(unit) = self.hex_unit() else {
+                        return Err(bad(self));
+                    };
+                    units.push(unit);
+                    let high = (0xd800..0xdc00).contains(&unit);
+                    if units.len() == 2 || !high || !self.text[self.at..].starts_with("\\u") {
+                        break;
+                    }
+                    self.at += 1;
+                }
+                return match char::decode_utf16(units).next() {
+                    Some(Ok(c)) => Ok(c),
+                    _ => Err(self.error_at(
+                        start,
+                        "found half of a surrogate pair, expected both halves",
+                    )),
+                };
+            }
+            _ => return Err(bad(self)),
+        };
+        self.at += 1;
+        Ok(plain)
+    }
+
+    /// Reads `uXXXX`.
+    fn hex_unit(&mut self) -> Option<u16> {
+        let digits = self.text.as_bytes().get(self.at + 1..self.at + 5)?;
+        if !digits.iter().all(u8::is_ascii_hexdigit) {
+            return None;
+        }
+        let unit = u16::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok()?;
+        self.at += 5;
+        Some(unit)
+    }
+}

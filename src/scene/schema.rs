@@ -1,0 +1,171 @@
+//! The JSON Schema of scene files, generated from [`Description`].
+//!
+//! One table: the types. This module only tidies what is generated into what editors and the
+//! structural check want: every object closed (no unknown keys) but for `comment`, optional keys
+//! without `null`, tagged variants spelled out.
+
+use serde_json::{Map, Value, json};
+
+use super::description::Description;
+
+/// JSON Schema 2020-12 of scene files.
+pub fn schema() -> Value {
+    let generated = schemars::generate::SchemaSettings::draft2020_12()
+        .into_generator()
+        .into_root_schema_for::<Description>();
+    let mut schema = Value::from(generated);
+    let definitions = schema["$defs"].clone();
+    tidy(&mut schema, &definitions);
+    schema["title"] = json!("lightpath scene");
+    schema
+}
+
+fn tidy(schema: &mut Value, definitions: &Value) {
+    let Some(map) = schema.as_object_mut() else {
+        return;
+    };
+    inline_variant(map, definitions);
+    drop_null(map);
+    map.remove("format");
+    for key in ["properties", "$defs"] {
+        let members = map.get_mut(key).and_then(Value::as_object_mut);
+        members
+            .into_iter()
+            .flat_map(Map::values_mut)
+            .for_each(|s| tidy(s, definitions));
+    }
+    for key in ["items", "additionalProperties"] {
+        map.get_mut(key)
+            .into_iter()
+            .for_each(|s| tidy(s, definitions));
+    }
+    for key in ["oneOf", "anyOf"] {
+        let branches = map.get_mut(key).and_then(Value::as_array_mut);
+        branches
+            .into_iter()
+            .flatten()
+            .for_each(|s| tidy(s, definitions));
+    }
+    if map.get("type") == Some(&json!("object")) {
+        let properties = map.entry("properties").or_insert_with(|| json!({}));
+        properties["comment"] = json!({ "description": "Ignored." });
+        map.entry("additionalProperties").or_insert(json!(false));
+    }
+}
+
+/// A tagged variant is generated as its tag beside a reference to its struct. A closed object
+/// must list all its keys itself, so the reference is resolved.
+fn inline_variant(map: &mut Map<String, Value>, definitions: &Value) {
+    let tagged = map.contains_key("properties") && map.contains_key("$ref");
+    let name = map
+        .get("$ref")
+        .and_then(Value::as_str)
+        .and_then(|r| r.strip_prefix("#/$defs/"));
+    let Some(target) = name
+        .filter(|_| tagged)
+        .map(|name| definitions[name].clone())
+    else {
+        return;
+    };
+    map.remove("$ref");
+    if let (Some(to), Some(from)) = (
+        map["properties"].as_object_mut(),
+        target["properties"].as_object(),
+    ) {
+        to.extend(from.clone());
+    }
+    if let (Some(to), Some(from)) = (
+        map["required"].as_array_mut(),
+        target["required"].as_array(),
+    ) {
+        to.extend(from.clone());
+    }
+}
+
+/// `Option` is generated as "or null"; the format has no null, only absent keys.
+fn drop_null(map: &mut Map<String, Value>) {
+    if map.get("default") == Some(&Value::Null) {
+        map.remove("default");
+    }
+    if let Some(Value::Array(types)) = map.get("type") {
+        let kept = types.iter().find(|t| **t != json!("null")).cloned();
+        map.insert("type".into(), kept.unwrap_or(Value::Null));
+    }
+    let branches = map.get_mut("anyOf").and_then(Value::as_array_mut);
+    let single = branches.and_then(|branches| {
+        branches.retain(|b| b["type"] != json!("null"));
+        (branches.len() == 1).then(|| branches[0].clone())
+    });
+    if let Some(Value::Object(only)) = single {
+        map.remove("anyOf");
+        for (key, value) in only {
+            map.entry(key).or_insert(value);
+        }
+    }
+}
+
+/// Follows references within the schema.
+pub(super) fn resolve<'a>(root: &'a Value, mut schema: &'a Value) -> &'a Value {
+    while let Some(name) = schema["$ref"]
+        .as_str()
+        .and_then(|r| r.strip_prefix("#/$defs/"))
+    {
+        schema = &root["$defs"][name];
+    }
+    schema
+}
+
+/// The value of `type` that a variant of a tagged object stands for.
+pub(super) fn tag(variant: &Value) -> Option<&str> {
+    variant["properties"]["type"]["const"].as_str()
+}
+
+/// Removes what equals its default, so that a scene is written as a person would.
+pub(super) fn without_defaults(root: &Value, schema: &Value, value: &mut Value) {
+    let schema = variant(root, resolve(root, schema), value);
+    match value {
+        Value::Array(items) => {
+            items
+                .iter_mut()
+                .for_each(|item| without_defaults(root, &schema["items"], item));
+        }
+        Value::Object(map) => {
+            let properties = &schema["properties"];
+            map.retain(|key, member| {
+                let of_key = match properties.get(key) {
+                    Some(of_key) => of_key,
+                    None => &schema["additionalProperties"],
+                };
+                without_defaults(root, of_key, member);
+                let mut default = of_key["default"].clone();
+                without_defaults(root, of_key, &mut default);
+                !same(&default, member)
+            });
+        }
+        Value::Number(n) => {
+            // 1.0 is written 1.
+            let whole = n.as_f64().filter(|f| f.fract() == 0.0 && f.abs() < 1e15);
+            if let Some(f) = whole.filter(|_| n.is_f64()) {
+                *value = json!(f as i64);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Of alternatives, the one that `value` is.
+fn variant<'a>(root: &'a Value, schema: &'a Value, value: &Value) -> &'a Value {
+    let Some(branches) = schema["oneOf"].as_array().or(schema["anyOf"].as_array()) else {
+        return schema;
+    };
+    let mut resolved = branches.iter().map(|b| resolve(root, b));
+    let found = resolved.find(|b| match tag(b) {
+        Some(tag) => value["type"].as_str() == Some(tag),
+        None => value.is_object() && b["type"] == json!("object"),
+    });
+    found.unwrap_or(schema)
+}
+
+fn same(default: &Value, value: &Value) -> bool {
+    !default.is_null() && default == value
+}

@@ -1,0 +1,243 @@
+//! Checks a [`Document`] against the schema and reports every problem, with place and way out.
+//!
+//! Walking the generated schema keeps one table of keys and ranges. Knows only the keywords that
+//! the schema uses; what a schema cannot say is left to `check`.
+
+use std::collections::HashMap;
+
+use serde_json::Value;
+
+use super::{
+    document::{Member, Node, NodeKind, join},
+    expected::{expected, found, words},
+    nearest::{did_you_mean, list},
+    problems::Problems,
+    schema::{resolve, tag},
+};
+
+/// Checks the whole document. Returns the pointers of values that cannot be read as their type;
+/// what lies elsewhere can still be checked for its meaning.
+pub fn check(schema: &Value, problems: &mut Problems) -> Vec<String> {
+    let document = problems.document;
+    let mut walk = Walk {
+        root: schema,
+        problems,
+        broken: Vec::new(),
+    };
+    walk.node(schema, &document.root, "");
+    walk.broken
+}
+
+struct Walk<'a, 'b> {
+    root: &'a Value,
+    problems: &'a mut Problems<'b>,
+    broken: Vec<String>,
+}
+
+impl<'a> Walk<'a, '_> {
+    fn node(&mut self, schema: &'a Value, node: &Node, pointer: &str) {
+        let schema = resolve(self.root, schema);
+        if let Some(words) = words(schema) {
+            return self.word(schema, &words, node, pointer);
+        }
+        let branches = schema["oneOf"].as_array().or(schema["anyOf"].as_array());
+        let branches: Vec<&Value> = branches
+            .into_iter()
+            .flatten()
+            .map(|b| resolve(self.root, b))
+            .collect();
+        if branches.iter().any(|b| tag(b).is_some()) {
+            return self.tagged(&branches, node, pointer);
+        }
+        if schema["type"].is_null() && !branches.is_empty() {
+            return match branches.iter().find(|b| is_type(b, node)) {
+                Some(branch) => self.node(branch, node, pointer),
+                None => self.wrong(schema, node, pointer),
+            };
+        }
+        match (schema["type"].as_str(), &node.kind) {
+            (Some("object"), NodeKind::Object(members)) => {
+                self.object(schema, node, members, pointer)
+            }
+            (Some("array"), NodeKind::List(items)) => self.list(schema, node, items, pointer),
+            (Some("string"), NodeKind::Text(text)) => {
+                if text.is_empty() && schema["minLength"] == 1 {
+                    self.problems.error(
+                        pointer,
+                        "found \"\", expected a string that is not empty",
+                        None,
+                    );
+                }
+            }
+            (Some("number" | "integer"), NodeKind::Number(_)) => self.number(schema, node, pointer),
+            (Some("boolean"), NodeKind::Bool(_)) | (None, _) => {}
+            _ => self.wrong(schema, node, pointer),
+        }
+    }
+
+    /// Complains about a value that is not what the schema says.
+    fn wrong(&mut self, schema: &Value, node: &Node, pointer: &str) {
+        let message = format!(
+            "found {}, expected {}",
+            found(node),
+            expected(self.root, schema)
+        );
+        self.problems.error_at(&node.place, pointer, message, None);
+        self.broken.push(pointer.to_string());
+    }
+
+    fn word(&mut self, schema: &Value, words: &[&str], node: &Node, pointer: &str) {
+        match &node.kind {
+            NodeKind::Text(text) if words.contains(&text.as_str()) => {}
+            NodeKind::Text(text) => {
+                let message = format!(
+                    "found {}, expected {}",
+                    found(node),
+                    expected(self.root, schema)
+                );
+                let help = did_you_mean(text, words.iter().copied());
+                self.problems.error_at(&node.place, pointer, message, help);
+                self.broken.push(pointer.to_string());
+            }
+            _ => self.wrong(schema, node, pointer),
+        }
+    }
+
+    fn tagged(&mut self, branches: &[&'a Value], node: &Node, pointer: &str) {
+        let NodeKind::Object(members) = &node.kind else {
+            return self.wrong(&serde_json::json!({ "type": "object" }), node, pointer);
+        };
+        let tags: Vec<&str> = branches.iter().filter_map(|b| tag(b)).collect();
+        let Some(kind) = node.member("type") else {
+            let message = format!("missing key `type`, expected {}", list(tags));
+            self.problems.error_at(&node.place, pointer, message, None);
+            return self.broken.push(pointer.to_string());
+        };
+        let branch = match &kind.kind {
+            NodeKind::Text(text) => branches.iter().find(|b| tag(b) == Some(text)),
+            _ => None,
+        };
+        match (branch, &kind.kind) {
+            (Some(branch), _) => self.object(branch, node, members, pointer),
+            (None, kind_text) => {
+                let help = match kind_text {
+                    NodeKind::Text(text) => did_you_mean(text, tags.iter().copied()),
+                    _ => None,
+                };
+                let message = format!("found {}, expected {}", found(kind), list(tags));
+                self.problems
+                    .error_at(&kind.place, &join(pointer, "type"), message, help);
+                self.broken.push(pointer.to_string());
+            }
+        }
+    }
+
+    fn object(&mut self, schema: &'a Value, node: &Node, members: &[Member], pointer: &str) {
+        let properties = &schema["properties"];
+        let open = &schema["additionalProperties"];
+        let mut seen: HashMap<&str, &Member> = HashMap::new();
+        for member in members {
+            let key = member.key.as_str();
+            let below = join(pointer, key);
+            if let Some(first) = seen.insert(key, member) {
+                let at = self.problems.document.describe(&first.place, "");
+                let message = format!("found the key `{key}` a second time, expected it once");
+                let help = Some(format!("the first is at {at}"));
+                self.problems.error_at(&member.place, &below, message, help);
+            }
+            match properties.get(key) {
+                Some(_) if key == "comment" => {}
+                Some(of_key) => self.node(of_key, &member.value, &below),
+                None if open.is_object() => self.node(open, &member.value, &below),
+                None => self.unknown(properties, member, &below),
+            }
+        }
+        for key in schema["required"].as_array().into_iter().flatten() {
+            let key = key.as_str().unwrap_or_default();
+            if !seen.contains_key(key) {
+                let wanted = expected(self.root, &properties[key]);
+                let message = format!("missing key `{key}`, expected {wanted}");
+                self.problems.error_at(&node.place, pointer, message, None);
+                self.broken.push(pointer.to_string());
+            }
+        }
+    }
+
+    fn unknown(&mut self, properties: &Value, member: &Member, pointer: &str) {
+        let known = properties.as_object().into_iter().flat_map(|p| p.keys());
+        let known: Vec<&str> = known.map(String::as_str).collect();
+        let help = did_you_mean(&member.key, known.iter().copied());
+        let message = format!(
+            "found the unknown key {:?}, expected {}",
+            member.key,
+            list(known)
+        );
+        self.problems
+            .error_at(&member.place, pointer, message, help);
+    }
+
+    fn list(&mut self, schema: &'a Value, node: &Node, items: &[Node], pointer: &str) {
+        let count = items.len() as u64;
+        let short = schema["minItems"].as_u64().is_some_and(|min| count < min);
+        let long = schema["maxItems"].as_u64().is_some_and(|max| count > max);
+        if short || long {
+            return self.wrong(schema, node, pointer);
+        }
+        for (i, item) in items.iter().enumerate() {
+            self.node(&schema["items"], item, &join(pointer, &i.to_string()));
+        }
+    }
+
+    fn number(&mut self, schema: &Value, node: &Node, pointer: &str) {
+        let integer = schema["type"] == "integer";
+        let number = node.number().unwrap_or(f64::NAN);
+        if !number.is_finite() {
+            let wanted = expected(self.root, schema);
+            let message = format!(
+                "found {}, which is not finite in double precision, expected {wanted}",
+                found(node)
+            );
+            self.problems.error_at(&node.place, pointer, message, None);
+            return self.broken.push(pointer.to_string());
+        }
+        if integer && node.integer().is_none() {
+            return self.wrong(schema, node, pointer);
+        }
+        if !in_range(schema, node, number) {
+            self.wrong(schema, node, pointer);
+            // A float out of range can still be read, so the rest of its object is checked.
+            if !integer {
+                self.broken.pop();
+            }
+        }
+    }
+}
+
+/// Written so that a bound which is absent holds.
+fn in_range(schema: &Value, node: &Node, number: f64) -> bool {
+    let bound = |key: &str| schema[key].as_f64();
+    if let (Some(n), "integer") = (node.integer(), schema["type"].as_str().unwrap_or_default()) {
+        let bound = |key: &str| {
+            schema[key]
+                .as_number()
+                .and_then(|b| b.to_string().parse::<i128>().ok())
+        };
+        return bound("minimum").is_none_or(|b| n >= b) && bound("maximum").is_none_or(|b| n <= b);
+    }
+    bound("minimum").is_none_or(|b| number >= b)
+        && bound("maximum").is_none_or(|b| number <= b)
+        && bound("exclusiveMinimum").is_none_or(|b| number > b)
+        && bound("exclusiveMaximum").is_none_or(|b| number < b)
+}
+
+fn is_type(schema: &Value, node: &Node) -> bool {
+    let name = match node.kind {
+        NodeKind::Null => "null",
+        NodeKind::Bool(_) => "boolean",
+        NodeKind::Number(_) => "number",
+        NodeKind::Text(_) => "string",
+        NodeKind::List(_) => "array",
+        NodeKind::Object(_) => "object",
+    };
+    schema["type"] == name
+}

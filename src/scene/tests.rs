@@ -1,0 +1,351 @@
+//! Round trips, defaults, the schema, `--set`, and bytes that are no scene.
+
+use std::path::Path;
+
+use proptest::prelude::*;
+use serde_json::{Value, json};
+
+use super::*;
+
+/// Every key of the format, none at its default.
+fn everything() -> Value {
+    json!({
+        "nbounces": 3, "spp": 4, "seed": -7,
+        "camera": {
+            "type": "thinlens", "width": 640, "height": 480, "fov": 35.5,
+            "position": [0, -5, 1], "target": [0, 0, 1], "up": [0, 0, 1],
+            "aperture": 0.25, "focaldistance": 5
+        },
+        "scene": {
+            "backgroundcolor": [0.1, 0.2, 0.3], "ambient": [1, 1, 1],
+            "attenuation": "quadratic", "accelerator": "bvh",
+            "lightsources": [
+                { "type": "pointlight", "name": "key", "group": "a", "position": [0, 0, 9], "id": [1, 2, 3], "is": [0, 0, 0] },
+                { "type": "arealight", "name": "fill", "group": "b", "v0": [0, 0, 5], "v1": [1, 0, 5], "v2": [0.5, 2, 5],
+                  "id": [1, 1, 1], "is": [0, 0, 1], "samples": 4, "emission": "lambertian" }
+            ],
+            "shapes": [
+                { "type": "sphere", "name": "ball", "material": "gold", "center": [0, 0, 1], "radius": 1, "pole": "x" },
+                { "type": "plane", "name": "floor", "material": { "kr": 0.5 }, "v0": [0, 0, 0], "v1": [1, 0, 0], "v2": [1, 1, 0], "v3": [0, 1, 0] },
+                { "type": "triangle", "name": "t", "material": {}, "v0": [0, 0, 0], "v1": [1, 0, 0], "v2": [1, 1, 0] },
+                { "type": "trimesh", "name": "m", "material": "gold", "path": "a.ply", "fit": 2, "rotate": [-90, 0, 0],
+                  "size": 2, "center": [1, 0, 0], "smooth": true, "bvh": false, "vertexcolors": false, "vertexcolorspace": "linear" }
+            ],
+            "materials": { "gold": {
+                "kd": 0.5, "ks": 0.25, "ka": 0.125, "kr": 0.1, "specularexponent": 20, "diffusecolor": [1, 0.8, 0],
+                "tPath": "a.png", "tWidth": 2, "tHeight": 2, "filter": "nearest", "wrap": "clamp", "colorspace": "linear", "tScale": [2, -1]
+            } }
+        },
+        "tonemap": { "operator": "reinhard", "exposure": -1.5, "transfer": "linear" },
+        "output": { "layers": ["normal"], "transparent": true }
+    })
+}
+
+/// Only required keys.
+fn least() -> Value {
+    json!({
+        "camera": { "type": "pinhole", "width": 8, "height": 6, "fov": 40, "position": [0, 0, 0], "lookat": [0, 1, 0], "up": [0, 0, 1] },
+        "scene": { "shapes": [] }
+    })
+}
+
+/// A folder with the files that [`everything`] names.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.ply"), "").unwrap();
+    std::fs::write(folder.path().join("a.png"), "").unwrap();
+    folder
+}
+
+fn load_value(value: &Value, set: &[&str]) -> Result<Loaded> {
+    let folder = folder();
+    let text = value.to_string();
+    let source = Source::Text {
+        name: "s.json",
+        text: text.as_bytes(),
+        folder: folder.path(),
+    };
+    load(
+        source,
+        &set.iter().map(|s| s.to_string()).collect::<Vec<_>>(),
+    )
+}
+
+#[test]
+fn round_trip() {
+    for value in [everything(), least()] {
+        let loaded = load_value(&value, &[]).unwrap();
+        assert_eq!(loaded.description.to_json(), value);
+        let text = loaded.description.to_text();
+        let again: Description = serde_json::from_str(&text).unwrap();
+        assert_eq!(again, loaded.description);
+        let folder = folder();
+        let by_code = from_description("studio", &loaded.description, folder.path(), &[]).unwrap();
+        assert_eq!(by_code.hash, loaded.hash);
+    }
+}
+
+#[test]
+fn errors_of_scenes_made_by_code_have_no_line() {
+    let mut description = load_value(&least(), &[]).unwrap().description;
+    description.camera.fov = 200.0;
+    let error = from_description("studio", &description, Path::new(""), &[]).unwrap_err();
+    assert_eq!(error.problems[0].place, "studio (/camera/fov)");
+}
+
+#[test]
+fn everything_is_understood() {
+    let scene = load_value(&everything(), &[]).unwrap().scene;
+    assert_eq!(
+        (scene.nbounces, scene.spp, scene.seed),
+        (3, 4, (-7i64) as u64)
+    );
+    assert_eq!(
+        (scene.falloff, scene.backend),
+        (Falloff::Quadratic, Backend::Bvh)
+    );
+    assert_eq!(scene.camera.lookat, glam::DVec3::new(0.0, 5.0, 0.0));
+    assert_eq!(scene.camera.lens.unwrap().focal_distance, 5.0);
+    let LightKind::Area {
+        edge,
+        height,
+        samples,
+        lambertian,
+        ..
+    } = &scene.lights[1].kind
+    else {
+        panic!("an area light");
+    };
+    assert_eq!(
+        (edge.to_array(), height.to_array()),
+        ([1.0, 0.0, 0.0], [0.0, 2.0, 0.0])
+    );
+    assert_eq!((*samples, *lambertian), (4, true));
+    assert_eq!(
+        scene.shapes.iter().map(|s| s.material).collect::<Vec<_>>(),
+        [0, 1, 2, 0]
+    );
+    assert_eq!(scene.materials.len(), 3);
+    let texture = scene.materials[0].texture.as_ref().unwrap();
+    assert_eq!(
+        (texture.filter, texture.wrap),
+        (Filter::Nearest, Some(Wrap::Clamp))
+    );
+    assert_eq!(scene.tonemap.operator, ToneOperator::Reinhard);
+    assert_eq!(
+        (scene.layers[0].as_str(), scene.transparent),
+        ("normal", true)
+    );
+}
+
+#[test]
+fn defaults_are_those_of_the_tables() {
+    let mut value = least();
+    value["scene"]["lightsources"] = json!([
+        { "type": "pointlight", "position": [0, 0, 9], "id": [1, 2, 3] },
+        { "type": "arealight", "v0": [0, 0, 5], "v1": [1, 0, 5], "v2": [0, 2, 5], "id": [1, 1, 1] }]);
+    value["scene"]["shapes"] = json!([
+        { "type": "sphere", "material": {}, "center": [0, 9, 0], "radius": 1 },
+        { "type": "trimesh", "material": { "tPath": "a.png" }, "path": "a.ply" }]);
+    let scene = load_value(&value, &[]).unwrap().scene;
+    assert_eq!((scene.nbounces, scene.spp, scene.seed), (1, 1, 0));
+    assert_eq!(
+        (scene.background, scene.ambient),
+        (glam::Vec3::ZERO, glam::Vec3::ZERO)
+    );
+    assert_eq!(
+        (scene.falloff, scene.backend),
+        (Falloff::Linear, Backend::Embree)
+    );
+    assert!(scene.camera.lens.is_none() && scene.layers.is_empty() && !scene.transparent);
+    assert_eq!(scene.lights[0].specular, scene.lights[0].diffuse);
+    assert!(matches!(
+        scene.lights[1].kind,
+        LightKind::Area {
+            samples: 16,
+            lambertian: false,
+            ..
+        }
+    ));
+    assert!(matches!(
+        scene.shapes[0].kind,
+        ShapeKind::Sphere { pole: 2, .. }
+    ));
+    let ShapeKind::Trimesh(mesh) = &scene.shapes[1].kind else {
+        panic!("a mesh");
+    };
+    assert_eq!(
+        (mesh.fit, mesh.size, mesh.rotate_deg),
+        (None, 1.0, glam::DVec3::ZERO)
+    );
+    assert_eq!(
+        (mesh.smooth, mesh.bvh, mesh.vertex_colors),
+        (false, true, true)
+    );
+    assert_eq!(
+        (mesh.center, mesh.vertex_color_space),
+        (glam::DVec3::ZERO, None)
+    );
+    let m = &scene.materials[0];
+    assert_eq!(
+        [m.kd, m.ks, m.ka, m.kr, m.specular_exponent],
+        [1.0, 0.0, 0.0, 0.0, 1.0]
+    );
+    assert_eq!(m.diffuse_color, glam::Vec3::ONE);
+    let texture = scene.materials[1].texture.as_ref().unwrap();
+    assert_eq!(
+        (texture.filter, texture.wrap, texture.color_space),
+        (Filter::Bilinear, None, None)
+    );
+    assert_eq!(texture.scale, glam::Vec2::ONE);
+    let t = scene.tonemap;
+    assert_eq!(
+        (t.operator, t.exposure, t.srgb),
+        (ToneOperator::Max, 0.0, true)
+    );
+}
+
+#[test]
+fn the_schema_is_closed_and_complete() {
+    let schema = schema();
+    assert_eq!(
+        schema["$schema"],
+        "https://json-schema.org/draft/2020-12/schema"
+    );
+    assert_eq!(schema["properties"]["spp"]["minimum"], 1);
+    assert_eq!(schema["properties"]["spp"]["default"], 1);
+    let text = schema.to_string();
+    assert!(
+        !text.contains("\"null\"") && !text.contains("\"format\""),
+        "{text}"
+    );
+    fn every_object(schema: &Value, seen: &mut usize) {
+        if schema["type"] == "object" {
+            *seen += 1;
+            assert!(schema["properties"]["comment"].is_object(), "{schema}");
+            assert!(!schema["additionalProperties"].is_null(), "{schema}");
+        }
+        match schema {
+            Value::Object(map) => map.values().for_each(|v| every_object(v, seen)),
+            Value::Array(items) => items.iter().for_each(|v| every_object(v, seen)),
+            _ => {}
+        }
+    }
+    let mut seen = 0;
+    every_object(&schema, &mut seen);
+    assert!(seen >= 12, "{seen}");
+    // Every key that the format has is described for editors.
+    let shape = &schema["$defs"]["Shape"]["oneOf"][3];
+    assert_eq!(shape["properties"]["type"]["const"], "trimesh");
+    assert!(shape["properties"]["smooth"]["description"].is_string());
+    assert_eq!(shape["additionalProperties"], false);
+}
+
+#[test]
+fn the_hash_is_of_what_is_meant() {
+    let plain = load_value(&least(), &[]).unwrap().hash;
+    let mut spelt = least();
+    spelt["spp"] = json!(1.0);
+    spelt["comment"] = json!(["anything"]);
+    spelt["scene"]["comment"] = json!("here too");
+    spelt["tonemap"] = json!({ "operator": "max", "comment": 3 });
+    assert_eq!(load_value(&spelt, &[]).unwrap().hash, plain);
+    assert_ne!(load_value(&least(), &["/spp=2"]).unwrap().hash, plain);
+}
+
+#[test]
+fn overrides_apply_in_order_and_create() {
+    let set = [
+        "/camera/fov=30",
+        "/camera/fov=31",
+        "/tonemap/exposure=1",
+        "/scene/materials/red~1blue/diffusecolor=[1,0,0]",
+        r#"/scene/shapes/-={"type":"sphere","center":[0,9,0],"radius":1,"material":"red/blue"}"#,
+        "/scene/shapes/0/radius=2",
+        "/output/layers=[]",
+        "/output/layers/-=depth",
+        "/comment=ignored",
+    ];
+    let loaded = load_value(&least(), &set).unwrap();
+    assert_eq!(loaded.scene.camera.fov_deg, 31.0);
+    assert_eq!(loaded.scene.tonemap.exposure, 1.0);
+    assert!(matches!(
+        loaded.scene.shapes[0].kind,
+        ShapeKind::Sphere { radius: 2.0, .. }
+    ));
+    assert_eq!(loaded.scene.layers, ["depth"]);
+}
+
+#[test]
+fn an_aperture_of_zero_is_a_pinhole() {
+    assert!(
+        load_value(&everything(), &["/camera/aperture=0"])
+            .unwrap()
+            .scene
+            .camera
+            .lens
+            .is_none()
+    );
+}
+
+#[test]
+fn directions_of_any_length() {
+    for length in ["1e-320", "1e-300", "1", "1e300"] {
+        let lookat = format!("/camera/lookat=[0,{length},0]");
+        let up = format!("/camera/up=[0,0,{length}]");
+        let camera = load_value(&least(), &[&lookat, &up]).unwrap().scene.camera;
+        assert_eq!(camera.lookat.normalize(), glam::DVec3::Y, "{length}");
+        assert_eq!(camera.up.normalize(), glam::DVec3::Z, "{length}");
+    }
+}
+
+#[test]
+fn one_long_line_is_parsed_in_linear_time() {
+    let list = format!("[{}0]", "[0,1,2],\"\\u00e4\",".repeat(100_000));
+    let start = std::time::Instant::now();
+    assert!(Document::parse("s", list.as_bytes()).is_ok());
+    assert!(start.elapsed().as_secs() < 5);
+}
+
+fn load_bytes(bytes: &[u8]) -> Result<Loaded> {
+    let source = Source::Text {
+        name: "p",
+        text: bytes,
+        folder: Path::new("/nonexistent"),
+    };
+    load(source, &[])
+}
+
+proptest! {
+    #[test]
+    fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let _ = Document::parse("p", &bytes);
+        let _ = load_bytes(&bytes);
+    }
+
+    /// Pieces of JSON in any order: accepted exactly when serde_json accepts them.
+    #[test]
+    fn as_strict_as_serde_json(pieces in prop::collection::vec(prop::sample::select(vec![
+        "{", "}", "[", "]", ",", ":", "\"a\"", "\"\\u00e4\\ud83d\\ude00\"", "\"\\n\"", "\"", "\\", "'", "1", "-0",
+        "0", "1.5", "1e5", "-", ".", "e", "+", "true", "null", "nul", " ", "\n", "\u{a0}", "\t", "//", "ä", "\u{1}",
+    ]), 0..12)) {
+        let text = pieces.concat();
+        let ours = Document::parse("p", text.as_bytes()).is_ok();
+        let theirs = serde_json::from_str::<Value>(&text).is_ok();
+        prop_assert_eq!(ours, theirs, "{:?}", text);
+    }
+
+    /// A scene with one byte changed or cut off is refused or accepted, never a panic.
+    #[test]
+    fn damaged_scenes_never_panic(at in 0usize..3000, byte in any::<u8>(), cut in any::<bool>()) {
+        let mut text = everything().to_string().into_bytes();
+        let at = at % text.len();
+        if cut { text.truncate(at) } else { text[at] = byte }
+        let _ = load_bytes(&text);
+    }
+
+    #[test]
+    fn any_override_never_panics(pointer in "(/(camera|scene|shapes|fov|0|-|~1|x)){0,5}", value in "\\PC{0,8}") {
+        let _ = load_value(&everything(), &[&format!("{pointer}={value}")]);
+    }
+}

@@ -1,0 +1,58 @@
+//! [`Description`] -> JSON, as a person would write it: no defaults, vectors on one line.
+
+use serde_json::Value;
+
+use super::{
+    description::Description,
+    schema::{schema, without_defaults},
+};
+
+impl Description {
+    /// The canonical JSON: what equals its default is left out, whole numbers are integers.
+    pub fn to_json(&self) -> Value {
+        // Cannot fail: all keys are strings. (NaN would become null and be refused on reading.)
+        let mut value = serde_json::to_value(self).unwrap_or_default();
+        let schema = schema();
+        without_defaults(&schema, &schema, &mut value);
+        value
+    }
+
+    /// The text of a scene file.
+    pub fn to_text(&self) -> String {
+        let mut text = String::new();
+        write(&self.to_json(), 0, &mut text);
+        text.push('\n');
+        text
+    }
+}
+
+fn write(value: &Value, depth: usize, text: &mut String) {
+    let scalar = |v: &Value| !v.is_array() && !v.is_object();
+    let end = format!("\n{}", "  ".repeat(depth));
+    match value {
+        Value::Array(items) if items.iter().all(scalar) => {
+            let items: Vec<String> = items.iter().map(Value::to_string).collect();
+            text.push_str(&format!("[{}]", items.join(", ")));
+        }
+        Value::Array(items) => {
+            text.push('[');
+            for (i, item) in items.iter().enumerate() {
+                text.push_str(if i == 0 { "" } else { "," });
+                text.push_str(&format!("{end}  "));
+                write(item, depth + 1, text);
+            }
+            text.push_str(&format!("{end}]"));
+        }
+        Value::Object(map) if map.is_empty() => text.push_str("{}"),
+        Value::Object(map) => {
+            text.push('{');
+            for (i, (key, member)) in map.iter().enumerate() {
+                text.push_str(if i == 0 { "" } else { "," });
+                text.push_str(&format!("{end}  {}: ", Value::from(key.as_str())));
+                write(member, depth + 1, text);
+            }
+            text.push_str(&format!("{end}}}"));
+        }
+        scalar => text.push_str(&scalar.to_string()),
+    }
+}

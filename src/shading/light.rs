@@ -1,0 +1,195 @@
+//! Lights: where they are, and Blinn-Phong light at 16 points from 16 light points.
+
+use glam::Vec3;
+
+use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
+use crate::geometry::NONE;
+use crate::ray::{LANES, Mask, Rays};
+pub use crate::scene::Falloff;
+
+/// A light in the scene's recentred f32 space.
+#[derive(Debug, Clone)]
+pub struct Light {
+    /// Colour of the diffuse term (`id`).
+    pub diffuse: Vec3,
+    /// Colour of the specular term (`is`).
+    pub specular: Vec3,
+    /// Where its points are.
+    pub emitter: Emitter,
+}
+
+/// Where a light's points are.
+#[derive(Debug, Clone)]
+pub enum Emitter {
+    /// One point.
+    Point(Vec3),
+    /// `corner + s edge + t height`, s, t in [0, 1).
+    Area {
+        /// Corner.
+        corner: Vec3,
+        /// First side.
+        edge: Vec3,
+        /// Second side.
+        height: Vec3,
+        /// Unit normal of a one-sided cosine emitter; `None` shines alike everywhere.
+        normal: Option<Vec3>,
+        /// Points per shading point.
+        samples: u32,
+    },
+}
+
+/// Weights of a light's diffuse and specular colours at 16 points, falloff included.
+#[derive(Debug, Clone)]
+pub struct Lit {
+    /// kd (N.L) / falloff
+    pub diffuse: Lanes,
+    /// ks max(0, N.H)^exponent / falloff
+    pub specular: Lanes,
+}
+
+impl Lit {
+    /// No light.
+    pub const EMPTY: Self = Self {
+        diffuse: [0.0; LANES],
+        specular: [0.0; LANES],
+    };
+}
+
+/// Shadow rays from `points` to the light points `q`, and what light these give if unoccluded.
+/// Returns the lanes that can be lit at all (N.L > 0). `glossy`: whether any ks > 0.
+///
+/// The terms are those of docs/scene-format.md. A ray's parameter is 0 at its origin and 1 at the
+/// light; it ends before 1 by the relative rounding error of its own end points, so that what
+/// stands at the light itself does not shadow it.
+#[inline(always)]
+pub fn light_rays(
+    points: &ShadowPoints,
+    q: &Lanes3,
+    normal: Option<Vec3>,
+    falloff: Falloff,
+    glossy: bool,
+    rays: &mut Rays,
+    lit: &mut Lit,
+) -> Mask {
+    let mut active = Mask::NONE;
+    let (linear, quadratic) = (falloff == Falloff::Linear, falloff == Falloff::Quadratic);
+    let emitted = normal.unwrap_or(Vec3::ZERO);
+    let uniform = if normal.is_some() { 0.0 } else { 1.0 };
+    for i in 0..LANES {
+        let q = lane(q, i);
+        let to_light = q - lane(&points.position, i);
+        let d2 = to_light.dot(to_light);
+        let d = d2.sqrt();
+        let inverse = 1.0 / d;
+        let l = to_light * inverse;
+        let n = lane(&points.n, i);
+        let cosine = n.dot(l);
+        let emission = uniform + (-l.dot(emitted)).max(0.0);
+        let divided = if quadratic { 1.0 / d2 } else { 1.0 };
+        let weight = emission * if linear { inverse } else { divided };
+        lit.diffuse[i] = points.kd[i] * cosine * weight;
+        // Until `specular` below: the weight alone.
+        lit.specular[i] = points.ks[i] * weight;
+        let on = (cosine > 0.0) & (d2 > 0.0) & (emission > 0.0);
+        active.0[i] = points.hit.0[i] & -i32::from(on);
+
+        let origin = lane(&points.origin, i);
+        let direction = q - origin;
+        set_lane(&mut rays.org, i, origin);
+        set_lane(&mut rays.dir, i, direction);
+        rays.tnear[i] = 0.0;
+        let scale = origin.abs().max_element() + q.abs().max_element();
+        let ulps = 4.0 * f32::EPSILON * (1.0 + scale / direction.abs().max_element());
+        rays.tfar[i] = 1.0 - ulps;
+        // A lifted origin may have its own facet between itself and a light below the facet's
+        // horizon; otherwise a planar primitive cannot shadow a point of its own.
+        let own_counts = (points.lifted.0[i] != 0) & (l.dot(lane(&points.ng, i)) < 0.0);
+        rays.leaving[i] = if own_counts {
+            NONE
+        } else {
+            points.primitive[i]
+        };
+    }
+    if glossy {
+        specular(points, q, lit);
+    }
+    active
+}
+
+/// Multiplies the specular weights by max(0, N.H)^exponent, H the unit half vector.
+#[inline(always)]
+fn specular(points: &ShadowPoints, q: &Lanes3, lit: &mut Lit) {
+    for i in 0..LANES {
+        let to_light = lane(q, i) - lane(&points.position, i);
+        let l = to_light * (1.0 / to_light.dot(to_light).sqrt());
+        let h = l + lane(&points.view, i);
+        let cosine = lane(&points.n, i).dot(h) * (1.0 / h.dot(h).sqrt());
+        lit.specular[i] *= crate::math::pow(cosine.clamp(0.0, 1.0), points.exponent[i]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn one_point() -> ShadowPoints {
+        let mut p = ShadowPoints::EMPTY;
+        p.hit.0[0] = -1;
+        set_lane(&mut p.n, 0, Vec3::Y);
+        set_lane(&mut p.ng, 0, Vec3::Y);
+        set_lane(&mut p.view, 0, Vec3::new(0.6, 0.8, 0.0));
+        (p.kd[0], p.ks[0], p.exponent[0]) = (0.7, 0.3, 10.0);
+        p
+    }
+
+    fn at(q: Vec3, falloff: Falloff, normal: Option<Vec3>) -> (Mask, Rays, Lit) {
+        let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
+        let mut lanes = [[0.0; LANES]; 3];
+        set_lane(&mut lanes, 0, q);
+        let active = light_rays(
+            &one_point(),
+            &lanes,
+            normal,
+            falloff,
+            true,
+            &mut rays,
+            &mut lit,
+        );
+        (active, rays, lit)
+    }
+
+    #[test]
+    fn the_terms_are_those_of_the_format() {
+        let q = Vec3::new(-3.0, 4.0, 0.0);
+        for (falloff, divisor) in [
+            (Falloff::None, 1.0),
+            (Falloff::Linear, 5.0),
+            (Falloff::Quadratic, 25.0),
+        ] {
+            let (active, rays, lit) = at(q, falloff, None);
+            assert_eq!(active.count(), 1);
+            assert!((lit.diffuse[0] - 0.7 * 0.8 / divisor).abs() < 1e-7);
+            // L + V = (0, 1.6, 0), so H = N.
+            assert!((lit.specular[0] - 0.3 / divisor).abs() < 1e-7);
+            assert!(rays.tfar[0] < 1.0 && rays.tfar[0] > 0.99999);
+        }
+    }
+
+    #[test]
+    fn a_lambertian_emitter_shines_one_way() {
+        let q = Vec3::new(0.0, 2.0, 0.0);
+        let (active, _, lit) = at(q, Falloff::Quadratic, Some(-Vec3::Y));
+        assert_eq!(active.count(), 1);
+        assert!((lit.diffuse[0] - 0.7 / 4.0).abs() < 1e-7);
+        assert_eq!(at(q, Falloff::Quadratic, Some(Vec3::Y)).0.count(), 0);
+    }
+
+    #[test]
+    fn no_light_from_behind_or_from_the_point_itself() {
+        assert_eq!(
+            at(Vec3::new(0.0, -1.0, 0.0), Falloff::None, None).0.count(),
+            0
+        );
+        assert_eq!(at(Vec3::ZERO, Falloff::Linear, None).0.count(), 0);
+    }
+}

@@ -1,0 +1,393 @@
+//! What a surface looks like: material, texture, vertex colours, shading normals.
+
+use glam::{DVec3, Vec2, Vec3};
+
+use super::points::{Points, lane, set_lane};
+use super::texture::Texture;
+use crate::geometry::{Geometry, GeometryKind, NONE, Surfaces};
+use crate::mesh::Colors;
+use crate::ray::{LANES, RayPacket};
+use crate::scene::{ColorSpace, Filter, Wrap};
+
+/// Blinn-Phong coefficients and where the base colour comes from.
+#[derive(Debug, Clone)]
+pub struct Material {
+    /// Diffuse.
+    pub kd: f32,
+    /// Specular.
+    pub ks: f32,
+    /// Ambient.
+    pub ka: f32,
+    /// Mirror.
+    pub kr: f32,
+    /// Specular exponent.
+    pub exponent: f32,
+    /// Base colour without a texture.
+    pub base: Vec3,
+    /// Index into [`Shapes::textures`].
+    pub texture: Option<u32>,
+    /// Texture filter.
+    pub filter: Filter,
+    /// What lies beyond the image; `None` is the shape's default.
+    pub wrap: Option<Wrap>,
+    /// u, v are multiplied by it.
+    pub uv_scale: Vec2,
+}
+
+/// Where texture coordinates come from; v runs down.
+#[derive(Debug, Clone)]
+pub enum UvSource {
+    /// There are none.
+    None,
+    /// Latitude and longitude; `pole` is the axis 0, 1, 2.
+    Sphere {
+        /// Which axis the poles are on.
+        pole: u8,
+    },
+    /// One per corner of a quad.
+    Quad([Vec2; 4]),
+    /// One per corner of this triangle.
+    Triangle([Vec2; 3]),
+    /// One per vertex of the mesh.
+    PerVertex(Vec<[f32; 2]>),
+    /// Three per triangle of the mesh.
+    PerCorner(Vec<[[f32; 2]; 3]>),
+}
+
+/// Vertex colours as stored and how to decode them.
+#[derive(Debug, Clone)]
+pub struct VertexColors {
+    /// As stored.
+    pub values: Colors,
+    /// How integers and floats become linear light.
+    pub space: ColorSpace,
+}
+
+/// A shape: material and per-vertex data.
+#[derive(Debug, Clone)]
+pub struct Shape {
+    /// Index into [`Shapes::materials`].
+    pub material: u32,
+    /// Texture coordinates.
+    pub uv: UvSource,
+    /// Unit vertex normals of a smooth mesh.
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// Vertex colours that multiply the material's colour.
+    pub colors: Option<VertexColors>,
+}
+
+/// Which shape a geometry's primitives belong to.
+#[derive(Debug, Clone)]
+pub enum Owner {
+    /// All to one.
+    One(u32),
+    /// One each.
+    Each(Vec<u32>),
+}
+
+impl Owner {
+    #[inline(always)]
+    fn shape(&self, prim: u32) -> u32 {
+        match self {
+            Self::One(shape) => *shape,
+            Self::Each(shapes) => shapes[prim as usize],
+        }
+    }
+}
+
+/// All shapes, materials and textures of a scene.
+#[derive(Debug, Default)]
+pub struct Shapes {
+    /// By geometry id.
+    pub owners: Vec<Owner>,
+    /// In file order.
+    pub shapes: Vec<Shape>,
+    /// Used by shapes.
+    pub materials: Vec<Material>,
+    /// Used by materials.
+    pub textures: Vec<Texture>,
+}
+
+impl Shapes {
+    /// Looks up what 16 surface points look like.
+    #[inline(always)]
+    pub fn look(
+        &self,
+        geometry: &Geometry,
+        packet: &RayPacket,
+        surfaces: &Surfaces,
+        out: &mut Points,
+    ) {
+        out.at.position = surfaces.position;
+        out.at.origin = surfaces.outside;
+        out.at.ng = surfaces.ng;
+        out.at.n = surfaces.ng;
+        out.at.primitive = surfaces.primitive;
+        out.at.hit = surfaces.hit;
+        for axis in 0..3 {
+            out.at.view[axis] = packet.rays.dir[axis].map(|d| -d);
+        }
+        if let Some(material) = self.one_plain_material(packet, surfaces) {
+            return splat(material, out);
+        }
+        for i in 0..LANES {
+            if surfaces.hit.0[i] == 0 {
+                continue;
+            }
+            let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+            let shape = &self.shapes[self.owners[geom as usize].shape(prim) as usize];
+            let material = &self.materials[shape.material as usize];
+            set(material, i, out);
+            if material.texture.is_some() || shape.normals.is_some() || shape.colors.is_some() {
+                self.details(geometry, packet, surfaces, shape, i, out);
+            }
+        }
+    }
+
+    /// Bytes of vertex data and textures.
+    pub fn bytes(&self) -> u64 {
+        let shapes = self.shapes.iter().map(|shape| {
+            let uv = match &shape.uv {
+                UvSource::PerVertex(uv) => size_of_val(&uv[..]),
+                UvSource::PerCorner(uv) => size_of_val(&uv[..]),
+                _ => 0,
+            };
+            let colors = shape
+                .colors
+                .as_ref()
+                .map_or(0, |colors| match &colors.values {
+                    Colors::U8(c) => size_of_val(&c[..]),
+                    Colors::U16(c) => size_of_val(&c[..]),
+                    Colors::F32(c) => size_of_val(&c[..]),
+                });
+            let normals = shape.normals.as_ref().map_or(0, |n| size_of_val(&n[..]));
+            (uv + colors + normals) as u64
+        });
+        shapes.sum::<u64>() + self.textures.iter().map(Texture::bytes).sum::<u64>()
+    }
+
+    /// The material, if every lane hits the same geometry and nothing varies over it.
+    #[inline(always)]
+    fn one_plain_material(&self, packet: &RayPacket, surfaces: &Surfaces) -> Option<&Material> {
+        let geom = packet.hits.geom[0];
+        let same = (0..LANES).fold(true, |same, i| {
+            same & (surfaces.hit.0[i] != 0) & (packet.hits.geom[i] == geom)
+        });
+        let Some(Owner::One(shape)) = self
+            .owners
+            .get(geom as usize)
+            .filter(|_| same && geom != NONE)
+        else {
+            return None;
+        };
+        let shape = &self.shapes[*shape as usize];
+        let material = &self.materials[shape.material as usize];
+        let plain = material.texture.is_none() && shape.normals.is_none() && shape.colors.is_none();
+        plain.then_some(material)
+    }
+
+    /// Texture, vertex colours and shading normal of one lane.
+    #[inline(never)]
+    fn details(
+        &self,
+        geometry: &Geometry,
+        packet: &RayPacket,
+        surfaces: &Surfaces,
+        shape: &Shape,
+        i: usize,
+        out: &mut Points,
+    ) {
+        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+        let (u, v) = (surfaces.u[i], surfaces.v[i]);
+        let weights = [1.0 - u - v, u, v];
+        let corners = match geometry.kind(geom) {
+            GeometryKind::Mesh(mesh) => Some(geometry.meshes[mesh].triangles()[prim as usize]),
+            _ => None,
+        };
+        let material = &self.materials[shape.material as usize];
+        if let Some(texture) = material.texture {
+            let half = packet.hits.u[i] + packet.hits.v[i];
+            if let Some(uv) = shape.uv.at(prim, corners, weights, half, || {
+                sphere_point(geometry, surfaces, prim, i)
+            }) {
+                let uv = uv * material.uv_scale;
+                let wrap = match (material.wrap, &shape.uv) {
+                    (Some(wrap), _) => [wrap, wrap],
+                    (None, UvSource::Sphere { .. }) => [Wrap::Repeat, Wrap::Clamp],
+                    (None, UvSource::PerVertex(_) | UvSource::PerCorner(_)) => [Wrap::Repeat; 2],
+                    (None, _) => [Wrap::Clamp; 2],
+                };
+                let texture = &self.textures[texture as usize];
+                let color =
+                    texture.lookup(uv.x.into(), uv.y.into(), material.filter, wrap[0], wrap[1]);
+                set_lane(&mut out.base, i, color);
+            }
+        } else if let (Some(colors), Some(corners)) = (&shape.colors, corners) {
+            let color = weighted(weights, corners.map(|c| colors.at(c)));
+            set_lane(&mut out.base, i, material.base * color);
+        }
+        if let (Some(normals), Some(corners), GeometryKind::Mesh(mesh)) =
+            (&shape.normals, corners, geometry.kind(geom))
+        {
+            let positions = geometry.meshes[mesh].corners(prim).map(Vec3::from);
+            smooth(
+                positions,
+                corners.map(|c| Vec3::from(normals[c as usize])),
+                weights,
+                i,
+                out,
+            );
+        }
+    }
+}
+
+#[inline(always)]
+fn splat(m: &Material, out: &mut Points) {
+    out.at.kd = [m.kd; LANES];
+    out.at.ks = [m.ks; LANES];
+    out.at.exponent = [m.exponent; LANES];
+    out.at.lifted.0 = [0; LANES];
+    out.ka = [m.ka; LANES];
+    out.kr = [m.kr; LANES];
+    out.base = m.base.to_array().map(|c| [c; LANES]);
+}
+
+#[inline(always)]
+fn set(m: &Material, i: usize, out: &mut Points) {
+    (out.at.kd[i], out.at.ks[i], out.at.exponent[i]) = (m.kd, m.ks, m.exponent);
+    (out.ka[i], out.kr[i]) = (m.ka, m.kr);
+    out.at.lifted.0[i] = 0;
+    set_lane(&mut out.base, i, m.base);
+}
+
+fn weighted(weights: [f32; 3], values: [Vec3; 3]) -> Vec3 {
+    values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
+}
+
+/// The point of the unit sphere under lane `i`: the outward normal.
+fn sphere_point(geometry: &Geometry, surfaces: &Surfaces, prim: u32, i: usize) -> DVec3 {
+    let center = geometry.spheres[prim as usize].center;
+    let ng = lane(&surfaces.ng, i).as_dvec3();
+    let outward = (lane(&surfaces.position, i).as_dvec3() - center).dot(ng);
+    ng * outward.signum()
+}
+
+/// Interpolated normal, and the shadow origin lifted off the facets.
+///
+/// Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II ch. 4:
+/// P' = P - sum w_i min(0, (P - V_i).N_i) N_i. Corner normals are negated where N is.
+fn smooth(corners: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 3], i: usize, out: &mut Points) {
+    let ng = lane(&out.at.ng, i);
+    let Some(n) = weighted(weights, normals).try_normalize() else {
+        return;
+    };
+    let side = if n.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+    set_lane(&mut out.at.n, i, n * side);
+    let point = |c: usize| {
+        // P - V_c from the edges: no cancellation of large coordinates.
+        weighted(weights, corners.map(|corner| corner - corners[c]))
+    };
+    let lift = (0..3).fold(Vec3::ZERO, |lift, c| {
+        let normal = normals[c] * side;
+        lift - normal * (weights[c] * point(c).dot(normal).min(0.0))
+    });
+    if lift != Vec3::ZERO {
+        let origin = lane(&out.at.origin, i) + lift;
+        set_lane(&mut out.at.origin, i, origin);
+        out.at.lifted.0[i] = -1;
+    }
+}
+
+impl UvSource {
+    /// Texture coordinates at barycentric `weights` of primitive `prim`. `reported` is u + v as
+    /// the backend gave it, which says what half of a quad was hit.
+    fn at(
+        &self,
+        prim: u32,
+        corners: Option<[u32; 3]>,
+        weights: [f32; 3],
+        reported: f32,
+        sphere: impl FnOnce() -> DVec3,
+    ) -> Option<Vec2> {
+        let interpolate =
+            |[a, b, c]: [Vec2; 3]| Some(a * weights[0] + b * weights[1] + c * weights[2]);
+        match self {
+            Self::None => None,
+            Self::Sphere { pole } => Some(sphere_uv(sphere(), *pole)),
+            Self::Quad([a, b, c, d]) => interpolate(if reported <= 1.0 {
+                [*a, *b, *d]
+            } else {
+                [*c, *d, *b]
+            }),
+            Self::Triangle(uv) => interpolate(*uv),
+            Self::PerVertex(uv) => interpolate(corners?.map(|c| Vec2::from(uv[c as usize]))),
+            Self::PerCorner(uv) => interpolate(uv[prim as usize].map(Vec2::from)),
+        }
+    }
+}
+
+/// `u = 0.5 + atan2(p.x, -p.y)/(2 pi)`, `v = 0.5 - asin(p.z)/pi`, poles moved to `pole`.
+fn sphere_uv(p: DVec3, pole: u8) -> Vec2 {
+    use std::f64::consts::{PI, TAU};
+    let p = match pole {
+        0 => DVec3::new(p.y, p.z, p.x),
+        1 => DVec3::new(p.z, p.x, p.y),
+        _ => p,
+    };
+    let u = 0.5 + p.x.atan2(-p.y) / TAU;
+    let v = 0.5 - p.z.clamp(-1.0, 1.0).asin() / PI;
+    Vec2::new(u as f32, v as f32)
+}
+
+impl VertexColors {
+    fn at(&self, vertex: u32) -> Vec3 {
+        let i = vertex as usize;
+        let stored = match &self.values {
+            Colors::U8(c) => c[i].map(|x| f32::from(x) / 255.0),
+            Colors::U16(c) => c[i].map(|x| f32::from(x) / 65535.0),
+            Colors::F32(c) => c[i],
+        };
+        Vec3::from(match self.space {
+            ColorSpace::Linear => stored,
+            ColorSpace::Srgb => stored.map(|c| super::texture::linear_from_srgb(c.into()) as f32),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sphere_coordinates_of_known_points() {
+        let at = |p: DVec3, pole| {
+            let uv = sphere_uv(p, pole);
+            [uv.x, uv.y]
+        };
+        assert_eq!(at(-DVec3::Y, 2), [0.5, 0.5]);
+        assert_eq!(at(DVec3::X, 2), [0.75, 0.5]);
+        assert_eq!(at(-DVec3::X, 2), [0.25, 0.5]);
+        assert_eq!(at(DVec3::Z, 2)[1], 0.0);
+        assert_eq!(at(-DVec3::Z, 2)[1], 1.0);
+        assert_eq!(at(DVec3::X, 0)[1], 0.0);
+        assert_eq!(at(DVec3::Y, 1)[1], 0.0);
+        assert_eq!(at(-DVec3::Z, 0), [0.5, 0.5]);
+    }
+
+    #[test]
+    fn a_convex_corner_lifts_the_shadow_origin() {
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let out_and_up = |x: f32, y: f32| Vec3::new(x, y, 3.0).normalize();
+        let normals = [
+            out_and_up(-1.0, -1.0),
+            out_and_up(1.0, 0.0),
+            out_and_up(0.0, 1.0),
+        ];
+        let mut points = Points::EMPTY;
+        set_lane(&mut points.at.ng, 0, Vec3::Z);
+        smooth(corners, normals, [1.0 / 3.0; 3], 0, &mut points);
+        assert!(lane(&points.at.origin, 0).z > 0.0);
+        assert_eq!(points.at.lifted.0[0], -1);
+        assert!(lane(&points.at.n, 0).z > 0.99);
+    }
+}

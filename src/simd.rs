@@ -1,0 +1,122 @@
+//! One choice of instruction set, made once, and one place that calls into it.
+//!
+//! Kernels are plain Rust over 16-lane arrays; [`dispatch`] runs the same code compiled for the
+//! chosen tier, so every tier computes the same bits (no contraction, no approximations).
+
+use std::fmt;
+
+/// Instruction-set tier of our own kernels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Isa {
+    /// What the target guarantees (SSE2 on x86-64).
+    Portable,
+    /// AVX2 and FMA.
+    Avx2,
+    /// AVX-512 F, BW, DQ, VL (needs rustc >= 1.89 to be compiled in).
+    Avx512,
+}
+
+impl Isa {
+    /// The best tier that this machine runs and this build has.
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[cfg(lightpath_avx512)]
+            if is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512bw")
+                && is_x86_feature_detected!("avx512dq")
+                && is_x86_feature_detected!("avx512vl")
+                && is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("fma")
+            {
+                return Self::Avx512;
+            }
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                return Self::Avx2;
+            }
+        }
+        Self::Portable
+    }
+
+    /// The tiers compiled into this build, lowest first.
+    pub fn compiled() -> &'static [Self] {
+        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+        return &[Self::Portable, Self::Avx2, Self::Avx512];
+        #[cfg(all(target_arch = "x86_64", not(lightpath_avx512)))]
+        return &[Self::Portable, Self::Avx2];
+        #[cfg(not(target_arch = "x86_64"))]
+        return &[Self::Portable];
+    }
+}
+
+impl fmt::Display for Isa {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Portable => "portable",
+            Self::Avx2 => "AVX2",
+            Self::Avx512 => "AVX-512",
+        })
+    }
+}
+
+/// Work that is compiled once per tier. `run` and all it calls in the hot path must be
+/// `#[inline(always)]`, or they are compiled for the portable tier only.
+pub trait Kernel {
+    /// What `run` returns.
+    type Output;
+    /// The work.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs `kernel` compiled for `isa`, or for the best tier below it that this machine runs.
+pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
+    match isa.min(Isa::detect()) {
+        // SAFETY: `detect` has just found every feature that `run_avx512` enables.
+        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+        Isa::Avx512 => unsafe { run_avx512(kernel) },
+        // SAFETY: `detect` has just found every feature that `run_avx2` enables.
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => unsafe { run_avx2(kernel) },
+        _ => kernel.run(),
+    }
+}
+
+#[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Sum<'a>(&'a [f32; 16]);
+
+    impl Kernel for Sum<'_> {
+        type Output = f32;
+        #[inline(always)]
+        fn run(self) -> f32 {
+            self.0.iter().map(|x| x.sqrt() * 0.1 + 0.3).sum()
+        }
+    }
+
+    #[test]
+    fn every_tier_computes_the_same_bits() {
+        let values = std::array::from_fn(|i| i as f32 * 1.7);
+        let portable = dispatch(Isa::Portable, Sum(&values));
+        for &isa in Isa::compiled() {
+            assert_eq!(
+                dispatch(isa, Sum(&values)).to_bits(),
+                portable.to_bits(),
+                "{isa}"
+            );
+        }
+    }
+}

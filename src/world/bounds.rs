@@ -1,0 +1,99 @@
+//! Boxes in world space, f64.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::camera::axes;
+use crate::scene::{Camera, ShapeKind};
+
+/// An axis-aligned box; empty where `min > max`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// Lowest corner.
+    pub min: DVec3,
+    /// Highest corner.
+    pub max: DVec3,
+}
+
+impl Bounds {
+    /// Holds nothing.
+    pub const EMPTY: Self = Self {
+        min: DVec3::INFINITY,
+        max: DVec3::NEG_INFINITY,
+    };
+
+    /// The smallest box around `n` points that `point` computes, in parallel.
+    pub fn of_points(n: usize, point: impl Fn(usize) -> Option<DVec3> + Sync) -> Self {
+        const CHUNK: usize = 1 << 16;
+        (0..n.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let points = chunk * CHUNK..n.min((chunk + 1) * CHUNK);
+                points.filter_map(&point).fold(Self::EMPTY, Self::with)
+            })
+            .reduce(|| Self::EMPTY, Self::union)
+    }
+
+    /// The box of a shape other than a mesh.
+    pub fn of_shape(shape: &ShapeKind) -> Self {
+        match shape {
+            ShapeKind::Sphere { center, radius, .. } => Self {
+                min: *center - *radius,
+                max: *center + *radius,
+            },
+            ShapeKind::Plane { corners } => corners.iter().copied().fold(Self::EMPTY, Self::with),
+            ShapeKind::Triangle { corners } => {
+                corners.iter().copied().fold(Self::EMPTY, Self::with)
+            }
+            ShapeKind::Trimesh(_) => Self::EMPTY,
+        }
+    }
+
+    fn with(self, p: DVec3) -> Self {
+        Self {
+            min: self.min.min(p),
+            max: self.max.max(p),
+        }
+    }
+
+    /// The smallest box around both.
+    pub fn union(self, other: Self) -> Self {
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        }
+    }
+
+    /// The middle; the origin of space if empty.
+    pub fn center(self) -> DVec3 {
+        if self.min.cmple(self.max).all() {
+            self.min + (self.max - self.min) / 2.0
+        } else {
+            DVec3::ZERO
+        }
+    }
+
+    /// Longest side.
+    pub fn longest_side(self) -> f64 {
+        (self.max - self.min).max_element()
+    }
+
+    /// Whether the whole box lies behind the camera or beyond one side of its frustum.
+    pub fn outside_view(self, camera: &Camera) -> bool {
+        let [x, y, z] = axes(camera);
+        let tan = (camera.fov_deg.to_radians() / 2.0).tan();
+        let wide = tan * f64::from(camera.width) / f64::from(camera.height);
+        let planes = [z, z * wide + x, z * wide - x, z * tan + y, z * tan - y];
+        let corner = |i: usize| {
+            let pick = |bit: usize, low: f64, high: f64| if i & bit == 0 { low } else { high };
+            DVec3::new(
+                pick(1, self.min.x, self.max.x),
+                pick(2, self.min.y, self.max.y),
+                pick(4, self.min.z, self.max.z),
+            )
+        };
+        planes
+            .iter()
+            .any(|n| (0..8).all(|i| n.dot(corner(i) - camera.position) < 0.0))
+    }
+}

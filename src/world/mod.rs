@@ -1,0 +1,292 @@
+//! [`Scene`] -> [`World`]: meshes and textures loaded, everything relative to one f64 origin.
+
+mod bounds;
+mod place;
+mod textures;
+
+use glam::{DVec3, Vec2, Vec3};
+
+use crate::camera::Camera;
+use crate::error::{Error, Kind, Problem, Result};
+use crate::geometry::{Geometry, Sphere, TriangleMesh};
+use crate::monitor::{Monitor, Phase};
+use crate::scene::{Falloff, LightKind, Scene, ShapeKind};
+use crate::shading::{Emitter, Light, Owner, Shape, Shapes, UvSource};
+
+use self::bounds::Bounds;
+use self::place::PlacedMesh;
+
+/// How files are read.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LoadOptions {
+    /// Drop triangles that use bad vertices instead of refusing the mesh.
+    pub repair: bool,
+}
+
+/// Everything a render needs except the accelerator; all positions relative to
+/// `geometry.origin`.
+#[derive(Debug)]
+pub struct World {
+    /// What the accelerator is built over.
+    pub geometry: Geometry,
+    /// What the primitives look like.
+    pub shapes: Shapes,
+    /// In file order.
+    pub lights: Vec<Light>,
+    /// The camera.
+    pub camera: Camera,
+    /// Pixels across and down.
+    pub frame: [u32; 2],
+    /// Camera samples per pixel.
+    pub spp: u32,
+    /// Mirror bounces.
+    pub nbounces: u32,
+    /// Of every random choice.
+    pub seed: u64,
+    /// Radiance of rays that leave the scene.
+    pub background: Vec3,
+    /// Ambient light.
+    pub ambient: Vec3,
+    /// Of all lights.
+    pub falloff: Falloff,
+    /// Alpha is coverage.
+    pub transparent: bool,
+}
+
+impl World {
+    /// Opens the scene's files and prepares what rays need, on the threads of the current rayon
+    /// pool. Problems that do not stop a render are returned as warnings.
+    ///
+    /// # Errors
+    /// All problems of meshes and textures; `Interrupted` after a signal.
+    pub fn load(
+        scene: &Scene,
+        options: LoadOptions,
+        monitor: &Monitor,
+    ) -> Result<(Self, Vec<Problem>)> {
+        monitor.begin(Phase::Load, scene.shapes.len() as u64);
+        let mut warnings = Vec::new();
+        let (textures, materials) = textures::load(scene, &mut warnings)?;
+        let mut bounds = Bounds::EMPTY;
+        let mut meshes = Vec::new();
+        for (index, shape) in scene.shapes.iter().enumerate() {
+            if let ShapeKind::Trimesh(spec) = &shape.kind {
+                let textured = scene.materials[shape.material].texture.is_some();
+                let mesh = PlacedMesh::read(spec, textured, options, &mut warnings)?;
+                bounds = bounds.union(mesh.bounds());
+                if mesh.bounds().outside_view(&scene.camera) {
+                    warnings.push(Problem::new(
+                        &spec.place,
+                        format!("{} lies outside the camera's view", spec.path.display()),
+                    ));
+                }
+                meshes.push((index, mesh));
+            }
+            bounds = bounds.union(Bounds::of_shape(&shape.kind));
+            monitor.set_done(index as u64 + 1);
+            monitor.check()?;
+        }
+        let origin = bounds.center();
+        let (geometry, shapes) = gather(scene, meshes, origin)?;
+        let shapes = Shapes {
+            materials,
+            textures,
+            ..shapes
+        };
+        let world = Self {
+            geometry,
+            shapes,
+            lights: scene
+                .lights
+                .iter()
+                .map(|light| recentre(light, origin))
+                .collect(),
+            camera: Camera::new(&scene.camera, origin),
+            frame: [scene.camera.width, scene.camera.height],
+            spp: scene.spp,
+            nbounces: scene.nbounces,
+            seed: scene.seed,
+            background: scene.background,
+            ambient: scene.ambient,
+            falloff: scene.falloff,
+            transparent: scene.transparent,
+        };
+        Ok((world, warnings))
+    }
+
+    /// Triangles of all meshes and single triangles; a plane counts as two.
+    pub fn triangles(&self) -> u64 {
+        let meshes: usize = self
+            .geometry
+            .meshes
+            .iter()
+            .map(|m| m.triangles().len())
+            .sum();
+        (meshes + 2 * self.geometry.quads.len()) as u64
+    }
+
+    /// Bytes held by primitives, vertex data and textures.
+    pub fn mesh_bytes(&self) -> u64 {
+        self.geometry.bytes() + self.shapes.bytes()
+    }
+}
+
+fn recentre(light: &crate::scene::Light, origin: DVec3) -> Light {
+    let emitter = match &light.kind {
+        LightKind::Point { position } => Emitter::Point((*position - origin).as_vec3()),
+        LightKind::Area {
+            corner,
+            edge,
+            height,
+            samples,
+            lambertian,
+        } => Emitter::Area {
+            corner: (*corner - origin).as_vec3(),
+            edge: edge.as_vec3(),
+            height: height.as_vec3(),
+            normal: lambertian.then(|| edge.cross(*height).normalize().as_vec3()),
+            samples: *samples,
+        },
+    };
+    Light {
+        diffuse: light.diffuse,
+        specular: light.specular,
+        emitter,
+    }
+}
+
+/// Sorts the shapes into geometries: one per mesh, one of all single triangles, quads, spheres.
+fn gather(
+    scene: &Scene,
+    meshes: Vec<(usize, PlacedMesh)>,
+    origin: DVec3,
+) -> Result<(Geometry, Shapes)> {
+    let local = |p: DVec3| (p - origin).as_vec3().to_array();
+    let mut shapes: Vec<Shape> = Vec::with_capacity(scene.shapes.len());
+    let (mut quads, mut quad_shapes) = (Vec::new(), Vec::new());
+    let (mut spheres, mut sphere_shapes) = (Vec::new(), Vec::new());
+    let (mut corners, mut triangle_shapes) = (Vec::new(), Vec::new());
+    for (index, shape) in scene.shapes.iter().enumerate() {
+        let index = index as u32;
+        let uv = match &shape.kind {
+            ShapeKind::Sphere {
+                center,
+                radius,
+                pole,
+            } => {
+                spheres.push(Sphere {
+                    center: *center - origin,
+                    radius: *radius,
+                });
+                sphere_shapes.push(index);
+                UvSource::Sphere { pole: *pole }
+            }
+            ShapeKind::Plane { corners } => {
+                quads.push(corners.map(local));
+                quad_shapes.push(index);
+                UvSource::Quad(quad_uv(corners))
+            }
+            ShapeKind::Triangle { corners: triangle } => {
+                corners.extend(triangle.map(local));
+                triangle_shapes.push(index);
+                UvSource::Triangle(triangle_uv(triangle))
+            }
+            ShapeKind::Trimesh(_) => UvSource::None,
+        };
+        shapes.push(Shape {
+            material: shape.material as u32,
+            uv,
+            normals: None,
+            colors: None,
+        });
+    }
+    let mut arrays = Vec::new();
+    let mut owners = Vec::new();
+    for (index, mesh) in meshes {
+        owners.push(Owner::One(index as u32));
+        arrays.push(mesh.finish(origin, &mut shapes[index]));
+    }
+    if !triangle_shapes.is_empty() {
+        let triangles = (0..triangle_shapes.len() as u32)
+            .map(|i| [0, 1, 2].map(|k| 3 * i + k))
+            .collect();
+        arrays.push(TriangleMesh::new(corners, triangles, false));
+        owners.push(Owner::Each(triangle_shapes));
+    }
+    owners.extend([Owner::Each(quad_shapes), Owner::Each(sphere_shapes)]);
+    let geometry = Geometry::new(origin, arrays, quads, spheres).map_err(|count| {
+        let message = format!("{count} primitives are more than the 4294967294 that fit");
+        Error::new(Kind::Limit, Problem::new("scene", message))
+    })?;
+    Ok((
+        geometry,
+        Shapes {
+            owners,
+            shapes,
+            materials: Vec::new(),
+            textures: Vec::new(),
+        },
+    ))
+}
+
+/// With a = v2 - v3, b = v0 - v3: u = (P - v3).a/|a|^2, v = 1 - (P - v3).b/|b|^2; linear in P, so
+/// the corners' values say it all.
+fn quad_uv(corners: &[DVec3; 4]) -> [Vec2; 4] {
+    let [v0, _, v2, v3] = *corners;
+    let (a, b) = (v2 - v3, v0 - v3);
+    corners.map(|p| {
+        let d = p - v3;
+        Vec2::new(
+            (d.dot(a) / a.dot(a)) as f32,
+            (1.0 - d.dot(b) / b.dot(b)) as f32,
+        )
+    })
+}
+
+/// With e = v1 - v0, h the part of v2 - v0 perpendicular to e, [m, M] the range of the corners
+/// along e: u = 1 - ((P - v0).e/|e| - m)/(M - m), v = (P - v0).h/|h|^2.
+fn triangle_uv(corners: &[DVec3; 3]) -> [Vec2; 3] {
+    let [v0, v1, v2] = *corners;
+    let e = (v1 - v0).normalize();
+    let h = (v2 - v0) - e * (v2 - v0).dot(e);
+    let along = corners.map(|p| (p - v0).dot(e));
+    let (low, high) = along
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(l, h), &x| (l.min(x), h.max(x)));
+    corners.map(|p| {
+        let d = p - v0;
+        Vec2::new(
+            (1.0 - (d.dot(e) - low) / (high - low)) as f32,
+            (d.dot(h) / h.dot(h)) as f32,
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_maps_v3_to_the_bottom_left() {
+        let corners = [
+            DVec3::Y,
+            DVec3::new(2.0, 1.0, 0.0),
+            DVec3::X * 2.0,
+            DVec3::ZERO,
+        ];
+        let [v0, v1, v2, v3] = quad_uv(&corners);
+        assert_eq!([v3, v2, v0, v1], [Vec2::Y, Vec2::ONE, Vec2::ZERO, Vec2::X]);
+    }
+
+    #[test]
+    fn a_triangle_maps_into_its_bounding_rectangle() {
+        let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(1.0, 2.0, 0.0)];
+        assert_eq!(
+            triangle_uv(&corners),
+            [Vec2::X, Vec2::ZERO, Vec2::new(0.75, 1.0)]
+        );
+        // A third corner that sticks out widens the range.
+        let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(-4.0, 2.0, 0.0)];
+        assert_eq!(triangle_uv(&corners)[0].x, 0.5);
+    }
+}

@@ -1,0 +1,216 @@
+//! A mesh file -> its place in the world: fit, rotate, size, center; then the scene's origin.
+
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use super::LoadOptions;
+use super::bounds::Bounds;
+use crate::error::{Error, Problem, Result};
+use crate::geometry::TriangleMesh;
+use crate::mesh::{self, Colors, Mesh, Positions, Uvs};
+use crate::scene::{ColorSpace, Trimesh};
+use crate::shading::{Shape, UvSource, VertexColors};
+
+/// Embree silently drops primitives beyond this (its `FLT_LARGE`); so does f32's square.
+const LARGEST: f64 = 1.844e18;
+
+/// A mesh with its transform: `linear p + offset`.
+pub struct PlacedMesh {
+    mesh: Mesh,
+    spec: Trimesh,
+    linear: DMat3,
+    offset: DVec3,
+    bounds: Bounds,
+}
+
+impl PlacedMesh {
+    /// Reads the file and works out where it goes.
+    pub fn read(
+        spec: &Trimesh,
+        textured: bool,
+        options: LoadOptions,
+        warnings: &mut Vec<Problem>,
+    ) -> Result<Self> {
+        let mesh = mesh::read_ply(
+            &spec.path,
+            mesh::ReadOptions {
+                repair: options.repair,
+                ..Default::default()
+            },
+        )?;
+        warn(&mesh, spec, warnings);
+        if textured && mesh.uvs.is_none() {
+            return Err(Error::invalid(
+                &spec.place,
+                format!(
+                    "{} has no texture coordinates, but its material has a texture",
+                    spec.path.display()
+                ),
+            )
+            .help("give the file `s t` or `u v` vertex properties, or drop `tPath`"));
+        }
+        let used = used_vertices(&mesh);
+        let rotate = spec.rotate_deg;
+        let rotation = DMat3::from_rotation_z(rotate.z.to_radians())
+            * DMat3::from_rotation_y(rotate.y.to_radians())
+            * DMat3::from_rotation_x(rotate.x.to_radians());
+        // Quarter turns must be exact, or a turned mesh would not be the same mesh.
+        let rotation = DMat3::from_cols_array(&rotation.to_cols_array().map(|x| {
+            if x.abs() < 1e-15 {
+                0.0
+            } else if (x.abs() - 1.0).abs() < 1e-15 {
+                x.signum()
+            } else {
+                x
+            }
+        }));
+        let (mut scale, mut middle) = (1.0, DVec3::ZERO);
+        if let Some(fit) = spec.fit {
+            let own = bounds(&mesh, &used, DMat3::IDENTITY, DVec3::ZERO);
+            (scale, middle) = (fit / own.longest_side(), own.center());
+        }
+        let linear = rotation * (scale * spec.size);
+        let offset = spec.center - linear * middle;
+        let bounds = bounds(&mesh, &used, linear, offset);
+        let furthest = bounds.min.abs().max(bounds.max.abs()).max_element();
+        if !(furthest < LARGEST) {
+            return Err(Error::invalid(
+                &spec.place,
+                format!(
+                    "a coordinate of {} is {furthest:e}, expected below {LARGEST:e}",
+                    spec.path.display()
+                ),
+            ));
+        }
+        Ok(Self {
+            mesh,
+            spec: spec.clone(),
+            linear,
+            offset,
+            bounds,
+        })
+    }
+
+    /// The box over all used vertices, in world space.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// Vertices relative to `origin`, and the vertex data that `shape` needs.
+    pub fn finish(self, origin: DVec3, shape: &mut Shape) -> TriangleMesh {
+        let Self {
+            mesh,
+            spec,
+            linear,
+            offset,
+            ..
+        } = self;
+        let offset = offset - origin;
+        let vertices: Vec<[f32; 3]> = match &mesh.positions {
+            Positions::F32(p) => transform(p, |p| DVec3::from(p.map(f64::from)), linear, offset),
+            Positions::F64(p) => transform(p, DVec3::from, linear, offset),
+        };
+        if spec.smooth {
+            shape.normals = Some(match mesh.normals {
+                Some(normals) => rotated(normals, linear),
+                None => mesh::vertex_normals(&vertices, &mesh.triangles),
+            });
+        }
+        shape.uv = match mesh.uvs {
+            None => UvSource::None,
+            Some(Uvs::PerVertex(mut uv)) => {
+                uv.par_iter_mut().for_each(flip);
+                UvSource::PerVertex(uv)
+            }
+            Some(Uvs::PerCorner(mut uv)) => {
+                uv.par_iter_mut()
+                    .for_each(|corners| corners.iter_mut().for_each(flip));
+                UvSource::PerCorner(uv)
+            }
+        };
+        shape.colors = mesh.colors.filter(|_| spec.vertex_colors).map(|values| {
+            let stored = match values {
+                Colors::F32(_) => ColorSpace::Linear,
+                Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
+            };
+            VertexColors {
+                values,
+                space: spec.vertex_color_space.unwrap_or(stored),
+            }
+        });
+        TriangleMesh::new(vertices, mesh.triangles, !spec.bvh)
+    }
+}
+
+/// File coordinates have v up, ours runs down.
+fn flip(uv: &mut [f32; 2]) {
+    uv[1] = 1.0 - uv[1];
+}
+
+/// `linear p + offset` in f64, rounded once. The vertices get room for the padding that
+/// `TriangleMesh` adds.
+fn transform<T: Copy + Sync>(
+    from: &[T],
+    get: impl Fn(T) -> DVec3 + Sync,
+    linear: DMat3,
+    offset: DVec3,
+) -> Vec<[f32; 3]> {
+    let mut to = Vec::with_capacity(from.len() + 1);
+    from.par_iter()
+        .map(|&p| (linear * get(p) + offset).as_vec3().to_array())
+        .collect_into_vec(&mut to);
+    to
+}
+
+/// The file's normals, turned with the mesh, at unit length; zero where the file's is zero.
+fn rotated(mut normals: Vec<[f32; 3]>, linear: DMat3) -> Vec<[f32; 3]> {
+    normals.par_iter_mut().for_each(|n| {
+        let turned = linear * DVec3::from(n.map(f64::from));
+        *n = turned.normalize_or_zero().as_vec3().to_array();
+    });
+    normals
+}
+
+fn used_vertices(mesh: &Mesh) -> Vec<bool> {
+    let n = match &mesh.positions {
+        Positions::F32(p) => p.len(),
+        Positions::F64(p) => p.len(),
+    };
+    let mut used = vec![false; n];
+    for &vertex in mesh.triangles.as_flattened() {
+        used[vertex as usize] = true;
+    }
+    used
+}
+
+fn bounds(mesh: &Mesh, used: &[bool], linear: DMat3, offset: DVec3) -> Bounds {
+    Bounds::of_points(used.len(), |i| {
+        let position = || match &mesh.positions {
+            Positions::F32(p) => DVec3::from(p[i].map(f64::from)),
+            Positions::F64(p) => DVec3::from(p[i]),
+        };
+        used[i].then(|| linear * position() + offset)
+    })
+}
+
+fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {
+    let notes = &mesh.notes;
+    let dropped = [
+        (
+            notes.degenerate_dropped,
+            "degenerate triangles (zero area) were dropped",
+        ),
+        (
+            notes.repaired_dropped,
+            "triangles with bad vertices were dropped (--repair)",
+        ),
+        (
+            notes.faces_too_small,
+            "faces with fewer than three corners were skipped",
+        ),
+    ];
+    let path = spec.path.display().to_string();
+    for (count, what) in dropped.into_iter().filter(|(count, _)| *count > 0) {
+        warnings.push(Problem::new(&path, format!("{count} {what}")));
+    }
+}

@@ -1,0 +1,65 @@
+//! Materials and the images they name; each image is opened once.
+
+use std::collections::HashMap;
+
+use crate::error::{Problem, Result};
+use crate::scene::{Filter, Scene, TextureUse};
+use crate::shading::{Material, Texture};
+
+/// Loads the textures of the materials that shapes use.
+pub fn load(scene: &Scene, warnings: &mut Vec<Problem>) -> Result<(Vec<Texture>, Vec<Material>)> {
+    let mut textures = Vec::new();
+    let mut loaded = HashMap::new();
+    let mut materials = Vec::with_capacity(scene.materials.len());
+    for (index, m) in scene.materials.iter().enumerate() {
+        let used = scene.shapes.iter().any(|shape| shape.material == index);
+        let texture = match m.texture.as_ref().filter(|_| used) {
+            None => None,
+            Some(spec) => {
+                let key = (spec.path.clone(), spec.color_space);
+                let slot = match loaded.get(&key) {
+                    Some(&slot) => slot,
+                    None => {
+                        textures.push(Texture::load(&spec.path, spec.color_space)?);
+                        let slot = textures.len() as u32 - 1;
+                        loaded.insert(key, slot);
+                        slot
+                    }
+                };
+                warn(spec, &textures[slot as usize], warnings);
+                Some(slot)
+            }
+        };
+        let spec = m.texture.as_ref();
+        materials.push(Material {
+            kd: m.kd,
+            ks: m.ks,
+            ka: m.ka,
+            kr: m.kr,
+            exponent: m.specular_exponent,
+            base: m.diffuse_color,
+            texture,
+            filter: spec.map_or(Filter::Bilinear, |t| t.filter),
+            wrap: spec.and_then(|t| t.wrap),
+            uv_scale: spec.map_or(glam::Vec2::ONE, |t| t.scale),
+        });
+    }
+    Ok((textures, materials))
+}
+
+fn warn(spec: &TextureUse, texture: &Texture, warnings: &mut Vec<Problem>) {
+    let sizes = [("tWidth", texture.width()), ("tHeight", texture.height())];
+    for ((key, size), declared) in sizes.into_iter().zip(spec.declared_size) {
+        if let Some(declared) = declared.filter(|&d| d != size) {
+            let message = format!(
+                "`{key}` is {declared}, but {} has {size}; {size} is used",
+                spec.path.display()
+            );
+            warnings.push(Problem::new(&spec.place, message));
+        }
+    }
+    if texture.had_alpha() {
+        let message = format!("the alpha channel of {} is ignored", spec.path.display());
+        warnings.push(Problem::new(&spec.place, message));
+    }
+}

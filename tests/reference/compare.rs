@@ -1,0 +1,171 @@
+//! Comparing the renderer's picture with the reference's, and showing where they differ.
+
+use super::Picture;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Half floats keep 11 bits: rounding to nearest moves a value by at most 2^-11 = 4.9e-4 of
+/// itself. What is left of 1e-3 is for the renderer's f32 geometry.
+pub const RELATIVE: f64 = 1e-3;
+
+/// Values below this are compared as if they were this large: darker than 1/100 only absolute
+/// differences (1e-5) matter, where f32 cosines near the terminator have lost relative precision.
+pub const FLOOR: f64 = 0.01;
+
+/// The part of the pixels that may be out of tolerance: silhouettes, shadow and texel edges, where
+/// f32 and f64 may decide differently, and five-sigma events among many pixels.
+pub const ALLOWED: f64 = 0.003;
+
+/// In a sampled picture, how many standard deviations a pixel may be off. Were noise normal, one
+/// value in 1.7 million would be further off; it has heavier tails (a rare bright sample), which
+/// `ALLOWED` is for.
+pub const SIGMAS: f64 = 5.0;
+
+/// In a sampled picture, the relative tolerance. Light that is seen by fewer than some five in
+/// 1024 points shows no variance in the reference's own 1024 points, nor any light.
+pub const RELATIVE_SAMPLED: f64 = 5e-3;
+
+/// Side of the blocks whose mean is checked in a sampled picture, px.
+const BLOCK: usize = 10;
+
+/// How far channel `c` of pixel `k` may be from the reference.
+type Tolerance<'a> = &'a dyn Fn(usize, usize) -> f64;
+
+/// Checks a picture without random choices: `|x - r| <= RELATIVE max(|r|, FLOOR)` but for
+/// `ALLOWED` of the pixels.
+pub fn assert_same(name: &str, actual: &Picture, expected: &Picture) {
+    let tolerance = |k: usize, c: usize| RELATIVE * expected.pixels[k][c].abs().max(FLOOR);
+    assert_within(name, actual, expected, &tolerance);
+}
+
+/// Checks a picture with random choices: each pixel within `SIGMAS` of its own noise, and the
+/// means of blocks of pixels within `SIGMAS` of theirs, which is ten times sharper and shows any
+/// bias, such as a wrong density of the samples.
+pub fn assert_same_sampled(name: &str, actual: &Picture, expected: &Picture) {
+    let tolerance = |k: usize, c: usize| {
+        SIGMAS * expected.deviation[k][c]
+            + RELATIVE_SAMPLED * expected.pixels[k][c].abs().max(FLOOR)
+    };
+    assert_within(name, actual, expected, &tolerance);
+    let mut report = String::new();
+    for top in (0..expected.height).step_by(BLOCK) {
+        for left in (0..expected.width).step_by(BLOCK) {
+            check_block(actual, expected, left, top, &mut report);
+        }
+    }
+    if !report.is_empty() {
+        let place = write_pictures(name, actual, expected, &tolerance);
+        panic!("{name}: means of blocks differ: {place}\n{report}");
+    }
+}
+
+/// Half rounding of a block's pixels goes either way, so their mean keeps to `RELATIVE` easily.
+fn check_block(a: &Picture, e: &Picture, left: usize, top: usize, report: &mut String) {
+    let columns = left..(left + BLOCK).min(e.width);
+    let rows = top..(top + BLOCK).min(e.height);
+    let inside: Vec<usize> = rows
+        .flat_map(|j| columns.clone().map(move |i| j * e.width + i))
+        .collect();
+    let n = inside.len() as f64;
+    for c in 0..4 {
+        let mean = |p: &Picture| inside.iter().map(|k| p.pixels[*k][c]).sum::<f64>() / n;
+        let noise = inside
+            .iter()
+            .map(|k| e.deviation[*k][c].powi(2))
+            .sum::<f64>()
+            .sqrt()
+            / n;
+        let (actual, expected) = (mean(a), mean(e));
+        let tolerance = SIGMAS * noise + RELATIVE * expected.abs().max(FLOOR);
+        // A NaN must fail, so the comparison asks for what is right.
+        let right = (actual - expected).abs() <= tolerance;
+        if !right {
+            let corner = (left, top);
+            writeln!(
+                report,
+                "  block at {corner:?} channel {c}: {actual:.6}, expected {expected:.6} +- {tolerance:.2e}"
+            )
+            .unwrap();
+        }
+    }
+}
+
+fn assert_within(name: &str, actual: &Picture, expected: &Picture, tolerance: Tolerance) {
+    let size = |p: &Picture| (p.width, p.height);
+    assert_eq!(size(actual), size(expected), "{name}: picture size");
+    let mut wrong: Vec<(f64, usize)> = (0..expected.pixels.len())
+        .map(|k| (excess(actual, expected, tolerance, k), k))
+        .filter(|(excess, _)| *excess > 1.0)
+        .collect();
+    let allowed = (ALLOWED * expected.pixels.len() as f64) as usize;
+    println!(
+        "{name}: {} of {} pixels differ",
+        wrong.len(),
+        expected.pixels.len()
+    );
+    if wrong.len() <= allowed {
+        return;
+    }
+    wrong.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let place = write_pictures(name, actual, expected, tolerance);
+    let mut report = format!(
+        "{name}: {} pixels differ, {allowed} may: {place}\n",
+        wrong.len()
+    );
+    for (excess, k) in wrong.iter().take(10) {
+        let (i, j) = (k % expected.width, k / expected.width);
+        let (a, e) = (actual.pixels[*k], expected.pixels[*k]);
+        writeln!(
+            report,
+            "  ({i}, {j}): {a:.5?}, expected {e:.5?}: {excess:.1} tolerances"
+        )
+        .unwrap();
+    }
+    panic!("{report}");
+}
+
+/// The largest difference of a pixel's channels, in tolerances; infinite for a NaN.
+fn excess(actual: &Picture, expected: &Picture, tolerance: Tolerance, k: usize) -> f64 {
+    (0..4)
+        .map(|c| (actual.pixels[k][c] - expected.pixels[k][c]).abs() / tolerance(k, c))
+        .map(|x| if x.is_nan() { f64::INFINITY } else { x })
+        .fold(0.0, f64::max)
+}
+
+/// Writes actual, expected and difference PNGs to cargo's folder for tests; says where. In the
+/// difference black is equal, mid grey is one tolerance, white is two or more.
+fn write_pictures(name: &str, a: &Picture, e: &Picture, tolerance: Tolerance) -> String {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::create_dir_all(&folder).expect("a folder for the pictures");
+    write_png(&folder.join("actual.png"), a);
+    write_png(&folder.join("expected.png"), e);
+    let shade = |k: usize| (127.5 * excess(a, e, tolerance, k)).min(255.0) as u8;
+    let grey = (0..e.pixels.len()).map(shade).collect();
+    image::GrayImage::from_raw(e.width as u32, e.height as u32, grey)
+        .expect("as many pixels as that")
+        .save(folder.join("difference.png"))
+        .expect("difference.png");
+    format!("see {}", folder.display())
+}
+
+/// Writes a picture for the eye: sRGB, clamped, over black.
+pub fn write_png(path: &Path, picture: &Picture) {
+    let to_srgb = |x: f64| {
+        let x = x.clamp(0.0, 1.0);
+        let y = if x <= 0.003_130_8 {
+            12.92 * x
+        } else {
+            1.055 * x.powf(1.0 / 2.4) - 0.055
+        };
+        (255.0 * y).round() as u8
+    };
+    let bytes = picture
+        .pixels
+        .iter()
+        .flat_map(|p| [p[0], p[1], p[2]].map(to_srgb))
+        .collect();
+    image::RgbImage::from_raw(picture.width as u32, picture.height as u32, bytes)
+        .expect("as many pixels as that")
+        .save(path)
+        .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+}

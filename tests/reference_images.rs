@@ -1,0 +1,75 @@
+//! The renderer's pictures against those of a second, independent ray tracer (`reference/`).
+//!
+//! Five scenes cover the format between them. Scenes without random choices must agree pixel by
+//! pixel; scenes with area lights, lens and antialiasing must agree within the noise that their
+//! own number of samples implies. `compare.rs` states and justifies every tolerance.
+
+mod reference;
+
+use reference::{Density, Picture, assets, compare, program, scene::Scene};
+use std::path::{Path, PathBuf};
+
+/// A temporary folder with the scene and every asset; gone when dropped.
+fn stage(name: &str) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    assets::write_all(folder.path());
+    let scene = folder.path().join(format!("{name}.json"));
+    let stored = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/reference");
+    std::fs::copy(stored.join(format!("{name}.json")), &scene).expect("the stored scene");
+    (folder, scene)
+}
+
+/// Both pictures of a scene: the renderer's, then the reference's.
+fn both(name: &str) -> (Picture, Picture) {
+    let (_folder, scene) = stage(name);
+    let actual = program::render(&scene);
+    (
+        actual,
+        reference::render(&Scene::load(&scene), Density::default()),
+    )
+}
+
+#[test]
+fn shapes_mirrors_and_shadows() {
+    let (actual, expected) = both("shapes");
+    compare::assert_same("shapes", &actual, &expected);
+}
+
+#[test]
+fn textures_on_every_shape() {
+    let (actual, expected) = both("textures");
+    compare::assert_same("textures", &actual, &expected);
+}
+
+#[test]
+fn meshes_smooth_and_coloured() {
+    let (actual, expected) = both("meshes");
+    compare::assert_same("meshes", &actual, &expected);
+}
+
+#[test]
+fn area_lights_uniform_and_lambertian() {
+    let (actual, expected) = both("arealights");
+    compare::assert_same_sampled("arealights", &actual, &expected);
+}
+
+#[test]
+fn thin_lens_antialiasing_and_alpha() {
+    let (actual, expected) = both("lens");
+    compare::assert_same_sampled("lens", &actual, &expected);
+}
+
+/// The reference's five pictures for the eye, into cargo's folder for tests:
+/// `cargo test --test reference_images -- --ignored --nocapture`.
+#[test]
+#[ignore = "draws pictures to look at, checks nothing"]
+fn draw_the_reference() {
+    for name in ["shapes", "textures", "meshes", "arealights", "lens"] {
+        let (_folder, scene) = stage(name);
+        let start = std::time::Instant::now();
+        let picture = reference::render(&Scene::load(&scene), Density::default());
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"));
+        compare::write_png(&path, &picture);
+        println!("{} in {:.1?}", path.display(), start.elapsed());
+    }
+}

@@ -1,0 +1,483 @@
+//! Every kind of scene-file error: its place, its message, its way out.
+
+use std::path::Path;
+
+use lightpath::{
+    error::{Error, Kind},
+    scene::{Loaded, Source, load},
+};
+
+const CAMERA: &str = r#"{"type": "pinhole", "width": 8, "height": 6, "fov": 40,
+  "position": [0, -5, 0], "lookat": [0, 1, 0], "up": [0, 0, 1]}"#;
+
+fn text(text: &[u8], set: &[&str]) -> Result<Loaded, Error> {
+    let source = Source::Text {
+        name: "s.json",
+        text,
+        folder: Path::new(env!("CARGO_MANIFEST_DIR")),
+    };
+    let set: Vec<String> = set.iter().map(|s| s.to_string()).collect();
+    load(source, &set)
+}
+
+/// A scene on three lines: the camera, then one shape.
+fn with(camera: &str, shape: &str) -> String {
+    format!("{{\"camera\": {camera},\n\"scene\": {{\"shapes\": [{shape}]}}}}")
+}
+
+fn sphere() -> &'static str {
+    r#"{"type": "sphere", "center": [0,0,0], "radius": 1, "material": {}}"#
+}
+
+/// The one error of a text, printed.
+#[track_caller]
+fn one(scene: &str) -> String {
+    let error = text(scene.as_bytes(), &[]).expect_err("it should be refused");
+    assert_eq!(error.problems.len(), 1, "{error}");
+    assert_eq!(error.kind, Kind::Invalid);
+    error.problems[0].to_string()
+}
+
+/// The one error of a valid scene with these overrides, printed.
+#[track_caller]
+fn set(sets: &[&str]) -> String {
+    let scene = with(CAMERA, sphere());
+    let error = text(scene.as_bytes(), sets).expect_err("it should be refused");
+    assert_eq!(error.problems.len(), 1, "{error}");
+    error.problems[0].to_string()
+}
+
+#[track_caller]
+fn says(message: String, parts: &[&str]) {
+    for part in parts {
+        assert!(message.contains(part), "{part:?} is not in {message:?}");
+    }
+}
+
+#[test]
+fn a_valid_scene_has_no_problem() {
+    let loaded = text(with(CAMERA, sphere()).as_bytes(), &[]).unwrap();
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    assert_eq!(loaded.hash.len(), 64);
+}
+
+#[test]
+fn not_json() {
+    let deep = "[".repeat(100_000);
+    let cases: &[(&str, &[&str])] = &[
+        ("", &["s.json: found an empty file"]),
+        (" \n ", &["s.json: found an empty file"]),
+        (
+            "[1, 2",
+            &[
+                "s.json:1:6",
+                "found the end of the file, expected a comma or `]`",
+            ],
+        ),
+        (
+            "{\"a\": NaN}",
+            &[
+                "s.json:1:7",
+                "found `NaN`, expected a value",
+                "JSON has no NaN",
+            ],
+        ),
+        (
+            "{\"a\": -Infinity}",
+            &["s.json:1:8", "found `Infinity`, expected a digit"],
+        ),
+        (
+            "{\"a\":\n 0x10}",
+            &["s.json:2:2", "found `0x10`", "decimal"],
+        ),
+        (
+            "{\"a\": 01}",
+            &["s.json:1:7", "found `01`", "leading zeros"],
+        ),
+        ("{\"a\": 1.}", &["expected a digit"]),
+        ("{\"a\": .5}", &["write 0 before the decimal point"]),
+        ("{\"a\": True}", &["found `True`", "lower case"]),
+        ("// hello\n{}", &["s.json:1:1", "JSON has no comments"]),
+        (
+            "{\"a\": 1,}",
+            &[
+                "s.json:1:8",
+                "found a comma after the last item",
+                "remove the comma",
+            ],
+        ),
+        (
+            "{\"a\": 1 \"b\": 2}",
+            &["s.json:1:9", "expected a comma or `}`"],
+        ),
+        ("[1 2]", &["expected a comma or `]`"]),
+        ("{'a': 1}", &["double quotes"]),
+        ("{a: 1}", &["found `a`, expected a key in double quotes"]),
+        ("{\"a\" 1}", &["expected `:` after the key \"a\""]),
+        ("{\"a\": \"b}\n", &["s.json:1:7", "without a closing quote"]),
+        ("\"\\x\"", &["found a bad escape"]),
+        ("\"\\ud800\"", &["surrogate pair"]),
+        ("\"a\tb\"", &["control characters"]),
+        ("{} {}", &["s.json:1:4", "expected the end of the file"]),
+        (
+            &deep,
+            &["s.json:1:65", "found nesting deeper than 64 levels"],
+        ),
+    ];
+    for (json, parts) in cases {
+        says(one(json), parts);
+    }
+}
+
+#[test]
+fn not_utf8() {
+    let error = text(b"{\n\"a\": \xff}", &[]).unwrap_err().to_string();
+    says(
+        error,
+        &["s.json:2:6", "byte 0xff", "save the file as UTF-8"],
+    );
+    says(
+        text(b"\xff\xfe{\0}\0", &[]).unwrap_err().to_string(),
+        &["UTF-16"],
+    );
+    let marked = format!("\u{feff}{}", with(CAMERA, sphere()));
+    assert!(text(marked.as_bytes(), &[]).is_ok());
+}
+
+#[test]
+fn structure() {
+    let wrong = |from: &str, to: &str| one(&with(&CAMERA.replace(from, to), sphere()));
+    assert_eq!(
+        wrong("40", "190"),
+        "s.json:1:64 (/camera/fov): found 190, expected a number in (0, 180)"
+    );
+    says(
+        wrong("40", "1e400"),
+        &["(/camera/fov): found 1e400, which is not finite"],
+    );
+    says(
+        wrong("40", "\"40\""),
+        &["(/camera/fov): found \"40\", expected a number in (0, 180)"],
+    );
+    says(wrong("40", "null"), &["found null, expected a number"]);
+    says(
+        wrong("\"fov\": 40,", ""),
+        &["s.json:1:12 (/camera): missing key `fov`, expected a number in (0, 180)"],
+    );
+    says(
+        wrong("\"fov\": 40", "\"fov\": 40, \"fov\": 41"),
+        &[
+            "s.json:1:68 (/camera/fov): found the key `fov` a second time",
+            "the first is at s.json:1:57",
+        ],
+    );
+    says(
+        wrong(
+            "\"fov\"",
+            "\"comment\": {\"a\": 1, \"a\": 1e999}, \"size\": 2, \"fov\"",
+        ),
+        &["(/camera/size): found the unknown key \"size\", expected `type`, `width`"],
+    );
+    says(
+        wrong("\"fov\": 40", "\"fov\": 40, \"fvo\": 4"),
+        &[
+            "s.json:1:68 (/camera/fvo): found the unknown key \"fvo\"",
+            "help: did you mean `fov`?",
+        ],
+    );
+    says(
+        wrong("pinhole", "pinhol"),
+        &[
+            "(/camera/type): found \"pinhol\", expected `pinhole` or `thinlens`",
+            "did you mean `pinhole`?",
+        ],
+    );
+    says(
+        wrong("8", "0"),
+        &["(/camera/width): found 0, expected an integer in [1, 2147483647]"],
+    );
+    says(
+        wrong("8", "1.5"),
+        &["(/camera/width): found 1.5, expected an integer"],
+    );
+    says(wrong("8", "-3"), &["found -3"]);
+    says(
+        wrong("[0, 0, 1]", "[0, 1]"),
+        &["s.json:2:54 (/camera/up): found an array of 2, expected an array of 3 numbers"],
+    );
+    says(
+        wrong("[0, 0, 1]", "[0, 0, true]"),
+        &["(/camera/up/2): found true, expected a number"],
+    );
+    says(
+        wrong("-5", "-1e300"),
+        &["(/camera/position/1): found -1e300, expected a number in [-1e18, 1e18]"],
+    );
+    says(
+        one("[]"),
+        &["s.json:1:1: found an array of 0, expected an object"],
+    );
+}
+
+#[test]
+fn shapes() {
+    let shape = |json: &str| one(&with(CAMERA, json));
+    says(
+        shape(r#"{"type": "spere", "center": [0,0,0], "radius": 1, "material": {}}"#),
+        &[
+            "s.json:3:31 (/scene/shapes/0/type): found \"spere\"",
+            "expected `sphere`, `plane`, `triangle` or `trimesh`",
+            "did you mean `sphere`?",
+        ],
+    );
+    says(
+        shape(r#"{"material": {}}"#),
+        &["(/scene/shapes/0): missing key `type`"],
+    );
+    says(
+        shape(r#"{"type": "sphere", "center": [0,0,0], "radius": -1, "material": {}}"#),
+        &["/radius): found -1, expected a number in (0, 1e18]"],
+    );
+    says(
+        shape(r#"{"type": "sphere", "center": [0,0,0], "radius": 1}"#),
+        &["missing key `material`, expected a string or an object"],
+    );
+    says(
+        shape(r#"{"type": "sphere", "center": [0,0,0], "radius": 1, "material": 3}"#),
+        &["found 3, expected a string or an object"],
+    );
+    says(
+        shape(r#"{"type": "sphere", "center": [0,0,0], "radius": 1, "material": {"kd": -1}}"#),
+        &["/material/kd): found -1"],
+    );
+    says(
+        shape(
+            r#"{"type": "triangle", "v0": [0,0,0], "v1": [0.1,0.1,0.1], "v2": [0.3,0.3,0.3], "material": {}}"#,
+        ),
+        &["triangle of zero area"],
+    );
+    let quad = |v: &str| {
+        shape(&format!(
+            r#"{{"type": "plane", "v0": [0,0,0], "v1": [1,0,0], {v}, "material": {{}}}}"#
+        ))
+    };
+    says(
+        quad(r#""v2": [2,0,0], "v3": [3,0,0]"#),
+        &["quad of zero area"],
+    );
+    says(
+        quad(r#""v2": [0,1,0], "v3": [1,1,0]"#),
+        &["quad of zero area", "in order"],
+    );
+    says(
+        quad(r#""v2": [1,0,0], "v3": [0,1,0]"#),
+        &["/v2): found v1 equal to v2", "triangle"],
+    );
+    says(
+        quad(r#""v2": [1,1,0.01], "v3": [0,1,0]"#),
+        &["out of the quad's plane by 2.50e-3"],
+    );
+    says(
+        quad(r#""v2": [0.2,0.2,0], "v3": [0,1,0]"#),
+        &["/v2): found a quad that is not convex at v2"],
+    );
+}
+
+#[test]
+fn camera() {
+    says(
+        set(&["/camera/lookat=[0,0,0]"]),
+        &["--set /camera/lookat: found a zero vector", "not a point"],
+    );
+    says(
+        set(&["/camera/up=[0,0,0]"]),
+        &["--set /camera/up: found a zero vector"],
+    );
+    says(
+        set(&["/camera/up=[0,2,1e-7]"]),
+        &["found an up parallel to the view"],
+    );
+    assert!(
+        text(
+            with(CAMERA, sphere()).as_bytes(),
+            &["/camera/up=[0,2,1e-5]".into()]
+        )
+        .is_ok()
+    );
+    says(
+        set(&["/camera/target=[0,0,0]"]),
+        &["found both `lookat` (a direction) and `target` (a point)"],
+    );
+    says(
+        one(&with(
+            &CAMERA.replace("\"lookat\": [0, 1, 0],", ""),
+            sphere(),
+        )),
+        &["s.json:1:12 (/camera): missing key `lookat`"],
+    );
+    let same = CAMERA.replace("\"lookat\": [0, 1, 0]", "\"target\": [0, -5, 0]");
+    says(
+        one(&with(&same, sphere())),
+        &["found a target equal to the position"],
+    );
+    says(
+        set(&["/camera/aperture=1"]),
+        &["found `aperture` in a pinhole camera"],
+    );
+    says(
+        set(&["/camera/type=thinlens", "/camera/aperture=1"]),
+        &["missing key `focaldistance`"],
+    );
+    says(
+        set(&["/camera/width=1000000", "/camera/height=1000000"]),
+        &["1000000 x 1000000 pixels, whose film alone takes 14901.2 GiB"],
+    );
+}
+
+#[test]
+fn lights_and_materials_and_files() {
+    let area = r#"/scene/lightsources=[{"type":"arealight","v0":[0,0,0],"v1":[1,0,0],"v2":[5,0,0],"id":[1,1,1]}]"#;
+    says(
+        set(&[area]),
+        &["--set /scene/lightsources (/scene/lightsources/0): found an area light of zero area"],
+    );
+    says(
+        set(&[
+            r#"/scene/materials={"gold":{}}"#,
+            "/scene/shapes/0/material=golf",
+        ]),
+        &[
+            "--set /scene/shapes/0/material: found the unknown material \"golf\", expected `gold`",
+            "did you mean `gold`?",
+        ],
+    );
+    says(
+        set(&[r#"/scene/shapes/0/material/tPath=Cargo.tom"#]),
+        &[
+            "/scene/shapes/0/material/tPath: found \"Cargo.tom\", expected an image: there is no file",
+            "did you mean `Cargo.toml`?",
+        ],
+    );
+    says(
+        set(&["/scene/shapes/0/material/tPath=src"]),
+        &["which is a folder"],
+    );
+    let mesh = |path: &str| {
+        set(&[&format!(
+            r#"/scene/shapes/-={{"type":"trimesh","path":"{path}","material":{{}}}}"#
+        )])
+    };
+    says(mesh("a.obj"), &["expected the path of a .ply file", "PLY"]);
+    says(
+        mesh("nowhere/a.ply"),
+        &["there is no file", "there is no folder"],
+    );
+}
+
+#[test]
+fn bad_overrides() {
+    says(set(&["camera"]), &["--set camera: found no `=`"]);
+    says(
+        set(&["camera/fov=3"]),
+        &["without a leading `/`", "--set /camera/fov=3"],
+    );
+    says(
+        set(&["/scene/shapes/7=3"]),
+        &["found the index `7` into /scene/shapes, an array of 1"],
+    );
+    says(set(&["/scene/shapes/00=3"]), &["found the index `00`"]);
+    says(
+        set(&["/camera/fov/x=3"]),
+        &["found the key `x` below /camera/fov"],
+    );
+    says(
+        set(&["/camera/fov=NaN"]),
+        &["--set /camera/fov: found \"NaN\", expected a number"],
+    );
+    says(
+        set(&["/camera/foo=1"]),
+        &[
+            "--set /camera/foo: found the unknown key \"foo\"",
+            "did you mean `fov`?",
+        ],
+    );
+    says(
+        set(&[&format!("{}=1", "/a".repeat(100_000))]),
+        &["deeper than any scene"],
+    );
+}
+
+#[test]
+fn all_errors_come_in_file_order() {
+    let scene = r#"{
+  "spp": 0,
+  "camera": {"type": "pinhole", "width": 8, "height": 6, "fov": 190,
+    "position": [0, -5, 0], "lookat": [0, 0, 0], "up": [0, 0, 1]},
+  "scene": {
+    "lightsource": [],
+    "shapes": [
+      {"type": "sphere", "center": [0,0], "radius": 1, "material": "gold"},
+      {"type": "triangle", "v0": [0,0,0], "v1": [1,0,0], "v2": [2,0,0], "material": "red"},
+      {"type": "trimesh", "path": "missing.ply", "material": {"kx": 1}}
+    ],
+    "materials": {"gold": {"kd": "x"}}
+  }
+}"#;
+    let error = text(scene.as_bytes(), &["/seed=x"]).unwrap_err();
+    let places: Vec<String> = error.problems.iter().map(|p| p.place.clone()).collect();
+    let expected = [
+        "s.json:2:10 (/spp)",
+        "s.json:3:65 (/camera/fov)",
+        "s.json:4:39 (/camera/lookat)",
+        "s.json:6:5 (/scene/lightsource)",
+        "s.json:8:36 (/scene/shapes/0/center)",
+        "s.json:9:7 (/scene/shapes/1)",
+        "s.json:9:85 (/scene/shapes/1/material)",
+        "s.json:10:35 (/scene/shapes/2/path)",
+        "s.json:10:63 (/scene/shapes/2/material/kx)",
+        "s.json:12:34 (/scene/materials/gold/kd)",
+        "--set /seed",
+    ];
+    assert_eq!(places, expected, "{error}");
+}
+
+#[test]
+fn warnings() {
+    let sets = [
+        "/camera/position=[0,0.5,0]",
+        r#"/scene/materials={"spare":{"tWidth":3,"kr":1}}"#,
+        "/nbounces=0",
+    ];
+    let loaded = text(with(CAMERA, sphere()).as_bytes(), &sets).unwrap();
+    let all: Vec<String> = loaded.warnings.iter().map(|p| p.to_string()).collect();
+    let all = all.join("\n");
+    says(
+        all,
+        &[
+            "found the camera inside the sphere",
+            "the material \"spare\", which no shape uses",
+            "found `tWidth` without `tPath`",
+            "no mirror will mirror",
+        ],
+    );
+    let light = r#"/scene/lightsources=[{"type":"pointlight","position":[0,0,0.5],"id":[1,1,1]}]"#;
+    let loaded = text(with(CAMERA, sphere()).as_bytes(), &[light]).unwrap();
+    says(
+        loaded.warnings[0].to_string(),
+        &["found the light inside the sphere"],
+    );
+}
+
+#[test]
+fn files() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let error = load(Source::File(folder), &[]).unwrap_err();
+    assert_eq!(error.kind, Kind::Invalid);
+    says(
+        error.to_string(),
+        &["found a folder, expected a scene file"],
+    );
+    let error = load(Source::File(&folder.join("none.json")), &[]).unwrap_err();
+    assert_eq!(error.kind, Kind::Invalid);
+    says(error.to_string(), &["none.json: cannot read"]);
+}
