@@ -23,8 +23,5 @@ pub mod render;
 pub mod sampler;
 pub mod scene;
 pub mod shading;
-<<<<<<< HEAD
-=======
 pub mod simd;
->>>>>>> main
 pub mod world;
