@@ -23,10 +23,10 @@ mod with_embree {
     use std::time::Instant;
 
     use lightpath::accel::{self, Accelerator, BuildInfo, BuildOptions};
-    use lightpath::film::Window;
+    use lightpath::film::{Film, Window};
     use lightpath::monitor::Monitor;
     use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
-    use lightpath::render::{RenderSettings, render};
+    use lightpath::render::render;
     use lightpath::simd::{self, Isa, Kernel};
     use lightpath::world::{LoadOptions, World};
     use lightpath::{scene, shading};
@@ -96,19 +96,15 @@ mod with_embree {
             info.bytes,
             info.peak_bytes
         );
-        let settings = RenderSettings {
-            window: Window::full(SIZE, SIZE),
-            isa,
-        };
-        let replay = Replay::record(&world, &*embree, &settings);
-        let (_, counts) = render(&world, &*embree, &settings, &monitor).expect("a render");
+        let mut film = Film::new([SIZE; 2], Window::full(SIZE, SIZE)).expect("memory");
+        let replay = Replay::record(&world, &*embree, &mut film);
+        let counts = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
         let rays = (counts.primary + counts.shadow) as f64;
         let (mut ours, mut bare) = (Vec::new(), Vec::new());
         let mut a = || {
             let started = Instant::now();
-            let (film, again) = render(&world, &*embree, &settings, &monitor).expect("a render");
+            let again = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
             ours.push(started.elapsed().as_secs_f64());
-            std::hint::black_box(film);
             assert_eq!(again, counts);
         };
         let mut b = || {
@@ -242,7 +238,7 @@ mod with_embree {
     }
 
     impl Replay {
-        fn record(world: &World, inner: &dyn Accelerator, settings: &RenderSettings) -> Self {
+        fn record(world: &World, inner: &dyn Accelerator, film: &mut Film) -> Self {
             let recorder = Recorder {
                 inner,
                 blocks: Mutex::default(),
@@ -252,7 +248,7 @@ mod with_embree {
                 .num_threads(1)
                 .build()
                 .expect("a thread");
-            one.install(|| render(world, &recorder, settings, &Monitor::default()))
+            one.install(|| render(world, &recorder, Isa::detect(), film, &Monitor::default()))
                 .expect("a render");
             let mut blocks = recorder.blocks.into_inner().expect("one thread");
             // One thread renders the tiles in order: 8 x 8 blocks of 4 x 4 pixels in Z-order.

@@ -87,16 +87,18 @@ pub struct Film {
 }
 
 impl Film {
-    /// A black, transparent film.
+    /// A black, transparent film whose memory is there: a machine without it says so now, not
+    /// in the middle of a render.
     ///
     /// # Errors
     /// `Retry` if there is no memory for it.
     pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
         let count = window.width() as usize * window.height() as usize;
-        let pixels = Pixels::new(count).map_err(|error| {
+        let mut pixels = Pixels::new(count).map_err(|error| {
             let message = format!("no memory for {count} pixels: {error}");
             Error::new(Kind::Retry, Problem::new("film", message))
         })?;
+        pixels.fill([0.0; 4]);
         Ok(Self {
             frame,
             window,

@@ -49,8 +49,6 @@ pub struct Integrator<'a> {
     pub world: &'a World,
     /// What finds the hits.
     pub accelerator: &'a dyn Accelerator,
-    /// The pixels that are kept.
-    pub window: Window,
 }
 
 /// How the 16 lanes of a packet cover pixels and samples: the smallest piece of the picture.
@@ -64,6 +62,8 @@ struct Pattern {
     x: [u32; LANES],
     /// Pixel within the block, by lane.
     y: [u32; LANES],
+    /// Index of that pixel in the block, by lane.
+    pixel: [usize; LANES],
     /// Sample within the packet, by lane.
     sample: [u32; LANES],
 }
@@ -87,6 +87,7 @@ impl Pattern {
             samples,
             x,
             y,
+            pixel: std::array::from_fn(|i| i / samples as usize),
             sample: lane(|_, _, sample| sample),
         }
     }
@@ -215,7 +216,7 @@ impl Integrator<'_> {
                     } else {
                         1.0
                     };
-                    let sum = &mut sums[i / pattern.samples as usize];
+                    let sum = &mut sums[pattern.pixel[i] % LANES];
                     for axis in 0..3 {
                         sum[axis] += scratch.radiance[axis][i];
                     }
@@ -233,38 +234,30 @@ impl Integrator<'_> {
     #[inline(always)]
     fn camera_rays(&self, scratch: &mut Scratch) {
         let camera: &Camera = &self.world.camera;
-        let mut offsets = [[0.5f32; 4]; LANES];
-        if self.world.spp > 1 || camera.has_lens() {
-            for (i, offset) in offsets.iter_mut().enumerate() {
-                *offset = self.sampler().camera(scratch.pixel(i), scratch.samples[i]);
-                if self.world.spp == 1 {
-                    (offset[0], offset[1]) = (0.5, 0.5);
-                }
-            }
-        }
         let rays = &mut scratch.packet.rays;
-        let mut raster = [[0.0f32; LANES]; 2];
-        for i in 0..LANES {
-            raster[0][i] = scratch.x[i] as f32 + offsets[i][0];
-            raster[1][i] = scratch.y[i] as f32 + offsets[i][1];
-        }
         rays.tnear = [0.0; LANES];
         rays.tfar = [f32::INFINITY; LANES];
         rays.leaving = [NONE; LANES];
-        // Two loops, as the one without a lens becomes SIMD code.
-        if camera.has_lens() {
-            for i in 0..LANES {
-                let lens = [offsets[i][2], offsets[i][3]];
-                let (origin, direction) = camera.ray(raster[0][i], raster[1][i], lens);
-                set_lane(&mut rays.org, i, origin);
-                set_lane(&mut rays.dir, i, direction);
-            }
-        } else {
-            for i in 0..LANES {
-                let (origin, direction) = camera.pinhole_ray(raster[0][i], raster[1][i]);
-                set_lane(&mut rays.org, i, origin);
-                set_lane(&mut rays.dir, i, direction);
-            }
+        if self.world.spp > 1 || camera.has_lens() {
+            return self.sampled_camera_rays(scratch);
+        }
+        for i in 0..LANES {
+            let (x, y) = (scratch.x[i] as f32 + 0.5, scratch.y[i] as f32 + 0.5);
+            let (origin, direction) = camera.pinhole_ray(x, y);
+            set_lane(&mut rays.org, i, origin);
+            set_lane(&mut rays.dir, i, direction);
+        }
+    }
+
+    #[inline(never)]
+    fn sampled_camera_rays(&self, scratch: &mut Scratch) {
+        for i in 0..LANES {
+            let [x, y, s, t] = self.sampler().camera(scratch.pixel(i), scratch.samples[i]);
+            let [dx, dy] = if self.world.spp > 1 { [x, y] } else { [0.5; 2] };
+            let (x, y) = (scratch.x[i] as f32 + dx, scratch.y[i] as f32 + dy);
+            let (origin, direction) = self.world.camera.ray(x, y, [s, t]);
+            set_lane(&mut scratch.packet.rays.org, i, origin);
+            set_lane(&mut scratch.packet.rays.dir, i, direction);
         }
     }
 

@@ -18,6 +18,7 @@ pub mod integrate;
 pub mod math;
 pub mod mesh;
 pub mod monitor;
+pub mod output;
 pub mod ray;
 pub mod render;
 pub mod sampler;

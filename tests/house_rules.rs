@@ -1,6 +1,7 @@
 //! Promises about the package itself: the oldest compiler, the lock file, the licence texts.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
@@ -83,5 +84,70 @@ fn the_package_carries_its_licences_and_its_lock_file() {
         "Cargo.lock",
     ] {
         assert!(root.join(name).is_file(), "{name} is missing");
+    }
+}
+
+/// What is newer than our oldest compiler and what clippy, which sees newer functions, does not see.
+#[test]
+fn no_syntax_is_newer_than_the_oldest_compiler() {
+    let mut files = Vec::new();
+    for folder in ["src", "tests", "benches", "examples"] {
+        list(
+            &Path::new(env!("CARGO_MANIFEST_DIR")).join(folder),
+            &mut files,
+        );
+    }
+    let mut complaints = Vec::new();
+    for file in files {
+        let text = fs::read_to_string(&file).expect("a source file");
+        let lines: Vec<&str> = text.lines().map(str::trim).collect();
+        for (index, line) in lines.iter().enumerate() {
+            if let Some(what) = newer(line, &lines[..index], &lines[index + 1..]) {
+                complaints.push(format!("{}:{}: {what}", file.display(), index + 1));
+            }
+        }
+    }
+    assert!(complaints.is_empty(), "\n{}\n", complaints.join("\n"));
+}
+
+fn newer(line: &str, before: &[&str], after: &[&str]) -> Option<&'static str> {
+    let opens_let = |line: &str| {
+        ["if let ", "while let ", "} else if let ", "else if let "]
+            .iter()
+            .any(|start| line.starts_with(start))
+    };
+    if line.starts_with("#[target_feature") {
+        let function = after
+            .iter()
+            .find(|line| !line.starts_with("#[") && !line.starts_with("//"));
+        if function.is_none_or(|line| !line.contains("unsafe fn ")) {
+            return Some("a safe function with #[target_feature] needs Rust 1.86: make it unsafe");
+        }
+    }
+    // `if let` and `&&` in one condition; rustfmt begins a line with the `&&` of a long one.
+    let chain = line.starts_with("&& let ")
+        || line.starts_with("&& ")
+            && before
+                .iter()
+                .rev()
+                .find(|line| !line.starts_with("&& "))
+                .is_some_and(|line| opens_let(line) && !line.ends_with('{'));
+    if chain || line.starts_with("if ") && line.contains(concat!(" &&", " let ")) {
+        return Some("`let` beside `&&` in a condition needs Rust 1.88");
+    }
+    if line.contains(concat!("::Invalid", "Filename")) {
+        return Some(concat!("ErrorKind::Invalid", "Filename needs Rust 1.87"));
+    }
+    None
+}
+
+fn list(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).into_iter().flatten() {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            list(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push(path);
+        }
     }
 }

@@ -16,14 +16,15 @@ const FLOORS: &[(&str, u32)] = &[
     ("render", 7),    // World + settings -> Film
     ("integrate", 6), // one tile, packet by packet
     ("world", 5),     // Scene -> World
-    ("accel", 4),     // what a ray hits
+    ("accel", 4),     // what a ray hits: nothing of shading
+    ("shading", 4),   // texture, material, light: nothing of accelerators
     ("output", 3),    // EXR, PNG
     ("geometry", 3),  // formulas of the primitives
-    ("shading", 3),   // texture, material, light
-    ("camera", 2),
+    ("camera", 3),
     ("film", 2),
     ("mesh", 2),
     ("scene", 2),
+    ("ray", 2), // packets of rays and hits
     ("sampler", 1),
     ("math", 1),
     ("simd", 1),

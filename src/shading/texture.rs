@@ -673,8 +673,8 @@ mod tests {
             };
             let (_folder, path) = saved(name, &image);
             let whole = std::fs::read(&path).unwrap();
-            for at in 0..whole.len().min(700) {
-                for bits in [0xff, 0x80, 0x01] {
+            for at in (0..whole.len().min(700)).step_by(5) {
+                for bits in [0xff, 0x01] {
                     let mut data = whole.clone();
                     data[at] ^= bits;
                     std::fs::write(&path, &data).unwrap();
