@@ -104,7 +104,7 @@ def grid(path, size=1024, cells=8):
     """Numbered cells, 1 at the top left, hue by column, brightness by row."""
     cell = size // cells
     rows = []
-    numbers = [number_dots(n + 1, cell, 12) for n in range(cells * cells)]
+    numbers = [number_dots(n + 1, cell, 9) for n in range(cells * cells)]
     for y in range(size):
         row = bytearray()
         for x in range(size):
@@ -204,7 +204,7 @@ def planet(path, width=852, height=426):
             turn = 2 * math.pi * ((x + 0.5) / width - 0.5)
             p = (math.cos(latitude) * math.sin(turn), -math.cos(latitude) * math.cos(turn), math.sin(latitude))
             ground = fractal(1.7 * p[0] + 5, 1.7 * p[1] + 3, 1.7 * p[2] + 7, 6)
-            cold = abs(latitude) + 0.35 * (noise(6 * p[0], 6 * p[1], 6 * p[2]) - 0.5)
+            cold = abs(latitude) + 0.6 * (fractal(4 * p[0], 4 * p[1], 4 * p[2], 5) - 0.5)
             above = (ground - 0.52) / 0.22
             if cold > 1.22:
                 row.append(96 + int(min(7.99, 40 * (cold - 1.22))))
