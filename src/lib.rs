@@ -11,6 +11,7 @@
 
 pub mod accel;
 pub mod camera;
+pub mod cli;
 pub mod error;
 pub mod film;
 pub mod geometry;
