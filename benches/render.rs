@@ -43,10 +43,7 @@ mod with_embree {
             None => displaced_sphere(&dir.path().join("sphere.ply")),
         };
         for n in [1, threads] {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(n)
-                .build()
-                .expect("threads");
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
             pool.install(|| measure(&mesh, n));
             if threads == 1 {
                 break;
@@ -57,11 +54,8 @@ mod with_embree {
     fn measure(mesh: &Path, threads: usize) {
         let monitor = Monitor::default();
         let text = scene_text(mesh);
-        let source = scene::Source::Text {
-            name: "bench",
-            text: text.as_bytes(),
-            folder: Path::new("."),
-        };
+        let source =
+            scene::Source::Text { name: "bench", text: text.as_bytes(), folder: Path::new(".") };
         let scene = scene::load(source, &[]).expect("the scene").scene;
         let started = Instant::now();
         let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).expect("the mesh");
@@ -69,11 +63,7 @@ mod with_embree {
         let started = Instant::now();
         std::hint::black_box(std::fs::read(mesh).expect("the mesh"));
         let read_s = started.elapsed().as_secs_f64();
-        let options = BuildOptions {
-            threads,
-            fast: false,
-            max_bytes: None,
-        };
+        let options = BuildOptions { threads, fast: false, max_bytes: None };
         let started = Instant::now();
         let embree = accel::build(&world.geometry, scene::Backend::Embree, &options, &monitor)
             .expect("Embree");
@@ -160,13 +150,7 @@ mod with_embree {
             (state >> 33) as usize % values.len()
         };
         let mut medians: Vec<f64> = (0..2000)
-            .map(|_| {
-                median(
-                    &(0..values.len())
-                        .map(|_| values[next()])
-                        .collect::<Vec<_>>(),
-                )
-            })
+            .map(|_| median(&(0..values.len()).map(|_| values[next()]).collect::<Vec<_>>()))
             .collect();
         medians.sort_by(f64::total_cmp);
         (medians[50], medians[1949])
@@ -207,18 +191,11 @@ mod with_embree {
             self.inner.closest(active, packet, coherence);
             self.hits[0].fetch_add(hits(packet), Relaxed);
             let mut blocks = self.blocks.lock().expect("one thread");
-            blocks.push(Block {
-                corner: [0; 2],
-                shadow: None,
-            });
+            blocks.push(Block { corner: [0; 2], shadow: None });
         }
         fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-            let shadow = Shadow {
-                active: *active,
-                org: rays.org,
-                tfar: rays.tfar,
-                leaving: rays.leaving,
-            };
+            let shadow =
+                Shadow { active: *active, org: rays.org, tfar: rays.tfar, leaving: rays.leaving };
             self.inner.occluded(active, rays, coherence);
             self.hits[1].fetch_add(occlusions(active, rays), Relaxed);
             if let Some(block) = self.blocks.lock().expect("one thread").last_mut() {
@@ -232,9 +209,7 @@ mod with_embree {
     }
 
     fn occlusions(active: &Mask, rays: &Rays) -> u64 {
-        (0..LANES)
-            .filter(|&i| active.0[i] != 0 && rays.tfar[i] < 0.0)
-            .count() as u64
+        (0..LANES).filter(|&i| active.0[i] != 0 && rays.tfar[i] < 0.0).count() as u64
     }
 
     impl Replay {
@@ -244,10 +219,7 @@ mod with_embree {
                 blocks: Mutex::default(),
                 hits: [AtomicU64::new(0), AtomicU64::new(0)],
             };
-            let one = rayon::ThreadPoolBuilder::new()
-                .num_threads(1)
-                .build()
-                .expect("a thread");
+            let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
             one.install(|| render(world, &recorder, Isa::detect(), film, &Monitor::default()))
                 .expect("a render");
             let mut blocks = recorder.blocks.into_inner().expect("one thread");
@@ -257,37 +229,21 @@ mod with_embree {
             for (i, block) in blocks.iter_mut().enumerate() {
                 let (tile, i) = (i as u32 / 64, i as u32 % 64);
                 let even = |b: u32| (b & 1) | (b >> 1 & 2) | (b >> 2 & 4);
-                block.corner = [
-                    tile % tiles * 32 + even(i) * 4,
-                    tile / tiles * 32 + even(i >> 1) * 4,
-                ];
+                block.corner =
+                    [tile % tiles * 32 + even(i) * 4, tile / tiles * 32 + even(i >> 1) * 4];
             }
             let shading::Emitter::Point(q) = world.lights[0].emitter else {
                 unreachable!("a point light")
             };
             let expected = recorder.hits.map(AtomicU64::into_inner);
-            Self {
-                blocks,
-                light: q.to_array(),
-                expected,
-            }
+            Self { blocks, light: q.to_array(), expected }
         }
 
         fn run(&self, world: &World, embree: &dyn Accelerator, isa: Isa) -> [u64; 2] {
             let add = |a: [u64; 2], b: [u64; 2]| [a[0] + b[0], a[1] + b[1]];
             self.blocks
                 .par_chunks(64)
-                .map(|tile| {
-                    simd::dispatch(
-                        isa,
-                        Bare {
-                            tile,
-                            light: self.light,
-                            world,
-                            embree,
-                        },
-                    )
-                })
+                .map(|tile| simd::dispatch(isa, Bare { tile, light: self.light, world, embree }))
                 .reduce(|| [0; 2], add)
         }
     }
@@ -332,8 +288,7 @@ mod with_embree {
                 }
                 rays.tfar = shadow.tfar;
                 rays.leaving = shadow.leaving;
-                self.embree
-                    .occluded(&shadow.active, &mut rays, Coherence::Coherent);
+                self.embree.occluded(&shadow.active, &mut rays, Coherence::Coherent);
                 found[1] += occlusions(&shadow.active, &rays);
             }
             found

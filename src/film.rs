@@ -23,12 +23,7 @@ pub struct Window {
 impl Window {
     /// The whole frame.
     pub fn full(width: u32, height: u32) -> Self {
-        Self {
-            x0: 0,
-            y0: 0,
-            x1: width,
-            y1: height,
-        }
+        Self { x0: 0, y0: 0, x1: width, y1: height }
     }
 
     /// Pixels across.
@@ -51,9 +46,7 @@ pub struct Pixels(MmapMut);
 
 impl Pixels {
     fn new(count: usize) -> io::Result<Self> {
-        let bytes = count
-            .checked_mul(size_of::<[f32; 4]>())
-            .ok_or(io::ErrorKind::OutOfMemory)?;
+        let bytes = count.checked_mul(size_of::<[f32; 4]>()).ok_or(io::ErrorKind::OutOfMemory)?;
         // A map of no bytes is an error, a film of no pixels is not.
         let map = MmapMut::map_anon(bytes.max(size_of::<[f32; 4]>()))?;
         // Advice only: a kernel without huge pages is no error.
@@ -99,10 +92,6 @@ impl Film {
             Error::new(Kind::Retry, Problem::new("film", message))
         })?;
         pixels.fill([0.0; 4]);
-        Ok(Self {
-            frame,
-            window,
-            pixels,
-        })
+        Ok(Self { frame, window, pixels })
     }
 }

@@ -78,10 +78,7 @@ impl Pattern {
         let lane = |f: fn(u32, u32, u32) -> u32| {
             std::array::from_fn(|i| f(i as u32 / samples, block[0], i as u32 % samples))
         };
-        let (x, y) = (
-            lane(|pixel, width, _| pixel % width),
-            lane(|pixel, width, _| pixel / width),
-        );
+        let (x, y) = (lane(|pixel, width, _| pixel % width), lane(|pixel, width, _| pixel / width));
         Self {
             block,
             samples,
@@ -159,9 +156,7 @@ impl Kernel for TileKernel<'_, '_, '_> {
             if x + bw <= w.x0 || x >= w.x1 || y + bh <= w.y0 || y >= w.y1 {
                 continue;
             }
-            let sums = self
-                .integrator
-                .block(&pattern, [x, y], &mut scratch, &mut counts);
+            let sums = self.integrator.block(&pattern, [x, y], &mut scratch, &mut counts);
             for (pixel, sum) in sums.iter().enumerate().take((bw * bh) as usize) {
                 let (px, py) = (x + pixel as u32 % bw, y + pixel as u32 / bw);
                 if (w.x0..w.x1).contains(&px) && (w.y0..w.y1).contains(&py) {
@@ -211,11 +206,7 @@ impl Integrator<'_> {
             let hit = self.trace(active, scratch, counts);
             for i in 0..LANES {
                 if active.0[i] != 0 {
-                    let alpha = if self.world.transparent && hit.0[i] == 0 {
-                        0.0
-                    } else {
-                        1.0
-                    };
+                    let alpha = if self.world.transparent && hit.0[i] == 0 { 0.0 } else { 1.0 };
                     let sum = &mut sums[pattern.pixel[i] % LANES];
                     for axis in 0..3 {
                         sum[axis] += scratch.radiance[axis][i];
@@ -280,14 +271,8 @@ impl Integrator<'_> {
             } else {
                 coherence(&active, &scratch.packet.rays)
             };
-            self.accelerator
-                .closest(&active, &mut scratch.packet, coherence);
-            refine(
-                &world.geometry,
-                &active,
-                &scratch.packet,
-                &mut scratch.surfaces,
-            );
+            self.accelerator.closest(&active, &mut scratch.packet, coherence);
+            refine(&world.geometry, &active, &scratch.packet, &mut scratch.surfaces);
             let hit = scratch.surfaces.hit;
             if bounce == 0 {
                 first_hit = hit;
@@ -320,11 +305,7 @@ impl Integrator<'_> {
             if bounce == world.nbounces {
                 break;
             }
-            active = reflect(
-                &scratch.points,
-                &scratch.surfaces.outside,
-                &mut scratch.packet.rays,
-            );
+            active = reflect(&scratch.points, &scratch.surfaces.outside, &mut scratch.packet.rays);
             if !active.any() {
                 break;
             }
@@ -347,21 +328,13 @@ impl Integrator<'_> {
     ) {
         let q = q.to_array().map(|x| [x; LANES]);
         let (points, rays) = (&scratch.points.at, &mut scratch.shadow);
-        let active = light_rays(
-            points,
-            &q,
-            None,
-            self.world.falloff,
-            glossy,
-            rays,
-            &mut scratch.lit,
-        );
+        let active =
+            light_rays(points, &q, None, self.world.falloff, glossy, rays, &mut scratch.lit);
         counts.shadow += u64::from(active.count());
         if !active.any() {
             return;
         }
-        self.accelerator
-            .occluded(&active, rays, Coherence::Coherent);
+        self.accelerator.occluded(&active, rays, Coherence::Coherent);
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
         for axis in 0..3 {
             for i in 0..LANES {
@@ -385,14 +358,7 @@ impl Integrator<'_> {
         scratch: &mut Scratch,
         counts: &mut RayCounts,
     ) {
-        let Emitter::Area {
-            corner,
-            edge,
-            height,
-            normal,
-            samples,
-        } = &light.emitter
-        else {
+        let Emitter::Area { corner, edge, height, normal, samples } = &light.emitter else {
             return;
         };
         let hit = scratch.points.at.hit;
@@ -416,30 +382,18 @@ impl Integrator<'_> {
                 let job = next + j as u64;
                 let lane = lanes[(job / u64::from(*samples)) as usize];
                 let sample = (job % u64::from(*samples)) as u32;
-                let all = scratch.samples[lane]
-                    .wrapping_mul(*samples)
-                    .wrapping_add(sample);
-                let [s, t] = self
-                    .sampler()
-                    .light(scratch.pixel(lane), all, index, bounce);
+                let all = scratch.samples[lane].wrapping_mul(*samples).wrapping_add(sample);
+                let [s, t] = self.sampler().light(scratch.pixel(lane), all, index, bounce);
                 from[j] = lane;
                 set_lane(&mut q, j, *corner + *edge * s + *height * t);
             }
             scratch.gathered.gather(&scratch.points.at, &from, count);
             let (points, rays) = (&scratch.gathered, &mut scratch.shadow);
-            let active = light_rays(
-                points,
-                &q,
-                *normal,
-                self.world.falloff,
-                glossy,
-                rays,
-                &mut scratch.lit,
-            );
+            let active =
+                light_rays(points, &q, *normal, self.world.falloff, glossy, rays, &mut scratch.lit);
             counts.shadow += u64::from(active.count());
             if active.any() {
-                self.accelerator
-                    .occluded(&active, rays, Coherence::Coherent);
+                self.accelerator.occluded(&active, rays, Coherence::Coherent);
             }
             for j in 0..count {
                 if active.0[j] != 0 && rays.tfar[j] >= 0.0 {
@@ -495,14 +449,9 @@ fn ambient(color: Vec3, hit: &Mask, scratch: &mut Scratch) {
 fn coherence(active: &Mask, rays: &Rays) -> Coherence {
     let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
     let axis = lane(&rays.dir, first);
-    let together = (0..LANES).fold(true, |all, i| {
-        all & ((active.0[i] == 0) | (lane(&rays.dir, i).dot(axis) > 0.9))
-    });
-    if together {
-        Coherence::Coherent
-    } else {
-        Coherence::Incoherent
-    }
+    let together = (0..LANES)
+        .fold(true, |all, i| all & ((active.0[i] == 0) | (lane(&rays.dir, i).dot(axis) > 0.9)));
+    if together { Coherence::Coherent } else { Coherence::Incoherent }
 }
 
 #[cfg(test)]
@@ -523,21 +472,13 @@ mod tests {
     fn patterns_use_every_lane_once() {
         for spp in [1, 4, 7, 16, 100] {
             let pattern = Pattern::for_spp(spp);
-            let mut seen: Vec<_> = (0..LANES)
-                .map(|i| [pattern.x[i], pattern.y[i], pattern.sample[i]])
-                .collect();
+            let mut seen: Vec<_> =
+                (0..LANES).map(|i| [pattern.x[i], pattern.y[i], pattern.sample[i]]).collect();
             seen.sort_unstable();
             seen.dedup();
             assert_eq!(seen.len(), LANES);
             assert_eq!(pattern.block[0] * pattern.block[1] * pattern.samples, 16);
-            assert_eq!(
-                seen[15],
-                [
-                    pattern.block[0] - 1,
-                    pattern.block[1] - 1,
-                    pattern.samples - 1
-                ]
-            );
+            assert_eq!(seen[15], [pattern.block[0] - 1, pattern.block[1] - 1, pattern.samples - 1]);
         }
     }
 }

@@ -34,16 +34,10 @@ pub fn render(
             if monitor.stopped() {
                 return RayCounts::default();
             }
-            let kernel = TileKernel {
-                integrator,
-                window: tile.window,
-                rows: &mut tile.rows,
-            };
+            let kernel = TileKernel { integrator, window: tile.window, rows: &mut tile.rows };
             let counts = simd::dispatch(isa, kernel);
             monitor.done.fetch_add(pixels(tile.window), Relaxed);
-            monitor
-                .rays
-                .fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
+            monitor.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
             counts
         })
         .reduce(RayCounts::default, |a, b| a + b);
@@ -68,10 +62,7 @@ fn tiles(film: &mut Film) -> Vec<Tile<'_>> {
     for (y0, y1) in cuts(window.y0, window.y1) {
         let first = tiles.len();
         for (x0, x1) in cuts(window.x0, window.x1) {
-            tiles.push(Tile {
-                window: Window { x0, y0, x1, y1 },
-                rows: Vec::new(),
-            });
+            tiles.push(Tile { window: Window { x0, y0, x1, y1 }, rows: Vec::new() });
         }
         for mut row in rows.by_ref().take((y1 - y0) as usize) {
             for tile in &mut tiles[first..] {
@@ -90,12 +81,7 @@ mod tests {
 
     #[test]
     fn tiles_cover_a_window_once() {
-        let window = Window {
-            x0: 5,
-            y0: 30,
-            x1: 100,
-            y1: 65,
-        };
+        let window = Window { x0: 5, y0: 30, x1: 100, y1: 65 };
         let mut film = Film::new([200, 100], window).unwrap();
         for tile in tiles(&mut film) {
             assert_eq!(tile.rows.len(), tile.window.height() as usize);

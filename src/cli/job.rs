@@ -36,11 +36,7 @@ pub struct Origin {
 impl Origin {
     /// As the parser takes it.
     pub fn source(&self) -> Source<'_> {
-        Source::Text {
-            name: &self.name,
-            text: &self.text,
-            folder: &self.folder,
-        }
+        Source::Text { name: &self.name, text: &self.text, folder: &self.folder }
     }
 
     fn file(path: &Path) -> Result<Self> {
@@ -59,15 +55,9 @@ impl Origin {
 
     fn stdin() -> Result<Self> {
         let mut text = Vec::new();
-        let read = std::io::stdin()
-            .take(MAX_STDIN_BYTES)
-            .read_to_end(&mut text);
+        let read = std::io::stdin().take(MAX_STDIN_BYTES).read_to_end(&mut text);
         read.map_err(|error| Error::io("<stdin>".as_ref(), "read", &error))?;
-        Ok(Self {
-            name: "<stdin>".to_string(),
-            text,
-            folder: PathBuf::new(),
-        })
+        Ok(Self { name: "<stdin>".to_string(), text, folder: PathBuf::new() })
     }
 }
 
@@ -89,15 +79,10 @@ pub struct Job {
 pub fn load(args: &RenderArgs) -> Result<Job> {
     let is_mesh = meshes::is_mesh(&args.input);
     if !is_mesh {
-        let given = [
-            ("--up", args.mesh.up.is_some()),
-            ("--template", args.mesh.template.is_some()),
-        ];
+        let given =
+            [("--up", args.mesh.up.is_some()), ("--template", args.mesh.template.is_some())];
         for (flag, _) in given.iter().filter(|(_, given)| *given) {
-            let message = format!(
-                "found with the scene {}, expected a .ply",
-                args.input.display()
-            );
+            let message = format!("found with the scene {}, expected a .ply", args.input.display());
             return Err(Error::invalid(*flag, message)
                 .help("a scene says itself how its meshes stand: `rotate` in its trimesh"));
         }
@@ -106,11 +91,9 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
     let mut warnings = Vec::new();
     let origin = match &args.mesh.template {
         Some(template) => Origin::file(template)?,
-        None if is_mesh => Origin {
-            name: "<studio>".to_string(),
-            text: STUDIO.into(),
-            folder: PathBuf::new(),
-        },
+        None if is_mesh => {
+            Origin { name: "<studio>".to_string(), text: STUDIO.into(), folder: PathBuf::new() }
+        }
         None if args.input == Path::new("-") => Origin::stdin()?,
         None => return load_file(args, overrides),
     };
@@ -124,24 +107,12 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
         let ours = studio::furnish(&subject, &origin, &overrides, &mut warnings)?;
         overrides.prepend(ours);
     }
-    finish(
-        origin.source(),
-        origin.folder.clone(),
-        args,
-        overrides,
-        warnings,
-    )
+    finish(origin.source(), origin.folder.clone(), args, overrides, warnings)
 }
 
 fn load_file(args: &RenderArgs, overrides: Overrides) -> Result<Job> {
     let folder = args.input.parent().unwrap_or(Path::new("")).to_owned();
-    finish(
-        Source::File(&args.input),
-        folder,
-        args,
-        overrides,
-        Vec::new(),
-    )
+    finish(Source::File(&args.input), folder, args, overrides, Vec::new())
 }
 
 fn finish(
@@ -169,11 +140,7 @@ fn finish(
         return Err(Error::invalid("--fast", message).help("leave --fast out, or --backend embree"));
     }
     warnings.append(&mut loaded.warnings);
-    Ok(Job {
-        loaded,
-        folder,
-        warnings,
-    })
+    Ok(Job { loaded, folder, warnings })
 }
 
 /// As the scene format spells it.

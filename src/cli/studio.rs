@@ -149,25 +149,12 @@ fn place(
     foot[vertical] = if up > 0.0 { low } else { high }[vertical];
     foot[vertical] -= up * HAIR * (high - low).max_element();
     let center = spec.center - foot;
-    let (fov, aspect) = (
-        camera.fov_deg,
-        f64::from(camera.width) / f64::from(camera.height),
-    );
+    let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
     let placed = turned().map(|p| p + center);
     let position =
         frame(placed, camera.lookat, camera.up, fov, aspect, MARGIN).ok_or_else(empty)?;
-    ours.flag(
-        "FILE.ply",
-        &format!("{shape}/center"),
-        Some(center.to_array().to_vec()),
-    );
-    point(
-        camera,
-        loaded,
-        position,
-        spec.center + (high - low) / 2.0 * DVec3::AXES[vertical],
-        ours,
-    );
+    ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));
+    point(camera, loaded, position, spec.center + (high - low) / 2.0 * DVec3::AXES[vertical], ours);
     Ok(())
 }
 
