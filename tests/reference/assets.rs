@@ -9,7 +9,7 @@ use std::path::Path;
 pub fn write_all(folder: &Path) {
     textures(folder);
     std::fs::write(folder.join("torus.ply"), torus(72, 36)).expect("torus.ply");
-    std::fs::write(folder.join("ball.ply"), ball(16, 8)).expect("ball.ply");
+    std::fs::write(folder.join("ball.ply"), ball(10, 5)).expect("ball.ply");
     std::fs::write(folder.join("vase.ply"), vase()).expect("vase.ply");
     std::fs::write(folder.join("box.ply"), textured_box()).expect("box.ply");
 }

@@ -45,6 +45,11 @@ impl Camera {
         }
     }
 
+    /// Moves the camera, keeping its attitude.
+    pub fn shift(&mut self, by: DVec3) {
+        self.position += by;
+    }
+
     /// All the rays whose mean is pixel (i, j): one through its centre for `spp` 1, else one
     /// through the centre of each cell of a regular grid, times the points on the lens.
     pub fn rays(&self, i: usize, j: usize, spp: usize, density: Density) -> Vec<Ray> {
