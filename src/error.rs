@@ -39,11 +39,7 @@ pub struct Problem {
 impl Problem {
     /// A problem at `place` without help.
     pub fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self {
-            place: place.into(),
-            message: message.into(),
-            help: None,
-        }
+        Self { place: place.into(), message: message.into(), help: None }
     }
 
     /// The same problem with a next step.
@@ -78,10 +74,7 @@ pub struct Error {
 impl Error {
     /// One problem of `kind`.
     pub fn new(kind: Kind, problem: Problem) -> Self {
-        Self {
-            kind,
-            problems: vec![problem],
-        }
+        Self { kind, problems: vec![problem] }
     }
 
     /// Bad input at `place`.
@@ -101,8 +94,9 @@ impl Error {
             | E::IsADirectory
             | E::NotADirectory
             | E::ReadOnlyFilesystem
-            | E::InvalidInput
-            | E::InvalidFilename => Kind::Invalid,
+            | E::InvalidInput => Kind::Invalid,
+            // ENAMETOOLONG has no stable name in this edition's oldest compiler.
+            _ if error.raw_os_error() == Some(36) => Kind::Invalid,
             _ => Kind::Retry,
         };
         let place = path.display().to_string();

@@ -49,8 +49,6 @@ pub struct Integrator<'a> {
     pub world: &'a World,
     /// What finds the hits.
     pub accelerator: &'a dyn Accelerator,
-    /// The pixels that are kept.
-    pub window: Window,
 }
 
 /// How the 16 lanes of a packet cover pixels and samples: the smallest piece of the picture.
@@ -60,34 +58,35 @@ struct Pattern {
     block: [u32; 2],
     /// Samples of each pixel.
     samples: u32,
+    /// Pixel within the block, by lane.
+    x: [u32; LANES],
+    /// Pixel within the block, by lane.
+    y: [u32; LANES],
+    /// Index of that pixel in the block, by lane.
+    pixel: [usize; LANES],
+    /// Sample within the packet, by lane.
+    sample: [u32; LANES],
 }
 
 impl Pattern {
     fn for_spp(spp: u32) -> Self {
-        match spp {
-            0..4 => Self {
-                block: [4, 4],
-                samples: 1,
-            },
-            4..16 => Self {
-                block: [2, 2],
-                samples: 4,
-            },
-            _ => Self {
-                block: [1, 1],
-                samples: 16,
-            },
+        let (block, samples) = match spp {
+            0..4 => ([4, 4], 1),
+            4..16 => ([2, 2], 4),
+            _ => ([1, 1], 16),
+        };
+        let lane = |f: fn(u32, u32, u32) -> u32| {
+            std::array::from_fn(|i| f(i as u32 / samples, block[0], i as u32 % samples))
+        };
+        let (x, y) = (lane(|pixel, width, _| pixel % width), lane(|pixel, width, _| pixel / width));
+        Self {
+            block,
+            samples,
+            x,
+            y,
+            pixel: std::array::from_fn(|i| i / samples as usize),
+            sample: lane(|_, _, sample| sample),
         }
-    }
-
-    /// Pixel within the block, and sample within the packet, of a lane.
-    #[inline(always)]
-    fn lane(&self, lane: u32) -> ([u32; 2], u32) {
-        let pixel = lane / self.samples;
-        (
-            [pixel % self.block[0], pixel / self.block[0]],
-            lane % self.samples,
-        )
     }
 }
 
@@ -104,8 +103,17 @@ struct Scratch {
     /// Light of one area light, before the base colour.
     sums: Lanes3,
     throughput: [f32; LANES],
-    pixels: [[u32; 2]; LANES],
+    x: [u32; LANES],
+    y: [u32; LANES],
     samples: [u32; LANES],
+}
+
+impl Scratch {
+    /// Pixel of a lane.
+    #[inline(always)]
+    fn pixel(&self, i: usize) -> [u32; 2] {
+        [self.x[i], self.y[i]]
+    }
 }
 
 /// Rendering one tile: `rows[y][x]` are the kept pixels of the tile at `(x0, y0)`.
@@ -133,7 +141,8 @@ impl Kernel for TileKernel<'_, '_, '_> {
             radiance: [[0.0; LANES]; 3],
             sums: [[0.0; LANES]; 3],
             throughput: [1.0; LANES],
-            pixels: [[0; 2]; LANES],
+            x: [0; LANES],
+            y: [0; LANES],
             samples: [0; LANES],
         };
         let mut counts = RayCounts::default();
@@ -147,9 +156,7 @@ impl Kernel for TileKernel<'_, '_, '_> {
             if x + bw <= w.x0 || x >= w.x1 || y + bh <= w.y0 || y >= w.y1 {
                 continue;
             }
-            let sums = self
-                .integrator
-                .block(pattern, [x, y], &mut scratch, &mut counts);
+            let sums = self.integrator.block(&pattern, [x, y], &mut scratch, &mut counts);
             for (pixel, sum) in sums.iter().enumerate().take((bw * bh) as usize) {
                 let (px, py) = (x + pixel as u32 % bw, y + pixel as u32 / bw);
                 if (w.x0..w.x1).contains(&px) && (w.y0..w.y1).contains(&py) {
@@ -166,9 +173,9 @@ impl Kernel for TileKernel<'_, '_, '_> {
 fn morton(index: u32) -> [u32; 2] {
     let even = |mut bits: u32| {
         bits &= 0x5555_5555;
-        bits = (bits | bits >> 1) & 0x3333_3333;
-        bits = (bits | bits >> 2) & 0x0f0f_0f0f;
-        (bits | bits >> 4) & 0x00ff_00ff
+        bits = (bits | (bits >> 1)) & 0x3333_3333;
+        bits = (bits | (bits >> 2)) & 0x0f0f_0f0f;
+        (bits | (bits >> 4)) & 0x00ff_00ff
     };
     [even(index), even(index >> 1)]
 }
@@ -178,7 +185,7 @@ impl Integrator<'_> {
     #[inline(always)]
     fn block(
         &self,
-        pattern: Pattern,
+        pattern: &Pattern,
         corner: [u32; 2],
         scratch: &mut Scratch,
         counts: &mut RayCounts,
@@ -188,24 +195,19 @@ impl Integrator<'_> {
         for first in (0..spp).step_by(pattern.samples as usize) {
             let mut active = Mask::NONE;
             for i in 0..LANES {
-                let ([x, y], sample) = pattern.lane(i as u32);
-                let pixel = [corner[0] + x, corner[1] + y];
-                let inside = pixel[0] < self.world.frame[0] && pixel[1] < self.world.frame[1];
-                scratch.pixels[i] = pixel;
-                scratch.samples[i] = first + sample;
-                active.0[i] = -i32::from(inside && first + sample < spp);
+                let (x, y) = (corner[0] + pattern.x[i], corner[1] + pattern.y[i]);
+                let sample = first + pattern.sample[i];
+                (scratch.x[i], scratch.y[i], scratch.samples[i]) = (x, y, sample);
+                let [width, height] = self.world.frame;
+                active.0[i] = -i32::from((x < width) & (y < height) & (sample < spp));
             }
             self.camera_rays(scratch);
             counts.primary += u64::from(active.count());
             let hit = self.trace(active, scratch, counts);
             for i in 0..LANES {
                 if active.0[i] != 0 {
-                    let alpha = if self.world.transparent && hit.0[i] == 0 {
-                        0.0
-                    } else {
-                        1.0
-                    };
-                    let sum = &mut sums[i / pattern.samples as usize];
+                    let alpha = if self.world.transparent && hit.0[i] == 0 { 0.0 } else { 1.0 };
+                    let sum = &mut sums[pattern.pixel[i] % LANES];
                     for axis in 0..3 {
                         sum[axis] += scratch.radiance[axis][i];
                     }
@@ -223,37 +225,30 @@ impl Integrator<'_> {
     #[inline(always)]
     fn camera_rays(&self, scratch: &mut Scratch) {
         let camera: &Camera = &self.world.camera;
-        let mut offsets = [[0.5f32; 4]; LANES];
-        if self.world.spp > 1 || camera.has_lens() {
-            for (i, offset) in offsets.iter_mut().enumerate() {
-                *offset = self.sampler().camera(scratch.pixels[i], scratch.samples[i]);
-                if self.world.spp == 1 {
-                    (offset[0], offset[1]) = (0.5, 0.5);
-                }
-            }
-        }
         let rays = &mut scratch.packet.rays;
-        let mut raster = [[0.0f32; LANES]; 2];
-        for i in 0..LANES {
-            raster[0][i] = scratch.pixels[i][0] as f32 + offsets[i][0];
-            raster[1][i] = scratch.pixels[i][1] as f32 + offsets[i][1];
+        rays.tnear = [0.0; LANES];
+        rays.tfar = [f32::INFINITY; LANES];
+        rays.leaving = [NONE; LANES];
+        if self.world.spp > 1 || camera.has_lens() {
+            return self.sampled_camera_rays(scratch);
         }
-        let mut set = |i: usize, lens: [f32; 2]| {
-            let (origin, direction) = camera.ray(raster[0][i], raster[1][i], lens);
+        for i in 0..LANES {
+            let (x, y) = (scratch.x[i] as f32 + 0.5, scratch.y[i] as f32 + 0.5);
+            let (origin, direction) = camera.pinhole_ray(x, y);
             set_lane(&mut rays.org, i, origin);
             set_lane(&mut rays.dir, i, direction);
-            rays.tnear[i] = 0.0;
-            rays.tfar[i] = f32::INFINITY;
-            rays.leaving[i] = NONE;
-        };
-        if camera.has_lens() {
-            for (i, offset) in offsets.iter().enumerate() {
-                set(i, [offset[2], offset[3]]);
-            }
-        } else {
-            for i in 0..LANES {
-                set(i, [0.5; 2]);
-            }
+        }
+    }
+
+    #[inline(never)]
+    fn sampled_camera_rays(&self, scratch: &mut Scratch) {
+        for i in 0..LANES {
+            let [x, y, s, t] = self.sampler().camera(scratch.pixel(i), scratch.samples[i]);
+            let [dx, dy] = if self.world.spp > 1 { [x, y] } else { [0.5; 2] };
+            let (x, y) = (scratch.x[i] as f32 + dx, scratch.y[i] as f32 + dy);
+            let (origin, direction) = self.world.camera.ray(x, y, [s, t]);
+            set_lane(&mut scratch.packet.rays.org, i, origin);
+            set_lane(&mut scratch.packet.rays.dir, i, direction);
         }
     }
 
@@ -276,14 +271,8 @@ impl Integrator<'_> {
             } else {
                 coherence(&active, &scratch.packet.rays)
             };
-            self.accelerator
-                .closest(&active, &mut scratch.packet, coherence);
-            refine(
-                &world.geometry,
-                &active,
-                &scratch.packet,
-                &mut scratch.surfaces,
-            );
+            self.accelerator.closest(&active, &mut scratch.packet, coherence);
+            refine(&world.geometry, &active, &scratch.packet, &mut scratch.surfaces);
             let hit = scratch.surfaces.hit;
             if bounce == 0 {
                 first_hit = hit;
@@ -316,11 +305,7 @@ impl Integrator<'_> {
             if bounce == world.nbounces {
                 break;
             }
-            active = reflect(
-                &scratch.points,
-                &scratch.surfaces.outside,
-                &mut scratch.packet.rays,
-            );
+            active = reflect(&scratch.points, &scratch.surfaces.outside, &mut scratch.packet.rays);
             if !active.any() {
                 break;
             }
@@ -343,21 +328,13 @@ impl Integrator<'_> {
     ) {
         let q = q.to_array().map(|x| [x; LANES]);
         let (points, rays) = (&scratch.points.at, &mut scratch.shadow);
-        let active = light_rays(
-            points,
-            &q,
-            None,
-            self.world.falloff,
-            glossy,
-            rays,
-            &mut scratch.lit,
-        );
+        let active =
+            light_rays(points, &q, None, self.world.falloff, glossy, rays, &mut scratch.lit);
         counts.shadow += u64::from(active.count());
         if !active.any() {
             return;
         }
-        self.accelerator
-            .occluded(&active, rays, Coherence::Coherent);
+        self.accelerator.occluded(&active, rays, Coherence::Coherent);
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
         for axis in 0..3 {
             for i in 0..LANES {
@@ -381,14 +358,7 @@ impl Integrator<'_> {
         scratch: &mut Scratch,
         counts: &mut RayCounts,
     ) {
-        let Emitter::Area {
-            corner,
-            edge,
-            height,
-            normal,
-            samples,
-        } = &light.emitter
-        else {
+        let Emitter::Area { corner, edge, height, normal, samples } = &light.emitter else {
             return;
         };
         let hit = scratch.points.at.hit;
@@ -412,30 +382,18 @@ impl Integrator<'_> {
                 let job = next + j as u64;
                 let lane = lanes[(job / u64::from(*samples)) as usize];
                 let sample = (job % u64::from(*samples)) as u32;
-                let all = scratch.samples[lane]
-                    .wrapping_mul(*samples)
-                    .wrapping_add(sample);
-                let [s, t] = self
-                    .sampler()
-                    .light(scratch.pixels[lane], all, index, bounce);
+                let all = scratch.samples[lane].wrapping_mul(*samples).wrapping_add(sample);
+                let [s, t] = self.sampler().light(scratch.pixel(lane), all, index, bounce);
                 from[j] = lane;
                 set_lane(&mut q, j, *corner + *edge * s + *height * t);
             }
             scratch.gathered.gather(&scratch.points.at, &from, count);
             let (points, rays) = (&scratch.gathered, &mut scratch.shadow);
-            let active = light_rays(
-                points,
-                &q,
-                *normal,
-                self.world.falloff,
-                glossy,
-                rays,
-                &mut scratch.lit,
-            );
+            let active =
+                light_rays(points, &q, *normal, self.world.falloff, glossy, rays, &mut scratch.lit);
             counts.shadow += u64::from(active.count());
             if active.any() {
-                self.accelerator
-                    .occluded(&active, rays, Coherence::Coherent);
+                self.accelerator.occluded(&active, rays, Coherence::Coherent);
             }
             for j in 0..count {
                 if active.0[j] != 0 && rays.tfar[j] >= 0.0 {
@@ -491,14 +449,9 @@ fn ambient(color: Vec3, hit: &Mask, scratch: &mut Scratch) {
 fn coherence(active: &Mask, rays: &Rays) -> Coherence {
     let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
     let axis = lane(&rays.dir, first);
-    let together = (0..LANES).fold(true, |all, i| {
-        all & ((active.0[i] == 0) | (lane(&rays.dir, i).dot(axis) > 0.9))
-    });
-    if together {
-        Coherence::Coherent
-    } else {
-        Coherence::Incoherent
-    }
+    let together = (0..LANES)
+        .fold(true, |all, i| all & ((active.0[i] == 0) | (lane(&rays.dir, i).dot(axis) > 0.9)));
+    if together { Coherence::Coherent } else { Coherence::Incoherent }
 }
 
 #[cfg(test)]
@@ -519,10 +472,13 @@ mod tests {
     fn patterns_use_every_lane_once() {
         for spp in [1, 4, 7, 16, 100] {
             let pattern = Pattern::for_spp(spp);
-            let mut seen: Vec<_> = (0..16).map(|i| pattern.lane(i)).collect();
+            let mut seen: Vec<_> =
+                (0..LANES).map(|i| [pattern.x[i], pattern.y[i], pattern.sample[i]]).collect();
+            seen.sort_unstable();
             seen.dedup();
-            assert_eq!(seen.len(), 16);
+            assert_eq!(seen.len(), LANES);
             assert_eq!(pattern.block[0] * pattern.block[1] * pattern.samples, 16);
+            assert_eq!(seen[15], [pattern.block[0] - 1, pattern.block[1] - 1, pattern.samples - 1]);
         }
     }
 }

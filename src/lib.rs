@@ -3,14 +3,11 @@
 //! Data flows one way, one function an arrow:
 //! scene file -> [`scene::Description`] -> [`scene::Scene`] -> [`world::World`] ->
 //! [`accel::Accelerator`] -> [`film::Film`] -> EXR and PNG. ARCHITECTURE.md draws it.
-#![deny(
-    missing_docs,
-    unsafe_op_in_unsafe_fn,
-    clippy::undocumented_unsafe_blocks
-)]
+#![deny(missing_docs, unsafe_op_in_unsafe_fn, clippy::undocumented_unsafe_blocks)]
 
 pub mod accel;
 pub mod camera;
+pub mod cli;
 pub mod error;
 pub mod film;
 pub mod geometry;
@@ -18,6 +15,7 @@ pub mod integrate;
 pub mod math;
 pub mod mesh;
 pub mod monitor;
+pub mod output;
 pub mod ray;
 pub mod render;
 pub mod sampler;

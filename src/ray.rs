@@ -1,7 +1,8 @@
 //! Packets of 16 rays as structures of arrays, laid out exactly as Embree's `RTCRay16` and
 //! `RTCRayHit16` (Embree >= 4.3), so that nothing is copied on the way in or out.
 
-use crate::geometry::NONE;
+/// No primitive, no geometry (Embree's `RTC_INVALID_GEOMETRY_ID`).
+pub const NONE: u32 = u32::MAX;
 
 /// Rays per packet.
 pub const LANES: usize = 16;
@@ -112,10 +113,7 @@ pub struct RayPacket {
 
 impl RayPacket {
     /// No rays, no hits.
-    pub const EMPTY: Self = Self {
-        rays: Rays::EMPTY,
-        hits: Hits::EMPTY,
-    };
+    pub const EMPTY: Self = Self { rays: Rays::EMPTY, hits: Hits::EMPTY };
 
     /// Forgets the hits.
     #[inline(always)]

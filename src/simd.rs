@@ -83,13 +83,13 @@ pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
 
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
+unsafe fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+unsafe fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
@@ -112,11 +112,7 @@ mod tests {
         let values = std::array::from_fn(|i| i as f32 * 1.7);
         let portable = dispatch(Isa::Portable, Sum(&values));
         for &isa in Isa::compiled() {
-            assert_eq!(
-                dispatch(isa, Sum(&values)).to_bits(),
-                portable.to_bits(),
-                "{isa}"
-            );
+            assert_eq!(dispatch(isa, Sum(&values)).to_bits(), portable.to_bits(), "{isa}");
         }
     }
 }

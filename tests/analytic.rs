@@ -117,14 +117,7 @@ fn lit_sphere(painter: Painter) {
             }
         });
         let picture = painter.draw(&scene);
-        let sphere = LitSphere {
-            eye,
-            light,
-            kd,
-            ks,
-            specularexponent,
-            falloff: falloff as i32,
-        };
+        let sphere = LitSphere { eye, light, kd, ks, specularexponent, falloff: falloff as i32 };
         for j in 0..31 {
             for i in 0..33 {
                 let (px, py) = plane_coordinates(i, j, (33, 31), 35.0);
@@ -216,19 +209,14 @@ fn lambertian_light(painter: Painter) {
         }
     }
     // The mean of 1024 pixels is 32 times quieter: 0.03%, five of that.
-    assert!(
-        (ratios - 1.0).abs() < 1.5e-3,
-        "on average {ratios} of the form factor"
-    );
+    assert!((ratios - 1.0).abs() < 1.5e-3, "on average {ratios} of the form factor");
 }
 
 /// "Texture coordinates", plane: v3 is (0, 1), v2 is (1, 1), v0 is (0, 0).
 fn plane_uv(painter: Painter) {
     let shape = json!({ "type": "plane", "v0": [-1, 1, 0], "v1": [1, 1, 0], "v2": [1, -1, 0],
                         "v3": [-1, -1, 0], "material": glowing("cells.png", "nearest") });
-    assert_square(painter, shape, &|x, y| {
-        Some(((x + 1.0) / 2.0, (1.0 - y) / 2.0))
-    });
+    assert_square(painter, shape, &|x, y| Some(((x + 1.0) / 2.0, (1.0 - y) / 2.0)));
 }
 
 /// "Texture coordinates", triangle, with the apex over the base and past its end: u runs from
@@ -249,13 +237,9 @@ fn triangle_uv(painter: Painter) {
 /// "Texture coordinates", sphere: looks straight at points of known longitude and latitude.
 fn sphere_uv(painter: Painter) {
     for pole in ["z", "x", "y"] {
-        for (longitude, latitude) in [
-            (0.0, 0.1),
-            (1.0, 0.0),
-            (2.9, -0.7),
-            (-1.3, 1.2),
-            (-2.8, -1.4),
-        ] {
+        for (longitude, latitude) in
+            [(0.0, 0.1), (1.0, 0.0), (2.9, -0.7), (-1.3, 1.2), (-2.8, -1.4)]
+        {
             let point = lonlat_point(longitude, latitude, pole.chars().next().expect("a pole"));
             let camera = json!({ "type": "pinhole", "width": 3, "height": 3, "fov": 1,
                 "position": point.map(|x| 3.0 * x), "target": [0, 0, 0], "up": [0.6, -0.5, 0.7] });
@@ -279,10 +263,7 @@ fn mesh_uv(painter: Painter) {
         property list uchar float texcoord\nend_header\n\
         -1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 0 0 1 1 0 1\n";
     for body in [per_vertex, per_face] {
-        let file = tempfile::Builder::new()
-            .suffix(".ply")
-            .tempfile()
-            .expect("a temporary file");
+        let file = tempfile::Builder::new().suffix(".ply").tempfile().expect("a temporary file");
         std::fs::write(file.path(), format!("ply\nformat ascii 1.0\n{body}")).expect("the mesh");
         let shape = json!({ "type": "trimesh", "path": file.path(),
                             "material": glowing("cells.png", "nearest") });

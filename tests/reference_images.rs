@@ -23,10 +23,7 @@ fn stage(name: &str) -> (tempfile::TempDir, PathBuf) {
 fn both(name: &str) -> (Picture, Picture) {
     let (_folder, scene) = stage(name);
     let actual = program::render(&scene);
-    (
-        actual,
-        reference::render(&Scene::load(&scene), Density::default()),
-    )
+    (actual, reference::render(&Scene::load(&scene), Density::default()))
 }
 
 #[test]

@@ -44,16 +44,79 @@ impl Surfaces {
 /// Computes the surface points of a traced packet's active lanes.
 #[inline(always)]
 pub fn refine(geometry: &Geometry, active: &Mask, packet: &RayPacket, out: &mut Surfaces) {
+    for i in 0..LANES {
+        out.hit.0[i] = active.0[i] & -i32::from(packet.hits.geom[i] != NONE);
+    }
     let mut corners = [[[0.0f32; LANES]; 3]; 3];
     let mut weights = [packet.hits.u, packet.hits.v];
-    let mut spheres = false;
-    for i in 0..LANES {
-        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-        let hit = active.0[i] != 0 && geom != NONE;
-        out.hit.0[i] = -i32::from(hit);
-        if !hit {
-            continue;
+    let spheres = match one_mesh(geometry, &out.hit, packet) {
+        Some(geom) => {
+            gather_mesh(geometry, geom, packet, &mut corners, &mut out.primitive);
+            false
         }
+        None => gather(geometry, packet, &mut corners, &mut weights, out),
+    };
+    for i in 0..LANES {
+        let (origin, direction) = ray(packet, i);
+        let triangle = [dvec(&corners[0], i), dvec(&corners[1], i), dvec(&corners[2], i)];
+        let weights = (f64::from(weights[0][i]), f64::from(weights[1][i]));
+        let point = refine_triangle(triangle, origin, direction, weights);
+        out.u[i] = point.u as f32;
+        out.v[i] = point.v as f32;
+        store(out, i, point.position, point.normal, direction);
+    }
+    if spheres {
+        refine_spheres(geometry, packet, out);
+    }
+}
+
+/// The mesh that every lane hits, if there is one.
+#[inline(always)]
+fn one_mesh(geometry: &Geometry, hit: &Mask, packet: &RayPacket) -> Option<u32> {
+    let geom = packet.hits.geom[0];
+    let same =
+        (0..LANES).fold(true, |same, i| same & (hit.0[i] != 0) & (packet.hits.geom[i] == geom));
+    (same && (geom as usize) < geometry.meshes.len()).then_some(geom)
+}
+
+/// Corners of one mesh's triangles. First all indices, then all vertices, so that the cache
+/// misses of 16 lanes overlap.
+#[inline(always)]
+fn gather_mesh(
+    geometry: &Geometry,
+    geom: u32,
+    packet: &RayPacket,
+    corners: &mut [[[f32; LANES]; 3]; 3],
+    primitive: &mut [u32; LANES],
+) {
+    let mesh = &geometry.meshes[geom as usize];
+    let (vertices, triangles) = (mesh.vertices(), mesh.triangles());
+    let base = geometry.primitive(geom, 0);
+    let mut indices = [[0u32; 3]; LANES];
+    for i in 0..LANES {
+        indices[i] = triangles[packet.hits.prim[i] as usize];
+        primitive[i] = base + packet.hits.prim[i];
+    }
+    for i in 0..LANES {
+        for (corner, &index) in corners.iter_mut().zip(&indices[i]) {
+            let [x, y, z] = vertices[index as usize];
+            (corner[0][i], corner[1][i], corner[2][i]) = (x, y, z);
+        }
+    }
+}
+
+/// Corners of whatever each lane hit; a sphere's are left as they are. Whether there are any.
+#[inline(never)]
+fn gather(
+    geometry: &Geometry,
+    packet: &RayPacket,
+    corners: &mut [[[f32; LANES]; 3]; 3],
+    weights: &mut [[f32; LANES]; 2],
+    out: &mut Surfaces,
+) -> bool {
+    let mut spheres = false;
+    for i in (0..LANES).filter(|&i| out.hit.0[i] != 0) {
+        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
         out.primitive[i] = geometry.primitive(geom, prim);
         let triangle = match geometry.kind(geom) {
             GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim),
@@ -73,18 +136,7 @@ pub fn refine(geometry: &Geometry, active: &Mask, packet: &RayPacket, out: &mut 
             }
         }
     }
-    for i in 0..LANES {
-        let (origin, direction) = ray(packet, i);
-        let triangle = corners.map(|corner| dvec(&corner, i));
-        let weights = (f64::from(weights[0][i]), f64::from(weights[1][i]));
-        let point = refine_triangle(triangle, origin, direction, weights);
-        out.u[i] = point.u as f32;
-        out.v[i] = point.v as f32;
-        store(out, i, point.position, point.normal, direction);
-    }
-    if spheres {
-        refine_spheres(geometry, packet, out);
-    }
+    spheres
 }
 
 #[inline(never)]
@@ -98,13 +150,7 @@ fn refine_spheres(geometry: &Geometry, packet: &RayPacket, out: &mut Surfaces) {
         // The backend's t names the root; its point is moved onto the sphere along the radius.
         let near = origin + direction * f64::from(packet.rays.tfar[i]);
         let normal = (near - sphere.center).normalize_or(DVec3::Z);
-        store(
-            out,
-            i,
-            sphere.center + normal * sphere.radius,
-            normal,
-            direction,
-        );
+        store(out, i, sphere.center + normal * sphere.radius, normal, direction);
     }
 }
 
@@ -121,11 +167,7 @@ fn dvec(v: &[[f32; LANES]; 3], i: usize) -> DVec3 {
 /// Rounds a point and its unit normal into lane `i`, turned against `direction`.
 #[inline(always)]
 fn store(out: &mut Surfaces, i: usize, position: DVec3, normal: DVec3, direction: DVec3) {
-    let turn = if normal.dot(direction) > 0.0 {
-        -1.0
-    } else {
-        1.0
-    };
+    let turn = if normal.dot(direction) > 0.0 { -1.0 } else { 1.0 };
     let (p, n) = (position.to_array(), (normal * turn).to_array());
     for axis in 0..3 {
         let rounded = p[axis] as f32;
@@ -141,18 +183,10 @@ fn store(out: &mut Surfaces, i: usize, position: DVec3, normal: DVec3, direction
 #[inline(always)]
 fn round_towards(exact: f64, rounded: f32, towards: f64) -> f32 {
     let wrong = (f64::from(rounded) - exact) * towards < 0.0;
-    let step = if (rounded > 0.0) == (towards > 0.0) {
-        1
-    } else {
-        -1
-    };
+    let step = if (rounded > 0.0) == (towards > 0.0) { 1 } else { -1 };
     let next = f32::from_bits((rounded.to_bits() as i32).wrapping_add(step) as u32);
     // Around zero the neighbours are denormals; the smallest normal number does as well.
-    let next = if rounded == 0.0 {
-        f32::MIN_POSITIVE.copysign(towards as f32)
-    } else {
-        next
-    };
+    let next = if rounded == 0.0 { f32::MIN_POSITIVE.copysign(towards as f32) } else { next };
     if wrong { next } else { rounded }
 }
 

@@ -67,6 +67,8 @@ pub struct Notes {
     pub degenerate_dropped: u64,
     /// Triangles dropped by `--repair` because they use a missing or non-finite vertex.
     pub repaired_dropped: u64,
+    /// Bytes after the last row: the header may declare too few.
+    pub trailing_bytes: u64,
     /// `element.property` names that were used, in file order.
     pub used: Vec<String>,
     /// `element.property` names that were read over.

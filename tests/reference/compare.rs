@@ -63,18 +63,12 @@ pub fn assert_same_sampled(name: &str, actual: &Picture, expected: &Picture) {
 fn check_block(a: &Picture, e: &Picture, left: usize, top: usize, report: &mut String) {
     let columns = left..(left + BLOCK).min(e.width);
     let rows = top..(top + BLOCK).min(e.height);
-    let inside: Vec<usize> = rows
-        .flat_map(|j| columns.clone().map(move |i| j * e.width + i))
-        .collect();
+    let inside: Vec<usize> =
+        rows.flat_map(|j| columns.clone().map(move |i| j * e.width + i)).collect();
     let n = inside.len() as f64;
     for c in 0..4 {
         let mean = |p: &Picture| inside.iter().map(|k| p.pixels[*k][c]).sum::<f64>() / n;
-        let noise = inside
-            .iter()
-            .map(|k| e.deviation[*k][c].powi(2))
-            .sum::<f64>()
-            .sqrt()
-            / n;
+        let noise = inside.iter().map(|k| e.deviation[*k][c].powi(2)).sum::<f64>().sqrt() / n;
         let (actual, expected) = (mean(a), mean(e));
         let tolerance = SIGMAS * noise + RELATIVE * expected.abs().max(FLOOR);
         // A NaN must fail, so the comparison asks for what is right.
@@ -98,28 +92,18 @@ fn assert_within(name: &str, actual: &Picture, expected: &Picture, tolerance: To
         .filter(|(excess, _)| *excess > 1.0)
         .collect();
     let allowed = (ALLOWED * expected.pixels.len() as f64) as usize;
-    println!(
-        "{name}: {} of {} pixels differ",
-        wrong.len(),
-        expected.pixels.len()
-    );
+    println!("{name}: {} of {} pixels differ", wrong.len(), expected.pixels.len());
     if wrong.len() <= allowed {
         return;
     }
     wrong.sort_by(|a, b| b.0.total_cmp(&a.0));
     let place = write_pictures(name, actual, expected, tolerance);
-    let mut report = format!(
-        "{name}: {} pixels differ, {allowed} may: {place}\n",
-        wrong.len()
-    );
+    let mut report = format!("{name}: {} pixels differ, {allowed} may: {place}\n", wrong.len());
     for (excess, k) in wrong.iter().take(10) {
         let (i, j) = (k % expected.width, k / expected.width);
         let (a, e) = (actual.pixels[*k], expected.pixels[*k]);
-        writeln!(
-            report,
-            "  ({i}, {j}): {a:.5?}, expected {e:.5?}: {excess:.1} tolerances"
-        )
-        .unwrap();
+        writeln!(report, "  ({i}, {j}): {a:.5?}, expected {e:.5?}: {excess:.1} tolerances")
+            .unwrap();
     }
     panic!("{report}");
 }
@@ -152,18 +136,10 @@ fn write_pictures(name: &str, a: &Picture, e: &Picture, tolerance: Tolerance) ->
 pub fn write_png(path: &Path, picture: &Picture) {
     let to_srgb = |x: f64| {
         let x = x.clamp(0.0, 1.0);
-        let y = if x <= 0.003_130_8 {
-            12.92 * x
-        } else {
-            1.055 * x.powf(1.0 / 2.4) - 0.055
-        };
+        let y = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
         (255.0 * y).round() as u8
     };
-    let bytes = picture
-        .pixels
-        .iter()
-        .flat_map(|p| [p[0], p[1], p[2]].map(to_srgb))
-        .collect();
+    let bytes = picture.pixels.iter().flat_map(|p| [p[0], p[1], p[2]].map(to_srgb)).collect();
     image::RgbImage::from_raw(picture.width as u32, picture.height as u32, bytes)
         .expect("as many pixels as that")
         .save(path)

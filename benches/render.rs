@@ -1,0 +1,393 @@
+//! The renderer against bare Embree: primary and shadow rays per second of the render phase,
+//! against the same packets, in the same order, with the same flags, on the same threads.
+//!
+//! `cargo bench --bench render [-- MESH.ply]`; without a mesh it makes a displaced sphere of 1.3M
+//! triangles. Interleaved A B B A; prints every sample, medians, MAD, and the ratio with a
+//! bootstrap interval. The answers are compared: both sides must find the same hits.
+
+#[cfg(not(feature = "embree"))]
+fn main() {
+    println!("this benchmark needs Embree");
+}
+
+#[cfg(feature = "embree")]
+fn main() {
+    with_embree::run();
+}
+
+#[cfg(feature = "embree")]
+mod with_embree {
+    use std::path::{Path, PathBuf};
+    use std::sync::Mutex;
+    use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+    use std::time::Instant;
+
+    use lightpath::accel::{self, Accelerator, BuildInfo, BuildOptions};
+    use lightpath::film::{Film, Window};
+    use lightpath::monitor::Monitor;
+    use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+    use lightpath::render::render;
+    use lightpath::simd::{self, Isa, Kernel};
+    use lightpath::world::{LoadOptions, World};
+    use lightpath::{scene, shading};
+    use rayon::prelude::*;
+
+    const SIZE: u32 = 1024;
+    const ROUNDS: usize = 15;
+
+    pub fn run() {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let mesh = match std::env::args().skip(1).find(|a| !a.starts_with("--")) {
+            Some(path) => PathBuf::from(path),
+            None => displaced_sphere(&dir.path().join("sphere.ply")),
+        };
+        for n in [1, threads] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
+            pool.install(|| measure(&mesh, n));
+            if threads == 1 {
+                break;
+            }
+        }
+    }
+
+    fn measure(mesh: &Path, threads: usize) {
+        let monitor = Monitor::default();
+        let text = scene_text(mesh);
+        let source =
+            scene::Source::Text { name: "bench", text: text.as_bytes(), folder: Path::new(".") };
+        let scene = scene::load(source, &[]).expect("the scene").scene;
+        let started = Instant::now();
+        let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).expect("the mesh");
+        let load_s = started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        std::hint::black_box(std::fs::read(mesh).expect("the mesh"));
+        let read_s = started.elapsed().as_secs_f64();
+        let options = BuildOptions { threads, fast: false, max_bytes: None };
+        let started = Instant::now();
+        let embree = accel::build(&world.geometry, scene::Backend::Embree, &options, &monitor)
+            .expect("Embree");
+        let build_s = started.elapsed().as_secs_f64();
+        let info = embree.info();
+        let isa = Isa::detect();
+        println!(
+            "{} triangles, {SIZE}x{SIZE}, 1 spp, {threads} thread(s), {}, {} kernels {isa}",
+            world.triangles(),
+            info.version,
+            info.isa
+        );
+        println!(
+            "load {load_s:.3} s + build {build_s:.3} s = {:.2} x (read file {read_s:.3} s + build)",
+            (load_s + build_s) / (read_s + build_s)
+        );
+        println!(
+            "memory: mesh {} + Embree {} (peak {}) bytes",
+            world.mesh_bytes(),
+            info.bytes,
+            info.peak_bytes
+        );
+        let mut film = Film::new([SIZE; 2], Window::full(SIZE, SIZE)).expect("memory");
+        let replay = Replay::record(&world, &*embree, &mut film);
+        let counts = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
+        let rays = (counts.primary + counts.shadow) as f64;
+        let (mut ours, mut bare) = (Vec::new(), Vec::new());
+        let mut a = || {
+            let started = Instant::now();
+            let again = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
+            ours.push(started.elapsed().as_secs_f64());
+            assert_eq!(again, counts);
+        };
+        let mut b = || {
+            let started = Instant::now();
+            let answer = replay.run(&world, &*embree, isa);
+            bare.push(started.elapsed().as_secs_f64());
+            assert_eq!(
+                answer, replay.expected,
+                "the bare queries must find what the renderer found"
+            );
+        };
+        (a(), b());
+        for _ in 0..ROUNDS {
+            (a(), b(), b(), a());
+        }
+        let (ours, bare) = (ours.split_off(1), bare.split_off(1));
+        report("renderer", rays, &ours);
+        report("bare Embree", rays, &bare);
+        let ratios: Vec<f64> = bare.iter().zip(&ours).map(|(b, a)| b / a).collect();
+        let (low, high) = interval(&ratios);
+        println!(
+            "renderer / bare: {:.3} [{low:.3}, {high:.3}] (median of pairs, 95 %)\n",
+            median(&ratios)
+        );
+    }
+
+    fn report(name: &str, rays: f64, seconds: &[f64]) {
+        let m = median(seconds);
+        let mad = median(&seconds.iter().map(|s| (s - m).abs()).collect::<Vec<_>>());
+        println!(
+            "{name}: {:.2} Mray/s, median {:.2} ms, MAD {:.2} ms",
+            rays / m / 1e6,
+            m * 1e3,
+            mad * 1e3
+        );
+        let all: Vec<String> = seconds.iter().map(|s| format!("{:.1}", s * 1e3)).collect();
+        println!("  ms: {}", all.join(" "));
+    }
+
+    fn median(values: &[f64]) -> f64 {
+        let mut v = values.to_vec();
+        v.sort_by(f64::total_cmp);
+        (v[(v.len() - 1) / 2] + v[v.len() / 2]) / 2.0
+    }
+
+    /// 95 % bootstrap interval of the median (2000 resamples, fixed seed).
+    fn interval(values: &[f64]) -> (f64, f64) {
+        let mut state = 1u64;
+        let mut next = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % values.len()
+        };
+        let mut medians: Vec<f64> = (0..2000)
+            .map(|_| median(&(0..values.len()).map(|_| values[next()]).collect::<Vec<_>>()))
+            .collect();
+        medians.sort_by(f64::total_cmp);
+        (medians[50], medians[1949])
+    }
+
+    /// The packets of a render: camera packets by their corner (rebuilt when replayed), shadow
+    /// packets by their origins (their directions are rebuilt).
+    struct Replay {
+        blocks: Vec<Block>,
+        light: [f32; 3],
+        expected: [u64; 2],
+    }
+
+    struct Block {
+        /// Pixel of lane 0.
+        corner: [u32; 2],
+        shadow: Option<Box<Shadow>>,
+    }
+
+    struct Shadow {
+        active: Mask,
+        org: [[f32; LANES]; 3],
+        tfar: [f32; LANES],
+        leaving: [u32; LANES],
+    }
+
+    struct Recorder<'a> {
+        inner: &'a dyn Accelerator,
+        blocks: Mutex<Vec<Block>>,
+        hits: [AtomicU64; 2],
+    }
+
+    impl Accelerator for Recorder<'_> {
+        fn info(&self) -> BuildInfo {
+            self.inner.info()
+        }
+        fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+            self.inner.closest(active, packet, coherence);
+            self.hits[0].fetch_add(hits(packet), Relaxed);
+            let mut blocks = self.blocks.lock().expect("one thread");
+            blocks.push(Block { corner: [0; 2], shadow: None });
+        }
+        fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+            let shadow =
+                Shadow { active: *active, org: rays.org, tfar: rays.tfar, leaving: rays.leaving };
+            self.inner.occluded(active, rays, coherence);
+            self.hits[1].fetch_add(occlusions(active, rays), Relaxed);
+            if let Some(block) = self.blocks.lock().expect("one thread").last_mut() {
+                block.shadow = Some(Box::new(shadow));
+            }
+        }
+    }
+
+    fn hits(packet: &RayPacket) -> u64 {
+        packet.hits.geom.iter().filter(|&&g| g != u32::MAX).count() as u64
+    }
+
+    fn occlusions(active: &Mask, rays: &Rays) -> u64 {
+        (0..LANES).filter(|&i| active.0[i] != 0 && rays.tfar[i] < 0.0).count() as u64
+    }
+
+    impl Replay {
+        fn record(world: &World, inner: &dyn Accelerator, film: &mut Film) -> Self {
+            let recorder = Recorder {
+                inner,
+                blocks: Mutex::default(),
+                hits: [AtomicU64::new(0), AtomicU64::new(0)],
+            };
+            let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+            one.install(|| render(world, &recorder, Isa::detect(), film, &Monitor::default()))
+                .expect("a render");
+            let mut blocks = recorder.blocks.into_inner().expect("one thread");
+            // One thread renders the tiles in order: 8 x 8 blocks of 4 x 4 pixels in Z-order.
+            let tiles = SIZE / 32;
+            assert_eq!(blocks.len() as u32, tiles * tiles * 64);
+            for (i, block) in blocks.iter_mut().enumerate() {
+                let (tile, i) = (i as u32 / 64, i as u32 % 64);
+                let even = |b: u32| (b & 1) | (b >> 1 & 2) | (b >> 2 & 4);
+                block.corner =
+                    [tile % tiles * 32 + even(i) * 4, tile / tiles * 32 + even(i >> 1) * 4];
+            }
+            let shading::Emitter::Point(q) = world.lights[0].emitter else {
+                unreachable!("a point light")
+            };
+            let expected = recorder.hits.map(AtomicU64::into_inner);
+            Self { blocks, light: q.to_array(), expected }
+        }
+
+        fn run(&self, world: &World, embree: &dyn Accelerator, isa: Isa) -> [u64; 2] {
+            let add = |a: [u64; 2], b: [u64; 2]| [a[0] + b[0], a[1] + b[1]];
+            self.blocks
+                .par_chunks(64)
+                .map(|tile| simd::dispatch(isa, Bare { tile, light: self.light, world, embree }))
+                .reduce(|| [0; 2], add)
+        }
+    }
+
+    struct Bare<'a> {
+        tile: &'a [Block],
+        light: [f32; 3],
+        world: &'a World,
+        embree: &'a dyn Accelerator,
+    }
+
+    impl Kernel for Bare<'_> {
+        type Output = [u64; 2];
+        #[inline(always)]
+        fn run(self) -> [u64; 2] {
+            let mut found = [0; 2];
+            let mut packet = RayPacket::EMPTY;
+            let mut rays = Rays::EMPTY;
+            let all = Mask([-1; LANES]);
+            for block in self.tile {
+                packet.clear_hits();
+                for i in 0..LANES {
+                    let x = (block.corner[0] + i as u32 % 4) as f32 + 0.5;
+                    let y = (block.corner[1] + i as u32 / 4) as f32 + 0.5;
+                    let (o, d) = self.world.camera.ray(x, y, [0.5; 2]);
+                    for axis in 0..3 {
+                        packet.rays.org[axis][i] = o[axis];
+                        packet.rays.dir[axis][i] = d[axis];
+                    }
+                    packet.rays.tfar[i] = f32::INFINITY;
+                }
+                self.embree.closest(&all, &mut packet, Coherence::Coherent);
+                found[0] += hits(&packet);
+                let Some(shadow) = &block.shadow else {
+                    continue;
+                };
+                for axis in 0..3 {
+                    for i in 0..LANES {
+                        rays.org[axis][i] = shadow.org[axis][i];
+                        rays.dir[axis][i] = self.light[axis] - shadow.org[axis][i];
+                    }
+                }
+                rays.tfar = shadow.tfar;
+                rays.leaving = shadow.leaving;
+                self.embree.occluded(&shadow.active, &mut rays, Coherence::Coherent);
+                found[1] += occlusions(&shadow.active, &rays);
+            }
+            found
+        }
+    }
+
+    fn scene_text(mesh: &Path) -> String {
+        serde_json::json!({
+            "nbounces": 0,
+            "camera": {"type": "pinhole", "width": SIZE, "height": SIZE, "fov": 40,
+                "position": [0, 1.5, 4], "target": [0, 0.9, 0], "up": [0, 1, 0]},
+            "scene": {
+                "lightsources": [{"type": "pointlight", "position": [3, 6, 5], "id": [5, 5, 5]}],
+                "shapes": [
+                    {"type": "trimesh", "path": mesh, "fit": 2, "center": [0, 1, 0], "material": {"kd": 0.8}},
+                    {"type": "plane", "v0": [-10, 0, -10], "v1": [10, 0, -10], "v2": [10, 0, 10],
+                        "v3": [-10, 0, 10], "material": {"kd": 0.8}}
+                ]
+            }
+        })
+        .to_string()
+    }
+
+    /// Writes an icosphere of 1,310,720 triangles with bumps on it.
+    fn displaced_sphere(path: &Path) -> PathBuf {
+        use std::collections::HashMap;
+        let g = (1.0 + 5f64.sqrt()) / 2.0;
+        let mut points: Vec<glam::DVec3> = [
+            [-1.0, g, 0.0],
+            [1.0, g, 0.0],
+            [-1.0, -g, 0.0],
+            [1.0, -g, 0.0],
+            [0.0, -1.0, g],
+            [0.0, 1.0, g],
+            [0.0, -1.0, -g],
+            [0.0, 1.0, -g],
+            [g, 0.0, -1.0],
+            [g, 0.0, 1.0],
+            [-g, 0.0, -1.0],
+            [-g, 0.0, 1.0],
+        ]
+        .map(|p| glam::DVec3::from(p).normalize())
+        .to_vec();
+        let mut faces: Vec<[u32; 3]> = vec![
+            [0, 11, 5],
+            [0, 5, 1],
+            [0, 1, 7],
+            [0, 7, 10],
+            [0, 10, 11],
+            [1, 5, 9],
+            [5, 11, 4],
+            [11, 10, 2],
+            [10, 7, 6],
+            [7, 1, 8],
+            [3, 9, 4],
+            [3, 4, 2],
+            [3, 2, 6],
+            [3, 6, 8],
+            [3, 8, 9],
+            [4, 9, 5],
+            [2, 4, 11],
+            [6, 2, 10],
+            [8, 6, 7],
+            [9, 8, 1],
+        ];
+        for _ in 0..8 {
+            let mut middles = HashMap::new();
+            let mut middle = |a: u32, b: u32| {
+                *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                    points.push((points[a as usize] + points[b as usize]).normalize());
+                    points.len() as u32 - 1
+                })
+            };
+            faces = faces
+                .iter()
+                .flat_map(|&[a, b, c]| {
+                    let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+                    [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
+                })
+                .collect();
+        }
+        let mut bytes = format!(
+            "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
+             property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+            points.len(),
+            faces.len()
+        )
+        .into_bytes();
+        for p in &points {
+            let bumps = (p.x * 23.0).sin() * (p.y * 29.0).sin() * (p.z * 31.0).sin();
+            for x in (*p * (1.0 + 0.03 * bumps)).to_array() {
+                bytes.extend((x as f32).to_le_bytes());
+            }
+        }
+        for f in &faces {
+            bytes.push(3);
+            f.iter().for_each(|i| bytes.extend(i.to_le_bytes()));
+        }
+        std::fs::write(path, bytes).expect("a writable temporary folder");
+        path.to_path_buf()
+    }
+}

@@ -1,0 +1,255 @@
+//! The table of commands and flags: help, completions and the man page all come from here.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+
+use super::units::{parse_bytes, parse_size};
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \
+out of memory); 130/143 stopped by SIGINT/SIGTERM. Results go to stdout, messages to stderr.";
+
+/// CPU ray tracer for big scanned meshes: scene.json or scan.ply -> EXR and PNG.
+#[derive(Debug, Parser)]
+#[command(
+    name = "lightpath",
+    disable_version_flag = true,
+    args_conflicts_with_subcommands = true,
+    arg_required_else_help = true,
+    after_help = EXIT_CODES,
+    max_term_width = 100
+)]
+pub struct Arguments {
+    /// Print the version
+    #[arg(short = 'V', long)]
+    pub version: bool,
+
+    /// With --version: commit, compiler, Embree, instruction sets
+    #[arg(short, long, requires = "version")]
+    pub verbose: bool,
+
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render a scene or a mesh to PREFIX.exr and PREFIX.png
+    #[command(after_help = EXIT_CODES)]
+    Render(Box<RenderArgs>),
+    /// Check scenes without rendering; describe PLY and EXR files
+    #[command(after_help = EXIT_CODES)]
+    Info(InfoArgs),
+    /// Print the JSON Schema of scene files
+    Schema,
+    /// Print a shell completion script
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page (troff)
+    Man,
+}
+
+/// `lightpath render`
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// A scene.json, a mesh.ply (in the built-in studio), or - for a scene on stdin
+    #[arg(value_name = "SCENE|FILE.ply|-", value_hint = ValueHint::FilePath)]
+    pub input: PathBuf,
+
+    /// Where to write: PREFIX.exr and PREFIX.png [default: the input's name, in the working folder]
+    #[arg(short, long, value_name = "PREFIX", value_hint = ValueHint::FilePath)]
+    pub output: Option<PathBuf>,
+
+    /// Changes to the scene.
+    #[command(flatten)]
+    pub scene: SceneArgs,
+
+    /// How the mesh of a .ply is shown.
+    #[command(flatten)]
+    pub mesh: MeshArgs,
+
+    /// Resources.
+    #[command(flatten)]
+    pub machine: MachineArgs,
+
+    /// What is told.
+    #[command(flatten)]
+    pub report: ReportArgs,
+}
+
+/// Flags that change the scene.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Scene (overrides what the file says)")]
+pub struct SceneArgs {
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+
+    /// Camera samples per pixel
+    #[arg(long, value_name = "N")]
+    pub spp: Option<u32>,
+
+    /// Points on every area light, for each shading point
+    #[arg(long, value_name = "N")]
+    pub light_samples: Option<u32>,
+
+    /// Mirror bounces after the primary ray
+    #[arg(long, value_name = "N")]
+    pub nbounces: Option<u32>,
+
+    /// Seed of every random choice
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub seed: Option<i64>,
+
+    /// Exposure of the PNG in stops
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    pub exposure: Option<f64>,
+
+    /// Tone curve of the PNG
+    #[arg(long, value_name = "OP")]
+    pub tonemap: Option<ToneName>,
+
+    /// Full vertical angle of view in degrees
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub fov: Option<f64>,
+
+    /// What finds the hits
+    #[arg(long, value_name = "NAME")]
+    pub backend: Option<BackendName>,
+
+    /// Alpha is coverage instead of 1: no background
+    #[arg(long)]
+    pub transparent: bool,
+
+    /// Set any value of the scene; VALUE is JSON, or else a string; repeatable, wins over flags
+    #[arg(long, value_name = "/json/pointer=VALUE")]
+    pub set: Vec<String>,
+
+    /// Render only these pixels, from the top left; X1 and Y1 are excluded
+    #[arg(long, num_args = 4, value_names = ["X0", "Y0", "X1", "Y1"])]
+    pub crop: Option<Vec<u32>>,
+}
+
+/// Flags for meshes.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Meshes")]
+pub struct MeshArgs {
+    /// Which axis of the .ply points up [default: y]
+    #[arg(long, value_name = "AXIS")]
+    pub up: Option<Axis>,
+
+    /// Show the .ply in this scene instead of the built-in studio; its first trimesh is replaced
+    #[arg(long, value_name = "SCENE", value_hint = ValueHint::FilePath)]
+    pub template: Option<PathBuf>,
+
+    /// Save the scene that is rendered, overrides and framing included
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub write_scene: Option<PathBuf>,
+
+    /// Drop triangles that use missing or non-finite vertices instead of refusing the mesh
+    #[arg(long)]
+    pub repair: bool,
+}
+
+/// Flags for resources.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Machine")]
+pub struct MachineArgs {
+    /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// Embree's fast mode: a little faster, may miss hits on shared edges
+    #[arg(long)]
+    pub fast: bool,
+
+    /// Refuse or stop rather than use more memory, e.g. 8G or 512MiB (G = GiB = 2^30)
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub max_memory: Option<u64>,
+}
+
+/// Flags for messages.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Messages")]
+pub struct ReportArgs {
+    /// Write times, rays and memory as JSON
+    #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath)]
+    pub stats: Option<PathBuf>,
+
+    /// Print the statistics and the written paths as one JSON object on stdout
+    #[arg(long)]
+    pub json: bool,
+
+    /// Only errors on stderr
+    #[arg(long, conflicts_with = "progress")]
+    pub quiet: bool,
+
+    /// Progress on stderr; auto is a bar on a terminal, else plain
+    #[arg(long, value_name = "MODE")]
+    pub progress: Option<ProgressMode>,
+}
+
+/// `lightpath info`
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// Scenes, .ply and .exr files
+    #[arg(required = true, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub files: Vec<PathBuf>,
+
+    /// One JSON object per file and line
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Names of the tone curves.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum ToneName {
+    /// Divide by the largest value of the frame
+    Max,
+    /// Clip at 1
+    Clamp,
+    /// x / (1 + x)
+    Reinhard,
+}
+
+/// Names of the backends.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum BackendName {
+    /// Intel Embree 4
+    Embree,
+    /// lightpath's own BVH
+    Bvh,
+    /// The coursework's BVH
+    Coursework,
+    /// Every primitive: slow, the oracle
+    Brute,
+}
+
+/// An axis of a mesh file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Axis {
+    /// x is up
+    X,
+    /// y is up
+    Y,
+    /// z is up, as scanners and CAD have it
+    Z,
+}
+
+/// How progress is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ProgressMode {
+    /// A bar on a terminal, else plain
+    Auto,
+    /// A line every 3 seconds
+    Plain,
+    /// One JSON object per line
+    Json,
+    /// Nothing
+    Off,
+}

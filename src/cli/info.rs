@@ -1,0 +1,218 @@
+//! `lightpath info`: what is in a file, and whether it would render.
+//!
+//! The first bytes decide what a file is, not its name. A bad file does not hide the next one: all
+//! are looked at, and all errors come at the end.
+
+use std::{fs::File, io::Read, path::Path};
+
+use ::exr::meta::{MetaData, attribute::AttributeValue, header::Header};
+use serde_json::{Map, Value, json};
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    mesh,
+};
+
+use super::{
+    args::InfoArgs,
+    info_scene,
+    meshes::{self, Points},
+    units,
+};
+
+/// What was found out: a line per fact for people, and the same for programs.
+#[derive(Debug, Default)]
+pub struct Report {
+    lines: Vec<String>,
+    json: Map<String, Value>,
+}
+
+impl Report {
+    /// Adds a fact under a JSON key.
+    pub fn add(&mut self, key: &str, value: Value, line: impl Into<String>) {
+        self.json.insert(key.to_string(), value);
+        let line = line.into();
+        if !line.is_empty() {
+            self.lines.push(line);
+        }
+    }
+
+    fn text(self, path: &Path, json: bool) -> String {
+        if json {
+            return format!("{}\n", Value::Object(self.json));
+        }
+        let lines = self.lines.iter().map(|line| format!("  {line}\n"));
+        format!("{}\n{}", path.display(), lines.collect::<String>())
+    }
+}
+
+/// Describes every file.
+pub fn run(args: &InfoArgs) -> Result<()> {
+    let mut kind = None;
+    let mut problems: Vec<Problem> = Vec::new();
+    for path in &args.files {
+        match describe(path) {
+            Ok(report) => super::print(&report.text(path, args.json))?,
+            Err(error) => {
+                if args.json {
+                    super::print(&format!("{}\n", complaint(path, &error)))?;
+                }
+                kind = kind.or(Some(error.kind));
+                problems.extend(error.problems);
+            }
+        }
+    }
+    match kind {
+        None => Ok(()),
+        Some(kind) => Err(Error { kind, problems }),
+    }
+}
+
+fn complaint(path: &Path, error: &Error) -> Value {
+    let one = |p: &Problem| json!({ "place": p.place, "message": p.message, "help": p.help });
+    let errors: Vec<Value> = error.problems.iter().map(one).collect();
+    json!({ "file": path.display().to_string(), "ok": false, "errors": errors })
+}
+
+fn describe(path: &Path) -> Result<Report> {
+    let mut start = Vec::new();
+    let opened = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
+    let mut report = Report::default();
+    report.add("file", json!(path.display().to_string()), "");
+    report.add("ok", json!(true), "");
+    // A folder opens, but cannot be read; the scene parser says so best.
+    if let Err(error) = opened.filter_folder() {
+        return Err(Error::io(path, "read", &error));
+    }
+    match start.as_slice() {
+        b"ply\n" | b"ply\r" => ply(path, &mut report)?,
+        [0x76, 0x2f, 0x31, 0x01] => exr(path, &mut report)?,
+        _ if meshes::is_mesh(path) => ply(path, &mut report)?,
+        _ => info_scene::describe(path, &mut report)?,
+    }
+    Ok(report)
+}
+
+/// Treats "is a folder" as readable.
+trait FilterFolder {
+    fn filter_folder(self) -> std::io::Result<usize>;
+}
+
+impl FilterFolder for std::io::Result<usize> {
+    fn filter_folder(self) -> std::io::Result<usize> {
+        match self {
+            Err(error) if error.kind() == std::io::ErrorKind::IsADirectory => Ok(0),
+            other => other,
+        }
+    }
+}
+
+fn ply(path: &Path, report: &mut Report) -> Result<()> {
+    let summary = mesh::inspect_ply(path)?;
+    report.add("type", json!("ply"), format!("PLY, {}", summary.format));
+    let elements = summary.elements.iter().map(|element| {
+        let names = element.properties.iter().map(|p| p.name.as_str());
+        let names: Vec<&str> = names.collect();
+        format!("{} {} ({})", units::count(element.count), element.name, names.join(" "))
+    });
+    let line = format!("elements: {}", elements.collect::<Vec<_>>().join(", "));
+    report.add("header", json!(summary), line);
+    let list = |names: &[String]| match names.is_empty() {
+        true => "none".to_string(),
+        false => names.join(", "),
+    };
+    report.add("used", json!(summary.used), format!("used: {}", list(&summary.used)));
+    report.add("ignored", json!(summary.ignored), format!("ignored: {}", list(&summary.ignored)));
+    if let Some(texture) = &summary.texture_file {
+        report.add("texture_file", json!(texture), format!("texture: {texture}"));
+    }
+    let mesh = meshes::read(path, false)?;
+    let triangles = mesh.triangles.len() as u64;
+    report.add("triangles", json!(triangles), format!("{} triangles", units::count(triangles)));
+    notes(&mesh.notes, report);
+    if let Some([low, high]) = Points::of(&mesh).bounds() {
+        let line =
+            format!("bounds of what the triangles use: {} to {}, size {}", low, high, high - low);
+        report.add("bounds", json!([low.to_array(), high.to_array()]), line);
+    }
+    Ok(())
+}
+
+fn notes(notes: &mesh::Notes, report: &mut Report) {
+    let facts = [
+        ("faces", notes.faces, "faces"),
+        ("polygons_split", notes.polygons_split, "polygons split into triangles"),
+        ("faces_too_small", notes.faces_too_small, "faces with fewer than three corners skipped"),
+        ("degenerate_dropped", notes.degenerate_dropped, "triangles without area dropped"),
+    ];
+    for (key, count, what) in facts {
+        let line = match count {
+            0 => String::new(),
+            _ => format!("{} {what}", units::count(count)),
+        };
+        report.add(key, json!(count), line);
+    }
+}
+
+fn exr(path: &Path, report: &mut Report) -> Result<()> {
+    let read = MetaData::read_from_file(path, true);
+    let meta = read.map_err(|error| {
+        let message = format!("cannot read the EXR header: {error}");
+        Error::new(Kind::Invalid, Problem::new(path.display().to_string(), message))
+    })?;
+    let parts = meta.headers.len();
+    report.add(
+        "type",
+        json!("exr"),
+        format!("EXR, {parts} part{}", if parts == 1 { "" } else { "s" }),
+    );
+    let parts: Vec<Value> = meta.headers.iter().map(|header| part(header, report)).collect();
+    report.add("parts", json!(parts), "");
+    Ok(())
+}
+
+fn part(header: &Header, report: &mut Report) -> Value {
+    let display = header.shared_attributes.display_window;
+    let data = header.own_attributes.layer_position;
+    let size = header.layer_size;
+    report.lines.push(format!(
+        "frame {} x {}, data {} x {} at {}, {}; {}, {:?}",
+        display.size.x(),
+        display.size.y(),
+        size.x(),
+        size.y(),
+        data.x(),
+        data.y(),
+        header.compression,
+        header.line_order
+    ));
+    let channels = header.channels.list.iter();
+    let channels: Vec<[String; 2]> = channels
+        .map(|c| [c.name.to_string(), format!("{:?}", c.sample_type).to_lowercase()])
+        .collect();
+    let names: Vec<String> = channels.iter().map(|[name, kind]| format!("{name} {kind}")).collect();
+    report.lines.push(format!("channels: {}", names.join(", ")));
+    let mut attributes: Map<String, Value> = Map::new();
+    if let Some(software) = &header.own_attributes.software_name {
+        attributes.insert("software".into(), software.to_string().into());
+    }
+    let mut others: Vec<_> = header.own_attributes.other.iter().collect();
+    others.sort_by_key(|(name, _)| name.to_string());
+    for (name, value) in others {
+        let text = match value {
+            AttributeValue::Text(text) => text.to_string(),
+            other => format!("{other:?}"),
+        };
+        attributes.insert(name.to_string(), text.into());
+    }
+    for (name, value) in &attributes {
+        report.lines.push(format!("{name}: {}", value.as_str().unwrap_or_default()));
+    }
+    json!({
+        "display_window": [display.position.x(), display.position.y(), display.size.x(), display.size.y()],
+        "data_window": [data.x(), data.y(), size.x(), size.y()],
+        "compression": header.compression.to_string(),
+        "channels": channels,
+        "attributes": attributes,
+    })
+}

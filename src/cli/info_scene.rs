@@ -1,0 +1,74 @@
+//! `lightpath info scene.json`: every check that needs no rays. Whatever would stop the render is an
+//! error here, so meshes and textures are read, not only looked for.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use crate::{
+    error::{Problem, Result},
+    film::Window,
+    monitor::Monitor,
+    scene::{self, LightKind, Scene, ShapeKind, Source},
+    world::{LoadOptions, World},
+};
+
+use super::{info::Report, job, memory, units};
+
+/// Checks a scene and says what is in it.
+pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
+    let loaded = scene::load(Source::File(path), &[])?;
+    let scene = &loaded.scene;
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let prediction = memory::predict(scene, Window::full(width, height))?;
+    let (world, more) = World::load(scene, LoadOptions::default(), &Monitor::default())?;
+    report.add("type", json!("scene"), "scene");
+    let picture = format!(
+        "{width} x {height} pixels, {} spp, {} mirror bounces, backend {}",
+        scene.spp,
+        scene.nbounces,
+        job::backend_name(scene.backend)
+    );
+    report.add("size", json!([width, height]), picture);
+    report.add("spp", json!(scene.spp), "");
+    report.add("backend", json!(job::backend_name(scene.backend)), "");
+    contents(scene, report);
+    let triangles = world.triangles();
+    let line = format!("{} triangles", units::count(triangles));
+    report.add("triangles", json!(triangles), line);
+    let memory =
+        format!("memory: about {} at most: {prediction}", units::bytes(prediction.peak_bytes));
+    report.add("memory", json!(prediction), memory);
+    report.add("scene_hash", json!(loaded.hash), format!("hash {}", loaded.hash));
+    let warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
+    let texts: Vec<String> = warnings.iter().map(Problem::to_string).collect();
+    for text in &texts {
+        eprintln!("warning: {text}");
+    }
+    report.add("warnings", json!(texts), "");
+    Ok(())
+}
+
+fn contents(scene: &Scene, report: &mut Report) {
+    let mut counts = [0usize; 4];
+    for shape in &scene.shapes {
+        counts[match shape.kind {
+            ShapeKind::Sphere { .. } => 0,
+            ShapeKind::Plane { .. } => 1,
+            ShapeKind::Triangle { .. } => 2,
+            ShapeKind::Trimesh(_) => 3,
+        }] += 1;
+    }
+    let [spheres, planes, triangles, meshes] = counts;
+    let shapes =
+        json!({ "sphere": spheres, "plane": planes, "triangle": triangles, "trimesh": meshes });
+    let line = format!(
+        "shapes: {spheres} spheres, {planes} planes, {triangles} triangles, {meshes} meshes"
+    );
+    report.add("shapes", shapes, line);
+    let is_area = |light: &&scene::Light| matches!(light.kind, LightKind::Area { .. });
+    let area = scene.lights.iter().filter(is_area).count();
+    let point = scene.lights.len() - area;
+    let line = format!("lights: {point} point, {area} area");
+    report.add("lights", json!({ "pointlight": point, "arealight": area }), line);
+}

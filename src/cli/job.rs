@@ -1,0 +1,200 @@
+//! Arguments -> a checked scene: a file, stdin, or a mesh in a template.
+
+use std::{
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    film::Window,
+    scene::{self, Backend, Description, Loaded, Scene, Source, written},
+};
+
+use super::{
+    args::RenderArgs,
+    meshes,
+    overrides::Overrides,
+    paths::seen_from,
+    studio::{self, STUDIO, Subject},
+};
+
+/// Longest scene on stdin; longer files are refused by the parser too.
+const MAX_STDIN_BYTES: u64 = 256 << 20;
+
+/// The text of a scene and what its paths are relative to.
+#[derive(Debug)]
+pub struct Origin {
+    /// For messages.
+    pub name: String,
+    /// JSON.
+    pub text: Vec<u8>,
+    /// Of relative paths; empty is the working folder.
+    pub folder: PathBuf,
+}
+
+impl Origin {
+    /// As the parser takes it.
+    pub fn source(&self) -> Source<'_> {
+        Source::Text { name: &self.name, text: &self.text, folder: &self.folder }
+    }
+
+    fn file(path: &Path) -> Result<Self> {
+        let read = || {
+            let file = std::fs::File::open(path)?;
+            let mut text = Vec::new();
+            file.take(MAX_STDIN_BYTES).read_to_end(&mut text)?;
+            Ok(text)
+        };
+        Ok(Self {
+            name: path.display().to_string(),
+            text: read().map_err(|error| Error::io(path, "read", &error))?,
+            folder: path.parent().unwrap_or(Path::new("")).to_owned(),
+        })
+    }
+
+    fn stdin() -> Result<Self> {
+        let mut text = Vec::new();
+        let read = std::io::stdin().take(MAX_STDIN_BYTES).read_to_end(&mut text);
+        read.map_err(|error| Error::io("<stdin>".as_ref(), "read", &error))?;
+        Ok(Self { name: "<stdin>".to_string(), text, folder: PathBuf::new() })
+    }
+}
+
+/// A scene that is ready to be rendered.
+#[derive(Debug)]
+pub struct Job {
+    /// The scene, overrides applied.
+    pub loaded: Loaded,
+    /// What its paths are relative to.
+    pub folder: PathBuf,
+    /// What is suspicious so far.
+    pub warnings: Vec<Problem>,
+}
+
+/// Loads what `render` was asked for.
+///
+/// # Errors
+/// Contradictory flags, and everything that is wrong with the scene and its overrides.
+pub fn load(args: &RenderArgs) -> Result<Job> {
+    let is_mesh = meshes::is_mesh(&args.input);
+    if !is_mesh {
+        let given =
+            [("--up", args.mesh.up.is_some()), ("--template", args.mesh.template.is_some())];
+        for (flag, _) in given.iter().filter(|(_, given)| *given) {
+            let message = format!("found with the scene {}, expected a .ply", args.input.display());
+            return Err(Error::invalid(*flag, message)
+                .help("a scene says itself how its meshes stand: `rotate` in its trimesh"));
+        }
+    }
+    let mut overrides = Overrides::new(&args.scene);
+    let mut warnings = Vec::new();
+    let origin = match &args.mesh.template {
+        Some(template) => Origin::file(template)?,
+        None if is_mesh => {
+            Origin { name: "<studio>".to_string(), text: STUDIO.into(), folder: PathBuf::new() }
+        }
+        None if args.input == Path::new("-") => Origin::stdin()?,
+        None => return load_file(args, overrides),
+    };
+    if is_mesh {
+        let subject = Subject {
+            path: &args.input,
+            up: args.mesh.up,
+            repair: args.mesh.repair,
+            builtin: args.mesh.template.is_none(),
+        };
+        let ours = studio::furnish(&subject, &origin, &overrides, &mut warnings)?;
+        overrides.prepend(ours);
+    }
+    finish(origin.source(), origin.folder.clone(), args, overrides, warnings)
+}
+
+fn load_file(args: &RenderArgs, overrides: Overrides) -> Result<Job> {
+    let folder = args.input.parent().unwrap_or(Path::new("")).to_owned();
+    finish(Source::File(&args.input), folder, args, overrides, Vec::new())
+}
+
+fn finish(
+    source: Source,
+    folder: PathBuf,
+    args: &RenderArgs,
+    mut overrides: Overrides,
+    mut warnings: Vec<Problem>,
+) -> Result<Job> {
+    let load = |o: &Overrides| scene::load(source, &o.sets()).map_err(|error| o.explain(error));
+    let mut loaded = load(&overrides)?;
+    if let Some(samples) = args.scene.light_samples {
+        if overrides.light_samples(samples, &loaded.description) {
+            loaded = load(&overrides)?;
+        } else {
+            let message = "has no effect: the scene has no area light";
+            warnings.push(Problem::new("--light-samples", message));
+        }
+    }
+    if args.machine.fast && loaded.scene.backend != Backend::Embree {
+        let message = format!(
+            "found with the backend `{}`, which has no fast mode",
+            backend_name(loaded.scene.backend)
+        );
+        return Err(Error::invalid("--fast", message).help("leave --fast out, or --backend embree"));
+    }
+    warnings.append(&mut loaded.warnings);
+    Ok(Job { loaded, folder, warnings })
+}
+
+/// As the scene format spells it.
+pub fn backend_name(backend: Backend) -> &'static str {
+    match backend {
+        Backend::Embree => "embree",
+        Backend::Bvh => "bvh",
+        Backend::Coursework => "coursework",
+        Backend::Brute => "brute",
+    }
+}
+
+/// The pixels to render.
+///
+/// # Errors
+/// A crop that is empty or leaves the frame.
+pub fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let Some([x0, y0, x1, y1]) = crop.and_then(|c| <[u32; 4]>::try_from(c).ok()) else {
+        return Ok(Window::full(width, height));
+    };
+    let found = format!("found {x0} {y0} {x1} {y1}");
+    let wrong = match (x0 < x1 && y0 < y1, x1 <= width && y1 <= height) {
+        (true, true) => return Ok(Window { x0, y0, x1, y1 }),
+        (false, _) => format!("{found}, which is empty, expected X0 < X1 and Y0 < Y1"),
+        (_, false) => format!("{found}, expected pixels within the frame of {width} x {height}"),
+    };
+    Err(Error::new(Kind::Invalid, Problem::new("--crop", wrong)))
+}
+
+/// The text of a scene saved as `target`: its paths seen from there.
+pub fn saved(job: &Job, target: &Path) -> String {
+    let to = target.parent().unwrap_or(Path::new(""));
+    let mut description: Description = job.loaded.description.clone();
+    let moved = |path: &str| seen_from(&job.folder.join(path), to);
+    let material = |material: &mut written::Material| {
+        if let Some(path) = &mut material.texture_path {
+            path.0 = moved(&path.0);
+        }
+    };
+    description.scene.materials.values_mut().for_each(material);
+    for shape in &mut description.scene.shapes {
+        let used = match shape {
+            written::Shape::Sphere(s) => &mut s.material,
+            written::Shape::Plane(s) => &mut s.material,
+            written::Shape::Triangle(s) => &mut s.material,
+            written::Shape::TriMesh(s) => {
+                s.path.0 = moved(&s.path.0);
+                &mut s.material
+            }
+        };
+        if let written::MaterialUse::Inline(inline) = used {
+            material(inline);
+        }
+    }
+    description.to_text()
+}

@@ -1,0 +1,61 @@
+//! The program: one file per subcommand, each thin; the work is in the modules below.
+//!
+//! Results and the paths of written files go to stdout, messages to stderr. Only `main` turns an
+//! error into an exit code. A flag that changes the scene becomes a `--set` override, so that flags
+//! and overrides pass the same checks ([`overrides`]).
+
+mod args;
+mod framing;
+mod info;
+mod info_scene;
+mod job;
+mod memory;
+mod meshes;
+mod overrides;
+mod paths;
+mod progress;
+mod render;
+mod schema;
+mod shell;
+mod signals;
+mod stats;
+mod studio;
+mod units;
+mod version;
+
+pub use args::{Arguments, Command};
+pub use framing::frame;
+
+use std::io::Write;
+
+use crate::error::{Error, Result};
+
+/// Runs one command.
+///
+/// # Errors
+/// Everything that went wrong; the kind decides the exit code.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    if arguments.version {
+        return print(&version::text(arguments.verbose));
+    }
+    match &arguments.command {
+        Some(Command::Render(args)) => render::run(args),
+        Some(Command::Info(args)) => info::run(args),
+        Some(Command::Schema) => schema::run(),
+        Some(Command::Completions { shell }) => shell::completions(*shell),
+        Some(Command::Man) => shell::man(),
+        None => Err(Error::invalid("", "no command given")
+            .help("`lightpath render scene.json`, or `lightpath --help`")),
+    }
+}
+
+/// Writes a result to stdout. A reader that has gone (`| head`) is no error.
+fn print(text: &str) -> Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Error::io("<stdout>".as_ref(), "write", &error))
+        }
+        _ => Ok(()),
+    }
+}

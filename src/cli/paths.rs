@@ -1,0 +1,75 @@
+//! Output names, and paths that stay right when a scene is saved somewhere else.
+
+use std::path::{Component, Path, PathBuf};
+
+/// Where a render goes: `-o`, else the input's stem in the working folder.
+///
+/// `-o out/` and an existing folder mean the stem in that folder; `-o a.png` and `-o a.exr` mean
+/// `a`, as nobody wants `a.png.exr`.
+pub fn prefix(output: Option<&Path>, input: &Path) -> PathBuf {
+    let stem = match input.file_stem() {
+        Some(stem) if input != Path::new("-") => stem.to_owned(),
+        _ => "stdin".into(),
+    };
+    let Some(output) = output else {
+        return stem.into();
+    };
+    let text = output.as_os_str().as_encoded_bytes();
+    if text.ends_with(b"/") || output.is_dir() {
+        return output.join(stem);
+    }
+    let is_ours =
+        |end: &std::ffi::OsStr| end.eq_ignore_ascii_case("exr") || end.eq_ignore_ascii_case("png");
+    match output.extension() {
+        Some(end) if is_ours(end) => output.with_extension(""),
+        _ => output.to_owned(),
+    }
+}
+
+/// `path` as seen from `folder`, with `/`; both relative to the working folder or absolute.
+pub fn seen_from(path: &Path, folder: &Path) -> String {
+    let path = real(path);
+    let folder = real(match folder.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => folder,
+    });
+    let there: Vec<Component> = path.components().collect();
+    let here: Vec<Component> = folder.components().collect();
+    let common = there.iter().zip(&here).take_while(|(a, b)| a == b).count();
+    let ups = here[common..].iter().map(|_| "..".to_string());
+    let downs = there[common..].iter().map(|c| c.as_os_str().to_string_lossy().into_owned());
+    ups.chain(downs).collect::<Vec<_>>().join("/")
+}
+
+/// Absolute and without links where the path exists.
+fn real(path: &Path) -> PathBuf {
+    path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prefixes() {
+        let of = |output: Option<&str>, input: &str| {
+            let prefix = prefix(output.map(Path::new), Path::new(input));
+            prefix.to_str().unwrap().to_string()
+        };
+        assert_eq!(of(None, "a/scan.v2.ply"), "scan.v2");
+        assert_eq!(of(None, "-"), "stdin");
+        assert_eq!(of(Some("out/x.0001"), "a.json"), "out/x.0001");
+        assert_eq!(of(Some("out/x.PNG"), "a.json"), "out/x");
+        assert_eq!(of(Some("nowhere/"), "b/a.json"), "nowhere/a");
+        assert_eq!(of(Some("/"), "b/a.json"), "/a");
+    }
+
+    #[test]
+    fn relative_paths() {
+        let of = |path, folder| seen_from(Path::new(path), Path::new(folder));
+        assert_eq!(of("/no/a/b.ply", "/no/a"), "b.ply");
+        assert_eq!(of("/no/a/b.ply", "/no/c/d"), "../../a/b.ply");
+        assert_eq!(of("nosuch.ply", ""), "nosuch.ply");
+        assert_eq!(of("x/nosuch.ply", "."), "x/nosuch.ply");
+    }
+}

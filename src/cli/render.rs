@@ -1,0 +1,255 @@
+//! `lightpath render`: the stations of the data flow in a row, with a clock between them.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Instant,
+};
+
+use serde_json::json;
+
+use crate::{
+    accel::{self, BuildInfo, BuildOptions},
+    error::{Error, Kind, Problem, Result},
+    film::{Film, Window},
+    monitor::Monitor,
+    output::{Oddities, Outputs, WriteOptions, atomic::TextFile},
+    render as renderer,
+    simd::Isa,
+    world::{LoadOptions, World},
+};
+
+use super::{
+    args::{MachineArgs, ProgressMode, RenderArgs},
+    job::{self, Job},
+    memory::{self, Prediction},
+    paths,
+    progress::Progress,
+    signals,
+    stats::{self, Memory, Rays, Seconds, Stats},
+    version,
+};
+
+/// Everything that is written, made sure of before the long work.
+struct Files {
+    outputs: Outputs,
+    stats: Option<TextFile>,
+    scene: Option<(PathBuf, TextFile)>,
+}
+
+impl Files {
+    fn create(args: &RenderArgs) -> Result<Self> {
+        let prefix = paths::prefix(args.output.as_deref(), &args.input);
+        let text = |path: &PathBuf| TextFile::create(path);
+        let scene = args.mesh.write_scene.as_ref();
+        Ok(Self {
+            outputs: Outputs::create(&prefix)?,
+            stats: args.report.stats.as_ref().map(text).transpose()?,
+            scene: scene.map(|path| Ok((path.clone(), text(path)?))).transpose()?,
+        })
+    }
+}
+
+/// Renders one scene.
+pub fn run(args: &RenderArgs) -> Result<()> {
+    let start = Instant::now();
+    let monitor = Arc::new(Monitor::default());
+    signals::watch(&monitor)?;
+    let job = job::load(args)?;
+    let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
+    let prediction = memory::predict(&job.loaded.scene, window)?;
+    prediction.check(args.machine.max_memory)?;
+    let files = Files::create(args)?;
+    let threads = threads(&args.machine);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|error| {
+        let message = format!("cannot start {threads} threads: {error}");
+        Error::new(Kind::Retry, Problem::new("--threads", message))
+    })?;
+    let mode = match args.report.quiet {
+        true => ProgressMode::Off,
+        false => args.report.progress.unwrap_or(ProgressMode::Auto),
+    };
+    let run = Run {
+        args,
+        job: &job,
+        window,
+        prediction,
+        threads,
+        monitor: &monitor,
+        progress: Progress::start(mode, &monitor),
+        start,
+    };
+    let (stats, paths) = pool.install(|| run.all(files))?;
+    report(args, &stats, &paths)
+}
+
+/// `--threads`, else what a batch system grants, else what this process may use.
+fn threads(args: &MachineArgs) -> usize {
+    let granted = || {
+        let text = std::env::var("SLURM_CPUS_PER_TASK").ok()?;
+        text.trim().parse().ok().filter(|n| (1..=1024).contains(n))
+    };
+    args.threads
+        .map(usize::from)
+        .or_else(granted)
+        .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
+}
+
+/// What the stations share.
+struct Run<'a> {
+    args: &'a RenderArgs,
+    job: &'a Job,
+    window: Window,
+    prediction: Prediction,
+    threads: usize,
+    monitor: &'a Monitor,
+    progress: Progress,
+    start: Instant,
+}
+
+impl Run<'_> {
+    fn all(&self, files: Files) -> Result<(Stats, Vec<PathBuf>)> {
+        self.warn(&self.job.warnings);
+        let scene = &self.job.loaded.scene;
+        let mut film = Film::new([scene.camera.width, scene.camera.height], self.window)?;
+        let repair = self.args.mesh.repair;
+        let (world, warnings) = World::load(scene, LoadOptions { repair }, self.monitor)?;
+        self.warn(&warnings);
+        let loaded = self.start.elapsed().as_secs_f64();
+
+        let mesh_bytes = world.mesh_bytes();
+        let limit = self.args.machine.max_memory;
+        let options = BuildOptions {
+            threads: self.threads,
+            fast: self.args.machine.fast,
+            max_bytes: limit.map(|limit| self.prediction.left(limit, mesh_bytes)),
+        };
+        let accelerator = accel::build(&world.geometry, scene.backend, &options, self.monitor)?;
+        let info = accelerator.info();
+        let built = self.start.elapsed().as_secs_f64();
+
+        let isa = Isa::detect();
+        let counts = renderer::render(&world, accelerator.as_ref(), isa, &mut film, self.monitor)?;
+        let rendered = self.start.elapsed().as_secs_f64();
+
+        let mut stats = self.stats(&info, isa);
+        stats.triangles = world.triangles();
+        stats.memory.mesh_bytes = mesh_bytes;
+        stats.rays =
+            Rays { primary: counts.primary, shadow: counts.shadow, reflection: counts.reflection };
+        stats.seconds = Seconds {
+            load: loaded,
+            build: built - loaded,
+            render: rendered - built,
+            ..Seconds::default()
+        };
+        let paths = self.write(files, &film, &info, &mut stats)?;
+        Ok((stats, paths))
+    }
+
+    /// What is known before the first ray.
+    fn stats(&self, info: &BuildInfo, isa: Isa) -> Stats {
+        let loaded = &self.job.loaded;
+        Stats {
+            backend: job::backend_name(loaded.scene.backend).to_string(),
+            threads: self.threads,
+            versions: version::versions(&info.version),
+            cpu: stats::cpu(),
+            isa: format!("{} rays, {isa} shading", info.isa),
+            scene_hash: loaded.hash.clone(),
+            seed: loaded.scene.seed,
+            memory: Memory { accelerator_bytes: info.bytes, ..Memory::default() },
+            ..Stats::default()
+        }
+    }
+
+    fn write(
+        &self,
+        files: Files,
+        film: &Film,
+        info: &BuildInfo,
+        stats: &mut Stats,
+    ) -> Result<Vec<PathBuf>> {
+        let started = Instant::now();
+        let scene = &self.job.loaded.scene;
+        let attributes = self.attributes(info);
+        let options = WriteOptions {
+            tonemap: &scene.tonemap,
+            transparent: scene.transparent,
+            attributes: &attributes,
+        };
+        let (paths, oddities) = files.outputs.write(film, &options, self.monitor)?;
+        self.warn(&odd(&oddities));
+        let mut paths = paths.to_vec();
+        if let Some((target, file)) = files.scene {
+            paths.push(file.finish(&job::saved(self.job, &target))?);
+        }
+        stats.seconds.write = started.elapsed().as_secs_f64();
+        stats.seconds.total = self.start.elapsed().as_secs_f64();
+        stats.memory.peak_bytes = stats::peak_bytes();
+        if let Some(file) = files.stats {
+            let text = serde_json::to_string_pretty(stats).unwrap_or_default();
+            paths.push(file.finish(&(text + "\n"))?);
+        }
+        Ok(paths)
+    }
+
+    /// What the EXR says about its origin: nothing that differs between two equal pictures.
+    fn attributes(&self, info: &BuildInfo) -> Vec<(String, String)> {
+        let loaded = &self.job.loaded;
+        let name = job::backend_name(loaded.scene.backend);
+        let backend = format!("{name} ({} {})", info.version, info.isa);
+        [
+            ("lightpath:backend", backend),
+            ("lightpath:scene_hash", loaded.hash.clone()),
+            ("lightpath:seed", loaded.scene.seed.to_string()),
+            ("lightpath:spp", loaded.scene.spp.to_string()),
+        ]
+        .map(|(name, value)| (name.to_string(), value))
+        .to_vec()
+    }
+
+    fn warn(&self, warnings: &[Problem]) {
+        if !self.args.report.quiet {
+            for warning in warnings {
+                self.progress.message(&format!("warning: {warning}"));
+            }
+        }
+    }
+}
+
+/// What the files could not hold.
+fn odd(oddities: &Oddities) -> Vec<Problem> {
+    let mut warnings = Vec::new();
+    if let Some([x, y]) = oddities.first_non_finite {
+        let message = format!(
+            "{} pixels with a NaN or infinite value were written as 0 or 65504, the first at x {x}, y {y}",
+            oddities.non_finite
+        );
+        warnings.push(Problem::new("", message).help("please report this with the scene"));
+    }
+    if let Some([x, y]) = oddities.first_clamped {
+        let message = format!(
+            "{} pixels are brighter than a half can hold and were clamped to 65504 in the EXR, the first at x {x}, y {y}",
+            oddities.clamped
+        );
+        warnings.push(Problem::new("", message).help("make the lights weaker"));
+    }
+    warnings
+}
+
+fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
+    if !args.report.quiet {
+        eprintln!("{}", stats.summary());
+    }
+    let names = paths.iter().map(|path| path.as_path().display().to_string());
+    if args.report.json {
+        let mut value = json!(stats);
+        value["outputs"] = names.collect();
+        return super::print(&format!("{value}\n"));
+    }
+    let to_stdout = |name: &String| Path::new(name) != Path::new("/dev/stdout");
+    let lines: Vec<String> = names.filter(to_stdout).map(|name| name + "\n").collect();
+    super::print(&lines.concat())
+}

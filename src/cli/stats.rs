@@ -1,0 +1,119 @@
+//! What a render cost: `--stats`, `--json` and the summary at the end.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::units;
+
+/// The file of `--stats`. docs/cli.md describes it.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Stats {
+    /// Wall-clock time.
+    pub seconds: Seconds,
+    /// Rays traced.
+    pub rays: Rays,
+    /// Memory held.
+    pub memory: Memory,
+    /// Of all meshes and single triangles.
+    pub triangles: u64,
+    /// Name of the backend.
+    pub backend: String,
+    /// Worker threads.
+    pub threads: usize,
+    /// Of the program and what it was built and run with.
+    pub versions: BTreeMap<String, String>,
+    /// Model name of the processor.
+    pub cpu: String,
+    /// Instruction sets in use.
+    pub isa: String,
+    /// SHA-256 of the canonical scene.
+    pub scene_hash: String,
+    /// Of every random choice.
+    pub seed: u64,
+}
+
+/// Wall-clock seconds by phase.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Seconds {
+    /// Scene, meshes, textures.
+    pub load: f64,
+    /// Accelerator.
+    pub build: f64,
+    /// Rays and shading.
+    pub render: f64,
+    /// EXR and PNG.
+    pub write: f64,
+    /// From the start of the command to the renamed files.
+    pub total: f64,
+}
+
+/// Rays by class.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Rays {
+    /// From the camera.
+    pub primary: u64,
+    /// Towards lights.
+    pub shadow: u64,
+    /// Mirror bounces.
+    pub reflection: u64,
+}
+
+/// Bytes.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Memory {
+    /// Largest resident set of the process (`VmHWM`); 0 where the system does not tell.
+    pub peak_bytes: u64,
+    /// Held by the accelerator after its build.
+    pub accelerator_bytes: u64,
+    /// Mesh arrays and textures.
+    pub mesh_bytes: u64,
+}
+
+impl Stats {
+    /// A few lines for people.
+    pub fn summary(&self) -> String {
+        let s = &self.seconds;
+        let all = self.rays.primary + self.rays.shadow + self.rays.reflection;
+        let rate = all as f64 / s.render.max(1e-9) / 1e6;
+        format!(
+            "{} triangles, {} ({}), {} threads\n\
+             load {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s, total {}\n\
+             rays: {} primary, {} shadow, {} reflection; {rate:.1} Mray/s\n\
+             peak memory {} (accelerator {}, meshes {})",
+            units::count(self.triangles),
+            self.backend,
+            self.isa,
+            self.threads,
+            s.load,
+            s.build,
+            s.render,
+            s.write,
+            units::duration(s.total),
+            units::count(self.rays.primary),
+            units::count(self.rays.shadow),
+            units::count(self.rays.reflection),
+            units::bytes(self.memory.peak_bytes),
+            units::bytes(self.memory.accelerator_bytes),
+            units::bytes(self.memory.mesh_bytes),
+        )
+    }
+}
+
+/// Largest resident set of this process so far, in bytes.
+pub fn peak_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kib = line.and_then(|rest| rest.split_whitespace().next()?.parse::<u64>().ok());
+    kib.unwrap_or(0) * 1024
+}
+
+/// Model name of the processor; the architecture where the system does not tell.
+pub fn cpu() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = info.lines().find_map(|line| {
+        let (key, value) = line.split_once(':')?;
+        (key.trim() == "model name").then(|| value.trim().to_string())
+    });
+    name.unwrap_or_else(|| std::env::consts::ARCH.to_string())
+}

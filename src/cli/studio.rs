@@ -1,0 +1,227 @@
+//! `lightpath render scan.ply`: a mesh alone becomes a scene.
+//!
+//! A template (the built-in studio, or any scene with a trimesh) says how it looks. Its first
+//! trimesh becomes the file; the mesh stands on the template's `center`, its lowest vertex a hair
+//! above it; the camera keeps its direction and moves to where it sees every vertex. All of it is
+//! overrides of the template, so the result is an ordinary scene that `--write-scene` can save.
+
+use std::path::Path;
+
+use glam::DVec3;
+use serde_json::json;
+
+use crate::{
+    error::{Error, Problem, Result},
+    mesh::Mesh,
+    scene::{Camera, Document, Loaded, ShapeKind, Trimesh},
+};
+
+use super::{
+    args::Axis,
+    framing::frame,
+    job::Origin,
+    meshes::{self, Points},
+    overrides::Overrides,
+    paths::seen_from,
+};
+
+/// The built-in template.
+pub const STUDIO: &str = include_str!("../../assets/studio.json");
+
+/// Distance of the picture's borders from the mesh, as a fraction of its width and height.
+const MARGIN: f64 = 0.08;
+
+/// Height above the ground as a fraction of the mesh's longest side: nobody sees it, and a flat
+/// mesh does not lie within the ground.
+const HAIR: f64 = 1e-4;
+
+/// A mesh file to be shown.
+#[derive(Debug)]
+pub struct Subject<'a> {
+    /// The file.
+    pub path: &'a Path,
+    /// Which of its axes points up, if the user says so.
+    pub up: Option<Axis>,
+    /// Drop triangles with bad vertices.
+    pub repair: bool,
+    /// The template is the built-in studio.
+    pub builtin: bool,
+}
+
+/// Finishes `template` around the mesh: overrides that make it a scene of this mesh, before those of
+/// the user.
+pub fn furnish(
+    subject: &Subject,
+    template: &Origin,
+    user: &Overrides,
+    warnings: &mut Vec<Problem>,
+) -> Result<Overrides> {
+    let mesh = meshes::read(subject.path, subject.repair)?;
+    let shape = first_trimesh(template)?;
+    let mut ours = Overrides::default();
+    let path = seen_from(subject.path, &template.folder);
+    ours.flag("FILE.ply", &format!("{shape}/path"), Some(path));
+    if subject.builtin {
+        colour(subject, &mesh, template, &mut ours, warnings);
+    }
+    // What the template and the user ask for decides the framing.
+    let loaded = load(template, &ours, user)?;
+    let vertical = main_axis(loaded.scene.camera.up);
+    if let Some(up) = subject.up {
+        let rotate = turn(up, vertical).to_vec();
+        ours.flag("--up", &format!("{shape}/rotate"), Some(rotate));
+    }
+    let loaded = load(template, &ours, user)?;
+    place(subject.path, &mesh, &loaded, &shape, &mut ours)?;
+    Ok(ours)
+}
+
+fn load(template: &Origin, ours: &Overrides, user: &Overrides) -> Result<Loaded> {
+    let sets = [ours.sets(), user.sets()].concat();
+    crate::scene::load(template.source(), &sets).map_err(|error| user.explain(ours.explain(error)))
+}
+
+/// JSON pointer of the shape that the mesh replaces.
+fn first_trimesh(template: &Origin) -> Result<String> {
+    let document = Document::parse(&template.name, &template.text)?;
+    let shapes = (0..).map(|i| format!("/scene/shapes/{i}"));
+    let mut shapes = shapes.take_while(|shape| document.get(shape).is_some());
+    let is_trimesh = |shape: &String| {
+        let kind = document.get(&format!("{shape}/type"));
+        kind.is_some_and(
+            |node| matches!(&node.kind, crate::scene::NodeKind::Text(t) if t == "trimesh"),
+        )
+    };
+    shapes.find(is_trimesh).ok_or_else(|| {
+        let message = "found no shape of type trimesh, expected one that the mesh replaces";
+        Error::invalid(document.place("/scene/shapes"), message)
+    })
+}
+
+/// Vertex colours or the file's own texture instead of the neutral grey.
+fn colour(
+    subject: &Subject,
+    mesh: &Mesh,
+    template: &Origin,
+    ours: &mut Overrides,
+    warnings: &mut Vec<Problem>,
+) {
+    let material = "/scene/materials/subject";
+    let white = json!([1.0, 1.0, 1.0]);
+    if mesh.colors.is_some() {
+        ours.flag("FILE.ply", &format!("{material}/diffusecolor"), Some(white));
+    }
+    let Some(name) = &mesh.texture_file else {
+        return;
+    };
+    let image = subject.path.parent().unwrap_or(Path::new("")).join(name);
+    let place = subject.path.display().to_string();
+    let reason = match (image.is_file(), mesh.uvs.is_some()) {
+        (true, true) => {
+            let path = seen_from(&image, &template.folder);
+            return ours.flag("FILE.ply", &format!("{material}/tPath"), Some(path));
+        }
+        (false, _) => format!("there is no file {}", image.display()),
+        (_, false) => "the mesh has no texture coordinates".to_string(),
+    };
+    let message = format!("found the texture {name:?}, which is not used: {reason}");
+    warnings.push(Problem::new(place, message));
+}
+
+/// Stands the mesh on its place and moves the camera.
+fn place(
+    path: &Path,
+    mesh: &Mesh,
+    loaded: &Loaded,
+    shape: &str,
+    ours: &mut Overrides,
+) -> Result<()> {
+    let points = Points::of(mesh);
+    let empty = || Error::invalid(path.display().to_string(), "found no triangle to show");
+    let spec = trimesh(loaded, shape).ok_or_else(empty)?;
+    let (linear, middle) = meshes::placement(spec, points.bounds().ok_or_else(empty)?);
+    let turned = || points.iter().map(|p| linear * (p - middle));
+    let [low, high] = meshes::bounds(turned()).ok_or_else(empty)?;
+    let camera = &loaded.scene.camera;
+    let vertical = main_axis(camera.up);
+    let mut foot = (low + high) / 2.0;
+    let up = camera.up[vertical].signum();
+    foot[vertical] = if up > 0.0 { low } else { high }[vertical];
+    foot[vertical] -= up * HAIR * (high - low).max_element();
+    let center = spec.center - foot;
+    let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
+    let placed = turned().map(|p| p + center);
+    let position =
+        frame(placed, camera.lookat, camera.up, fov, aspect, MARGIN).ok_or_else(empty)?;
+    ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));
+    point(camera, loaded, position, spec.center + (high - low) / 2.0 * DVec3::AXES[vertical], ours);
+    Ok(())
+}
+
+/// The camera's new position; a lens stays focused on the middle of the mesh.
+fn point(camera: &Camera, loaded: &Loaded, position: DVec3, middle: DVec3, ours: &mut Overrides) {
+    let list = |v: DVec3| Some(v.to_array().to_vec());
+    let z = camera.lookat.normalize();
+    ours.flag("FILE.ply", "/camera/position", list(position));
+    if loaded.description.camera.target.is_some() {
+        ours.flag("FILE.ply", "/camera/target", list(position + z));
+    }
+    if camera.lens.is_some() {
+        let distance = (middle - position).dot(z);
+        ours.flag("FILE.ply", "/camera/focaldistance", Some(distance));
+    }
+}
+
+fn trimesh<'a>(loaded: &'a Loaded, shape: &str) -> Option<&'a Trimesh> {
+    let index: usize = shape.rsplit('/').next()?.parse().ok()?;
+    match &loaded.scene.shapes.get(index)?.kind {
+        ShapeKind::Trimesh(spec) => Some(spec),
+        _ => None,
+    }
+}
+
+/// 0, 1 or 2: the axis that `up` is nearest to.
+fn main_axis(up: DVec3) -> usize {
+    let size = up.abs();
+    let wins = |a: usize| (0..3).all(|b| size[a] >= size[b]);
+    (0..3).find(|a| wins(*a)).unwrap_or(1)
+}
+
+/// `rotate` that turns a mesh's axis onto the scene's.
+fn turn(from: Axis, to: usize) -> [f64; 3] {
+    match (from, to) {
+        (Axis::X, 1) => [0.0, 0.0, 90.0],
+        (Axis::Z, 1) => [-90.0, 0.0, 0.0],
+        (Axis::X, 2) => [0.0, -90.0, 0.0],
+        (Axis::Y, 2) => [90.0, 0.0, 0.0],
+        (Axis::Y, 0) => [0.0, 0.0, -90.0],
+        (Axis::Z, 0) => [0.0, 90.0, 0.0],
+        _ => [0.0; 3],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DMat3;
+
+    #[test]
+    fn turns_bring_the_axis_up() {
+        for (i, from) in [Axis::X, Axis::Y, Axis::Z].into_iter().enumerate() {
+            for to in 0..3 {
+                let [x, y, z] = turn(from, to).map(f64::to_radians);
+                let turned = DMat3::from_rotation_z(z)
+                    * DMat3::from_rotation_y(y)
+                    * DMat3::from_rotation_x(x)
+                    * DVec3::AXES[i];
+                assert!((turned - DVec3::AXES[to]).length() < 1e-12, "{from:?} {to}");
+            }
+        }
+    }
+
+    #[test]
+    fn main_axes() {
+        assert_eq!(main_axis(DVec3::new(0.1, -3.0, 2.0)), 1);
+        assert_eq!(main_axis(DVec3::Z), 2);
+    }
+}

@@ -1,0 +1,101 @@
+//! Sizes as people write and read them.
+
+/// `512MiB`, `8G`, `1.5GB`, `1000000` -> bytes. All units are powers of 1024, as memory is sold.
+pub fn parse_bytes(text: &str) -> Result<u64, String> {
+    let expected = || "expected a size such as 8G, 512MiB or 1000000 (bytes)".to_string();
+    let split = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (number, unit) = text.split_at(split);
+    let shift = match unit.trim().to_ascii_lowercase().as_str() {
+        "" | "b" => 0,
+        "k" | "kb" | "kib" => 10,
+        "m" | "mb" | "mib" => 20,
+        "g" | "gb" | "gib" => 30,
+        "t" | "tb" | "tib" => 40,
+        _ => return Err(expected()),
+    };
+    let number: f64 = number.parse().map_err(|_| expected())?;
+    let bytes = number * (1u64 << shift) as f64;
+    match bytes >= 1.0 && bytes < (1u64 << 60) as f64 {
+        true => Ok(bytes as u64),
+        false => Err(expected()),
+    }
+}
+
+/// `1920x1080` -> [1920, 1080]. Limits are the scene's business.
+pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let expected = || "expected WIDTHxHEIGHT in pixels, for example 1920x1080".to_string();
+    let (width, height) = text.split_once(['x', 'X']).ok_or_else(expected)?;
+    let side = |text: &str| text.parse().map_err(|_| expected());
+    Ok([side(width)?, side(height)?])
+}
+
+/// Bytes for people: `1.5 GiB`.
+pub fn bytes(count: u64) -> String {
+    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
+    let mut value = count as f64;
+    let mut unit = 0;
+    while value >= 1024.0 && unit + 1 < units.len() {
+        value /= 1024.0;
+        unit += 1;
+    }
+    match unit {
+        0 => format!("{count} B"),
+        _ => format!("{value:.1} {}", units[unit]),
+    }
+}
+
+/// Counts for people: `1,234,567`.
+pub fn count(count: u64) -> String {
+    let digits = count.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i) % 3 == 0 {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Seconds for people: `0.82 s`, `3:07`, `2:03:07`.
+pub fn duration(seconds: f64) -> String {
+    let whole = seconds.max(0.0).round() as u64;
+    match whole {
+        0..60 => format!("{:.2} s", seconds.max(0.0)),
+        60..3600 => format!("{}:{:02}", whole / 60, whole % 60),
+        _ => format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes() {
+        assert_eq!(parse_bytes("8G"), Ok(8 << 30));
+        assert_eq!(parse_bytes("512MiB"), Ok(512 << 20));
+        assert_eq!(parse_bytes("1.5k"), Ok(1536));
+        assert_eq!(parse_bytes("77"), Ok(77));
+        for bad in ["", "G", "-1", "0", "8X", "1e9", "99999999T", "nan", "1..2G"] {
+            assert!(parse_bytes(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_size("640x480"), Ok([640, 480]));
+        for bad in ["640", "x", "640x", "-1x2", "640x480x3", "99999999999x1"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn for_people() {
+        assert_eq!(bytes(1023), "1023 B");
+        assert_eq!(bytes(1536), "1.5 KiB");
+        assert_eq!(bytes(u64::MAX), "16777216.0 TiB");
+        assert_eq!(count(1), "1");
+        assert_eq!(count(1234), "1,234");
+        assert_eq!(count(123_456_789), "123,456,789");
+        assert_eq!(duration(0.823), "0.82 s");
+        assert_eq!(duration(187.0), "3:07");
+        assert_eq!(duration(7387.0), "2:03:07");
+    }
+}

@@ -1,0 +1,228 @@
+//! Smooth vertex normals for meshes that bring none.
+//!
+//! The normal of a vertex is the normalised sum, over its faces, of area x corner angle x face
+//! normal. Each vertex sums its faces in the order of the file in f64, so the result is the same
+//! to the last bit for any number of threads.
+
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use rayon::prelude::*;
+
+/// A vertex position in either precision.
+pub trait Point: Copy + Send + Sync {
+    /// The coordinates, exactly.
+    fn xyz(self) -> [f64; 3];
+}
+
+impl Point for [f32; 3] {
+    #[inline(always)]
+    fn xyz(self) -> [f64; 3] {
+        self.map(f64::from)
+    }
+}
+
+impl Point for [f64; 3] {
+    #[inline(always)]
+    fn xyz(self) -> [f64; 3] {
+        self
+    }
+}
+
+#[inline(always)]
+pub(super) fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// One unit normal per vertex, in the space of `positions`; `[0, 0, 0]` for a vertex without
+/// faces and where the faces cancel out.
+///
+/// Runs in the caller's rayon pool. Needs 12 bytes per triangle beyond the result, for its
+/// duration. Panics where a triangle has an index that is no position's.
+pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+    if triangles.len() > u32::MAX as usize {
+        return one_by_one(positions, triangles);
+    }
+    // Vertex v's faces are faces[starts[v]..starts[v + 1]].
+    let counts: Vec<AtomicU32> =
+        (0..positions.len()).into_par_iter().map(|_| AtomicU32::new(0)).collect();
+    each_corner(triangles, |_, vertex| {
+        counts[vertex].fetch_add(1, Relaxed);
+    });
+    let mut starts = Vec::with_capacity(positions.len() + 1);
+    let mut total = 0usize;
+    for count in &counts {
+        starts.push(total);
+        total += count.load(Relaxed) as usize;
+    }
+    starts.push(total);
+    let faces: Vec<AtomicU32> = (0..total).into_par_iter().map(|_| AtomicU32::new(0)).collect();
+    each_corner(triangles, |face, vertex| {
+        let left = counts[vertex].fetch_sub(1, Relaxed) as usize;
+        faces[starts[vertex + 1] - left].store(face, Relaxed);
+    });
+    (0..positions.len())
+        .into_par_iter()
+        .with_min_len(1024)
+        .map_with(Vec::new(), |sorted, vertex| {
+            sorted.clear();
+            sorted
+                .extend(faces[starts[vertex]..starts[vertex + 1]].iter().map(|f| f.load(Relaxed)));
+            // The threads stored them in any order.
+            sorted.sort_unstable();
+            sorted.dedup();
+            let mut sum = [0.0; 3];
+            for &face in sorted.iter() {
+                add_face(&mut sum, positions, triangles[face as usize], vertex as u32);
+            }
+            unit(sum)
+        })
+        .collect()
+}
+
+fn each_corner(triangles: &[[u32; 3]], visit: impl Fn(u32, usize) + Sync) {
+    triangles.par_iter().with_min_len(4096).enumerate().for_each(|(face, triangle)| {
+        for &vertex in triangle {
+            visit(face as u32, vertex as usize);
+        }
+    });
+}
+
+/// The same sums without the table of faces: for more triangles than the table can number, and
+/// to test the other way by.
+fn one_by_one<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+    let mut sums = vec![[0.0; 3]; positions.len()];
+    for &triangle in triangles {
+        let [a, b, c] = triangle;
+        for vertex in [a, b, c] {
+            add_face(&mut sums[vertex as usize], positions, triangle, vertex);
+        }
+    }
+    sums.into_iter().map(unit).collect()
+}
+
+/// Adds `triangle`'s share at its corner `vertex`. The cross product is twice area x normal; the
+/// factor two is the same for all.
+#[inline]
+fn add_face<P: Point>(sum: &mut [f64; 3], positions: &[P], triangle: [u32; 3], vertex: u32) {
+    let [a, b, c] = triangle;
+    if a == b || b == c || c == a {
+        return;
+    }
+    // Turned so that the corner comes first: same face, same orientation.
+    let (next, last) = if vertex == a {
+        (b, c)
+    } else if vertex == b {
+        (c, a)
+    } else {
+        (a, b)
+    };
+    let corner = positions[vertex as usize].xyz();
+    let to_next = sub(positions[next as usize].xyz(), corner);
+    let to_last = sub(positions[last as usize].xyz(), corner);
+    let normal = cross(to_next, to_last);
+    // Exact for needles too, unlike the arc cosine.
+    let angle = dot(normal, normal).sqrt().atan2(dot(to_next, to_last));
+    for (sum, normal) in sum.iter_mut().zip(normal) {
+        *sum += angle * normal;
+    }
+}
+
+/// Scaled by the largest component first: squares of tiny or huge sums would leave the range.
+fn unit(sum: [f64; 3]) -> [f32; 3] {
+    let largest = sum.iter().fold(0.0, |m: f64, c| m.max(c.abs()));
+    // A NaN component makes the length NaN, and NaN is not > 0.
+    let scaled = sum.map(|c| c / largest);
+    let length = dot(scaled, scaled).sqrt();
+    if length > 0.0 && length.is_finite() { scaled.map(|c| (c / length) as f32) } else { [0.0; 3] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(n: u32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+        let mut positions = Vec::new();
+        let mut triangles = Vec::new();
+        for y in 0..n {
+            for x in 0..n {
+                let (fx, fy) = (x as f32 * 0.1, y as f32 * 0.13);
+                positions.push([fx, fy, (fx * 3.0).sin() * (fy * 2.0).cos()]);
+                if x + 1 < n && y + 1 < n {
+                    let a = y * n + x;
+                    triangles.push([a, a + 1, a + n + 1]);
+                    triangles.push([a, a + n + 1, a + n]);
+                }
+            }
+        }
+        (positions, triangles)
+    }
+
+    #[test]
+    fn the_same_bytes_for_any_number_of_threads() {
+        let (positions, triangles) = grid(120);
+        let expected = one_by_one(&positions, &triangles);
+        for threads in [1, 2, 3, 7] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let found = pool.install(|| vertex_normals(&positions, &triangles));
+            assert_eq!(found, expected, "{threads} threads");
+        }
+        let double: Vec<[f64; 3]> = positions.iter().map(|p| p.xyz()).collect();
+        assert_eq!(vertex_normals(&double, &triangles), expected);
+    }
+
+    #[test]
+    fn a_cube_corner_points_along_the_diagonal_however_it_is_split() {
+        // Three unit squares at the origin; each split so that the corner has one or two triangles.
+        let p: [[f32; 3]; 7] = [
+            [0., 0., 0.],
+            [1., 0., 0.],
+            [0., 1., 0.],
+            [0., 0., 1.],
+            [1., 1., 0.],
+            [0., 1., 1.],
+            [1., 0., 1.],
+        ];
+        // Area weighting alone, or angle weighting alone, would be skewed by the split.
+        let t = [[0, 2, 4], [0, 4, 1], [0, 3, 5], [0, 5, 2], [0, 1, 6], [0, 6, 3]];
+        let n = vertex_normals(&p, &t)[0];
+        let d = -(1.0f32 / 3.0).sqrt();
+        for c in n {
+            assert!((c - d).abs() < 1e-6, "{n:?}");
+        }
+    }
+
+    #[test]
+    fn weights_are_area_times_angle() {
+        // Along x: a face of twice the area with a right angle; along z: one with 45 degrees.
+        let p: [[f64; 3]; 5] =
+            [[0., 0., 0.], [0., 2., 0.], [0., 0., 1.], [1., 0., 0.], [1., 1., 0.]];
+        let n = vertex_normals(&p, &[[0, 1, 2], [0, 3, 4]])[0];
+        // 1 * pi/2 along x, 0.5 * pi/4 along z.
+        assert!((n[0] / n[2] - 4.0).abs() < 1e-6, "{n:?}");
+        assert_eq!(n[1], 0.0);
+    }
+
+    #[test]
+    fn lonely_vertices_needles_and_extreme_sizes() {
+        let p = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [9., 9., 9.]];
+        let n = vertex_normals(&p, &[[0, 1, 2], [0, 0, 1], [0, 1, 1]]);
+        assert_eq!(n, [[0., 0., 1.], [0., 0., 1.], [0., 0., 1.], [0., 0., 0.]]);
+        for scale in [1e-70, 1e-20, 1e20, 1e70] {
+            let scaled: Vec<[f64; 3]> = p.iter().map(|p| p.map(|c: f64| c * scale)).collect();
+            assert_eq!(vertex_normals(&scaled, &[[0, 1, 2]])[0], [0., 0., 1.], "{scale}");
+        }
+        // Two faces back to back cancel.
+        assert_eq!(vertex_normals(&p, &[[0, 1, 2], [0, 2, 1]])[0], [0.0; 3]);
+        assert!(vertex_normals::<[f32; 3]>(&[], &[]).is_empty());
+    }
+}

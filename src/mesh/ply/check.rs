@@ -1,0 +1,160 @@
+//! What makes a triangle fit for the mesh, and the count of what was not.
+
+use crate::error::{Error, Kind, Problem, Result};
+use crate::mesh::Notes;
+use crate::mesh::normals::{Point, cross, sub};
+
+/// A face by element name and row.
+type Face = (&'static str, u64);
+
+/// What was found in some faces, in the order of the file.
+#[derive(Debug, Default)]
+pub(super) struct Tally {
+    pub(super) faces: u64,
+    pub(super) too_small: u64,
+    pub(super) split: u64,
+    pub(super) degenerate: u64,
+    /// Triangles that use a bad index or vertex.
+    pub(super) unusable: u64,
+    bad_indices: u64,
+    first_bad_index: Option<(Face, i64)>,
+    /// Non-finite vertices that triangles use, with repeats.
+    bad_vertices: Vec<u32>,
+    first_bad_vertex: Option<(Face, u32)>,
+}
+
+impl Tally {
+    /// Adds the faces that follow in the file.
+    pub(super) fn add(&mut self, next: Tally) {
+        self.faces += next.faces;
+        self.too_small += next.too_small;
+        self.split += next.split;
+        self.degenerate += next.degenerate;
+        self.unusable += next.unusable;
+        self.bad_indices += next.bad_indices;
+        self.first_bad_index = self.first_bad_index.or(next.first_bad_index);
+        self.bad_vertices.extend(next.bad_vertices);
+        self.first_bad_vertex = self.first_bad_vertex.or(next.first_bad_vertex);
+    }
+
+    pub(super) fn write(&self, notes: &mut Notes) {
+        notes.faces = self.faces;
+        notes.faces_too_small = self.too_small;
+        notes.polygons_split = self.split;
+        notes.degenerate_dropped = self.degenerate;
+        notes.repaired_dropped = self.unusable;
+    }
+
+    /// An error if a face uses what is not there.
+    pub(super) fn verdict<P: Point>(&mut self, positions: &[P], name: &str) -> Result<()> {
+        let mut problems = Vec::new();
+        let count = positions.len();
+        if let Some(((element, row), value)) = self.first_bad_index {
+            let vertices = match count {
+                0 => "the file has no vertices".to_string(),
+                1 => "the file has 1 vertex (0)".to_string(),
+                _ => format!("the file has {count} vertices (0 to {})", count - 1),
+            };
+            let n = self.bad_indices;
+            problems.push(Problem::new(
+                format!("{name}: {element} {row}"),
+                format!("vertex index {value} is out of range: {vertices}; indices out of range in all: {n}"),
+            ));
+        }
+        if let Some(((element, row), vertex)) = self.first_bad_vertex {
+            self.bad_vertices.sort_unstable();
+            self.bad_vertices.dedup();
+            let n = self.bad_vertices.len();
+            let [x, y, z] = positions[vertex as usize].xyz();
+            problems.push(Problem::new(
+                format!("{name}: vertex {vertex}"),
+                format!("({x}, {y}, {z}) is not finite, and {element} {row} uses it; such vertices in all: {n}"),
+            ));
+        }
+        match problems.pop() {
+            None => Ok(()),
+            Some(last) => {
+                let n = self.unusable;
+                let plural = if n == 1 { "triangle that uses" } else { "triangles that use" };
+                problems.push(last.help(format!("--repair drops the {n} {plural} them")));
+                Err(Error { kind: Kind::Invalid, problems })
+            }
+        }
+    }
+}
+
+/// Checks triangles against the vertices.
+pub(super) struct Checker<'a, P> {
+    positions: &'a [P],
+    element: &'static str,
+    pub(super) tally: Tally,
+}
+
+impl<'a, P: Point> Checker<'a, P> {
+    pub(super) fn new(positions: &'a [P], element: &'static str) -> Self {
+        Self { positions, element, tally: Tally::default() }
+    }
+
+    /// The vertex that `value` names in row `row`, if there is one.
+    #[inline]
+    pub(super) fn vertex(&mut self, row: u64, value: i64) -> Option<u32> {
+        // A negative index becomes a huge one.
+        if (value as u64) < self.positions.len() as u64 {
+            Some(value as u32)
+        } else {
+            self.bad_index(row, value);
+            None
+        }
+    }
+
+    #[cold]
+    fn bad_index(&mut self, row: u64, value: i64) {
+        self.tally.bad_indices += 1;
+        self.tally.first_bad_index.get_or_insert(((self.element, row), value));
+    }
+
+    /// The triangle, if it is to be kept; `corners` come from [`Self::vertex`].
+    #[inline]
+    pub(super) fn triangle(&mut self, row: u64, corners: [Option<u32>; 3]) -> Option<[u32; 3]> {
+        let [Some(a), Some(b), Some(c)] = corners else {
+            self.tally.unusable += 1;
+            return None;
+        };
+        if a == b || b == c || c == a {
+            self.tally.degenerate += 1;
+            return None;
+        }
+        let [pa, pb, pc] = [a, b, c].map(|v| self.positions[v as usize].xyz());
+        let normal = cross(sub(pb, pa), sub(pc, pa));
+        if normal == [0.0; 3] {
+            self.tally.degenerate += 1;
+            return None;
+        }
+        // A non-finite corner makes it non-finite: infinite or NaN products never cancel out.
+        // Huge finite corners may do so too; looking at the corners decides.
+        if !(normal[0] + normal[1] + normal[2]).is_finite() && !self.all_finite(row, &[a, b, c]) {
+            self.tally.unusable += 1;
+            return None;
+        }
+        Some([a, b, c])
+    }
+
+    /// Whether the vertices are finite; those that are not are noted.
+    #[cold]
+    pub(super) fn all_finite(&mut self, row: u64, vertices: &[u32]) -> bool {
+        let mut all = true;
+        for &vertex in vertices {
+            if self.point(vertex).iter().any(|c| !c.is_finite()) {
+                all = false;
+                self.tally.bad_vertices.push(vertex);
+                self.tally.first_bad_vertex.get_or_insert(((self.element, row), vertex));
+            }
+        }
+        all
+    }
+
+    #[inline]
+    pub(super) fn point(&self, vertex: u32) -> [f64; 3] {
+        self.positions[vertex as usize].xyz()
+    }
+}

@@ -1,0 +1,306 @@
+//! Faces and strips into triangles: in bulk where all are triangles, else face by face.
+
+use rayon::prelude::*;
+
+use super::check::{Checker, Tally};
+use super::header::Shape;
+use super::layout::Uniform;
+use super::plan::{FacePlan, Step};
+use super::polygon;
+use super::row::{Fault, Row, Sink, Table, Values};
+use super::scalar::{Native, Scalar};
+use crate::error::Result;
+use crate::mesh::normals::Point;
+
+/// Triangles that one task copies.
+const GRAIN: usize = 1 << 14;
+
+/// Marks a dropped triangle in the bulk path: no mesh has this vertex.
+const DROPPED: [u32; 3] = [u32::MAX; 3];
+
+/// The triangles of one element.
+#[derive(Default)]
+pub(super) struct Faces {
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// As many as triangles, if any face has texture coordinates.
+    pub(super) uvs: Option<Vec<[[f32; 2]; 3]>>,
+    pub(super) tally: Tally,
+}
+
+/// Reads, checks and splits the faces of `table`.
+pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) -> Result<Faces> {
+    if let (Some(uniform), Some(big), false) = (&table.span.uniform, table.big, plan.strips) {
+        if uniform.lengths[plan.corners] == 3 && !plan.texcoords {
+            return Ok(all_triangles(table, plan, uniform, big, positions));
+        }
+    }
+    let parts = table.blocks(|reader| {
+        let mut part = Part::new(plan, positions);
+        reader.feed(&mut part)?;
+        Ok(part.finish())
+    })?;
+    Ok(join(parts))
+}
+
+/// One list of triangles from those of the blocks.
+fn join(parts: Vec<Faces>) -> Faces {
+    let mut all = Faces::default();
+    let any_uvs = parts.iter().any(|part| part.uvs.is_some());
+    all.triangles.reserve_exact(parts.iter().map(|part| part.triangles.len()).sum());
+    for part in parts {
+        all.append(part, any_uvs);
+    }
+    all
+}
+
+impl Faces {
+    /// Adds the triangles that follow in the file; missing texture coordinates are zero.
+    pub(super) fn append(&mut self, next: Faces, with_uvs: bool) {
+        if with_uvs {
+            let uvs = self.uvs.get_or_insert_default();
+            uvs.resize(self.triangles.len(), Default::default());
+            uvs.extend(next.uvs.unwrap_or_default());
+            uvs.resize(self.triangles.len() + next.triangles.len(), Default::default());
+        }
+        if self.triangles.is_empty() && self.triangles.capacity() < next.triangles.len() {
+            self.triangles = next.triangles;
+        } else {
+            self.triangles.extend(next.triangles);
+        }
+        self.tally.add(next.tally);
+    }
+}
+
+/// Every face is a triangle and every row has the same size.
+fn all_triangles<P: Point>(
+    table: &Table,
+    plan: &FacePlan,
+    uniform: &Uniform,
+    big: bool,
+    positions: &[P],
+) -> Faces {
+    let item = match table.element.properties[plan.corners].shape {
+        Shape::List { item, .. } | Shape::Single(item) => item,
+    };
+    let at = uniform.offsets[plan.corners];
+    let size = item.size();
+    // The corners, as integers of the file's type.
+    macro_rules! copy {
+        ($t:ty) => {
+            copy(table, uniform, positions, |row| {
+                [at, at + size, at + 2 * size].map(|at| <$t>::take(row, at, big) as i64)
+            })
+        };
+    }
+    match item {
+        Scalar::I32 => copy!(i32),
+        Scalar::U32 => copy!(u32),
+        Scalar::I16 => copy!(i16),
+        Scalar::U16 => copy!(u16),
+        Scalar::I8 => copy!(i8),
+        _ => copy!(u8),
+    }
+}
+
+fn copy<P: Point>(
+    table: &Table,
+    uniform: &Uniform,
+    positions: &[P],
+    corners: impl Fn(&[u8]) -> [i64; 3] + Sync,
+) -> Faces {
+    // The rows have been found in the file.
+    let count = table.element.count as usize;
+    let stride = uniform.stride;
+    let rows = &table.data[uniform.start..uniform.start + count * stride];
+    let mut triangles = vec![[0u32; 3]; count];
+    let tallies: Vec<Tally> = triangles
+        .par_chunks_mut(GRAIN)
+        .zip(rows.par_chunks(GRAIN * stride))
+        .enumerate()
+        .map(|(block, (triangles, rows))| {
+            let mut checker = Checker::new(positions, "face");
+            let first = (block * GRAIN) as u64;
+            for ((row, triangle), bytes) in
+                (first..).zip(triangles.iter_mut()).zip(rows.chunks_exact(stride))
+            {
+                let corners = corners(bytes).map(|value| checker.vertex(row, value));
+                *triangle = checker.triangle(row, corners).unwrap_or(DROPPED);
+            }
+            checker.tally
+        })
+        .collect();
+    let mut tally = Tally::default();
+    tallies.into_iter().for_each(|next| tally.add(next));
+    tally.faces = count as u64;
+    if tally.degenerate + tally.unusable > 0 {
+        triangles.retain(|triangle| *triangle != DROPPED);
+    }
+    Faces { triangles, uvs: None, tally }
+}
+
+/// The triangles of one block of rows.
+struct Part<'a, P> {
+    plan: &'a FacePlan,
+    checker: Checker<'a, P>,
+    triangles: Vec<[u32; 3]>,
+    uvs: Vec<[[f32; 2]; 3]>,
+    any_uvs: bool,
+    /// The face being read.
+    corners: Vec<Option<u32>>,
+    texcoords: Vec<f32>,
+    points: Vec<[f64; 3]>,
+    split: Vec<[u32; 3]>,
+}
+
+impl<'a, P: Point> Part<'a, P> {
+    fn new(plan: &'a FacePlan, positions: &'a [P]) -> Self {
+        let element = if plan.strips { "tristrips" } else { "face" };
+        Self {
+            plan,
+            checker: Checker::new(positions, element),
+            triangles: Vec::new(),
+            uvs: Vec::new(),
+            any_uvs: false,
+            corners: Vec::new(),
+            texcoords: Vec::new(),
+            points: Vec::new(),
+            split: Vec::new(),
+        }
+    }
+
+    fn finish(self) -> Faces {
+        let uvs = self.any_uvs.then_some(self.uvs);
+        Faces { triangles: self.triangles, uvs, tally: self.checker.tally }
+    }
+
+    /// The face whose corners have been read.
+    fn face(&mut self, row: u64) -> Values<()> {
+        self.checker.tally.faces += 1;
+        let count = self.corners.len();
+        if count < 3 {
+            self.checker.tally.too_small += 1;
+            return Ok(());
+        }
+        if !self.texcoords.is_empty() && self.texcoords.len() != 2 * count {
+            let found = self.texcoords.len();
+            return Err(Fault::Bad(format!(
+                "texcoord has {found} values for {count} corners; expected {} or none",
+                2 * count
+            )));
+        }
+        self.checker.tally.split += u64::from(count > 3);
+        if count > 4 {
+            return self.polygon(row);
+        }
+        self.emit(row, [0, 1, 2]);
+        if count == 4 {
+            self.emit(row, [0, 2, 3]);
+        }
+        Ok(())
+    }
+
+    fn polygon(&mut self, row: u64) -> Values<()> {
+        let count = self.corners.len();
+        let vertices: Vec<u32> = self.corners.iter().flatten().copied().collect();
+        let finite = self.checker.all_finite(row, &vertices);
+        if !finite || vertices.len() < count {
+            self.checker.tally.unusable += count as u64 - 2;
+            return Ok(());
+        }
+        self.points.clear();
+        self.points.extend(vertices.iter().map(|v| self.checker.point(*v)));
+        let mut split = std::mem::take(&mut self.split);
+        if !polygon::split(&self.points, &mut split) {
+            return Err(Fault::Bad(format!(
+                "a polygon of {count} corners that is not convex; the most is {}",
+                polygon::MAX_CONCAVE
+            )));
+        }
+        for corners in &split {
+            self.emit(row, *corners);
+        }
+        self.split = split;
+        Ok(())
+    }
+
+    /// Keeps the triangle of three corners of the face, if it is good.
+    #[inline]
+    fn emit(&mut self, row: u64, corners: [u32; 3]) {
+        let vertices = corners.map(|c| self.corners[c as usize]);
+        let Some(triangle) = self.checker.triangle(row, vertices) else {
+            return;
+        };
+        self.triangles.push(triangle);
+        if self.plan.texcoords {
+            let uv = |c: u32| {
+                let at = 2 * c as usize;
+                match self.texcoords.get(at..at + 2) {
+                    Some(&[u, v]) => [u, v],
+                    _ => [0.0; 2],
+                }
+            };
+            self.any_uvs |= !self.texcoords.is_empty();
+            self.uvs.push(corners.map(uv));
+        }
+    }
+
+    /// The strip whose `count` corners follow: every corner makes a triangle with the two before
+    /// it, every second one turned over; -1 starts anew.
+    fn strip<R: Row>(&mut self, values: &mut R, count: u64, item: Scalar, row: u64) -> Values<()> {
+        let (mut before, mut seen) = ([None; 2], 0u64);
+        for _ in 0..count {
+            let value = values.number(item)? as i64;
+            if value == -1 || item == Scalar::U32 && value == u32::MAX as i64 {
+                seen = 0;
+                continue;
+            }
+            let vertex = self.checker.vertex(row, value);
+            if seen >= 2 {
+                let [a, b] = if seen % 2 == 0 { before } else { [before[1], before[0]] };
+                self.checker.tally.faces += 1;
+                self.triangles.extend(self.checker.triangle(row, [a, b, vertex]));
+            }
+            before = [before[1], vertex];
+            seen += 1;
+        }
+        Ok(())
+    }
+}
+
+impl<P: Point> Sink for Part<'_, P> {
+    fn take<R: Row>(&mut self, values: &mut R, row: u64) -> Values<()> {
+        let plan = self.plan;
+        self.texcoords.clear();
+        for step in &plan.steps {
+            match *step {
+                Step::Corners { count, item } if plan.strips => {
+                    let count = values.count(count)?;
+                    self.strip(values, count, item, row)?;
+                }
+                Step::Corners { count, item } => {
+                    let count = values.count(count)?;
+                    self.corners.clear();
+                    for _ in 0..count {
+                        let value = values.number(item)? as i64;
+                        // The corners of faces that are skipped do not matter.
+                        self.corners.push(match count {
+                            0..3 => None,
+                            _ => self.checker.vertex(row, value),
+                        });
+                    }
+                }
+                Step::Texcoords { count, item } => {
+                    for _ in 0..values.count(count)? {
+                        self.texcoords.push(values.number(item)? as f32);
+                    }
+                }
+                Step::Skip(kind) | Step::Value(kind, _) => values.skip(kind, 1)?,
+                Step::SkipList { count, item } => {
+                    let count = values.count(count)?;
+                    values.skip(item, count)?;
+                }
+            }
+        }
+        if plan.strips { Ok(()) } else { self.face(row) }
+    }
+}

@@ -1,0 +1,292 @@
+//! The header: every line from `ply` to `end_header`, checked word by word.
+//!
+//! Nothing is allocated from a declared count; counts stay `u64` until the data has been found.
+//! The header is bytes, not UTF-8: comments may hold anything.
+
+use super::scalar::{NAMES, Scalar};
+use crate::error::{Error, Result};
+
+/// Longest line of a header, in bytes; longer means that the file is something else.
+const MAX_LINE: usize = 1 << 16;
+/// Most lines of a header.
+const MAX_LINES: usize = 10_000;
+/// Most bytes of a header.
+pub(super) const MAX_HEADER: usize = 1 << 24;
+
+/// The encoding of the data after the header.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Format {
+    Ascii,
+    Little,
+    Big,
+}
+
+impl Format {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Ascii => "ascii",
+            Self::Little => "binary_little_endian",
+            Self::Big => "binary_big_endian",
+        }
+    }
+}
+
+/// One number or a counted list of numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shape {
+    Single(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) shape: Shape,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) count: u64,
+    pub(super) properties: Vec<Property>,
+}
+
+impl Element {
+    /// The place of a property by name.
+    pub(super) fn find(&self, name: &str) -> Option<usize> {
+        self.properties.iter().position(|p| p.name == name)
+    }
+
+    /// "3 faces": the count and name for messages.
+    pub(super) fn rows(&self, count: u64) -> String {
+        match self.name.as_str() {
+            "vertex" if count == 1 => "1 vertex".into(),
+            "vertex" => format!("{count} vertices"),
+            "face" if count == 1 => "1 face".into(),
+            "face" => format!("{count} faces"),
+            name => format!("{count} rows of '{name}'"),
+        }
+    }
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Header {
+    pub(super) format: Format,
+    pub(super) elements: Vec<Element>,
+    /// `comment TextureFile NAME`, the first one.
+    pub(super) texture_file: Option<String>,
+    /// Where the data starts.
+    pub(super) data_start: usize,
+    /// Lines of the header: the data of an ASCII file starts on the next one.
+    pub(super) lines: u64,
+}
+
+/// Reads the header of the file called `name` from its first bytes.
+pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
+    let mut lines = Lines { bytes, at: 0, number: 0, name };
+    if !bytes.starts_with(b"ply") || lines.next()? != Some(b"ply") {
+        return Err(not_a_ply(bytes, name));
+    }
+    let mut format = None;
+    let mut header = Header {
+        format: Format::Ascii,
+        elements: Vec::new(),
+        texture_file: None,
+        data_start: 0,
+        lines: 0,
+    };
+    loop {
+        let Some(line) = lines.next()? else {
+            return Err(Error::invalid(
+                name,
+                format!(
+                    "the header has no end_header; the file ends after its line {}",
+                    lines.number
+                ),
+            )
+            .help("the file may be cut short"));
+        };
+        let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());
+        let keyword = words.next().unwrap_or_default();
+        let words: Vec<&[u8]> = match keyword {
+            b"comment" | b"obj_info" => Vec::new(),
+            _ => words.take(8).collect(),
+        };
+        match keyword {
+            b"comment" => comment(line, &mut header),
+            b"obj_info" => {}
+            b"format" if format.is_some() => return Err(lines.error("a second format line")),
+            b"format" => format = Some(parse_format(&words, &lines)?),
+            b"element" => element(&words, &mut header.elements, &lines)?,
+            b"property" => property(&words, &mut header.elements, &lines)?,
+            b"end_header" => break,
+            b"" => return Err(lines.error("an empty line in the header")),
+            other => {
+                return Err(lines
+                    .error(format!("unknown header word '{}'", show(other)))
+                    .help("known: format, comment, obj_info, element, property, end_header"));
+            }
+        }
+    }
+    header.format = format.ok_or_else(|| {
+        Error::invalid(name, "the header has no format line")
+            .help("expected `format ascii 1.0`, or binary_little_endian or binary_big_endian")
+    })?;
+    header.data_start = lines.at;
+    header.lines = lines.number;
+    Ok(header)
+}
+
+/// The lines of the header, without their ends (LF or CRLF) and trailing blanks.
+struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    number: u64,
+    name: &'a str,
+}
+
+impl<'a> Lines<'a> {
+    /// The next complete line; `None` where the file ends first.
+    fn next(&mut self) -> Result<Option<&'a [u8]>> {
+        let rest = &self.bytes[self.at..];
+        let window = &rest[..rest.len().min(MAX_LINE)];
+        let Some(length) = window.iter().position(|&b| b == b'\n') else {
+            // The last line may lack its end only in a file that has no data.
+            if window.len() == MAX_LINE {
+                self.number += 1;
+                return Err(self.error(format!("the line is longer than {MAX_LINE} bytes")));
+            }
+            return Ok(None);
+        };
+        self.number += 1;
+        self.at += length + 1;
+        if self.number > MAX_LINES as u64 || self.at > MAX_HEADER {
+            return Err(self.error(format!(
+                "the header is longer than {MAX_LINES} lines or {MAX_HEADER} bytes"
+            )));
+        }
+        Ok(Some(rest[..length].trim_ascii_end()))
+    }
+
+    /// An error on the current line.
+    fn error(&self, message: impl Into<String>) -> Error {
+        Error::invalid(format!("{}:{}", self.name, self.number), message)
+    }
+}
+
+fn comment(line: &[u8], header: &mut Header) {
+    let text = line["comment".len()..].trim_ascii();
+    let Some(file) = text.strip_prefix(b"TextureFile") else {
+        return;
+    };
+    if file.first().is_some_and(u8::is_ascii_whitespace) && header.texture_file.is_none() {
+        header.texture_file = Some(String::from_utf8_lossy(file.trim_ascii()).into_owned());
+    }
+}
+
+fn parse_format(words: &[&[u8]], lines: &Lines) -> Result<Format> {
+    let expected = "expected `format ascii 1.0`, or binary_little_endian or binary_big_endian";
+    let format = match words.first() {
+        Some(&b"ascii") => Format::Ascii,
+        Some(&b"binary_little_endian") => Format::Little,
+        Some(&b"binary_big_endian") => Format::Big,
+        other => {
+            let found = show(other.copied().unwrap_or_default());
+            return Err(lines.error(format!("unknown format '{found}'")).help(expected));
+        }
+    };
+    match words[1..] {
+        [b"1.0"] => Ok(format),
+        [] => Err(lines.error("the format has no version").help(expected)),
+        [version, ..] => {
+            let message = format!("format version '{}' is unknown: only 1.0 exists", show(version));
+            Err(lines.error(message).help(expected))
+        }
+    }
+}
+
+fn element(words: &[&[u8]], elements: &mut Vec<Element>, lines: &Lines) -> Result<()> {
+    let &[name, count] = words else {
+        return Err(lines.error("expected `element NAME COUNT`"));
+    };
+    let name = String::from_utf8_lossy(name).into_owned();
+    let count = std::str::from_utf8(count).ok().and_then(|c| c.parse().ok()).ok_or_else(|| {
+        lines.error(format!(
+            "the count '{}' of element {name} is not a whole number >= 0",
+            show(count)
+        ))
+    })?;
+    if elements.iter().any(|e| e.name == name) {
+        return Err(lines.error(format!("a second element '{name}'")));
+    }
+    elements.push(Element { name, count, properties: Vec::new() });
+    Ok(())
+}
+
+fn property(words: &[&[u8]], elements: &mut [Element], lines: &Lines) -> Result<()> {
+    let scalar = |word: &[u8]| {
+        Scalar::parse(word).ok_or_else(|| {
+            lines.error(format!("unknown type '{}'", show(word))).help(format!("known: {NAMES}"))
+        })
+    };
+    let (name, shape) = match *words {
+        [b"list", count, item, name] => {
+            let shape = Shape::List { count: scalar(count)?, item: scalar(item)? };
+            (name, shape)
+        }
+        [kind, name] => (name, Shape::Single(scalar(kind)?)),
+        _ => {
+            return Err(lines.error(
+                "expected `property TYPE NAME` or `property list COUNT_TYPE ITEM_TYPE NAME`",
+            ));
+        }
+    };
+    let name = String::from_utf8_lossy(name).into_owned();
+    if let Shape::List { count, .. } = shape {
+        if !count.is_integer() {
+            let message =
+                format!("the list '{name}' is counted in {}: not an integer type", count.name());
+            return Err(lines.error(message));
+        }
+    }
+    let Some(element) = elements.last_mut() else {
+        return Err(lines.error(format!("property '{name}' comes before any element")));
+    };
+    if element.find(&name).is_some() {
+        let message = format!("element {} has a second property '{name}'", element.name);
+        return Err(lines.error(message));
+    }
+    element.properties.push(Property { name, shape });
+    Ok(())
+}
+
+/// Bytes of the file as text that a terminal can show, at most 40 of them.
+pub(super) fn show(bytes: &[u8]) -> String {
+    let (shown, rest) = bytes.split_at(bytes.len().min(40));
+    let dots = if rest.is_empty() { "" } else { "..." };
+    match std::str::from_utf8(shown) {
+        Ok(text) if !text.chars().any(char::is_control) => format!("{text}{dots}"),
+        _ => format!("{}{dots}", shown.escape_ascii()),
+    }
+}
+
+/// What the file is instead, where its first bytes tell.
+fn not_a_ply(bytes: &[u8], name: &str) -> Error {
+    let known: [(&[u8], &str); 10] = [
+        (b"\x1f\x8b", "it is gzip data: unpack it first (gunzip)"),
+        (b"\x28\xb5\x2f\xfd", "it is zstd data: unpack it first (unzstd)"),
+        (b"PK\x03\x04", "it is a zip archive: unpack it first"),
+        (b"version https://git-lfs", "it is a Git LFS pointer: run `git lfs pull`"),
+        (b"\xef\xbb\xbfply", "it starts with a UTF-8 byte order mark: remove its first 3 bytes"),
+        (b"ply\r", "its lines end in CR alone: convert them to LF"),
+        (b"glTF", "it is a glTF file: convert it to PLY"),
+        (b"solid", "it looks like an STL file: convert it to PLY"),
+        (b"<", "it looks like HTML or XML, perhaps a failed download"),
+        (b"{", "it looks like JSON"),
+    ];
+    let error = Error::invalid(name, "is not a PLY file: its first line is not 'ply'");
+    match known.iter().find(|(start, _)| bytes.starts_with(start)) {
+        Some((_, help)) => error.help(*help),
+        None => error,
+    }
+}

@@ -1,0 +1,248 @@
+//! ASCII data: which rows stand where, and the numbers of a row.
+//!
+//! A row is one line; blank lines do not count. Lines are counted in parallel first, so that
+//! blocks of rows can then be read in parallel, each with its row and line numbers.
+
+use rayon::prelude::*;
+
+use super::header::{Header, show};
+use super::layout::{Block, Span, too_short};
+use super::row::{Fault, Row, Values};
+use super::scalar::Scalar;
+use crate::error::Result;
+
+/// Bytes of text that one task reads.
+const CHUNK: usize = 1 << 19;
+
+/// A stretch of whole lines.
+struct Chunk {
+    start: usize,
+    end: usize,
+    /// Lines with anything on them.
+    rows: u64,
+    lines: u64,
+}
+
+/// Finds the rows of every element; the second value is the bytes after the last row.
+pub(super) fn locate(data: &[u8], header: &Header, name: &str) -> Result<(Vec<Span>, u64)> {
+    let chunks = chunks(data);
+    let available: u64 = chunks.iter().map(|c| c.rows).sum();
+    let mut cursor = Cursor { data, chunks: &chunks, chunk: 0, block: None, line: header.lines };
+    let mut spans = Vec::with_capacity(header.elements.len());
+    let mut used = 0;
+    for element in &header.elements {
+        // An element without properties has nothing to write on its lines.
+        let rows = if element.properties.is_empty() { 0 } else { element.count };
+        if rows > available - used {
+            let have = format!("{} lines of data in all", available);
+            return Err(too_short(element, available - used, &have, name));
+        }
+        used += rows;
+        spans.push(Span { uniform: None, blocks: cursor.take(rows) });
+    }
+    Ok((spans, cursor.rest()))
+}
+
+fn chunks(data: &[u8]) -> Vec<Chunk> {
+    let mut bounds = vec![0];
+    let mut at = CHUNK;
+    while at < data.len() {
+        let Some(end) = data[at..].iter().position(|&b| b == b'\n') else {
+            break;
+        };
+        bounds.push(at + end + 1);
+        at += end + 1 + CHUNK;
+    }
+    bounds.push(data.len());
+    bounds.par_windows(2).map(|pair| count(data, pair[0], pair[1])).collect()
+}
+
+fn count(data: &[u8], start: usize, end: usize) -> Chunk {
+    let (mut rows, mut lines, mut blank) = (0, 0, true);
+    for &byte in &data[start..end] {
+        if byte == b'\n' {
+            lines += 1;
+            rows += u64::from(!blank);
+            blank = true;
+        } else if byte > b' ' {
+            blank = false;
+        } else {
+            blank &= byte.is_ascii_whitespace();
+        }
+    }
+    rows += u64::from(!blank);
+    Chunk { start, end, rows, lines }
+}
+
+/// Walks the chunks in order, cutting them where one element ends and the next begins.
+struct Cursor<'a> {
+    data: &'a [u8],
+    chunks: &'a [Chunk],
+    /// The next chunk to open.
+    chunk: usize,
+    /// What is left of the open chunk.
+    block: Option<Block>,
+    /// The line number where the next chunk starts.
+    line: u64,
+}
+
+impl Cursor<'_> {
+    /// The blocks of the next `rows` rows, which exist.
+    fn take(&mut self, rows: u64) -> Vec<Block> {
+        let (mut blocks, mut taken) = (Vec::new(), 0);
+        while taken < rows {
+            let Some(open) = self.open() else { break };
+            let count = open.rows.min(rows - taken);
+            let block = Block { row: taken, rows: count, ..open };
+            if count == open.rows {
+                self.block = None;
+            } else {
+                self.block = Some(skip(self.data, open, count));
+            }
+            taken += count;
+            if count > 0 {
+                blocks.push(block);
+            }
+        }
+        blocks
+    }
+
+    fn open(&mut self) -> Option<Block> {
+        if self.block.is_none() {
+            let chunk = self.chunks.get(self.chunk)?;
+            self.chunk += 1;
+            let line = self.line;
+            self.line += chunk.lines;
+            self.block =
+                Some(Block { start: chunk.start, end: chunk.end, row: 0, rows: chunk.rows, line });
+        }
+        self.block
+    }
+
+    /// Bytes from the first row that no element takes.
+    fn rest(&mut self) -> u64 {
+        while let Some(block) = self.open() {
+            if block.rows > 0 {
+                return (self.data.len() - block.start) as u64;
+            }
+            self.block = None;
+        }
+        0
+    }
+}
+
+/// The block without its first `rows` rows.
+fn skip(data: &[u8], block: Block, rows: u64) -> Block {
+    let mut reader = Text::new(data, &block);
+    for _ in 0..rows {
+        reader.begin();
+        reader.skip_line();
+    }
+    Block {
+        start: reader.at,
+        end: block.end,
+        row: 0,
+        rows: block.rows - rows,
+        line: reader.line - 1,
+    }
+}
+
+/// The rows of a block of text.
+pub(super) struct Text<'a> {
+    data: &'a [u8],
+    at: usize,
+    /// The number of the line being read.
+    line: u64,
+}
+
+impl<'a> Text<'a> {
+    pub(super) fn new(data: &'a [u8], block: &Block) -> Self {
+        Self { data, at: block.start, line: block.line + 1 }
+    }
+
+    /// Moves behind the end of the line.
+    fn skip_line(&mut self) {
+        let rest = &self.data[self.at..];
+        let length = rest.iter().position(|&b| b == b'\n').map_or(rest.len(), |at| at + 1);
+        self.at += length;
+        self.line += 1;
+    }
+
+    #[inline]
+    fn skip_blanks(&mut self) {
+        while let Some(&byte) = self.data.get(self.at) {
+            if byte == b'\n' || !byte.is_ascii_whitespace() {
+                return;
+            }
+            self.at += 1;
+        }
+    }
+
+    /// The next word of the line.
+    fn word(&mut self) -> Values<&'a [u8]> {
+        self.skip_blanks();
+        let rest = &self.data[self.at..];
+        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+        if length == 0 {
+            return Err(Fault::Short { at_end: self.at >= self.data.len() });
+        }
+        self.at += length;
+        Ok(&rest[..length])
+    }
+}
+
+impl Row for Text<'_> {
+    fn begin(&mut self) {
+        while let Some(&byte) = self.data.get(self.at) {
+            if !byte.is_ascii_whitespace() {
+                return;
+            }
+            self.line += u64::from(byte == b'\n');
+            self.at += 1;
+        }
+    }
+
+    #[inline]
+    fn number(&mut self, kind: Scalar) -> Values<f64> {
+        self.skip_blanks();
+        let rest = &self.data[self.at..];
+        if let Some((value, length)) = super::number::plain(rest) {
+            if kind == Scalar::F64 || kind.is_integer() && kind.holds(value) {
+                self.at += length;
+                return Ok(value);
+            }
+            if let (Scalar::F32, Some(value)) = (kind, super::number::to_f32(value)) {
+                self.at += length;
+                return Ok(value);
+            }
+        }
+        let word = self.word()?;
+        let value = super::number::any(word, kind == Scalar::F32)
+            .ok_or_else(|| Fault::NotANumber(show(word)))?;
+        if kind.holds(value) { Ok(value) } else { Err(Fault::DoesNotFit(show(word), kind)) }
+    }
+
+    fn skip(&mut self, _: Scalar, count: u64) -> Values<()> {
+        for _ in 0..count {
+            self.word()?;
+        }
+        Ok(())
+    }
+
+    fn end(&mut self) -> Values<()> {
+        self.skip_blanks();
+        match self.data.get(self.at) {
+            None => Ok(()),
+            Some(b'\n') => {
+                self.at += 1;
+                self.line += 1;
+                Ok(())
+            }
+            Some(_) => Err(Fault::Extra(show(self.word()?))),
+        }
+    }
+
+    fn line(&self) -> Option<u64> {
+        Some(self.line)
+    }
+}

@@ -1,0 +1,231 @@
+//! Which properties of a header become which array, and which are read over.
+
+use super::header::{Element, Header, Shape};
+use super::scalar::Scalar;
+use crate::error::{Error, Result};
+
+/// Where a vertex value goes: 0-2 position, 3-5 normal, 6-7 texture coordinate, 8-10 colour.
+pub(super) const ROLES: usize = 11;
+
+const NORMAL: usize = 3;
+const UV: usize = 6;
+const COLOR: usize = 8;
+
+const UV_NAMES: [[&str; 2]; 4] =
+    [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
+const COLOR_NAMES: [[&str; 3]; 3] =
+    [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
+
+/// How colours are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ColorType {
+    U8,
+    U16,
+    F32,
+}
+
+/// What to do with one property of a row.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Step {
+    /// A vertex value for this role.
+    Value(Scalar, usize),
+    /// The corners of a face or strip.
+    Corners {
+        count: Scalar,
+        item: Scalar,
+    },
+    /// The texture coordinates of a face's corners.
+    Texcoords {
+        count: Scalar,
+        item: Scalar,
+    },
+    Skip(Scalar),
+    SkipList {
+        count: Scalar,
+        item: Scalar,
+    },
+}
+
+/// How the rows of `vertex` become arrays.
+#[derive(Debug)]
+pub(super) struct VertexPlan {
+    /// The element's place in the header.
+    pub(super) element: usize,
+    pub(super) steps: Vec<Step>,
+    /// The property of each role.
+    pub(super) columns: [Option<usize>; ROLES],
+    /// Coordinates need more than `f32`.
+    pub(super) double: bool,
+    pub(super) normals: bool,
+    pub(super) uvs: bool,
+    pub(super) colors: Option<ColorType>,
+}
+
+/// How the rows of `face` or `tristrips` become triangles.
+#[derive(Debug)]
+pub(super) struct FacePlan {
+    pub(super) element: usize,
+    pub(super) steps: Vec<Step>,
+    /// The property that holds the corners.
+    pub(super) corners: usize,
+    pub(super) texcoords: bool,
+    pub(super) strips: bool,
+}
+
+#[derive(Debug)]
+pub(super) struct Plan {
+    pub(super) vertex: VertexPlan,
+    pub(super) faces: Vec<FacePlan>,
+    pub(super) used: Vec<String>,
+    pub(super) ignored: Vec<String>,
+}
+
+/// Decides what is read; errors where the file cannot be a mesh.
+pub(super) fn plan(header: &Header, name: &str) -> Result<Plan> {
+    let vertex = vertex_plan(header, name)?;
+    let mut faces = Vec::new();
+    for (element, strips) in [("face", false), ("tristrips", true)] {
+        faces.extend(face_plan(header, element, strips, name)?);
+    }
+    faces.sort_by_key(|face| face.element);
+    if faces.iter().all(|face| header.elements[face.element].count == 0) {
+        return Err(no_faces(header, &vertex, name));
+    }
+    let mut used = Vec::new();
+    let mut ignored = Vec::new();
+    for (place, element) in header.elements.iter().enumerate() {
+        let steps = std::iter::once((vertex.element, &vertex.steps))
+            .chain(faces.iter().map(|f| (f.element, &f.steps)))
+            .find(|(at, _)| *at == place);
+        for (at, property) in element.properties.iter().enumerate() {
+            let skipped = steps.is_none_or(|(_, steps)| {
+                matches!(steps[at], Step::Skip(_) | Step::SkipList { .. })
+            });
+            let list = if skipped { &mut ignored } else { &mut used };
+            list.push(format!("{}.{}", element.name, property.name));
+        }
+    }
+    Ok(Plan { vertex, faces, used, ignored })
+}
+
+fn no_faces(header: &Header, vertex: &VertexPlan, name: &str) -> Error {
+    let points = header.elements[vertex.element].count;
+    Error::invalid(name, format!("has no faces: it is a point cloud of {points} points"))
+        .help("make a mesh of it first, for example with Poisson reconstruction in MeshLab or CloudCompare")
+}
+
+fn vertex_plan(header: &Header, name: &str) -> Result<VertexPlan> {
+    let place = header.elements.iter().position(|e| e.name == "vertex").ok_or_else(|| {
+        let names: Vec<_> = header.elements.iter().map(|e| e.name.as_str()).collect();
+        Error::invalid(name, format!("has no element 'vertex', only: [{}]", names.join(", ")))
+    })?;
+    let element = &header.elements[place];
+    if element.count > u32::MAX as u64 {
+        let message = format!("has {} vertices; the most is {}", element.count, u32::MAX);
+        return Err(Error::invalid(name, message).help("split the mesh into several files"));
+    }
+    let mut columns = [None; ROLES];
+    for (role, axis) in ["x", "y", "z"].into_iter().enumerate() {
+        columns[role] = Some(single(element, axis).ok_or_else(|| {
+            Error::invalid(name, format!("element vertex has no number '{axis}'"))
+                .help("positions are the properties x y z")
+        })?);
+    }
+    assign(element, &["nx", "ny", "nz"], &mut columns[NORMAL..UV]);
+    UV_NAMES.iter().any(|names| assign(element, names, &mut columns[UV..COLOR]));
+    let colors = COLOR_NAMES.iter().find_map(|names| {
+        let kind = color_type(element, names)?;
+        assign(element, names, &mut columns[COLOR..]).then_some(kind)
+    });
+    let double = columns[..NORMAL].iter().flatten().any(|&at| {
+        use Scalar as S;
+        matches!(element.properties[at].shape, Shape::Single(S::F64 | S::I32 | S::U32))
+    });
+    let steps = (0..element.properties.len()).map(|at| {
+        let shape = element.properties[at].shape;
+        match (shape, columns.iter().position(|c| *c == Some(at))) {
+            (Shape::Single(kind), Some(role)) => Step::Value(kind, role),
+            (shape, _) => skip(shape),
+        }
+    });
+    Ok(VertexPlan {
+        element: place,
+        steps: steps.collect(),
+        columns,
+        double,
+        normals: columns[NORMAL].is_some(),
+        uvs: columns[UV].is_some(),
+        colors,
+    })
+}
+
+fn skip(shape: Shape) -> Step {
+    match shape {
+        Shape::Single(kind) => Step::Skip(kind),
+        Shape::List { count, item } => Step::SkipList { count, item },
+    }
+}
+
+/// The place of a property that is one number.
+fn single(element: &Element, name: &str) -> Option<usize> {
+    let at = element.find(name)?;
+    matches!(element.properties[at].shape, Shape::Single(_)).then_some(at)
+}
+
+/// Fills `columns` with the properties called `names`, if the element has them all.
+fn assign(element: &Element, names: &[&str], columns: &mut [Option<usize>]) -> bool {
+    let found: Option<Vec<usize>> = names.iter().map(|name| single(element, name)).collect();
+    let Some(found) = found else { return false };
+    for (column, at) in columns.iter_mut().zip(found) {
+        *column = Some(at);
+    }
+    true
+}
+
+/// The one type of three colour channels, if it is a type that colours have.
+fn color_type(element: &Element, names: &[&str; 3]) -> Option<ColorType> {
+    let shapes = names.map(|name| element.find(name).map(|at| element.properties[at].shape));
+    if shapes.iter().any(|shape| *shape != shapes[0]) {
+        return None;
+    }
+    match shapes[0]? {
+        Shape::Single(Scalar::U8) => Some(ColorType::U8),
+        Shape::Single(Scalar::U16) => Some(ColorType::U16),
+        Shape::Single(Scalar::F32 | Scalar::F64) => Some(ColorType::F32),
+        _ => None,
+    }
+}
+
+fn face_plan(header: &Header, which: &str, strips: bool, name: &str) -> Result<Option<FacePlan>> {
+    let Some(place) = header.elements.iter().position(|e| e.name == which) else {
+        return Ok(None);
+    };
+    let element = &header.elements[place];
+    let corners = element.find("vertex_indices").or_else(|| element.find("vertex_index"));
+    let integers = |at: usize| match element.properties[at].shape {
+        Shape::List { item, .. } => item.is_integer(),
+        Shape::Single(_) => false,
+    };
+    let Some(corners) = corners.filter(|&at| integers(at)) else {
+        if element.count == 0 {
+            return Ok(None);
+        }
+        return Err(Error::invalid(
+            name,
+            format!("element {which} has no list of integers 'vertex_indices' or 'vertex_index'"),
+        ));
+    };
+    let mut texcoords = false;
+    let steps = element.properties.iter().enumerate().map(|(at, property)| match property.shape {
+        Shape::List { count, item } if at == corners => Step::Corners { count, item },
+        Shape::List { count, item }
+            if property.name == "texcoord" && !strips && !item.is_integer() =>
+        {
+            texcoords = true;
+            Step::Texcoords { count, item }
+        }
+        shape => skip(shape),
+    });
+    let steps = steps.collect();
+    Ok(Some(FacePlan { element: place, steps, corners, texcoords, strips }))
+}

@@ -1,0 +1,134 @@
+//! The eight number types of PLY: their names, sizes, and how their bytes are read.
+//!
+//! Every value of every type is exact in `f64`, so the general paths carry `f64` only; the bulk
+//! paths read the native type.
+
+use serde::Serialize;
+
+/// A number type, under its classic name; `int8`, `float32`, ... are aliases.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum Scalar {
+    /// `char`, `int8`
+    #[serde(rename = "char")]
+    I8,
+    /// `uchar`, `uint8`
+    #[serde(rename = "uchar")]
+    U8,
+    /// `short`, `int16`
+    #[serde(rename = "short")]
+    I16,
+    /// `ushort`, `uint16`
+    #[serde(rename = "ushort")]
+    U16,
+    /// `int`, `int32`
+    #[serde(rename = "int")]
+    I32,
+    /// `uint`, `uint32`
+    #[serde(rename = "uint")]
+    U32,
+    /// `float`, `float32`
+    #[serde(rename = "float")]
+    F32,
+    /// `double`, `float64`
+    #[serde(rename = "double")]
+    F64,
+}
+
+/// What an error lists as the valid choices.
+pub(super) const NAMES: &str = "char uchar short ushort int uint float double (or int8 uint8 \
+     int16 uint16 int32 uint32 float32 float64)";
+
+impl Scalar {
+    /// The type that `word` names.
+    pub(super) fn parse(word: &[u8]) -> Option<Self> {
+        Some(match word {
+            b"char" | b"int8" => Self::I8,
+            b"uchar" | b"uint8" => Self::U8,
+            b"short" | b"int16" => Self::I16,
+            b"ushort" | b"uint16" => Self::U16,
+            b"int" | b"int32" => Self::I32,
+            b"uint" | b"uint32" => Self::U32,
+            b"float" | b"float32" => Self::F32,
+            b"double" | b"float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    /// The classic name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::I8 => "char",
+            Self::U8 => "uchar",
+            Self::I16 => "short",
+            Self::U16 => "ushort",
+            Self::I32 => "int",
+            Self::U32 => "uint",
+            Self::F32 => "float",
+            Self::F64 => "double",
+        }
+    }
+
+    /// Bytes of one value in a binary file.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_integer(self) -> bool {
+        !matches!(self, Self::F32 | Self::F64)
+    }
+
+    /// Whether an ASCII `value` can stand in a property of this type.
+    pub(super) fn holds(self, value: f64) -> bool {
+        let (low, high) = match self {
+            Self::I8 => (i8::MIN as f64, i8::MAX as f64),
+            Self::U8 => (0.0, u8::MAX as f64),
+            Self::I16 => (i16::MIN as f64, i16::MAX as f64),
+            Self::U16 => (0.0, u16::MAX as f64),
+            Self::I32 => (i32::MIN as f64, i32::MAX as f64),
+            Self::U32 => (0.0, u32::MAX as f64),
+            Self::F32 | Self::F64 => return true,
+        };
+        // NaN fails both comparisons: it does not fit an integer.
+        value >= low && value <= high && value.fract() == 0.0
+    }
+
+    /// The value that starts at byte `at`; the caller has checked that it ends inside `bytes`.
+    #[inline]
+    pub(super) fn read(self, bytes: &[u8], at: usize, big: bool) -> f64 {
+        match self {
+            Self::I8 => bytes[at] as i8 as f64,
+            Self::U8 => bytes[at] as f64,
+            Self::I16 => i16::take(bytes, at, big) as f64,
+            Self::U16 => u16::take(bytes, at, big) as f64,
+            Self::I32 => i32::take(bytes, at, big) as f64,
+            Self::U32 => u32::take(bytes, at, big) as f64,
+            Self::F32 => f32::take(bytes, at, big) as f64,
+            Self::F64 => f64::take(bytes, at, big),
+        }
+    }
+}
+
+/// A native number read from bytes in either order.
+pub(super) trait Native: Copy + Send + Sync {
+    /// Panics where the value does not end inside `bytes`.
+    fn take(bytes: &[u8], at: usize, big: bool) -> Self;
+}
+
+macro_rules! native {
+    ($($t:ty),*) => {$(
+        impl Native for $t {
+            #[inline(always)]
+            fn take(bytes: &[u8], at: usize, big: bool) -> Self {
+                let mut raw = [0; size_of::<$t>()];
+                raw.copy_from_slice(&bytes[at..at + size_of::<$t>()]);
+                if big { <$t>::from_be_bytes(raw) } else { <$t>::from_le_bytes(raw) }
+            }
+        }
+    )*};
+}
+native!(i8, u8, i16, u16, i32, u32, f32, f64);

@@ -1,0 +1,164 @@
+//! Files that are either complete or not there.
+//!
+//! A [`Part`] is `NAME.<unique>.part` in the target's folder (a rename within one folder is atomic;
+//! across file systems it is a copy). It is removed when it is dropped, so an error or a signal
+//! that stops the work leaves nothing; after `kill -9` a `.part` may stay, never a broken target.
+//! The data is on the disk before the rename: after a power cut the name still means a whole file.
+
+use std::{
+    fs::{File, OpenOptions},
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use tempfile::NamedTempFile;
+
+use crate::error::{Error, Result};
+
+/// A file that gets its name when it is complete.
+#[derive(Debug)]
+pub struct Part {
+    target: PathBuf,
+    file: NamedTempFile,
+}
+
+impl Part {
+    /// Creates the part file beside `target`, with the permissions that umask gives new files.
+    ///
+    /// # Errors
+    /// `Invalid` where the folder is missing, is no folder or is not writable, or where `target` is
+    /// a folder or a device; `Retry` where the disk is full.
+    pub fn create(target: &Path) -> Result<Self> {
+        let place = || target.display().to_string();
+        let Some(name) = target.file_name() else {
+            return Err(Error::invalid(place(), "found no file name to write to"));
+        };
+        match std::fs::metadata(target) {
+            Ok(data) if data.is_dir() => {
+                let message = "cannot write a file here: it is a folder";
+                return Err(Error::invalid(place(), message).help("choose another output name"));
+            }
+            Ok(data) if !data.is_file() => {
+                return Err(Error::invalid(place(), "found a device, expected a regular file"));
+            }
+            _ => {}
+        }
+        let mut prefix = name.to_owned();
+        prefix.push(".");
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(&prefix).suffix(".part");
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file =
+            builder.tempfile_in(folder_of(target)).map_err(|error| folder_error(target, &error))?;
+        Ok(Self { target: target.to_owned(), file })
+    }
+
+    /// The name it will get.
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// The file to write into.
+    pub fn file(&mut self) -> &mut File {
+        self.file.as_file_mut()
+    }
+
+    /// Waits until the data is on the disk.
+    ///
+    /// # Errors
+    /// `Retry` for a full or failing disk.
+    pub fn sync(&mut self) -> Result<()> {
+        let synced = self.file.as_file_mut().sync_all();
+        synced.map_err(|error| Error::io(&self.target, "write", &error))
+    }
+
+    /// Gives the file its name, replacing what had it. Call [`Part::sync`] first.
+    ///
+    /// # Errors
+    /// Where the rename fails; the part file is gone then.
+    pub fn commit(self) -> Result<PathBuf> {
+        let Self { target, file } = self;
+        file.persist(&target).map_err(|error| {
+            Error::io(&target, "rename the finished file to this name", &error.error)
+        })?;
+        // The rename itself reaches the disk with the folder. Not every file system can do that,
+        // and the file is complete either way.
+        if let Ok(folder) = File::open(folder_of(&target)) {
+            let _ = folder.sync_all();
+        }
+        Ok(target)
+    }
+}
+
+/// A small text file of the same kind, or a device (`/dev/stdout`) that is written directly.
+#[derive(Debug)]
+pub enum TextFile {
+    /// Renamed when complete.
+    Part(Part),
+    /// Nothing to rename.
+    Device(PathBuf, File),
+}
+
+impl TextFile {
+    /// Makes sure that `target` can be written.
+    ///
+    /// # Errors
+    /// As [`Part::create`].
+    pub fn create(target: &Path) -> Result<Self> {
+        match std::fs::metadata(target) {
+            Ok(data) if !data.is_file() && !data.is_dir() => {
+                let opened = OpenOptions::new().write(true).open(target);
+                let file = opened.map_err(|error| Error::io(target, "open", &error))?;
+                Ok(Self::Device(target.to_owned(), file))
+            }
+            _ => Part::create(target).map(Self::Part),
+        }
+    }
+
+    /// Writes it all and gives it its name.
+    ///
+    /// # Errors
+    /// `Retry` for a full disk; then the target is untouched.
+    pub fn finish(self, text: &str) -> Result<PathBuf> {
+        match self {
+            Self::Part(mut part) => {
+                let written = part.file().write_all(text.as_bytes());
+                written.map_err(|error| Error::io(part.target(), "write", &error))?;
+                part.sync()?;
+                part.commit()
+            }
+            Self::Device(path, mut file) => {
+                let written = file.write_all(text.as_bytes());
+                written.map_err(|error| Error::io(&path, "write", &error))?;
+                Ok(path)
+            }
+        }
+    }
+}
+
+/// The folder a file lies in; the working folder for a bare name.
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Why no file can be created beside `target`, in terms of its folder.
+fn folder_error(target: &Path, error: &std::io::Error) -> Error {
+    let folder = folder_of(target);
+    let what = format!("write {}", target.display());
+    match std::fs::metadata(folder) {
+        Err(missing) if missing.kind() == std::io::ErrorKind::NotFound => {
+            let message = format!("cannot {what}: there is no such folder");
+            Error::invalid(folder.display().to_string(), message)
+                .help(format!("mkdir -p {}", folder.display()))
+        }
+        Ok(data) if !data.is_dir() => {
+            let message = format!("cannot {what}: found a file, expected a folder");
+            Error::invalid(folder.display().to_string(), message)
+        }
+        _ => Error::io(folder, &what, error),
+    }
+}

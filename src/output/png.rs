@@ -1,0 +1,62 @@
+//! The PNG: what people look at. 8 bits, tone mapped, straight alpha if there is any.
+//!
+//! The file says how its values are meant: an `sRGB` chunk for the sRGB curve, `gAMA` 1.0 for
+//! linear values, so that viewers need not guess.
+
+use std::{
+    io::{BufWriter, Write},
+    path::Path,
+};
+
+use png::{BitDepth, ColorType, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent};
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    film::Film,
+    scene::Tonemap,
+};
+
+use super::tonemap;
+
+/// Writes the film's data window. `path` is for messages.
+///
+/// # Errors
+/// `Retry` where the disk is full, `Limit` for a size that a PNG cannot have.
+pub fn write(
+    film: &Film,
+    tonemap: &Tonemap,
+    transparent: bool,
+    file: &mut impl Write,
+    path: &Path,
+) -> Result<()> {
+    let bytes = tonemap::to_bytes(&film.pixels, tonemap, transparent);
+    let mut buffered = BufWriter::new(file);
+    let (width, height) = (film.window.width(), film.window.height());
+    let mut encoder = Encoder::new(&mut buffered, width, height);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_color(match transparent {
+        true => ColorType::Rgba,
+        false => ColorType::Rgb,
+    });
+    match tonemap.srgb {
+        true => encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric),
+        false => encoder.set_source_gamma(ScaledFloat::new(1.0)),
+    }
+    let written = encoder.write_header().and_then(|mut writer| {
+        writer.write_image_data(&bytes)?;
+        writer.finish()
+    });
+    written.map_err(|error| png_error(path, error))?;
+    let flushed = buffered.flush();
+    flushed.map_err(|error| Error::io(path, "write", &error))
+}
+
+fn png_error(path: &Path, error: EncodingError) -> Error {
+    match error {
+        EncodingError::IoError(error) => Error::io(path, "write", &error),
+        other => {
+            let message = format!("cannot write a PNG: {other}");
+            Error::new(Kind::Limit, Problem::new(path.display().to_string(), message))
+        }
+    }
+}

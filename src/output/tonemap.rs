@@ -1,0 +1,88 @@
+//! Radiance -> 8-bit values, for the PNG only. docs/scene-format.md, `tonemap`, is the contract.
+//!
+//! A transparent picture has straight alpha: colour is divided by alpha first, also for the
+//! maximum of the operator `max`. Values that no format holds count as [`finite`] says.
+
+use rayon::prelude::*;
+
+use crate::scene::{ToneOperator, Tonemap};
+
+use super::finite;
+
+/// 8-bit pixels, row-major: 4 bytes each with `transparent`, else 3.
+pub fn to_bytes(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
+    let curve = Curve::new(pixels, tonemap, transparent);
+    let channels = if transparent { 4 } else { 3 };
+    let mut bytes = vec![0; pixels.len() * channels];
+    bytes.par_chunks_mut(channels).with_min_len(1024).zip(pixels).for_each(|(to, pixel)| {
+        let colour = straight(pixel, transparent);
+        for (to, value) in to.iter_mut().zip(colour) {
+            *to = curve.to_byte(value);
+        }
+        if transparent {
+            to[3] = quantise(f64::from(finite(pixel[3])));
+        }
+    });
+    bytes
+}
+
+/// A tone curve ready for use.
+#[derive(Debug, Clone, Copy)]
+pub struct Curve {
+    operator: ToneOperator,
+    /// 2^exposure, divided by the maximum for `max`.
+    scale: f64,
+    srgb: bool,
+}
+
+impl Curve {
+    /// The curve for these pixels; only `max` looks at them.
+    pub fn new(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Self {
+        let gain = f64::from(tonemap.exposure).exp2();
+        let scale = match tonemap.operator {
+            ToneOperator::Max => match largest(pixels, transparent) {
+                max if max > 0.0 => gain / max,
+                _ => gain, // black stays black
+            },
+            ToneOperator::Clamp | ToneOperator::Reinhard => gain,
+        };
+        Self { operator: tonemap.operator, scale, srgb: tonemap.srgb }
+    }
+
+    /// One channel.
+    pub fn to_byte(&self, value: f64) -> u8 {
+        let x = (value * self.scale).max(0.0);
+        let x = match self.operator {
+            ToneOperator::Max | ToneOperator::Clamp => x,
+            ToneOperator::Reinhard => x / (1.0 + x),
+        };
+        // Clamping first is the same, as the transfer curve keeps [0, 1].
+        let x = x.min(1.0);
+        quantise(if self.srgb { srgb_from_linear(x) } else { x })
+    }
+}
+
+/// IEC 61966-2-1, for [0, 1].
+pub fn srgb_from_linear(x: f64) -> f64 {
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+fn quantise(x: f64) -> u8 {
+    // NaN cannot come here; `as` would make it 0.
+    (255.0 * x.clamp(0.0, 1.0)).round() as u8
+}
+
+/// The colour that is tone mapped.
+fn straight(pixel: &[f32; 4], transparent: bool) -> [f64; 3] {
+    let [r, g, b, a] = pixel.map(|c| f64::from(finite(c)));
+    match transparent {
+        true if a > 0.0 => [r / a, g / a, b / a],
+        true => [0.0; 3],
+        false => [r, g, b],
+    }
+}
+
+fn largest(pixels: &[[f32; 4]], transparent: bool) -> f64 {
+    let colours = pixels.iter().flat_map(|pixel| straight(pixel, transparent));
+    colours.fold(0.0, f64::max)
+}

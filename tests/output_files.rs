@@ -1,0 +1,286 @@
+//! What is written can be read back by the crates' own readers, twice the same, and whole or not
+//! at all.
+
+use std::{fs, io::Cursor, path::Path};
+
+use lightpath::{
+    error::Kind,
+    film::{Film, Window},
+    monitor::Monitor,
+    output::{Oddities, Outputs, WriteOptions, atomic::Part, atomic::TextFile, exr, png},
+    scene::{ToneOperator, Tonemap},
+};
+
+const CLAMP: Tonemap = Tonemap { operator: ToneOperator::Clamp, exposure: 0.0, srgb: false };
+
+/// A 7 x 5 crop of a 20 x 10 frame, every pixel different.
+fn film() -> Film {
+    let window = Window { x0: 3, y0: 2, x1: 10, y1: 7 };
+    let mut film = Film::new([20, 10], window).unwrap();
+    for (i, pixel) in film.pixels.iter_mut().enumerate() {
+        *pixel = [i as f32 / 8.0, 0.25, 1e-3 * i as f32, 1.0];
+    }
+    film
+}
+
+fn attributes() -> Vec<(String, String)> {
+    let pairs = ["backend", "scene_hash", "seed", "versions", "a", "b", "c"];
+    pairs.map(|name| (format!("lightpath:{name}"), format!("value of {name}"))).to_vec()
+}
+
+fn exr_bytes(film: &Film) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    exr::write(film, &attributes(), &mut file, Path::new("x.exr")).unwrap();
+    file.into_inner()
+}
+
+type Pixels = Vec<Vec<[f32; 4]>>;
+
+fn read_exr(bytes: &[u8]) -> ::exr::image::RgbaImage<Pixels> {
+    use ::exr::prelude::*;
+    read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgba_channels(
+            |size, _| vec![vec![[0.0; 4]; size.width()]; size.height()],
+            |pixels: &mut Pixels, at, (r, g, b, a): (f32, f32, f32, f32)| {
+                pixels[at.y()][at.x()] = [r, g, b, a];
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(Cursor::new(bytes))
+        .unwrap()
+}
+
+#[test]
+fn exr_round_trip() {
+    let film = film();
+    let image = read_exr(&exr_bytes(&film));
+    let layer = &image.layer_data;
+    assert_eq!(image.attributes.display_window.size, (20, 10).into());
+    assert_eq!(image.attributes.display_window.position, (0, 0).into());
+    assert_eq!(layer.attributes.layer_position, (3, 2).into());
+    assert_eq!(layer.size, (7, 5).into());
+    assert!(image.attributes.chromaticities.is_some());
+    let software = layer.attributes.software_name.as_ref().unwrap();
+    assert!(software.to_string().starts_with("lightpath "));
+    for (y, row) in layer.channel_data.pixels.iter().enumerate() {
+        for (x, read) in row.iter().enumerate() {
+            let wrote = film.pixels[y * 7 + x];
+            for (read, wrote) in read.iter().zip(wrote) {
+                assert_eq!(*read, half::f16::from_f32(wrote).to_f32());
+            }
+        }
+    }
+}
+
+#[test]
+fn exr_header_is_as_documented_and_sorted() {
+    let bytes = exr_bytes(&film());
+    let meta = ::exr::meta::MetaData::read_from_buffered(Cursor::new(&bytes), true).unwrap();
+    let [header] = meta.headers.as_slice() else { panic!("expected one part") };
+    let channels: Vec<String> = header.channels.list.iter().map(|c| c.name.to_string()).collect();
+    assert_eq!(channels, ["A", "B", "G", "R"]);
+    use ::exr::prelude::SampleType::F16;
+    assert!(header.channels.list.iter().all(|c| c.sample_type == F16));
+    assert_eq!(header.compression, ::exr::prelude::Compression::ZIP16);
+    assert_eq!(header.line_order, ::exr::prelude::LineOrder::Increasing);
+    assert_eq!(header.own_attributes.other.len(), 7);
+
+    let names = attribute_names(&bytes);
+    let mut sorted = names.clone();
+    sorted.sort();
+    assert_eq!(names, sorted);
+    assert!(names.contains(&"lightpath:seed".to_string()));
+}
+
+fn attribute_names(bytes: &[u8]) -> Vec<String> {
+    let mut names = Vec::new();
+    let mut at = 8;
+    let text = |at: &mut usize| {
+        let end = *at + bytes[*at..].iter().position(|b| *b == 0).unwrap();
+        let text = String::from_utf8(bytes[*at..end].to_vec()).unwrap();
+        *at = end + 1;
+        text
+    };
+    loop {
+        let name = text(&mut at);
+        if name.is_empty() {
+            return names;
+        }
+        text(&mut at);
+        let size = i32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+        at += 4 + size as usize;
+        names.push(name);
+    }
+}
+
+#[test]
+fn exr_bytes_are_the_same_every_time() {
+    let film = film();
+    let first = exr_bytes(&film);
+    for _ in 0..20 {
+        assert_eq!(first, exr_bytes(&film));
+    }
+}
+
+#[test]
+fn what_half_cannot_hold_is_clamped_and_counted() {
+    let mut film = film();
+    film.pixels[8] = [1e6, 0.0, -1e6, 1.0];
+    film.pixels[9] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1.0];
+    film.pixels[11] = [65510.0, 0.0, f32::NAN, 1.0];
+    let image = read_exr(&exr_bytes(&film));
+    let row = &image.layer_data.channel_data.pixels[1];
+    assert_eq!(row[1], [65504.0, 0.0, -65504.0, 1.0]);
+    assert_eq!(row[2], [0.0, 65504.0, -65504.0, 1.0]);
+    assert_eq!(row[4], [65504.0, 0.0, 0.0, 1.0]);
+    let expected = Oddities {
+        non_finite: 2,
+        first_non_finite: Some([5, 3]),
+        clamped: 1,
+        first_clamped: Some([4, 3]),
+    };
+    assert_eq!(Oddities::of(&film), expected);
+    film.pixels.fill([65504.0, 0.0, 1.0, 1.0]);
+    assert_eq!(Oddities::of(&film), Oddities::default());
+}
+
+fn read_png(bytes: &[u8]) -> (::png::Info<'static>, Vec<u8>) {
+    let mut reader = ::png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut pixels).unwrap();
+    (reader.info().clone(), pixels)
+}
+
+fn png_bytes(film: &Film, tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
+    let mut file = Vec::new();
+    png::write(film, tonemap, transparent, &mut file, Path::new("x.png")).unwrap();
+    file
+}
+
+#[test]
+fn png_round_trip_linear_says_gamma_one() {
+    let mut film = film();
+    film.pixels[1] = [0.0, 0.5, 2.0, 1.0];
+    let (info, pixels) = read_png(&png_bytes(&film, &CLAMP, false));
+    assert_eq!((info.width, info.height), (7, 5));
+    assert_eq!(info.color_type, ::png::ColorType::Rgb);
+    assert_eq!(info.srgb, None);
+    assert_eq!(info.gama_chunk.map(|g| g.into_scaled()), Some(100_000));
+    assert_eq!(pixels[3..6], [0, 128, 255]);
+}
+
+#[test]
+fn png_srgb_has_the_chunk() {
+    let srgb = Tonemap { srgb: true, ..CLAMP };
+    let mut film = film();
+    film.pixels[0] = [0.5, 0.0, 1.0, 1.0];
+    let (info, pixels) = read_png(&png_bytes(&film, &srgb, false));
+    assert!(info.srgb.is_some());
+    assert_eq!(pixels[..3], [188, 0, 255]);
+}
+
+#[test]
+fn transparent_png_has_straight_alpha() {
+    let mut film = film();
+    film.pixels[0] = [0.25, 0.1, 0.0, 0.5];
+    film.pixels[1] = [0.0, 0.0, 0.0, 0.0];
+    let (info, pixels) = read_png(&png_bytes(&film, &CLAMP, true));
+    assert_eq!(info.color_type, ::png::ColorType::Rgba);
+    assert_eq!(pixels[..8], [128, 51, 0, 128, 0, 0, 0, 0]);
+}
+
+#[test]
+fn both_files_appear_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let prefix = folder.path().join("frame.0001");
+    let outputs = Outputs::create(&prefix).unwrap();
+    assert_eq!(names_in(folder.path()).len(), 2);
+    assert!(names_in(folder.path()).iter().all(|n| n.ends_with(".part")));
+    let options = WriteOptions { tonemap: &CLAMP, transparent: false, attributes: &attributes() };
+    let (paths, odd) = outputs.write(&film(), &options, &Monitor::default()).unwrap();
+    assert_eq!(odd, Oddities::default());
+    assert_eq!(names_in(folder.path()), ["frame.0001.exr", "frame.0001.png"]);
+    assert_eq!(fs::read(&paths[0]).unwrap(), exr_bytes(&film()));
+    assert_eq!(fs::read(&paths[1]).unwrap(), png_bytes(&film(), &CLAMP, false));
+}
+
+#[test]
+fn a_signal_before_the_renames_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let prefix = folder.path().join("x");
+    let monitor = Monitor::default();
+    monitor.signal.store(15, std::sync::atomic::Ordering::Relaxed);
+    let options = WriteOptions { tonemap: &CLAMP, transparent: false, attributes: &[] };
+    let outputs = Outputs::create(&prefix).unwrap();
+    let error = outputs.write(&film(), &options, &monitor).unwrap_err();
+    assert_eq!(error.exit_code(), 143);
+    assert!(names_in(folder.path()).is_empty());
+}
+
+fn names_in(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn an_old_file_stays_until_the_new_one_is_complete() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("a.json");
+    fs::write(&target, "old").unwrap();
+    let dropped = TextFile::create(&target).unwrap();
+    drop(dropped);
+    assert_eq!(fs::read_to_string(&target).unwrap(), "old");
+    assert_eq!(names_in(folder.path()), ["a.json"]);
+    TextFile::create(&target).unwrap().finish("new").unwrap();
+    assert_eq!(fs::read_to_string(&target).unwrap(), "new");
+}
+
+#[cfg(unix)]
+#[test]
+fn permissions_are_what_umask_gives() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let [plain, ours] = ["plain", "ours"].map(|name| folder.path().join(name));
+    fs::write(&plain, "").unwrap();
+    TextFile::create(&ours).unwrap().finish("").unwrap();
+    let mode = |path| fs::metadata(path).unwrap().permissions().mode();
+    assert_eq!(mode(&ours), mode(&plain));
+}
+
+#[test]
+fn bad_targets_are_named_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    fs::write(&file, "").unwrap();
+    let cases = [
+        (folder.path().join("missing/x.exr"), "no such folder"),
+        (file.join("x.exr"), "expected a folder"),
+        (folder.path().to_owned(), "it is a folder"),
+    ];
+    for (target, expected) in cases {
+        let error = Part::create(&target).unwrap_err();
+        assert_eq!(error.kind, Kind::Invalid, "{error}");
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn special_files() {
+    let error = Part::create(Path::new("/proc/x.exr")).unwrap_err();
+    assert_eq!(error.exit_code(), 2, "{error}");
+    let error = Part::create(Path::new("/dev/null")).unwrap_err();
+    assert_eq!(error.exit_code(), 2, "{error}");
+    let full = TextFile::create(Path::new("/dev/full")).unwrap();
+    let error = full.finish("text").unwrap_err();
+    assert_eq!(error.exit_code(), 3, "{error}");
+    TextFile::create(Path::new("/dev/null")).unwrap().finish("text").unwrap();
+    assert!(!fs::metadata("/dev/null").unwrap().is_file());
+}
