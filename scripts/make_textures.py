@@ -201,7 +201,7 @@ def planet(path, width=852, height=426):
         latitude = math.pi * (0.5 - (y + 0.5) / height)
         row = bytearray()
         for x in range(width):
-            turn = 2 * math.pi * ((x + 0.5) / width - 0.5)
+            turn = 2 * math.pi * ((x + 0.5) / width - 0.5) + 0.94
             p = (math.cos(latitude) * math.sin(turn), -math.cos(latitude) * math.cos(turn), math.sin(latitude))
             ground = fractal(1.7 * p[0] + 5, 1.7 * p[1] + 3, 1.7 * p[2] + 7, 6)
             cold = abs(latitude) + 0.6 * (fractal(4 * p[0], 4 * p[1], 4 * p[2], 5) - 0.5)
