@@ -24,10 +24,10 @@ use std::path::Path;
 
 use self::check::Tally;
 use self::face::Faces;
-use self::header::{Format, Header};
+use self::header::{Element, Format, Header, Shape};
 use self::layout::Span;
 use self::plan::Plan;
-use self::row::Table;
+use self::row::{Row, Sink, Table, Values};
 use self::source::Source;
 use super::normals::Point;
 use super::{Mesh, Notes, Positions, Uvs};
@@ -88,6 +88,7 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
         spans: &spans,
         name,
     };
+    file.check_unread(&plan)?;
     let vertices = vertex::read(&file.table(plan.vertex.element), &plan.vertex)?;
     let (faces, tally) = match &vertices.positions {
         Positions::F32(positions) => faces(&file, &plan, positions, options)?,
@@ -136,6 +137,38 @@ impl Body<'_> {
             element: &self.header.elements[element],
             name: self.name,
         }
+    }
+
+    /// Checks the lines of elements that nobody reads: finding rows of text did not look inside
+    /// them, and the last one may be cut short.
+    fn check_unread(&self, plan: &Plan) -> Result<()> {
+        let read = |at: usize| {
+            at == plan.vertex.element || plan.faces.iter().any(|face| face.element == at)
+        };
+        let text = self.header.format == Format::Ascii;
+        for at in (0..self.header.elements.len()).filter(|at| text && !read(*at)) {
+            let table = self.table(at);
+            table.blocks(|reader| reader.feed(&mut Unread(table.element)))?;
+        }
+        Ok(())
+    }
+}
+
+/// Reads over the rows of an element.
+struct Unread<'a>(&'a Element);
+
+impl Sink for Unread<'_> {
+    fn take<R: Row>(&mut self, values: &mut R, _: u64) -> Values<()> {
+        for property in &self.0.properties {
+            match property.shape {
+                Shape::Single(kind) => values.skip(kind, 1)?,
+                Shape::List { count, item } => {
+                    let count = values.count(count)?;
+                    values.skip(item, count)?;
+                }
+            }
+        }
+        Ok(())
     }
 }
 
