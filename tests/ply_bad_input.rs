@@ -30,10 +30,7 @@ fn binary(ply: Ply) -> Vec<u8> {
 /// A binary file whose header says `to` where the writer wrote `from`.
 fn lie(ply: Ply, from: &str, to: &str) -> Vec<u8> {
     let bytes = binary(ply);
-    let at = bytes
-        .windows(from.len())
-        .position(|w| w == from.as_bytes())
-        .unwrap();
+    let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
     [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat()
 }
 
@@ -59,11 +56,7 @@ fn not_ply_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
     vec![
         ("another file", b"\x89PNG\r\n\x1a\n".to_vec(), not),
         ("gzip data", b"\x1f\x8b\x08\x00".to_vec(), not),
-        (
-            "lines that end in CR alone",
-            b"ply\rformat ascii 1.0\r".to_vec(),
-            not,
-        ),
+        ("lines that end in CR alone", b"ply\rformat ascii 1.0\r".to_vec(), not),
         (
             "header without its end",
             header("format ascii 1.0\nelement vertex 3"),
@@ -80,26 +73,14 @@ fn not_ply_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
 fn header_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
     let h = header;
     vec![
-        (
-            "unknown format",
-            h("format binary 1.0"),
-            "t.ply:2: unknown format 'binary'",
-        ),
-        (
-            "format without version",
-            h("format ascii"),
-            "t.ply:2: the format has no version",
-        ),
+        ("unknown format", h("format binary 1.0"), "t.ply:2: unknown format 'binary'"),
+        ("format without version", h("format ascii"), "t.ply:2: the format has no version"),
         (
             "unknown version",
             h("format ascii 2.0"),
             "t.ply:2: format version '2.0' is unknown: only 1.0 exists",
         ),
-        (
-            "two formats",
-            h("format ascii 1.0\nformat ascii 1.0"),
-            "t.ply:3: a second format line",
-        ),
+        ("two formats", h("format ascii 1.0\nformat ascii 1.0"), "t.ply:3: a second format line"),
         (
             "unknown header word",
             h("format ascii 1.0\nelements vertex 3"),
@@ -140,11 +121,7 @@ fn header_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
             h("property float x"),
             "t.ply:2: property 'x' comes before any element",
         ),
-        (
-            "unknown type",
-            h("element vertex 3\nproperty half x"),
-            "t.ply:3: unknown type 'half'",
-        ),
+        ("unknown type", h("element vertex 3\nproperty half x"), "t.ply:3: unknown type 'half'"),
         (
             "incomplete property",
             h("element vertex 3\nproperty list uchar int"),
@@ -181,23 +158,15 @@ fn mesh_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
             h("format ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y"),
             "t.ply: element vertex has no number 'z'",
         ),
-        (
-            "point cloud",
-            h(START),
-            "t.ply: has no faces: it is a point cloud of 3 points",
-        ),
+        ("point cloud", h(START), "t.ply: has no faces: it is a point cloud of 3 points"),
         (
             "zero faces",
-            h(&format!(
-                "{START}element face 0\nproperty list uchar int vertex_indices"
-            )),
+            h(&format!("{START}element face 0\nproperty list uchar int vertex_indices")),
             "t.ply: has no faces: it is a point cloud of 3 points",
         ),
         (
             "faces without corners",
-            h(&format!(
-                "{START}element face 1\nproperty int vertex_indices"
-            )),
+            h(&format!("{START}element face 1\nproperty int vertex_indices")),
             "t.ply: element face has no list of integers 'vertex_indices' or 'vertex_index'",
         ),
         (
@@ -281,11 +250,7 @@ fn data_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
             text(V, "3 0 1 1.5"),
             "t.ply:13: face 0: '1.5' does not fit type int",
         ),
-        (
-            "negative count, text",
-            text(V, "-3 0 1 2"),
-            "t.ply:13: face 0: a list of -3 values",
-        ),
+        ("negative count, text", text(V, "-3 0 1 2"), "t.ply:13: face 0: a list of -3 values"),
         (
             "negative count, binary",
             lie(
@@ -301,11 +266,7 @@ fn data_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         ),
         (
             "index out of range",
-            binary(
-                Ply::new()
-                    .curve(4)
-                    .faces(&[&[0, 1, 2], &[0, 9, -1], &[4, 1, 2]]),
-            ),
+            binary(Ply::new().curve(4).faces(&[&[0, 1, 2], &[0, 9, -1], &[4, 1, 2]])),
             "t.ply: face 1: vertex index 9 is out of range: the file has 4 vertices (0 to 3); indices out of range in all: 3",
         ),
         (
@@ -347,13 +308,11 @@ fn dented(corners: usize) -> Ply {
     };
     let points: Vec<[f64; 3]> = (0..corners).map(point).collect();
     let face = V::L((0..corners).map(|i| i as f64).collect());
-    Ply::new()
-        .element(
-            "vertex",
-            &["double x", "double y", "double z"],
-            numbers(&points),
-        )
-        .element("face", &["list int int vertex_index"], vec![vec![face]])
+    Ply::new().element("vertex", &["double x", "double y", "double z"], numbers(&points)).element(
+        "face",
+        &["list int int vertex_index"],
+        vec![vec![face]],
+    )
 }
 
 #[test]
@@ -367,26 +326,18 @@ fn every_bad_file_has_its_message() {
 #[test]
 fn the_table_in_the_docs_is_what_happens() {
     let table = include_str!("../docs/bad-input-ply.md");
-    let rows = cases()
-        .into_iter()
-        .map(|(what, _, message)| (what, message))
-        .chain(path_cases());
+    let rows = cases().into_iter().map(|(what, _, message)| (what, message)).chain(path_cases());
     let rows: Vec<String> = rows
         .map(|(what, message)| format!("| {what} | `{}` | 2 |", message.replace('`', "'")))
         .collect();
-    let found: Vec<&str> = table
-        .lines()
-        .filter(|l| l.starts_with("| ") && l.ends_with(" 2 |"))
-        .collect();
+    let found: Vec<&str> =
+        table.lines().filter(|l| l.starts_with("| ") && l.ends_with(" 2 |")).collect();
     assert_eq!(found, rows, "expected:\n{}", rows.join("\n"));
 }
 
 fn path_cases() -> [(&'static str, &'static str); 4] {
     [
-        (
-            "missing file",
-            "t.ply: cannot read: No such file or directory (os error 2)",
-        ),
+        ("missing file", "t.ply: cannot read: No such file or directory (os error 2)"),
         ("folder", "t.ply: is a folder, not a PLY file"),
         ("empty file", "t.ply: is empty (0 bytes)"),
         ("device", "/dev/null: is a device, not a PLY file"),
@@ -434,27 +385,16 @@ fn both_kinds_of_bad_vertex_are_told_at_once_with_the_way_out() {
         .faces(&[&[0, 1, 2], &[0, 2, 7]]);
     let said = refused(&binary(ply));
     assert_eq!(said.lines().count(), 3, "{said}");
-    assert!(
-        said.ends_with("help: --repair drops the 2 triangles that use them"),
-        "{said}"
-    );
+    assert!(said.ends_with("help: --repair drops the 2 triangles that use them"), "{said}");
 }
 
 /// Small files whose every byte matters.
 fn samples() -> Vec<Ply> {
     let vertex = |x: f64, y: f64| vec![V::N(x), V::N(y), V::N(3.0), V::N(1.0)];
     let properties = ["float x", "float y", "float z", "uchar red"];
-    let vertices = vec![
-        vertex(0., 0.),
-        vertex(1., 0.),
-        vertex(0., 1.),
-        vertex(1., 1.),
-    ];
-    let start = || {
-        Ply::new()
-            .comment(b"comment c")
-            .element("vertex", &properties, vertices.clone())
-    };
+    let vertices = vec![vertex(0., 0.), vertex(1., 0.), vertex(0., 1.), vertex(1., 1.)];
+    let start =
+        || Ply::new().comment(b"comment c").element("vertex", &properties, vertices.clone());
     vec![
         start().faces(&[&[0, 1, 2], &[1, 2, 3]]),
         start().faces(&[&[0, 1, 2, 3], &[1, 2, 3], &[]]),
@@ -469,11 +409,7 @@ fn samples() -> Vec<Ply> {
                 &["list uchar int vertex_index", "list uchar float texcoord"],
                 vec![vec![V::L(vec![0., 1., 2.]), V::L(vec![0.; 6])]],
             )
-            .element(
-                "edge",
-                &["int a", "uchar b"],
-                numbers(&[[1., 2.], [3., 4.]]),
-            ),
+            .element("edge", &["int a", "uchar b"], numbers(&[[1., 2.], [3., 4.]])),
     ]
 }
 
@@ -506,14 +442,8 @@ fn summaries() {
             std::fs::write(&path, &bytes).unwrap();
             let summary = inspect_ply(&path).unwrap();
             let mesh = read(&bytes).unwrap();
-            assert_eq!(
-                (summary.vertices, summary.file_bytes),
-                (4, bytes.len() as u64)
-            );
-            assert_eq!(
-                (&summary.used, &summary.ignored),
-                (&mesh.notes.used, &mesh.notes.ignored)
-            );
+            assert_eq!((summary.vertices, summary.file_bytes), (4, bytes.len() as u64));
+            assert_eq!((&summary.used, &summary.ignored), (&mesh.notes.used, &mesh.notes.ignored));
             assert_eq!(summary.uvs, (index == 3).then_some("corner"));
             if summary.triangles_are == TriangleCount::Exact {
                 assert_eq!(summary.triangles, mesh.triangles.len() as u64);

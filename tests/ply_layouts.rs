@@ -12,18 +12,8 @@ fn triangles() {
     assert_eq!(points(&mesh)[3], [3.0, 9.0, 0.5]);
     assert!(matches!(mesh.positions, Positions::F32(_)));
     assert!(mesh.normals.is_none() && mesh.uvs.is_none() && mesh.colors.is_none());
-    assert_eq!(
-        (
-            mesh.notes.faces,
-            mesh.notes.polygons_split,
-            mesh.notes.trailing_bytes
-        ),
-        (2, 0, 0)
-    );
-    assert_eq!(
-        mesh.notes.used,
-        ["vertex.x", "vertex.y", "vertex.z", "face.vertex_indices"]
-    );
+    assert_eq!((mesh.notes.faces, mesh.notes.polygons_split, mesh.notes.trailing_bytes), (2, 0, 0));
+    assert_eq!(mesh.notes.used, ["vertex.x", "vertex.y", "vertex.z", "face.vertex_indices"]);
     assert!(mesh.notes.ignored.is_empty());
 }
 
@@ -40,14 +30,9 @@ fn every_count_and_index_type_and_alias() {
                 ("vertex_index", vec![&[0, 1, 2][..], &[0, 1, 2, 3]]),
             ] {
                 let property = format!("list {count} {item} {name}");
-                let ply = Ply::new()
-                    .curve(4)
-                    .element("face", &[&property], lists(&faces));
+                let ply = Ply::new().curve(4).element("face", &[&property], lists(&faces));
                 let mesh = read_all(&ply);
-                assert_eq!(
-                    mesh.triangles.len(),
-                    faces.iter().map(|f| f.len() - 2).sum::<usize>()
-                );
+                assert_eq!(mesh.triangles.len(), faces.iter().map(|f| f.len() - 2).sum::<usize>());
             }
         }
     }
@@ -72,22 +57,10 @@ fn coordinates_of_every_type_in_any_order() {
             "int id",
             &format!("{kind} y"),
         ];
-        let rows = numbers(&[
-            [3., 1., 1., 7., 2.],
-            [6., 1., 4., 7., 5.],
-            [9., 1., 7., 7., 100.],
-        ]);
-        let mesh = read_all(
-            &Ply::new()
-                .element("vertex", &properties, rows)
-                .faces(&[&[0, 1, 2]]),
-        );
+        let rows = numbers(&[[3., 1., 1., 7., 2.], [6., 1., 4., 7., 5.], [9., 1., 7., 7., 100.]]);
+        let mesh = read_all(&Ply::new().element("vertex", &properties, rows).faces(&[&[0, 1, 2]]));
         assert_eq!(points(&mesh), [[1., 2., 3.], [4., 5., 6.], [7., 100., 9.]]);
-        assert_eq!(
-            matches!(mesh.positions, Positions::F64(_)),
-            double,
-            "{kind}"
-        );
+        assert_eq!(matches!(mesh.positions, Positions::F64(_)), double, "{kind}");
         assert_eq!(mesh.notes.ignored, ["vertex.flag", "vertex.id"]);
     }
 }
@@ -100,21 +73,13 @@ fn doubles_keep_their_millimetres() {
         [4_500_000.0, 500_001.7, 120.1],
     ];
     let xyz = ["double x", "double y", "double z"];
-    let mesh = read_all(
-        &Ply::new()
-            .element("vertex", &xyz, numbers(&rows))
-            .faces(&[&[0, 1, 2]]),
-    );
+    let mesh = read_all(&Ply::new().element("vertex", &xyz, numbers(&rows)).faces(&[&[0, 1, 2]]));
     assert_eq!(points(&mesh), rows);
     // One double is enough.
     let mixed = ["float x", "double y", "float z"];
     let mesh = read_all(
         &Ply::new()
-            .element(
-                "vertex",
-                &mixed,
-                numbers(&[[1., 0.1, 0.], [2., 0.2, 0.], [1., 0.3, 0.]]),
-            )
+            .element("vertex", &mixed, numbers(&[[1., 0.1, 0.], [2., 0.2, 0.], [1., 0.3, 0.]]))
             .faces(&[&[0, 1, 2]]),
     );
     assert_eq!(points(&mesh)[0], [1.0, 0.1, 0.0]);
@@ -122,39 +87,17 @@ fn doubles_keep_their_millimetres() {
 
 #[test]
 fn polygons_are_split() {
-    let l_shape = [
-        [0., 0., 0.],
-        [2., 0., 0.],
-        [2., 1., 0.],
-        [1., 1., 0.],
-        [1., 2., 0.],
-        [0., 2., 0.],
-    ];
+    let l_shape =
+        [[0., 0., 0.], [2., 0., 0.], [2., 1., 0.], [1., 1., 0.], [1., 2., 0.], [0., 2., 0.]];
     let xyz = ["float x", "float y", "float z"];
-    let ply = |faces: &[&[i64]]| {
-        Ply::new()
-            .element("vertex", &xyz, numbers(&l_shape))
-            .faces(faces)
-    };
+    let ply = |faces: &[&[i64]]| Ply::new().element("vertex", &xyz, numbers(&l_shape)).faces(faces);
     // Quads alone, then mixed with a convex pentagon, a concave hexagon, and faces without area.
     let quads = read_all(&ply(&[&[0, 1, 2, 3], &[3, 2, 1, 0]]));
-    assert_eq!(
-        quads.triangles,
-        [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]
-    );
+    assert_eq!(quads.triangles, [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]);
     assert_eq!(quads.notes.polygons_split, 2);
-    let mixed = read_all(&ply(&[
-        &[0, 1, 2],
-        &[0, 1, 2, 4, 5],
-        &[0, 1, 2, 3, 4, 5],
-        &[],
-        &[1],
-        &[2, 99],
-    ]));
-    assert_eq!(
-        mixed.triangles[..4],
-        [[0, 1, 2], [0, 1, 2], [0, 2, 4], [0, 4, 5]]
-    );
+    let mixed =
+        read_all(&ply(&[&[0, 1, 2], &[0, 1, 2, 4, 5], &[0, 1, 2, 3, 4, 5], &[], &[1], &[2, 99]]));
+    assert_eq!(mixed.triangles[..4], [[0, 1, 2], [0, 1, 2], [0, 2, 4], [0, 4, 5]]);
     let area = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| l_shape[i as usize]);
         ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2.0
@@ -162,68 +105,36 @@ fn polygons_are_split() {
     assert!(mixed.triangles[4..].iter().all(|t| area(t) > 0.0));
     assert_eq!(mixed.triangles[4..].iter().map(area).sum::<f64>(), 3.0);
     let notes = &mixed.notes;
-    assert_eq!(
-        (notes.faces, notes.polygons_split, notes.faces_too_small),
-        (6, 2, 3)
-    );
+    assert_eq!((notes.faces, notes.polygons_split, notes.faces_too_small), (6, 2, 3));
 }
 
 #[test]
 fn triangles_without_area_are_dropped_and_counted() {
-    let rows = [
-        [0., 0., 0.],
-        [1., 0., 0.],
-        [2., 0., 0.],
-        [0., 1., 0.],
-        [0., 0., 0.],
-    ];
+    let rows = [[0., 0., 0.], [1., 0., 0.], [2., 0., 0.], [0., 1., 0.], [0., 0., 0.]];
     let xyz = ["float x", "float y", "float z"];
     let vertices = || Ply::new().element("vertex", &xyz, numbers(&rows));
     for extra in [&[0i64, 1, 3, 3][..], &[0, 1, 3]] {
         let faces = [&[0, 1, 2][..], &[0, 1, 3], &[0, 4, 3], &[1, 1, 3], extra];
         let mesh = read_all(&vertices().faces(&faces));
         assert_eq!(mesh.triangles, [[0, 1, 3], [0, 1, 3]]);
-        assert_eq!(
-            mesh.notes.degenerate_dropped,
-            3 + u64::from(extra.len() == 4)
-        );
+        assert_eq!(mesh.notes.degenerate_dropped, 3 + u64::from(extra.len() == 4));
     }
     // Tiny is not degenerate.
     let tiny = [[0., 0., 0.], [1e-30, 0., 0.], [0., 1e-30, 0.]];
-    let mesh = read_all(
-        &Ply::new()
-            .element("vertex", &xyz, numbers(&tiny))
-            .faces(&[&[0, 1, 2]]),
-    );
+    let mesh = read_all(&Ply::new().element("vertex", &xyz, numbers(&tiny)).faces(&[&[0, 1, 2]]));
     assert_eq!(mesh.triangles.len(), 1);
 }
 
 #[test]
 fn texture_coordinates_under_all_names() {
-    for [u, v] in [
-        ["s", "t"],
-        ["u", "v"],
-        ["texture_u", "texture_v"],
-        ["texture_s", "texture_t"],
-    ] {
+    for [u, v] in [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]] {
         for kind in ["float", "double"] {
-            let properties = [
-                "float x",
-                "float y",
-                "float z",
-                &format!("{kind} {v}"),
-                &format!("{kind} {u}"),
-            ];
-            let rows = numbers(&[
-                [0., 0., 0., 0.25, 0.5],
-                [1., 0., 0., 0., 1.],
-                [0., 1., 0., 1., 0.],
-            ]);
-            let mesh = read_all(
-                &Ply::new()
-                    .element("vertex", &properties, rows)
-                    .faces(&[&[0, 1, 2]]),
-            );
+            let properties =
+                ["float x", "float y", "float z", &format!("{kind} {v}"), &format!("{kind} {u}")];
+            let rows =
+                numbers(&[[0., 0., 0., 0.25, 0.5], [1., 0., 0., 0., 1.], [0., 1., 0., 1., 0.]]);
+            let mesh =
+                read_all(&Ply::new().element("vertex", &properties, rows).faces(&[&[0, 1, 2]]));
             match mesh.uvs {
                 Some(Uvs::PerVertex(uvs)) => assert_eq!(uvs, [[0.5, 0.25], [1., 0.], [0., 1.]]),
                 other => panic!("{other:?}"),
@@ -249,37 +160,24 @@ fn texture_coordinates_per_face() {
         "int texnumber",
     ];
     let quad = face(&[0, 1, 2, 3], &[0., 0., 0.5, 0., 0.5, 0.5, 0., 0.5]);
-    let ply = Ply::new()
-        .comment(b"comment TextureFile  my texture.png ")
-        .curve(4)
-        .element(
-            "face",
-            &properties,
-            vec![
-                quad.clone(),
-                face(&[1, 1, 2], &[1.; 6]),
-                face(&[1, 2, 3], &[]),
-            ],
-        );
+    let ply = Ply::new().comment(b"comment TextureFile  my texture.png ").curve(4).element(
+        "face",
+        &properties,
+        vec![quad.clone(), face(&[1, 1, 2], &[1.; 6]), face(&[1, 2, 3], &[])],
+    );
     let mesh = read_all(&ply);
     assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [1, 2, 3]]);
     match mesh.uvs {
         Some(Uvs::PerCorner(uvs)) => assert_eq!(
             uvs,
-            [
-                [[0., 0.], [0.5, 0.], [0.5, 0.5]],
-                [[0., 0.], [0.5, 0.5], [0., 0.5]],
-                [[0.; 2]; 3]
-            ]
+            [[[0., 0.], [0.5, 0.], [0.5, 0.5]], [[0., 0.], [0.5, 0.5], [0., 0.5]], [[0.; 2]; 3]]
         ),
         other => panic!("{other:?}"),
     }
     assert_eq!(mesh.texture_file.as_deref(), Some("my texture.png"));
     assert_eq!(mesh.notes.ignored, ["face.flags", "face.texnumber"]);
     // Only empty lists: as if there were none.
-    let bare = Ply::new()
-        .curve(4)
-        .element("face", &properties, vec![face(&[1, 2, 3], &[])]);
+    let bare = Ply::new().curve(4).element("face", &properties, vec![face(&[1, 2, 3], &[])]);
     assert!(read_all(&bare).uvs.is_none());
 }
 
@@ -291,19 +189,14 @@ fn normals_and_colours() {
         (["diffuse_red", "diffuse_green", "diffuse_blue"], "float"),
         (["red", "green", "blue"], "double"),
     ] {
-        let mut properties: Vec<String> = ["x", "y", "z", "nx", "ny", "nz"]
-            .map(|n| format!("float {n}"))
-            .into();
+        let mut properties: Vec<String> =
+            ["x", "y", "z", "nx", "ny", "nz"].map(|n| format!("float {n}")).into();
         properties.extend(names.map(|n| format!("{kind} {n}")));
         properties.push("uchar alpha".into());
         let properties: Vec<&str> = properties.iter().map(String::as_str).collect();
         let row = |x: f64, y: f64| [x, y, 0., 0., 0.5, 2., 1., 2., 200., 255.];
         let rows = numbers(&[row(0., 0.), row(1., 0.), row(0., 1.)]);
-        let mesh = read_all(
-            &Ply::new()
-                .element("vertex", &properties, rows)
-                .faces(&[&[0, 1, 2]]),
-        );
+        let mesh = read_all(&Ply::new().element("vertex", &properties, rows).faces(&[&[0, 1, 2]]));
         assert_eq!(mesh.normals.unwrap(), [[0., 0.5, 2.]; 3]);
         match (kind, mesh.colors.unwrap()) {
             ("uchar", Colors::U8(c)) => assert_eq!(c, [[1, 2, 200]; 3]),
@@ -317,14 +210,8 @@ fn normals_and_colours() {
 
 #[test]
 fn strips() {
-    let strips = lists(&[
-        &[0, 1, 2, 3, -1, 4, 5, 6, 6, 7, -1, -1, 1, 2],
-        &[],
-        &[7, 6, 5],
-    ]);
-    let ply = Ply::new()
-        .curve(8)
-        .element("tristrips", &["list int int vertex_indices"], strips);
+    let strips = lists(&[&[0, 1, 2, 3, -1, 4, 5, 6, 6, 7, -1, -1, 1, 2], &[], &[7, 6, 5]]);
+    let ply = Ply::new().curve(8).element("tristrips", &["list int int vertex_indices"], strips);
     let mesh = read_all(&ply);
     assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 3], [4, 5, 6], [7, 6, 5]]);
     assert_eq!((mesh.notes.faces, mesh.notes.degenerate_dropped), (6, 2));
@@ -339,16 +226,9 @@ fn strips() {
 
 #[test]
 fn other_elements_orders_and_properties() {
-    let edges = vec![
-        vec![V::N(1.0), V::L(vec![0.5, 2.0])],
-        vec![V::N(2.0), V::L(vec![])],
-    ];
+    let edges = vec![vec![V::N(1.0), V::L(vec![0.5, 2.0])], vec![V::N(2.0), V::L(vec![])]];
     let face = |value: f64, corners: &[f64]| {
-        vec![
-            V::N(value),
-            V::L(corners.to_vec()),
-            V::L(vec![9.0; value as usize]),
-        ]
+        vec![V::N(value), V::L(corners.to_vec()), V::L(vec![9.0; value as usize])]
     };
     let vertex = |x: f64, list: &[f64]| vec![V::L(list.to_vec()), V::N(x), V::N(x * x), V::N(0.0)];
     let ply = Ply::new()
@@ -356,11 +236,7 @@ fn other_elements_orders_and_properties() {
         .element("nothing", &[], vec![])
         .element(
             "face",
-            &[
-                "double quality",
-                "list uchar uint vertex_indices",
-                "list char short tags",
-            ],
+            &["double quality", "list uchar uint vertex_indices", "list char short tags"],
             vec![face(2.0, &[0., 1., 2.]), face(0.0, &[2., 1., 0.])],
         )
         .element(
@@ -368,24 +244,13 @@ fn other_elements_orders_and_properties() {
             &["list uint uchar junk", "float x", "float y", "float z"],
             vec![vertex(1., &[]), vertex(2., &[1., 2.]), vertex(3., &[3.])],
         )
-        .element(
-            "tail",
-            &["list int8 float64 b"],
-            vec![vec![V::L(vec![1.0; 3])]],
-        );
+        .element("tail", &["list int8 float64 b"], vec![vec![V::L(vec![1.0; 3])]]);
     let mesh = read_all(&ply);
     assert_eq!(points(&mesh)[2], [3.0, 9.0, 0.0]);
     assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 0]]);
     assert_eq!(
         mesh.notes.ignored,
-        [
-            "edge.a",
-            "edge.b",
-            "face.quality",
-            "face.tags",
-            "vertex.junk",
-            "tail.b"
-        ]
+        ["edge.a", "edge.b", "face.quality", "face.tags", "vertex.junk", "tail.b"]
     );
 }
 
@@ -405,11 +270,7 @@ fn headers_as_they_come() {
         assert_eq!(mesh.texture_file.as_deref(), Some("a.png"));
         // CRLF, in the data of a text file too.
         let bytes = fancy.write(encoding);
-        let end = bytes
-            .windows(11)
-            .position(|w| w == b"end_header\n")
-            .unwrap()
-            + 11;
+        let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
         let (head, data) = bytes.split_at(end);
         let crlf = |bytes: &[u8]| {
             bytes
@@ -418,16 +279,9 @@ fn headers_as_they_come() {
                 .collect::<Vec<u8>>()
         };
         let mut both = crlf(head);
-        both.extend(if encoding == Encoding::Ascii {
-            crlf(data)
-        } else {
-            data.to_vec()
-        });
+        both.extend(if encoding == Encoding::Ascii { crlf(data) } else { data.to_vec() });
         let crlf = read(&both).unwrap();
-        assert_eq!(
-            (crlf.triangles, crlf.texture_file),
-            (mesh.triangles, mesh.texture_file)
-        );
+        assert_eq!((crlf.triangles, crlf.texture_file), (mesh.triangles, mesh.texture_file));
         // Bytes that no element declares.
         let mut long = bytes.clone();
         long.extend(b"4 5 6\n");
@@ -440,20 +294,16 @@ fn text_as_it_comes() {
     let head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty double y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
     let body = "\n  1e0 -2.50E+1\t.5 \r\n\n+1 1.e-3 0.1000000000000000000000001\n0 123456789012345678901 -0\n\n \t\n3 0 1 2   ";
     let mesh = read(format!("{head}{body}").as_bytes()).unwrap();
-    let expected = [
-        [1.0, -25.0, 0.5],
-        [1.0, 0.001, 0.1f32 as f64],
-        [0.0, 123456789012345678901.0, -0.0],
-    ];
+    let expected =
+        [[1.0, -25.0, 0.5], [1.0, 0.001, 0.1f32 as f64], [0.0, 123456789012345678901.0, -0.0]];
     assert_eq!(points(&mesh), expected);
     assert_eq!(mesh.triangles, [[0, 1, 2]]);
 }
 
 #[test]
 fn many_rows_in_many_blocks() {
-    let rows: Vec<[f64; 3]> = (0..60_000)
-        .map(|i| [(i % 300) as f64, (i / 300) as f64, (i % 7) as f64 / 3.0])
-        .collect();
+    let rows: Vec<[f64; 3]> =
+        (0..60_000).map(|i| [(i % 300) as f64, (i / 300) as f64, (i % 7) as f64 / 3.0]).collect();
     let quads: Vec<Vec<i64>> = (0..59_699)
         .filter(|i| i % 300 != 299)
         .map(|i| match i % 5 {
@@ -462,16 +312,8 @@ fn many_rows_in_many_blocks() {
             _ => vec![i, i + 1, i + 301, i + 300],
         })
         .collect();
-    let triangles: Vec<Vec<i64>> = quads
-        .iter()
-        .map(|q| {
-            if q.len() < 3 {
-                vec![0, 0, 0]
-            } else {
-                q[..3].to_vec()
-            }
-        })
-        .collect();
+    let triangles: Vec<Vec<i64>> =
+        quads.iter().map(|q| if q.len() < 3 { vec![0, 0, 0] } else { q[..3].to_vec() }).collect();
     for faces in [quads, triangles] {
         let faces: Vec<&[i64]> = faces.iter().map(Vec::as_slice).collect();
         let ply = Ply::new()
@@ -512,26 +354,13 @@ fn repair_drops_what_uses_bad_vertices_and_indices() {
         &[0, 1, 5, 2, 77],
     ];
     for mixed in [true, false] {
-        let faces: Vec<&[i64]> = faces
-            .iter()
-            .filter(|f| mixed || f.len() == 3)
-            .copied()
-            .collect();
-        let ply = Ply::new()
-            .element("vertex", &xyz, numbers(&rows))
-            .faces(&faces);
+        let faces: Vec<&[i64]> = faces.iter().filter(|f| mixed || f.len() == 3).copied().collect();
+        let ply = Ply::new().element("vertex", &xyz, numbers(&rows)).faces(&faces);
         for encoding in ALL {
-            let mesh = read_ply_bytes(
-                &ply.write(encoding),
-                "t.ply",
-                ReadOptions::default().repair(true),
-            )
-            .unwrap();
-            let kept = if mixed {
-                vec![[0, 1, 2], [0, 1, 5]]
-            } else {
-                vec![[0, 1, 2]]
-            };
+            let mesh =
+                read_ply_bytes(&ply.write(encoding), "t.ply", ReadOptions::default().repair(true))
+                    .unwrap();
+            let kept = if mixed { vec![[0, 1, 2], [0, 1, 5]] } else { vec![[0, 1, 2]] };
             assert_eq!(mesh.triangles, kept);
             assert_eq!(mesh.notes.repaired_dropped, if mixed { 11 } else { 4 });
         }
@@ -548,11 +377,7 @@ fn repair_drops_what_uses_bad_vertices_and_indices() {
     // Huge is finite, though the area is not.
     let huge = [[0., 0., 0.], [1e200, 0., 0.], [0., 1e200, 1e200]];
     let ply = Ply::new()
-        .element(
-            "vertex",
-            &["double x", "double y", "double z"],
-            numbers(&huge),
-        )
+        .element("vertex", &["double x", "double y", "double z"], numbers(&huge))
         .faces(&[&[0, 1, 2]]);
     assert_eq!(read_all(&ply).triangles.len(), 1);
 }
@@ -562,11 +387,7 @@ fn from_disk_mapped_and_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
     for encoding in ALL {
-        std::fs::write(
-            &path,
-            Ply::new().curve(4).faces(&[&[0, 1, 2]]).write(encoding),
-        )
-        .unwrap();
+        std::fs::write(&path, Ply::new().curve(4).faces(&[&[0, 1, 2]]).write(encoding)).unwrap();
         let mapped = read_ply(&path, ReadOptions::default()).unwrap();
         let read = read_ply(&path, ReadOptions::default().mmap(false)).unwrap();
         assert_eq!(format!("{mapped:?}"), format!("{read:?}"));
@@ -581,10 +402,8 @@ fn beyond_four_gibibytes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sparse.ply");
     let gap = 5u64 << 30;
-    let whole = Ply::new()
-        .element("gap", &["uchar a"], vec![])
-        .curve(4)
-        .faces(&[&[0, 1, 2], &[1, 2, 3]]);
+    let whole =
+        Ply::new().element("gap", &["uchar a"], vec![]).curve(4).faces(&[&[0, 1, 2], &[1, 2, 3]]);
     let text = whole.write(Encoding::Little);
     let end = text.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let header = String::from_utf8(text[..end].to_vec())
@@ -592,8 +411,7 @@ fn beyond_four_gibibytes() {
         .replace("element gap 0", &format!("element gap {gap}"));
     let file = std::fs::File::create(&path).unwrap();
     file.write_all_at(header.as_bytes(), 0).unwrap();
-    file.write_all_at(&text[end..], header.len() as u64 + gap)
-        .unwrap();
+    file.write_all_at(&text[end..], header.len() as u64 + gap).unwrap();
     let mesh = read_ply(&path, ReadOptions::default()).unwrap();
     assert_eq!(mesh.triangles, [[0, 1, 2], [1, 2, 3]]);
 }

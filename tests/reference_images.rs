@@ -63,17 +63,8 @@ fn brightened(picture: &Picture, factor: f64) -> Picture {
         let factor = if noisy(d) { factor } else { 1.0 };
         [p[0] * factor, p[1] * factor, p[2] * factor, p[3]]
     };
-    let pixels = picture
-        .pixels
-        .iter()
-        .zip(&picture.deviation)
-        .map(brighter)
-        .collect();
-    Picture {
-        pixels,
-        deviation: Vec::new(),
-        ..*picture
-    }
+    let pixels = picture.pixels.iter().zip(&picture.deviation).map(brighter).collect();
+    Picture { pixels, deviation: Vec::new(), ..*picture }
 }
 
 /// The allowance is honest: moving the camera by as much as f32 rounds it (a ten-millionth of the
@@ -94,11 +85,7 @@ fn exact_scenes_are_well_conditioned() {
 /// give the same picture. And the comparison is sharp: one percent more light is noticed.
 #[test]
 fn sampled_scenes_have_converged() {
-    let other = Density {
-        light: 27,
-        pixel: 13,
-        lens: 5,
-    };
+    let other = Density { light: 27, pixel: 13, lens: 5 };
     for name in ["arealights", "lens"] {
         let (_folder, path) = stage(name);
         let scene = Scene::load(&path);

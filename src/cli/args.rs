@@ -91,15 +91,15 @@ pub struct SceneArgs {
     pub size: Option<[u32; 2]>,
 
     /// Camera samples per pixel
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub spp: Option<u32>,
 
     /// Points on every area light, for each shading point
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub light_samples: Option<u32>,
 
     /// Mirror bounces after the primary ray
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub nbounces: Option<u32>,
 
     /// Seed of every random choice
@@ -131,7 +131,7 @@ pub struct SceneArgs {
     pub set: Vec<String>,
 
     /// Render only these pixels, from the top left; X1 and Y1 are excluded
-    #[arg(long, num_args = 4, value_names = ["X0", "Y0", "X1", "Y1"])]
+    #[arg(long, num_args = 4, allow_negative_numbers = true, value_names = ["X0", "Y0", "X1", "Y1"])]
     pub crop: Option<Vec<u32>>,
 }
 
@@ -161,7 +161,7 @@ pub struct MeshArgs {
 #[command(next_help_heading = "Machine")]
 pub struct MachineArgs {
     /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
     /// Embree's fast mode: a little faster, may miss hits on shared edges

@@ -1,8 +1,8 @@
 //! `lightpath render scan.ply`: a mesh alone becomes a scene.
 //!
 //! A template (the built-in studio, or any scene with a trimesh) says how it looks. Its first
-//! trimesh becomes the file; the mesh stands on the template's `center`, its lowest vertex a hair
-//! above it; the camera keeps its direction and moves to where it sees every vertex. All of it is
+//! trimesh becomes the file; the mesh stands on the plane named `ground` (without one: at the height
+//! of the trimesh's `center`), its lowest vertex a hair above it; the camera keeps its direction and moves to where it sees every vertex. All of it is
 //! overrides of the template, so the result is an ordinary scene that `--write-scene` can save.
 
 use std::path::Path;
@@ -144,17 +144,20 @@ fn place(
     let [low, high] = meshes::bounds(turned()).ok_or_else(empty)?;
     let camera = &loaded.scene.camera;
     let vertical = main_axis(camera.up);
-    let mut foot = (low + high) / 2.0;
     let up = camera.up[vertical].signum();
-    foot[vertical] = if up > 0.0 { low } else { high }[vertical];
-    foot[vertical] -= up * HAIR * (high - low).max_element();
-    let center = spec.center - foot;
+    let lowest = if up > 0.0 { low } else { high }[vertical];
+    let mut center = spec.center;
+    if spec.fit.is_none() {
+        center -= (low + high) / 2.0;
+    }
+    let hair = up * HAIR * (high - low).max_element();
+    center[vertical] = ground(loaded, vertical).unwrap_or(spec.center[vertical]) + hair - lowest;
     let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
     let placed = turned().map(|p| p + center);
     let position =
         frame(placed, camera.lookat, camera.up, fov, aspect, MARGIN).ok_or_else(empty)?;
     ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));
-    point(camera, loaded, position, spec.center + (high - low) / 2.0 * DVec3::AXES[vertical], ours);
+    point(camera, loaded, position, center + (low + high) / 2.0, ours);
     Ok(())
 }
 
@@ -170,6 +173,16 @@ fn point(camera: &Camera, loaded: &Loaded, position: DVec3, middle: DVec3, ours:
         let distance = (middle - position).dot(z);
         ours.flag("FILE.ply", "/camera/focaldistance", Some(distance));
     }
+}
+
+/// Height of the template's plane named `ground`.
+fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
+    let named = loaded.scene.shapes.iter();
+    let mut planes = named.filter(|shape| shape.name.as_deref() == Some("ground"));
+    planes.find_map(|shape| match &shape.kind {
+        ShapeKind::Plane { corners } => Some(corners[0][vertical]),
+        _ => None,
+    })
 }
 
 fn trimesh<'a>(loaded: &'a Loaded, shape: &str) -> Option<&'a Trimesh> {

@@ -29,9 +29,7 @@ pub fn numbers<const N: usize>(rows: &[[f64; N]]) -> Rows {
 
 /// Rows of one list each.
 pub fn lists(rows: &[&[i64]]) -> Rows {
-    rows.iter()
-        .map(|row| vec![V::L(row.iter().map(|i| *i as f64).collect())])
-        .collect()
+    rows.iter().map(|row| vec![V::L(row.iter().map(|i| *i as f64).collect())]).collect()
 }
 
 /// A file of elements: name, properties as in the header (`float x`), rows.
@@ -59,9 +57,7 @@ impl Ply {
 
     /// Float x y z and this many vertices on a curve (no three on a line).
     pub fn curve(self, count: usize) -> Self {
-        let rows: Vec<[f64; 3]> = (0..count)
-            .map(|i| [i as f64, (i * i) as f64, 0.5])
-            .collect();
+        let rows: Vec<[f64; 3]> = (0..count).map(|i| [i as f64, (i * i) as f64, 0.5]).collect();
         self.element("vertex", &["float x", "float y", "float z"], numbers(&rows))
     }
 
@@ -104,9 +100,7 @@ fn write_row(out: &mut Vec<u8>, properties: &[String], row: &[V], encoding: Enco
             V::N(number) => put(out, words[0], *number, encoding),
             V::L(items) => {
                 put(out, words[1], items.len() as f64, encoding);
-                items
-                    .iter()
-                    .for_each(|item| put(out, words[2], *item, encoding));
+                items.iter().for_each(|item| put(out, words[2], *item, encoding));
             }
         }
     }

@@ -60,11 +60,7 @@ pub fn judge_sampled(actual: &Picture, expected: &Picture) -> Result<(), String>
             check_block(actual, expected, left, top, &mut report);
         }
     }
-    if report.is_empty() {
-        Ok(())
-    } else {
-        Err(report)
-    }
+    if report.is_empty() { Ok(()) } else { Err(report) }
 }
 
 fn sampled_tolerance(expected: &Picture) -> impl Fn(usize, usize) -> f64 {
@@ -78,18 +74,12 @@ fn sampled_tolerance(expected: &Picture) -> impl Fn(usize, usize) -> f64 {
 fn check_block(a: &Picture, e: &Picture, left: usize, top: usize, report: &mut String) {
     let columns = left..(left + BLOCK).min(e.width);
     let rows = top..(top + BLOCK).min(e.height);
-    let inside: Vec<usize> = rows
-        .flat_map(|j| columns.clone().map(move |i| j * e.width + i))
-        .collect();
+    let inside: Vec<usize> =
+        rows.flat_map(|j| columns.clone().map(move |i| j * e.width + i)).collect();
     let n = inside.len() as f64;
     for c in 0..4 {
         let mean = |p: &Picture| inside.iter().map(|k| p.pixels[*k][c]).sum::<f64>() / n;
-        let noise = inside
-            .iter()
-            .map(|k| e.deviation[*k][c].powi(2))
-            .sum::<f64>()
-            .sqrt()
-            / n;
+        let noise = inside.iter().map(|k| e.deviation[*k][c].powi(2)).sum::<f64>().sqrt() / n;
         let (actual, expected) = (mean(a), mean(e));
         let tolerance = SIGMAS * noise + RELATIVE * expected.abs().max(FLOOR);
         // A NaN must fail, so the comparison asks for what is right.
@@ -113,11 +103,7 @@ fn judge_pixels(a: &Picture, e: &Picture, tolerance: Tolerance) -> Result<(), St
         .filter(|(excess, _)| *excess > 1.0)
         .collect();
     let allowed = (ALLOWED * e.pixels.len() as f64) as usize;
-    println!(
-        "{} of {} pixels differ, {allowed} may",
-        wrong.len(),
-        e.pixels.len()
-    );
+    println!("{} of {} pixels differ, {allowed} may", wrong.len(), e.pixels.len());
     if wrong.len() <= allowed {
         return Ok(());
     }
@@ -126,11 +112,8 @@ fn judge_pixels(a: &Picture, e: &Picture, tolerance: Tolerance) -> Result<(), St
     for (excess, k) in wrong.iter().take(10) {
         let (i, j) = (k % e.width, k / e.width);
         let (x, r) = (a.pixels[*k], e.pixels[*k]);
-        writeln!(
-            report,
-            "  ({i}, {j}): {x:.5?}, expected {r:.5?}: {excess:.1} tolerances"
-        )
-        .unwrap();
+        writeln!(report, "  ({i}, {j}): {x:.5?}, expected {r:.5?}: {excess:.1} tolerances")
+            .unwrap();
     }
     Err(report)
 }
@@ -163,18 +146,10 @@ fn write_pictures(name: &str, a: &Picture, e: &Picture, tolerance: Tolerance) ->
 pub fn write_png(path: &Path, picture: &Picture) {
     let to_srgb = |x: f64| {
         let x = x.clamp(0.0, 1.0);
-        let y = if x <= 0.003_130_8 {
-            12.92 * x
-        } else {
-            1.055 * x.powf(1.0 / 2.4) - 0.055
-        };
+        let y = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
         (255.0 * y).round() as u8
     };
-    let bytes = picture
-        .pixels
-        .iter()
-        .flat_map(|p| [p[0], p[1], p[2]].map(to_srgb))
-        .collect();
+    let bytes = picture.pixels.iter().flat_map(|p| [p[0], p[1], p[2]].map(to_srgb)).collect();
     image::RgbImage::from_raw(picture.width as u32, picture.height as u32, bytes)
         .expect("as many pixels as that")
         .save(path)

@@ -49,10 +49,7 @@ pub struct ReadOptions {
 
 impl Default for ReadOptions {
     fn default() -> Self {
-        Self {
-            repair: false,
-            mmap: true,
-        }
+        Self { repair: false, mmap: true }
     }
 }
 
@@ -82,22 +79,14 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
     let plan = plan::plan(&header, name)?;
     let data = &bytes[header.data_start..];
     let (spans, trailing_bytes) = layout::locate(data, &header, name)?;
-    let file = Body {
-        header: &header,
-        data,
-        spans: &spans,
-        name,
-    };
+    let file = Body { header: &header, data, spans: &spans, name };
     file.check_unread(&plan)?;
     let vertices = vertex::read(&file.table(plan.vertex.element), &plan.vertex)?;
     let (faces, tally) = match &vertices.positions {
         Positions::F32(positions) => faces(&file, &plan, positions, options)?,
         Positions::F64(positions) => faces(&file, &plan, positions, options)?,
     };
-    let uvs = faces
-        .uvs
-        .map(Uvs::PerCorner)
-        .or(vertices.uvs.map(Uvs::PerVertex));
+    let uvs = faces.uvs.map(Uvs::PerCorner).or(vertices.uvs.map(Uvs::PerVertex));
     let mut notes = Notes {
         format: header.format.name(),
         trailing_bytes,

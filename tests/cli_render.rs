@@ -1,0 +1,248 @@
+//! Whole renders through the program: files, flags, statistics, signals. Skipped with a note where
+//! no backend runs (a build without Embree and without the others).
+
+mod program;
+
+use std::io::Cursor;
+
+use program::{Done, Scratch};
+
+const SCENE: &str = r#"{
+  "spp": 2,
+  "camera": { "type": "pinhole", "width": 20, "height": 12, "fov": 40,
+              "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+  "scene": {
+    "backgroundcolor": [0.1, 0.2, 0.3],
+    "lightsources": [
+      { "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3] },
+      { "type": "arealight", "v0": [-1, 4, 0], "v1": [1, 4, 0], "v2": [1, 4, 2],
+        "id": [2, 2, 2], "samples": 4 }],
+    "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }]
+  }
+}"#;
+
+/// Runs a render; `None` where no backend is built in or installed.
+fn render(scratch: &Scratch, args: &[&str]) -> Option<Done> {
+    let done = scratch.run(&[&["render"], args].concat());
+    let stderr = done.stderr();
+    let unavailable = ["no `Embree` backend", "libembree", "make setup"];
+    if done.code() != 0 && unavailable.iter().any(|text| stderr.contains(text)) {
+        eprintln!("skipped: {stderr}");
+        return None;
+    }
+    assert_eq!(done.code(), 0, "{args:?}: {stderr}");
+    Some(done)
+}
+
+fn size_of_png(bytes: &[u8]) -> (u32, u32) {
+    let reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
+    (reader.info().width, reader.info().height)
+}
+
+#[test]
+fn files_paths_summary_statistics() {
+    let scratch = Scratch::new();
+    scratch.write("in/s.json", SCENE);
+    let args = ["in/s.json", "--stats", "st.json", "--threads", "2"];
+    let Some(done) = render(&scratch, &args) else {
+        return;
+    };
+    assert_eq!(done.stdout(), "s.exr\ns.png\nst.json\n");
+    for expected in ["load ", "build ", "render ", "write ", "Mray/s", "peak memory"] {
+        assert!(done.stderr().contains(expected), "{}", done.stderr());
+    }
+    assert_eq!(scratch.names(), ["in", "s.exr", "s.png", "st.json"]);
+    assert_eq!(size_of_png(&scratch.read("s.png")), (20, 12));
+    let stats: serde_json::Value = serde_json::from_slice(&scratch.read("st.json")).unwrap();
+    let keys: Vec<&str> = stats.as_object().unwrap().keys().map(String::as_str).collect();
+    let expected = [
+        "seconds",
+        "rays",
+        "memory",
+        "triangles",
+        "backend",
+        "threads",
+        "versions",
+        "cpu",
+        "isa",
+        "scene_hash",
+        "seed",
+    ];
+    assert_eq!(keys, expected);
+    assert_eq!(stats["rays"]["primary"], 20 * 12 * 2);
+    assert_eq!(stats["threads"], 2);
+    assert!(stats["memory"]["peak_bytes"].as_u64().unwrap() > 1 << 20);
+    assert!(stats["seconds"]["total"].as_f64().unwrap() > 0.0);
+
+    let done = render(&scratch, &["in/s.json", "--json", "--quiet", "-o", "in/"]).unwrap();
+    assert_eq!(done.stderr(), "");
+    let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+    assert_eq!(value["outputs"], serde_json::json!(["in/s.exr", "in/s.png"]));
+    assert_eq!(value["rays"], stats["rays"]);
+}
+
+#[test]
+fn same_bytes_for_any_threads_and_from_stdin() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let Some(_) = render(&scratch, &["s.json", "-o", "a", "--threads", "1"]) else {
+        return;
+    };
+    render(&scratch, &["s.json", "-o", "b.png", "--threads", "5"]).unwrap();
+    let done = scratch.run_with_stdin(&["render", "-", "-o", "c"], SCENE);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    for name in ["b", "c"] {
+        for end in ["exr", "png"] {
+            let [first, second] = ["a", name].map(|n| scratch.read(&format!("{n}.{end}")));
+            assert!(first == second, "{name}.{end}");
+        }
+    }
+}
+
+#[test]
+fn flags_are_overrides() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let flags = [
+        "s.json",
+        "-o",
+        "a",
+        "--size",
+        "10x8",
+        "--spp",
+        "1",
+        "--nbounces",
+        "0",
+        "--seed",
+        "-3",
+        "--fov",
+        "50",
+        "--exposure",
+        "-1",
+        "--tonemap",
+        "reinhard",
+        "--transparent",
+        "--light-samples",
+        "2",
+        "--write-scene",
+        "saved.json",
+    ];
+    let Some(_) = render(&scratch, &flags) else {
+        return;
+    };
+    let sets = [
+        "s.json",
+        "-o",
+        "b",
+        "--set",
+        "/camera/width=10",
+        "--set",
+        "/camera/height=8",
+        "--set",
+        "/spp=1",
+        "--set",
+        "/nbounces=0",
+        "--set",
+        "/seed=-3",
+        "--set",
+        "/camera/fov=50",
+        "--set",
+        "/tonemap/exposure=-1",
+        "--set",
+        "/tonemap/operator=reinhard",
+        "--set",
+        "/output/transparent=true",
+        "--set",
+        "/scene/lightsources/1/samples=2",
+    ];
+    render(&scratch, &sets).unwrap();
+    render(&scratch, &["saved.json", "-o", "c"]).unwrap();
+    for name in ["b", "c"] {
+        for end in ["exr", "png"] {
+            let [first, second] = ["a", name].map(|n| scratch.read(&format!("{n}.{end}")));
+            assert!(first == second, "{name}.{end}");
+        }
+    }
+    assert_eq!(size_of_png(&scratch.read("a.png")), (10, 8));
+}
+
+#[test]
+fn a_crop_has_its_size() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let args = ["s.json", "--crop", "3", "2", "9", "12"];
+    let Some(_) = render(&scratch, &args) else {
+        return;
+    };
+    assert_eq!(size_of_png(&scratch.read("s.png")), (6, 10));
+    let info = scratch.run(&["info", "s.exr"]).stdout();
+    assert!(info.contains("frame 20 x 12, data 6 x 10 at 3, 2"), "{info}");
+    assert!(info.contains("lightpath:scene_hash"), "{info}");
+}
+
+#[test]
+fn a_mesh_alone_is_framed_and_its_scene_can_be_saved() {
+    let scratch = Scratch::new();
+    scratch.write("meshes/p.ply", program::PYRAMID);
+    let args = [
+        "meshes/p.ply",
+        "--size",
+        "60x40",
+        "--spp",
+        "1",
+        "--up",
+        "z",
+        "--write-scene",
+        "saved/p.json",
+    ];
+    std::fs::create_dir(scratch.path("saved")).unwrap();
+    let Some(done) = render(&scratch, &args) else {
+        return;
+    };
+    assert_eq!(done.stdout(), "p.exr\np.png\nsaved/p.json\n");
+    let saved: serde_json::Value = serde_json::from_slice(&scratch.read("saved/p.json")).unwrap();
+    assert_eq!(saved["scene"]["shapes"][0]["path"], "../meshes/p.ply");
+    assert_eq!(saved["scene"]["shapes"][0]["rotate"], serde_json::json!([-90, 0, 0]));
+    render(&scratch, &["saved/p.json", "-o", "again"]).unwrap();
+    assert!(scratch.read("p.png") == scratch.read("again.png"));
+    // A saved scene is a template too.
+    let template = ["meshes/p.ply", "--template", "saved/p.json", "-o", "third"];
+    render(&scratch, &template).unwrap();
+    assert!(scratch.read("p.png") == scratch.read("third.png"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_leaves_nothing() {
+    use std::{process::Stdio, time::Duration};
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let args =
+            ["render", "s.json", "--size", "2000x2000", "--spp", "64", "--light-samples", "16"];
+        let mut child = scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap();
+        // The part files are there before the rays.
+        let parts = |names: Vec<String>| names.iter().filter(|n| n.ends_with(".part")).count();
+        for _ in 0..600 {
+            if parts(scratch.names()) == 2 || child.try_wait().unwrap().is_some() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        std::thread::sleep(Duration::from_millis(300));
+        if child.try_wait().unwrap().is_none() {
+            let id = child.id().to_string();
+            let sent = std::process::Command::new("kill").args(["-s", signal, &id]).status();
+            assert!(sent.unwrap().success());
+        }
+        let done = child.wait_with_output().unwrap();
+        let stderr = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(scratch.names(), ["s.json"], "{stderr}");
+        if done.status.code() == Some(2) {
+            eprintln!("skipped: {stderr}");
+            return;
+        }
+        assert_eq!(done.status.code(), Some(code), "{stderr}");
+        assert!(stderr.contains("stopped by a signal"), "{stderr}");
+    }
+}
