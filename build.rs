@@ -38,10 +38,7 @@ fn variable(name: &str) -> String {
 
 /// The first line that a command prints, or `None` when it fails.
 fn first_line(command: &mut Command) -> Option<String> {
-    let output = command
-        .output()
-        .ok()
-        .filter(|output| output.status.success())?;
+    let output = command.output().ok().filter(|output| output.status.success())?;
     let text = String::from_utf8(output.stdout).ok()?;
     Some(text.lines().next().unwrap_or_default().trim().to_owned())
 }
@@ -54,9 +51,7 @@ fn compiler() {
     let version = first_line(Command::new(variable("RUSTC")).arg("--version")).unwrap_or_default();
     let number = version.split_whitespace().nth(1).unwrap_or("unknown");
     println!("cargo::rustc-env=LIGHTPATH_RUSTC_VERSION={number}");
-    let mut parts = number
-        .split(['.', '-'])
-        .map_while(|part| part.parse::<u32>().ok());
+    let mut parts = number.split(['.', '-']).map_while(|part| part.parse::<u32>().ok());
     let release = (parts.next().unwrap_or(0), parts.next().unwrap_or(0));
     if release >= AVX512_SINCE && variable("CARGO_CFG_TARGET_ARCH") == "x86_64" {
         println!("cargo::rustc-cfg=lightpath_avx512");
@@ -76,15 +71,8 @@ fn commit(root: &Path) {
 fn git_commit(root: &Path) -> Option<String> {
     let git = |arguments: &[&str]| {
         let mut command = Command::new("git");
-        command
-            .arg("--no-optional-locks")
-            .arg("-C")
-            .arg(root)
-            .args(arguments);
-        command
-            .env_remove("GIT_DIR")
-            .env_remove("GIT_WORK_TREE")
-            .env_remove("GIT_INDEX_FILE");
+        command.arg("--no-optional-locks").arg("-C").arg(root).args(arguments);
+        command.env_remove("GIT_DIR").env_remove("GIT_WORK_TREE").env_remove("GIT_INDEX_FILE");
         first_line(&mut command)
     };
     // A copy of the sources inside somebody else's checkout is not that checkout.
@@ -101,11 +89,7 @@ fn git_commit(root: &Path) -> Option<String> {
     }
     let hash = git(&["rev-parse", "--short", "HEAD"])?;
     let changed = git(&[&["status", "--porcelain", "--"][..], &BUILT_FROM[..]].concat())?;
-    Some(if changed.is_empty() {
-        hash
-    } else {
-        format!("{hash}-dirty")
-    })
+    Some(if changed.is_empty() { hash } else { format!("{hash}-dirty") })
 }
 
 // ---------------------------------------------------------------------------------------------------
@@ -136,26 +120,19 @@ fn embree(root: &Path) {
         found
     });
     let explicit = from_user.as_ref().map(|library| library.folder.clone());
-    let found = from_user.or_else(|| library_in(&vendor)).or_else(|| {
-        system_folders()
-            .iter()
-            .find_map(|folder| library_in(folder))
-    });
+    let found = from_user
+        .or_else(|| library_in(&vendor))
+        .or_else(|| system_folders().iter().find_map(|folder| library_in(folder)));
 
     match &found {
         Some(library) => {
-            println!(
-                "cargo::rerun-if-changed={}",
-                library.folder.join(&library.file).display()
-            );
+            println!("cargo::rerun-if-changed={}", library.folder.join(&library.file).display());
         }
         None => println!(
             "cargo::warning=Embree 4 is not installed: `make setup` installs it. Until then only the other backends run."
         ),
     }
-    let file = found
-        .as_ref()
-        .map_or(EMBREE_SONAME, |library| &library.file);
+    let file = found.as_ref().map_or(EMBREE_SONAME, |library| &library.file);
     println!("cargo::rustc-env=LIGHTPATH_EMBREE_FILE={file}");
 
     if variable("CARGO_CFG_TARGET_OS") == "linux" {
@@ -166,10 +143,7 @@ fn embree(root: &Path) {
         folders.push("$ORIGIN/../../vendor/embree".into());
         folders.push("$ORIGIN/../../../vendor/embree".into());
         folders.push(vendor);
-        let list: Vec<String> = folders
-            .iter()
-            .map(|folder| folder.display().to_string())
-            .collect();
+        let list: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
         // One argument each, not -Wl: a comma in a folder's name would split that one.
         for argument in ["-Xlinker", "-rpath", "-Xlinker", &list.join(":")] {
             println!("cargo::rustc-link-arg={argument}");
@@ -184,15 +158,10 @@ fn system_folders() -> Vec<PathBuf> {
     }
     let architecture = variable("CARGO_CFG_TARGET_ARCH");
     let multiarch = format!("/usr/lib/{architecture}-linux-gnu");
-    [
-        multiarch.as_str(),
-        "/usr/lib64",
-        "/usr/lib",
-        "/usr/local/lib",
-    ]
-    .iter()
-    .map(PathBuf::from)
-    .collect()
+    [multiarch.as_str(), "/usr/lib64", "/usr/lib", "/usr/local/lib"]
+        .iter()
+        .map(PathBuf::from)
+        .collect()
 }
 
 /// The Embree 4 library of a folder: the soname if it is there, else a name with a version
@@ -207,8 +176,5 @@ fn library_in(folder: &Path) -> Option<Library> {
         .collect();
     names.sort_by_key(|name| (name != EMBREE_SONAME, !name.contains(".so."), name.clone()));
     let file = names.into_iter().next()?;
-    Some(Library {
-        folder: folder.to_path_buf(),
-        file,
-    })
+    Some(Library { folder: folder.to_path_buf(), file })
 }

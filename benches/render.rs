@@ -23,10 +23,10 @@ mod with_embree {
     use std::time::Instant;
 
     use lightpath::accel::{self, Accelerator, BuildInfo, BuildOptions};
-    use lightpath::film::Window;
+    use lightpath::film::{Film, Window};
     use lightpath::monitor::Monitor;
     use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
-    use lightpath::render::{RenderSettings, render};
+    use lightpath::render::render;
     use lightpath::simd::{self, Isa, Kernel};
     use lightpath::world::{LoadOptions, World};
     use lightpath::{scene, shading};
@@ -43,10 +43,7 @@ mod with_embree {
             None => displaced_sphere(&dir.path().join("sphere.ply")),
         };
         for n in [1, threads] {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(n)
-                .build()
-                .expect("threads");
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
             pool.install(|| measure(&mesh, n));
             if threads == 1 {
                 break;
@@ -57,11 +54,8 @@ mod with_embree {
     fn measure(mesh: &Path, threads: usize) {
         let monitor = Monitor::default();
         let text = scene_text(mesh);
-        let source = scene::Source::Text {
-            name: "bench",
-            text: text.as_bytes(),
-            folder: Path::new("."),
-        };
+        let source =
+            scene::Source::Text { name: "bench", text: text.as_bytes(), folder: Path::new(".") };
         let scene = scene::load(source, &[]).expect("the scene").scene;
         let started = Instant::now();
         let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).expect("the mesh");
@@ -69,11 +63,7 @@ mod with_embree {
         let started = Instant::now();
         std::hint::black_box(std::fs::read(mesh).expect("the mesh"));
         let read_s = started.elapsed().as_secs_f64();
-        let options = BuildOptions {
-            threads,
-            fast: false,
-            max_bytes: None,
-        };
+        let options = BuildOptions { threads, fast: false, max_bytes: None };
         let started = Instant::now();
         let embree = accel::build(&world.geometry, scene::Backend::Embree, &options, &monitor)
             .expect("Embree");
@@ -96,19 +86,15 @@ mod with_embree {
             info.bytes,
             info.peak_bytes
         );
-        let settings = RenderSettings {
-            window: Window::full(SIZE, SIZE),
-            isa,
-        };
-        let replay = Replay::record(&world, &*embree, &settings);
-        let (_, counts) = render(&world, &*embree, &settings, &monitor).expect("a render");
+        let mut film = Film::new([SIZE; 2], Window::full(SIZE, SIZE)).expect("memory");
+        let replay = Replay::record(&world, &*embree, &mut film);
+        let counts = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
         let rays = (counts.primary + counts.shadow) as f64;
         let (mut ours, mut bare) = (Vec::new(), Vec::new());
         let mut a = || {
             let started = Instant::now();
-            let (film, again) = render(&world, &*embree, &settings, &monitor).expect("a render");
+            let again = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
             ours.push(started.elapsed().as_secs_f64());
-            std::hint::black_box(film);
             assert_eq!(again, counts);
         };
         let mut b = || {
@@ -164,13 +150,7 @@ mod with_embree {
             (state >> 33) as usize % values.len()
         };
         let mut medians: Vec<f64> = (0..2000)
-            .map(|_| {
-                median(
-                    &(0..values.len())
-                        .map(|_| values[next()])
-                        .collect::<Vec<_>>(),
-                )
-            })
+            .map(|_| median(&(0..values.len()).map(|_| values[next()]).collect::<Vec<_>>()))
             .collect();
         medians.sort_by(f64::total_cmp);
         (medians[50], medians[1949])
@@ -211,18 +191,11 @@ mod with_embree {
             self.inner.closest(active, packet, coherence);
             self.hits[0].fetch_add(hits(packet), Relaxed);
             let mut blocks = self.blocks.lock().expect("one thread");
-            blocks.push(Block {
-                corner: [0; 2],
-                shadow: None,
-            });
+            blocks.push(Block { corner: [0; 2], shadow: None });
         }
         fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-            let shadow = Shadow {
-                active: *active,
-                org: rays.org,
-                tfar: rays.tfar,
-                leaving: rays.leaving,
-            };
+            let shadow =
+                Shadow { active: *active, org: rays.org, tfar: rays.tfar, leaving: rays.leaving };
             self.inner.occluded(active, rays, coherence);
             self.hits[1].fetch_add(occlusions(active, rays), Relaxed);
             if let Some(block) = self.blocks.lock().expect("one thread").last_mut() {
@@ -236,23 +209,18 @@ mod with_embree {
     }
 
     fn occlusions(active: &Mask, rays: &Rays) -> u64 {
-        (0..LANES)
-            .filter(|&i| active.0[i] != 0 && rays.tfar[i] < 0.0)
-            .count() as u64
+        (0..LANES).filter(|&i| active.0[i] != 0 && rays.tfar[i] < 0.0).count() as u64
     }
 
     impl Replay {
-        fn record(world: &World, inner: &dyn Accelerator, settings: &RenderSettings) -> Self {
+        fn record(world: &World, inner: &dyn Accelerator, film: &mut Film) -> Self {
             let recorder = Recorder {
                 inner,
                 blocks: Mutex::default(),
                 hits: [AtomicU64::new(0), AtomicU64::new(0)],
             };
-            let one = rayon::ThreadPoolBuilder::new()
-                .num_threads(1)
-                .build()
-                .expect("a thread");
-            one.install(|| render(world, &recorder, settings, &Monitor::default()))
+            let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+            one.install(|| render(world, &recorder, Isa::detect(), film, &Monitor::default()))
                 .expect("a render");
             let mut blocks = recorder.blocks.into_inner().expect("one thread");
             // One thread renders the tiles in order: 8 x 8 blocks of 4 x 4 pixels in Z-order.
@@ -261,37 +229,21 @@ mod with_embree {
             for (i, block) in blocks.iter_mut().enumerate() {
                 let (tile, i) = (i as u32 / 64, i as u32 % 64);
                 let even = |b: u32| (b & 1) | (b >> 1 & 2) | (b >> 2 & 4);
-                block.corner = [
-                    tile % tiles * 32 + even(i) * 4,
-                    tile / tiles * 32 + even(i >> 1) * 4,
-                ];
+                block.corner =
+                    [tile % tiles * 32 + even(i) * 4, tile / tiles * 32 + even(i >> 1) * 4];
             }
             let shading::Emitter::Point(q) = world.lights[0].emitter else {
                 unreachable!("a point light")
             };
             let expected = recorder.hits.map(AtomicU64::into_inner);
-            Self {
-                blocks,
-                light: q.to_array(),
-                expected,
-            }
+            Self { blocks, light: q.to_array(), expected }
         }
 
         fn run(&self, world: &World, embree: &dyn Accelerator, isa: Isa) -> [u64; 2] {
             let add = |a: [u64; 2], b: [u64; 2]| [a[0] + b[0], a[1] + b[1]];
             self.blocks
                 .par_chunks(64)
-                .map(|tile| {
-                    simd::dispatch(
-                        isa,
-                        Bare {
-                            tile,
-                            light: self.light,
-                            world,
-                            embree,
-                        },
-                    )
-                })
+                .map(|tile| simd::dispatch(isa, Bare { tile, light: self.light, world, embree }))
                 .reduce(|| [0; 2], add)
         }
     }
@@ -336,8 +288,7 @@ mod with_embree {
                 }
                 rays.tfar = shadow.tfar;
                 rays.leaving = shadow.leaving;
-                self.embree
-                    .occluded(&shadow.active, &mut rays, Coherence::Coherent);
+                self.embree.occluded(&shadow.active, &mut rays, Coherence::Coherent);
                 found[1] += occlusions(&shadow.active, &rays);
             }
             found

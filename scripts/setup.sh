@@ -47,6 +47,10 @@ at_least() {
 # --------------------------------------------------------------------------------------------------------
 # Packages
 
+can_be_root() {
+    [ "$(id -u)" = 0 ] || have sudo
+}
+
 as_root() {
     if [ "$(id -u)" = 0 ]; then
         "$@"
@@ -79,9 +83,19 @@ apt_install() {
         die "apt-get could not install: $*" "Install that by hand, and run this again."
 }
 
-# The version of a package that apt would install, without epoch; empty when there is none.
+# Sets `candidate` to the version of a package that apt would install, without epoch; empty when there is
+# none. A fresh container has no package lists at all, and then these are read first.
 apt_candidate() {
-    have apt-cache || return 0
+    candidate=
+    have apt-get && have apt-cache || return 0
+    candidate=$(candidate_in_lists "$1")
+    if [ -z "$candidate" ] && can_be_root; then
+        refresh_package_lists
+        candidate=$(candidate_in_lists "$1")
+    fi
+}
+
+candidate_in_lists() {
     LC_ALL=C apt-cache policy "$1" 2>/dev/null | sed -n 's/^ *Candidate: *//p' | sed 's/(none)//; s/^[0-9]*://'
 }
 
@@ -129,8 +143,7 @@ set_up_rust() {
             die "rustc $version is too old: lightpath needs $rust_needed or later." "Run: rustup update stable"
         fi
     elif have apt-get; then
-        refresh_package_lists
-        candidate=$(apt_candidate rustc)
+        apt_candidate rustc
         if [ -n "$candidate" ] && at_least "$candidate" "$rust_needed"; then
             apt_install "the Rust compiler" cargo rustc
         else
@@ -211,8 +224,8 @@ embree_is_here() {
 embree_by_hand() {
     die "$1" \
         "Get Embree $embree_needed or a later 4.x (https://github.com/RenderKit/embree/releases), unpack it, and run" \
-        "    EMBREE_DIR=/that/folder make setup" \
-        "or build without it: cargo build --release --no-default-features, --backend bvh"
+        "    export EMBREE_DIR=/that/folder" \
+        "before make. Or build without it: cargo build --release --no-default-features, --backend bvh"
 }
 
 embree_from_wheel() {
@@ -254,11 +267,7 @@ PYTHON
 
 set_up_embree() {
     embree_is_here && return
-    candidate=
-    if have apt-get; then
-        refresh_package_lists
-        candidate=$(apt_candidate libembree-dev)
-    fi
+    apt_candidate libembree-dev
     if [ -n "$candidate" ] && at_least "$candidate" "$embree_needed"; then
         apt_install "Intel Embree 4, which finds what a ray hits" libembree-dev
     else

@@ -43,14 +43,11 @@ impl Camera {
         let tan = (camera.fov_deg.to_radians() / 2.0).tan();
         let half_width = width / height * tan;
         // An aperture of 0 is a pinhole, bit for bit.
-        let lens = camera
-            .lens
-            .filter(|lens| lens.aperture > 0.0)
-            .map(|lens| Lens {
-                x: (x * (lens.aperture / 2.0)).as_vec3(),
-                y: (y * (lens.aperture / 2.0)).as_vec3(),
-                focal_distance: lens.focal_distance as f32,
-            });
+        let lens = camera.lens.filter(|lens| lens.aperture > 0.0).map(|lens| Lens {
+            x: (x * (lens.aperture / 2.0)).as_vec3(),
+            y: (y * (lens.aperture / 2.0)).as_vec3(),
+            focal_distance: lens.focal_distance as f32,
+        });
         Self {
             position: (camera.position - origin).as_vec3(),
             corner: (z - x * half_width + y * tan).as_vec3(),
@@ -75,10 +72,7 @@ impl Camera {
                 let direction = self.towards(x, y);
                 let [lx, ly] = disk(lens);
                 let offset = l.x * lx + l.y * ly;
-                (
-                    self.position + offset,
-                    unit(direction * l.focal_distance - offset),
-                )
+                (self.position + offset, unit(direction * l.focal_distance - offset))
             }
         }
     }
@@ -132,10 +126,7 @@ mod tests {
 
     #[test]
     fn lens_rays_meet_in_the_plane_of_focus() {
-        let lens = scene::Lens {
-            aperture: 0.5,
-            focal_distance: 4.0,
-        };
+        let lens = scene::Lens { aperture: 0.5, focal_distance: 4.0 };
         let c = Camera::new(&camera(Some(lens)), DVec3::ZERO);
         let sharp = Camera::new(&camera(None), DVec3::ZERO).ray(50.0, 60.0, [0.0; 2]);
         let focus = sharp.0 + sharp.1 * (4.0 / sharp.1.z);
@@ -148,14 +139,9 @@ mod tests {
 
     #[test]
     fn no_aperture_is_a_pinhole_bit_for_bit() {
-        let lens = scene::Lens {
-            aperture: 0.0,
-            focal_distance: 4.0,
-        };
-        let (a, b) = (
-            Camera::new(&camera(None), DVec3::ONE),
-            Camera::new(&camera(Some(lens)), DVec3::ONE),
-        );
+        let lens = scene::Lens { aperture: 0.0, focal_distance: 4.0 };
+        let (a, b) =
+            (Camera::new(&camera(None), DVec3::ONE), Camera::new(&camera(Some(lens)), DVec3::ONE));
         assert_eq!(a.ray(1.5, 7.5, [0.3, 0.6]), b.ray(1.5, 7.5, [0.3, 0.6]));
     }
 }

@@ -39,11 +39,7 @@ pub struct Problem {
 impl Problem {
     /// A problem at `place` without help.
     pub fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self {
-            place: place.into(),
-            message: message.into(),
-            help: None,
-        }
+        Self { place: place.into(), message: message.into(), help: None }
     }
 
     /// The same problem with a next step.
@@ -78,10 +74,7 @@ pub struct Error {
 impl Error {
     /// One problem of `kind`.
     pub fn new(kind: Kind, problem: Problem) -> Self {
-        Self {
-            kind,
-            problems: vec![problem],
-        }
+        Self { kind, problems: vec![problem] }
     }
 
     /// Bad input at `place`.

@@ -23,12 +23,7 @@ pub struct Window {
 impl Window {
     /// The whole frame.
     pub fn full(width: u32, height: u32) -> Self {
-        Self {
-            x0: 0,
-            y0: 0,
-            x1: width,
-            y1: height,
-        }
+        Self { x0: 0, y0: 0, x1: width, y1: height }
     }
 
     /// Pixels across.
@@ -51,9 +46,7 @@ pub struct Pixels(MmapMut);
 
 impl Pixels {
     fn new(count: usize) -> io::Result<Self> {
-        let bytes = count
-            .checked_mul(size_of::<[f32; 4]>())
-            .ok_or(io::ErrorKind::OutOfMemory)?;
+        let bytes = count.checked_mul(size_of::<[f32; 4]>()).ok_or(io::ErrorKind::OutOfMemory)?;
         // A map of no bytes is an error, a film of no pixels is not.
         let map = MmapMut::map_anon(bytes.max(size_of::<[f32; 4]>()))?;
         // Advice only: a kernel without huge pages is no error.
@@ -87,20 +80,18 @@ pub struct Film {
 }
 
 impl Film {
-    /// A black, transparent film.
+    /// A black, transparent film whose memory is there: a machine without it says so now, not
+    /// in the middle of a render.
     ///
     /// # Errors
     /// `Retry` if there is no memory for it.
     pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
         let count = window.width() as usize * window.height() as usize;
-        let pixels = Pixels::new(count).map_err(|error| {
+        let mut pixels = Pixels::new(count).map_err(|error| {
             let message = format!("no memory for {count} pixels: {error}");
             Error::new(Kind::Retry, Problem::new("film", message))
         })?;
-        Ok(Self {
-            frame,
-            window,
-            pixels,
-        })
+        pixels.fill([0.0; 4]);
+        Ok(Self { frame, window, pixels })
     }
 }

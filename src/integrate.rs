@@ -49,8 +49,6 @@ pub struct Integrator<'a> {
     pub world: &'a World,
     /// What finds the hits.
     pub accelerator: &'a dyn Accelerator,
-    /// The pixels that are kept.
-    pub window: Window,
 }
 
 /// How the 16 lanes of a packet cover pixels and samples: the smallest piece of the picture.
@@ -64,6 +62,8 @@ struct Pattern {
     x: [u32; LANES],
     /// Pixel within the block, by lane.
     y: [u32; LANES],
+    /// Index of that pixel in the block, by lane.
+    pixel: [usize; LANES],
     /// Sample within the packet, by lane.
     sample: [u32; LANES],
 }
@@ -78,15 +78,13 @@ impl Pattern {
         let lane = |f: fn(u32, u32, u32) -> u32| {
             std::array::from_fn(|i| f(i as u32 / samples, block[0], i as u32 % samples))
         };
-        let (x, y) = (
-            lane(|pixel, width, _| pixel % width),
-            lane(|pixel, width, _| pixel / width),
-        );
+        let (x, y) = (lane(|pixel, width, _| pixel % width), lane(|pixel, width, _| pixel / width));
         Self {
             block,
             samples,
             x,
             y,
+            pixel: std::array::from_fn(|i| i / samples as usize),
             sample: lane(|_, _, sample| sample),
         }
     }
@@ -158,9 +156,7 @@ impl Kernel for TileKernel<'_, '_, '_> {
             if x + bw <= w.x0 || x >= w.x1 || y + bh <= w.y0 || y >= w.y1 {
                 continue;
             }
-            let sums = self
-                .integrator
-                .block(&pattern, [x, y], &mut scratch, &mut counts);
+            let sums = self.integrator.block(&pattern, [x, y], &mut scratch, &mut counts);
             for (pixel, sum) in sums.iter().enumerate().take((bw * bh) as usize) {
                 let (px, py) = (x + pixel as u32 % bw, y + pixel as u32 / bw);
                 if (w.x0..w.x1).contains(&px) && (w.y0..w.y1).contains(&py) {
@@ -210,12 +206,8 @@ impl Integrator<'_> {
             let hit = self.trace(active, scratch, counts);
             for i in 0..LANES {
                 if active.0[i] != 0 {
-                    let alpha = if self.world.transparent && hit.0[i] == 0 {
-                        0.0
-                    } else {
-                        1.0
-                    };
-                    let sum = &mut sums[i / pattern.samples as usize];
+                    let alpha = if self.world.transparent && hit.0[i] == 0 { 0.0 } else { 1.0 };
+                    let sum = &mut sums[pattern.pixel[i] % LANES];
                     for axis in 0..3 {
                         sum[axis] += scratch.radiance[axis][i];
                     }
@@ -233,38 +225,30 @@ impl Integrator<'_> {
     #[inline(always)]
     fn camera_rays(&self, scratch: &mut Scratch) {
         let camera: &Camera = &self.world.camera;
-        let mut offsets = [[0.5f32; 4]; LANES];
-        if self.world.spp > 1 || camera.has_lens() {
-            for (i, offset) in offsets.iter_mut().enumerate() {
-                *offset = self.sampler().camera(scratch.pixel(i), scratch.samples[i]);
-                if self.world.spp == 1 {
-                    (offset[0], offset[1]) = (0.5, 0.5);
-                }
-            }
-        }
         let rays = &mut scratch.packet.rays;
-        let mut raster = [[0.0f32; LANES]; 2];
-        for i in 0..LANES {
-            raster[0][i] = scratch.x[i] as f32 + offsets[i][0];
-            raster[1][i] = scratch.y[i] as f32 + offsets[i][1];
-        }
         rays.tnear = [0.0; LANES];
         rays.tfar = [f32::INFINITY; LANES];
         rays.leaving = [NONE; LANES];
-        // Two loops, as the one without a lens becomes SIMD code.
-        if camera.has_lens() {
-            for i in 0..LANES {
-                let lens = [offsets[i][2], offsets[i][3]];
-                let (origin, direction) = camera.ray(raster[0][i], raster[1][i], lens);
-                set_lane(&mut rays.org, i, origin);
-                set_lane(&mut rays.dir, i, direction);
-            }
-        } else {
-            for i in 0..LANES {
-                let (origin, direction) = camera.pinhole_ray(raster[0][i], raster[1][i]);
-                set_lane(&mut rays.org, i, origin);
-                set_lane(&mut rays.dir, i, direction);
-            }
+        if self.world.spp > 1 || camera.has_lens() {
+            return self.sampled_camera_rays(scratch);
+        }
+        for i in 0..LANES {
+            let (x, y) = (scratch.x[i] as f32 + 0.5, scratch.y[i] as f32 + 0.5);
+            let (origin, direction) = camera.pinhole_ray(x, y);
+            set_lane(&mut rays.org, i, origin);
+            set_lane(&mut rays.dir, i, direction);
+        }
+    }
+
+    #[inline(never)]
+    fn sampled_camera_rays(&self, scratch: &mut Scratch) {
+        for i in 0..LANES {
+            let [x, y, s, t] = self.sampler().camera(scratch.pixel(i), scratch.samples[i]);
+            let [dx, dy] = if self.world.spp > 1 { [x, y] } else { [0.5; 2] };
+            let (x, y) = (scratch.x[i] as f32 + dx, scratch.y[i] as f32 + dy);
+            let (origin, direction) = self.world.camera.ray(x, y, [s, t]);
+            set_lane(&mut scratch.packet.rays.org, i, origin);
+            set_lane(&mut scratch.packet.rays.dir, i, direction);
         }
     }
 
@@ -287,14 +271,8 @@ impl Integrator<'_> {
             } else {
                 coherence(&active, &scratch.packet.rays)
             };
-            self.accelerator
-                .closest(&active, &mut scratch.packet, coherence);
-            refine(
-                &world.geometry,
-                &active,
-                &scratch.packet,
-                &mut scratch.surfaces,
-            );
+            self.accelerator.closest(&active, &mut scratch.packet, coherence);
+            refine(&world.geometry, &active, &scratch.packet, &mut scratch.surfaces);
             let hit = scratch.surfaces.hit;
             if bounce == 0 {
                 first_hit = hit;
@@ -327,11 +305,7 @@ impl Integrator<'_> {
             if bounce == world.nbounces {
                 break;
             }
-            active = reflect(
-                &scratch.points,
-                &scratch.surfaces.outside,
-                &mut scratch.packet.rays,
-            );
+            active = reflect(&scratch.points, &scratch.surfaces.outside, &mut scratch.packet.rays);
             if !active.any() {
                 break;
             }
@@ -354,21 +328,13 @@ impl Integrator<'_> {
     ) {
         let q = q.to_array().map(|x| [x; LANES]);
         let (points, rays) = (&scratch.points.at, &mut scratch.shadow);
-        let active = light_rays(
-            points,
-            &q,
-            None,
-            self.world.falloff,
-            glossy,
-            rays,
-            &mut scratch.lit,
-        );
+        let active =
+            light_rays(points, &q, None, self.world.falloff, glossy, rays, &mut scratch.lit);
         counts.shadow += u64::from(active.count());
         if !active.any() {
             return;
         }
-        self.accelerator
-            .occluded(&active, rays, Coherence::Coherent);
+        self.accelerator.occluded(&active, rays, Coherence::Coherent);
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
         for axis in 0..3 {
             for i in 0..LANES {
@@ -392,14 +358,7 @@ impl Integrator<'_> {
         scratch: &mut Scratch,
         counts: &mut RayCounts,
     ) {
-        let Emitter::Area {
-            corner,
-            edge,
-            height,
-            normal,
-            samples,
-        } = &light.emitter
-        else {
+        let Emitter::Area { corner, edge, height, normal, samples } = &light.emitter else {
             return;
         };
         let hit = scratch.points.at.hit;
@@ -423,30 +382,18 @@ impl Integrator<'_> {
                 let job = next + j as u64;
                 let lane = lanes[(job / u64::from(*samples)) as usize];
                 let sample = (job % u64::from(*samples)) as u32;
-                let all = scratch.samples[lane]
-                    .wrapping_mul(*samples)
-                    .wrapping_add(sample);
-                let [s, t] = self
-                    .sampler()
-                    .light(scratch.pixel(lane), all, index, bounce);
+                let all = scratch.samples[lane].wrapping_mul(*samples).wrapping_add(sample);
+                let [s, t] = self.sampler().light(scratch.pixel(lane), all, index, bounce);
                 from[j] = lane;
                 set_lane(&mut q, j, *corner + *edge * s + *height * t);
             }
             scratch.gathered.gather(&scratch.points.at, &from, count);
             let (points, rays) = (&scratch.gathered, &mut scratch.shadow);
-            let active = light_rays(
-                points,
-                &q,
-                *normal,
-                self.world.falloff,
-                glossy,
-                rays,
-                &mut scratch.lit,
-            );
+            let active =
+                light_rays(points, &q, *normal, self.world.falloff, glossy, rays, &mut scratch.lit);
             counts.shadow += u64::from(active.count());
             if active.any() {
-                self.accelerator
-                    .occluded(&active, rays, Coherence::Coherent);
+                self.accelerator.occluded(&active, rays, Coherence::Coherent);
             }
             for j in 0..count {
                 if active.0[j] != 0 && rays.tfar[j] >= 0.0 {
@@ -502,14 +449,9 @@ fn ambient(color: Vec3, hit: &Mask, scratch: &mut Scratch) {
 fn coherence(active: &Mask, rays: &Rays) -> Coherence {
     let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
     let axis = lane(&rays.dir, first);
-    let together = (0..LANES).fold(true, |all, i| {
-        all & ((active.0[i] == 0) | (lane(&rays.dir, i).dot(axis) > 0.9))
-    });
-    if together {
-        Coherence::Coherent
-    } else {
-        Coherence::Incoherent
-    }
+    let together = (0..LANES)
+        .fold(true, |all, i| all & ((active.0[i] == 0) | (lane(&rays.dir, i).dot(axis) > 0.9)));
+    if together { Coherence::Coherent } else { Coherence::Incoherent }
 }
 
 #[cfg(test)]
@@ -530,21 +472,13 @@ mod tests {
     fn patterns_use_every_lane_once() {
         for spp in [1, 4, 7, 16, 100] {
             let pattern = Pattern::for_spp(spp);
-            let mut seen: Vec<_> = (0..LANES)
-                .map(|i| [pattern.x[i], pattern.y[i], pattern.sample[i]])
-                .collect();
+            let mut seen: Vec<_> =
+                (0..LANES).map(|i| [pattern.x[i], pattern.y[i], pattern.sample[i]]).collect();
             seen.sort_unstable();
             seen.dedup();
             assert_eq!(seen.len(), LANES);
             assert_eq!(pattern.block[0] * pattern.block[1] * pattern.samples, 16);
-            assert_eq!(
-                seen[15],
-                [
-                    pattern.block[0] - 1,
-                    pattern.block[1] - 1,
-                    pattern.samples - 1
-                ]
-            );
+            assert_eq!(seen[15], [pattern.block[0] - 1, pattern.block[1] - 1, pattern.samples - 1]);
         }
     }
 }

@@ -113,10 +113,7 @@ pub struct RayPacket {
 
 impl RayPacket {
     /// No rays, no hits.
-    pub const EMPTY: Self = Self {
-        rays: Rays::EMPTY,
-        hits: Hits::EMPTY,
-    };
+    pub const EMPTY: Self = Self { rays: Rays::EMPTY, hits: Hits::EMPTY };
 
     /// Forgets the hits.
     #[inline(always)]

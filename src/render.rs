@@ -13,60 +13,36 @@ use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
 use crate::world::World;
 
-/// What a render needs beyond the scene.
-#[derive(Debug, Clone, Copy)]
-pub struct RenderSettings {
-    /// Pixels to render, within the frame.
-    pub window: Window,
-    /// Instruction set of the shading kernels.
-    pub isa: Isa,
-}
-
-/// Renders the window on the threads of the current rayon pool. The same bits for any number of
-/// threads and any window.
+/// Renders the film's window on the threads of the current rayon pool. The same bits for any
+/// number of threads and any window; a film may be used again for the next frame.
 ///
 /// # Errors
-/// `Interrupted` after a signal.
+/// `Interrupted` after a signal; the film is then unfinished.
 pub fn render(
     world: &World,
     accelerator: &dyn Accelerator,
-    settings: &RenderSettings,
+    isa: Isa,
+    film: &mut Film,
     monitor: &Monitor,
-) -> Result<(Film, RayCounts)> {
-    let window = settings.window;
-    let mut film = Film::new(world.frame, window)?;
-    monitor.begin(
-        Phase::Render,
-        u64::from(window.width()) * u64::from(window.height()),
-    );
-    let integrator = Integrator {
-        world,
-        accelerator,
-        window,
-    };
-    let counts = tiles(&mut film)
+) -> Result<RayCounts> {
+    let pixels = |w: Window| u64::from(w.width()) * u64::from(w.height());
+    monitor.begin(Phase::Render, pixels(film.window));
+    let integrator = Integrator { world, accelerator };
+    let counts = tiles(film)
         .into_par_iter()
         .map(|mut tile| {
             if monitor.stopped() {
                 return RayCounts::default();
             }
-            let window = tile.window;
-            let kernel = TileKernel {
-                integrator,
-                window,
-                rows: &mut tile.rows,
-            };
-            let counts = simd::dispatch(settings.isa, kernel);
-            let pixels = u64::from(window.width()) * u64::from(window.height());
-            monitor.done.fetch_add(pixels, Relaxed);
-            monitor
-                .rays
-                .fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
+            let kernel = TileKernel { integrator, window: tile.window, rows: &mut tile.rows };
+            let counts = simd::dispatch(isa, kernel);
+            monitor.done.fetch_add(pixels(tile.window), Relaxed);
+            monitor.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
             counts
         })
         .reduce(RayCounts::default, |a, b| a + b);
     monitor.check()?;
-    Ok((film, counts))
+    Ok(counts)
 }
 
 /// A tile's pixels: disjoint pieces of the film's rows.
@@ -86,10 +62,7 @@ fn tiles(film: &mut Film) -> Vec<Tile<'_>> {
     for (y0, y1) in cuts(window.y0, window.y1) {
         let first = tiles.len();
         for (x0, x1) in cuts(window.x0, window.x1) {
-            tiles.push(Tile {
-                window: Window { x0, y0, x1, y1 },
-                rows: Vec::new(),
-            });
+            tiles.push(Tile { window: Window { x0, y0, x1, y1 }, rows: Vec::new() });
         }
         for mut row in rows.by_ref().take((y1 - y0) as usize) {
             for tile in &mut tiles[first..] {
@@ -108,12 +81,7 @@ mod tests {
 
     #[test]
     fn tiles_cover_a_window_once() {
-        let window = Window {
-            x0: 5,
-            y0: 30,
-            x1: 100,
-            y1: 65,
-        };
+        let window = Window { x0: 5, y0: 30, x1: 100, y1: 65 };
         let mut film = Film::new([200, 100], window).unwrap();
         for tile in tiles(&mut film) {
             assert_eq!(tile.rows.len(), tile.window.height() as usize);

@@ -27,11 +27,8 @@ impl Sampler {
     /// A point in the unit square for sample `index` of all those that the pixel takes of light
     /// `light` after `bounce` mirror bounces.
     pub fn light(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> [f32; 2] {
-        let [s, t, _, _] = self.point(
-            pixel,
-            index,
-            1 + ((u64::from(bounce) << 32) | u64::from(light)),
-        );
+        let [s, t, _, _] =
+            self.point(pixel, index, 1 + ((u64::from(bounce) << 32) | u64::from(light)));
         [s, t]
     }
 
@@ -77,18 +74,9 @@ mod tests {
         assert_eq!(sampler.camera([3, 4], 5), sampler.camera([3, 4], 5));
         assert_ne!(sampler.camera([3, 4], 5), sampler.camera([4, 3], 5));
         assert_ne!(sampler.camera([3, 4], 5), Sampler::new(8).camera([3, 4], 5));
-        assert_ne!(
-            sampler.light([3, 4], 5, 0, 0),
-            sampler.light([3, 4], 5, 1, 0)
-        );
-        assert_ne!(
-            sampler.light([3, 4], 5, 0, 0),
-            sampler.light([3, 4], 5, 0, 1)
-        );
-        assert_ne!(
-            sampler.camera([0, 0], 1),
-            sampler.camera([0, 0], 1 + SEQUENCE)
-        );
+        assert_ne!(sampler.light([3, 4], 5, 0, 0), sampler.light([3, 4], 5, 1, 0));
+        assert_ne!(sampler.light([3, 4], 5, 0, 0), sampler.light([3, 4], 5, 0, 1));
+        assert_ne!(sampler.camera([0, 0], 1), sampler.camera([0, 0], 1 + SEQUENCE));
     }
 
     #[test]

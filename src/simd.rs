@@ -112,11 +112,7 @@ mod tests {
         let values = std::array::from_fn(|i| i as f32 * 1.7);
         let portable = dispatch(Isa::Portable, Sum(&values));
         for &isa in Isa::compiled() {
-            assert_eq!(
-                dispatch(isa, Sum(&values)).to_bits(),
-                portable.to_bits(),
-                "{isa}"
-            );
+            assert_eq!(dispatch(isa, Sum(&values)).to_bits(), portable.to_bits(), "{isa}");
         }
     }
 }

@@ -48,25 +48,13 @@ fn files_paths_summary_statistics() {
         return;
     };
     assert_eq!(done.stdout(), "s.exr\ns.png\nst.json\n");
-    for expected in [
-        "load ",
-        "build ",
-        "render ",
-        "write ",
-        "Mray/s",
-        "peak memory",
-    ] {
+    for expected in ["load ", "build ", "render ", "write ", "Mray/s", "peak memory"] {
         assert!(done.stderr().contains(expected), "{}", done.stderr());
     }
     assert_eq!(scratch.names(), ["in", "s.exr", "s.png", "st.json"]);
     assert_eq!(size_of_png(&scratch.read("s.png")), (20, 12));
     let stats: serde_json::Value = serde_json::from_slice(&scratch.read("st.json")).unwrap();
-    let keys: Vec<&str> = stats
-        .as_object()
-        .unwrap()
-        .keys()
-        .map(String::as_str)
-        .collect();
+    let keys: Vec<&str> = stats.as_object().unwrap().keys().map(String::as_str).collect();
     let expected = [
         "seconds",
         "rays",
@@ -89,10 +77,7 @@ fn files_paths_summary_statistics() {
     let done = render(&scratch, &["in/s.json", "--json", "--quiet", "-o", "in/"]).unwrap();
     assert_eq!(done.stderr(), "");
     let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
-    assert_eq!(
-        value["outputs"],
-        serde_json::json!(["in/s.exr", "in/s.png"])
-    );
+    assert_eq!(value["outputs"], serde_json::json!(["in/s.exr", "in/s.png"]));
     assert_eq!(value["rays"], stats["rays"]);
 }
 
@@ -191,10 +176,7 @@ fn a_crop_has_its_size() {
     };
     assert_eq!(size_of_png(&scratch.read("s.png")), (6, 10));
     let info = scratch.run(&["info", "s.exr"]).stdout();
-    assert!(
-        info.contains("frame 20 x 12, data 6 x 10 at 3, 2"),
-        "{info}"
-    );
+    assert!(info.contains("frame 20 x 12, data 6 x 10 at 3, 2"), "{info}");
     assert!(info.contains("lightpath:scene_hash"), "{info}");
 }
 
@@ -220,10 +202,7 @@ fn a_mesh_alone_is_framed_and_its_scene_can_be_saved() {
     assert_eq!(done.stdout(), "p.exr\np.png\nsaved/p.json\n");
     let saved: serde_json::Value = serde_json::from_slice(&scratch.read("saved/p.json")).unwrap();
     assert_eq!(saved["scene"]["shapes"][0]["path"], "../meshes/p.ply");
-    assert_eq!(
-        saved["scene"]["shapes"][0]["rotate"],
-        serde_json::json!([-90, 0, 0])
-    );
+    assert_eq!(saved["scene"]["shapes"][0]["rotate"], serde_json::json!([-90, 0, 0]));
     render(&scratch, &["saved/p.json", "-o", "again"]).unwrap();
     assert!(scratch.read("p.png") == scratch.read("again.png"));
     // A saved scene is a template too.
@@ -239,21 +218,9 @@ fn a_signal_leaves_nothing() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
     for (signal, code) in [("INT", 130), ("TERM", 143)] {
-        let args = [
-            "render",
-            "s.json",
-            "--size",
-            "2000x2000",
-            "--spp",
-            "64",
-            "--light-samples",
-            "16",
-        ];
-        let mut child = scratch
-            .command(&args)
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let args =
+            ["render", "s.json", "--size", "2000x2000", "--spp", "64", "--light-samples", "16"];
+        let mut child = scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap();
         // The part files are there before the rays.
         let parts = |names: Vec<String>| names.iter().filter(|n| n.ends_with(".part")).count();
         for _ in 0..600 {
@@ -265,9 +232,7 @@ fn a_signal_leaves_nothing() {
         std::thread::sleep(Duration::from_millis(300));
         if child.try_wait().unwrap().is_none() {
             let id = child.id().to_string();
-            let sent = std::process::Command::new("kill")
-                .args(["-s", signal, &id])
-                .status();
+            let sent = std::process::Command::new("kill").args(["-s", signal, &id]).status();
             assert!(sent.unwrap().success());
         }
         let done = child.wait_with_output().unwrap();

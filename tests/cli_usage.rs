@@ -28,56 +28,29 @@ fn usage_errors_exit_2_and_say_why() {
         (&["render", "s.json", "--size", "1000000x1000000"], "film"),
         (&["render", "s.json", "--spp", "-1"], "--spp"),
         (&["render", "s.json", "--spp", "0"], "--spp"),
-        (
-            &["render", "s.json", "--light-samples", "x"],
-            "--light-samples",
-        ),
+        (&["render", "s.json", "--light-samples", "x"], "--light-samples"),
         (&["render", "s.json", "--fov", "180"], "--fov"),
         (&["render", "s.json", "--fov", "nan"], "--fov"),
         (&["render", "s.json", "--exposure", "inf"], "--exposure"),
-        (
-            &["render", "s.json", "--tonemap", "aces"],
-            "possible values",
-        ),
+        (&["render", "s.json", "--tonemap", "aces"], "possible values"),
         (&["render", "s.json", "--backend", "gpu"], "possible values"),
         (&["render", "s.json", "--threads", "0"], "--threads"),
         (&["render", "s.json", "--max-memory", "lots"], "8G"),
-        (
-            &["render", "s.json", "--max-memory", "1k"],
-            "expected at least",
-        ),
-        (
-            &["render", "s.json", "--crop", "0", "0", "9", "6"],
-            "frame of 8 x 6",
-        ),
+        (&["render", "s.json", "--max-memory", "1k"], "expected at least"),
+        (&["render", "s.json", "--crop", "0", "0", "9", "6"], "frame of 8 x 6"),
         (&["render", "s.json", "--crop", "3", "3", "3", "6"], "empty"),
         (&["render", "s.json", "--crop", "1", "2", "3"], "4 values"),
-        (
-            &["render", "s.json", "--set", "camera/fov=3"],
-            "leading `/`",
-        ),
+        (&["render", "s.json", "--set", "camera/fov=3"], "leading `/`"),
         (&["render", "s.json", "--set", "/camera/fovv=3"], "fov"),
-        (
-            &["render", "s.json", "--fast", "--backend", "brute"],
-            "no fast mode",
-        ),
+        (&["render", "s.json", "--fast", "--backend", "brute"], "no fast mode"),
         (&["render", "s.json", "--template", "s.json"], "--template"),
         (&["render", "s.json", "--up", "z"], "--up"),
-        (
-            &["render", "s.json", "--quiet", "--progress", "json"],
-            "cannot be used with",
-        ),
+        (&["render", "s.json", "--quiet", "--progress", "json"], "cannot be used with"),
         (&["render", "s.json", "-o", "missing/x"], "no such folder"),
         (&["render", "s.json", "-o", "file/x"], "expected a folder"),
         (&["render", "s.json", "-o", "/proc/x"], "/proc"),
-        (
-            &["render", "s.json", "--stats", "missing/x.json"],
-            "no such folder",
-        ),
-        (
-            &["render", "s.json", "--write-scene", "missing/x.json"],
-            "no such folder",
-        ),
+        (&["render", "s.json", "--stats", "missing/x.json"], "no such folder"),
+        (&["render", "s.json", "--write-scene", "missing/x.json"], "no such folder"),
         (&["render", "missing.json"], "missing.json"),
         (&["render", "."], "folder"),
         (&["render", "file"], "file"),
@@ -104,10 +77,7 @@ fn all_wrong_flags_are_named_at_once() {
     scratch.write("s.json", SCENE);
     let output = scratch.run(&["render", "s.json", "--spp", "0", "--fov", "200"]);
     let stderr = output.stderr();
-    assert!(
-        stderr.contains("--spp: ") && stderr.contains("--fov: "),
-        "{stderr}"
-    );
+    assert!(stderr.contains("--spp: ") && stderr.contains("--fov: "), "{stderr}");
 }
 
 #[test]
@@ -142,14 +112,8 @@ fn help_version_schema_completions_man() {
 fn info_names_every_error_of_every_file() {
     let scratch = Scratch::new();
     scratch.write("good.json", SCENE);
-    scratch.write(
-        "bad.json",
-        &SCENE.replace("\"radius\": 1", "\"radius\": -1"),
-    );
-    scratch.write(
-        "worse.json",
-        &SCENE.replace("\"fov\": 40", "\"fov\": 400, \"fuv\": 1"),
-    );
+    scratch.write("bad.json", &SCENE.replace("\"radius\": 1", "\"radius\": -1"));
+    scratch.write("worse.json", &SCENE.replace("\"fov\": 40", "\"fov\": 400, \"fuv\": 1"));
     let output = scratch.run(&["info", "good.json"]);
     assert_eq!(output.code(), 0, "{}", output.stderr());
     for expected in ["8 x 6 pixels", "1 spheres", "1 point", "memory", "hash"] {
@@ -163,10 +127,8 @@ fn info_names_every_error_of_every_file() {
     }
     let output = scratch.run(&["info", "--json", "good.json", "bad.json"]);
     let stdout = output.stdout();
-    let lines: Vec<serde_json::Value> = stdout
-        .lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect();
+    let lines: Vec<serde_json::Value> =
+        stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(lines[0]["ok"], true);
     assert!(lines[0]["memory"]["peak_bytes"].as_u64().unwrap() > 0);
     assert_eq!(lines[1]["ok"], false);

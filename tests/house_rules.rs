@@ -1,15 +1,14 @@
 //! Promises about the package itself: the oldest compiler, the lock file, the licence texts.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
 
 /// `"1.85"` and `"1.85.0"` as numbers that compare.
 fn release(version: &str) -> (u64, u64, u64) {
-    let mut parts = version
-        .split('.')
-        .map(|part| part.parse().expect("a number"));
+    let mut parts = version.split('.').map(|part| part.parse().expect("a number"));
     let mut next = || parts.next().unwrap_or(0);
     (next(), next(), next())
 }
@@ -19,69 +18,96 @@ fn no_dependency_needs_a_newer_compiler_than_we_promise() {
     // Debian 13's own compiler. The lock file decides, so a `cargo update` is checked too.
     let promised = release(env!("CARGO_PKG_RUST_VERSION"));
     let output = Command::new(env!("CARGO"))
-        .args([
-            "metadata",
-            "--locked",
-            "--offline",
-            "--format-version",
-            "1",
-            "--filter-platform",
-        ])
+        .args(["metadata", "--locked", "--offline", "--format-version", "1", "--filter-platform"])
         .arg(host())
-        .args([
-            "--manifest-path",
-            concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml"),
-        ])
+        .args(["--manifest-path", concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")])
         .output()
         .expect("cargo runs");
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo metadata is JSON");
     let packages = metadata["packages"].as_array().expect("a list of packages");
-    assert!(
-        packages.len() > 20,
-        "cargo metadata lists only {} packages",
-        packages.len()
-    );
+    assert!(packages.len() > 20, "cargo metadata lists only {} packages", packages.len());
     let too_new: Vec<String> = packages
         .iter()
         .filter_map(|package| {
             let needed = package["rust_version"].as_str()?;
-            (release(needed) > promised).then(|| {
-                format!(
-                    "{} {} needs Rust {needed}",
-                    package["name"], package["version"]
-                )
-            })
+            (release(needed) > promised)
+                .then(|| format!("{} {} needs Rust {needed}", package["name"], package["version"]))
         })
         .collect();
     assert!(too_new.is_empty(), "\n{}\n", too_new.join("\n"));
 }
 
 fn host() -> String {
-    let output = Command::new("rustc")
-        .arg("-vV")
-        .output()
-        .expect("rustc runs");
+    let output = Command::new("rustc").arg("-vV").output().expect("rustc runs");
     let text = String::from_utf8(output.stdout).expect("text");
-    text.lines()
-        .find_map(|line| line.strip_prefix("host: "))
-        .expect("a host")
-        .to_owned()
+    text.lines().find_map(|line| line.strip_prefix("host: ")).expect("a host").to_owned()
 }
 
 #[test]
 fn the_package_carries_its_licences_and_its_lock_file() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for name in [
-        "LICENSE-MIT",
-        "LICENSE-APACHE",
-        "THIRD_PARTY.md",
-        "Cargo.lock",
-    ] {
+    for name in ["LICENSE-MIT", "LICENSE-APACHE", "THIRD_PARTY.md", "Cargo.lock"] {
         assert!(root.join(name).is_file(), "{name} is missing");
+    }
+}
+
+/// What is newer than our oldest compiler and what clippy, which sees newer functions, does not see.
+#[test]
+fn no_syntax_is_newer_than_the_oldest_compiler() {
+    let mut files = Vec::new();
+    for folder in ["src", "tests", "benches", "examples"] {
+        list(&Path::new(env!("CARGO_MANIFEST_DIR")).join(folder), &mut files);
+    }
+    let mut complaints = Vec::new();
+    for file in files {
+        let text = fs::read_to_string(&file).expect("a source file");
+        let lines: Vec<&str> = text.lines().map(str::trim).collect();
+        for (index, line) in lines.iter().enumerate() {
+            if let Some(what) = newer(line, &lines[..index], &lines[index + 1..]) {
+                complaints.push(format!("{}:{}: {what}", file.display(), index + 1));
+            }
+        }
+    }
+    assert!(complaints.is_empty(), "\n{}\n", complaints.join("\n"));
+}
+
+fn newer(line: &str, before: &[&str], after: &[&str]) -> Option<&'static str> {
+    let opens_let = |line: &str| {
+        ["if let ", "while let ", "} else if let ", "else if let "]
+            .iter()
+            .any(|start| line.starts_with(start))
+    };
+    if line.starts_with("#[target_feature") {
+        let function = after.iter().find(|line| !line.starts_with("#[") && !line.starts_with("//"));
+        if function.is_none_or(|line| !line.contains("unsafe fn ")) {
+            return Some("a safe function with #[target_feature] needs Rust 1.86: make it unsafe");
+        }
+    }
+    // `if let` and `&&` in one condition; rustfmt begins a line with the `&&` of a long one.
+    let chain = line.starts_with("&& let ")
+        || line.starts_with("&& ")
+            && before
+                .iter()
+                .rev()
+                .find(|line| !line.starts_with("&& "))
+                .is_some_and(|line| opens_let(line) && !line.ends_with('{'));
+    if chain || line.starts_with("if ") && line.contains(concat!(" &&", " let ")) {
+        return Some("`let` beside `&&` in a condition needs Rust 1.88");
+    }
+    if line.contains(concat!("::Invalid", "Filename")) {
+        return Some(concat!("ErrorKind::Invalid", "Filename needs Rust 1.87"));
+    }
+    None
+}
+
+fn list(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).into_iter().flatten() {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            list(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push(path);
+        }
     }
 }

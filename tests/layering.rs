@@ -16,14 +16,15 @@ const FLOORS: &[(&str, u32)] = &[
     ("render", 7),    // World + settings -> Film
     ("integrate", 6), // one tile, packet by packet
     ("world", 5),     // Scene -> World
-    ("accel", 4),     // what a ray hits
+    ("accel", 4),     // what a ray hits: nothing of shading
+    ("shading", 4),   // texture, material, light: nothing of accelerators
     ("output", 3),    // EXR, PNG
     ("geometry", 3),  // formulas of the primitives
-    ("shading", 3),   // texture, material, light
-    ("camera", 2),
+    ("camera", 3),
     ("film", 2),
     ("mesh", 2),
     ("scene", 2),
+    ("ray", 2), // packets of rays and hits
     ("sampler", 1),
     ("math", 1),
     ("simd", 1),
@@ -43,10 +44,7 @@ fn modules_use_only_lower_floors() {
     let files = source_files();
     let modules: BTreeSet<String> = files.iter().map(|file| file.modules[0].clone()).collect();
     let mut complaints = Vec::new();
-    for module in modules
-        .iter()
-        .filter(|module| *module != "lib" && floor(module).is_none())
-    {
+    for module in modules.iter().filter(|module| *module != "lib" && floor(module).is_none()) {
         complaints.push(format!(
             "src/{module} has no floor: give it a line in FLOORS of tests/layering.rs"
         ));
@@ -80,11 +78,7 @@ fn unsafe_code_stays_where_it_is_expected_and_says_why_it_is_sound() {
         let allowed = UNSAFE_ALLOWED.iter().any(|place| {
             file.name == *place || place.ends_with('/') && file.name.starts_with(place)
         });
-        for pair in file
-            .tokens
-            .windows(2)
-            .filter(|pair| pair[0].text == "unsafe")
-        {
+        for pair in file.tokens.windows(2).filter(|pair| pair[0].text == "unsafe") {
             let line = pair[0].line;
             if !allowed {
                 complaints.push(format!(
@@ -104,10 +98,7 @@ fn unsafe_code_stays_where_it_is_expected_and_says_why_it_is_sound() {
 
 #[test]
 fn main_is_short() {
-    let lines = fs::read_to_string(root().join("src/main.rs"))
-        .unwrap()
-        .lines()
-        .count();
+    let lines = fs::read_to_string(root().join("src/main.rs")).unwrap().lines().count();
     assert!(
         lines < MAIN_LINES,
         "src/main.rs has {lines} lines: fewer than {MAIN_LINES} are allowed"
@@ -130,22 +121,14 @@ fn the_reader_of_paths_sees_what_it_should() {
     "##;
     let found = |modules: &[&str]| -> Vec<String> {
         let modules: Vec<String> = modules.iter().map(|module| module.to_string()).collect();
-        paths_to_modules(&tokens(text), &modules)
-            .into_iter()
-            .map(|(_, to)| to)
-            .collect()
+        paths_to_modules(&tokens(text), &modules).into_iter().map(|(_, to)| to).collect()
     };
     // In src/accel.rs `super::` is the crate; `super::super::` leaves it and is no path at all.
     assert_eq!(
         found(&["accel"]),
-        [
-            "mesh", "scene", "error", "math", "film", "sampler", "camera", "world"
-        ]
+        ["mesh", "scene", "error", "math", "film", "sampler", "camera", "world"]
     );
-    assert_eq!(
-        found(&["accel", "bvh"]),
-        ["mesh", "scene", "error", "math", "film", "top"]
-    );
+    assert_eq!(found(&["accel", "bvh"]), ["mesh", "scene", "error", "math", "film", "top"]);
 }
 
 // ---------------------------------------------------------------------------------------------------
@@ -165,10 +148,7 @@ fn root() -> &'static Path {
 }
 
 fn floor(module: &str) -> Option<u32> {
-    FLOORS
-        .iter()
-        .find(|(name, _)| *name == module)
-        .map(|(_, floor)| *floor)
+    FLOORS.iter().find(|(name, _)| *name == module).map(|(_, floor)| *floor)
 }
 
 fn source_files() -> Vec<Source> {
@@ -198,19 +178,11 @@ fn source(path: &Path) -> Source {
         .components()
         .map(|part| part.as_os_str().to_str().unwrap().to_owned())
         .collect();
-    let mut modules: Vec<String> = name[1..]
-        .iter()
-        .map(|part| part.replace(".rs", ""))
-        .collect();
+    let mut modules: Vec<String> = name[1..].iter().map(|part| part.replace(".rs", "")).collect();
     if modules.len() > 1 && modules.last().is_some_and(|module| module == "mod") {
         modules.pop();
     }
-    Source {
-        name: name.join("/"),
-        modules,
-        tokens: tokens(&text),
-        text,
-    }
+    Source { name: name.join("/"), modules, tokens: tokens(&text), text }
 }
 
 /// Whether a comment with `SAFETY:` stands on this line, or above it with nothing but comments,
@@ -236,11 +208,7 @@ fn says_safety(text: &str, line: usize) -> bool {
 
 /// The module of the crate's root that each path of a file leads to, with its line.
 fn paths_to_modules(tokens: &[Token], modules: &[String]) -> Vec<(usize, String)> {
-    let text = |at: usize| {
-        tokens
-            .get(at)
-            .map_or("", |token: &Token| token.text.as_str())
-    };
+    let text = |at: usize| tokens.get(at).map_or("", |token: &Token| token.text.as_str());
     let mut found = Vec::new();
     // Inside `mod name { ... }`, a `super` leads only out of that block.
     let mut braces = 0;
@@ -280,10 +248,7 @@ fn paths_to_modules(tokens: &[Token], modules: &[String]) -> Vec<(usize, String)
 /// The first names of a path's rest: `a` of `a::b`, and `a` and `c` of `{a::b, c}`.
 fn names_after(tokens: &[Token], start: usize, found: &mut Vec<(usize, String)>) {
     let mut push = |token: &Token| {
-        if token
-            .text
-            .starts_with(|first: char| first.is_alphabetic() || first == '_')
-        {
+        if token.text.starts_with(|first: char| first.is_alphabetic() || first == '_') {
             found.push((token.line, token.text.clone()));
         }
     };
@@ -346,18 +311,12 @@ fn tokens(text: &str) -> Vec<Token> {
                 }
             }
             ':' if next == ':' => {
-                tokens.push(Token {
-                    line,
-                    text: "::".to_owned(),
-                });
+                tokens.push(Token { line, text: "::".to_owned() });
                 at += 2;
             }
             first => {
                 if !first.is_whitespace() {
-                    tokens.push(Token {
-                        line,
-                        text: first.to_string(),
-                    });
+                    tokens.push(Token { line, text: first.to_string() });
                 }
                 at += 1;
             }
@@ -371,9 +330,7 @@ fn tokens(text: &str) -> Vec<Token> {
 /// Where `wanted` begins at or after `start`, or the end of the text.
 fn find(text: &[char], start: usize, wanted: &str) -> usize {
     let wanted: Vec<char> = wanted.chars().collect();
-    (start..text.len())
-        .find(|at| text[*at..].starts_with(&wanted))
-        .unwrap_or(text.len())
+    (start..text.len()).find(|at| text[*at..].starts_with(&wanted)).unwrap_or(text.len())
 }
 
 fn end_of_block_comment(text: &[char], start: usize) -> usize {

@@ -11,21 +11,12 @@ use lightpath::{
     scene::{ToneOperator, Tonemap},
 };
 
-const CLAMP: Tonemap = Tonemap {
-    operator: ToneOperator::Clamp,
-    exposure: 0.0,
-    srgb: false,
-};
+const CLAMP: Tonemap = Tonemap { operator: ToneOperator::Clamp, exposure: 0.0, srgb: false };
 
 /// A 7 x 5 crop of a 20 x 10 frame, every pixel different.
 fn film() -> Film {
-    let window = Window {
-        x0: 3,
-        y0: 2,
-        x1: 10,
-        y1: 7,
-    };
-    let mut film = Film::new([20, 10], window);
+    let window = Window { x0: 3, y0: 2, x1: 10, y1: 7 };
+    let mut film = Film::new([20, 10], window).unwrap();
     for (i, pixel) in film.pixels.iter_mut().enumerate() {
         *pixel = [i as f32 / 8.0, 0.25, 1e-3 * i as f32, 1.0];
     }
@@ -34,9 +25,7 @@ fn film() -> Film {
 
 fn attributes() -> Vec<(String, String)> {
     let pairs = ["backend", "scene_hash", "seed", "versions", "a", "b", "c"];
-    pairs
-        .map(|name| (format!("lightpath:{name}"), format!("value of {name}")))
-        .to_vec()
+    pairs.map(|name| (format!("lightpath:{name}"), format!("value of {name}"))).to_vec()
 }
 
 fn exr_bytes(film: &Film) -> Vec<u8> {
@@ -90,15 +79,8 @@ fn exr_round_trip() {
 fn exr_header_is_as_documented_and_sorted() {
     let bytes = exr_bytes(&film());
     let meta = ::exr::meta::MetaData::read_from_buffered(Cursor::new(&bytes), true).unwrap();
-    let [header] = meta.headers.as_slice() else {
-        panic!("expected one part")
-    };
-    let channels: Vec<String> = header
-        .channels
-        .list
-        .iter()
-        .map(|c| c.name.to_string())
-        .collect();
+    let [header] = meta.headers.as_slice() else { panic!("expected one part") };
+    let channels: Vec<String> = header.channels.list.iter().map(|c| c.name.to_string()).collect();
     assert_eq!(channels, ["A", "B", "G", "R"]);
     use ::exr::prelude::SampleType::F16;
     assert!(header.channels.list.iter().all(|c| c.sample_type == F16));
@@ -161,7 +143,7 @@ fn what_half_cannot_hold_is_clamped_and_counted() {
         first_clamped: Some([4, 3]),
     };
     assert_eq!(Oddities::of(&film), expected);
-    film.pixels = vec![[65504.0, 0.0, 1.0, 1.0]; 35];
+    film.pixels.fill([65504.0, 0.0, 1.0, 1.0]);
     assert_eq!(Oddities::of(&film), Oddities::default());
 }
 
@@ -192,10 +174,7 @@ fn png_round_trip_linear_says_gamma_one() {
 
 #[test]
 fn png_srgb_has_the_chunk() {
-    let srgb = Tonemap {
-        srgb: true,
-        ..CLAMP
-    };
+    let srgb = Tonemap { srgb: true, ..CLAMP };
     let mut film = film();
     film.pixels[0] = [0.5, 0.0, 1.0, 1.0];
     let (info, pixels) = read_png(&png_bytes(&film, &srgb, false));
@@ -220,24 +199,12 @@ fn both_files_appear_and_nothing_else() {
     let outputs = Outputs::create(&prefix).unwrap();
     assert_eq!(names_in(folder.path()).len(), 2);
     assert!(names_in(folder.path()).iter().all(|n| n.ends_with(".part")));
-    let options = WriteOptions {
-        tonemap: &CLAMP,
-        transparent: false,
-        attributes: &attributes(),
-    };
-    let (paths, odd) = outputs
-        .write(&film(), &options, &Monitor::default())
-        .unwrap();
+    let options = WriteOptions { tonemap: &CLAMP, transparent: false, attributes: &attributes() };
+    let (paths, odd) = outputs.write(&film(), &options, &Monitor::default()).unwrap();
     assert_eq!(odd, Oddities::default());
-    assert_eq!(
-        names_in(folder.path()),
-        ["frame.0001.exr", "frame.0001.png"]
-    );
+    assert_eq!(names_in(folder.path()), ["frame.0001.exr", "frame.0001.png"]);
     assert_eq!(fs::read(&paths[0]).unwrap(), exr_bytes(&film()));
-    assert_eq!(
-        fs::read(&paths[1]).unwrap(),
-        png_bytes(&film(), &CLAMP, false)
-    );
+    assert_eq!(fs::read(&paths[1]).unwrap(), png_bytes(&film(), &CLAMP, false));
 }
 
 #[test]
@@ -245,14 +212,8 @@ fn a_signal_before_the_renames_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let prefix = folder.path().join("x");
     let monitor = Monitor::default();
-    monitor
-        .signal
-        .store(15, std::sync::atomic::Ordering::Relaxed);
-    let options = WriteOptions {
-        tonemap: &CLAMP,
-        transparent: false,
-        attributes: &[],
-    };
+    monitor.signal.store(15, std::sync::atomic::Ordering::Relaxed);
+    let options = WriteOptions { tonemap: &CLAMP, transparent: false, attributes: &[] };
     let outputs = Outputs::create(&prefix).unwrap();
     let error = outputs.write(&film(), &options, &monitor).unwrap_err();
     assert_eq!(error.exit_code(), 143);
@@ -320,9 +281,6 @@ fn special_files() {
     let full = TextFile::create(Path::new("/dev/full")).unwrap();
     let error = full.finish("text").unwrap_err();
     assert_eq!(error.exit_code(), 3, "{error}");
-    TextFile::create(Path::new("/dev/null"))
-        .unwrap()
-        .finish("text")
-        .unwrap();
+    TextFile::create(Path::new("/dev/null")).unwrap().finish("text").unwrap();
     assert!(!fs::metadata("/dev/null").unwrap().is_file());
 }

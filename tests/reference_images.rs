@@ -23,10 +23,7 @@ fn stage(name: &str) -> (tempfile::TempDir, PathBuf) {
 fn both(name: &str) -> (Picture, Picture) {
     let (_folder, scene) = stage(name);
     let actual = program::render(&scene);
-    (
-        actual,
-        reference::render(&Scene::load(&scene), Density::default()),
-    )
+    (actual, reference::render(&Scene::load(&scene), Density::default()))
 }
 
 #[test]
@@ -57,6 +54,47 @@ fn area_lights_uniform_and_lambertian() {
 fn thin_lens_antialiasing_and_alpha() {
     let (actual, expected) = both("lens");
     compare::assert_same_sampled("lens", &actual, &expected);
+}
+
+/// A picture whose colours are multiplied by `factor` wherever they come from random choices.
+fn brightened(picture: &Picture, factor: f64) -> Picture {
+    let noisy = |deviation: &[f64; 4]| deviation.iter().any(|d| *d > 0.0);
+    let brighter = |(p, d): (&[f64; 4], &[f64; 4])| {
+        let factor = if noisy(d) { factor } else { 1.0 };
+        [p[0] * factor, p[1] * factor, p[2] * factor, p[3]]
+    };
+    let pixels = picture.pixels.iter().zip(&picture.deviation).map(brighter).collect();
+    Picture { pixels, deviation: Vec::new(), ..*picture }
+}
+
+/// The allowance is honest: moving the camera by as much as f32 rounds it (a ten-millionth of the
+/// scene) changes far fewer pixels than may differ.
+#[test]
+fn exact_scenes_are_well_conditioned() {
+    for name in ["shapes", "textures", "meshes"] {
+        let (_folder, path) = stage(name);
+        let mut scene = Scene::load(&path);
+        let expected = reference::render(&scene, Density::default());
+        scene.camera.shift(glam::DVec3::new(6e-7, -5e-7, 7e-7));
+        let moved = reference::render(&scene, Density::default());
+        compare::assert_same(&format!("{name}-moved"), &moved, &expected);
+    }
+}
+
+/// The reference's own discretisation is within the tolerance of the sampled scenes: other grids
+/// give the same picture. And the comparison is sharp: one percent more light is noticed.
+#[test]
+fn sampled_scenes_have_converged() {
+    let other = Density { light: 27, pixel: 13, lens: 5 };
+    for name in ["arealights", "lens"] {
+        let (_folder, path) = stage(name);
+        let scene = Scene::load(&path);
+        let expected = reference::render(&scene, Density::default());
+        let again = reference::render(&scene, other);
+        compare::assert_same_sampled(&format!("{name}-again"), &again, &expected);
+        let verdict = compare::judge_sampled(&brightened(&expected, 1.01), &expected);
+        assert!(verdict.is_err(), "{name}: one percent goes unnoticed");
+    }
 }
 
 /// The reference's five pictures for the eye, into cargo's folder for tests:

@@ -11,11 +11,8 @@ const CAMERA: &str = r#"{"type": "pinhole", "width": 8, "height": 6, "fov": 40,
   "position": [0, -5, 0], "lookat": [0, 1, 0], "up": [0, 0, 1]}"#;
 
 fn text(text: &[u8], set: &[&str]) -> Result<Loaded, Error> {
-    let source = Source::Text {
-        name: "s.json",
-        text,
-        folder: Path::new(env!("CARGO_MANIFEST_DIR")),
-    };
+    let source =
+        Source::Text { name: "s.json", text, folder: Path::new(env!("CARGO_MANIFEST_DIR")) };
     let set: Vec<String> = set.iter().map(|s| s.to_string()).collect();
     load(source, &set)
 }
@@ -67,49 +64,17 @@ fn not_json() {
     let cases: &[(&str, &[&str])] = &[
         ("", &["s.json: found an empty file"]),
         (" \n ", &["s.json: found an empty file"]),
-        (
-            "[1, 2",
-            &[
-                "s.json:1:6",
-                "found the end of the file, expected a comma or `]`",
-            ],
-        ),
-        (
-            "{\"a\": NaN}",
-            &[
-                "s.json:1:7",
-                "found `NaN`, expected a value",
-                "JSON has no NaN",
-            ],
-        ),
-        (
-            "{\"a\": -Infinity}",
-            &["s.json:1:8", "found `Infinity`, expected a digit"],
-        ),
-        (
-            "{\"a\":\n 0x10}",
-            &["s.json:2:2", "found `0x10`", "decimal"],
-        ),
-        (
-            "{\"a\": 01}",
-            &["s.json:1:7", "found `01`", "leading zeros"],
-        ),
+        ("[1, 2", &["s.json:1:6", "found the end of the file, expected a comma or `]`"]),
+        ("{\"a\": NaN}", &["s.json:1:7", "found `NaN`, expected a value", "JSON has no NaN"]),
+        ("{\"a\": -Infinity}", &["s.json:1:8", "found `Infinity`, expected a digit"]),
+        ("{\"a\":\n 0x10}", &["s.json:2:2", "found `0x10`", "decimal"]),
+        ("{\"a\": 01}", &["s.json:1:7", "found `01`", "leading zeros"]),
         ("{\"a\": 1.}", &["expected a digit"]),
         ("{\"a\": .5}", &["write 0 before the decimal point"]),
         ("{\"a\": True}", &["found `True`", "lower case"]),
         ("// hello\n{}", &["s.json:1:1", "JSON has no comments"]),
-        (
-            "{\"a\": 1,}",
-            &[
-                "s.json:1:8",
-                "found a comma after the last item",
-                "remove the comma",
-            ],
-        ),
-        (
-            "{\"a\": 1 \"b\": 2}",
-            &["s.json:1:9", "expected a comma or `}`"],
-        ),
+        ("{\"a\": 1,}", &["s.json:1:8", "found a comma after the last item", "remove the comma"]),
+        ("{\"a\": 1 \"b\": 2}", &["s.json:1:9", "expected a comma or `}`"]),
         ("[1 2]", &["expected a comma or `]`"]),
         ("{'a': 1}", &["double quotes"]),
         ("{a: 1}", &["found `a`, expected a key in double quotes"]),
@@ -119,10 +84,7 @@ fn not_json() {
         ("\"\\ud800\"", &["surrogate pair"]),
         ("\"a\tb\"", &["control characters"]),
         ("{} {}", &["s.json:1:4", "expected the end of the file"]),
-        (
-            &deep,
-            &["s.json:1:65", "found nesting deeper than 64 levels"],
-        ),
+        (&deep, &["s.json:1:65", "found nesting deeper than 64 levels"]),
     ];
     for (json, parts) in cases {
         says(one(json), parts);
@@ -132,14 +94,8 @@ fn not_json() {
 #[test]
 fn not_utf8() {
     let error = text(b"{\n\"a\": \xff}", &[]).unwrap_err().to_string();
-    says(
-        error,
-        &["s.json:2:6", "byte 0xff", "save the file as UTF-8"],
-    );
-    says(
-        text(b"\xff\xfe{\0}\0", &[]).unwrap_err().to_string(),
-        &["UTF-16"],
-    );
+    says(error, &["s.json:2:6", "byte 0xff", "save the file as UTF-8"]);
+    says(text(b"\xff\xfe{\0}\0", &[]).unwrap_err().to_string(), &["UTF-16"]);
     let marked = format!("\u{feff}{}", with(CAMERA, sphere()));
     assert!(text(marked.as_bytes(), &[]).is_ok());
 }
@@ -151,14 +107,8 @@ fn structure() {
         wrong("40", "190"),
         "s.json:1:64 (/camera/fov): found 190, expected a number in (0, 180)"
     );
-    says(
-        wrong("40", "1e400"),
-        &["(/camera/fov): found 1e400, which is not finite"],
-    );
-    says(
-        wrong("40", "\"40\""),
-        &["(/camera/fov): found \"40\", expected a number in (0, 180)"],
-    );
+    says(wrong("40", "1e400"), &["(/camera/fov): found 1e400, which is not finite"]);
+    says(wrong("40", "\"40\""), &["(/camera/fov): found \"40\", expected a number in (0, 180)"]);
     says(wrong("40", "null"), &["found null, expected a number"]);
     says(
         wrong("\"fov\": 40,", ""),
@@ -172,18 +122,12 @@ fn structure() {
         ],
     );
     says(
-        wrong(
-            "\"fov\"",
-            "\"comment\": {\"a\": 1, \"a\": 1e999}, \"size\": 2, \"fov\"",
-        ),
+        wrong("\"fov\"", "\"comment\": {\"a\": 1, \"a\": 1e999}, \"size\": 2, \"fov\""),
         &["(/camera/size): found the unknown key \"size\", expected `type`, `width`"],
     );
     says(
         wrong("\"fov\": 40", "\"fov\": 40, \"fvo\": 4"),
-        &[
-            "s.json:1:68 (/camera/fvo): found the unknown key \"fvo\"",
-            "help: did you mean `fov`?",
-        ],
+        &["s.json:1:68 (/camera/fvo): found the unknown key \"fvo\"", "help: did you mean `fov`?"],
     );
     says(
         wrong("pinhole", "pinhol"),
@@ -192,31 +136,19 @@ fn structure() {
             "did you mean `pinhole`?",
         ],
     );
-    says(
-        wrong("8", "0"),
-        &["(/camera/width): found 0, expected an integer in [1, 2147483647]"],
-    );
-    says(
-        wrong("8", "1.5"),
-        &["(/camera/width): found 1.5, expected an integer"],
-    );
+    says(wrong("8", "0"), &["(/camera/width): found 0, expected an integer in [1, 2147483647]"]);
+    says(wrong("8", "1.5"), &["(/camera/width): found 1.5, expected an integer"]);
     says(wrong("8", "-3"), &["found -3"]);
     says(
         wrong("[0, 0, 1]", "[0, 1]"),
         &["s.json:2:54 (/camera/up): found an array of 2, expected an array of 3 numbers"],
     );
-    says(
-        wrong("[0, 0, 1]", "[0, 0, true]"),
-        &["(/camera/up/2): found true, expected a number"],
-    );
+    says(wrong("[0, 0, 1]", "[0, 0, true]"), &["(/camera/up/2): found true, expected a number"]);
     says(
         wrong("-5", "-1e300"),
         &["(/camera/position/1): found -1e300, expected a number in [-1e18, 1e18]"],
     );
-    says(
-        one("[]"),
-        &["s.json:1:1: found an array of 0, expected an object"],
-    );
+    says(one("[]"), &["s.json:1:1: found an array of 0, expected an object"]);
 }
 
 #[test]
@@ -230,10 +162,7 @@ fn shapes() {
             "did you mean `sphere`?",
         ],
     );
-    says(
-        shape(r#"{"material": {}}"#),
-        &["(/scene/shapes/0): missing key `type`"],
-    );
+    says(shape(r#"{"material": {}}"#), &["(/scene/shapes/0): missing key `type`"]);
     says(
         shape(r#"{"type": "sphere", "center": [0,0,0], "radius": -1, "material": {}}"#),
         &["/radius): found -1, expected a number in (0, 1e18]"],
@@ -261,22 +190,10 @@ fn shapes() {
             r#"{{"type": "plane", "v0": [0,0,0], "v1": [1,0,0], {v}, "material": {{}}}}"#
         ))
     };
-    says(
-        quad(r#""v2": [2,0,0], "v3": [3,0,0]"#),
-        &["quad of zero area"],
-    );
-    says(
-        quad(r#""v2": [0,1,0], "v3": [1,1,0]"#),
-        &["quad of zero area", "in order"],
-    );
-    says(
-        quad(r#""v2": [1,0,0], "v3": [0,1,0]"#),
-        &["/v2): found v1 equal to v2", "triangle"],
-    );
-    says(
-        quad(r#""v2": [1,1,0.01], "v3": [0,1,0]"#),
-        &["out of the quad's plane by 2.50e-3"],
-    );
+    says(quad(r#""v2": [2,0,0], "v3": [3,0,0]"#), &["quad of zero area"]);
+    says(quad(r#""v2": [0,1,0], "v3": [1,1,0]"#), &["quad of zero area", "in order"]);
+    says(quad(r#""v2": [1,0,0], "v3": [0,1,0]"#), &["/v2): found v1 equal to v2", "triangle"]);
+    says(quad(r#""v2": [1,1,0.01], "v3": [0,1,0]"#), &["out of the quad's plane by 2.50e-3"]);
     says(
         quad(r#""v2": [0.2,0.2,0], "v3": [0,1,0]"#),
         &["/v2): found a quad that is not convex at v2"],
@@ -289,45 +206,21 @@ fn camera() {
         set(&["/camera/lookat=[0,0,0]"]),
         &["--set /camera/lookat: found a zero vector", "not a point"],
     );
-    says(
-        set(&["/camera/up=[0,0,0]"]),
-        &["--set /camera/up: found a zero vector"],
-    );
-    says(
-        set(&["/camera/up=[0,2,1e-7]"]),
-        &["found an up parallel to the view"],
-    );
-    assert!(
-        text(
-            with(CAMERA, sphere()).as_bytes(),
-            &["/camera/up=[0,2,1e-5]".into()]
-        )
-        .is_ok()
-    );
+    says(set(&["/camera/up=[0,0,0]"]), &["--set /camera/up: found a zero vector"]);
+    says(set(&["/camera/up=[0,2,1e-7]"]), &["found an up parallel to the view"]);
+    assert!(text(with(CAMERA, sphere()).as_bytes(), &["/camera/up=[0,2,1e-5]".into()]).is_ok());
     says(
         set(&["/camera/target=[0,0,0]"]),
         &["found both `lookat` (a direction) and `target` (a point)"],
     );
     says(
-        one(&with(
-            &CAMERA.replace("\"lookat\": [0, 1, 0],", ""),
-            sphere(),
-        )),
+        one(&with(&CAMERA.replace("\"lookat\": [0, 1, 0],", ""), sphere())),
         &["s.json:1:12 (/camera): missing key `lookat`"],
     );
     let same = CAMERA.replace("\"lookat\": [0, 1, 0]", "\"target\": [0, -5, 0]");
-    says(
-        one(&with(&same, sphere())),
-        &["found a target equal to the position"],
-    );
-    says(
-        set(&["/camera/aperture=1"]),
-        &["found `aperture` in a pinhole camera"],
-    );
-    says(
-        set(&["/camera/type=thinlens", "/camera/aperture=1"]),
-        &["missing key `focaldistance`"],
-    );
+    says(one(&with(&same, sphere())), &["found a target equal to the position"]);
+    says(set(&["/camera/aperture=1"]), &["found `aperture` in a pinhole camera"]);
+    says(set(&["/camera/type=thinlens", "/camera/aperture=1"]), &["missing key `focaldistance`"]);
     says(
         set(&["/camera/width=1000000", "/camera/height=1000000"]),
         &["1000000 x 1000000 pixels, whose film alone takes 14901.2 GiB"],
@@ -342,10 +235,7 @@ fn lights_and_materials_and_files() {
         &["--set /scene/lightsources (/scene/lightsources/0): found an area light of zero area"],
     );
     says(
-        set(&[
-            r#"/scene/materials={"gold":{}}"#,
-            "/scene/shapes/0/material=golf",
-        ]),
+        set(&[r#"/scene/materials={"gold":{}}"#, "/scene/shapes/0/material=golf"]),
         &[
             "--set /scene/shapes/0/material: found the unknown material \"golf\", expected `gold`",
             "did you mean `gold`?",
@@ -358,53 +248,27 @@ fn lights_and_materials_and_files() {
             "did you mean `Cargo.toml`?",
         ],
     );
-    says(
-        set(&["/scene/shapes/0/material/tPath=src"]),
-        &["which is a folder"],
-    );
+    says(set(&["/scene/shapes/0/material/tPath=src"]), &["which is a folder"]);
     let mesh = |path: &str| {
-        set(&[&format!(
-            r#"/scene/shapes/-={{"type":"trimesh","path":"{path}","material":{{}}}}"#
-        )])
+        set(&[&format!(r#"/scene/shapes/-={{"type":"trimesh","path":"{path}","material":{{}}}}"#)])
     };
     says(mesh("a.obj"), &["expected the path of a .ply file", "PLY"]);
-    says(
-        mesh("nowhere/a.ply"),
-        &["there is no file", "there is no folder"],
-    );
+    says(mesh("nowhere/a.ply"), &["there is no file", "there is no folder"]);
 }
 
 #[test]
 fn bad_overrides() {
     says(set(&["camera"]), &["--set camera: found no `=`"]);
-    says(
-        set(&["camera/fov=3"]),
-        &["without a leading `/`", "--set /camera/fov=3"],
-    );
-    says(
-        set(&["/scene/shapes/7=3"]),
-        &["found the index `7` into /scene/shapes, an array of 1"],
-    );
+    says(set(&["camera/fov=3"]), &["without a leading `/`", "--set /camera/fov=3"]);
+    says(set(&["/scene/shapes/7=3"]), &["found the index `7` into /scene/shapes, an array of 1"]);
     says(set(&["/scene/shapes/00=3"]), &["found the index `00`"]);
-    says(
-        set(&["/camera/fov/x=3"]),
-        &["found the key `x` below /camera/fov"],
-    );
-    says(
-        set(&["/camera/fov=NaN"]),
-        &["--set /camera/fov: found \"NaN\", expected a number"],
-    );
+    says(set(&["/camera/fov/x=3"]), &["found the key `x` below /camera/fov"]);
+    says(set(&["/camera/fov=NaN"]), &["--set /camera/fov: found \"NaN\", expected a number"]);
     says(
         set(&["/camera/foo=1"]),
-        &[
-            "--set /camera/foo: found the unknown key \"foo\"",
-            "did you mean `fov`?",
-        ],
+        &["--set /camera/foo: found the unknown key \"foo\"", "did you mean `fov`?"],
     );
-    says(
-        set(&[&format!("{}=1", "/a".repeat(100_000))]),
-        &["deeper than any scene"],
-    );
+    says(set(&[&format!("{}=1", "/a".repeat(100_000))]), &["deeper than any scene"]);
 }
 
 #[test]
@@ -462,10 +326,7 @@ fn warnings() {
     );
     let light = r#"/scene/lightsources=[{"type":"pointlight","position":[0,0,0.5],"id":[1,1,1]}]"#;
     let loaded = text(with(CAMERA, sphere()).as_bytes(), &[light]).unwrap();
-    says(
-        loaded.warnings[0].to_string(),
-        &["found the light inside the sphere"],
-    );
+    says(loaded.warnings[0].to_string(), &["found the light inside the sphere"]);
 }
 
 #[test]
@@ -473,10 +334,7 @@ fn files() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let error = load(Source::File(folder), &[]).unwrap_err();
     assert_eq!(error.kind, Kind::Invalid);
-    says(
-        error.to_string(),
-        &["found a folder, expected a scene file"],
-    );
+    says(error.to_string(), &["found a folder, expected a scene file"]);
     let error = load(Source::File(&folder.join("none.json")), &[]).unwrap_err();
     assert_eq!(error.kind, Kind::Invalid);
     says(error.to_string(), &["none.json: cannot read"]);

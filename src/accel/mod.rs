@@ -71,9 +71,6 @@ pub fn build<'g>(
 fn unavailable(backend: Backend) -> Error {
     Error::new(
         Kind::Unsupported,
-        Problem::new(
-            "--backend",
-            format!("this build has no `{backend:?}` backend"),
-        ),
+        Problem::new("--backend", format!("this build has no `{backend:?}` backend")),
     )
 }

@@ -113,12 +113,7 @@ fn ply(path: &Path, report: &mut Report) -> Result<()> {
     let elements = summary.elements.iter().map(|element| {
         let names = element.properties.iter().map(|p| p.name.as_str());
         let names: Vec<&str> = names.collect();
-        format!(
-            "{} {} ({})",
-            units::count(element.count),
-            element.name,
-            names.join(" ")
-        )
+        format!("{} {} ({})", units::count(element.count), element.name, names.join(" "))
     });
     let line = format!("elements: {}", elements.collect::<Vec<_>>().join(", "));
     report.add("header", json!(summary), line);
@@ -126,38 +121,18 @@ fn ply(path: &Path, report: &mut Report) -> Result<()> {
         true => "none".to_string(),
         false => names.join(", "),
     };
-    report.add(
-        "used",
-        json!(summary.used),
-        format!("used: {}", list(&summary.used)),
-    );
-    report.add(
-        "ignored",
-        json!(summary.ignored),
-        format!("ignored: {}", list(&summary.ignored)),
-    );
+    report.add("used", json!(summary.used), format!("used: {}", list(&summary.used)));
+    report.add("ignored", json!(summary.ignored), format!("ignored: {}", list(&summary.ignored)));
     if let Some(texture) = &summary.texture_file {
-        report.add(
-            "texture_file",
-            json!(texture),
-            format!("texture: {texture}"),
-        );
+        report.add("texture_file", json!(texture), format!("texture: {texture}"));
     }
     let mesh = meshes::read(path, false)?;
     let triangles = mesh.triangles.len() as u64;
-    report.add(
-        "triangles",
-        json!(triangles),
-        format!("{} triangles", units::count(triangles)),
-    );
+    report.add("triangles", json!(triangles), format!("{} triangles", units::count(triangles)));
     notes(&mesh.notes, report);
     if let Some([low, high]) = Points::of(&mesh).bounds() {
-        let line = format!(
-            "bounds of what the triangles use: {} to {}, size {}",
-            low,
-            high,
-            high - low
-        );
+        let line =
+            format!("bounds of what the triangles use: {} to {}, size {}", low, high, high - low);
         report.add("bounds", json!([low.to_array(), high.to_array()]), line);
     }
     Ok(())
@@ -166,21 +141,9 @@ fn ply(path: &Path, report: &mut Report) -> Result<()> {
 fn notes(notes: &mesh::Notes, report: &mut Report) {
     let facts = [
         ("faces", notes.faces, "faces"),
-        (
-            "polygons_split",
-            notes.polygons_split,
-            "polygons split into triangles",
-        ),
-        (
-            "faces_too_small",
-            notes.faces_too_small,
-            "faces with fewer than three corners skipped",
-        ),
-        (
-            "degenerate_dropped",
-            notes.degenerate_dropped,
-            "triangles without area dropped",
-        ),
+        ("polygons_split", notes.polygons_split, "polygons split into triangles"),
+        ("faces_too_small", notes.faces_too_small, "faces with fewer than three corners skipped"),
+        ("degenerate_dropped", notes.degenerate_dropped, "triangles without area dropped"),
     ];
     for (key, count, what) in facts {
         let line = match count {
@@ -195,10 +158,7 @@ fn exr(path: &Path, report: &mut Report) -> Result<()> {
     let read = MetaData::read_from_file(path, true);
     let meta = read.map_err(|error| {
         let message = format!("cannot read the EXR header: {error}");
-        Error::new(
-            Kind::Invalid,
-            Problem::new(path.display().to_string(), message),
-        )
+        Error::new(Kind::Invalid, Problem::new(path.display().to_string(), message))
     })?;
     let parts = meta.headers.len();
     report.add(
@@ -206,11 +166,7 @@ fn exr(path: &Path, report: &mut Report) -> Result<()> {
         json!("exr"),
         format!("EXR, {parts} part{}", if parts == 1 { "" } else { "s" }),
     );
-    let parts: Vec<Value> = meta
-        .headers
-        .iter()
-        .map(|header| part(header, report))
-        .collect();
+    let parts: Vec<Value> = meta.headers.iter().map(|header| part(header, report)).collect();
     report.add("parts", json!(parts), "");
     Ok(())
 }
@@ -232,17 +188,9 @@ fn part(header: &Header, report: &mut Report) -> Value {
     ));
     let channels = header.channels.list.iter();
     let channels: Vec<[String; 2]> = channels
-        .map(|c| {
-            [
-                c.name.to_string(),
-                format!("{:?}", c.sample_type).to_lowercase(),
-            ]
-        })
+        .map(|c| [c.name.to_string(), format!("{:?}", c.sample_type).to_lowercase()])
         .collect();
-    let names: Vec<String> = channels
-        .iter()
-        .map(|[name, kind]| format!("{name} {kind}"))
-        .collect();
+    let names: Vec<String> = channels.iter().map(|[name, kind]| format!("{name} {kind}")).collect();
     report.lines.push(format!("channels: {}", names.join(", ")));
     let mut attributes: Map<String, Value> = Map::new();
     if let Some(software) = &header.own_attributes.software_name {
@@ -258,9 +206,7 @@ fn part(header: &Header, report: &mut Report) -> Value {
         attributes.insert(name.to_string(), text.into());
     }
     for (name, value) in &attributes {
-        report
-            .lines
-            .push(format!("{name}: {}", value.as_str().unwrap_or_default()));
+        report.lines.push(format!("{name}: {}", value.as_str().unwrap_or_default()));
     }
     json!({
         "display_window": [display.position.x(), display.position.y(), display.size.x(), display.size.y()],

@@ -36,16 +36,10 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     let triangles = world.triangles();
     let line = format!("{} triangles", units::count(triangles));
     report.add("triangles", json!(triangles), line);
-    let memory = format!(
-        "memory: about {} at most: {prediction}",
-        units::bytes(prediction.peak_bytes)
-    );
+    let memory =
+        format!("memory: about {} at most: {prediction}", units::bytes(prediction.peak_bytes));
     report.add("memory", json!(prediction), memory);
-    report.add(
-        "scene_hash",
-        json!(loaded.hash),
-        format!("hash {}", loaded.hash),
-    );
+    report.add("scene_hash", json!(loaded.hash), format!("hash {}", loaded.hash));
     let warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
     let texts: Vec<String> = warnings.iter().map(Problem::to_string).collect();
     for text in &texts {
@@ -76,9 +70,5 @@ fn contents(scene: &Scene, report: &mut Report) {
     let area = scene.lights.iter().filter(is_area).count();
     let point = scene.lights.len() - area;
     let line = format!("lights: {point} point, {area} area");
-    report.add(
-        "lights",
-        json!({ "pointlight": point, "arealight": area }),
-        line,
-    );
+    report.add("lights", json!({ "pointlight": point, "arealight": area }), line);
 }

@@ -36,11 +36,7 @@ pub struct Origin {
 impl Origin {
     /// As the parser takes it.
     pub fn source(&self) -> Source<'_> {
-        Source::Text {
-            name: &self.name,
-            text: &self.text,
-            folder: &self.folder,
-        }
+        Source::Text { name: &self.name, text: &self.text, folder: &self.folder }
     }
 
     fn file(path: &Path) -> Result<Self> {
@@ -59,15 +55,9 @@ impl Origin {
 
     fn stdin() -> Result<Self> {
         let mut text = Vec::new();
-        let read = std::io::stdin()
-            .take(MAX_STDIN_BYTES)
-            .read_to_end(&mut text);
+        let read = std::io::stdin().take(MAX_STDIN_BYTES).read_to_end(&mut text);
         read.map_err(|error| Error::io("<stdin>".as_ref(), "read", &error))?;
-        Ok(Self {
-            name: "<stdin>".to_string(),
-            text,
-            folder: PathBuf::new(),
-        })
+        Ok(Self { name: "<stdin>".to_string(), text, folder: PathBuf::new() })
     }
 }
 
@@ -95,11 +85,9 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
     let mut warnings = Vec::new();
     let origin = match &args.mesh.template {
         Some(template) => Origin::file(template)?,
-        None if is_mesh => Origin {
-            name: "<studio>".to_string(),
-            text: STUDIO.into(),
-            folder: PathBuf::new(),
-        },
+        None if is_mesh => {
+            Origin { name: "<studio>".to_string(), text: STUDIO.into(), folder: PathBuf::new() }
+        }
         None if args.input == Path::new("-") => Origin::stdin()?,
         None => return load_file(args, overrides),
     };
@@ -113,13 +101,7 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
         let ours = studio::furnish(&subject, &origin, &overrides, &mut warnings)?;
         overrides.prepend(ours);
     }
-    finish(
-        origin.source(),
-        origin.folder.clone(),
-        args,
-        overrides,
-        warnings,
-    )
+    finish(origin.source(), origin.folder.clone(), args, overrides, warnings)
 }
 
 /// Refuses flags that mean nothing for a scene.
@@ -129,23 +111,14 @@ fn only_for_meshes(args: &RenderArgs) -> Result<()> {
         (_, Some(_)) => "--template",
         _ => return Ok(()),
     };
-    let message = format!(
-        "found with {}, expected with a .ply file",
-        args.input.display()
-    );
+    let message = format!("found with {}, expected with a .ply file", args.input.display());
     Err(Error::invalid(flag, message)
         .help("a scene says itself how its meshes stand: `rotate` in its trimesh"))
 }
 
 fn load_file(args: &RenderArgs, overrides: Overrides) -> Result<Job> {
     let folder = args.input.parent().unwrap_or(Path::new("")).to_owned();
-    finish(
-        Source::File(&args.input),
-        folder,
-        args,
-        overrides,
-        Vec::new(),
-    )
+    finish(Source::File(&args.input), folder, args, overrides, Vec::new())
 }
 
 fn finish(
@@ -173,11 +146,7 @@ fn finish(
         return Err(Error::invalid("--fast", message).help("leave --fast out, or --backend embree"));
     }
     warnings.append(&mut loaded.warnings);
-    Ok(Job {
-        loaded,
-        folder,
-        warnings,
-    })
+    Ok(Job { loaded, folder, warnings })
 }
 
 /// As the scene format spells it.

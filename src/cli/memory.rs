@@ -55,10 +55,8 @@ fn per_triangle(backend: Backend) -> [u64; 2] {
 /// Headers that cannot be read.
 pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
     let pixels = u64::from(window.width()) * u64::from(window.height());
-    let mut sum = Prediction {
-        film_bytes: pixels * (FILM_BYTES + PNG_BYTES),
-        ..Prediction::default()
-    };
+    let mut sum =
+        Prediction { film_bytes: pixels * (FILM_BYTES + PNG_BYTES), ..Prediction::default() };
     let mut problems = Vec::new();
     for shape in &scene.shapes {
         match &shape.kind {
@@ -75,37 +73,23 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
         }
     }
     if !problems.is_empty() {
-        return Err(Error {
-            kind: Kind::Invalid,
-            problems,
-        });
+        return Err(Error { kind: Kind::Invalid, problems });
     }
     sum.texture_bytes = textures(scene);
     let [live, peak] = per_triangle(scene.backend);
     sum.accelerator_bytes = sum.triangles.saturating_mul(live);
     sum.accelerator_peak_bytes = sum.triangles.saturating_mul(peak);
-    let parts = [
-        sum.film_bytes,
-        sum.mesh_bytes,
-        sum.texture_bytes,
-        sum.accelerator_peak_bytes,
-    ];
+    let parts = [sum.film_bytes, sum.mesh_bytes, sum.texture_bytes, sum.accelerator_peak_bytes];
     sum.peak_bytes = parts.iter().fold(BASE_BYTES, |a, b| a.saturating_add(*b));
     Ok(sum)
 }
 
 /// Bytes of the decoded images, each once; files that are no images are complained about later.
 fn textures(scene: &Scene) -> u64 {
-    let paths = scene
-        .materials
-        .iter()
-        .filter_map(|m| m.texture.as_ref().map(|t| &t.path));
+    let paths = scene.materials.iter().filter_map(|m| m.texture.as_ref().map(|t| &t.path));
     let paths: BTreeSet<_> = paths.collect();
     let bytes = paths.into_iter().filter_map(|path| {
-        let reader = image::ImageReader::open(path)
-            .ok()?
-            .with_guessed_format()
-            .ok()?;
+        let reader = image::ImageReader::open(path).ok()?.with_guessed_format().ok()?;
         use image::ImageFormat::{Hdr, OpenExr};
         let float = matches!(reader.format(), Some(Hdr | OpenExr));
         let (width, height) = reader.into_dimensions().ok()?;
@@ -130,18 +114,12 @@ impl Prediction {
             units::bytes(self.peak_bytes)
         );
         let problem = Problem::new("--max-memory", message);
-        Err(Error::new(
-            Kind::Limit,
-            problem.help("render a --crop, or a smaller mesh"),
-        ))
+        Err(Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh")))
     }
 
     /// What is left of `limit` for the accelerator beside a world of `mesh_bytes`.
     pub fn left(&self, limit: u64, mesh_bytes: u64) -> u64 {
-        limit
-            .saturating_sub(BASE_BYTES)
-            .saturating_sub(self.film_bytes)
-            .saturating_sub(mesh_bytes)
+        limit.saturating_sub(BASE_BYTES).saturating_sub(self.film_bytes).saturating_sub(mesh_bytes)
     }
 }
 

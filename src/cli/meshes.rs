@@ -32,19 +32,14 @@ pub fn promise(path: &Path) -> Result<Promise> {
     let lies = summary.triangles.max(summary.vertices) > summary.file_bytes;
     Ok(match lies {
         true => Promise::default(),
-        false => Promise {
-            array_bytes: summary.array_bytes,
-            triangles: summary.triangles,
-        },
+        false => Promise { array_bytes: summary.array_bytes, triangles: summary.triangles },
     })
 }
 
 /// Whether a file name is a mesh's.
 pub fn is_mesh(path: &Path) -> bool {
     let name = path.to_string_lossy().to_ascii_lowercase();
-    [".ply", ".ply.gz", ".ply.zst"]
-        .iter()
-        .any(|end| name.ends_with(end))
+    [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| name.ends_with(end))
 }
 
 /// The vertices that triangles use, in file units.

@@ -43,9 +43,7 @@ impl Overrides {
         let transparent = args.transparent.then_some(true);
         all.flag("--transparent", "/output/transparent", transparent);
         for set in &args.set {
-            let pointer = set
-                .split_once('=')
-                .map_or(set.as_str(), |(pointer, _)| pointer);
+            let pointer = set.split_once('=').map_or(set.as_str(), |(pointer, _)| pointer);
             all.list.push((None, pointer.to_string(), set.clone()));
         }
         all
@@ -88,14 +86,8 @@ impl Overrides {
 
     /// Names the flag instead of the `--set` it became.
     pub fn explain(&self, error: Error) -> Error {
-        let problems = error
-            .problems
-            .into_iter()
-            .map(|problem| self.named(problem));
-        Error {
-            kind: error.kind,
-            problems: problems.collect(),
-        }
+        let problems = error.problems.into_iter().map(|problem| self.named(problem));
+        Error { kind: error.kind, problems: problems.collect() }
     }
 
     fn named(&self, problem: Problem) -> Problem {
@@ -107,10 +99,7 @@ impl Overrides {
             rest == pointer || rest == set || rest.starts_with(&format!("{pointer} "))
         });
         match culprit {
-            Some((Some(flag), ..)) => Problem {
-                place: (*flag).to_string(),
-                ..problem
-            },
+            Some((Some(flag), ..)) => Problem { place: (*flag).to_string(), ..problem },
             _ => problem,
         }
     }

@@ -37,17 +37,13 @@ pub fn seen_from(path: &Path, folder: &Path) -> String {
     let here: Vec<Component> = folder.components().collect();
     let common = there.iter().zip(&here).take_while(|(a, b)| a == b).count();
     let ups = here[common..].iter().map(|_| "..".to_string());
-    let downs = there[common..]
-        .iter()
-        .map(|c| c.as_os_str().to_string_lossy().into_owned());
+    let downs = there[common..].iter().map(|c| c.as_os_str().to_string_lossy().into_owned());
     ups.chain(downs).collect::<Vec<_>>().join("/")
 }
 
 /// Absolute and without links where the path exists.
 fn real(path: &Path) -> PathBuf {
-    path.canonicalize()
-        .or_else(|_| std::path::absolute(path))
-        .unwrap_or_else(|_| path.to_owned())
+    path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.to_owned())
 }
 
 #[cfg(test)]

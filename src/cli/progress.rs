@@ -42,11 +42,7 @@ impl Progress {
         let bar = (mode == ProgressMode::Auto && terminal).then(new_bar);
         let every = match (mode, &bar) {
             (ProgressMode::Off, _) => {
-                return Self {
-                    bar,
-                    stop: None,
-                    thread: None,
-                };
+                return Self { bar, stop: None, thread: None };
             }
             (ProgressMode::Json, _) => JSON_EVERY,
             (_, Some(_)) => BAR_EVERY,

@@ -14,7 +14,7 @@ use crate::{
     film::{Film, Window},
     monitor::Monitor,
     output::{Oddities, Outputs, WriteOptions, atomic::TextFile},
-    render::{self as renderer, RenderSettings},
+    render as renderer,
     simd::Isa,
     world::{LoadOptions, World},
 };
@@ -45,9 +45,7 @@ impl Files {
         Ok(Self {
             outputs: Outputs::create(&prefix)?,
             stats: args.report.stats.as_ref().map(text).transpose()?,
-            scene: scene
-                .map(|path| Ok((path.clone(), text(path)?)))
-                .transpose()?,
+            scene: scene.map(|path| Ok((path.clone(), text(path)?))).transpose()?,
         })
     }
 }
@@ -114,6 +112,7 @@ impl Run<'_> {
     fn all(&self, files: Files) -> Result<(Stats, Vec<PathBuf>)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
+        let mut film = Film::new([scene.camera.width, scene.camera.height], self.window)?;
         let repair = self.args.mesh.repair;
         let (world, warnings) = World::load(scene, LoadOptions { repair }, self.monitor)?;
         self.warn(&warnings);
@@ -131,22 +130,14 @@ impl Run<'_> {
         let built = self.start.elapsed().as_secs_f64();
 
         let isa = Isa::detect();
-        let settings = RenderSettings {
-            window: self.window,
-            isa,
-        };
-        let (film, counts) =
-            renderer::render(&world, accelerator.as_ref(), &settings, self.monitor)?;
+        let counts = renderer::render(&world, accelerator.as_ref(), isa, &mut film, self.monitor)?;
         let rendered = self.start.elapsed().as_secs_f64();
 
         let mut stats = self.stats(&info, isa);
         stats.triangles = world.triangles();
         stats.memory.mesh_bytes = mesh_bytes;
-        stats.rays = Rays {
-            primary: counts.primary,
-            shadow: counts.shadow,
-            reflection: counts.reflection,
-        };
+        stats.rays =
+            Rays { primary: counts.primary, shadow: counts.shadow, reflection: counts.reflection };
         stats.seconds = Seconds {
             load: loaded,
             build: built - loaded,
@@ -168,10 +159,7 @@ impl Run<'_> {
             isa: format!("{} rays, {isa} shading", info.isa),
             scene_hash: loaded.hash.clone(),
             seed: loaded.scene.seed,
-            memory: Memory {
-                accelerator_bytes: info.bytes,
-                ..Memory::default()
-            },
+            memory: Memory { accelerator_bytes: info.bytes, ..Memory::default() },
             ..Stats::default()
         }
     }
@@ -255,9 +243,7 @@ fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
     if !args.report.quiet {
         eprintln!("{}", stats.summary());
     }
-    let names = paths
-        .iter()
-        .map(|path| path.as_path().display().to_string());
+    let names = paths.iter().map(|path| path.as_path().display().to_string());
     if args.report.json {
         let mut value = json!(stats);
         value["outputs"] = names.collect();

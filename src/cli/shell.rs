@@ -36,11 +36,7 @@ fn render(page: &mut Vec<u8>) -> std::io::Result<()> {
         man.render_description_section(&mut sections)?;
         man.render_options_section(&mut sections)?;
         // Sections of a section.
-        page.extend(
-            String::from_utf8_lossy(&sections)
-                .replace(".SH ", ".SS ")
-                .as_bytes(),
-        );
+        page.extend(String::from_utf8_lossy(&sections).replace(".SH ", ".SS ").as_bytes());
     }
     Ok(())
 }

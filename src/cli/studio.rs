@@ -152,18 +152,11 @@ fn place(
     }
     let hair = up * HAIR * (high - low).max_element();
     center[vertical] = ground(loaded, vertical).unwrap_or(spec.center[vertical]) + hair - lowest;
-    let (fov, aspect) = (
-        camera.fov_deg,
-        f64::from(camera.width) / f64::from(camera.height),
-    );
+    let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
     let placed = turned().map(|p| p + center);
     let position =
         frame(placed, camera.lookat, camera.up, fov, aspect, MARGIN).ok_or_else(empty)?;
-    ours.flag(
-        "FILE.ply",
-        &format!("{shape}/center"),
-        Some(center.to_array().to_vec()),
-    );
+    ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));
     point(camera, loaded, position, center + (low + high) / 2.0, ours);
     Ok(())
 }

@@ -3,9 +3,7 @@
 /// `512MiB`, `8G`, `1.5GB`, `1000000` -> bytes. All units are powers of 1024, as memory is sold.
 pub fn parse_bytes(text: &str) -> Result<u64, String> {
     let expected = || "expected a size such as 8G, 512MiB or 1000000 (bytes)".to_string();
-    let split = text
-        .find(|c: char| !c.is_ascii_digit() && c != '.')
-        .unwrap_or(text.len());
+    let split = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
     let (number, unit) = text.split_at(split);
     let shift = match unit.trim().to_ascii_lowercase().as_str() {
         "" | "b" => 0,

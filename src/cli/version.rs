@@ -16,10 +16,7 @@ pub fn text(verbose: bool) -> String {
         return text;
     }
     let mut lines = vec![
-        (
-            "commit".to_string(),
-            COMMIT.unwrap_or("unknown").to_string(),
-        ),
+        ("commit".to_string(), COMMIT.unwrap_or("unknown").to_string()),
         ("rustc".to_string(), RUSTC.unwrap_or("unknown").to_string()),
     ];
     lines.extend(backends());

@@ -25,18 +25,9 @@ pub struct TriangleMesh {
 impl TriangleMesh {
     /// Takes the arrays; indices must be below the number of vertices.
     pub fn new(mut vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, loop_only: bool) -> Self {
-        debug_assert!(
-            triangles
-                .iter()
-                .flatten()
-                .all(|&i| (i as usize) < vertices.len())
-        );
+        debug_assert!(triangles.iter().flatten().all(|&i| (i as usize) < vertices.len()));
         vertices.push([0.0; 3]);
-        Self {
-            vertices,
-            triangles,
-            loop_only,
-        }
+        Self { vertices, triangles, loop_only }
     }
 
     /// The vertices.
@@ -58,11 +49,7 @@ impl TriangleMesh {
     #[inline(always)]
     pub fn corners(&self, prim: u32) -> [[f32; 3]; 3] {
         let [a, b, c] = self.triangles[prim as usize];
-        [
-            self.vertices[a as usize],
-            self.vertices[b as usize],
-            self.vertices[c as usize],
-        ]
+        [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 
     /// Bytes of both arrays.
@@ -109,28 +96,14 @@ impl Geometry {
         quads: Vec<[[f32; 3]; 4]>,
         spheres: Vec<Sphere>,
     ) -> Result<Self, u64> {
-        let counts = meshes
-            .iter()
-            .map(|m| m.triangles.len())
-            .chain([quads.len(), spheres.len()]);
+        let counts = meshes.iter().map(|m| m.triangles.len()).chain([quads.len(), spheres.len()]);
         let mut total = 0u64;
         let mut bases = vec![0];
         for count in counts {
             total += count as u64;
-            bases.push(
-                u32::try_from(total)
-                    .ok()
-                    .filter(|&n| n < NONE)
-                    .ok_or(total)?,
-            );
+            bases.push(u32::try_from(total).ok().filter(|&n| n < NONE).ok_or(total)?);
         }
-        Ok(Self {
-            origin,
-            meshes,
-            quads,
-            spheres,
-            bases,
-        })
+        Ok(Self { origin, meshes, quads, spheres, bases })
     }
 
     /// Id of the geometry that holds all quads.
@@ -169,11 +142,7 @@ impl Geometry {
     #[inline(always)]
     pub fn quad_half(&self, prim: u32, u: f32, v: f32) -> ([[f32; 3]; 3], f32, f32) {
         let [v0, v1, v2, v3] = self.quads[prim as usize];
-        if u + v <= 1.0 {
-            ([v0, v1, v3], u, v)
-        } else {
-            ([v2, v3, v1], 1.0 - u, 1.0 - v)
-        }
+        if u + v <= 1.0 { ([v0, v1, v3], u, v) } else { ([v2, v3, v1], 1.0 - u, 1.0 - v) }
     }
 
     /// Bytes of the primitive arrays.

@@ -65,10 +65,7 @@ mod tests {
     const FAR: f64 = f64::INFINITY;
 
     fn hit(center: [f64; 3], radius: f64, o: [f64; 3], d: [f64; 3]) -> f64 {
-        let sphere = Sphere {
-            center: center.into(),
-            radius,
-        };
+        let sphere = Sphere { center: center.into(), radius };
         sphere.intersect(o.into(), d.into(), 0.0, FAR, false)
     }
 
@@ -97,10 +94,7 @@ mod tests {
 
     #[test]
     fn a_ray_that_leaves_meets_only_the_other_side() {
-        let sphere = Sphere {
-            center: DVec3::ZERO,
-            radius: 1.0,
-        };
+        let sphere = Sphere { center: DVec3::ZERO, radius: 1.0 };
         let out = sphere.intersect(DVec3::Z, DVec3::new(0.1, 0.0, 1.0), 0.0, FAR, true);
         assert!(out.is_nan());
         let across = sphere.intersect(DVec3::Z, -DVec3::Z, 0.0, FAR, true);

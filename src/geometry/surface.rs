@@ -58,11 +58,7 @@ pub fn refine(geometry: &Geometry, active: &Mask, packet: &RayPacket, out: &mut 
     };
     for i in 0..LANES {
         let (origin, direction) = ray(packet, i);
-        let triangle = [
-            dvec(&corners[0], i),
-            dvec(&corners[1], i),
-            dvec(&corners[2], i),
-        ];
+        let triangle = [dvec(&corners[0], i), dvec(&corners[1], i), dvec(&corners[2], i)];
         let weights = (f64::from(weights[0][i]), f64::from(weights[1][i]));
         let point = refine_triangle(triangle, origin, direction, weights);
         out.u[i] = point.u as f32;
@@ -78,9 +74,8 @@ pub fn refine(geometry: &Geometry, active: &Mask, packet: &RayPacket, out: &mut 
 #[inline(always)]
 fn one_mesh(geometry: &Geometry, hit: &Mask, packet: &RayPacket) -> Option<u32> {
     let geom = packet.hits.geom[0];
-    let same = (0..LANES).fold(true, |same, i| {
-        same & (hit.0[i] != 0) & (packet.hits.geom[i] == geom)
-    });
+    let same =
+        (0..LANES).fold(true, |same, i| same & (hit.0[i] != 0) & (packet.hits.geom[i] == geom));
     (same && (geom as usize) < geometry.meshes.len()).then_some(geom)
 }
 
@@ -155,13 +150,7 @@ fn refine_spheres(geometry: &Geometry, packet: &RayPacket, out: &mut Surfaces) {
         // The backend's t names the root; its point is moved onto the sphere along the radius.
         let near = origin + direction * f64::from(packet.rays.tfar[i]);
         let normal = (near - sphere.center).normalize_or(DVec3::Z);
-        store(
-            out,
-            i,
-            sphere.center + normal * sphere.radius,
-            normal,
-            direction,
-        );
+        store(out, i, sphere.center + normal * sphere.radius, normal, direction);
     }
 }
 
@@ -178,11 +167,7 @@ fn dvec(v: &[[f32; LANES]; 3], i: usize) -> DVec3 {
 /// Rounds a point and its unit normal into lane `i`, turned against `direction`.
 #[inline(always)]
 fn store(out: &mut Surfaces, i: usize, position: DVec3, normal: DVec3, direction: DVec3) {
-    let turn = if normal.dot(direction) > 0.0 {
-        -1.0
-    } else {
-        1.0
-    };
+    let turn = if normal.dot(direction) > 0.0 { -1.0 } else { 1.0 };
     let (p, n) = (position.to_array(), (normal * turn).to_array());
     for axis in 0..3 {
         let rounded = p[axis] as f32;
@@ -198,18 +183,10 @@ fn store(out: &mut Surfaces, i: usize, position: DVec3, normal: DVec3, direction
 #[inline(always)]
 fn round_towards(exact: f64, rounded: f32, towards: f64) -> f32 {
     let wrong = (f64::from(rounded) - exact) * towards < 0.0;
-    let step = if (rounded > 0.0) == (towards > 0.0) {
-        1
-    } else {
-        -1
-    };
+    let step = if (rounded > 0.0) == (towards > 0.0) { 1 } else { -1 };
     let next = f32::from_bits((rounded.to_bits() as i32).wrapping_add(step) as u32);
     // Around zero the neighbours are denormals; the smallest normal number does as well.
-    let next = if rounded == 0.0 {
-        f32::MIN_POSITIVE.copysign(towards as f32)
-    } else {
-        next
-    };
+    let next = if rounded == 0.0 { f32::MIN_POSITIVE.copysign(towards as f32) } else { next };
     if wrong { next } else { rounded }
 }
 

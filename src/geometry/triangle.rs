@@ -49,12 +49,7 @@ pub fn refine_triangle(
     let (u, v) = if sound { (ru, rv) } else { (u, v) };
     let (u, v) = clamp_barycentrics(u, v);
     let position = v0 + e1 * u + e2 * v;
-    TrianglePoint {
-        position,
-        normal: normal * (1.0 / normal.length()),
-        u,
-        v,
-    }
+    TrianglePoint { position, normal: normal * (1.0 / normal.length()), u, v }
 }
 
 #[cfg(test)]

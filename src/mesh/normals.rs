@@ -40,11 +40,7 @@ pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 #[inline(always)]
 pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// One unit normal per vertex, in the space of `positions`; `[0, 0, 0]` for a vertex without
@@ -57,10 +53,8 @@ pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<
         return one_by_one(positions, triangles);
     }
     // Vertex v's faces are faces[starts[v]..starts[v + 1]].
-    let counts: Vec<AtomicU32> = (0..positions.len())
-        .into_par_iter()
-        .map(|_| AtomicU32::new(0))
-        .collect();
+    let counts: Vec<AtomicU32> =
+        (0..positions.len()).into_par_iter().map(|_| AtomicU32::new(0)).collect();
     each_corner(triangles, |_, vertex| {
         counts[vertex].fetch_add(1, Relaxed);
     });
@@ -71,10 +65,7 @@ pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<
         total += count.load(Relaxed) as usize;
     }
     starts.push(total);
-    let faces: Vec<AtomicU32> = (0..total)
-        .into_par_iter()
-        .map(|_| AtomicU32::new(0))
-        .collect();
+    let faces: Vec<AtomicU32> = (0..total).into_par_iter().map(|_| AtomicU32::new(0)).collect();
     each_corner(triangles, |face, vertex| {
         let left = counts[vertex].fetch_sub(1, Relaxed) as usize;
         faces[starts[vertex + 1] - left].store(face, Relaxed);
@@ -84,11 +75,8 @@ pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<
         .with_min_len(1024)
         .map_with(Vec::new(), |sorted, vertex| {
             sorted.clear();
-            sorted.extend(
-                faces[starts[vertex]..starts[vertex + 1]]
-                    .iter()
-                    .map(|f| f.load(Relaxed)),
-            );
+            sorted
+                .extend(faces[starts[vertex]..starts[vertex + 1]].iter().map(|f| f.load(Relaxed)));
             // The threads stored them in any order.
             sorted.sort_unstable();
             sorted.dedup();
@@ -102,15 +90,11 @@ pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<
 }
 
 fn each_corner(triangles: &[[u32; 3]], visit: impl Fn(u32, usize) + Sync) {
-    triangles
-        .par_iter()
-        .with_min_len(4096)
-        .enumerate()
-        .for_each(|(face, triangle)| {
-            for &vertex in triangle {
-                visit(face as u32, vertex as usize);
-            }
-        });
+    triangles.par_iter().with_min_len(4096).enumerate().for_each(|(face, triangle)| {
+        for &vertex in triangle {
+            visit(face as u32, vertex as usize);
+        }
+    });
 }
 
 /// The same sums without the table of faces: for more triangles than the table can number, and
@@ -159,11 +143,7 @@ fn unit(sum: [f64; 3]) -> [f32; 3] {
     // A NaN component makes the length NaN, and NaN is not > 0.
     let scaled = sum.map(|c| c / largest);
     let length = dot(scaled, scaled).sqrt();
-    if length > 0.0 && length.is_finite() {
-        scaled.map(|c| (c / length) as f32)
-    } else {
-        [0.0; 3]
-    }
+    if length > 0.0 && length.is_finite() { scaled.map(|c| (c / length) as f32) } else { [0.0; 3] }
 }
 
 #[cfg(test)]
@@ -192,10 +172,7 @@ mod tests {
         let (positions, triangles) = grid(120);
         let expected = one_by_one(&positions, &triangles);
         for threads in [1, 2, 3, 7] {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let found = pool.install(|| vertex_normals(&positions, &triangles));
             assert_eq!(found, expected, "{threads} threads");
         }
@@ -216,14 +193,7 @@ mod tests {
             [1., 0., 1.],
         ];
         // Area weighting alone, or angle weighting alone, would be skewed by the split.
-        let t = [
-            [0, 2, 4],
-            [0, 4, 1],
-            [0, 3, 5],
-            [0, 5, 2],
-            [0, 1, 6],
-            [0, 6, 3],
-        ];
+        let t = [[0, 2, 4], [0, 4, 1], [0, 3, 5], [0, 5, 2], [0, 1, 6], [0, 6, 3]];
         let n = vertex_normals(&p, &t)[0];
         let d = -(1.0f32 / 3.0).sqrt();
         for c in n {
@@ -234,13 +204,8 @@ mod tests {
     #[test]
     fn weights_are_area_times_angle() {
         // Along x: a face of twice the area with a right angle; along z: one with 45 degrees.
-        let p: [[f64; 3]; 5] = [
-            [0., 0., 0.],
-            [0., 2., 0.],
-            [0., 0., 1.],
-            [1., 0., 0.],
-            [1., 1., 0.],
-        ];
+        let p: [[f64; 3]; 5] =
+            [[0., 0., 0.], [0., 2., 0.], [0., 0., 1.], [1., 0., 0.], [1., 1., 0.]];
         let n = vertex_normals(&p, &[[0, 1, 2], [0, 3, 4]])[0];
         // 1 * pi/2 along x, 0.5 * pi/4 along z.
         assert!((n[0] / n[2] - 4.0).abs() < 1e-6, "{n:?}");
@@ -254,11 +219,7 @@ mod tests {
         assert_eq!(n, [[0., 0., 1.], [0., 0., 1.], [0., 0., 1.], [0., 0., 0.]]);
         for scale in [1e-70, 1e-20, 1e20, 1e70] {
             let scaled: Vec<[f64; 3]> = p.iter().map(|p| p.map(|c: f64| c * scale)).collect();
-            assert_eq!(
-                vertex_normals(&scaled, &[[0, 1, 2]])[0],
-                [0., 0., 1.],
-                "{scale}"
-            );
+            assert_eq!(vertex_normals(&scaled, &[[0, 1, 2]])[0], [0., 0., 1.], "{scale}");
         }
         // Two faces back to back cancel.
         assert_eq!(vertex_normals(&p, &[[0, 1, 2], [0, 2, 1]])[0], [0.0; 3]);

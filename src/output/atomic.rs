@@ -39,10 +39,7 @@ impl Part {
                 return Err(Error::invalid(place(), message).help("choose another output name"));
             }
             Ok(data) if !data.is_file() => {
-                return Err(Error::invalid(
-                    place(),
-                    "found a device, expected a regular file",
-                ));
+                return Err(Error::invalid(place(), "found a device, expected a regular file"));
             }
             _ => {}
         }
@@ -52,13 +49,9 @@ impl Part {
         builder.prefix(&prefix).suffix(".part");
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder
-            .tempfile_in(folder_of(target))
-            .map_err(|error| folder_error(target, &error))?;
-        Ok(Self {
-            target: target.to_owned(),
-            file,
-        })
+        let file =
+            builder.tempfile_in(folder_of(target)).map_err(|error| folder_error(target, &error))?;
+        Ok(Self { target: target.to_owned(), file })
     }
 
     /// The name it will get.
@@ -87,11 +80,7 @@ impl Part {
     pub fn commit(self) -> Result<PathBuf> {
         let Self { target, file } = self;
         file.persist(&target).map_err(|error| {
-            Error::io(
-                &target,
-                "rename the finished file to this name",
-                &error.error,
-            )
+            Error::io(&target, "rename the finished file to this name", &error.error)
         })?;
         // The rename itself reaches the disk with the folder. Not every file system can do that,
         // and the file is complete either way.

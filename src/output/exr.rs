@@ -57,9 +57,7 @@ pub fn write<F: Read + Write + Seek>(
     // Dropping a BufWriter would hide a full disk.
     let flushed = buffered.flush();
     drop(buffered);
-    flushed
-        .and_then(|()| sort_header(file))
-        .map_err(|error| Error::io(path, "write", &error))
+    flushed.and_then(|()| sort_header(file)).map_err(|error| Error::io(path, "write", &error))
 }
 
 type Pixels<'a> = Box<dyn Fn(Vec2<usize>) -> (f16, f16, f16, f16) + Sync + 'a>;
@@ -81,16 +79,12 @@ fn image<'a>(
     let frame = Vec2(frame[0]? as usize, frame[1]? as usize);
     let mut own = LayerAttributes {
         software_name: Text::new_or_none(format!("lightpath {}", env!("CARGO_PKG_VERSION"))),
-        layer_position: Vec2(
-            i32::try_from(window.x0).ok()?,
-            i32::try_from(window.y0).ok()?,
-        ),
+        layer_position: Vec2(i32::try_from(window.x0).ok()?, i32::try_from(window.y0).ok()?),
         ..LayerAttributes::default()
     };
     for (name, value) in attributes {
         let name = Text::new_or_none(name)?;
-        own.other
-            .insert(name, AttributeValue::Text(Text::new_or_none(value)?));
+        own.other.insert(name, AttributeValue::Text(Text::new_or_none(value)?));
     }
     let encoding = Encoding {
         compression: exr::compression::Compression::ZIP16,
@@ -125,10 +119,7 @@ fn sort_header<F: Read + Write + Seek>(file: &mut F) -> std::io::Result<()> {
 
 fn unwritable(path: &Path, what: &str) -> Error {
     let message = format!("cannot write: {what} do not fit into an EXR file");
-    Error::new(
-        Kind::Limit,
-        Problem::new(path.display().to_string(), message),
-    )
+    Error::new(Kind::Limit, Problem::new(path.display().to_string(), message))
 }
 
 fn exr_error(path: &Path, error: ExrError) -> Error {

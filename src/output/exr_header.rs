@@ -63,8 +63,5 @@ fn read_text(file: &mut impl Read) -> Result<Vec<u8>> {
 }
 
 fn broken() -> Error {
-    Error::new(
-        ErrorKind::InvalidData,
-        "the header is not a single-part EXR's",
-    )
+    Error::new(ErrorKind::InvalidData, "the header is not a single-part EXR's")
 }

@@ -106,10 +106,7 @@ impl Outputs {
     /// `Invalid` where the folder is missing, not a folder or not writable.
     pub fn create(prefix: &Path) -> Result<Self> {
         let [exr, png] = Self::names(prefix);
-        Ok(Self {
-            exr: Part::create(&exr)?,
-            png: Part::create(&png)?,
-        })
+        Ok(Self { exr: Part::create(&exr)?, png: Part::create(&png)? })
     }
 
     /// Writes both files, then renames both. Uses the caller's rayon pool.

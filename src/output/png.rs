@@ -56,10 +56,7 @@ fn png_error(path: &Path, error: EncodingError) -> Error {
         EncodingError::IoError(error) => Error::io(path, "write", &error),
         other => {
             let message = format!("cannot write a PNG: {other}");
-            Error::new(
-                Kind::Limit,
-                Problem::new(path.display().to_string(), message),
-            )
+            Error::new(Kind::Limit, Problem::new(path.display().to_string(), message))
         }
     }
 }

@@ -14,19 +14,15 @@ pub fn to_bytes(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Ve
     let curve = Curve::new(pixels, tonemap, transparent);
     let channels = if transparent { 4 } else { 3 };
     let mut bytes = vec![0; pixels.len() * channels];
-    bytes
-        .par_chunks_mut(channels)
-        .with_min_len(1024)
-        .zip(pixels)
-        .for_each(|(to, pixel)| {
-            let colour = straight(pixel, transparent);
-            for (to, value) in to.iter_mut().zip(colour) {
-                *to = curve.to_byte(value);
-            }
-            if transparent {
-                to[3] = quantise(f64::from(finite(pixel[3])));
-            }
-        });
+    bytes.par_chunks_mut(channels).with_min_len(1024).zip(pixels).for_each(|(to, pixel)| {
+        let colour = straight(pixel, transparent);
+        for (to, value) in to.iter_mut().zip(colour) {
+            *to = curve.to_byte(value);
+        }
+        if transparent {
+            to[3] = quantise(f64::from(finite(pixel[3])));
+        }
+    });
     bytes
 }
 
@@ -50,11 +46,7 @@ impl Curve {
             },
             ToneOperator::Clamp | ToneOperator::Reinhard => gain,
         };
-        Self {
-            operator: tonemap.operator,
-            scale,
-            srgb: tonemap.srgb,
-        }
+        Self { operator: tonemap.operator, scale, srgb: tonemap.srgb }
     }
 
     /// One channel.
@@ -72,11 +64,7 @@ impl Curve {
 
 /// IEC 61966-2-1, for [0, 1].
 pub fn srgb_from_linear(x: f64) -> f64 {
-    if x <= 0.003_130_8 {
-        12.92 * x
-    } else {
-        1.055 * x.powf(1.0 / 2.4) - 0.055
-    }
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
 fn quantise(x: f64) -> u8 {

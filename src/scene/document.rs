@@ -158,10 +158,7 @@ impl Node {
                     .collect(),
             ),
         };
-        Self {
-            place: Place::Code,
-            kind,
-        }
+        Self { place: Place::Code, kind }
     }
 }
 
@@ -184,24 +181,15 @@ impl Document {
         let text =
             std::str::from_utf8(bytes).map_err(|e| not_utf8(name, bytes, e.valid_up_to()))?;
         if text.trim().is_empty() {
-            return Err(Error::invalid(
-                name,
-                "found an empty file, expected a JSON object",
-            ));
+            return Err(Error::invalid(name, "found an empty file, expected a JSON object"));
         }
         let root = parse::parse(text).map_err(|e| syntax_error(name, e))?;
-        Ok(Self {
-            name: name.to_string(),
-            root,
-        })
+        Ok(Self { name: name.to_string(), root })
     }
 
     /// A document without text, for scenes made by code.
     pub fn from_value(name: &str, value: &Value) -> Self {
-        Self {
-            name: name.to_string(),
-            root: Node::from_value(value),
-        }
+        Self { name: name.to_string(), root: Node::from_value(value) }
     }
 
     /// The node at a JSON pointer.
@@ -244,10 +232,7 @@ impl Document {
 /// The unescaped steps of a JSON pointer (RFC 6901).
 pub(super) fn tokens(pointer: &str) -> impl Iterator<Item = String> + '_ {
     let steps = pointer.strip_prefix('/').map(|rest| rest.split('/'));
-    steps
-        .into_iter()
-        .flatten()
-        .map(|t| t.replace("~1", "/").replace("~0", "~"))
+    steps.into_iter().flatten().map(|t| t.replace("~1", "/").replace("~0", "~"))
 }
 
 /// `pointer` extended by one key.
@@ -264,11 +249,7 @@ pub(super) fn list_index(token: &str) -> Option<usize> {
 
 fn syntax_error(name: &str, error: SyntaxError) -> Error {
     let place = format!("{name}:{}:{}", error.line, error.column);
-    let problem = Problem {
-        place,
-        message: error.message,
-        help: error.help.map(str::to_string),
-    };
+    let problem = Problem { place, message: error.message, help: error.help.map(str::to_string) };
     Error::new(Kind::Invalid, problem)
 }
 

@@ -36,9 +36,7 @@ pub fn words(schema: &Value) -> Option<Vec<&str>> {
         return Some(vec![only]);
     }
     let list = schema["enum"].as_array().or(schema["oneOf"].as_array())?;
-    list.iter()
-        .map(|w| w.as_str().or(w["const"].as_str()))
-        .collect()
+    list.iter().map(|w| w.as_str().or(w["const"].as_str())).collect()
 }
 
 /// What a schema accepts, in words.

@@ -96,11 +96,7 @@ pub fn from_description(
     folder: &Path,
     overrides: &[String],
 ) -> Result<Loaded> {
-    check_document(
-        Document::from_value(name, &description.to_json()),
-        folder,
-        overrides,
-    )
+    check_document(Document::from_value(name, &description.to_json()), folder, overrides)
 }
 
 fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -> Result<Loaded> {
@@ -112,16 +108,10 @@ fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -
     let (mut errors, warnings) = problems.finish();
     errors.extend(bad_overrides);
     match checked {
-        Some((description, scene)) if errors.is_empty() => Ok(Loaded {
-            scene,
-            hash: hash(&description),
-            description,
-            warnings,
-        }),
-        _ => Err(Error {
-            kind: Kind::Invalid,
-            problems: errors,
-        }),
+        Some((description, scene)) if errors.is_empty() => {
+            Ok(Loaded { scene, hash: hash(&description), description, warnings })
+        }
+        _ => Err(Error { kind: Kind::Invalid, problems: errors }),
     }
 }
 
@@ -142,14 +132,10 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     };
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(failed)?;
-    file.take(MAX_FILE_BYTES + 1)
-        .read_to_end(&mut bytes)
-        .map_err(failed)?;
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
-        let message = format!(
-            "found more than {} MiB, expected a scene file",
-            MAX_FILE_BYTES >> 20
-        );
+        let message =
+            format!("found more than {} MiB, expected a scene file", MAX_FILE_BYTES >> 20);
         let name = path.display().to_string();
         return Err(Error::invalid(name, message).help("put geometry into .ply files"));
     }

@@ -36,18 +36,13 @@ impl Document {
             Ok(node) => node.kind,
             Err(_) => NodeKind::Text(value.to_string()),
         };
-        let mut new = Node {
-            place: place.clone(),
-            kind,
-        };
+        let mut new = Node { place: place.clone(), kind };
         replace_places(&mut new, &place);
         let mut node = &mut self.root;
         let mut walked = String::new();
         for step in &steps {
-            node = descend(node, step, &place, &walked).map_err(|problem| Problem {
-                place: format!("--set {assignment}"),
-                ..problem
-            })?;
+            node = descend(node, step, &place, &walked)
+                .map_err(|problem| Problem { place: format!("--set {assignment}"), ..problem })?;
             walked = join(&walked, step);
         }
         *node = new;
@@ -58,9 +53,7 @@ impl Document {
 fn replace_places(node: &mut Node, place: &Place) {
     node.place = place.clone();
     match &mut node.kind {
-        NodeKind::List(items) => items
-            .iter_mut()
-            .for_each(|item| replace_places(item, place)),
+        NodeKind::List(items) => items.iter_mut().for_each(|item| replace_places(item, place)),
         NodeKind::Object(members) => {
             for member in members {
                 member.place = place.clone();
@@ -78,10 +71,7 @@ fn descend<'a>(
     place: &Place,
     walked: &str,
 ) -> std::result::Result<&'a mut Node, Problem> {
-    let empty = Node {
-        place: place.clone(),
-        kind: NodeKind::Object(Vec::new()),
-    };
+    let empty = Node { place: place.clone(), kind: NodeKind::Object(Vec::new()) };
     match &mut node.kind {
         NodeKind::Object(members) => {
             let at = match members.iter().rposition(|m| m.key == step) {

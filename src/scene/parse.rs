@@ -27,13 +27,7 @@ type Parsed<T> = Result<T, SyntaxError>;
 
 /// Parses exactly one value.
 pub fn parse(text: &str) -> Parsed<Node> {
-    let mut parser = Parser {
-        text,
-        at: 0,
-        line: 1,
-        mark: (0, 1),
-        depth: 0,
-    };
+    let mut parser = Parser { text, at: 0, line: 1, mark: (0, 1), depth: 0 };
     parser.skip_space();
     let node = parser.value()?;
     parser.skip_space();
@@ -61,10 +55,7 @@ impl Parser<'_> {
 
     fn place(&mut self) -> Place {
         self.mark = (self.at, self.column_of(self.at));
-        Place::Text {
-            line: self.line,
-            column: self.mark.1,
-        }
+        Place::Text { line: self.line, column: self.mark.1 }
     }
 
     /// Of an offset in this line, not before the mark.
@@ -177,10 +168,7 @@ impl Parser<'_> {
                 self.at += 1;
                 self.skip_space();
                 if self.peek() == Some(close) {
-                    return Err(SyntaxError {
-                        help: Some("remove the comma"),
-                        ..comma
-                    });
+                    return Err(SyntaxError { help: Some("remove the comma"), ..comma });
                 }
                 Ok(true)
             }
@@ -264,10 +252,7 @@ impl Parser<'_> {
             }
             self.digits()?;
         }
-        if matches!(
-            self.peek(),
-            Some(b'0'..=b'9' | b'a'..=b'z' | b'A'..=b'Z' | b'.' | b'_')
-        ) {
+        if matches!(self.peek(), Some(b'0'..=b'9' | b'a'..=b'z' | b'A'..=b'Z' | b'.' | b'_')) {
             self.at = start;
             let mut error = self.unexpected("a number");
             error.help = Some("JSON numbers are decimal, without leading zeros or a suffix");
@@ -307,12 +292,8 @@ impl Parser<'_> {
     fn escape(&mut self) -> Parsed<char> {
         const ESCAPES: &str = "\\\" \\\\ \\/ \\b \\f \\n \\r \\t \\uXXXX";
         let start = self.at;
-        let bad = |p: &Self| {
-            p.error_at(
-                start,
-                format!("found a bad escape, expected one of {ESCAPES}"),
-            )
-        };
+        let bad =
+            |p: &Self| p.error_at(start, format!("found a bad escape, expected one of {ESCAPES}"));
         self.at += 1;
         let byte = self.peek();
         let plain = match byte {
@@ -339,10 +320,8 @@ impl Parser<'_> {
                 }
                 return match char::decode_utf16(units).next() {
                     Some(Ok(c)) => Ok(c),
-                    _ => Err(self.error_at(
-                        start,
-                        "found half of a surrogate pair, expected both halves",
-                    )),
+                    _ => Err(self
+                        .error_at(start, "found half of a surrogate pair, expected both halves")),
                 };
             }
             _ => return Err(bad(self)),

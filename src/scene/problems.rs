@@ -16,11 +16,7 @@ pub struct Problems<'a> {
 impl<'a> Problems<'a> {
     /// None yet.
     pub fn new(document: &'a Document) -> Self {
-        Self {
-            document,
-            errors: Vec::new(),
-            warnings: Vec::new(),
-        }
+        Self { document, errors: Vec::new(), warnings: Vec::new() }
     }
 
     /// An error at the value at `pointer`.

@@ -29,22 +29,14 @@ fn tidy(schema: &mut Value, definitions: &Value) {
     map.remove("format");
     for key in ["properties", "$defs"] {
         let members = map.get_mut(key).and_then(Value::as_object_mut);
-        members
-            .into_iter()
-            .flat_map(Map::values_mut)
-            .for_each(|s| tidy(s, definitions));
+        members.into_iter().flat_map(Map::values_mut).for_each(|s| tidy(s, definitions));
     }
     for key in ["items", "additionalProperties"] {
-        map.get_mut(key)
-            .into_iter()
-            .for_each(|s| tidy(s, definitions));
+        map.get_mut(key).into_iter().for_each(|s| tidy(s, definitions));
     }
     for key in ["oneOf", "anyOf"] {
         let branches = map.get_mut(key).and_then(Value::as_array_mut);
-        branches
-            .into_iter()
-            .flatten()
-            .for_each(|s| tidy(s, definitions));
+        branches.into_iter().flatten().for_each(|s| tidy(s, definitions));
     }
     if map.get("type") == Some(&json!("object")) {
         let properties = map.entry("properties").or_insert_with(|| json!({}));
@@ -57,27 +49,18 @@ fn tidy(schema: &mut Value, definitions: &Value) {
 /// must list all its keys itself, so the reference is resolved.
 fn inline_variant(map: &mut Map<String, Value>, definitions: &Value) {
     let tagged = map.contains_key("properties") && map.contains_key("$ref");
-    let name = map
-        .get("$ref")
-        .and_then(Value::as_str)
-        .and_then(|r| r.strip_prefix("#/$defs/"));
-    let Some(target) = name
-        .filter(|_| tagged)
-        .map(|name| definitions[name].clone())
-    else {
+    let name = map.get("$ref").and_then(Value::as_str).and_then(|r| r.strip_prefix("#/$defs/"));
+    let Some(target) = name.filter(|_| tagged).map(|name| definitions[name].clone()) else {
         return;
     };
     map.remove("$ref");
-    if let (Some(to), Some(from)) = (
-        map["properties"].as_object_mut(),
-        target["properties"].as_object(),
-    ) {
+    if let (Some(to), Some(from)) =
+        (map["properties"].as_object_mut(), target["properties"].as_object())
+    {
         to.extend(from.clone());
     }
-    if let (Some(to), Some(from)) = (
-        map["required"].as_array_mut(),
-        target["required"].as_array(),
-    ) {
+    if let (Some(to), Some(from)) = (map["required"].as_array_mut(), target["required"].as_array())
+    {
         to.extend(from.clone());
     }
 }
@@ -106,10 +89,7 @@ fn drop_null(map: &mut Map<String, Value>) {
 
 /// Follows references within the schema.
 pub(super) fn resolve<'a>(root: &'a Value, mut schema: &'a Value) -> &'a Value {
-    while let Some(name) = schema["$ref"]
-        .as_str()
-        .and_then(|r| r.strip_prefix("#/$defs/"))
-    {
+    while let Some(name) = schema["$ref"].as_str().and_then(|r| r.strip_prefix("#/$defs/")) {
         schema = &root["$defs"][name];
     }
     schema
@@ -125,9 +105,7 @@ pub(super) fn without_defaults(root: &Value, schema: &Value, value: &mut Value) 
     let schema = variant(root, resolve(root, schema), value);
     match value {
         Value::Array(items) => {
-            items
-                .iter_mut()
-                .for_each(|item| without_defaults(root, &schema["items"], item));
+            items.iter_mut().for_each(|item| without_defaults(root, &schema["items"], item));
         }
         Value::Object(map) => {
             let properties = &schema["properties"];

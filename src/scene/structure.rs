@@ -19,11 +19,7 @@ use super::{
 /// what lies elsewhere can still be checked for its meaning.
 pub fn check(schema: &Value, problems: &mut Problems) -> Vec<String> {
     let document = problems.document;
-    let mut walk = Walk {
-        root: schema,
-        problems,
-        broken: Vec::new(),
-    };
+    let mut walk = Walk { root: schema, problems, broken: Vec::new() };
     walk.node(schema, &document.root, "");
     walk.broken
 }
@@ -41,11 +37,8 @@ impl<'a> Walk<'a, '_> {
             return self.word(schema, &words, node, pointer);
         }
         let branches = schema["oneOf"].as_array().or(schema["anyOf"].as_array());
-        let branches: Vec<&Value> = branches
-            .into_iter()
-            .flatten()
-            .map(|b| resolve(self.root, b))
-            .collect();
+        let branches: Vec<&Value> =
+            branches.into_iter().flatten().map(|b| resolve(self.root, b)).collect();
         if branches.iter().any(|b| tag(b).is_some()) {
             return self.tagged(&branches, node, pointer);
         }
@@ -77,11 +70,7 @@ impl<'a> Walk<'a, '_> {
 
     /// Complains about a value that is not what the schema says.
     fn wrong(&mut self, schema: &Value, node: &Node, pointer: &str) {
-        let message = format!(
-            "found {}, expected {}",
-            found(node),
-            expected(self.root, schema)
-        );
+        let message = format!("found {}, expected {}", found(node), expected(self.root, schema));
         self.problems.error_at(&node.place, pointer, message, None);
         self.broken.push(pointer.to_string());
     }
@@ -90,11 +79,8 @@ impl<'a> Walk<'a, '_> {
         match &node.kind {
             NodeKind::Text(text) if words.contains(&text.as_str()) => {}
             NodeKind::Text(text) => {
-                let message = format!(
-                    "found {}, expected {}",
-                    found(node),
-                    expected(self.root, schema)
-                );
+                let message =
+                    format!("found {}, expected {}", found(node), expected(self.root, schema));
                 let help = did_you_mean(text, words.iter().copied());
                 self.problems.error_at(&node.place, pointer, message, help);
                 self.broken.push(pointer.to_string());
@@ -125,8 +111,7 @@ impl<'a> Walk<'a, '_> {
                     _ => None,
                 };
                 let message = format!("found {}, expected {}", found(kind), list(tags));
-                self.problems
-                    .error_at(&kind.place, &join(pointer, "type"), message, help);
+                self.problems.error_at(&kind.place, &join(pointer, "type"), message, help);
                 self.broken.push(pointer.to_string());
             }
         }
@@ -167,13 +152,8 @@ impl<'a> Walk<'a, '_> {
         let known = properties.as_object().into_iter().flat_map(|p| p.keys());
         let known: Vec<&str> = known.map(String::as_str).collect();
         let help = did_you_mean(&member.key, known.iter().copied());
-        let message = format!(
-            "found the unknown key {:?}, expected {}",
-            member.key,
-            list(known)
-        );
-        self.problems
-            .error_at(&member.place, pointer, message, help);
+        let message = format!("found the unknown key {:?}, expected {}", member.key, list(known));
+        self.problems.error_at(&member.place, pointer, message, help);
     }
 
     fn list(&mut self, schema: &'a Value, node: &Node, items: &[Node], pointer: &str) {
@@ -217,11 +197,8 @@ impl<'a> Walk<'a, '_> {
 fn in_range(schema: &Value, node: &Node, number: f64) -> bool {
     let bound = |key: &str| schema[key].as_f64();
     if let (Some(n), "integer") = (node.integer(), schema["type"].as_str().unwrap_or_default()) {
-        let bound = |key: &str| {
-            schema[key]
-                .as_number()
-                .and_then(|b| b.to_string().parse::<i128>().ok())
-        };
+        let bound =
+            |key: &str| schema[key].as_number().and_then(|b| b.to_string().parse::<i128>().ok());
         return bound("minimum").is_none_or(|b| n >= b) && bound("maximum").is_none_or(|b| n <= b);
     }
     bound("minimum").is_none_or(|b| number >= b)

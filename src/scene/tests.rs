@@ -60,15 +60,8 @@ fn folder() -> tempfile::TempDir {
 fn load_value(value: &Value, set: &[&str]) -> Result<Loaded> {
     let folder = folder();
     let text = value.to_string();
-    let source = Source::Text {
-        name: "s.json",
-        text: text.as_bytes(),
-        folder: folder.path(),
-    };
-    load(
-        source,
-        &set.iter().map(|s| s.to_string()).collect::<Vec<_>>(),
-    )
+    let source = Source::Text { name: "s.json", text: text.as_bytes(), folder: folder.path() };
+    load(source, &set.iter().map(|s| s.to_string()).collect::<Vec<_>>())
 }
 
 #[test]
@@ -96,46 +89,21 @@ fn errors_of_scenes_made_by_code_have_no_line() {
 #[test]
 fn everything_is_understood() {
     let scene = load_value(&everything(), &[]).unwrap().scene;
-    assert_eq!(
-        (scene.nbounces, scene.spp, scene.seed),
-        (3, 4, (-7i64) as u64)
-    );
-    assert_eq!(
-        (scene.falloff, scene.backend),
-        (Falloff::Quadratic, Backend::Bvh)
-    );
+    assert_eq!((scene.nbounces, scene.spp, scene.seed), (3, 4, (-7i64) as u64));
+    assert_eq!((scene.falloff, scene.backend), (Falloff::Quadratic, Backend::Bvh));
     assert_eq!(scene.camera.lookat, glam::DVec3::new(0.0, 5.0, 0.0));
     assert_eq!(scene.camera.lens.unwrap().focal_distance, 5.0);
-    let LightKind::Area {
-        edge,
-        height,
-        samples,
-        lambertian,
-        ..
-    } = &scene.lights[1].kind
-    else {
+    let LightKind::Area { edge, height, samples, lambertian, .. } = &scene.lights[1].kind else {
         panic!("an area light");
     };
-    assert_eq!(
-        (edge.to_array(), height.to_array()),
-        ([1.0, 0.0, 0.0], [0.0, 2.0, 0.0])
-    );
+    assert_eq!((edge.to_array(), height.to_array()), ([1.0, 0.0, 0.0], [0.0, 2.0, 0.0]));
     assert_eq!((*samples, *lambertian), (4, true));
-    assert_eq!(
-        scene.shapes.iter().map(|s| s.material).collect::<Vec<_>>(),
-        [0, 1, 2, 0]
-    );
+    assert_eq!(scene.shapes.iter().map(|s| s.material).collect::<Vec<_>>(), [0, 1, 2, 0]);
     assert_eq!(scene.materials.len(), 3);
     let texture = scene.materials[0].texture.as_ref().unwrap();
-    assert_eq!(
-        (texture.filter, texture.wrap),
-        (Filter::Nearest, Some(Wrap::Clamp))
-    );
+    assert_eq!((texture.filter, texture.wrap), (Filter::Nearest, Some(Wrap::Clamp)));
     assert_eq!(scene.tonemap.operator, ToneOperator::Reinhard);
-    assert_eq!(
-        (scene.layers[0].as_str(), scene.transparent),
-        ("normal", true)
-    );
+    assert_eq!((scene.layers[0].as_str(), scene.transparent), ("normal", true));
 }
 
 #[test]
@@ -149,76 +117,36 @@ fn defaults_are_those_of_the_tables() {
         { "type": "trimesh", "material": { "tPath": "a.png" }, "path": "a.ply" }]);
     let scene = load_value(&value, &[]).unwrap().scene;
     assert_eq!((scene.nbounces, scene.spp, scene.seed), (1, 1, 0));
-    assert_eq!(
-        (scene.background, scene.ambient),
-        (glam::Vec3::ZERO, glam::Vec3::ZERO)
-    );
-    assert_eq!(
-        (scene.falloff, scene.backend),
-        (Falloff::Linear, Backend::Embree)
-    );
+    assert_eq!((scene.background, scene.ambient), (glam::Vec3::ZERO, glam::Vec3::ZERO));
+    assert_eq!((scene.falloff, scene.backend), (Falloff::Linear, Backend::Embree));
     assert!(scene.camera.lens.is_none() && scene.layers.is_empty() && !scene.transparent);
     assert_eq!(scene.lights[0].specular, scene.lights[0].diffuse);
-    assert!(matches!(
-        scene.lights[1].kind,
-        LightKind::Area {
-            samples: 16,
-            lambertian: false,
-            ..
-        }
-    ));
-    assert!(matches!(
-        scene.shapes[0].kind,
-        ShapeKind::Sphere { pole: 2, .. }
-    ));
+    assert!(matches!(scene.lights[1].kind, LightKind::Area { samples: 16, lambertian: false, .. }));
+    assert!(matches!(scene.shapes[0].kind, ShapeKind::Sphere { pole: 2, .. }));
     let ShapeKind::Trimesh(mesh) = &scene.shapes[1].kind else {
         panic!("a mesh");
     };
-    assert_eq!(
-        (mesh.fit, mesh.size, mesh.rotate_deg),
-        (None, 1.0, glam::DVec3::ZERO)
-    );
-    assert_eq!(
-        (mesh.smooth, mesh.bvh, mesh.vertex_colors),
-        (false, true, true)
-    );
-    assert_eq!(
-        (mesh.center, mesh.vertex_color_space),
-        (glam::DVec3::ZERO, None)
-    );
+    assert_eq!((mesh.fit, mesh.size, mesh.rotate_deg), (None, 1.0, glam::DVec3::ZERO));
+    assert_eq!((mesh.smooth, mesh.bvh, mesh.vertex_colors), (false, true, true));
+    assert_eq!((mesh.center, mesh.vertex_color_space), (glam::DVec3::ZERO, None));
     let m = &scene.materials[0];
-    assert_eq!(
-        [m.kd, m.ks, m.ka, m.kr, m.specular_exponent],
-        [1.0, 0.0, 0.0, 0.0, 1.0]
-    );
+    assert_eq!([m.kd, m.ks, m.ka, m.kr, m.specular_exponent], [1.0, 0.0, 0.0, 0.0, 1.0]);
     assert_eq!(m.diffuse_color, glam::Vec3::ONE);
     let texture = scene.materials[1].texture.as_ref().unwrap();
-    assert_eq!(
-        (texture.filter, texture.wrap, texture.color_space),
-        (Filter::Bilinear, None, None)
-    );
+    assert_eq!((texture.filter, texture.wrap, texture.color_space), (Filter::Bilinear, None, None));
     assert_eq!(texture.scale, glam::Vec2::ONE);
     let t = scene.tonemap;
-    assert_eq!(
-        (t.operator, t.exposure, t.srgb),
-        (ToneOperator::Max, 0.0, true)
-    );
+    assert_eq!((t.operator, t.exposure, t.srgb), (ToneOperator::Max, 0.0, true));
 }
 
 #[test]
 fn the_schema_is_closed_and_complete() {
     let schema = schema();
-    assert_eq!(
-        schema["$schema"],
-        "https://json-schema.org/draft/2020-12/schema"
-    );
+    assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema");
     assert_eq!(schema["properties"]["spp"]["minimum"], 1);
     assert_eq!(schema["properties"]["spp"]["default"], 1);
     let text = schema.to_string();
-    assert!(
-        !text.contains("\"null\"") && !text.contains("\"format\""),
-        "{text}"
-    );
+    assert!(!text.contains("\"null\"") && !text.contains("\"format\""), "{text}");
     fn every_object(schema: &Value, seen: &mut usize) {
         if schema["type"] == "object" {
             *seen += 1;
@@ -269,22 +197,14 @@ fn overrides_apply_in_order_and_create() {
     let loaded = load_value(&least(), &set).unwrap();
     assert_eq!(loaded.scene.camera.fov_deg, 31.0);
     assert_eq!(loaded.scene.tonemap.exposure, 1.0);
-    assert!(matches!(
-        loaded.scene.shapes[0].kind,
-        ShapeKind::Sphere { radius: 2.0, .. }
-    ));
+    assert!(matches!(loaded.scene.shapes[0].kind, ShapeKind::Sphere { radius: 2.0, .. }));
     assert_eq!(loaded.scene.layers, ["depth"]);
 }
 
 #[test]
 fn an_aperture_of_zero_is_a_pinhole() {
     assert!(
-        load_value(&everything(), &["/camera/aperture=0"])
-            .unwrap()
-            .scene
-            .camera
-            .lens
-            .is_none()
+        load_value(&everything(), &["/camera/aperture=0"]).unwrap().scene.camera.lens.is_none()
     );
 }
 
@@ -308,11 +228,7 @@ fn one_long_line_is_parsed_in_linear_time() {
 }
 
 fn load_bytes(bytes: &[u8]) -> Result<Loaded> {
-    let source = Source::Text {
-        name: "p",
-        text: bytes,
-        folder: Path::new("/nonexistent"),
-    };
+    let source = Source::Text { name: "p", text: bytes, folder: Path::new("/nonexistent") };
     load(source, &[])
 }
 

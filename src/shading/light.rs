@@ -49,10 +49,7 @@ pub struct Lit {
 
 impl Lit {
     /// No light.
-    pub const EMPTY: Self = Self {
-        diffuse: [0.0; LANES],
-        specular: [0.0; LANES],
-    };
+    pub const EMPTY: Self = Self { diffuse: [0.0; LANES], specular: [0.0; LANES] };
 }
 
 /// Shadow rays from `points` to the light points `q`, and what light these give if unoccluded.
@@ -104,11 +101,7 @@ pub fn light_rays(
         // A lifted origin may have its own facet between itself and a light below the facet's
         // horizon; otherwise a planar primitive cannot shadow a point of its own.
         let own_counts = (points.lifted.0[i] != 0) & (l.dot(lane(&points.ng, i)) < 0.0);
-        rays.leaving[i] = if own_counts {
-            NONE
-        } else {
-            points.primitive[i]
-        };
+        rays.leaving[i] = if own_counts { NONE } else { points.primitive[i] };
     }
     if glossy {
         specular(points, q, lit);
@@ -146,26 +139,16 @@ mod tests {
         let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
         let mut lanes = [[0.0; LANES]; 3];
         set_lane(&mut lanes, 0, q);
-        let active = light_rays(
-            &one_point(),
-            &lanes,
-            normal,
-            falloff,
-            true,
-            &mut rays,
-            &mut lit,
-        );
+        let active = light_rays(&one_point(), &lanes, normal, falloff, true, &mut rays, &mut lit);
         (active, rays, lit)
     }
 
     #[test]
     fn the_terms_are_those_of_the_format() {
         let q = Vec3::new(-3.0, 4.0, 0.0);
-        for (falloff, divisor) in [
-            (Falloff::None, 1.0),
-            (Falloff::Linear, 5.0),
-            (Falloff::Quadratic, 25.0),
-        ] {
+        for (falloff, divisor) in
+            [(Falloff::None, 1.0), (Falloff::Linear, 5.0), (Falloff::Quadratic, 25.0)]
+        {
             let (active, rays, lit) = at(q, falloff, None);
             assert_eq!(active.count(), 1);
             assert!((lit.diffuse[0] - 0.7 * 0.8 / divisor).abs() < 1e-7);
@@ -186,10 +169,7 @@ mod tests {
 
     #[test]
     fn no_light_from_behind_or_from_the_point_itself() {
-        assert_eq!(
-            at(Vec3::new(0.0, -1.0, 0.0), Falloff::None, None).0.count(),
-            0
-        );
+        assert_eq!(at(Vec3::new(0.0, -1.0, 0.0), Falloff::None, None).0.count(), 0);
         assert_eq!(at(Vec3::ZERO, Falloff::Linear, None).0.count(), 0);
     }
 }

@@ -152,14 +152,11 @@ impl Shapes {
                 UvSource::PerCorner(uv) => size_of_val(&uv[..]),
                 _ => 0,
             };
-            let colors = shape
-                .colors
-                .as_ref()
-                .map_or(0, |colors| match &colors.values {
-                    Colors::U8(c) => size_of_val(&c[..]),
-                    Colors::U16(c) => size_of_val(&c[..]),
-                    Colors::F32(c) => size_of_val(&c[..]),
-                });
+            let colors = shape.colors.as_ref().map_or(0, |colors| match &colors.values {
+                Colors::U8(c) => size_of_val(&c[..]),
+                Colors::U16(c) => size_of_val(&c[..]),
+                Colors::F32(c) => size_of_val(&c[..]),
+            });
             let normals = shape.normals.as_ref().map_or(0, |n| size_of_val(&n[..]));
             (uv + colors + normals) as u64
         });
@@ -170,13 +167,10 @@ impl Shapes {
     #[inline(always)]
     fn one_plain_material(&self, packet: &RayPacket, surfaces: &Surfaces) -> Option<&Material> {
         let geom = packet.hits.geom[0];
-        let same = (0..LANES).fold(true, |same, i| {
-            same & (surfaces.hit.0[i] != 0) & (packet.hits.geom[i] == geom)
-        });
-        let Some(Owner::One(shape)) = self
-            .owners
-            .get(geom as usize)
-            .filter(|_| same && geom != NONE)
+        let same = (0..LANES)
+            .fold(true, |same, i| same & (surfaces.hit.0[i] != 0) & (packet.hits.geom[i] == geom));
+        let Some(Owner::One(shape)) =
+            self.owners.get(geom as usize).filter(|_| same && geom != NONE)
         else {
             return None;
         };
@@ -207,9 +201,10 @@ impl Shapes {
         let material = &self.materials[shape.material as usize];
         if let Some(texture) = material.texture {
             let half = packet.hits.u[i] + packet.hits.v[i];
-            if let Some(uv) = shape.uv.at(prim, corners, weights, half, || {
-                sphere_point(geometry, surfaces, prim, i)
-            }) {
+            if let Some(uv) = shape
+                .uv
+                .at(prim, corners, weights, half, || sphere_point(geometry, surfaces, prim, i))
+            {
                 let uv = uv * material.uv_scale;
                 let wrap = match (material.wrap, &shape.uv) {
                     (Some(wrap), _) => [wrap, wrap],
@@ -230,13 +225,7 @@ impl Shapes {
             (&shape.normals, corners, geometry.kind(geom))
         {
             let positions = geometry.meshes[mesh].corners(prim).map(Vec3::from);
-            smooth(
-                positions,
-                corners.map(|c| Vec3::from(normals[c as usize])),
-                weights,
-                i,
-                out,
-            );
+            smooth(positions, corners.map(|c| Vec3::from(normals[c as usize])), weights, i, out);
         }
     }
 }
@@ -314,11 +303,9 @@ impl UvSource {
         match self {
             Self::None => None,
             Self::Sphere { pole } => Some(sphere_uv(sphere(), *pole)),
-            Self::Quad([a, b, c, d]) => interpolate(if reported <= 1.0 {
-                [*a, *b, *d]
-            } else {
-                [*c, *d, *b]
-            }),
+            Self::Quad([a, b, c, d]) => {
+                interpolate(if reported <= 1.0 { [*a, *b, *d] } else { [*c, *d, *b] })
+            }
             Self::Triangle(uv) => interpolate(*uv),
             Self::PerVertex(uv) => interpolate(corners?.map(|c| Vec2::from(uv[c as usize]))),
             Self::PerCorner(uv) => interpolate(uv[prim as usize].map(Vec2::from)),
@@ -378,11 +365,7 @@ mod tests {
     fn a_convex_corner_lifts_the_shadow_origin() {
         let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let out_and_up = |x: f32, y: f32| Vec3::new(x, y, 3.0).normalize();
-        let normals = [
-            out_and_up(-1.0, -1.0),
-            out_and_up(1.0, 0.0),
-            out_and_up(0.0, 1.0),
-        ];
+        let normals = [out_and_up(-1.0, -1.0), out_and_up(1.0, 0.0), out_and_up(0.0, 1.0)];
         let mut points = Points::EMPTY;
         set_lane(&mut points.at.ng, 0, Vec3::Z);
         smooth(corners, normals, [1.0 / 3.0; 3], 0, &mut points);

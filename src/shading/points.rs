@@ -158,11 +158,7 @@ mod tests {
         assert!((lane(&rays.dir, 0) - Vec3::new(0.6, 0.8, 0.0)).length() < 1e-6);
 
         // A shading normal that leans so far that the mirrored ray would go under the surface.
-        set_lane(
-            &mut points.at.n,
-            0,
-            Vec3::new(0.9, 0.435_889_9, 0.0).normalize(),
-        );
+        set_lane(&mut points.at.n, 0, Vec3::new(0.9, 0.435_889_9, 0.0).normalize());
         reflect(&points, &[[0.0; LANES]; 3], &mut rays);
         assert!(lane(&rays.dir, 0).y > 0.0);
         assert!((lane(&rays.dir, 0).length() - 1.0).abs() < 1e-6);

@@ -17,10 +17,7 @@ pub struct Bounds {
 
 impl Bounds {
     /// Holds nothing.
-    pub const EMPTY: Self = Self {
-        min: DVec3::INFINITY,
-        max: DVec3::NEG_INFINITY,
-    };
+    pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
     /// The smallest box around `n` points that `point` computes, in parallel.
     pub fn of_points(n: usize, point: impl Fn(usize) -> Option<DVec3> + Sync) -> Self {
@@ -37,10 +34,9 @@ impl Bounds {
     /// The box of a shape other than a mesh.
     pub fn of_shape(shape: &ShapeKind) -> Self {
         match shape {
-            ShapeKind::Sphere { center, radius, .. } => Self {
-                min: *center - *radius,
-                max: *center + *radius,
-            },
+            ShapeKind::Sphere { center, radius, .. } => {
+                Self { min: *center - *radius, max: *center + *radius }
+            }
             ShapeKind::Plane { corners } => corners.iter().copied().fold(Self::EMPTY, Self::with),
             ShapeKind::Triangle { corners } => {
                 corners.iter().copied().fold(Self::EMPTY, Self::with)
@@ -50,18 +46,12 @@ impl Bounds {
     }
 
     fn with(self, p: DVec3) -> Self {
-        Self {
-            min: self.min.min(p),
-            max: self.max.max(p),
-        }
+        Self { min: self.min.min(p), max: self.max.max(p) }
     }
 
     /// The smallest box around both.
     pub fn union(self, other: Self) -> Self {
-        Self {
-            min: self.min.min(other.min),
-            max: self.max.max(other.max),
-        }
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
     /// The middle; the origin of space if empty.
@@ -92,8 +82,6 @@ impl Bounds {
                 pick(4, self.min.z, self.max.z),
             )
         };
-        planes
-            .iter()
-            .any(|n| (0..8).all(|i| n.dot(corner(i) - camera.position) < 0.0))
+        planes.iter().any(|n| (0..8).all(|i| n.dot(corner(i) - camera.position) < 0.0))
     }
 }

@@ -88,19 +88,11 @@ impl World {
         }
         let origin = bounds.center();
         let (geometry, shapes) = gather(scene, meshes, origin)?;
-        let shapes = Shapes {
-            materials,
-            textures,
-            ..shapes
-        };
+        let shapes = Shapes { materials, textures, ..shapes };
         let world = Self {
             geometry,
             shapes,
-            lights: scene
-                .lights
-                .iter()
-                .map(|light| recentre(light, origin))
-                .collect(),
+            lights: scene.lights.iter().map(|light| recentre(light, origin)).collect(),
             camera: Camera::new(&scene.camera, origin),
             frame: [scene.camera.width, scene.camera.height],
             spp: scene.spp,
@@ -116,12 +108,7 @@ impl World {
 
     /// Triangles of all meshes and single triangles; a plane counts as two.
     pub fn triangles(&self) -> u64 {
-        let meshes: usize = self
-            .geometry
-            .meshes
-            .iter()
-            .map(|m| m.triangles().len())
-            .sum();
+        let meshes: usize = self.geometry.meshes.iter().map(|m| m.triangles().len()).sum();
         (meshes + 2 * self.geometry.quads.len()) as u64
     }
 
@@ -134,13 +121,7 @@ impl World {
 fn recentre(light: &crate::scene::Light, origin: DVec3) -> Light {
     let emitter = match &light.kind {
         LightKind::Point { position } => Emitter::Point((*position - origin).as_vec3()),
-        LightKind::Area {
-            corner,
-            edge,
-            height,
-            samples,
-            lambertian,
-        } => Emitter::Area {
+        LightKind::Area { corner, edge, height, samples, lambertian } => Emitter::Area {
             corner: (*corner - origin).as_vec3(),
             edge: edge.as_vec3(),
             height: height.as_vec3(),
@@ -148,11 +129,7 @@ fn recentre(light: &crate::scene::Light, origin: DVec3) -> Light {
             samples: *samples,
         },
     };
-    Light {
-        diffuse: light.diffuse,
-        specular: light.specular,
-        emitter,
-    }
+    Light { diffuse: light.diffuse, specular: light.specular, emitter }
 }
 
 /// Sorts the shapes into geometries: one per mesh, one of all single triangles, quads, spheres.
@@ -169,15 +146,8 @@ fn gather(
     for (index, shape) in scene.shapes.iter().enumerate() {
         let index = index as u32;
         let uv = match &shape.kind {
-            ShapeKind::Sphere {
-                center,
-                radius,
-                pole,
-            } => {
-                spheres.push(Sphere {
-                    center: *center - origin,
-                    radius: *radius,
-                });
+            ShapeKind::Sphere { center, radius, pole } => {
+                spheres.push(Sphere { center: *center - origin, radius: *radius });
                 sphere_shapes.push(index);
                 UvSource::Sphere { pole: *pole }
             }
@@ -193,12 +163,7 @@ fn gather(
             }
             ShapeKind::Trimesh(_) => UvSource::None,
         };
-        shapes.push(Shape {
-            material: shape.material as u32,
-            uv,
-            normals: None,
-            colors: None,
-        });
+        shapes.push(Shape { material: shape.material as u32, uv, normals: None, colors: None });
     }
     let mut arrays = Vec::new();
     let mut owners = Vec::new();
@@ -207,9 +172,8 @@ fn gather(
         arrays.push(mesh.finish(origin, &mut shapes[index]));
     }
     if !triangle_shapes.is_empty() {
-        let triangles = (0..triangle_shapes.len() as u32)
-            .map(|i| [0, 1, 2].map(|k| 3 * i + k))
-            .collect();
+        let triangles =
+            (0..triangle_shapes.len() as u32).map(|i| [0, 1, 2].map(|k| 3 * i + k)).collect();
         arrays.push(TriangleMesh::new(corners, triangles, false));
         owners.push(Owner::Each(triangle_shapes));
     }
@@ -218,15 +182,7 @@ fn gather(
         let message = format!("{count} primitives are more than the 4294967294 that fit");
         Error::new(Kind::Limit, Problem::new("scene", message))
     })?;
-    Ok((
-        geometry,
-        Shapes {
-            owners,
-            shapes,
-            materials: Vec::new(),
-            textures: Vec::new(),
-        },
-    ))
+    Ok((geometry, Shapes { owners, shapes, materials: Vec::new(), textures: Vec::new() }))
 }
 
 /// With a = v2 - v3, b = v0 - v3: u = (P - v3).a/|a|^2, v = 1 - (P - v3).b/|b|^2; linear in P, so
@@ -236,10 +192,7 @@ fn quad_uv(corners: &[DVec3; 4]) -> [Vec2; 4] {
     let (a, b) = (v2 - v3, v0 - v3);
     corners.map(|p| {
         let d = p - v3;
-        Vec2::new(
-            (d.dot(a) / a.dot(a)) as f32,
-            (1.0 - d.dot(b) / b.dot(b)) as f32,
-        )
+        Vec2::new((d.dot(a) / a.dot(a)) as f32, (1.0 - d.dot(b) / b.dot(b)) as f32)
     })
 }
 
@@ -250,15 +203,10 @@ fn triangle_uv(corners: &[DVec3; 3]) -> [Vec2; 3] {
     let e = (v1 - v0).normalize();
     let h = (v2 - v0) - e * (v2 - v0).dot(e);
     let along = corners.map(|p| (p - v0).dot(e));
-    let (low, high) = along
-        .iter()
-        .fold((f64::MAX, f64::MIN), |(l, h), &x| (l.min(x), h.max(x)));
+    let (low, high) = along.iter().fold((f64::MAX, f64::MIN), |(l, h), &x| (l.min(x), h.max(x)));
     corners.map(|p| {
         let d = p - v0;
-        Vec2::new(
-            (1.0 - (d.dot(e) - low) / (high - low)) as f32,
-            (d.dot(h) / h.dot(h)) as f32,
-        )
+        Vec2::new((1.0 - (d.dot(e) - low) / (high - low)) as f32, (d.dot(h) / h.dot(h)) as f32)
     })
 }
 
@@ -268,12 +216,7 @@ mod tests {
 
     #[test]
     fn a_plane_maps_v3_to_the_bottom_left() {
-        let corners = [
-            DVec3::Y,
-            DVec3::new(2.0, 1.0, 0.0),
-            DVec3::X * 2.0,
-            DVec3::ZERO,
-        ];
+        let corners = [DVec3::Y, DVec3::new(2.0, 1.0, 0.0), DVec3::X * 2.0, DVec3::ZERO];
         let [v0, v1, v2, v3] = quad_uv(&corners);
         assert_eq!([v3, v2, v0, v1], [Vec2::Y, Vec2::ONE, Vec2::ZERO, Vec2::X]);
     }
@@ -281,10 +224,7 @@ mod tests {
     #[test]
     fn a_triangle_maps_into_its_bounding_rectangle() {
         let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(1.0, 2.0, 0.0)];
-        assert_eq!(
-            triangle_uv(&corners),
-            [Vec2::X, Vec2::ZERO, Vec2::new(0.75, 1.0)]
-        );
+        assert_eq!(triangle_uv(&corners), [Vec2::X, Vec2::ZERO, Vec2::new(0.75, 1.0)]);
         // A third corner that sticks out widens the range.
         let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(-4.0, 2.0, 0.0)];
         assert_eq!(triangle_uv(&corners)[0].x, 0.5);

@@ -31,13 +31,7 @@ impl PlacedMesh {
         options: LoadOptions,
         warnings: &mut Vec<Problem>,
     ) -> Result<Self> {
-        let mesh = mesh::read_ply(
-            &spec.path,
-            mesh::ReadOptions {
-                repair: options.repair,
-                ..Default::default()
-            },
-        )?;
+        let mesh = mesh::read_ply(&spec.path, mesh::ReadOptions::default().repair(options.repair))?;
         warn(&mesh, spec, warnings);
         if textured && mesh.uvs.is_none() {
             return Err(Error::invalid(
@@ -82,13 +76,7 @@ impl PlacedMesh {
                 ),
             ));
         }
-        Ok(Self {
-            mesh,
-            spec: spec.clone(),
-            linear,
-            offset,
-            bounds,
-        })
+        Ok(Self { mesh, spec: spec.clone(), linear, offset, bounds })
     }
 
     /// The box over all used vertices, in world space.
@@ -98,13 +86,7 @@ impl PlacedMesh {
 
     /// Vertices relative to `origin`, and the vertex data that `shape` needs.
     pub fn finish(self, origin: DVec3, shape: &mut Shape) -> TriangleMesh {
-        let Self {
-            mesh,
-            spec,
-            linear,
-            offset,
-            ..
-        } = self;
+        let Self { mesh, spec, linear, offset, .. } = self;
         let offset = offset - origin;
         let vertices: Vec<[f32; 3]> = match &mesh.positions {
             Positions::F32(p) => transform(p, |p| DVec3::from(p.map(f64::from)), linear, offset),
@@ -123,8 +105,7 @@ impl PlacedMesh {
                 UvSource::PerVertex(uv)
             }
             Some(Uvs::PerCorner(mut uv)) => {
-                uv.par_iter_mut()
-                    .for_each(|corners| corners.iter_mut().for_each(flip));
+                uv.par_iter_mut().for_each(|corners| corners.iter_mut().for_each(flip));
                 UvSource::PerCorner(uv)
             }
         };
@@ -133,10 +114,7 @@ impl PlacedMesh {
                 Colors::F32(_) => ColorSpace::Linear,
                 Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
             };
-            VertexColors {
-                values,
-                space: spec.vertex_color_space.unwrap_or(stored),
-            }
+            VertexColors { values, space: spec.vertex_color_space.unwrap_or(stored) }
         });
         TriangleMesh::new(vertices, mesh.triangles, !spec.bvh)
     }
@@ -196,18 +174,9 @@ fn bounds(mesh: &Mesh, used: &[bool], linear: DMat3, offset: DVec3) -> Bounds {
 fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {
     let notes = &mesh.notes;
     let dropped = [
-        (
-            notes.degenerate_dropped,
-            "degenerate triangles (zero area) were dropped",
-        ),
-        (
-            notes.repaired_dropped,
-            "triangles with bad vertices were dropped (--repair)",
-        ),
-        (
-            notes.faces_too_small,
-            "faces with fewer than three corners were skipped",
-        ),
+        (notes.degenerate_dropped, "degenerate triangles (zero area) were dropped"),
+        (notes.repaired_dropped, "triangles with bad vertices were dropped (--repair)"),
+        (notes.faces_too_small, "faces with fewer than three corners were skipped"),
     ];
     let path = spec.path.display().to_string();
     for (count, what) in dropped.into_iter().filter(|(count, _)| *count > 0) {

@@ -17,11 +17,7 @@ fn unit(a: V) -> V {
 }
 
 fn cross(a: V, b: V) -> V {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// A unit sphere at the origin under one white point light of `id` and `is` 1, seen from
@@ -96,11 +92,7 @@ pub fn facing_mirrors(glow: f64, kr: f64, nbounces: i32) -> f64 {
 /// A point of the unit sphere by longitude and latitude (rad) about the given pole, so that
 /// "Texture coordinates", sphere, gives [`lonlat_uv`].
 pub fn lonlat_point(longitude: f64, latitude: f64, pole: char) -> V {
-    let q = [
-        latitude.cos() * longitude.sin(),
-        -latitude.cos() * longitude.cos(),
-        latitude.sin(),
-    ];
+    let q = [latitude.cos() * longitude.sin(), -latitude.cos() * longitude.cos(), latitude.sin()];
     match pole {
         'x' => [q[2], q[0], q[1]], // q = (p.y, p.z, p.x)
         'y' => [q[1], q[2], q[0]], // q = (p.z, p.x, p.y)

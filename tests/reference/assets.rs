@@ -9,7 +9,7 @@ use std::path::Path;
 pub fn write_all(folder: &Path) {
     textures(folder);
     std::fs::write(folder.join("torus.ply"), torus(72, 36)).expect("torus.ply");
-    std::fs::write(folder.join("ball.ply"), ball(16, 8)).expect("ball.ply");
+    std::fs::write(folder.join("ball.ply"), ball(10, 5)).expect("ball.ply");
     std::fs::write(folder.join("vase.ply"), vase()).expect("vase.ply");
     std::fs::write(folder.join("box.ply"), textured_box()).expect("box.ply");
 }
@@ -34,15 +34,17 @@ fn textures(folder: &Path) {
         Rgba([r, g, b, (10 * i) as u8])
     });
     rgba8.save(folder.join("rgba8.png")).expect("rgba8.png");
-    let rgb16 = ImageBuffer::from_fn(width, height, |i, j| {
-        Rgb(texel(i, j).map(|x| u16::from(x) * 251 + 3))
-    });
+    let rgb16 =
+        ImageBuffer::from_fn(
+            width,
+            height,
+            |i, j| Rgb(texel(i, j).map(|x| u16::from(x) * 251 + 3)),
+        );
     rgb16.save(folder.join("rgb16.png")).expect("rgb16.png");
     let grey8 = image::GrayImage::from_fn(width, height, |i, j| image::Luma([texel(i, j)[0]]));
     grey8.save(folder.join("grey8.png")).expect("grey8.png");
-    let float = ImageBuffer::from_fn(width, height, |i, j| {
-        Rgb(texel(i, j).map(|x| f32::from(x) / 100.0))
-    });
+    let float =
+        ImageBuffer::from_fn(width, height, |i, j| Rgb(texel(i, j).map(|x| f32::from(x) / 100.0)));
     float.save(folder.join("float.hdr")).expect("float.hdr");
 }
 
@@ -65,18 +67,12 @@ fn torus(around: u32, across: u32) -> Vec<u8> {
     };
     for a in 0..around {
         for b in 0..across {
-            let (s, t) = (
-                f64::from(a) / f64::from(around),
-                f64::from(b) / f64::from(across),
-            );
+            let (s, t) = (f64::from(a) / f64::from(around), f64::from(b) / f64::from(across));
             let ((sin_s, cos_s), (sin_t, cos_t)) = ((TAU * s).sin_cos(), (TAU * t).sin_cos());
             let tube = 4.0 + 0.7 * (TAU * 5.0 * s).sin() * (TAU * 2.0 * t).cos();
             let ring = 11.0 + tube * cos_t;
             let color = [0.55 + 0.45 * sin_s, 0.55 + 0.45 * cos_t, 0.5 - 0.4 * cos_s];
-            vertex(
-                [ring * cos_s + 30.0, ring * sin_s - 7.0, tube * sin_t + 2.0],
-                color,
-            );
+            vertex([ring * cos_s + 30.0, ring * sin_s - 7.0, tube * sin_t + 2.0], color);
         }
     }
     vertex([900.0, -900.0, 900.0], [1.0; 3]);
@@ -108,11 +104,7 @@ fn ball(around: u32, down: u32) -> String {
     let mut vertex = |[x, y, z]: [f64; 3]| {
         let (nx, ny, nz) = (2.0 * x + 0.2 * z, 2.0 * y, 2.0 * z);
         let (r, g, b) = (0.5 + 0.4 * x, 0.5 + 0.4 * y, 0.6 - 0.3 * z);
-        writeln!(
-            out,
-            "{x:.6} {y:.6} {z:.6} {nx:.6} {ny:.6} {nz:.6} {r:.4} {g:.4} {b:.4}"
-        )
-        .unwrap();
+        writeln!(out, "{x:.6} {y:.6} {z:.6} {nx:.6} {ny:.6} {nz:.6} {r:.4} {g:.4} {b:.4}").unwrap();
     };
     vertex([0.0, 0.0, 1.0]);
     for row in 1..down {
@@ -126,14 +118,7 @@ fn ball(around: u32, down: u32) -> String {
     let at = |row: u32, column: u32| 1 + (row - 1) * around + column % around;
     for k in 0..around {
         writeln!(out, "3 0 {} {}", at(1, k), at(1, k + 1)).unwrap();
-        writeln!(
-            out,
-            "3 {} {} {}",
-            vertices - 1,
-            at(down - 1, k + 1),
-            at(down - 1, k)
-        )
-        .unwrap();
+        writeln!(out, "3 {} {} {}", vertices - 1, at(down - 1, k + 1), at(down - 1, k)).unwrap();
         for row in 1..down - 1 {
             let upper = (at(row, k), at(row, k + 1));
             let lower = (at(row + 1, k), at(row + 1, k + 1));
@@ -156,10 +141,7 @@ fn vase() -> Vec<u8> {
     .into_bytes();
     for b in 0..=up {
         for a in 0..=around {
-            let (s, t) = (
-                f64::from(a) / f64::from(around),
-                f64::from(b) / f64::from(up),
-            );
+            let (s, t) = (f64::from(a) / f64::from(around), f64::from(b) / f64::from(up));
             let radius = 0.6 + 0.25 * (TAU * 0.9 * t).sin();
             let (sin, cos) = (TAU * s).sin_cos();
             for x in [radius * cos, 2.0 * t - 1.0, radius * sin] {
@@ -193,9 +175,7 @@ fn textured_box() -> String {
         let side = |bit: i32| if k & bit == 0 { -0.5 } else { 0.5 };
         writeln!(out, "{} {} {}", side(1), side(2), side(4)).unwrap();
     }
-    for face in [
-        "4 5 7 6", "1 0 2 3", "5 1 3 7", "0 4 6 2", "6 7 3 2", "0 1 5 4",
-    ] {
+    for face in ["4 5 7 6", "1 0 2 3", "5 1 3 7", "0 4 6 2", "6 7 3 2", "0 1 5 4"] {
         writeln!(out, "4 {face} 8 0 0 1 0 1 1 0 1").unwrap();
     }
     out

@@ -40,17 +40,14 @@ impl Camera {
             y: x.cross(z),
             z,
             tan_half_fov: (need_number(json, "fov") / 2.0).to_radians().tan(),
-            aperture: if thin {
-                number_or(json, "aperture", 0.0)
-            } else {
-                0.0
-            },
-            focaldistance: if thin {
-                need_number(json, "focaldistance")
-            } else {
-                1.0
-            },
+            aperture: if thin { number_or(json, "aperture", 0.0) } else { 0.0 },
+            focaldistance: if thin { need_number(json, "focaldistance") } else { 1.0 },
         }
+    }
+
+    /// Moves the camera, keeping its attitude.
+    pub fn shift(&mut self, by: DVec3) {
+        self.position += by;
     }
 
     /// All the rays whose mean is pixel (i, j): one through its centre for `spp` 1, else one
@@ -80,10 +77,7 @@ impl Camera {
         let through = px * self.x + py * self.y + self.z;
         let focus = self.position + self.focaldistance * through;
         let origin = self.position + self.aperture / 2.0 * (lx * self.x + ly * self.y);
-        Ray {
-            origin,
-            direction: (focus - origin).normalize(),
-        }
+        Ray { origin, direction: (focus - origin).normalize() }
     }
 }
 

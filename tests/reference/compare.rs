@@ -35,27 +35,38 @@ type Tolerance<'a> = &'a dyn Fn(usize, usize) -> f64;
 /// `ALLOWED` of the pixels.
 pub fn assert_same(name: &str, actual: &Picture, expected: &Picture) {
     let tolerance = |k: usize, c: usize| RELATIVE * expected.pixels[k][c].abs().max(FLOOR);
-    assert_within(name, actual, expected, &tolerance);
+    if let Err(report) = judge_pixels(actual, expected, &tolerance) {
+        let place = write_pictures(name, actual, expected, &tolerance);
+        panic!("{name}: see {place}\n{report}");
+    }
 }
 
-/// Checks a picture with random choices: each pixel within `SIGMAS` of its own noise, and the
-/// means of blocks of pixels within `SIGMAS` of theirs, which is ten times sharper and shows any
-/// bias, such as a wrong density of the samples.
+/// Checks a picture with random choices, by [`judge_sampled`].
 pub fn assert_same_sampled(name: &str, actual: &Picture, expected: &Picture) {
-    let tolerance = |k: usize, c: usize| {
-        SIGMAS * expected.deviation[k][c]
-            + RELATIVE_SAMPLED * expected.pixels[k][c].abs().max(FLOOR)
-    };
-    assert_within(name, actual, expected, &tolerance);
+    if let Err(report) = judge_sampled(actual, expected) {
+        let place = write_pictures(name, actual, expected, &sampled_tolerance(expected));
+        panic!("{name}: see {place}\n{report}");
+    }
+}
+
+/// Whether a picture with random choices is right: each pixel within `SIGMAS` of its own noise,
+/// and the means of blocks of pixels within `SIGMAS` of theirs, which is ten times sharper and
+/// shows any bias, such as a wrong density of the samples.
+pub fn judge_sampled(actual: &Picture, expected: &Picture) -> Result<(), String> {
+    judge_pixels(actual, expected, &sampled_tolerance(expected))?;
     let mut report = String::new();
     for top in (0..expected.height).step_by(BLOCK) {
         for left in (0..expected.width).step_by(BLOCK) {
             check_block(actual, expected, left, top, &mut report);
         }
     }
-    if !report.is_empty() {
-        let place = write_pictures(name, actual, expected, &tolerance);
-        panic!("{name}: means of blocks differ: {place}\n{report}");
+    if report.is_empty() { Ok(()) } else { Err(report) }
+}
+
+fn sampled_tolerance(expected: &Picture) -> impl Fn(usize, usize) -> f64 {
+    |k: usize, c: usize| {
+        SIGMAS * expected.deviation[k][c]
+            + RELATIVE_SAMPLED * expected.pixels[k][c].abs().max(FLOOR)
     }
 }
 
@@ -63,18 +74,12 @@ pub fn assert_same_sampled(name: &str, actual: &Picture, expected: &Picture) {
 fn check_block(a: &Picture, e: &Picture, left: usize, top: usize, report: &mut String) {
     let columns = left..(left + BLOCK).min(e.width);
     let rows = top..(top + BLOCK).min(e.height);
-    let inside: Vec<usize> = rows
-        .flat_map(|j| columns.clone().map(move |i| j * e.width + i))
-        .collect();
+    let inside: Vec<usize> =
+        rows.flat_map(|j| columns.clone().map(move |i| j * e.width + i)).collect();
     let n = inside.len() as f64;
     for c in 0..4 {
         let mean = |p: &Picture| inside.iter().map(|k| p.pixels[*k][c]).sum::<f64>() / n;
-        let noise = inside
-            .iter()
-            .map(|k| e.deviation[*k][c].powi(2))
-            .sum::<f64>()
-            .sqrt()
-            / n;
+        let noise = inside.iter().map(|k| e.deviation[*k][c].powi(2)).sum::<f64>().sqrt() / n;
         let (actual, expected) = (mean(a), mean(e));
         let tolerance = SIGMAS * noise + RELATIVE * expected.abs().max(FLOOR);
         // A NaN must fail, so the comparison asks for what is right.
@@ -90,38 +95,27 @@ fn check_block(a: &Picture, e: &Picture, left: usize, top: usize, report: &mut S
     }
 }
 
-fn assert_within(name: &str, actual: &Picture, expected: &Picture, tolerance: Tolerance) {
-    let size = |p: &Picture| (p.width, p.height);
-    assert_eq!(size(actual), size(expected), "{name}: picture size");
-    let mut wrong: Vec<(f64, usize)> = (0..expected.pixels.len())
-        .map(|k| (excess(actual, expected, tolerance, k), k))
+/// Whether all but `ALLOWED` of the pixels are within tolerance; else a report of the worst.
+fn judge_pixels(a: &Picture, e: &Picture, tolerance: Tolerance) -> Result<(), String> {
+    assert_eq!((a.width, a.height), (e.width, e.height), "picture size");
+    let mut wrong: Vec<(f64, usize)> = (0..e.pixels.len())
+        .map(|k| (excess(a, e, tolerance, k), k))
         .filter(|(excess, _)| *excess > 1.0)
         .collect();
-    let allowed = (ALLOWED * expected.pixels.len() as f64) as usize;
-    println!(
-        "{name}: {} of {} pixels differ",
-        wrong.len(),
-        expected.pixels.len()
-    );
+    let allowed = (ALLOWED * e.pixels.len() as f64) as usize;
+    println!("{} of {} pixels differ, {allowed} may", wrong.len(), e.pixels.len());
     if wrong.len() <= allowed {
-        return;
+        return Ok(());
     }
     wrong.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let place = write_pictures(name, actual, expected, tolerance);
-    let mut report = format!(
-        "{name}: {} pixels differ, {allowed} may: {place}\n",
-        wrong.len()
-    );
+    let mut report = format!("{} pixels differ, {allowed} may\n", wrong.len());
     for (excess, k) in wrong.iter().take(10) {
-        let (i, j) = (k % expected.width, k / expected.width);
-        let (a, e) = (actual.pixels[*k], expected.pixels[*k]);
-        writeln!(
-            report,
-            "  ({i}, {j}): {a:.5?}, expected {e:.5?}: {excess:.1} tolerances"
-        )
-        .unwrap();
+        let (i, j) = (k % e.width, k / e.width);
+        let (x, r) = (a.pixels[*k], e.pixels[*k]);
+        writeln!(report, "  ({i}, {j}): {x:.5?}, expected {r:.5?}: {excess:.1} tolerances")
+            .unwrap();
     }
-    panic!("{report}");
+    Err(report)
 }
 
 /// The largest difference of a pixel's channels, in tolerances; infinite for a NaN.
@@ -145,25 +139,17 @@ fn write_pictures(name: &str, a: &Picture, e: &Picture, tolerance: Tolerance) ->
         .expect("as many pixels as that")
         .save(folder.join("difference.png"))
         .expect("difference.png");
-    format!("see {}", folder.display())
+    folder.display().to_string()
 }
 
 /// Writes a picture for the eye: sRGB, clamped, over black.
 pub fn write_png(path: &Path, picture: &Picture) {
     let to_srgb = |x: f64| {
         let x = x.clamp(0.0, 1.0);
-        let y = if x <= 0.003_130_8 {
-            12.92 * x
-        } else {
-            1.055 * x.powf(1.0 / 2.4) - 0.055
-        };
+        let y = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
         (255.0 * y).round() as u8
     };
-    let bytes = picture
-        .pixels
-        .iter()
-        .flat_map(|p| [p[0], p[1], p[2]].map(to_srgb))
-        .collect();
+    let bytes = picture.pixels.iter().flat_map(|p| [p[0], p[1], p[2]].map(to_srgb)).collect();
     image::RgbImage::from_raw(picture.width as u32, picture.height as u32, bytes)
         .expect("as many pixels as that")
         .save(path)

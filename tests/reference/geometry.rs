@@ -20,11 +20,7 @@ impl Ray {
 
 /// A shape of the scene.
 pub enum Shape {
-    Sphere {
-        center: DVec3,
-        radius: f64,
-        pole: char,
-    },
+    Sphere { center: DVec3, radius: f64, pole: char },
     Plane([DVec3; 4]),
     Triangle([DVec3; 3]),
     Mesh(Mesh),
@@ -50,27 +46,17 @@ impl Shape {
     /// the ray starts on, if any: a flat part cannot be met again, and a sphere only at its
     /// other root.
     pub fn hit(&self, ray: &Ray, limit: f64, left: Option<usize>) -> Option<Contact> {
-        let whole = |t: f64| Contact {
-            t,
-            part: 0,
-            weights: [0.0; 3],
-        };
+        let whole = |t: f64| Contact { t, part: 0, weights: [0.0; 3] };
         match self {
             Shape::Sphere { center, radius, .. } => {
-                let least = if left.is_some() {
-                    SPHERE_SKIN * radius
-                } else {
-                    0.0
-                };
+                let least = if left.is_some() { SPHERE_SKIN * radius } else { 0.0 };
                 sphere(ray, *center, *radius, least, limit).map(whole)
             }
             Shape::Plane(_) | Shape::Triangle(_) if left.is_some() => None,
             Shape::Plane(corners) => quad(ray, corners, limit).map(whole),
-            Shape::Triangle(corners) => triangle(ray, corners, limit).map(|(t, weights)| Contact {
-                t,
-                part: 0,
-                weights,
-            }),
+            Shape::Triangle(corners) => {
+                triangle(ray, corners, limit).map(|(t, weights)| Contact { t, part: 0, weights })
+            }
             Shape::Mesh(mesh) => mesh.hit(ray, limit, left),
         }
     }
@@ -88,11 +74,7 @@ impl Shape {
     /// "Texture coordinates": (u, v) at a contact point, v down.
     pub fn uv(&self, point: DVec3, contact: &Contact) -> DVec2 {
         match self {
-            Shape::Sphere {
-                center,
-                radius,
-                pole,
-            } => sphere_uv((point - center) / *radius, *pole),
+            Shape::Sphere { center, radius, pole } => sphere_uv((point - center) / *radius, *pole),
             Shape::Plane([v0, _, v2, v3]) => {
                 let (a, b, p) = (v2 - v3, v0 - v3, point - v3);
                 DVec2::new(p.dot(a) / a.dot(a), 1.0 - p.dot(b) / b.dot(b))
@@ -113,9 +95,7 @@ fn sphere(ray: &Ray, center: DVec3, radius: f64, least: f64, limit: f64) -> Opti
         return None;
     }
     let half_chord = half_chord_squared.sqrt();
-    [middle - half_chord, middle + half_chord]
-        .into_iter()
-        .find(|t| *t > least && *t < limit)
+    [middle - half_chord, middle + half_chord].into_iter().find(|t| *t > least && *t < limit)
 }
 
 /// Distance along the ray to the plane through `corner` with the given normal.
@@ -142,11 +122,7 @@ pub fn triangle(ray: &Ray, v: &[DVec3; 3], limit: f64) -> Option<(f64, [f64; 3])
     let t = plane_distance(ray, v[0], normal, limit)?;
     let point = ray.at(t);
     let opposite = |a: DVec3, b: DVec3| (b - a).cross(point - a).dot(normal) / normal.dot(normal);
-    let weights = [
-        opposite(v[1], v[2]),
-        opposite(v[2], v[0]),
-        opposite(v[0], v[1]),
-    ];
+    let weights = [opposite(v[1], v[2]), opposite(v[2], v[0]), opposite(v[0], v[1])];
     weights.iter().all(|w| *w >= 0.0).then_some((t, weights))
 }
 
@@ -162,10 +138,7 @@ fn sphere_uv(p: DVec3, pole: char) -> DVec2 {
         'y' => DVec3::new(p.z, p.x, p.y),
         _ => p,
     };
-    DVec2::new(
-        0.5 + p.x.atan2(-p.y) / TAU,
-        0.5 - p.z.clamp(-1.0, 1.0).asin() / PI,
-    )
+    DVec2::new(0.5 + p.x.atan2(-p.y) / TAU, 0.5 - p.z.clamp(-1.0, 1.0).asin() / PI)
 }
 
 /// Triangle: `u = 1 - ((P - v0).e/|e| - m)/(M - m)`, `v = (P - v0).h/|h|^2`.

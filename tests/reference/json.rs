@@ -17,11 +17,7 @@ pub fn vec3(value: &Value) -> DVec3 {
 
 /// The required vector under `key`.
 pub fn need_vec3(object: &Value, key: &str) -> DVec3 {
-    vec3(
-        object
-            .get(key)
-            .unwrap_or_else(|| panic!("no `{key}` in {object}")),
-    )
+    vec3(object.get(key).unwrap_or_else(|| panic!("no `{key}` in {object}")))
 }
 
 /// The vector under `key`, or `default`.
@@ -36,9 +32,7 @@ pub fn number_or(object: &Value, key: &str, default: f64) -> f64 {
 
 /// The required number under `key`.
 pub fn need_number(object: &Value, key: &str) -> f64 {
-    object[key]
-        .as_f64()
-        .unwrap_or_else(|| panic!("no number `{key}` in {object}"))
+    object[key].as_f64().unwrap_or_else(|| panic!("no number `{key}` in {object}"))
 }
 
 /// The word under `key`, or `default`.

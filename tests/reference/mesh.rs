@@ -44,14 +44,7 @@ impl Mesh {
         let coordinates = coordinates(vertex, face, &triangles, &origins);
         let corners = |part: usize| triangles[part].map(|k: usize| vertices[k]);
         let tree = Tree::build(&corners, (0..triangles.len()).collect());
-        Mesh {
-            tree,
-            vertices,
-            triangles,
-            normals,
-            colors,
-            coordinates,
-        }
+        Mesh { tree, vertices, triangles, normals, colors, coordinates }
     }
 
     /// The corners of a triangle.
@@ -61,9 +54,7 @@ impl Mesh {
 
     /// The unit vertex normals at a triangle's corners, with `smooth`.
     pub fn corner_normals(&self, part: usize) -> Option<[DVec3; 3]> {
-        self.normals
-            .as_ref()
-            .map(|n| self.triangles[part].map(|k| n[k]))
+        self.normals.as_ref().map(|n| self.triangles[part].map(|k| n[k]))
     }
 
     /// The interpolated linear vertex colour, if the mesh has any.
@@ -105,16 +96,11 @@ fn vectors(vertex: &Element, names: [&str; 3]) -> Option<Vec<DVec3>> {
 /// "Quads are split 0-1-2, 0-2-3": the triangles, and for each its face and corner numbers.
 type Origin = (usize, [usize; 3]);
 fn split_faces(face: &Element) -> (Vec<[usize; 3]>, Vec<Origin>) {
-    let column = face
-        .column(&["vertex_indices", "vertex_index"])
-        .expect("vertex_indices");
+    let column = face.column(&["vertex_indices", "vertex_index"]).expect("vertex_indices");
     let (mut triangles, mut origins) = (Vec::new(), Vec::new());
     for (f, row) in face.rows.iter().enumerate() {
         let polygon = &row[column];
-        assert!(
-            matches!(polygon.len(), 3 | 4),
-            "only triangles and quads here"
-        );
+        assert!(matches!(polygon.len(), 3 | 4), "only triangles and quads here");
         for k in 1..polygon.len() - 1 {
             let corners = [0, k, k + 1];
             triangles.push(corners.map(|c| polygon[c] as usize));
@@ -181,17 +167,9 @@ fn vertex_colors(vertex: &Element, shape: &Value) -> Option<Vec<DVec3>> {
     };
     let srgb = word_or(shape, "vertexcolorspace", default_space) == "srgb";
     let decode = |x: f64| {
-        if srgb {
-            srgb_to_linear(x / maximum)
-        } else {
-            x / maximum
-        }
+        if srgb { srgb_to_linear(x / maximum) } else { x / maximum }
     };
-    Some(
-        raw.iter()
-            .map(|c| DVec3::from_array(c.to_array().map(decode)))
-            .collect(),
-    )
+    Some(raw.iter().map(|c| DVec3::from_array(c.to_array().map(decode))).collect())
 }
 
 /// "per vertex `s t`, `u v`, `texture_u texture_v` or `texture_s texture_t`; or per face a
@@ -209,12 +187,7 @@ fn coordinates(
         };
         return Some(origins.iter().map(of_face).collect());
     }
-    let pairs = [
-        ["s", "t"],
-        ["u", "v"],
-        ["texture_u", "texture_v"],
-        ["texture_s", "texture_t"],
-    ];
+    let pairs = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
     let [s, t] = pairs.into_iter().find_map(|pair| vertex.columns(pair))?;
     let of_vertex = |k: usize| DVec2::new(vertex.rows[k][s][0], vertex.rows[k][t][0]);
     Some(triangles.iter().map(|t| t.map(of_vertex)).collect())

@@ -58,11 +58,7 @@ pub struct Density {
 
 impl Default for Density {
     fn default() -> Self {
-        Density {
-            light: 32,
-            pixel: 16,
-            lens: 4,
-        }
+        Density { light: 32, pixel: 16, lens: 4 }
     }
 }
 
@@ -87,12 +83,7 @@ pub fn render(scene: &Scene, density: Density) -> Picture {
         }
     });
     let (pixels, deviation) = rows.into_inner().unwrap().into_iter().flatten().unzip();
-    Picture {
-        width,
-        height,
-        pixels,
-        deviation,
-    }
+    Picture { width, height, pixels, deviation }
 }
 
 /// One pixel and its deviation: the mean over the camera rays ("Top level", `spp`), with alpha
@@ -118,11 +109,7 @@ fn pixel(scene: &Scene, density: Density, i: usize, j: usize) -> ([f64; 4], [f64
         // The renderer's camera samples are `spp` of a population whose variance the dense set
         // shows; 1/n more stands for the error of the dense set itself.
         let camera_noise = (squares[c] / n - mean[c] * mean[c]).max(0.0);
-        let camera_share = if scene.spp > 1 {
-            1.0 / scene.spp as f64 + 1.0 / n
-        } else {
-            0.0
-        };
+        let camera_share = if scene.spp > 1 { 1.0 / scene.spp as f64 + 1.0 / n } else { 0.0 };
         (camera_noise * camera_share + light_noise[c] / scene.spp as f64).sqrt()
     });
     (mean, deviation)

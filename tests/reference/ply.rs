@@ -15,9 +15,7 @@ pub struct Element {
 impl Element {
     /// The column of the first of `names` that the element has.
     pub fn column(&self, names: &[&str]) -> Option<usize> {
-        names
-            .iter()
-            .find_map(|name| self.properties.iter().position(|(p, _)| p == name))
+        names.iter().find_map(|name| self.properties.iter().position(|(p, _)| p == name))
     }
 
     /// The scalar columns of all `names`, or none.
@@ -36,21 +34,11 @@ struct Values<'a> {
 impl Values<'_> {
     fn next(&mut self, kind: &str) -> f64 {
         if self.ascii {
-            let start = self
-                .bytes
-                .iter()
-                .position(|b| !b.is_ascii_whitespace())
-                .expect("a value");
+            let start = self.bytes.iter().position(|b| !b.is_ascii_whitespace()).expect("a value");
             let rest = &self.bytes[start..];
-            let end = rest
-                .iter()
-                .position(u8::is_ascii_whitespace)
-                .unwrap_or(rest.len());
+            let end = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
             self.bytes = &rest[end..];
-            return std::str::from_utf8(&rest[..end])
-                .unwrap()
-                .parse()
-                .expect("a number");
+            return std::str::from_utf8(&rest[..end]).unwrap().parse().expect("a number");
         }
         match kind {
             "char" | "int8" => f64::from(i8::from_le_bytes(self.take())),
@@ -76,21 +64,11 @@ impl Values<'_> {
 pub fn read(path: &Path) -> HashMap<String, Element> {
     const END: &[u8] = b"end_header\n";
     let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let end = bytes
-        .windows(END.len())
-        .position(|w| w == END)
-        .expect("end_header")
-        + END.len();
+    let end = bytes.windows(END.len()).position(|w| w == END).expect("end_header") + END.len();
     let header = std::str::from_utf8(&bytes[..end]).expect("an ascii header");
     let ascii = header.contains("format ascii");
-    assert!(
-        ascii || header.contains("format binary_little_endian"),
-        "{header}"
-    );
-    let mut values = Values {
-        bytes: &bytes[end..],
-        ascii,
-    };
+    assert!(ascii || header.contains("format binary_little_endian"), "{header}");
+    let mut values = Values { bytes: &bytes[end..], ascii };
 
     // (element, rows, properties as (name, count type of a list, value type))
     type Property<'a> = (&'a str, Option<&'a str>, &'a str);
@@ -111,13 +89,8 @@ pub fn read(path: &Path) -> HashMap<String, Element> {
             let length = list.map_or(1, |count| values.next(count) as usize);
             (0..length).map(|_| values.next(kind)).collect()
         };
-        let rows = (0..count)
-            .map(|_| properties.iter().map(&mut cell).collect())
-            .collect();
-        let properties = properties
-            .iter()
-            .map(|p| (p.0.to_owned(), p.2.to_owned()))
-            .collect();
+        let rows = (0..count).map(|_| properties.iter().map(&mut cell).collect()).collect();
+        let properties = properties.iter().map(|p| (p.0.to_owned(), p.2.to_owned())).collect();
         elements.insert(name.to_owned(), Element { properties, rows });
     }
     elements

@@ -9,12 +9,7 @@ use std::process::Command;
 pub fn render(scene: &Path) -> Picture {
     let prefix = scene.with_extension("");
     let run = Command::new(env!("CARGO_BIN_EXE_lightpath"))
-        .args([
-            "render".as_ref(),
-            scene.as_os_str(),
-            "-o".as_ref(),
-            prefix.as_os_str(),
-        ])
+        .args(["render".as_ref(), scene.as_os_str(), "-o".as_ref(), prefix.as_os_str()])
         .args(["--threads", "2", "--quiet"])
         .output()
         .expect("the program starts");
@@ -26,11 +21,7 @@ pub fn render(scene: &Path) -> Picture {
         String::from_utf8_lossy(&run.stderr)
     );
     let exr = prefix.with_extension("exr");
-    assert!(
-        exr.exists(),
-        "lightpath render succeeded without writing {}",
-        exr.display()
-    );
+    assert!(exr.exists(), "lightpath render succeeded without writing {}", exr.display());
     read_exr(&exr)
 }
 
@@ -50,10 +41,5 @@ fn read_exr(path: &Path) -> Picture {
         .from_file(path)
         .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let (width, pixels) = file.layer_data.channel_data.pixels;
-    Picture {
-        width,
-        height: pixels.len() / width,
-        pixels,
-        deviation: Vec::new(),
-    }
+    Picture { width, height: pixels.len() / width, pixels, deviation: Vec::new() }
 }

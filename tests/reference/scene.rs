@@ -42,13 +42,7 @@ pub enum LightForm {
     /// All light comes from here.
     Point(DVec3),
     /// The points `corner + s e + t h`.
-    Area {
-        corner: DVec3,
-        e: DVec3,
-        h: DVec3,
-        lambertian: bool,
-        samples: usize,
-    },
+    Area { corner: DVec3, e: DVec3, h: DVec3, lambertian: bool, samples: usize },
 }
 
 /// A shape and what it is made of.
@@ -80,9 +74,7 @@ impl Scene {
         Scene {
             nbounces: number_or(&json, "nbounces", 1.0) as usize,
             spp: number_or(&json, "spp", 1.0) as usize,
-            transparent: json
-                .get("output")
-                .is_some_and(|o| switch_or(o, "transparent", false)),
+            transparent: json.get("output").is_some_and(|o| switch_or(o, "transparent", false)),
             camera: Camera::read(&json["camera"]),
             background: vec3_or(scene, "backgroundcolor", DVec3::ZERO),
             ambient: vec3_or(scene, "ambient", DVec3::ZERO),
@@ -93,10 +85,7 @@ impl Scene {
                 other => panic!("attenuation {other}"),
             },
             lights: list("lightsources").iter().map(read_light).collect(),
-            objects: list("shapes")
-                .iter()
-                .map(|s| read_object(s, named, folder))
-                .collect(),
+            objects: list("shapes").iter().map(|s| read_object(s, named, folder)).collect(),
         }
     }
 }
@@ -112,21 +101,11 @@ fn read_light(json: &Value) -> Light {
             let h = side - e * (side.dot(e) / e.dot(e));
             let lambertian = word_or(json, "emission", "uniform") == "lambertian";
             let samples = number_or(json, "samples", 16.0) as usize;
-            LightForm::Area {
-                corner,
-                e,
-                h,
-                lambertian,
-                samples,
-            }
+            LightForm::Area { corner, e, h, lambertian, samples }
         }
         other => panic!("light {other:?}"),
     };
-    Light {
-        id,
-        is: vec3_or(json, "is", id),
-        form,
-    }
+    Light { id, is: vec3_or(json, "is", id), form }
 }
 
 fn read_object(json: &Value, named: &Value, folder: &Path) -> Object {
@@ -135,23 +114,10 @@ fn read_object(json: &Value, named: &Value, folder: &Path) -> Object {
         Some("sphere") => {
             let (center, radius) = (need_vec3(json, "center"), need_number(json, "radius"));
             let pole = word_or(json, "pole", "z").chars().next().expect("a pole");
-            (
-                Shape::Sphere {
-                    center,
-                    radius,
-                    pole,
-                },
-                ["repeat", "clamp"],
-            )
+            (Shape::Sphere { center, radius, pole }, ["repeat", "clamp"])
         }
-        Some("plane") => (
-            Shape::Plane(std::array::from_fn(corner)),
-            ["clamp", "clamp"],
-        ),
-        Some("triangle") => (
-            Shape::Triangle(std::array::from_fn(corner)),
-            ["clamp", "clamp"],
-        ),
+        Some("plane") => (Shape::Plane(std::array::from_fn(corner)), ["clamp", "clamp"]),
+        Some("triangle") => (Shape::Triangle(std::array::from_fn(corner)), ["clamp", "clamp"]),
         Some("trimesh") => (Shape::Mesh(Mesh::load(json, folder)), ["repeat", "repeat"]),
         other => panic!("shape {other:?}"),
     };
@@ -159,10 +125,7 @@ fn read_object(json: &Value, named: &Value, folder: &Path) -> Object {
         Value::String(name) => &named[name.as_str()],
         inline => inline,
     };
-    Object {
-        shape,
-        material: read_material(material, folder, wrap),
-    }
+    Object { shape, material: read_material(material, folder, wrap) }
 }
 
 fn read_material(json: &Value, folder: &Path, wrap: [&str; 2]) -> Material {

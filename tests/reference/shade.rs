@@ -40,11 +40,7 @@ impl Scene {
 
     fn cast_from(&self, ray: &Ray, bounce: usize, grid: usize, left: Left) -> Radiance {
         let Some((object, contact)) = self.closest(ray, left) else {
-            return Radiance {
-                rgb: self.background,
-                deviation: DVec3::ZERO,
-                hit: false,
-            };
+            return Radiance { rgb: self.background, deviation: DVec3::ZERO, hit: false };
         };
         let surface = self.surface(ray, object, &contact);
         let material = surface.material;
@@ -64,11 +60,7 @@ impl Scene {
             rgb += material.kr * seen.rgb;
             deviation += material.kr * seen.deviation;
         }
-        Radiance {
-            rgb,
-            deviation,
-            hit: true,
-        }
+        Radiance { rgb, deviation, hit: true }
     }
 
     fn closest(&self, ray: &Ray, left: Left) -> Option<(usize, Contact)> {
@@ -114,13 +106,9 @@ impl Scene {
     fn light(&self, light: &Light, surface: &Surface, grid: usize) -> (DVec3, DVec3) {
         let (corner, e, h, lambertian, samples) = match light.form {
             LightForm::Point(q) => return (self.light_point(light, surface, q), DVec3::ZERO),
-            LightForm::Area {
-                corner,
-                e,
-                h,
-                lambertian,
-                samples,
-            } => (corner, e, h, lambertian, samples),
+            LightForm::Area { corner, e, h, lambertian, samples } => {
+                (corner, e, h, lambertian, samples)
+            }
         };
         let side = grid as f64;
         let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
@@ -144,10 +132,7 @@ impl Scene {
         let mean = sum / (side * side);
         let variance = (squares / (side * side) - mean * mean).max(DVec3::ZERO);
         let noise = variance / samples as f64;
-        (
-            mean,
-            DVec3::new(noise.x.sqrt(), noise.y.sqrt(), noise.z.sqrt()),
-        )
+        (mean, DVec3::new(noise.x.sqrt(), noise.y.sqrt(), noise.z.sqrt()))
     }
 
     /// One point of a light: the line `colour += ...`, without `/ samples`.
@@ -176,10 +161,7 @@ impl Scene {
     /// Whether anything lies strictly between P' and Q.
     fn blocked(&self, surface: &Surface, q: DVec3) -> bool {
         let way = q - surface.shadow_origin;
-        let ray = Ray {
-            origin: surface.shadow_origin,
-            direction: way.normalize(),
-        };
+        let ray = Ray { origin: surface.shadow_origin, direction: way.normalize() };
         // Once P' is off the surface, the triangle it came from is an object like any other.
         let moved = surface.shadow_origin != surface.point;
         let left = if moved { None } else { surface.left };
@@ -204,11 +186,7 @@ fn part_of(left: Left, k: usize) -> Option<usize> {
 
 /// `normal`, negated if it does not face along `toward`.
 fn facing(normal: DVec3, toward: DVec3) -> DVec3 {
-    if normal.dot(toward) < 0.0 {
-        -normal
-    } else {
-        normal
-    }
+    if normal.dot(toward) < 0.0 { -normal } else { normal }
 }
 
 /// N and P' of a smooth mesh: the interpolated unit normal on Ng's side, and the point
@@ -226,18 +204,11 @@ fn smooth(
         let n = sign * normals[i];
         weights[i] * (point - corners[i]).dot(n).min(0.0) * n
     };
-    (
-        sign * raw.normalize(),
-        point - (0..3).map(shift).sum::<DVec3>(),
-    )
+    (sign * raw.normalize(), point - (0..3).map(shift).sum::<DVec3>())
 }
 
 /// "R = reflect(direction, N); if R.Ng <= 0, R is mirrored at Ng's plane".
 fn mirror_direction(direction: DVec3, n: DVec3, ng: DVec3) -> DVec3 {
     let r = direction - 2.0 * direction.dot(n) * n;
-    if r.dot(ng) <= 0.0 {
-        r - 2.0 * r.dot(ng) * ng
-    } else {
-        r
-    }
+    if r.dot(ng) <= 0.0 { r - 2.0 * r.dot(ng) * ng } else { r }
 }

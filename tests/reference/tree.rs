@@ -29,25 +29,15 @@ impl Tree {
             high = high.max(corner);
         }
         if parts.len() <= LEAF {
-            return Tree {
-                low,
-                high,
-                kind: Kind::Leaf(parts),
-            };
+            return Tree { low, high, kind: Kind::Leaf(parts) };
         }
         let size = high - low;
-        let axis = (0..3)
-            .max_by(|a, b| size[*a].total_cmp(&size[*b]))
-            .expect("three axes");
+        let axis = (0..3).max_by(|a, b| size[*a].total_cmp(&size[*b])).expect("three axes");
         let key = |part: usize| corners(part).iter().map(|v| v[axis]).sum::<f64>();
         parts.sort_by(|a, b| key(*a).total_cmp(&key(*b)));
         let rest = parts.split_off(parts.len() / 2);
         let halves = [Tree::build(corners, parts), Tree::build(corners, rest)];
-        Tree {
-            low,
-            high,
-            kind: Kind::Split(Box::new(halves)),
-        }
+        Tree { low, high, kind: Kind::Split(Box::new(halves)) }
     }
 
     /// Calls `visit` with every triangle whose box the ray may touch.

@@ -66,26 +66,16 @@ impl Device {
         let Some(handle) = NonNull::new(handle) else {
             // SAFETY: the null device asks for the error of `rtcNewDevice` on this thread.
             let code = unsafe { (api.get_device_error)(std::ptr::null_mut()) };
-            return Err(unsupported(format!(
-                "cannot create a device: {}",
-                error_name(code)
-            )));
+            return Err(unsupported(format!("cannot create a device: {}", error_name(code))));
         };
         let watch = Box::new(Watch {
             bytes: AtomicI64::new(0),
             peak_bytes: AtomicI64::new(0),
-            limit_bytes: max_bytes
-                .and_then(|n| i64::try_from(n).ok())
-                .unwrap_or(i64::MAX),
+            limit_bytes: max_bytes.and_then(|n| i64::try_from(n).ok()).unwrap_or(i64::MAX),
             limit_hit: AtomicBool::new(false),
             last_error: Mutex::new(None),
         });
-        let mut device = Self {
-            api,
-            handle,
-            watch,
-            version: [0; 3],
-        };
+        let mut device = Self { api, handle, watch, version: [0; 3] };
         let version = device.property(ffi::RTC_DEVICE_PROPERTY_VERSION);
         device.version = [version / 10_000, version / 100 % 100, version % 100].map(|n| n as u8);
         if !(40_300..50_000).contains(&version) {
@@ -94,9 +84,7 @@ impl Device {
                 "found Embree {major}.{minor}.{patch}, expected at least 4.3.0 and below 5"
             )));
         }
-        let watch = std::ptr::from_ref::<Watch>(&device.watch)
-            .cast_mut()
-            .cast::<c_void>();
+        let watch = std::ptr::from_ref::<Watch>(&device.watch).cast_mut().cast::<c_void>();
         // SAFETY: `watch` is boxed and outlives the device handle (see `Drop`).
         unsafe {
             (device.api.set_error_function)(device.handle.as_ptr(), Some(on_error), watch);
@@ -146,11 +134,7 @@ impl Device {
     pub fn check(&self) -> Result<()> {
         // SAFETY: a live device; reading clears the code of this thread.
         let code = unsafe { (self.api.get_device_error)(self.handle()) };
-        let logged = self
-            .watch
-            .last_error
-            .lock()
-            .map_or(None, |mut last| last.take());
+        let logged = self.watch.last_error.lock().map_or(None, |mut last| last.take());
         let (code, text) = match (code, logged) {
             (0, None) => return Ok(()),
             (code, None) => (code, String::new()),
@@ -166,15 +150,9 @@ impl Device {
                 ),
             ));
         }
-        let kind = if code == ffi::RTC_ERROR_OUT_OF_MEMORY {
-            Kind::Retry
-        } else {
-            Kind::Unsupported
-        };
-        Err(Error::new(
-            kind,
-            Problem::new("Embree", format!("{}: {text}", error_name(code))),
-        ))
+        let kind =
+            if code == ffi::RTC_ERROR_OUT_OF_MEMORY { Kind::Retry } else { Kind::Unsupported };
+        Err(Error::new(kind, Problem::new("Embree", format!("{}: {text}", error_name(code)))))
     }
 }
 
@@ -211,9 +189,7 @@ unsafe extern "C" fn on_error(watch: *mut c_void, code: Enum, text: *const c_cha
         String::new()
     } else {
         // SAFETY: Embree passes a NUL-terminated string.
-        unsafe { CStr::from_ptr(text) }
-            .to_string_lossy()
-            .into_owned()
+        unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
     };
     if let Ok(mut last) = watch.last_error.lock() {
         last.get_or_insert((code, text));

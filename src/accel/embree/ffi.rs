@@ -242,12 +242,7 @@ pub const LAYOUTS: &[Layout] = &[
             ("instPrimID", offset_of!(Hit, inst_prim_id)),
         ],
     ),
-    (
-        "RTCRayHit",
-        size_of::<RayHit>(),
-        align_of::<RayHit>(),
-        &[("hit", offset_of!(RayHit, hit))],
-    ),
+    ("RTCRayHit", size_of::<RayHit>(), align_of::<RayHit>(), &[("hit", offset_of!(RayHit, hit))]),
     (
         "RTCRay16",
         size_of::<Rays>(),
@@ -287,10 +282,7 @@ pub const LAYOUTS: &[Layout] = &[
         "RTCBounds",
         size_of::<Bounds>(),
         align_of::<Bounds>(),
-        &[
-            ("lower_x", offset_of!(Bounds, lower)),
-            ("upper_x", offset_of!(Bounds, upper)),
-        ],
+        &[("lower_x", offset_of!(Bounds, lower)), ("upper_x", offset_of!(Bounds, upper))],
     ),
     (
         "RTCIntersectArguments",

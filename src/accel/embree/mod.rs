@@ -41,11 +41,7 @@ impl<'g> Embree<'g> {
     }
 
     fn context(&self) -> QueryContext {
-        QueryContext {
-            inst_id: NONE,
-            inst_prim_id: NONE,
-            bases: self.geometry.bases().as_ptr(),
-        }
+        QueryContext { inst_id: NONE, inst_prim_id: NONE, bases: self.geometry.bases().as_ptr() }
     }
 
     /// Runs `query` with the arguments that `coherence` and `filter` ask for.
@@ -56,11 +52,7 @@ impl<'g> Embree<'g> {
             Coherence::Coherent => ffi::RTC_RAY_QUERY_FLAG_COHERENT,
             Coherence::Incoherent => 0,
         };
-        let invoke = if filter {
-            ffi::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER
-        } else {
-            0
-        };
+        let invoke = if filter { ffi::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER } else { 0 };
         query(&mut QueryArguments {
             flags: coherent | invoke,
             feature_mask: u32::MAX,
@@ -74,9 +66,7 @@ impl<'g> Embree<'g> {
 /// Whether any active lane leaves a primitive.
 #[inline(always)]
 fn any_leaving(active: &Mask, rays: &Rays) -> bool {
-    (0..LANES).fold(false, |any, i| {
-        any | ((active.0[i] != 0) & (rays.leaving[i] != NONE))
-    })
+    (0..LANES).fold(false, |any, i| any | ((active.0[i] != 0) & (rays.leaving[i] != NONE)))
 }
 
 fn ray(rays: &Rays, i: usize) -> ffi::Ray {
@@ -127,10 +117,7 @@ impl Accelerator for Embree<'_> {
             });
         }
         for i in (0..LANES).filter(|&i| active.0[i] != 0) {
-            let mut single = ffi::RayHit {
-                ray: ray(&packet.rays, i),
-                hit: NO_HIT,
-            };
+            let mut single = ffi::RayHit { ray: ray(&packet.rays, i), hit: NO_HIT };
             // SAFETY: aligned to 16 bytes and laid out as Embree's.
             self.query(coherence, filter, |args| unsafe {
                 (self.scene.api().intersect1)(scene, &mut single, args);
@@ -171,8 +158,5 @@ impl Accelerator for Embree<'_> {
 pub fn describe() -> Result<(String, String)> {
     let device = Device::new(device::load_library()?, 1, None)?;
     let [major, minor, patch] = device.version();
-    Ok((
-        format!("Embree {major}.{minor}.{patch}"),
-        device.isa().to_owned(),
-    ))
+    Ok((format!("Embree {major}.{minor}.{patch}"), device.isa().to_owned()))
 }

@@ -36,21 +36,11 @@ impl<'g> Scene<'g> {
         let handle = unsafe { (device.api().new_scene)(device.handle()) };
         let Some(handle) = NonNull::new(handle) else {
             device.check()?;
-            return Err(crate::error::Error::invalid(
-                "Embree",
-                "no scene was created",
-            ));
+            return Err(crate::error::Error::invalid("Embree", "no scene was created"));
         };
         let base = geometry.bases()[geometry.spheres_id() as usize];
-        let spheres = Box::new(SphereSet {
-            spheres: &geometry.spheres,
-            base,
-        });
-        let scene = Self {
-            handle,
-            _spheres: spheres,
-            device,
-        };
+        let spheres = Box::new(SphereSet { spheres: &geometry.spheres, base });
+        let scene = Self { handle, _spheres: spheres, device };
         let robust = if fast { 0 } else { ffi::RTC_SCENE_FLAG_ROBUST };
         let flags = robust | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
         // SAFETY: live handles.
@@ -98,12 +88,7 @@ impl<'g> Scene<'g> {
             }
         };
         let triangles = mesh.triangles();
-        share(
-            ffi::RTC_BUFFER_TYPE_INDEX,
-            ffi::RTC_FORMAT_UINT3,
-            triangles,
-            triangles.len(),
-        );
+        share(ffi::RTC_BUFFER_TYPE_INDEX, ffi::RTC_FORMAT_UINT3, triangles, triangles.len());
         // SAFETY: as in `share`.
         unsafe {
             let data = mesh.padded_vertices().as_ptr().cast::<c_void>();
@@ -116,21 +101,15 @@ impl<'g> Scene<'g> {
 
     fn attach_quads(&self, quads: &[[[f32; 3]; 4]], id: c_uint) -> Result<()> {
         let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_QUAD)?;
-        let indices: Vec<[u32; 4]> = (0..quads.len() as u32)
-            .map(|i| [0, 1, 2, 3].map(|k| 4 * i + k))
-            .collect();
+        let indices: Vec<[u32; 4]> =
+            (0..quads.len() as u32).map(|i| [0, 1, 2, 3].map(|k| 4 * i + k)).collect();
         self.fill(
             &geometry,
             ffi::RTC_BUFFER_TYPE_VERTEX,
             ffi::RTC_FORMAT_FLOAT3,
             quads.as_flattened(),
         )?;
-        self.fill(
-            &geometry,
-            ffi::RTC_BUFFER_TYPE_INDEX,
-            ffi::RTC_FORMAT_UINT4,
-            &indices,
-        )?;
+        self.fill(&geometry, ffi::RTC_BUFFER_TYPE_INDEX, ffi::RTC_FORMAT_UINT4, &indices)?;
         self.attach(&geometry, id)
     }
 

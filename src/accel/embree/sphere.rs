@@ -67,10 +67,7 @@ unsafe fn each_hit(args: &UserArguments, mut found: impl FnMut(RayLanes, usize, 
     let Some(sphere) = set.spheres.get(args.prim_id as usize) else {
         return;
     };
-    let lanes = RayLanes {
-        first: args.rays,
-        n: args.n as usize,
-    };
+    let lanes = RayLanes { first: args.rays, n: args.n as usize };
     for lane in 0..lanes.n {
         // SAFETY: Embree passes `n` valid flags and `n` lanes of every member.
         let (valid, origin, direction, tnear, tfar, leaving) = unsafe {
@@ -107,21 +104,10 @@ pub unsafe extern "C" fn bounds(args: *const BoundsArguments) {
         return;
     };
     // One ulp of slack covers the rounding to f32.
-    let lower = (sphere.center - sphere.radius)
-        .to_array()
-        .map(|x| below(x as f32));
-    let upper = (sphere.center + sphere.radius)
-        .to_array()
-        .map(|x| -below(-(x as f32)));
+    let lower = (sphere.center - sphere.radius).to_array().map(|x| below(x as f32));
+    let upper = (sphere.center + sphere.radius).to_array().map(|x| -below(-(x as f32)));
     // SAFETY: Embree passes room for one box.
-    unsafe {
-        *args.bounds = Bounds {
-            lower,
-            align0: 0.0,
-            upper,
-            align1: 0.0,
-        }
-    };
+    unsafe { *args.bounds = Bounds { lower, align0: 0.0, upper, align1: 0.0 } };
 }
 
 pub unsafe extern "C" fn intersect(args: *const UserArguments) {
@@ -148,8 +134,6 @@ pub unsafe extern "C" fn intersect(args: *const UserArguments) {
 pub unsafe extern "C" fn occluded(args: *const UserArguments) {
     // SAFETY: Embree passes valid arguments; `RTCRayN` has a `tfar`.
     unsafe {
-        each_hit(&*args, |lanes, lane, _, _| {
-            lanes.set(RayLanes::TFAR, lane, f32::NEG_INFINITY)
-        });
+        each_hit(&*args, |lanes, lane, _, _| lanes.set(RayLanes::TFAR, lane, f32::NEG_INFINITY));
     }
 }

@@ -75,16 +75,9 @@ impl Tally {
             None => Ok(()),
             Some(last) => {
                 let n = self.unusable;
-                let plural = if n == 1 {
-                    "triangle that uses"
-                } else {
-                    "triangles that use"
-                };
+                let plural = if n == 1 { "triangle that uses" } else { "triangles that use" };
                 problems.push(last.help(format!("--repair drops the {n} {plural} them")));
-                Err(Error {
-                    kind: Kind::Invalid,
-                    problems,
-                })
+                Err(Error { kind: Kind::Invalid, problems })
             }
         }
     }
@@ -99,11 +92,7 @@ pub(super) struct Checker<'a, P> {
 
 impl<'a, P: Point> Checker<'a, P> {
     pub(super) fn new(positions: &'a [P], element: &'static str) -> Self {
-        Self {
-            positions,
-            element,
-            tally: Tally::default(),
-        }
+        Self { positions, element, tally: Tally::default() }
     }
 
     /// The vertex that `value` names in row `row`, if there is one.
@@ -121,9 +110,7 @@ impl<'a, P: Point> Checker<'a, P> {
     #[cold]
     fn bad_index(&mut self, row: u64, value: i64) {
         self.tally.bad_indices += 1;
-        self.tally
-            .first_bad_index
-            .get_or_insert(((self.element, row), value));
+        self.tally.first_bad_index.get_or_insert(((self.element, row), value));
     }
 
     /// The triangle, if it is to be kept; `corners` come from [`Self::vertex`].
@@ -160,9 +147,7 @@ impl<'a, P: Point> Checker<'a, P> {
             if self.point(vertex).iter().any(|c| !c.is_finite()) {
                 all = false;
                 self.tally.bad_vertices.push(vertex);
-                self.tally
-                    .first_bad_vertex
-                    .get_or_insert(((self.element, row), vertex));
+                self.tally.first_bad_vertex.get_or_insert(((self.element, row), vertex));
             }
         }
         all

@@ -46,8 +46,7 @@ pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) ->
 fn join(parts: Vec<Faces>) -> Faces {
     let mut all = Faces::default();
     let any_uvs = parts.iter().any(|part| part.uvs.is_some());
-    all.triangles
-        .reserve_exact(parts.iter().map(|part| part.triangles.len()).sum());
+    all.triangles.reserve_exact(parts.iter().map(|part| part.triangles.len()).sum());
     for part in parts {
         all.append(part, any_uvs);
     }
@@ -61,10 +60,7 @@ impl Faces {
             let uvs = self.uvs.get_or_insert_default();
             uvs.resize(self.triangles.len(), Default::default());
             uvs.extend(next.uvs.unwrap_or_default());
-            uvs.resize(
-                self.triangles.len() + next.triangles.len(),
-                Default::default(),
-            );
+            uvs.resize(self.triangles.len() + next.triangles.len(), Default::default());
         }
         if self.triangles.is_empty() && self.triangles.capacity() < next.triangles.len() {
             self.triangles = next.triangles;
@@ -124,9 +120,8 @@ fn copy<P: Point>(
         .map(|(block, (triangles, rows))| {
             let mut checker = Checker::new(positions, "face");
             let first = (block * GRAIN) as u64;
-            for ((row, triangle), bytes) in (first..)
-                .zip(triangles.iter_mut())
-                .zip(rows.chunks_exact(stride))
+            for ((row, triangle), bytes) in
+                (first..).zip(triangles.iter_mut()).zip(rows.chunks_exact(stride))
             {
                 let corners = corners(bytes).map(|value| checker.vertex(row, value));
                 *triangle = checker.triangle(row, corners).unwrap_or(DROPPED);
@@ -140,11 +135,7 @@ fn copy<P: Point>(
     if tally.degenerate + tally.unusable > 0 {
         triangles.retain(|triangle| *triangle != DROPPED);
     }
-    Faces {
-        triangles,
-        uvs: None,
-        tally,
-    }
+    Faces { triangles, uvs: None, tally }
 }
 
 /// The triangles of one block of rows.
@@ -179,11 +170,7 @@ impl<'a, P: Point> Part<'a, P> {
 
     fn finish(self) -> Faces {
         let uvs = self.any_uvs.then_some(self.uvs);
-        Faces {
-            triangles: self.triangles,
-            uvs,
-            tally: self.checker.tally,
-        }
+        Faces { triangles: self.triangles, uvs, tally: self.checker.tally }
     }
 
     /// The face whose corners have been read.
@@ -221,8 +208,7 @@ impl<'a, P: Point> Part<'a, P> {
             return Ok(());
         }
         self.points.clear();
-        self.points
-            .extend(vertices.iter().map(|v| self.checker.point(*v)));
+        self.points.extend(vertices.iter().map(|v| self.checker.point(*v)));
         let mut split = std::mem::take(&mut self.split);
         if !polygon::split(&self.points, &mut split) {
             return Err(Fault::Bad(format!(
@@ -270,14 +256,9 @@ impl<'a, P: Point> Part<'a, P> {
             }
             let vertex = self.checker.vertex(row, value);
             if seen >= 2 {
-                let [a, b] = if seen % 2 == 0 {
-                    before
-                } else {
-                    [before[1], before[0]]
-                };
+                let [a, b] = if seen % 2 == 0 { before } else { [before[1], before[0]] };
                 self.checker.tally.faces += 1;
-                self.triangles
-                    .extend(self.checker.triangle(row, [a, b, vertex]));
+                self.triangles.extend(self.checker.triangle(row, [a, b, vertex]));
             }
             before = [before[1], vertex];
             seen += 1;

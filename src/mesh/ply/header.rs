@@ -83,12 +83,7 @@ pub(super) struct Header {
 
 /// Reads the header of the file called `name` from its first bytes.
 pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
-    let mut lines = Lines {
-        bytes,
-        at: 0,
-        number: 0,
-        name,
-    };
+    let mut lines = Lines { bytes, at: 0, number: 0, name };
     if !bytes.starts_with(b"ply") || lines.next()? != Some(b"ply") {
         return Err(not_a_ply(bytes, name));
     }
@@ -111,9 +106,7 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
             )
             .help("the file may be cut short"));
         };
-        let mut words = line
-            .split(u8::is_ascii_whitespace)
-            .filter(|w| !w.is_empty());
+        let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());
         let keyword = words.next().unwrap_or_default();
         let words: Vec<&[u8]> = match keyword {
             b"comment" | b"obj_info" => Vec::new(),
@@ -199,19 +192,14 @@ fn parse_format(words: &[&[u8]], lines: &Lines) -> Result<Format> {
         Some(&b"binary_big_endian") => Format::Big,
         other => {
             let found = show(other.copied().unwrap_or_default());
-            return Err(lines
-                .error(format!("unknown format '{found}'"))
-                .help(expected));
+            return Err(lines.error(format!("unknown format '{found}'")).help(expected));
         }
     };
     match words[1..] {
         [b"1.0"] => Ok(format),
         [] => Err(lines.error("the format has no version").help(expected)),
         [version, ..] => {
-            let message = format!(
-                "format version '{}' is unknown: only 1.0 exists",
-                show(version)
-            );
+            let message = format!("format version '{}' is unknown: only 1.0 exists", show(version));
             Err(lines.error(message).help(expected))
         }
     }
@@ -222,40 +210,28 @@ fn element(words: &[&[u8]], elements: &mut Vec<Element>, lines: &Lines) -> Resul
         return Err(lines.error("expected `element NAME COUNT`"));
     };
     let name = String::from_utf8_lossy(name).into_owned();
-    let count = std::str::from_utf8(count)
-        .ok()
-        .and_then(|c| c.parse().ok())
-        .ok_or_else(|| {
-            lines.error(format!(
-                "the count '{}' of element {name} is not a whole number >= 0",
-                show(count)
-            ))
-        })?;
+    let count = std::str::from_utf8(count).ok().and_then(|c| c.parse().ok()).ok_or_else(|| {
+        lines.error(format!(
+            "the count '{}' of element {name} is not a whole number >= 0",
+            show(count)
+        ))
+    })?;
     if elements.iter().any(|e| e.name == name) {
         return Err(lines.error(format!("a second element '{name}'")));
     }
-    elements.push(Element {
-        name,
-        count,
-        properties: Vec::new(),
-    });
+    elements.push(Element { name, count, properties: Vec::new() });
     Ok(())
 }
 
 fn property(words: &[&[u8]], elements: &mut [Element], lines: &Lines) -> Result<()> {
     let scalar = |word: &[u8]| {
         Scalar::parse(word).ok_or_else(|| {
-            lines
-                .error(format!("unknown type '{}'", show(word)))
-                .help(format!("known: {NAMES}"))
+            lines.error(format!("unknown type '{}'", show(word))).help(format!("known: {NAMES}"))
         })
     };
     let (name, shape) = match *words {
         [b"list", count, item, name] => {
-            let shape = Shape::List {
-                count: scalar(count)?,
-                item: scalar(item)?,
-            };
+            let shape = Shape::List { count: scalar(count)?, item: scalar(item)? };
             (name, shape)
         }
         [kind, name] => (name, Shape::Single(scalar(kind)?)),
@@ -268,10 +244,8 @@ fn property(words: &[&[u8]], elements: &mut [Element], lines: &Lines) -> Result<
     let name = String::from_utf8_lossy(name).into_owned();
     if let Shape::List { count, .. } = shape {
         if !count.is_integer() {
-            let message = format!(
-                "the list '{name}' is counted in {}: not an integer type",
-                count.name()
-            );
+            let message =
+                format!("the list '{name}' is counted in {}: not an integer type", count.name());
             return Err(lines.error(message));
         }
     }
@@ -300,19 +274,10 @@ pub(super) fn show(bytes: &[u8]) -> String {
 fn not_a_ply(bytes: &[u8], name: &str) -> Error {
     let known: [(&[u8], &str); 10] = [
         (b"\x1f\x8b", "it is gzip data: unpack it first (gunzip)"),
-        (
-            b"\x28\xb5\x2f\xfd",
-            "it is zstd data: unpack it first (unzstd)",
-        ),
+        (b"\x28\xb5\x2f\xfd", "it is zstd data: unpack it first (unzstd)"),
         (b"PK\x03\x04", "it is a zip archive: unpack it first"),
-        (
-            b"version https://git-lfs",
-            "it is a Git LFS pointer: run `git lfs pull`",
-        ),
-        (
-            b"\xef\xbb\xbfply",
-            "it starts with a UTF-8 byte order mark: remove its first 3 bytes",
-        ),
+        (b"version https://git-lfs", "it is a Git LFS pointer: run `git lfs pull`"),
+        (b"\xef\xbb\xbfply", "it starts with a UTF-8 byte order mark: remove its first 3 bytes"),
         (b"ply\r", "its lines end in CR alone: convert them to LF"),
         (b"glTF", "it is a glTF file: convert it to PLY"),
         (b"solid", "it looks like an STL file: convert it to PLY"),

@@ -86,40 +86,22 @@ fn find(
     name: &str,
 ) -> Result<(Span, usize)> {
     let left = (data.len() - start) as u64;
-    let fixed = element
-        .properties
-        .iter()
-        .all(|p| matches!(p.shape, Shape::Single(_)));
+    let fixed = element.properties.iter().all(|p| matches!(p.shape, Shape::Single(_)));
     if element.count == 0 || element.properties.is_empty() {
         return Ok((Span::default(), start));
     }
     if let Some(uniform) = first_row(data, start, element, big) {
         let stride = uniform.stride as u64;
-        let total = element
-            .count
-            .checked_mul(stride)
-            .filter(|total| *total <= left);
+        let total = element.count.checked_mul(stride).filter(|total| *total <= left);
         if let Some(total) = total.filter(|_| fixed || all_alike(data, &uniform, element, big)) {
             let blocks = (0..element.count.div_ceil(ROWS)).map(|block| {
                 let row = block * ROWS;
                 let rows = ROWS.min(element.count - row);
                 let begin = start + (row * stride) as usize;
-                Block {
-                    start: begin,
-                    end: begin + (rows * stride) as usize,
-                    row,
-                    rows,
-                    line: 0,
-                }
+                Block { start: begin, end: begin + (rows * stride) as usize, row, rows, line: 0 }
             });
             let blocks = blocks.collect();
-            return Ok((
-                Span {
-                    uniform: Some(uniform),
-                    blocks,
-                },
-                start + total as usize,
-            ));
+            return Ok((Span { uniform: Some(uniform), blocks }, start + total as usize));
         }
         if fixed {
             let have = match element.count.checked_mul(stride) {
@@ -134,12 +116,7 @@ fn find(
 
 /// The layout of the first row, if it is all there.
 fn first_row(data: &[u8], start: usize, element: &Element, big: bool) -> Option<Uniform> {
-    let mut uniform = Uniform {
-        start,
-        stride: 0,
-        offsets: Vec::new(),
-        lengths: Vec::new(),
-    };
+    let mut uniform = Uniform { start, stride: 0, offsets: Vec::new(), lengths: Vec::new() };
     let mut at = start;
     for property in &element.properties {
         let (item, length) = match property.shape {
@@ -185,9 +162,7 @@ fn all_alike(data: &[u8], uniform: &Uniform, element: &Element, big: bool) -> bo
     let rows = &data[uniform.start..uniform.start + element.count as usize * uniform.stride];
     let alike = |row: &[u8]| match lists[..] {
         [(at, Scalar::U8, length)] => row[at] as i64 == length,
-        _ => lists
-            .iter()
-            .all(|&(at, kind, length)| count_at(row, at, kind, big) == Some(length)),
+        _ => lists.iter().all(|&(at, kind, length)| count_at(row, at, kind, big) == Some(length)),
     };
     rows.par_chunks(uniform.stride * ROWS as usize)
         .all(|rows| rows.chunks_exact(uniform.stride).all(alike))
@@ -224,22 +199,10 @@ fn walk(
                 block.rows += 1;
                 block.end = at;
             }
-            _ => blocks.push(Block {
-                start: begin,
-                end: at,
-                row,
-                rows: 1,
-                line: 0,
-            }),
+            _ => blocks.push(Block { start: begin, end: at, row, rows: 1, line: 0 }),
         }
     }
-    Ok((
-        Span {
-            uniform: None,
-            blocks,
-        },
-        at,
-    ))
+    Ok((Span { uniform: None, blocks }, at))
 }
 
 /// Where the property that starts at `at` ends; `None` behind the end of the data, an error for a
@@ -259,9 +222,5 @@ fn skip(
             Some(length) => (at + count.size(), length as u64 * item.size() as u64),
         },
     };
-    Ok(if bytes <= (data.len() - at) as u64 {
-        Some(at + bytes as usize)
-    } else {
-        None
-    })
+    Ok(if bytes <= (data.len() - at) as u64 { Some(at + bytes as usize) } else { None })
 }

@@ -27,31 +27,18 @@ struct Chunk {
 pub(super) fn locate(data: &[u8], header: &Header, name: &str) -> Result<(Vec<Span>, u64)> {
     let chunks = chunks(data);
     let available: u64 = chunks.iter().map(|c| c.rows).sum();
-    let mut cursor = Cursor {
-        data,
-        chunks: &chunks,
-        chunk: 0,
-        block: None,
-        line: header.lines,
-    };
+    let mut cursor = Cursor { data, chunks: &chunks, chunk: 0, block: None, line: header.lines };
     let mut spans = Vec::with_capacity(header.elements.len());
     let mut used = 0;
     for element in &header.elements {
         // An element without properties has nothing to write on its lines.
-        let rows = if element.properties.is_empty() {
-            0
-        } else {
-            element.count
-        };
+        let rows = if element.properties.is_empty() { 0 } else { element.count };
         if rows > available - used {
             let have = format!("{} lines of data in all", available);
             return Err(too_short(element, available - used, &have, name));
         }
         used += rows;
-        spans.push(Span {
-            uniform: None,
-            blocks: cursor.take(rows),
-        });
+        spans.push(Span { uniform: None, blocks: cursor.take(rows) });
     }
     Ok((spans, cursor.rest()))
 }
@@ -67,10 +54,7 @@ fn chunks(data: &[u8]) -> Vec<Chunk> {
         at += end + 1 + CHUNK;
     }
     bounds.push(data.len());
-    bounds
-        .par_windows(2)
-        .map(|pair| count(data, pair[0], pair[1]))
-        .collect()
+    bounds.par_windows(2).map(|pair| count(data, pair[0], pair[1])).collect()
 }
 
 fn count(data: &[u8], start: usize, end: usize) -> Chunk {
@@ -87,12 +71,7 @@ fn count(data: &[u8], start: usize, end: usize) -> Chunk {
         }
     }
     rows += u64::from(!blank);
-    Chunk {
-        start,
-        end,
-        rows,
-        lines,
-    }
+    Chunk { start, end, rows, lines }
 }
 
 /// Walks the chunks in order, cutting them where one element ends and the next begins.
@@ -114,11 +93,7 @@ impl Cursor<'_> {
         while taken < rows {
             let Some(open) = self.open() else { break };
             let count = open.rows.min(rows - taken);
-            let block = Block {
-                row: taken,
-                rows: count,
-                ..open
-            };
+            let block = Block { row: taken, rows: count, ..open };
             if count == open.rows {
                 self.block = None;
             } else {
@@ -138,13 +113,8 @@ impl Cursor<'_> {
             self.chunk += 1;
             let line = self.line;
             self.line += chunk.lines;
-            self.block = Some(Block {
-                start: chunk.start,
-                end: chunk.end,
-                row: 0,
-                rows: chunk.rows,
-                line,
-            });
+            self.block =
+                Some(Block { start: chunk.start, end: chunk.end, row: 0, rows: chunk.rows, line });
         }
         self.block
     }
@@ -187,20 +157,13 @@ pub(super) struct Text<'a> {
 
 impl<'a> Text<'a> {
     pub(super) fn new(data: &'a [u8], block: &Block) -> Self {
-        Self {
-            data,
-            at: block.start,
-            line: block.line + 1,
-        }
+        Self { data, at: block.start, line: block.line + 1 }
     }
 
     /// Moves behind the end of the line.
     fn skip_line(&mut self) {
         let rest = &self.data[self.at..];
-        let length = rest
-            .iter()
-            .position(|&b| b == b'\n')
-            .map_or(rest.len(), |at| at + 1);
+        let length = rest.iter().position(|&b| b == b'\n').map_or(rest.len(), |at| at + 1);
         self.at += length;
         self.line += 1;
     }
@@ -219,14 +182,9 @@ impl<'a> Text<'a> {
     fn word(&mut self) -> Values<&'a [u8]> {
         self.skip_blanks();
         let rest = &self.data[self.at..];
-        let length = rest
-            .iter()
-            .position(u8::is_ascii_whitespace)
-            .unwrap_or(rest.len());
+        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
         if length == 0 {
-            return Err(Fault::Short {
-                at_end: self.at >= self.data.len(),
-            });
+            return Err(Fault::Short { at_end: self.at >= self.data.len() });
         }
         self.at += length;
         Ok(&rest[..length])
@@ -261,11 +219,7 @@ impl Row for Text<'_> {
         let word = self.word()?;
         let value = super::number::any(word, kind == Scalar::F32)
             .ok_or_else(|| Fault::NotANumber(show(word)))?;
-        if kind.holds(value) {
-            Ok(value)
-        } else {
-            Err(Fault::DoesNotFit(show(word), kind))
-        }
+        if kind.holds(value) { Ok(value) } else { Err(Fault::DoesNotFit(show(word), kind)) }
     }
 
     fn skip(&mut self, _: Scalar, count: u64) -> Values<()> {

@@ -24,10 +24,10 @@ use std::path::Path;
 
 use self::check::Tally;
 use self::face::Faces;
-use self::header::{Format, Header};
+use self::header::{Element, Format, Header, Shape};
 use self::layout::Span;
 use self::plan::Plan;
-use self::row::Table;
+use self::row::{Row, Sink, Table, Values};
 use self::source::Source;
 use super::normals::Point;
 use super::{Mesh, Notes, Positions, Uvs};
@@ -49,10 +49,7 @@ pub struct ReadOptions {
 
 impl Default for ReadOptions {
     fn default() -> Self {
-        Self {
-            repair: false,
-            mmap: true,
-        }
+        Self { repair: false, mmap: true }
     }
 }
 
@@ -82,21 +79,14 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
     let plan = plan::plan(&header, name)?;
     let data = &bytes[header.data_start..];
     let (spans, trailing_bytes) = layout::locate(data, &header, name)?;
-    let file = Body {
-        header: &header,
-        data,
-        spans: &spans,
-        name,
-    };
+    let file = Body { header: &header, data, spans: &spans, name };
+    file.check_unread(&plan)?;
     let vertices = vertex::read(&file.table(plan.vertex.element), &plan.vertex)?;
     let (faces, tally) = match &vertices.positions {
         Positions::F32(positions) => faces(&file, &plan, positions, options)?,
         Positions::F64(positions) => faces(&file, &plan, positions, options)?,
     };
-    let uvs = faces
-        .uvs
-        .map(Uvs::PerCorner)
-        .or(vertices.uvs.map(Uvs::PerVertex));
+    let uvs = faces.uvs.map(Uvs::PerCorner).or(vertices.uvs.map(Uvs::PerVertex));
     let mut notes = Notes {
         format: header.format.name(),
         trailing_bytes,
@@ -136,6 +126,38 @@ impl Body<'_> {
             element: &self.header.elements[element],
             name: self.name,
         }
+    }
+
+    /// Checks the lines of elements that nobody reads: finding rows of text did not look inside
+    /// them, and the last one may be cut short.
+    fn check_unread(&self, plan: &Plan) -> Result<()> {
+        let read = |at: usize| {
+            at == plan.vertex.element || plan.faces.iter().any(|face| face.element == at)
+        };
+        let text = self.header.format == Format::Ascii;
+        for at in (0..self.header.elements.len()).filter(|at| text && !read(*at)) {
+            let table = self.table(at);
+            table.blocks(|reader| reader.feed(&mut Unread(table.element)))?;
+        }
+        Ok(())
+    }
+}
+
+/// Reads over the rows of an element.
+struct Unread<'a>(&'a Element);
+
+impl Sink for Unread<'_> {
+    fn take<R: Row>(&mut self, values: &mut R, _: u64) -> Values<()> {
+        for property in &self.0.properties {
+            match property.shape {
+                Shape::Single(kind) => values.skip(kind, 1)?,
+                Shape::List { count, item } => {
+                    let count = values.count(count)?;
+                    values.skip(item, count)?;
+                }
+            }
+        }
+        Ok(())
     }
 }
 

@@ -49,11 +49,7 @@ pub(super) fn plain(text: &[u8]) -> Option<(f64, usize)> {
     }
     let power = POWERS[scale.unsigned_abs() as usize];
     let value = digits as f64;
-    let value = if scale < 0 {
-        value / power
-    } else {
-        value * power
-    };
+    let value = if scale < 0 { value / power } else { value * power };
     Some((if negative { -value } else { value }, at))
 }
 
@@ -97,11 +93,7 @@ pub(super) fn any(word: &[u8], single: bool) -> Option<f64> {
         // nan(ind), -nan(0x8...), 1.#QNAN, -1.#IND: not numbers; 1.#INF: infinite.
         let bare = text.trim_start_matches(['-', '+']).to_ascii_lowercase();
         if bare == "1.#inf" {
-            Some(if text.starts_with('-') {
-                f64::NEG_INFINITY
-            } else {
-                f64::INFINITY
-            })
+            Some(if text.starts_with('-') { f64::NEG_INFINITY } else { f64::INFINITY })
         } else if bare.starts_with("nan(") || bare.starts_with("1.#") {
             Some(f64::NAN)
         } else {
@@ -119,9 +111,7 @@ mod tests {
         let mut seed = 1u64;
         let mut taken = 0;
         for _ in 0..200_000 {
-            seed = seed
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             let digits = (seed >> 11) >> (seed % 50);
             let places = (seed >> 20) % 12;
             let text = match seed % 3 {
@@ -134,11 +124,7 @@ mod tests {
             };
             taken += 1;
             assert_eq!(length, text.len());
-            assert_eq!(
-                value.to_bits(),
-                text.parse::<f64>().unwrap().to_bits(),
-                "{text}"
-            );
+            assert_eq!(value.to_bits(), text.parse::<f64>().unwrap().to_bits(), "{text}");
             if let Some(single) = to_f32(value) {
                 let expected = text.parse::<f32>().unwrap();
                 assert_eq!((single as f32).to_bits(), expected.to_bits(), "{text}");
@@ -151,17 +137,7 @@ mod tests {
     fn unusual_spellings() {
         assert_eq!(plain(b"1.5 2"), Some((1.5, 3)));
         assert_eq!(plain(b"-0"), Some((-0.0, 2)));
-        for text in [
-            "",
-            ".",
-            "-",
-            "e5",
-            "1e",
-            "nan",
-            "1x",
-            "+1",
-            "12345678901234567890",
-        ] {
+        for text in ["", ".", "-", "e5", "1e", "nan", "1x", "+1", "12345678901234567890"] {
             assert_eq!(plain(text.as_bytes()), None, "{text}");
         }
         assert_eq!(any(b"+1.5", true), Some(1.5));

@@ -11,17 +11,10 @@ const NORMAL: usize = 3;
 const UV: usize = 6;
 const COLOR: usize = 8;
 
-const UV_NAMES: [[&str; 2]; 4] = [
-    ["s", "t"],
-    ["u", "v"],
-    ["texture_u", "texture_v"],
-    ["texture_s", "texture_t"],
-];
-const COLOR_NAMES: [[&str; 3]; 3] = [
-    ["red", "green", "blue"],
-    ["r", "g", "b"],
-    ["diffuse_red", "diffuse_green", "diffuse_blue"],
-];
+const UV_NAMES: [[&str; 2]; 4] =
+    [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
+const COLOR_NAMES: [[&str; 3]; 3] =
+    [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
 /// How colours are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,10 +88,7 @@ pub(super) fn plan(header: &Header, name: &str) -> Result<Plan> {
         faces.extend(face_plan(header, element, strips, name)?);
     }
     faces.sort_by_key(|face| face.element);
-    if faces
-        .iter()
-        .all(|face| header.elements[face.element].count == 0)
-    {
+    if faces.iter().all(|face| header.elements[face.element].count == 0) {
         return Err(no_faces(header, &vertex, name));
     }
     let mut used = Vec::new();
@@ -115,12 +105,7 @@ pub(super) fn plan(header: &Header, name: &str) -> Result<Plan> {
             list.push(format!("{}.{}", element.name, property.name));
         }
     }
-    Ok(Plan {
-        vertex,
-        faces,
-        used,
-        ignored,
-    })
+    Ok(Plan { vertex, faces, used, ignored })
 }
 
 fn no_faces(header: &Header, vertex: &VertexPlan, name: &str) -> Error {
@@ -130,17 +115,10 @@ fn no_faces(header: &Header, vertex: &VertexPlan, name: &str) -> Error {
 }
 
 fn vertex_plan(header: &Header, name: &str) -> Result<VertexPlan> {
-    let place = header
-        .elements
-        .iter()
-        .position(|e| e.name == "vertex")
-        .ok_or_else(|| {
-            let names: Vec<_> = header.elements.iter().map(|e| e.name.as_str()).collect();
-            Error::invalid(
-                name,
-                format!("has no element 'vertex', only: [{}]", names.join(", ")),
-            )
-        })?;
+    let place = header.elements.iter().position(|e| e.name == "vertex").ok_or_else(|| {
+        let names: Vec<_> = header.elements.iter().map(|e| e.name.as_str()).collect();
+        Error::invalid(name, format!("has no element 'vertex', only: [{}]", names.join(", ")))
+    })?;
     let element = &header.elements[place];
     if element.count > u32::MAX as u64 {
         let message = format!("has {} vertices; the most is {}", element.count, u32::MAX);
@@ -154,19 +132,14 @@ fn vertex_plan(header: &Header, name: &str) -> Result<VertexPlan> {
         })?);
     }
     assign(element, &["nx", "ny", "nz"], &mut columns[NORMAL..UV]);
-    UV_NAMES
-        .iter()
-        .any(|names| assign(element, names, &mut columns[UV..COLOR]));
+    UV_NAMES.iter().any(|names| assign(element, names, &mut columns[UV..COLOR]));
     let colors = COLOR_NAMES.iter().find_map(|names| {
         let kind = color_type(element, names)?;
         assign(element, names, &mut columns[COLOR..]).then_some(kind)
     });
     let double = columns[..NORMAL].iter().flatten().any(|&at| {
         use Scalar as S;
-        matches!(
-            element.properties[at].shape,
-            Shape::Single(S::F64 | S::I32 | S::U32)
-        )
+        matches!(element.properties[at].shape, Shape::Single(S::F64 | S::I32 | S::U32))
     });
     let steps = (0..element.properties.len()).map(|at| {
         let shape = element.properties[at].shape;
@@ -228,9 +201,7 @@ fn face_plan(header: &Header, which: &str, strips: bool, name: &str) -> Result<O
         return Ok(None);
     };
     let element = &header.elements[place];
-    let corners = element
-        .find("vertex_indices")
-        .or_else(|| element.find("vertex_index"));
+    let corners = element.find("vertex_indices").or_else(|| element.find("vertex_index"));
     let integers = |at: usize| match element.properties[at].shape {
         Shape::List { item, .. } => item.is_integer(),
         Shape::Single(_) => false,
@@ -245,26 +216,16 @@ fn face_plan(header: &Header, which: &str, strips: bool, name: &str) -> Result<O
         ));
     };
     let mut texcoords = false;
-    let steps = element
-        .properties
-        .iter()
-        .enumerate()
-        .map(|(at, property)| match property.shape {
-            Shape::List { count, item } if at == corners => Step::Corners { count, item },
-            Shape::List { count, item }
-                if property.name == "texcoord" && !strips && !item.is_integer() =>
-            {
-                texcoords = true;
-                Step::Texcoords { count, item }
-            }
-            shape => skip(shape),
-        });
+    let steps = element.properties.iter().enumerate().map(|(at, property)| match property.shape {
+        Shape::List { count, item } if at == corners => Step::Corners { count, item },
+        Shape::List { count, item }
+            if property.name == "texcoord" && !strips && !item.is_integer() =>
+        {
+            texcoords = true;
+            Step::Texcoords { count, item }
+        }
+        shape => skip(shape),
+    });
     let steps = steps.collect();
-    Ok(Some(FacePlan {
-        element: place,
-        steps,
-        corners,
-        texcoords,
-        strips,
-    }))
+    Ok(Some(FacePlan { element: place, steps, corners, texcoords, strips }))
 }

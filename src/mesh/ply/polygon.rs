@@ -37,11 +37,7 @@ fn flatten(points: &[[f64; 3]]) -> Vec<[f64; 2]> {
     for (i, &point) in local.iter().enumerate() {
         let next = local[(i + 1) % local.len()];
         let part = cross(point, next);
-        normal = [
-            normal[0] + part[0],
-            normal[1] + part[1],
-            normal[2] + part[2],
-        ];
+        normal = [normal[0] + part[0], normal[1] + part[1], normal[2] + part[2]];
     }
     let size = normal.map(f64::abs);
     let axis = if size[0] > size[1] && size[0] > size[2] {
@@ -53,10 +49,7 @@ fn flatten(points: &[[f64; 3]]) -> Vec<[f64; 2]> {
     };
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let flip = normal[axis] < 0.0;
-    local
-        .iter()
-        .map(|p| if flip { [p[v], p[u]] } else { [p[u], p[v]] })
-        .collect()
+    local.iter().map(|p| if flip { [p[v], p[u]] } else { [p[u], p[v]] }).collect()
 }
 
 /// Twice the area of a triangle, positive counter-clockwise.
@@ -80,9 +73,7 @@ fn clip_ears(flat: &[[f64; 2]], triangles: &mut Vec<[u32; 3]>) {
     let mut at = 0;
     while left.len() > 3 {
         let n = left.len();
-        let ear = (0..n)
-            .map(|step| (at + step) % n)
-            .find(|&i| is_ear(flat, &left, i));
+        let ear = (0..n).map(|step| (at + step) % n).find(|&i| is_ear(flat, &left, i));
         // A polygon that crosses itself may have no ear: clip anyway, to end.
         let ear = ear.unwrap_or(at % n);
         triangles.push([left[(ear + n - 1) % n], left[ear], left[(ear + 1) % n]]);
@@ -113,10 +104,7 @@ mod tests {
     use super::*;
 
     fn areas(flat: &[[f64; 2]], triangles: &[[u32; 3]]) -> Vec<f64> {
-        triangles
-            .iter()
-            .map(|t| area(t.map(|i| flat[i as usize])) / 2.0)
-            .collect()
+        triangles.iter().map(|t| area(t.map(|i| flat[i as usize])) / 2.0).collect()
     }
 
     fn check(flat: &[[f64; 2]], expected_area: f64) {
@@ -125,32 +113,20 @@ mod tests {
             flat.rotate_left(rotate);
             let mut triangles = Vec::new();
             // In a tilted plane far from the origin.
-            let points: Vec<[f64; 3]> = flat
-                .iter()
-                .map(|p| [p[0] + 1e6, p[1] - 2e6, 0.5 * p[0] - p[1]])
-                .collect();
+            let points: Vec<[f64; 3]> =
+                flat.iter().map(|p| [p[0] + 1e6, p[1] - 2e6, 0.5 * p[0] - p[1]]).collect();
             assert!(split(&points, &mut triangles));
             assert_eq!(triangles.len(), flat.len() - 2);
             let areas = areas(&flat, &triangles);
             assert!(areas.iter().all(|a| *a >= 0.0), "{rotate}: {areas:?}");
             let sum: f64 = areas.iter().sum();
-            assert!(
-                (sum - expected_area).abs() < 1e-9,
-                "{rotate}: {sum} {expected_area}"
-            );
+            assert!((sum - expected_area).abs() < 1e-9, "{rotate}: {sum} {expected_area}");
         }
     }
 
     #[test]
     fn convex_polygons_fan_from_the_first_corner() {
-        let hexagon = [
-            [2., 0.],
-            [1., 2.],
-            [-1., 2.],
-            [-2., 0.],
-            [-1., -2.],
-            [1., -2.],
-        ];
+        let hexagon = [[2., 0.], [1., 2.], [-1., 2.], [-2., 0.], [-1., -2.], [1., -2.]];
         let points = hexagon.map(|p| [p[0], 0.0, p[1]]);
         let mut triangles = Vec::new();
         assert!(split(&points, &mut triangles));
@@ -202,12 +178,8 @@ mod tests {
             .map(|i| (*i as f64 * 1.2566370614359172).sin_cos())
             .map(|(y, x)| [x, y, 0.0])
             .collect();
-        for points in [
-            star,
-            vec![[0.0; 3]; 7],
-            vec![[f64::NAN; 3]; 6],
-            vec![[f64::INFINITY; 3]; 5],
-        ] {
+        for points in [star, vec![[0.0; 3]; 7], vec![[f64::NAN; 3]; 6], vec![[f64::INFINITY; 3]; 5]]
+        {
             assert!(split(&points, &mut triangles));
             assert_eq!(triangles.len(), points.len() - 2);
         }

@@ -57,11 +57,7 @@ pub(super) trait Row {
     #[inline]
     fn count(&mut self, kind: Scalar) -> Values<u64> {
         let count = self.number(kind)?;
-        if count < 0.0 {
-            Err(Fault::NegativeCount(count))
-        } else {
-            Ok(count as u64)
-        }
+        if count < 0.0 { Err(Fault::NegativeCount(count)) } else { Ok(count as u64) }
     }
 }
 
@@ -74,19 +70,12 @@ pub(super) struct Binary<'a> {
 
 impl<'a> Binary<'a> {
     pub(super) fn new(data: &'a [u8], block: &Block, big: bool) -> Self {
-        Self {
-            data,
-            at: block.start,
-            big,
-        }
+        Self { data, at: block.start, big }
     }
 
     fn need(&self, bytes: u64) -> Values<usize> {
         let left = self.data.len() - self.at;
-        usize::try_from(bytes)
-            .ok()
-            .filter(|b| *b <= left)
-            .ok_or(Fault::Short { at_end: true })
+        usize::try_from(bytes).ok().filter(|b| *b <= left).ok_or(Fault::Short { at_end: true })
     }
 }
 
@@ -157,11 +146,8 @@ impl Table<'_> {
             }
             (fault, Some(line)) => {
                 let values = super::layout::expected(self.element);
-                Error::invalid(
-                    format!("{name}:{line}"),
-                    format!("{element} {row}: {fault}"),
-                )
-                .help(format!("expected: {values}"))
+                Error::invalid(format!("{name}:{line}"), format!("{element} {row}: {fault}"))
+                    .help(format!("expected: {values}"))
             }
             (fault, None) => Error::invalid(format!("{name}: {element} {row}"), fault.to_string()),
         }

@@ -103,17 +103,9 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
         vertices,
         triangles,
         triangles_are,
-        positions: if plan.vertex.double {
-            "double"
-        } else {
-            "float"
-        },
+        positions: if plan.vertex.double { "double" } else { "float" },
         normals: plan.vertex.normals,
-        uvs: if corner_uvs {
-            Some("corner")
-        } else {
-            plan.vertex.uvs.then_some("vertex")
-        },
+        uvs: if corner_uvs { Some("corner") } else { plan.vertex.uvs.then_some("vertex") },
         colors: plan.vertex.colors.map(|colors| match colors {
             ColorType::U8 => "uchar",
             ColorType::U16 => "ushort",
@@ -131,11 +123,7 @@ fn property(property: &header::Property) -> PropertySummary {
         Shape::Single(kind) => (kind, None),
         Shape::List { count, item } => (item, Some(count)),
     };
-    PropertySummary {
-        name: property.name.clone(),
-        kind,
-        list_count,
-    }
+    PropertySummary { name: property.name.clone(), kind, list_count }
 }
 
 /// Bytes per vertex in the arrays.
@@ -155,17 +143,8 @@ fn vertex_bytes(plan: &Plan, corner_uvs: bool) -> u64 {
 /// The number of triangles: where one element has the only list of a binary file, the bytes
 /// that are not of fixed size are its corners.
 fn triangles(header: &Header, plan: &Plan, data_bytes: u64) -> (u64, TriangleCount) {
-    let faces: u64 = plan
-        .faces
-        .iter()
-        .map(|f| header.elements[f.element].count)
-        .sum();
-    let rows = || {
-        header
-            .elements
-            .iter()
-            .flat_map(|e| e.properties.iter().map(|p| (e.count, p)))
-    };
+    let faces: u64 = plan.faces.iter().map(|f| header.elements[f.element].count).sum();
+    let rows = || header.elements.iter().flat_map(|e| e.properties.iter().map(|p| (e.count, p)));
     let lists: Vec<_> = rows()
         .filter_map(|(count, property)| match property.shape {
             Shape::List { item, .. } if count > 0 => Some(item),
@@ -187,12 +166,5 @@ fn triangles(header: &Header, plan: &Plan, data_bytes: u64) -> (u64, TriangleCou
     let triangles = corners.saturating_sub(faces.saturating_mul(2));
     // Restarts of strips, and faces of fewer than three corners, are not seen here.
     let exact = !face.strips && triangles >= faces;
-    (
-        triangles,
-        if exact {
-            TriangleCount::Exact
-        } else {
-            TriangleCount::AtMost
-        },
-    )
+    (triangles, if exact { TriangleCount::Exact } else { TriangleCount::AtMost })
 }

@@ -50,24 +50,15 @@ fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Ve
         }
     });
     let rows = &table.data[uniform.start..uniform.start + length];
-    let records = Records {
-        rows,
-        stride: uniform.stride,
-        big,
-        roles,
-    };
+    let records = Records { rows, stride: uniform.stride, big, roles };
     Vertices {
         positions: if plan.double {
             Positions::F64(records.columns(0, Scalar::F64, |v| v))
         } else {
             Positions::F32(records.columns(0, Scalar::F32, |v| v as f32))
         },
-        normals: plan
-            .normals
-            .then(|| records.columns(3, Scalar::F32, |v| v as f32)),
-        uvs: plan
-            .uvs
-            .then(|| records.columns(6, Scalar::F32, |v| v as f32)),
+        normals: plan.normals.then(|| records.columns(3, Scalar::F32, |v| v as f32)),
+        uvs: plan.uvs.then(|| records.columns(6, Scalar::F32, |v| v as f32)),
         colors: plan.colors.map(|kind| match kind {
             ColorType::U8 => Colors::U8(records.columns(8, Scalar::U8, |v| v as u8)),
             ColorType::U16 => Colors::U16(records.columns(8, Scalar::U16, |v| v as u16)),
@@ -92,19 +83,14 @@ impl Records<'_> {
             let at = roles.map(|(_, at)| at);
             rows.map(|row| at.map(|at| T::take(row, at, big))).collect()
         } else {
-            rows.map(|row| roles.map(|(kind, at)| convert(kind.read(row, at, big))))
-                .collect()
+            rows.map(|row| roles.map(|(kind, at)| convert(kind.read(row, at, big)))).collect()
         }
     }
 }
 
 fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     let parts = table.blocks(|reader| {
-        let mut part = Part {
-            plan,
-            points: Vec::new(),
-            others: Vec::new(),
-        };
+        let mut part = Part { plan, points: Vec::new(), others: Vec::new() };
         // The rows are in the file: as many as its bytes allow.
         let rows = reader.rows() as usize;
         part.points.reserve_exact(rows);
@@ -119,18 +105,12 @@ fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
         positions: if plan.double {
             Positions::F64(join(&parts, count, |part| part.points.iter().copied()))
         } else {
-            Positions::F32(join(&parts, count, |p| {
-                p.points.iter().map(|v| v.map(|c| c as f32))
-            }))
+            Positions::F32(join(&parts, count, |p| p.points.iter().map(|v| v.map(|c| c as f32))))
         },
-        normals: plan.normals.then(|| {
-            join(&parts, count, |p| {
-                p.others.iter().map(|v| [v[0], v[1], v[2]])
-            })
-        }),
-        uvs: plan
-            .uvs
-            .then(|| join(&parts, count, |p| p.others.iter().map(|v| [v[3], v[4]]))),
+        normals: plan
+            .normals
+            .then(|| join(&parts, count, |p| p.others.iter().map(|v| [v[0], v[1], v[2]]))),
+        uvs: plan.uvs.then(|| join(&parts, count, |p| p.others.iter().map(|v| [v[3], v[4]]))),
         colors: plan.colors.map(|kind| match kind {
             ColorType::U8 => Colors::U8(colors(&parts, count, |c| c as u8)),
             ColorType::U16 => Colors::U16(colors(&parts, count, |c| c as u16)),
@@ -164,8 +144,7 @@ impl Sink for Part<'_> {
         }
         self.points.push([roles[0], roles[1], roles[2]]);
         if self.others.capacity() > 0 {
-            self.others
-                .push(std::array::from_fn(|i| roles[3 + i] as f32));
+            self.others.push(std::array::from_fn(|i| roles[3 + i] as f32));
         }
         Ok(())
     }
@@ -184,9 +163,5 @@ fn join<'a, T, I: Iterator<Item = T>>(
 }
 
 fn colors<T>(parts: &[Part], count: usize, convert: impl Fn(f32) -> T + Copy) -> Vec<[T; 3]> {
-    join(parts, count, |p| {
-        p.others
-            .iter()
-            .map(move |v| [v[5], v[6], v[7]].map(convert))
-    })
+    join(parts, count, |p| p.others.iter().map(move |v| [v[5], v[6], v[7]].map(convert)))
 }

@@ -25,11 +25,7 @@ impl Check<'_, '_> {
         let lookat = self.view_direction(&camera);
         let up = tamed(camera.up);
         if up == DVec3::ZERO {
-            self.problems.error(
-                "/camera/up",
-                "found a zero vector, expected a direction",
-                None,
-            );
+            self.problems.error("/camera/up", "found a zero vector, expected a direction", None);
         } else if let Some(lookat) = lookat {
             let sine = lookat.normalize().cross(up.normalize()).length();
             if sine < PARALLEL {
@@ -37,8 +33,7 @@ impl Check<'_, '_> {
                 let message = format!(
                     "found an up parallel to the view (|Z x up| / |up| = {sine:.1e}), expected at least {PARALLEL:e}"
                 );
-                self.problems
-                    .error("/camera/up", message, Some(help.into()));
+                self.problems.error("/camera/up", message, Some(help.into()));
             }
         }
         Some(Camera {
@@ -66,10 +61,7 @@ impl Check<'_, '_> {
 
     /// `None` for a pinhole, also for a lens of diameter 0, which is one.
     fn lens(&mut self, camera: &description::Camera) -> Option<Lens> {
-        let keys = [
-            ("aperture", camera.aperture),
-            ("focaldistance", camera.focaldistance),
-        ];
+        let keys = [("aperture", camera.aperture), ("focaldistance", camera.focaldistance)];
         for (key, value) in keys {
             match (camera.kind, value) {
                 (CameraType::Pinhole, Some(_)) => {
@@ -77,8 +69,7 @@ impl Check<'_, '_> {
                         "found `{key}` in a pinhole camera, expected it with type `thinlens` only"
                     );
                     let help = "remove the key, or set the camera's type to `thinlens`";
-                    self.problems
-                        .error(&format!("/camera/{key}"), message, Some(help.into()));
+                    self.problems.error(&format!("/camera/{key}"), message, Some(help.into()));
                 }
                 (CameraType::Thinlens, None) => {
                     let message =
@@ -89,10 +80,7 @@ impl Check<'_, '_> {
             }
         }
         let aperture = camera.aperture.filter(|a| *a > 0.0)?;
-        Some(Lens {
-            aperture,
-            focal_distance: camera.focaldistance?,
-        })
+        Some(Lens { aperture, focal_distance: camera.focaldistance? })
     }
 
     fn view_direction(&mut self, camera: &description::Camera) -> Option<DVec3> {
@@ -104,8 +92,7 @@ impl Check<'_, '_> {
             }
             (Some(_), Some(_)) => {
                 let message = "found both `lookat` (a direction) and `target` (a point), expected exactly one";
-                self.problems
-                    .error("/camera/target", message, Some("remove one of them".into()));
+                self.problems.error("/camera/target", message, Some("remove one of them".into()));
                 None
             }
             (Some(lookat), None) => {
@@ -143,10 +130,6 @@ fn tamed(direction: Direction) -> DVec3 {
         return direction;
     }
     // Twice, because the reciprocal of a denormal is infinite.
-    let scaled = if largest < 1.0 {
-        direction * 1e150
-    } else {
-        direction
-    };
+    let scaled = if largest < 1.0 { direction * 1e150 } else { direction };
     scaled / scaled.abs().max_element()
 }

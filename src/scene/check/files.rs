@@ -13,10 +13,7 @@ impl Check<'_, '_> {
     /// The path of a mesh, relative to the working folder.
     pub(super) fn mesh_file(&mut self, pointer: &str, written: &str) -> PathBuf {
         let lower = written.to_ascii_lowercase();
-        if [".ply", ".ply.gz", ".ply.zst"]
-            .iter()
-            .any(|end| lower.ends_with(end))
-        {
+        if [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| lower.ends_with(end)) {
             return self.file(pointer, written, "a mesh");
         }
         let message = format!("found {written:?}, expected the path of a .ply file");
@@ -34,10 +31,7 @@ impl Check<'_, '_> {
             }
             Ok(_) => return path,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                format!(
-                    "found {written:?}, expected {what}: there is no file {}",
-                    path.display()
-                )
+                format!("found {written:?}, expected {what}: there is no file {}", path.display())
             }
             Err(error) => format!(
                 "found {written:?}, expected {what}: cannot look at {}: {error}",
@@ -59,16 +53,8 @@ fn near_file(path: &Path) -> Option<String> {
         return Some(format!("there is no folder {}", folder.display()));
     }
     let entries = std::fs::read_dir(folder).ok()?.flatten().take(MAX_LISTED);
-    let mut names: Vec<String> = entries
-        .filter_map(|e| e.file_name().into_string().ok())
-        .collect();
+    let mut names: Vec<String> = entries.filter_map(|e| e.file_name().into_string().ok()).collect();
     names.sort_unstable();
     let wanted = path.file_name()?.to_str()?;
-    did_you_mean(
-        wanted,
-        names
-            .iter()
-            .map(String::as_str)
-            .filter(|name| *name != wanted),
-    )
+    did_you_mean(wanted, names.iter().map(String::as_str).filter(|name| *name != wanted))
 }

@@ -25,10 +25,7 @@ pub enum QuadFault {
 
 /// True if `a x b` is no area.
 pub fn is_flat(a: DVec3, b: DVec3) -> bool {
-    let longest = a
-        .length_squared()
-        .max(b.length_squared())
-        .max((a - b).length_squared());
+    let longest = a.length_squared().max(b.length_squared()).max((a - b).length_squared());
     // NaN (which the ranges exclude) would count as flat.
     !(a.cross(b).length() > NO_AREA * longest)
 }
@@ -49,14 +46,11 @@ pub fn quad_fault(corners: &[DVec3; 4]) -> Option<QuadFault> {
     let normal = normal.normalize();
     let centre = v0 + ((v1 - v0) + (v2 - v0) + (v3 - v0)) / 4.0;
     let off = corners.map(|v| (v - centre).dot(normal).abs() / longest);
-    if let Some(i) = (0..4)
-        .max_by(|a, b| off[*a].total_cmp(&off[*b]))
-        .filter(|i| off[*i] > OUT_OF_PLANE)
+    if let Some(i) =
+        (0..4).max_by(|a, b| off[*a].total_cmp(&off[*b])).filter(|i| off[*i] > OUT_OF_PLANE)
     {
         return Some(QuadFault::OutOfPlane(i, off[i]));
     }
     let turn = |i: usize| edges[(i + 3) % 4].cross(edges[i]).dot(normal);
-    (0..4)
-        .find(|i| turn(*i) < -STRAIGHT * longest * longest)
-        .map(QuadFault::Concave)
+    (0..4).find(|i| turn(*i) < -STRAIGHT * longest * longest).map(QuadFault::Concave)
 }

@@ -18,9 +18,7 @@ impl Check<'_, '_> {
             };
             let light = match light {
                 description::Light::PointLight(l) => {
-                    let kind = LightKind::Point {
-                        position: l.position.vec(),
-                    };
+                    let kind = LightKind::Point { position: l.position.vec() };
                     self.light(&pointer, (&l.name, &l.group), (l.id, l.specular), kind)
                 }
                 description::Light::AreaLight(l) => {

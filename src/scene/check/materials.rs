@@ -22,10 +22,7 @@ pub(super) struct Materials {
 impl Check<'_, '_> {
     /// Checks `/scene/materials`.
     pub(super) fn named_materials(&mut self) -> Materials {
-        let mut materials = Materials {
-            all: Vec::new(),
-            names: HashMap::new(),
-        };
+        let mut materials = Materials { all: Vec::new(), names: HashMap::new() };
         let document = self.document;
         let Some(NodeKind::Object(members)) = document.get("/scene/materials").map(|n| &n.kind)
         else {
@@ -36,9 +33,7 @@ impl Check<'_, '_> {
             // A broken material keeps its name, or every use of it would be an error too.
             let written = self.part(&pointer).unwrap_or_default();
             let material = self.material(&pointer, &written);
-            materials
-                .names
-                .insert(member.key.clone(), (materials.all.len(), false));
+            materials.names.insert(member.key.clone(), (materials.all.len(), false));
             materials.all.push(material);
         }
         materials
@@ -49,8 +44,7 @@ impl Check<'_, '_> {
         for (name, (_, used)) in &materials.names {
             if !used {
                 let message = format!("found the material {name:?}, which no shape uses");
-                self.problems
-                    .warn(&join("/scene/materials", name), message, None);
+                self.problems.warn(&join("/scene/materials", name), message, None);
             }
         }
     }
@@ -122,14 +116,7 @@ impl Check<'_, '_> {
     }
 
     fn texture_keys_without_path(&mut self, pointer: &str) {
-        for key in [
-            "tWidth",
-            "tHeight",
-            "filter",
-            "wrap",
-            "colorspace",
-            "tScale",
-        ] {
+        for key in ["tWidth", "tHeight", "filter", "wrap", "colorspace", "tScale"] {
             let at = format!("{pointer}/{key}");
             if self.document.get(&at).is_some() {
                 let message = format!("found `{key}` without `tPath`; it has no effect");

@@ -68,12 +68,7 @@ pub fn check(
         shapes,
         materials: materials.all,
         tonemap: tonemap(&description),
-        layers: description
-            .output
-            .layers
-            .iter()
-            .map(|l| l.0.clone())
-            .collect(),
+        layers: description.output.layers.iter().map(|l| l.0.clone()).collect(),
         transparent: description.output.transparent,
     };
     check.look_over(&scene);
@@ -146,12 +141,9 @@ impl Check<'_, '_> {
         let layers: Vec<Name> = self.part("/output/layers").unwrap_or_default();
         for (i, layer) in layers.iter().enumerate() {
             if layers[..i].contains(layer) {
-                let message = format!(
-                    "found the layer {:?} a second time; it is written once",
-                    layer.0
-                );
-                self.problems
-                    .warn(&format!("/output/layers/{i}"), message, None);
+                let message =
+                    format!("found the layer {:?} a second time; it is written once", layer.0);
+                self.problems.warn(&format!("/output/layers/{i}"), message, None);
             }
         }
     }

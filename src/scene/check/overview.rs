@@ -27,34 +27,23 @@ impl Check<'_, '_> {
             let message = format!(
                 "found the camera inside the sphere /scene/shapes/{i}; it sees only the inner side"
             );
-            self.problems
-                .warn(&format!("/scene/shapes/{i}"), message, None);
+            self.problems.warn(&format!("/scene/shapes/{i}"), message, None);
         }
         for (l, light) in scene.lights.iter().enumerate() {
             let point = match light.kind {
                 LightKind::Point { position } => position,
-                LightKind::Area {
-                    corner,
-                    edge,
-                    height,
-                    ..
-                } => corner + (edge + height) / 2.0,
+                LightKind::Area { corner, edge, height, .. } => corner + (edge + height) / 2.0,
             };
             if let Some(i) = around(point).find(|i| !swallowed.contains(i)) {
                 let message = format!(
                     "found the light inside the sphere /scene/shapes/{i}, which shadows all else from it"
                 );
-                self.problems
-                    .warn(&format!("/scene/lightsources/{l}"), message, None);
+                self.problems.warn(&format!("/scene/lightsources/{l}"), message, None);
             }
         }
         if scene.nbounces == 0 && scene.materials.iter().any(|m| m.kr > 0.0) {
             let message = "found 0 although a material has `kr` > 0; no mirror will mirror";
-            self.problems.warn(
-                "/nbounces",
-                message,
-                Some("set `nbounces` to 1 or more".into()),
-            );
+            self.problems.warn("/nbounces", message, Some("set `nbounces` to 1 or more".into()));
         }
     }
 }

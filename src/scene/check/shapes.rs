@@ -25,11 +25,7 @@ impl Check<'_, '_> {
             };
             let name = self.name(&format!("{pointer}/name"), shape.common().0);
             let kind = self.shape_kind(&pointer, &shape);
-            shapes.extend(material.map(|material| Shape {
-                name,
-                material,
-                kind,
-            }));
+            shapes.extend(material.map(|material| Shape { name, material, kind }));
         }
         shapes
     }
@@ -81,21 +77,13 @@ impl Check<'_, '_> {
                 let next = (i + 1) % 4;
                 let message =
                     format!("found v{i} equal to v{next}, expected four different corners");
-                (
-                    format!("{pointer}/v{next}"),
-                    message,
-                    Some("use a `triangle`".to_string()),
-                )
+                (format!("{pointer}/v{next}"), message, Some("use a `triangle`".to_string()))
             }
             QuadFault::OutOfPlane(i, off) => {
                 let message = format!(
                     "found v{i} out of the quad's plane by {off:.2e} of the longest edge, expected at most 1e-4"
                 );
-                (
-                    format!("{pointer}/v{i}"),
-                    message,
-                    Some("use two triangles".to_string()),
-                )
+                (format!("{pointer}/v{i}"), message, Some("use two triangles".to_string()))
             }
             QuadFault::Concave(i) => {
                 let message =

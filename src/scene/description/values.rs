@@ -84,13 +84,7 @@ macro_rules! inline_schema {
 }
 
 inline_schema!(Color, three(Some(MAX_COLOR), "Linear RGB, may exceed 1."));
-inline_schema!(
-    Point,
-    three(Some(MAX_COORDINATE), "A point in world units.")
-);
+inline_schema!(Point, three(Some(MAX_COORDINATE), "A point in world units."));
 inline_schema!(Direction, three(None, "A direction of any length."));
-inline_schema!(
-    Angles,
-    three(Some(1e6), "Degrees about the x, then y, then z axis.")
-);
+inline_schema!(Angles, three(Some(1e6), "Degrees about the x, then y, then z axis."));
 inline_schema!(Name, json_schema!({ "type": "string", "minLength": 1 }));
