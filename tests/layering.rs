@@ -34,7 +34,8 @@ const FLOORS: &[(&str, u32)] = &[
 ];
 
 /// Where `unsafe` may stand: folders, and single files.
-const UNSAFE_ALLOWED: &[&str] = &["src/accel/embree/", "src/accel/bvh/simd/", "src/simd.rs"];
+const UNSAFE_ALLOWED: &[&str] =
+    &["src/accel/embree/", "src/accel/bvh/simd/", "src/simd.rs", "src/mesh/ply/source.rs"];
 
 /// `main.rs` stays shorter than this: what it does belongs in `cli`.
 const MAIN_LINES: usize = 40;
