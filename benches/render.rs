@@ -106,9 +106,13 @@ mod with_embree {
                 "the bare queries must find what the renderer found"
             );
         };
-        (a(), b());
+        a();
+        b();
         for _ in 0..ROUNDS {
-            (a(), b(), b(), a());
+            a();
+            b();
+            b();
+            a();
         }
         let (ours, bare) = (ours.split_off(1), bare.split_off(1));
         report("renderer", rays, &ours);

@@ -78,11 +78,10 @@ impl Kernel for TileKernel<'_, '_, '_> {
         let mut cast = Cast::new(world, accelerator, sampler);
         let mut slots = [Slot::EMPTY; 2];
         let mut sums = [[0.0f32; 4]; LANES];
-        let mut traced = 0;
         let units = corners(&pattern, self.window).flat_map(|corner| {
             (0..world.spp).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
-        for unit in units.map(Some).chain([None]) {
+        for (traced, unit) in units.map(Some).chain([None]).enumerate() {
             let [even, odd] = &mut slots;
             let (slot, before) = if traced % 2 == 0 { (even, odd) } else { (odd, even) };
             if let Some((corner, first)) = unit {
@@ -95,7 +94,6 @@ impl Kernel for TileKernel<'_, '_, '_> {
                 self.finish(before, &pattern, &mut cast, &mut sums, &mut counts);
             }
             prefetch_vertices(&world.geometry, &slot.packet);
-            traced += 1;
             if monitor.stopped() {
                 break;
             }

@@ -1,0 +1,69 @@
+//! The structures that are passed to Embree lie as Embree's own headers say: a C program prints
+//! every size, alignment and offset. Skipped where no headers (`EMBREE_DIR/include`, else the
+//! system's) or no C compiler is installed.
+#![cfg(feature = "embree")]
+
+use std::{
+    env,
+    fmt::Write,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use lightpath::accel::embree::LAYOUTS;
+
+/// The folder to include from, if Embree's headers are there.
+fn headers() -> Option<PathBuf> {
+    let chosen = env::var_os("EMBREE_DIR").map(|folder| Path::new(&folder).join("include"));
+    let folders = chosen.into_iter().chain(["/usr/include", "/usr/local/include"].map(Into::into));
+    folders.into_iter().find(|folder| folder.join("embree4/rtcore.h").is_file())
+}
+
+/// A program that prints the table of [`ours`].
+fn program() -> String {
+    let mut text = String::from(
+        "#include <embree4/rtcore.h>\n#include <stddef.h>\n#include <stdio.h>\nint main(void) {\n",
+    );
+    for (name, _, _, members) in LAYOUTS {
+        let size = "%zu align %zu\\n";
+        let values = format!("sizeof(struct {name}), _Alignof(struct {name})");
+        writeln!(text, "  printf(\"{name} size {size}\", {values});").unwrap();
+        for (member, _) in *members {
+            let value = format!("offsetof(struct {name}, {member})");
+            writeln!(text, "  printf(\"{name}.{member} %zu\\n\", {value});").unwrap();
+        }
+    }
+    text + "  return 0;\n}\n"
+}
+
+fn ours() -> String {
+    let mut text = String::new();
+    for (name, size, align, members) in LAYOUTS {
+        writeln!(text, "{name} size {size} align {align}").unwrap();
+        for (member, offset) in *members {
+            writeln!(text, "{name}.{member} {offset}").unwrap();
+        }
+    }
+    text
+}
+
+#[test]
+fn structures_lie_as_the_c_headers_say() {
+    let Some(include) = headers() else {
+        return eprintln!("skipped: Embree 4's headers are not installed");
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (source, binary) = (folder.path().join("layout.c"), folder.path().join("layout"));
+    std::fs::write(&source, program()).unwrap();
+    let compiler = env::var("CC").unwrap_or_else(|_| "cc".into());
+    let compiled =
+        Command::new(compiler).arg("-I").arg(&include).arg(&source).arg("-o").arg(&binary).output();
+    let Ok(compiled) = compiled else {
+        return eprintln!("skipped: no C compiler");
+    };
+    assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+    let printed = Command::new(&binary).output().unwrap();
+    let theirs = String::from_utf8(printed.stdout).unwrap();
+    assert_eq!(ours(), theirs, "left: Rust, right: {}", include.display());
+    assert!(theirs.lines().count() > 60);
+}
