@@ -300,7 +300,7 @@ fn camera() {
     assert!(
         text(
             with(CAMERA, sphere()).as_bytes(),
-            &["/camera/up=[0,2,1e-5]".into()]
+            &["/camera/up=[0,2,1e-5]"]
         )
         .is_ok()
     );

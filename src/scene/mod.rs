@@ -13,6 +13,7 @@ mod expected;
 mod nearest;
 mod overrides;
 mod parse;
+mod parse_string;
 mod problems;
 mod schema;
 mod structure;

@@ -27,6 +27,10 @@ fn tidy(schema: &mut Value, definitions: &Value) {
     inline_variant(map, definitions);
     drop_null(map);
     map.remove("format");
+    // Doc comments are wrapped, editors wrap for themselves.
+    if let Some(Value::String(text)) = map.get_mut("description") {
+        *text = text.replace('\n', " ");
+    }
     for key in ["properties", "$defs"] {
         let members = map.get_mut(key).and_then(Value::as_object_mut);
         members

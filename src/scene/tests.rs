@@ -222,6 +222,8 @@ fn the_schema_is_closed_and_complete() {
     fn every_object(schema: &Value, seen: &mut usize) {
         if schema["type"] == "object" {
             *seen += 1;
+            let text = schema["description"].as_str();
+            assert!(text.is_some_and(|t| !t.contains('\n')), "{schema}");
             assert!(schema["properties"]["comment"].is_object(), "{schema}");
             assert!(!schema["additionalProperties"].is_null(), "{schema}");
         }
@@ -305,6 +307,20 @@ fn one_long_line_is_parsed_in_linear_time() {
     let start = std::time::Instant::now();
     assert!(Document::parse("s", list.as_bytes()).is_ok());
     assert!(start.elapsed().as_secs() < 5);
+}
+
+#[test]
+fn the_example_of_the_manual_is_valid() {
+    let manual = include_str!("../../docs/scene-format.md");
+    let example = manual
+        .split("```json\n")
+        .nth(1)
+        .unwrap()
+        .split("```")
+        .next()
+        .unwrap();
+    let loaded = load_bytes(example.as_bytes()).unwrap();
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
 }
 
 fn load_bytes(bytes: &[u8]) -> Result<Loaded> {

@@ -1,6 +1,6 @@
 //! Materials: names resolved, textures present.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use crate::scene::{
     checked::{ColorSpace, Filter, Material, TextureUse, Wrap},
@@ -16,7 +16,7 @@ pub(super) struct Materials {
     /// Named ones first, in file order, then inline ones.
     pub all: Vec<Material>,
     /// Index of each name, and whether a shape uses it.
-    names: HashMap<String, (usize, bool)>,
+    names: BTreeMap<String, (usize, bool)>,
 }
 
 impl Check<'_, '_> {
@@ -24,7 +24,7 @@ impl Check<'_, '_> {
     pub(super) fn named_materials(&mut self) -> Materials {
         let mut materials = Materials {
             all: Vec::new(),
-            names: HashMap::new(),
+            names: BTreeMap::new(),
         };
         let document = self.document;
         let Some(NodeKind::Object(members)) = document.get("/scene/materials").map(|n| &n.kind)
@@ -69,8 +69,7 @@ impl Check<'_, '_> {
                     *used = true;
                     return Some(*index);
                 }
-                let mut known: Vec<&str> = materials.names.keys().map(String::as_str).collect();
-                known.sort_unstable();
+                let known: Vec<&str> = materials.names.keys().map(String::as_str).collect();
                 let help = did_you_mean(&name.0, known.iter().copied());
                 let wanted = match known.len() {
                     0 => "a material under /scene/materials or an inline one".to_string(),
