@@ -25,7 +25,7 @@ pub use checked::*;
 pub use description::Description;
 pub use document::{Document, Member, Node, NodeKind, Place};
 pub use nearest::{did_you_mean, list, nearest};
-pub use schema::schema;
+pub use schema::{schema, schema_of};
 
 /// The format's types as written, for scenes that are made by code.
 pub mod written {
@@ -34,6 +34,8 @@ pub mod written {
 
 use std::{fs::File, io::Read, path::Path};
 
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Kind, Problem, Result};
@@ -104,6 +106,23 @@ pub fn from_description(
     )
 }
 
+/// Reads a document as any type that has a schema, with the structural checks of scene files:
+/// closed objects, places, nearest keys. For job files.
+///
+/// # Errors
+/// Every problem of structure, in the order of the text.
+pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<T> {
+    let mut problems = problems::Problems::new(document);
+    structure::check(&schema_of::<T>(""), &mut problems);
+    let (problems, _) = problems.finish();
+    if !problems.is_empty() {
+        let kind = Kind::Invalid;
+        return Err(Error { kind, problems });
+    }
+    serde_json::from_value(document.root.to_value())
+        .map_err(|e| Error::invalid(&document.name, e.to_string()))
+}
+
 fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -> Result<Loaded> {
     let set = overrides.iter().filter_map(|o| document.apply_set(o).err());
     let bad_overrides: Vec<Problem> = set.collect();
@@ -139,7 +158,15 @@ fn read(path: &Path) -> Result<Vec<u8>> {
             Error::invalid(name, "found a folder, expected a scene file")
                 .help("name the .json file in it")
         }
-        _ => Error::io(path, "read", &error),
+        _ => {
+            let missing = error.kind() == std::io::ErrorKind::NotFound;
+            let near = check::near_file(path).filter(|_| missing);
+            let failed = Error::io(path, "read", &error);
+            match near {
+                Some(near) => failed.help(near),
+                None => failed,
+            }
+        }
     };
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(failed)?;

@@ -4,19 +4,25 @@
 //! structural check want: every object closed (no unknown keys) but for `comment`, optional keys
 //! without `null`, tagged variants spelled out.
 
+use schemars::JsonSchema;
 use serde_json::{Map, Value, json};
 
 use super::description::Description;
 
 /// JSON Schema 2020-12 of scene files.
 pub fn schema() -> Value {
+    schema_of::<Description>("lightpath scene")
+}
+
+/// JSON Schema 2020-12 of a file that is read as `T`; job files use it too.
+pub fn schema_of<T: JsonSchema>(title: &str) -> Value {
     let generated = schemars::generate::SchemaSettings::draft2020_12()
         .into_generator()
-        .into_root_schema_for::<Description>();
+        .into_root_schema_for::<T>();
     let mut schema = Value::from(generated);
     let definitions = schema["$defs"].clone();
     tidy(&mut schema, &definitions);
-    schema["title"] = json!("lightpath scene");
+    schema["title"] = json!(title);
     schema
 }
 

@@ -365,3 +365,19 @@ proptest! {
         let _ = load_value(&everything(), &[&format!("{pointer}={value}")]);
     }
 }
+
+#[test]
+fn other_files_are_read_with_the_same_checks() {
+    #[derive(Debug, serde::Deserialize, schemars::JsonSchema)]
+    struct Job {
+        /// How many.
+        #[schemars(range(min = 1))]
+        frames: u32,
+    }
+    let job: Job =
+        read_as(&Document::parse("j", br#"{"frames": 3, "comment": 1}"#).unwrap()).unwrap();
+    assert_eq!(job.frames, 3);
+    let bad = Document::parse("j", br#"{"frame": 3}"#).unwrap();
+    let error = read_as::<Job>(&bad).unwrap_err();
+    assert_eq!(error.problems.len(), 2, "{error}");
+}

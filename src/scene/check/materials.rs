@@ -6,6 +6,7 @@ use crate::scene::{
     checked::{ColorSpace, Filter, Material, TextureUse, Wrap},
     description::{self, MaterialUse},
     document::{NodeKind, join},
+    expected::quoted,
     nearest::{did_you_mean, list},
 };
 
@@ -76,7 +77,10 @@ impl Check<'_, '_> {
                     1..=20 => list(known),
                     n => format!("one of the {n} names under /scene/materials"),
                 };
-                let message = format!("found the unknown material {:?}, expected {wanted}", name.0);
+                let message = format!(
+                    "found the unknown material {}, expected {wanted}",
+                    quoted(&name.0)
+                );
                 self.problems.error(&pointer, message, help);
                 None
             }
