@@ -1,7 +1,7 @@
 //! Scene files: text -> [`Description`] (as written) -> [`Scene`] (checked).
 //!
 //! The way of a file: `parse` makes a [`Document`] that knows where everything stands,
-//! `overrides` applies `--set`, `structure` holds it against the [`schema`] made from the types in
+//! `overrides` applies `--set`, `structure` holds it against the [`schema()`] made from the types in
 //! `description`, and `check` finds what types cannot say. All problems come back in one
 //! [`Error`]. docs/scene-format.md is the contract.
 
@@ -10,6 +10,8 @@ mod checked;
 mod description;
 mod document;
 mod expected;
+#[cfg(test)]
+mod hostile_tests;
 mod nearest;
 mod overrides;
 mod parse;

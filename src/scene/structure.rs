@@ -1,4 +1,4 @@
-//! Checks a [`Document`] against the schema and reports every problem, with place and way out.
+//! Checks a document against the schema and reports every problem, with place and way out.
 //!
 //! Walking the generated schema keeps one table of keys and ranges. Knows only the keywords that
 //! the schema uses; what a schema cannot say is left to `check`.
