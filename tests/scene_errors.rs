@@ -117,7 +117,7 @@ fn structure() {
     says(
         wrong("\"fov\": 40", "\"fov\": 40, \"fov\": 41"),
         &[
-            "s.json:1:68 (/camera/fov): found the key `fov` a second time",
+            "s.json:1:68 (/camera/fov): found the key \"fov\" a second time",
             "the first is at s.json:1:57",
         ],
     );
@@ -272,6 +272,17 @@ fn bad_overrides() {
 }
 
 #[test]
+fn messages_stay_short_and_harmless() {
+    let long = "x".repeat(100_000);
+    let key = set(&[&format!("/camera/\u{1b}[31m{long}=1")]);
+    assert!(key.len() < 1000 && !key.contains('\u{1b}'), "{key:?}");
+    let value = set(&[&format!("/camera/type=\u{1b}[31m{long}")]);
+    assert!(value.len() < 1000 && !value.contains('\u{1b}'), "{value:?}");
+    let number = set(&[&format!("/camera/fov={}", "9".repeat(100_000))]);
+    assert!(number.len() < 1000, "{number:?}");
+}
+
+#[test]
 fn all_errors_come_in_file_order() {
     let scene = r#"{
   "spp": 0,
@@ -338,4 +349,6 @@ fn files() {
     let error = load(Source::File(&folder.join("none.json")), &[]).unwrap_err();
     assert_eq!(error.kind, Kind::Invalid);
     says(error.to_string(), &["none.json: cannot read"]);
+    let error = load(Source::File(&folder.join("Cargo.tom")), &[]).unwrap_err();
+    says(error.to_string(), &["did you mean `Cargo.toml`?"]);
 }
