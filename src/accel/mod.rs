@@ -86,8 +86,7 @@ fn build_embree<'g>(
 }
 
 fn unavailable(backend: Backend) -> Error {
-    Error::new(
-        Kind::Unsupported,
-        Problem::new("--backend", format!("this build has no `{backend:?}` backend")),
-    )
+    let message = format!("found `{}`, which this build does not have", backend.name());
+    let available = if cfg!(feature = "embree") { "available: embree" } else { "it has none" };
+    Error::new(Kind::Unsupported, Problem::new("--backend", message).help(available))
 }
