@@ -106,9 +106,13 @@ mod with_embree {
                 "the bare queries must find what the renderer found"
             );
         };
-        (a(), b());
+        a();
+        b();
         for _ in 0..ROUNDS {
-            (a(), b(), b(), a());
+            a();
+            b();
+            b();
+            a();
         }
         let (ours, bare) = (ours.split_off(1), bare.split_off(1));
         report("renderer", rays, &ours);
@@ -156,18 +160,18 @@ mod with_embree {
         (medians[50], medians[1949])
     }
 
-    /// The packets of a render: camera packets by their corner (rebuilt when replayed), shadow
-    /// packets by their origins (their directions are rebuilt).
+    /// The queries of a render in their order, tile by tile.
     struct Replay {
-        blocks: Vec<Block>,
+        tiles: Vec<Vec<Query>>,
         light: [f32; 3],
         expected: [u64; 2],
     }
 
-    struct Block {
-        /// Pixel of lane 0.
-        corner: [u32; 2],
-        shadow: Option<Box<Shadow>>,
+    enum Query {
+        /// A camera packet by the pixel of its lane 0: rebuilt when replayed.
+        Camera([u32; 2]),
+        /// A shadow packet by its origins: its directions are rebuilt.
+        Shadow(Box<Shadow>),
     }
 
     struct Shadow {
@@ -179,7 +183,7 @@ mod with_embree {
 
     struct Recorder<'a> {
         inner: &'a dyn Accelerator,
-        blocks: Mutex<Vec<Block>>,
+        queries: Mutex<Vec<Query>>,
         hits: [AtomicU64; 2],
     }
 
@@ -190,17 +194,14 @@ mod with_embree {
         fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
             self.inner.closest(active, packet, coherence);
             self.hits[0].fetch_add(hits(packet), Relaxed);
-            let mut blocks = self.blocks.lock().expect("one thread");
-            blocks.push(Block { corner: [0; 2], shadow: None });
+            self.queries.lock().expect("one thread").push(Query::Camera([0; 2]));
         }
         fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
             let shadow =
                 Shadow { active: *active, org: rays.org, tfar: rays.tfar, leaving: rays.leaving };
             self.inner.occluded(active, rays, coherence);
             self.hits[1].fetch_add(occlusions(active, rays), Relaxed);
-            if let Some(block) = self.blocks.lock().expect("one thread").last_mut() {
-                block.shadow = Some(Box::new(shadow));
-            }
+            self.queries.lock().expect("one thread").push(Query::Shadow(Box::new(shadow)));
         }
     }
 
@@ -214,42 +215,47 @@ mod with_embree {
 
     impl Replay {
         fn record(world: &World, inner: &dyn Accelerator, film: &mut Film) -> Self {
-            let recorder = Recorder {
-                inner,
-                blocks: Mutex::default(),
-                hits: [AtomicU64::new(0), AtomicU64::new(0)],
-            };
+            let hits = [AtomicU64::new(0), AtomicU64::new(0)];
+            let recorder = Recorder { inner, queries: Mutex::default(), hits };
             let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-            one.install(|| render(world, &recorder, Isa::detect(), film, &Monitor::default()))
+            let monitor = Monitor::default();
+            one.install(|| render(world, &recorder, Isa::detect(), film, &monitor))
                 .expect("a render");
-            let mut blocks = recorder.blocks.into_inner().expect("one thread");
             // One thread renders the tiles in order: 8 x 8 blocks of 4 x 4 pixels in Z-order.
-            let tiles = SIZE / 32;
-            assert_eq!(blocks.len() as u32, tiles * tiles * 64);
-            for (i, block) in blocks.iter_mut().enumerate() {
-                let (tile, i) = (i as u32 / 64, i as u32 % 64);
-                let even = |b: u32| (b & 1) | (b >> 1 & 2) | (b >> 2 & 4);
-                block.corner =
-                    [tile % tiles * 32 + even(i) * 4, tile / tiles * 32 + even(i >> 1) * 4];
+            let across = SIZE / 32;
+            let (mut tiles, mut packets) = (Vec::new(), 0u32);
+            for mut query in recorder.queries.into_inner().expect("one thread") {
+                if let Query::Camera(corner) = &mut query {
+                    let (tile, i) = (packets / 64, packets % 64);
+                    let even = |b: u32| (b & 1) | ((b >> 1) & 2) | ((b >> 2) & 4);
+                    let (x, y) = (tile % across * 32, tile / across * 32);
+                    *corner = [x + even(i) * 4, y + even(i >> 1) * 4];
+                    if i == 0 {
+                        tiles.push(Vec::new());
+                    }
+                    packets += 1;
+                }
+                tiles.last_mut().expect("a camera packet comes first").push(query);
             }
+            assert_eq!(packets, across * across * 64);
             let shading::Emitter::Point(q) = world.lights[0].emitter else {
                 unreachable!("a point light")
             };
             let expected = recorder.hits.map(AtomicU64::into_inner);
-            Self { blocks, light: q.to_array(), expected }
+            Self { tiles, light: q.to_array(), expected }
         }
 
         fn run(&self, world: &World, embree: &dyn Accelerator, isa: Isa) -> [u64; 2] {
             let add = |a: [u64; 2], b: [u64; 2]| [a[0] + b[0], a[1] + b[1]];
-            self.blocks
-                .par_chunks(64)
+            self.tiles
+                .par_iter()
                 .map(|tile| simd::dispatch(isa, Bare { tile, light: self.light, world, embree }))
                 .reduce(|| [0; 2], add)
         }
     }
 
     struct Bare<'a> {
-        tile: &'a [Block],
+        tile: &'a [Query],
         light: [f32; 3],
         world: &'a World,
         embree: &'a dyn Accelerator,
@@ -263,33 +269,36 @@ mod with_embree {
             let mut packet = RayPacket::EMPTY;
             let mut rays = Rays::EMPTY;
             let all = Mask([-1; LANES]);
-            for block in self.tile {
-                packet.clear_hits();
-                for i in 0..LANES {
-                    let x = (block.corner[0] + i as u32 % 4) as f32 + 0.5;
-                    let y = (block.corner[1] + i as u32 / 4) as f32 + 0.5;
-                    let (o, d) = self.world.camera.ray(x, y, [0.5; 2]);
-                    for axis in 0..3 {
-                        packet.rays.org[axis][i] = o[axis];
-                        packet.rays.dir[axis][i] = d[axis];
+            for query in self.tile {
+                match query {
+                    Query::Camera(corner) => {
+                        packet.clear_hits();
+                        for i in 0..LANES {
+                            let x = (corner[0] + i as u32 % 4) as f32 + 0.5;
+                            let y = (corner[1] + i as u32 / 4) as f32 + 0.5;
+                            let (o, d) = self.world.camera.pinhole_ray(x, y);
+                            for axis in 0..3 {
+                                packet.rays.org[axis][i] = o[axis];
+                                packet.rays.dir[axis][i] = d[axis];
+                            }
+                            packet.rays.tfar[i] = f32::INFINITY;
+                        }
+                        self.embree.closest(&all, &mut packet, Coherence::Coherent);
+                        found[0] += hits(&packet);
                     }
-                    packet.rays.tfar[i] = f32::INFINITY;
-                }
-                self.embree.closest(&all, &mut packet, Coherence::Coherent);
-                found[0] += hits(&packet);
-                let Some(shadow) = &block.shadow else {
-                    continue;
-                };
-                for axis in 0..3 {
-                    for i in 0..LANES {
-                        rays.org[axis][i] = shadow.org[axis][i];
-                        rays.dir[axis][i] = self.light[axis] - shadow.org[axis][i];
+                    Query::Shadow(shadow) => {
+                        for axis in 0..3 {
+                            for i in 0..LANES {
+                                rays.org[axis][i] = shadow.org[axis][i];
+                                rays.dir[axis][i] = self.light[axis] - shadow.org[axis][i];
+                            }
+                        }
+                        rays.tfar = shadow.tfar;
+                        rays.leaving = shadow.leaving;
+                        self.embree.occluded(&shadow.active, &mut rays, Coherence::Coherent);
+                        found[1] += occlusions(&shadow.active, &rays);
                     }
                 }
-                rays.tfar = shadow.tfar;
-                rays.leaving = shadow.leaving;
-                self.embree.occluded(&shadow.active, &mut rays, Coherence::Coherent);
-                found[1] += occlusions(&shadow.active, &rays);
             }
             found
         }

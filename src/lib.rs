@@ -3,7 +3,6 @@
 //! Data flows one way, one function an arrow:
 //! scene file -> [`scene::Description`] -> [`scene::Scene`] -> [`world::World`] ->
 //! [`accel::Accelerator`] -> [`film::Film`] -> EXR and PNG. ARCHITECTURE.md draws it.
-#![deny(missing_docs, unsafe_op_in_unsafe_fn, clippy::undocumented_unsafe_blocks)]
 
 pub mod accel;
 pub mod camera;

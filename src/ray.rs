@@ -135,6 +135,16 @@ impl RayPacket {
     /// No rays, no hits.
     pub const EMPTY: Self = Self { rays: Rays::EMPTY, hits: Hits::EMPTY };
 
+    /// The active lanes that hit anything.
+    #[inline(always)]
+    pub fn hit(&self, active: &Mask) -> Mask {
+        let mut hit = Mask::NONE;
+        for i in 0..LANES {
+            hit.0[i] = active.0[i] & -i32::from(self.hits.geom[i] != NONE);
+        }
+        hit
+    }
+
     /// Forgets the hits.
     #[inline(always)]
     pub fn clear_hits(&mut self) {

@@ -27,7 +27,7 @@ pub fn render(
 ) -> Result<RayCounts> {
     let pixels = |w: Window| u64::from(w.width()) * u64::from(w.height());
     monitor.begin(Phase::Render, pixels(film.window));
-    let integrator = Integrator { world, accelerator };
+    let integrator = Integrator { world, accelerator, monitor };
     let counts = tiles(film)
         .into_par_iter()
         .map(|mut tile| {

@@ -62,10 +62,27 @@ pub fn build<'g>(
 ) -> Result<Box<dyn Accelerator + 'g>> {
     monitor.begin(Phase::Build, 1000);
     match backend {
-        #[cfg(feature = "embree")]
-        Backend::Embree => Ok(Box::new(embree::Embree::build(geometry, options, monitor)?)),
-        _ => Err(unavailable(backend)),
+        Backend::Embree => build_embree(geometry, options, monitor),
+        Backend::Bvh | Backend::Coursework | Backend::Brute => Err(unavailable(backend)),
     }
+}
+
+#[cfg(feature = "embree")]
+fn build_embree<'g>(
+    geometry: &'g Geometry,
+    options: &BuildOptions,
+    monitor: &Monitor,
+) -> Result<Box<dyn Accelerator + 'g>> {
+    Ok(Box::new(embree::Embree::build(geometry, options, monitor)?))
+}
+
+#[cfg(not(feature = "embree"))]
+fn build_embree<'g>(
+    _: &'g Geometry,
+    _: &BuildOptions,
+    _: &Monitor,
+) -> Result<Box<dyn Accelerator + 'g>> {
+    Err(unavailable(Backend::Embree))
 }
 
 fn unavailable(backend: Backend) -> Error {

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 pub use crate::ray::NONE;
 pub use sphere::Sphere;
-pub use surface::{Surfaces, refine};
+pub use surface::{Surfaces, prefetch_indices, prefetch_vertices, refine};
 pub use triangle::clamp_barycentrics;
 
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`].

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::{Geometry, GeometryKind, NONE, triangle::refine_triangle};
 use crate::ray::{LANES, Mask, RayPacket};
+use crate::simd::prefetch;
 
 /// 16 surface points, relative to the scene's origin.
 #[derive(Debug, Clone)]
@@ -41,12 +42,10 @@ impl Surfaces {
     };
 }
 
-/// Computes the surface points of a traced packet's active lanes.
+/// Computes the surface points of the lanes of a traced packet that `hit`.
 #[inline(always)]
-pub fn refine(geometry: &Geometry, active: &Mask, packet: &RayPacket, out: &mut Surfaces) {
-    for i in 0..LANES {
-        out.hit.0[i] = active.0[i] & -i32::from(packet.hits.geom[i] != NONE);
-    }
+pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Surfaces) {
+    out.hit = *hit;
     let mut corners = [[[0.0f32; LANES]; 3]; 3];
     let mut weights = [packet.hits.u, packet.hits.v];
     let spheres = match one_mesh(geometry, &out.hit, packet) {
@@ -101,6 +100,31 @@ fn gather_mesh(
         for (corner, &index) in corners.iter_mut().zip(&indices[i]) {
             let [x, y, z] = vertices[index as usize];
             (corner[0][i], corner[1][i], corner[2][i]) = (x, y, z);
+        }
+    }
+}
+
+/// Asks for the index triples of the triangles that were hit, to be in the cache when
+/// [`prefetch_vertices`] and [`refine`] read them.
+#[inline(always)]
+pub fn prefetch_indices(geometry: &Geometry, packet: &RayPacket) {
+    for i in 0..LANES {
+        if let Some(mesh) = geometry.meshes.get(packet.hits.geom[i] as usize) {
+            prefetch(mesh.triangles(), packet.hits.prim[i] as usize);
+        }
+    }
+}
+
+/// Asks for the vertices of the triangles that were hit.
+#[inline(always)]
+pub fn prefetch_vertices(geometry: &Geometry, packet: &RayPacket) {
+    for i in 0..LANES {
+        if let Some(mesh) = geometry.meshes.get(packet.hits.geom[i] as usize) {
+            if let Some(corners) = mesh.triangles().get(packet.hits.prim[i] as usize) {
+                for &corner in corners {
+                    prefetch(mesh.vertices(), corner as usize);
+                }
+            }
         }
     }
 }

@@ -18,10 +18,12 @@ pub struct TrianglePoint {
 /// Moves barycentric weights into the triangle: u, v >= 0, u + v <= 1. NaN becomes 0.
 #[inline(always)]
 pub fn clamp_barycentrics(u: f64, v: f64) -> (f64, f64) {
-    // `max` and `min` return the other operand for a NaN.
-    let (u, v) = (u.max(0.0).min(1.0), v.max(0.0).min(1.0));
-    let scale = 1.0 / (u + v).max(1.0);
-    (u * scale, v * scale)
+    // Unlike `clamp`, `max` and `min` return the other operand for a NaN.
+    let unit = |x: f64| f64::min(x.max(0.0), 1.0);
+    let (u, v) = (unit(u), unit(v));
+    // The nearest point of the third edge: no division.
+    let beyond = (u + v - 1.0).max(0.0) * 0.5;
+    (u - beyond, v - beyond)
 }
 
 /// Where the ray `origin + t direction`, which a backend reported to hit this triangle at (u, v),

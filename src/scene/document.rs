@@ -12,6 +12,9 @@ use crate::error::{Error, Kind, Problem, Result};
 
 use super::parse::{self, SyntaxError};
 
+/// Longest piece of the input that a place repeats, in characters.
+const MAX_SHOWN_CHARS: usize = 200;
+
 /// Where a node was written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
@@ -216,17 +219,31 @@ impl Document {
 
     /// `FILE:LINE:COL (/json/pointer)`, or `--set /pointer` for an override.
     pub fn describe(&self, place: &Place, pointer: &str) -> String {
+        let shown = shown(pointer);
         let what = match place {
             Place::Text { line, column } => format!("{}:{line}:{column}", self.name),
-            Place::Set(at) if **at == *pointer => return format!("--set {pointer}"),
-            Place::Set(at) => format!("--set {at}"),
+            Place::Set(at) if **at == *pointer => return format!("--set {shown}"),
+            Place::Set(at) => format!("--set {}", self::shown(at)),
             Place::Code => self.name.clone(),
         };
         match pointer {
             "" => what,
-            _ => format!("{what} ({pointer})"),
+            _ => format!("{what} ({shown})"),
         }
     }
+}
+
+/// A piece of the input for a message: shortened, control characters escaped.
+pub(super) fn shown(text: &str) -> String {
+    let mut shown = String::new();
+    for (i, c) in text.chars().enumerate() {
+        match c {
+            _ if i == MAX_SHOWN_CHARS => return shown + "...",
+            c if c.is_control() => shown.extend(c.escape_default()),
+            c => shown.push(c),
+        }
+    }
+    shown
 }
 
 /// The unescaped steps of a JSON pointer (RFC 6901).

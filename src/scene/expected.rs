@@ -17,13 +17,19 @@ pub fn found(node: &Node) -> String {
         NodeKind::Null => "null".into(),
         NodeKind::Bool(b) => b.to_string(),
         NodeKind::Number(text) => cut(text),
-        NodeKind::Text(text) => format!("{:?}", cut(text)),
+        NodeKind::Text(text) => quoted(text),
         NodeKind::List(items) => format!("an array of {}", items.len()),
         NodeKind::Object(_) => "an object".into(),
     }
 }
 
-fn cut(text: &str) -> String {
+/// A text in quotes, shortened, control characters escaped.
+pub fn quoted(text: &str) -> String {
+    format!("{:?}", cut(text))
+}
+
+/// A text, shortened.
+pub fn cut(text: &str) -> String {
     match text.char_indices().nth(QUOTED_CHARS) {
         None => text.to_string(),
         Some((at, _)) => format!("{}...", &text[..at]),

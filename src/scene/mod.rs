@@ -1,7 +1,7 @@
 //! Scene files: text -> [`Description`] (as written) -> [`Scene`] (checked).
 //!
 //! The way of a file: `parse` makes a [`Document`] that knows where everything stands,
-//! `overrides` applies `--set`, `structure` holds it against the [`schema`] made from the types in
+//! `overrides` applies `--set`, `structure` holds it against the [`schema()`] made from the types in
 //! `description`, and `check` finds what types cannot say. All problems come back in one
 //! [`Error`]. docs/scene-format.md is the contract.
 
@@ -10,9 +10,12 @@ mod checked;
 mod description;
 mod document;
 mod expected;
+#[cfg(test)]
+mod hostile_tests;
 mod nearest;
 mod overrides;
 mod parse;
+mod parse_string;
 mod problems;
 mod schema;
 mod structure;
@@ -24,7 +27,7 @@ pub use checked::*;
 pub use description::Description;
 pub use document::{Document, Member, Node, NodeKind, Place};
 pub use nearest::{did_you_mean, list, nearest};
-pub use schema::schema;
+pub use schema::{schema, schema_of};
 
 /// The format's types as written, for scenes that are made by code.
 pub mod written {
@@ -33,6 +36,8 @@ pub mod written {
 
 use std::{fs::File, io::Read, path::Path};
 
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Kind, Problem, Result};
@@ -99,6 +104,23 @@ pub fn from_description(
     check_document(Document::from_value(name, &description.to_json()), folder, overrides)
 }
 
+/// Reads a document as any type that has a schema, with the structural checks of scene files:
+/// closed objects, places, nearest keys. For job files.
+///
+/// # Errors
+/// Every problem of structure, in the order of the text.
+pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<T> {
+    let mut problems = problems::Problems::new(document);
+    structure::check(&schema_of::<T>(""), &mut problems);
+    let (problems, _) = problems.finish();
+    if !problems.is_empty() {
+        let kind = Kind::Invalid;
+        return Err(Error { kind, problems });
+    }
+    serde_json::from_value(document.root.to_value())
+        .map_err(|e| Error::invalid(&document.name, e.to_string()))
+}
+
 fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -> Result<Loaded> {
     let set = overrides.iter().filter_map(|o| document.apply_set(o).err());
     let bad_overrides: Vec<Problem> = set.collect();
@@ -128,7 +150,15 @@ fn read(path: &Path) -> Result<Vec<u8>> {
             Error::invalid(name, "found a folder, expected a scene file")
                 .help("name the .json file in it")
         }
-        _ => Error::io(path, "read", &error),
+        _ => {
+            let missing = error.kind() == std::io::ErrorKind::NotFound;
+            let near = check::near_file(path).filter(|_| missing);
+            let failed = Error::io(path, "read", &error);
+            match near {
+                Some(near) => failed.help(near),
+                None => failed,
+            }
+        }
     };
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(failed)?;

@@ -26,7 +26,7 @@ pub fn did_you_mean<'a>(
     word: &str,
     candidates: impl IntoIterator<Item = &'a str>,
 ) -> Option<String> {
-    nearest(word, candidates).map(|near| format!("did you mean `{near}`?"))
+    nearest(word, candidates).map(|near| format!("did you mean `{}`?", near.escape_debug()))
 }
 
 /// `` `a`, `b` or `c` ``

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::error::Problem;
 
 use super::{
-    document::{Document, Member, Node, NodeKind, Place, join, list_index, tokens},
+    document::{Document, Member, Node, NodeKind, Place, join, list_index, shown, tokens},
     parse::{self, MAX_DEPTH},
 };
 
@@ -17,7 +17,8 @@ impl Document {
     /// # Errors
     /// A text that is no assignment, or a pointer that leads nowhere.
     pub fn apply_set(&mut self, assignment: &str) -> std::result::Result<(), Problem> {
-        let complain = |message: &str| Problem::new(format!("--set {assignment}"), message);
+        let complain =
+            |message: &str| Problem::new(format!("--set {}", shown(assignment)), message);
         let Some((pointer, value)) = assignment.split_once('=') else {
             let problem = complain("found no `=`, expected /json/pointer=VALUE");
             return Err(problem.help("for example --set /camera/fov=40"));
@@ -25,7 +26,7 @@ impl Document {
         if !pointer.starts_with('/') {
             let problem =
                 complain("found a pointer without a leading `/`, expected /json/pointer=VALUE");
-            return Err(problem.help(format!("write --set /{assignment}")));
+            return Err(problem.help(format!("write --set /{}", shown(assignment))));
         }
         let steps: Vec<String> = tokens(pointer).collect();
         if steps.len() > MAX_DEPTH {
@@ -41,8 +42,10 @@ impl Document {
         let mut node = &mut self.root;
         let mut walked = String::new();
         for step in &steps {
-            node = descend(node, step, &place, &walked)
-                .map_err(|problem| Problem { place: format!("--set {assignment}"), ..problem })?;
+            node = descend(node, step, &place, &walked).map_err(|problem| Problem {
+                place: format!("--set {}", shown(assignment)),
+                ..problem
+            })?;
             walked = join(&walked, step);
         }
         *node = new;

@@ -4,19 +4,25 @@
 //! structural check want: every object closed (no unknown keys) but for `comment`, optional keys
 //! without `null`, tagged variants spelled out.
 
+use schemars::JsonSchema;
 use serde_json::{Map, Value, json};
 
 use super::description::Description;
 
 /// JSON Schema 2020-12 of scene files.
 pub fn schema() -> Value {
+    schema_of::<Description>("lightpath scene")
+}
+
+/// JSON Schema 2020-12 of a file that is read as `T`; job files use it too.
+pub fn schema_of<T: JsonSchema>(title: &str) -> Value {
     let generated = schemars::generate::SchemaSettings::draft2020_12()
         .into_generator()
-        .into_root_schema_for::<Description>();
+        .into_root_schema_for::<T>();
     let mut schema = Value::from(generated);
     let definitions = schema["$defs"].clone();
     tidy(&mut schema, &definitions);
-    schema["title"] = json!("lightpath scene");
+    schema["title"] = json!(title);
     schema
 }
 
@@ -27,6 +33,10 @@ fn tidy(schema: &mut Value, definitions: &Value) {
     inline_variant(map, definitions);
     drop_null(map);
     map.remove("format");
+    // Doc comments are wrapped, editors wrap for themselves.
+    if let Some(Value::String(text)) = map.get_mut("description") {
+        *text = text.replace('\n', " ");
+    }
     for key in ["properties", "$defs"] {
         let members = map.get_mut(key).and_then(Value::as_object_mut);
         members.into_iter().flat_map(Map::values_mut).for_each(|s| tidy(s, definitions));

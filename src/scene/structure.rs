@@ -1,4 +1,4 @@
-//! Checks a [`Document`] against the schema and reports every problem, with place and way out.
+//! Checks a document against the schema and reports every problem, with place and way out.
 //!
 //! Walking the generated schema keeps one table of keys and ranges. Knows only the keywords that
 //! the schema uses; what a schema cannot say is left to `check`.
@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::{
     document::{Member, Node, NodeKind, join},
-    expected::{expected, found, words},
+    expected::{expected, found, quoted, words},
     nearest::{did_you_mean, list},
     problems::Problems,
     schema::{resolve, tag},
@@ -126,7 +126,8 @@ impl<'a> Walk<'a, '_> {
             let below = join(pointer, key);
             if let Some(first) = seen.insert(key, member) {
                 let at = self.problems.document.describe(&first.place, "");
-                let message = format!("found the key `{key}` a second time, expected it once");
+                let message =
+                    format!("found the key {} a second time, expected it once", quoted(key));
                 let help = Some(format!("the first is at {at}"));
                 self.problems.error_at(&member.place, &below, message, help);
             }
@@ -152,7 +153,8 @@ impl<'a> Walk<'a, '_> {
         let known = properties.as_object().into_iter().flat_map(|p| p.keys());
         let known: Vec<&str> = known.map(String::as_str).collect();
         let help = did_you_mean(&member.key, known.iter().copied());
-        let message = format!("found the unknown key {:?}, expected {}", member.key, list(known));
+        let message =
+            format!("found the unknown key {}, expected {}", quoted(&member.key), list(known));
         self.problems.error_at(&member.place, pointer, message, help);
     }
 

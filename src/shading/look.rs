@@ -4,7 +4,7 @@ use glam::{DVec3, Vec2, Vec3};
 
 use super::points::{Points, lane, set_lane};
 use super::texture::Texture;
-use crate::geometry::{Geometry, GeometryKind, NONE, Surfaces};
+use crate::geometry::{Geometry, GeometryKind, Surfaces};
 use crate::mesh::Colors;
 use crate::ray::{LANES, RayPacket};
 use crate::scene::{ColorSpace, Filter, Wrap};
@@ -163,21 +163,22 @@ impl Shapes {
         shapes.sum::<u64>() + self.textures.iter().map(Texture::bytes).sum::<u64>()
     }
 
-    /// The material, if every lane hits the same geometry and nothing varies over it.
+    /// The material, if every lane that hits anything hits the same shape and nothing varies
+    /// over it.
     #[inline(always)]
     fn one_plain_material(&self, packet: &RayPacket, surfaces: &Surfaces) -> Option<&Material> {
-        let geom = packet.hits.geom[0];
-        let same = (0..LANES)
-            .fold(true, |same, i| same & (surfaces.hit.0[i] != 0) & (packet.hits.geom[i] == geom));
-        let Some(Owner::One(shape)) =
-            self.owners.get(geom as usize).filter(|_| same && geom != NONE)
-        else {
-            return None;
-        };
-        let shape = &self.shapes[*shape as usize];
+        let first = (0..LANES).find(|&i| surfaces.hit.0[i] != 0)?;
+        let (geom, prim) = (packet.hits.geom[first], packet.hits.prim[first]);
+        let owner = &self.owners[geom as usize];
+        let any_prim = matches!(owner, Owner::One(_));
+        let same = (0..LANES).fold(true, |same, i| {
+            let own = (packet.hits.geom[i] == geom) & (any_prim | (packet.hits.prim[i] == prim));
+            same & (own | (surfaces.hit.0[i] == 0))
+        });
+        let shape = &self.shapes[owner.shape(prim) as usize];
         let material = &self.materials[shape.material as usize];
         let plain = material.texture.is_none() && shape.normals.is_none() && shape.colors.is_none();
-        plain.then_some(material)
+        (same && plain).then_some(material)
     }
 
     /// Texture, vertex colours and shading normal of one lane.

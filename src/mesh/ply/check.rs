@@ -113,6 +113,28 @@ impl<'a, P: Point> Checker<'a, P> {
         self.tally.first_bad_index.get_or_insert(((self.element, row), value));
     }
 
+    /// The triangle, if nothing at all is wrong with it: what nearly all triangles pass.
+    #[inline(always)]
+    pub(super) fn good(&self, corners: [i64; 3]) -> Option<[u32; 3]> {
+        let count = self.positions.len() as u64;
+        if corners.iter().any(|c| *c as u64 >= count) {
+            return None;
+        }
+        let triangle = corners.map(|c| c as u32);
+        let [a, b, c] = triangle.map(|v| self.positions[v as usize].xyz());
+        let normal = cross(sub(b, a), sub(c, a));
+        // Positive unless the corners repeat or line up; NaN or infinite for corners that are.
+        let size = normal[0].abs() + normal[1].abs() + normal[2].abs();
+        (size > 0.0 && size < f64::INFINITY).then_some(triangle)
+    }
+
+    /// The triangle that is not [`Self::good`], if it is to be kept all the same.
+    #[cold]
+    pub(super) fn explain(&mut self, row: u64, corners: [i64; 3]) -> Option<[u32; 3]> {
+        let vertices = corners.map(|corner| self.vertex(row, corner));
+        self.triangle(row, vertices)
+    }
+
     /// The triangle, if it is to be kept; `corners` come from [`Self::vertex`].
     #[inline]
     pub(super) fn triangle(&mut self, row: u64, corners: [Option<u32>; 3]) -> Option<[u32; 3]> {

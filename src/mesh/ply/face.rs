@@ -83,30 +83,23 @@ fn all_triangles<P: Point>(
         Shape::List { item, .. } | Shape::Single(item) => item,
     };
     let at = uniform.offsets[plan.corners];
-    let size = item.size();
-    // The corners, as integers of the file's type.
-    macro_rules! copy {
-        ($t:ty) => {
-            copy(table, uniform, positions, |row| {
-                [at, at + size, at + 2 * size].map(|at| <$t>::take(row, at, big) as i64)
-            })
-        };
-    }
     match item {
-        Scalar::I32 => copy!(i32),
-        Scalar::U32 => copy!(u32),
-        Scalar::I16 => copy!(i16),
-        Scalar::U16 => copy!(u16),
-        Scalar::I8 => copy!(i8),
-        _ => copy!(u8),
+        Scalar::I32 => copy::<i32, P>(table, uniform, at, big, positions),
+        Scalar::U32 => copy::<u32, P>(table, uniform, at, big, positions),
+        Scalar::I16 => copy::<i16, P>(table, uniform, at, big, positions),
+        Scalar::U16 => copy::<u16, P>(table, uniform, at, big, positions),
+        Scalar::I8 => copy::<i8, P>(table, uniform, at, big, positions),
+        _ => copy::<u8, P>(table, uniform, at, big, positions),
     }
 }
 
-fn copy<P: Point>(
+/// Copies and checks rows whose three corners of type `T` start at byte `at`.
+fn copy<T: Native + Into<i64>, P: Point>(
     table: &Table,
     uniform: &Uniform,
+    at: usize,
+    big: bool,
     positions: &[P],
-    corners: impl Fn(&[u8]) -> [i64; 3] + Sync,
 ) -> Faces {
     // The rows have been found in the file.
     let count = table.element.count as usize;
@@ -119,12 +112,16 @@ fn copy<P: Point>(
         .enumerate()
         .map(|(block, (triangles, rows))| {
             let mut checker = Checker::new(positions, "face");
-            let first = (block * GRAIN) as u64;
-            for ((row, triangle), bytes) in
-                (first..).zip(triangles.iter_mut()).zip(rows.chunks_exact(stride))
+            for (i, (triangle, bytes)) in
+                triangles.iter_mut().zip(rows.chunks_exact(stride)).enumerate()
             {
-                let corners = corners(bytes).map(|value| checker.vertex(row, value));
-                *triangle = checker.triangle(row, corners).unwrap_or(DROPPED);
+                let items = &bytes[at..at + 3 * size_of::<T>()];
+                let corner = |i: usize| T::take(items, i * size_of::<T>(), big).into();
+                let corners = [corner(0), corner(1), corner(2)];
+                *triangle = match checker.good(corners) {
+                    Some(good) => good,
+                    None => checker.explain((block * GRAIN + i) as u64, corners).unwrap_or(DROPPED),
+                };
             }
             checker.tally
         })

@@ -97,14 +97,7 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
     };
     loop {
         let Some(line) = lines.next()? else {
-            return Err(Error::invalid(
-                name,
-                format!(
-                    "the header has no end_header; the file ends after its line {}",
-                    lines.number
-                ),
-            )
-            .help("the file may be cut short"));
+            return Err(lines.unfinished());
         };
         let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());
         let keyword = words.next().unwrap_or_default();
@@ -166,6 +159,13 @@ impl<'a> Lines<'a> {
             )));
         }
         Ok(Some(rest[..length].trim_ascii_end()))
+    }
+
+    /// The error of a file that ends before its header does.
+    fn unfinished(&self) -> Error {
+        let message =
+            format!("the header has no end_header; the file ends after its line {}", self.number);
+        Error::invalid(self.name, message).help("the file may be cut short")
     }
 
     /// An error on the current line.

@@ -150,7 +150,7 @@ mod tests {
                 [2., 1.],
                 [1., 3.],
             ],
-            13.0,
+            13.5,
         );
         // A square with a square hole, joined by a seam.
         check(

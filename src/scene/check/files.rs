@@ -44,7 +44,7 @@ impl Check<'_, '_> {
 }
 
 /// The nearest existing file name in the folder of `path`, or the part of it that is missing.
-fn near_file(path: &Path) -> Option<String> {
+pub fn near_file(path: &Path) -> Option<String> {
     let folder = match path.parent()? {
         here if here.as_os_str().is_empty() => Path::new("."),
         folder => folder,

@@ -1,5 +1,5 @@
 //! When points span an area. Tolerances are relative to the longest edge, so that scenes in
-//! millimetres and in kilometres are judged alike.
+//! millimetres and in kilometres are judged alike. Corners are finite: the ranges see to that.
 
 use glam::DVec3;
 
@@ -26,8 +26,7 @@ pub enum QuadFault {
 /// True if `a x b` is no area.
 pub fn is_flat(a: DVec3, b: DVec3) -> bool {
     let longest = a.length_squared().max(b.length_squared()).max((a - b).length_squared());
-    // NaN (which the ranges exclude) would count as flat.
-    !(a.cross(b).length() > NO_AREA * longest)
+    a.cross(b).length() <= NO_AREA * longest
 }
 
 /// The first fault of the quad, if it has one.
@@ -37,7 +36,7 @@ pub fn quad_fault(corners: &[DVec3; 4]) -> Option<QuadFault> {
     let longest = edges.iter().map(|e| e.length()).fold(0.0, f64::max);
     // Newell's normal of a quad: half the cross product of its diagonals.
     let normal = (v2 - v0).cross(v3 - v1);
-    if !(normal.length() > NO_AREA * longest * longest) {
+    if normal.length() <= NO_AREA * longest * longest {
         return Some(QuadFault::NoArea);
     }
     if let Some(i) = edges.iter().position(|e| e.length() <= NO_AREA * longest) {

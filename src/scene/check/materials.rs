@@ -1,11 +1,12 @@
 //! Materials: names resolved, textures present.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use crate::scene::{
     checked::{ColorSpace, Filter, Material, TextureUse, Wrap},
     description::{self, MaterialUse},
     document::{NodeKind, join},
+    expected::quoted,
     nearest::{did_you_mean, list},
 };
 
@@ -16,13 +17,13 @@ pub(super) struct Materials {
     /// Named ones first, in file order, then inline ones.
     pub all: Vec<Material>,
     /// Index of each name, and whether a shape uses it.
-    names: HashMap<String, (usize, bool)>,
+    names: BTreeMap<String, (usize, bool)>,
 }
 
 impl Check<'_, '_> {
     /// Checks `/scene/materials`.
     pub(super) fn named_materials(&mut self) -> Materials {
-        let mut materials = Materials { all: Vec::new(), names: HashMap::new() };
+        let mut materials = Materials { all: Vec::new(), names: BTreeMap::new() };
         let document = self.document;
         let Some(NodeKind::Object(members)) = document.get("/scene/materials").map(|n| &n.kind)
         else {
@@ -63,15 +64,15 @@ impl Check<'_, '_> {
                     *used = true;
                     return Some(*index);
                 }
-                let mut known: Vec<&str> = materials.names.keys().map(String::as_str).collect();
-                known.sort_unstable();
+                let known: Vec<&str> = materials.names.keys().map(String::as_str).collect();
                 let help = did_you_mean(&name.0, known.iter().copied());
                 let wanted = match known.len() {
                     0 => "a material under /scene/materials or an inline one".to_string(),
                     1..=20 => list(known),
                     n => format!("one of the {n} names under /scene/materials"),
                 };
-                let message = format!("found the unknown material {:?}, expected {wanted}", name.0);
+                let message =
+                    format!("found the unknown material {}, expected {wanted}", quoted(&name.0));
                 self.problems.error(&pointer, message, help);
                 None
             }

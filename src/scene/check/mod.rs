@@ -10,6 +10,8 @@ mod materials;
 mod overview;
 mod shapes;
 
+pub use files::near_file;
+
 use std::{collections::BTreeSet, path::Path};
 
 use serde::de::DeserializeOwned;

@@ -1,0 +1,231 @@
+//! `cast` of docs/scene-format.md for a packet: light, shadows and mirrors from its first hits on.
+
+use glam::Vec3;
+
+use super::RayCounts;
+use super::slot::Slot;
+use crate::accel::Accelerator;
+use crate::geometry::{Surfaces, refine};
+use crate::ray::{Coherence, LANES, Mask, Rays};
+use crate::sampler::Sampler;
+use crate::shading::{
+    Emitter, Lanes3, Light, Lit, Points, ShadowPoints, lane, light_rays, reflect, set_lane,
+};
+use crate::world::World;
+
+/// Room for one packet's shading, kept between packets.
+pub struct Cast<'a> {
+    world: &'a World,
+    accelerator: &'a dyn Accelerator,
+    sampler: Sampler,
+    surfaces: Surfaces,
+    points: Points,
+    shadow: Rays,
+    lit: Lit,
+    gathered: ShadowPoints,
+    /// Light of one area light, before the base colour.
+    sums: Lanes3,
+    throughput: [f32; LANES],
+    /// Radiance that the packet's lanes carry.
+    pub radiance: Lanes3,
+}
+
+impl<'a> Cast<'a> {
+    /// Room for the packets of `world`.
+    #[inline(always)]
+    pub fn new(world: &'a World, accelerator: &'a dyn Accelerator, sampler: Sampler) -> Self {
+        Self {
+            world,
+            accelerator,
+            sampler,
+            surfaces: Surfaces::EMPTY,
+            points: Points::EMPTY,
+            shadow: Rays::EMPTY,
+            lit: Lit::EMPTY,
+            gathered: ShadowPoints::EMPTY,
+            sums: [[0.0; LANES]; 3],
+            throughput: [1.0; LANES],
+            radiance: [[0.0; LANES]; 3],
+        }
+    }
+
+    /// Fills `radiance` for a slot whose camera rays are traced; returns the lanes that hit.
+    #[inline(always)]
+    pub fn run(&mut self, slot: &mut Slot, counts: &mut RayCounts) -> Mask {
+        let world = self.world;
+        let mut active = slot.active;
+        let mut first_hit = Mask::NONE;
+        self.throughput = [1.0; LANES];
+        self.radiance = [[0.0; LANES]; 3];
+        for bounce in 0..=world.nbounces {
+            if bounce > 0 {
+                active = self.mirror(slot, counts);
+                if !active.any() {
+                    break;
+                }
+            }
+            let hit = slot.packet.hit(&active);
+            if bounce == 0 {
+                first_hit = hit;
+            }
+            if !(bounce == 0 && world.transparent) {
+                self.background(&active, &hit);
+            }
+            if !hit.any() {
+                break;
+            }
+            refine(&world.geometry, &hit, &slot.packet, &mut self.surfaces);
+            let points = &mut self.points;
+            world.shapes.look(&world.geometry, &slot.packet, &self.surfaces, points);
+            if world.ambient != Vec3::ZERO {
+                self.ambient(&hit);
+            }
+            self.lights(slot, bounce, counts);
+        }
+        first_hit
+    }
+
+    /// Traces the mirrored rays of the last points; returns the lanes that have one.
+    #[inline(always)]
+    fn mirror(&mut self, slot: &mut Slot, counts: &mut RayCounts) -> Mask {
+        let rays = &mut slot.packet.rays;
+        let active = reflect(&self.points, &self.surfaces.outside, rays);
+        if active.any() {
+            for i in 0..LANES {
+                self.throughput[i] *= self.points.kr[i];
+            }
+            counts.reflection += u64::from(active.count());
+            let coherence = coherence(&active, rays);
+            slot.packet.clear_hits();
+            self.accelerator.closest(&active, &mut slot.packet, coherence);
+        }
+        active
+    }
+
+    #[inline(always)]
+    fn lights(&mut self, slot: &Slot, bounce: u32, counts: &mut RayCounts) {
+        let at = &self.points.at;
+        let glossy = (0..LANES).fold(false, |any, i| any | ((at.hit.0[i] != 0) & (at.ks[i] > 0.0)));
+        for (index, light) in self.world.lights.iter().enumerate() {
+            match &light.emitter {
+                Emitter::Point(q) => self.point_light(light, *q, glossy, counts),
+                Emitter::Area { .. } => {
+                    self.area_light(light, slot, index as u32, bounce, glossy, counts);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn point_light(&mut self, light: &Light, q: Vec3, glossy: bool, counts: &mut RayCounts) {
+        let q = q.to_array().map(|x| [x; LANES]);
+        let (points, rays, lit) = (&self.points.at, &mut self.shadow, &mut self.lit);
+        let active = light_rays(points, &q, None, self.world.falloff, glossy, rays, lit);
+        if !active.any() {
+            return;
+        }
+        counts.shadow += u64::from(active.count());
+        self.accelerator.occluded(&active, rays, Coherence::Coherent);
+        let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
+        for axis in 0..3 {
+            for i in 0..LANES {
+                let visible = (active.0[i] != 0) & (rays.tfar[i] >= 0.0);
+                let light = lit.diffuse[i] * diffuse[axis] + lit.specular[i] * specular[axis];
+                let sent = light * self.points.base[axis][i] * self.throughput[i];
+                self.radiance[axis][i] += if visible { sent } else { 0.0 };
+            }
+        }
+    }
+
+    /// All samples of one area light for all lanes: (lane, sample) pairs in order, 16 a packet.
+    #[inline(never)]
+    fn area_light(
+        &mut self,
+        light: &Light,
+        slot: &Slot,
+        index: u32,
+        bounce: u32,
+        glossy: bool,
+        counts: &mut RayCounts,
+    ) {
+        let Emitter::Area { corner, edge, height, normal, samples } = light.emitter else {
+            return;
+        };
+        let hit = self.points.at.hit;
+        self.sums = [[0.0; LANES]; 3];
+        let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
+        let mut pairs = lanes.flat_map(|lane| (0..samples).map(move |sample| (lane, sample)));
+        loop {
+            let mut from = [0; LANES];
+            let mut q = [[0.0; LANES]; 3];
+            let mut count = 0;
+            for (lane, sample) in pairs.by_ref().take(LANES) {
+                let all = slot.sample[lane].wrapping_mul(samples).wrapping_add(sample);
+                let [s, t] = self.sampler.light(slot.pixel(lane), all, index, bounce);
+                set_lane(&mut q, count, corner + edge * s + height * t);
+                from[count] = lane;
+                count += 1;
+            }
+            if count == 0 {
+                break;
+            }
+            self.gathered.gather(&self.points.at, &from, count);
+            let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);
+            let active = light_rays(points, &q, normal, self.world.falloff, glossy, rays, lit);
+            if !active.any() {
+                continue;
+            }
+            counts.shadow += u64::from(active.count());
+            self.accelerator.occluded(&active, rays, Coherence::Coherent);
+            for j in (0..count).filter(|&j| active.0[j] != 0 && rays.tfar[j] >= 0.0) {
+                let sent = light.diffuse * lit.diffuse[j] + light.specular * lit.specular[j];
+                let sum = lane(&self.sums, from[j]) + sent;
+                set_lane(&mut self.sums, from[j], sum);
+            }
+        }
+        let share = 1.0 / samples as f32;
+        for axis in 0..3 {
+            for i in 0..LANES {
+                let light = self.sums[axis][i] * share;
+                let sent = light * self.points.base[axis][i] * self.throughput[i];
+                self.radiance[axis][i] += if hit.0[i] != 0 { sent } else { 0.0 };
+            }
+        }
+    }
+
+    /// Adds the background to the active lanes that missed.
+    #[inline(always)]
+    fn background(&mut self, active: &Mask, hit: &Mask) {
+        let color = self.world.background.to_array();
+        for axis in 0..3 {
+            for i in 0..LANES {
+                let missed = (active.0[i] & !hit.0[i]) != 0;
+                let sent = color[axis] * self.throughput[i];
+                self.radiance[axis][i] += if missed { sent } else { 0.0 };
+            }
+        }
+    }
+
+    /// Adds ka * ambient * base to the lanes that hit.
+    #[inline(always)]
+    fn ambient(&mut self, hit: &Mask) {
+        let color = self.world.ambient.to_array();
+        for axis in 0..3 {
+            for i in 0..LANES {
+                let sent = self.points.ka[i] * color[axis] * self.points.base[axis][i];
+                let sent = sent * self.throughput[i];
+                self.radiance[axis][i] += if hit.0[i] != 0 { sent } else { 0.0 };
+            }
+        }
+    }
+}
+
+/// Whether mirrored rays still run much the same way: all within some 26 degrees of the first.
+#[inline(always)]
+fn coherence(active: &Mask, rays: &Rays) -> Coherence {
+    let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
+    let axis = lane(&rays.dir, first);
+    let together = (0..LANES)
+        .fold(true, |all, i| all & ((active.0[i] == 0) | (lane(&rays.dir, i).dot(axis) > 0.9)));
+    if together { Coherence::Coherent } else { Coherence::Incoherent }
+}

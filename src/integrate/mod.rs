@@ -1,0 +1,202 @@
+//! One tile of the picture, packet by packet: camera rays, hits, light, mirrors, pixels.
+//!
+//! Packets sit on the frame's absolute pixel and sample grid and are traced whole, so that a crop
+//! of the render is the render of the crop, whatever a backend does inside a packet.
+
+mod cast;
+mod slot;
+
+use crate::accel::Accelerator;
+use crate::film::Window;
+use crate::geometry::{prefetch_indices, prefetch_vertices};
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, LANES, Mask};
+use crate::sampler::Sampler;
+use crate::simd::Kernel;
+use crate::world::World;
+
+use self::cast::Cast;
+use self::slot::{Pattern, Slot};
+
+/// Pixels along a tile's side; a multiple of every packet's block.
+pub const TILE: u32 = 32;
+
+/// Rays traced, by class.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RayCounts {
+    /// From the camera.
+    pub primary: u64,
+    /// Towards lights.
+    pub shadow: u64,
+    /// Mirror bounces.
+    pub reflection: u64,
+}
+
+impl std::ops::Add for RayCounts {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self {
+            primary: self.primary + other.primary,
+            shadow: self.shadow + other.shadow,
+            reflection: self.reflection + other.reflection,
+        }
+    }
+}
+
+/// What does not change from tile to tile.
+#[derive(Clone, Copy)]
+pub struct Integrator<'a> {
+    /// What is rendered.
+    pub world: &'a World,
+    /// What finds the hits.
+    pub accelerator: &'a dyn Accelerator,
+    /// Asks to stop.
+    pub monitor: &'a Monitor,
+}
+
+/// Rendering one tile.
+pub struct TileKernel<'a, 'r, 'f> {
+    /// What does not change.
+    pub integrator: Integrator<'a>,
+    /// The kept pixels of this tile: all within one square of the frame's tile grid.
+    pub window: Window,
+    /// Their R, G, B, A, row by row.
+    pub rows: &'r mut [&'f mut [[f32; 4]]],
+}
+
+impl Kernel for TileKernel<'_, '_, '_> {
+    type Output = RayCounts;
+
+    /// Traces packet k, finishes packet k - 1, and so on: while one packet is traced, the memory
+    /// that the other needs for shading is on its way.
+    #[inline(always)]
+    fn run(mut self) -> RayCounts {
+        let Integrator { world, accelerator, monitor } = self.integrator;
+        let sampler = Sampler::new(world.seed);
+        let pattern = Pattern::for_spp(world.spp);
+        let mut counts = RayCounts::default();
+        let mut cast = Cast::new(world, accelerator, sampler);
+        let mut slots = [Slot::EMPTY; 2];
+        let mut sums = [[0.0f32; 4]; LANES];
+        let units = corners(&pattern, self.window).flat_map(|corner| {
+            (0..world.spp).step_by(pattern.samples as usize).map(move |first| (corner, first))
+        });
+        for (traced, unit) in units.map(Some).chain([None]).enumerate() {
+            let [even, odd] = &mut slots;
+            let (slot, before) = if traced % 2 == 0 { (even, odd) } else { (odd, even) };
+            if let Some((corner, first)) = unit {
+                slot.aim(world, &sampler, &pattern, corner, first);
+                counts.primary += u64::from(slot.active.count());
+                accelerator.closest(&slot.active, &mut slot.packet, Coherence::Coherent);
+                prefetch_indices(&world.geometry, &slot.packet);
+            }
+            if traced > 0 {
+                self.finish(before, &pattern, &mut cast, &mut sums, &mut counts);
+            }
+            prefetch_vertices(&world.geometry, &slot.packet);
+            if monitor.stopped() {
+                break;
+            }
+        }
+        counts
+    }
+}
+
+impl TileKernel<'_, '_, '_> {
+    /// Shades a traced packet, adds it to its pixels' sums and, after the last sample, writes the
+    /// pixels.
+    #[inline(always)]
+    fn finish(
+        &mut self,
+        slot: &mut Slot,
+        pattern: &Pattern,
+        cast: &mut Cast,
+        sums: &mut [[f32; 4]; LANES],
+        counts: &mut RayCounts,
+    ) {
+        let world = self.integrator.world;
+        let hit = cast.run(slot, counts);
+        if slot.first == 0 {
+            *sums = [[0.0; 4]; LANES];
+        }
+        let alpha = alpha(&hit, world.transparent);
+        for i in 0..LANES {
+            if slot.active.0[i] != 0 {
+                let sum = &mut sums[pattern.pixel[i] % LANES];
+                for axis in 0..3 {
+                    sum[axis] += cast.radiance[axis][i];
+                }
+                sum[3] += alpha[i];
+            }
+        }
+        if slot.first + pattern.samples < world.spp {
+            return;
+        }
+        let (w, [bw, bh]) = (self.window, pattern.block);
+        let n = world.spp as f32;
+        for (pixel, sum) in sums.iter().enumerate().take((bw * bh) as usize) {
+            let x = slot.corner[0] + pattern.x[pixel * pattern.samples as usize];
+            let y = slot.corner[1] + pattern.y[pixel * pattern.samples as usize];
+            if (w.x0..w.x1).contains(&x) && (w.y0..w.y1).contains(&y) {
+                self.rows[(y - w.y0) as usize][(x - w.x0) as usize] = sum.map(|sum| sum / n);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn alpha(hit: &Mask, transparent: bool) -> [f32; LANES] {
+    let mut alpha = [1.0; LANES];
+    for i in 0..LANES {
+        alpha[i] = if transparent && hit.0[i] == 0 { 0.0 } else { 1.0 };
+    }
+    alpha
+}
+
+/// Corners of the blocks that reach into the window, in Z-order over the window's tile.
+#[inline(always)]
+fn corners(pattern: &Pattern, w: Window) -> impl Iterator<Item = [u32; 2]> + use<> {
+    let [bw, bh] = pattern.block;
+    let (x0, y0) = (w.x0 / TILE * TILE, w.y0 / TILE * TILE);
+    (0..(TILE / bw) * (TILE / bh)).map(morton).filter_map(move |[bx, by]| {
+        let (x, y) = (x0 + bx * bw, y0 + by * bh);
+        let reaches = x + bw > w.x0 && x < w.x1 && y + bh > w.y0 && y < w.y1;
+        reaches.then_some([x, y])
+    })
+}
+
+/// The position of an index along the Z-order curve of a tile.
+#[inline(always)]
+fn morton(index: u32) -> [u32; 2] {
+    let even = |mut bits: u32| {
+        bits &= 0x5555_5555;
+        bits = (bits | (bits >> 1)) & 0x3333_3333;
+        bits = (bits | (bits >> 2)) & 0x0f0f_0f0f;
+        (bits | (bits >> 4)) & 0x00ff_00ff
+    };
+    [even(index), even(index >> 1)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn z_order_visits_every_block_once() {
+        let mut seen = [[false; 8]; 8];
+        for index in 0..64 {
+            let [x, y] = morton(index);
+            assert!(!std::mem::replace(&mut seen[y as usize][x as usize], true));
+        }
+        assert_eq!([morton(1), morton(2), morton(3)], [[1, 0], [0, 1], [1, 1]]);
+    }
+
+    #[test]
+    fn blocks_of_a_crop_are_those_of_the_frame_that_reach_into_it() {
+        let pattern = Pattern::for_spp(1);
+        let crop = Window { x0: 35, y0: 3, x1: 41, y1: 5 };
+        let mut blocks: Vec<_> = corners(&pattern, crop).collect();
+        blocks.sort_unstable();
+        assert_eq!(blocks, [[32, 0], [32, 4], [36, 0], [36, 4], [40, 0], [40, 4]]);
+    }
+}

@@ -1,0 +1,145 @@
+//! A packet of camera rays: which pixels and samples its lanes are.
+
+use crate::ray::{LANES, Mask, NONE, RayPacket};
+use crate::sampler::Sampler;
+use crate::shading::set_lane;
+use crate::world::World;
+
+/// How the 16 lanes of a packet cover pixels and samples: the smallest piece of the picture.
+#[derive(Debug, Clone, Copy)]
+pub struct Pattern {
+    /// Pixels across and down.
+    pub block: [u32; 2],
+    /// Samples of each pixel.
+    pub samples: u32,
+    /// Pixel within the block, by lane.
+    pub x: [u32; LANES],
+    /// Pixel within the block, by lane.
+    pub y: [u32; LANES],
+    /// Index of that pixel in the block, by lane.
+    pub pixel: [usize; LANES],
+    /// Sample within the packet, by lane.
+    sample: [u32; LANES],
+}
+
+impl Pattern {
+    /// The pattern for `spp` samples per pixel.
+    pub fn for_spp(spp: u32) -> Self {
+        let (block, samples) = match spp {
+            0..4 => ([4, 4], 1),
+            4..16 => ([2, 2], 4),
+            _ => ([1, 1], 16),
+        };
+        let pixel: [usize; LANES] = std::array::from_fn(|i| i / samples as usize);
+        Self {
+            block,
+            samples,
+            x: pixel.map(|p| p as u32 % block[0]),
+            y: pixel.map(|p| p as u32 / block[0]),
+            pixel,
+            sample: std::array::from_fn(|i| i as u32 % samples),
+        }
+    }
+}
+
+/// A packet on its way from the camera to its pixels.
+#[derive(Clone)]
+pub struct Slot {
+    /// The rays and what they hit.
+    pub packet: RayPacket,
+    /// Lanes within the frame and within spp.
+    pub active: Mask,
+    /// Pixel, by lane.
+    pub x: [u32; LANES],
+    /// Pixel, by lane.
+    pub y: [u32; LANES],
+    /// Camera sample of that pixel, by lane.
+    pub sample: [u32; LANES],
+    /// Top left pixel of the block.
+    pub corner: [u32; 2],
+    /// First sample of the packet.
+    pub first: u32,
+}
+
+impl Slot {
+    /// No rays.
+    pub const EMPTY: Self = Self {
+        packet: RayPacket::EMPTY,
+        active: Mask::NONE,
+        x: [0; LANES],
+        y: [0; LANES],
+        sample: [0; LANES],
+        corner: [0; 2],
+        first: 0,
+    };
+
+    /// Pixel of a lane.
+    #[inline(always)]
+    pub fn pixel(&self, i: usize) -> [u32; 2] {
+        [self.x[i], self.y[i]]
+    }
+
+    /// Aims the camera rays of the block at `corner`, samples from `first` on.
+    #[inline(always)]
+    pub fn aim(
+        &mut self,
+        world: &World,
+        sampler: &Sampler,
+        pattern: &Pattern,
+        corner: [u32; 2],
+        first: u32,
+    ) {
+        (self.corner, self.first) = (corner, first);
+        let [width, height] = world.frame;
+        for i in 0..LANES {
+            let (x, y) = (corner[0] + pattern.x[i], corner[1] + pattern.y[i]);
+            let sample = first + pattern.sample[i];
+            (self.x[i], self.y[i], self.sample[i]) = (x, y, sample);
+            self.active.0[i] = -i32::from((x < width) & (y < height) & (sample < world.spp));
+        }
+        self.packet.clear_hits();
+        self.packet.rays.tnear = [0.0; LANES];
+        self.packet.rays.tfar = [f32::INFINITY; LANES];
+        self.packet.rays.leaving = [NONE; LANES];
+        if world.spp > 1 || world.camera.has_lens() {
+            return self.aim_sampled(world, sampler);
+        }
+        for i in 0..LANES {
+            let (x, y) = (self.x[i] as f32 + 0.5, self.y[i] as f32 + 0.5);
+            let (origin, direction) = world.camera.pinhole_ray(x, y);
+            set_lane(&mut self.packet.rays.org, i, origin);
+            set_lane(&mut self.packet.rays.dir, i, direction);
+        }
+    }
+
+    #[inline(never)]
+    fn aim_sampled(&mut self, world: &World, sampler: &Sampler) {
+        for i in 0..LANES {
+            let [x, y, s, t] = sampler.camera(self.pixel(i), self.sample[i]);
+            let [dx, dy] = if world.spp > 1 { [x, y] } else { [0.5; 2] };
+            let (x, y) = (self.x[i] as f32 + dx, self.y[i] as f32 + dy);
+            let (origin, direction) = world.camera.ray(x, y, [s, t]);
+            set_lane(&mut self.packet.rays.org, i, origin);
+            set_lane(&mut self.packet.rays.dir, i, direction);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_use_every_lane_once() {
+        for spp in [1, 4, 7, 16, 100] {
+            let pattern = Pattern::for_spp(spp);
+            let lane = |i: usize| [pattern.x[i], pattern.y[i], pattern.sample[i]];
+            let mut seen: Vec<_> = (0..LANES).map(lane).collect();
+            seen.sort_unstable();
+            seen.dedup();
+            assert_eq!(seen.len(), LANES);
+            assert_eq!(pattern.block[0] * pattern.block[1] * pattern.samples, 16);
+            assert_eq!(lane(15), [pattern.block[0] - 1, pattern.block[1] - 1, pattern.samples - 1]);
+        }
+    }
+}
