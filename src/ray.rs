@@ -66,6 +66,26 @@ impl Rays {
         leaving: [NONE; LANES],
         flags: [0; LANES],
     };
+
+    /// The active lanes whose rays can meet anything: finite origin and direction, a direction
+    /// that is not zero (nor denormal), `tnear <= tfar`. Backends trace these alone, as a NaN in
+    /// one lane can make a packet's bounds useless for all of them.
+    #[inline(always)]
+    pub fn possible(&self, active: &Mask) -> Mask {
+        let ([ox, oy, oz], [dx, dy, dz]) = (&self.org, &self.dir);
+        let mut possible = *active;
+        for i in 0..LANES {
+            let origin = ox[i].abs() + oy[i].abs() + oz[i].abs();
+            let direction = dx[i].abs() + dy[i].abs() + dz[i].abs();
+            // NaN fails every comparison.
+            let sound = (origin <= f32::MAX)
+                & (direction <= f32::MAX)
+                & (direction >= f32::MIN_POSITIVE)
+                & (self.tnear[i] <= self.tfar[i]);
+            possible.0[i] &= -i32::from(sound);
+        }
+        possible
+    }
 }
 
 /// What 16 rays hit.
@@ -139,4 +159,28 @@ pub enum Coherence {
     Coherent,
     /// They do not.
     Incoherent,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn impossible_rays_are_told_apart() {
+        let mut rays = Rays::EMPTY;
+        rays.dir[2] = [1.0; LANES];
+        rays.dir[2][1] = 0.0;
+        rays.dir[0][2] = f32::NAN;
+        rays.dir[1][3] = f32::NEG_INFINITY;
+        rays.org[1][4] = f32::NAN;
+        rays.org[2][5] = f32::INFINITY;
+        rays.tfar[6] = f32::NAN;
+        rays.tnear[7] = f32::NAN;
+        (rays.tnear[8], rays.tfar[8]) = (2.0, 1.0);
+        rays.dir[2][9] = 1e-40;
+        let mut active = Mask([-1; LANES]);
+        active.0[15] = 0;
+        let expected = std::array::from_fn(|i| -i32::from(i == 0 || (10..15).contains(&i)));
+        assert_eq!(rays.possible(&active), Mask(expected));
+    }
 }

@@ -14,7 +14,7 @@ use crate::{
 
 use super::{
     args::RenderArgs,
-    meshes,
+    memory, meshes,
     overrides::Overrides,
     paths::seen_from,
     studio::{self, STUDIO, Subject},
@@ -95,6 +95,7 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
         None => return load_file(args, overrides),
     };
     if is_mesh {
+        memory::predict_mesh(&args.input)?.check(args.machine.max_memory)?;
         let subject = Subject {
             path: &args.input,
             up: args.mesh.up,

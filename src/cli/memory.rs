@@ -1,7 +1,7 @@
 //! How much memory a render will need, from headers alone: said by `info`, and held against
 //! `--max-memory` before the first mesh is read.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, path::Path};
 
 use serde::Serialize;
 
@@ -18,7 +18,9 @@ const FILM_BYTES: u64 = 16;
 /// 8-bit RGBA while the PNG is written.
 const PNG_BYTES: u64 = 4;
 /// The program, its threads, tables.
-const BASE_BYTES: u64 = 32 << 20;
+const BASE_BYTES: u64 = 30 << 20;
+/// What an accelerator holds however small the scene: blocks that its threads begin.
+const ACCELERATOR_BYTES: u64 = 2 << 20;
 
 /// Predicted bytes.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -42,7 +44,7 @@ pub struct Prediction {
 /// Bytes per triangle: built, and at most during the build.
 fn per_triangle(backend: Backend) -> [u64; 2] {
     match backend {
-        Backend::Embree => [66, 98],
+        Backend::Embree => [66, 104],
         Backend::Bvh => [66, 130],
         Backend::Coursework => [80, 160],
         Backend::Brute => [0, 0],
@@ -66,7 +68,9 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
                     Default::default()
                 });
                 sum.triangles = sum.triangles.saturating_add(promise.triangles);
-                sum.mesh_bytes = sum.mesh_bytes.saturating_add(promise.array_bytes);
+                let normals = if mesh.smooth { promise.missing_normal_bytes } else { 0 };
+                let bytes = promise.array_bytes.saturating_add(normals);
+                sum.mesh_bytes = sum.mesh_bytes.saturating_add(bytes);
             }
             ShapeKind::Sphere { .. } | ShapeKind::Triangle { .. } => sum.triangles += 1,
             ShapeKind::Plane { .. } => sum.triangles += 2,
@@ -78,10 +82,26 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
     sum.texture_bytes = textures(scene);
     let [live, peak] = per_triangle(scene.backend);
     sum.accelerator_bytes = sum.triangles.saturating_mul(live);
-    sum.accelerator_peak_bytes = sum.triangles.saturating_mul(peak);
+    sum.accelerator_peak_bytes =
+        sum.triangles.saturating_mul(peak).saturating_add(ACCELERATOR_BYTES);
     let parts = [sum.film_bytes, sum.mesh_bytes, sum.texture_bytes, sum.accelerator_peak_bytes];
     sum.peak_bytes = parts.iter().fold(BASE_BYTES, |a, b| a.saturating_add(*b));
     Ok(sum)
+}
+
+/// What a mesh alone needs, whatever the scene around it: said before the mesh is read for its
+/// framing.
+///
+/// # Errors
+/// A header that cannot be read.
+pub fn predict_mesh(path: &Path) -> Result<Prediction> {
+    let promise = meshes::promise(path)?;
+    Ok(Prediction {
+        mesh_bytes: promise.array_bytes,
+        triangles: promise.triangles,
+        peak_bytes: BASE_BYTES.saturating_add(promise.array_bytes),
+        ..Prediction::default()
+    })
 }
 
 /// Bytes of the decoded images, each once; files that are no images are complained about later.
@@ -111,7 +131,7 @@ impl Prediction {
         let message = format!(
             "found {}, expected at least {}: {self}",
             units::bytes(limit),
-            units::bytes(self.peak_bytes)
+            units::bytes_rounded_up(self.peak_bytes)
         );
         let problem = Problem::new("--max-memory", message);
         Err(Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh")))
@@ -125,14 +145,16 @@ impl Prediction {
 
 impl std::fmt::Display for Prediction {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "film {}, meshes {}, textures {}, accelerator {} (while it is built {})",
-            units::bytes(self.film_bytes),
-            units::bytes(self.mesh_bytes),
-            units::bytes(self.texture_bytes),
-            units::bytes(self.accelerator_bytes),
-            units::bytes(self.accelerator_peak_bytes)
-        )
+        let parts = [
+            ("film", self.film_bytes),
+            ("meshes", self.mesh_bytes),
+            ("textures", self.texture_bytes),
+            ("accelerator", self.accelerator_bytes),
+            ("its build", self.accelerator_peak_bytes.saturating_sub(self.accelerator_bytes)),
+        ];
+        let parts = parts.into_iter().filter(|(_, bytes)| *bytes > 0);
+        let parts: Vec<_> =
+            parts.map(|(name, bytes)| format!("{name} {}", units::bytes(bytes))).collect();
+        f.write_str(&parts.join(", "))
     }
 }

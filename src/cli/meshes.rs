@@ -20,6 +20,8 @@ pub fn read(path: &Path, repair: bool) -> Result<Mesh> {
 pub struct Promise {
     /// Bytes of vertex and index arrays.
     pub array_bytes: u64,
+    /// Bytes of the vertex normals that the file does not have.
+    pub missing_normal_bytes: u64,
     /// Triangles after splitting.
     pub triangles: u64,
 }
@@ -32,7 +34,11 @@ pub fn promise(path: &Path) -> Result<Promise> {
     let lies = summary.triangles.max(summary.vertices) > summary.file_bytes;
     Ok(match lies {
         true => Promise::default(),
-        false => Promise { array_bytes: summary.array_bytes, triangles: summary.triangles },
+        false => Promise {
+            array_bytes: summary.array_bytes,
+            missing_normal_bytes: if summary.normals { 0 } else { 12 * summary.vertices },
+            triangles: summary.triangles,
+        },
     })
 }
 

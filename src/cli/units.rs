@@ -31,6 +31,15 @@ pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
 
 /// Bytes for people: `1.5 GiB`.
 pub fn bytes(count: u64) -> String {
+    in_units(count, |tenths| tenths)
+}
+
+/// The same, but never less than `count`: typed back, it is enough.
+pub fn bytes_rounded_up(count: u64) -> String {
+    in_units(count, f64::ceil)
+}
+
+fn in_units(count: u64, round_tenths: fn(f64) -> f64) -> String {
     let units = ["B", "KiB", "MiB", "GiB", "TiB"];
     let mut value = count as f64;
     let mut unit = 0;
@@ -40,7 +49,7 @@ pub fn bytes(count: u64) -> String {
     }
     match unit {
         0 => format!("{count} B"),
-        _ => format!("{value:.1} {}", units[unit]),
+        _ => format!("{:.1} {}", round_tenths(value * 10.0) / 10.0, units[unit]),
     }
 }
 
@@ -90,6 +99,9 @@ mod tests {
     fn for_people() {
         assert_eq!(bytes(1023), "1023 B");
         assert_eq!(bytes(1536), "1.5 KiB");
+        assert_eq!(bytes(1537), "1.5 KiB");
+        assert_eq!(bytes_rounded_up(1537), "1.6 KiB");
+        assert_eq!(bytes_rounded_up(1536), "1.5 KiB");
         assert_eq!(bytes(u64::MAX), "16777216.0 TiB");
         assert_eq!(count(1), "1");
         assert_eq!(count(1234), "1,234");

@@ -5,7 +5,7 @@ use glam::DVec3;
 /// A point on a triangle.
 #[derive(Debug, Clone, Copy)]
 pub struct TrianglePoint {
-    /// `v0 + u (v1 - v0) + v (v2 - v0)`.
+    /// `(1 - u - v) v0 + u v1 + v v2`.
     pub position: DVec3,
     /// Unit normal `(v1 - v0) x (v2 - v0)`.
     pub normal: DVec3,
@@ -29,9 +29,10 @@ pub fn clamp_barycentrics(u: f64, v: f64) -> (f64, f64) {
 /// Where the ray `origin + t direction`, which a backend reported to hit this triangle at (u, v),
 /// meets its plane, moved onto the triangle.
 ///
-/// The position is interpolated from the corners, so it lies on the triangle to f64 rounding
-/// however the ray came (DESIGN: a hit's position comes from the primitive). Where the ray lies in
-/// the plane the backend's (u, v) decide.
+/// The position is the weighted mean of the corners, so it lies on the triangle to f64 rounding
+/// however the ray came, and in the triangle's box even where the corners differ by many orders of
+/// magnitude (sums of edges would cancel there). Where the ray lies in the plane the backend's
+/// (u, v) decide.
 #[inline(always)]
 pub fn refine_triangle(
     [v0, v1, v2]: [DVec3; 3],
@@ -50,7 +51,7 @@ pub fn refine_triangle(
     let sound = ru.is_finite() & rv.is_finite();
     let (u, v) = if sound { (ru, rv) } else { (u, v) };
     let (u, v) = clamp_barycentrics(u, v);
-    let position = v0 + e1 * u + e2 * v;
+    let position = v0 * (1.0 - u - v).max(0.0) + v1 * u + v2 * v;
     TrianglePoint { position, normal: normal * (1.0 / normal.length()), u, v }
 }
 
@@ -72,6 +73,13 @@ mod tests {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let point = refine_triangle(corners, DVec3::new(-1.0, 0.2, 0.0), DVec3::X, (0.0, 0.2));
         assert_eq!(point.position, DVec3::new(0.0, 0.2, 0.0));
+    }
+
+    #[test]
+    fn a_corner_is_met_exactly_beside_a_far_one() {
+        let corners = [DVec3::new(1.0, -7e7, 1.0), DVec3::new(1.0, 5.6e-7, 1.0), DVec3::Z * 2e7];
+        let point = refine_triangle(corners, DVec3::new(9.0, 5.6e-7, 1.0), -DVec3::X, (0.0, 0.0));
+        assert_eq!(point.position.y as f32, 5.6e-7);
     }
 
     #[test]

@@ -64,7 +64,13 @@ impl Device {
         let Some(handle) = NonNull::new(handle) else {
             // SAFETY: the null device asks for the error of `rtcNewDevice` on this thread.
             let code = unsafe { (api.get_device_error)(std::ptr::null_mut()) };
-            return Err(unsupported(format!("cannot create a device: {}", error_name(code))));
+            let message = format!("cannot create a device: {}", error_name(code));
+            return Err(match code {
+                ffi::RTC_ERROR_OUT_OF_MEMORY => {
+                    Error::new(Kind::Retry, Problem::new("Embree", message))
+                }
+                _ => unsupported(message),
+            });
         };
         let watch = Box::new(Watch {
             bytes: AtomicI64::new(0),
