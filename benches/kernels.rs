@@ -17,16 +17,41 @@ fn main() {
 const TIERS: &[Isa] = Isa::compiled();
 const ALL: Mask = Mask([-1; LANES]);
 
-/// A closure that is compiled per tier.
-struct Run<F>(F);
-
-impl<R, F: FnOnce() -> R> Kernel for Run<F> {
-    type Output = R;
-    #[inline(always)]
-    fn run(self) -> R {
-        self.0()
-    }
+/// Makes a kernel of its arguments and an expression: a closure would not be compiled per tier.
+macro_rules! kernel {
+    ($name:ident<$l:lifetime>($($arg:ident: $ty:ty),*) -> $out:ty $body:block) => {
+        struct $name<$l> {
+            $($arg: $ty),*
+        }
+        impl<$l> Kernel for $name<$l> {
+            type Output = $out;
+            #[inline(always)]
+            fn run(self) -> $out {
+                let Self { $($arg),* } = self;
+                $body
+            }
+        }
+    };
 }
+
+kernel!(Refine<'a>(geometry: &'a Geometry, packet: &'a RayPacket, out: &'a mut Surfaces) -> () {
+    refine(geometry, &ALL, packet, out)
+});
+
+kernel!(Light<'a>(
+    points: &'a ShadowPoints, glossy: bool, rays: &'a mut Rays, lit: &'a mut Lit
+) -> Mask {
+    let q = [[3.0; LANES], [6.0; LANES], [5.0; LANES]];
+    light_rays(points, &q, None, Falloff::Quadratic, glossy, rays, lit)
+});
+
+kernel!(Pow<'a>(x: &'a [f32; LANES]) -> [f32; LANES] {
+    let mut y = [0.0; LANES];
+    for i in 0..LANES {
+        y[i] = pow(x[i], 50.0);
+    }
+    y
+});
 
 fn lanes(f: impl Fn(f32) -> f32) -> [f32; LANES] {
     std::array::from_fn(|i| f(i as f32))
@@ -46,7 +71,7 @@ fn refine_16_hits(bencher: Bencher, isa: Isa) {
     let mut out = Surfaces::EMPTY;
     bencher.bench_local(|| {
         let (packet, out) = (black_box(&packet), black_box(&mut out));
-        dispatch(isa, Run(|| refine(&geometry, &ALL, packet, out)));
+        dispatch(isa, Refine { geometry: &geometry, packet, out });
     });
 }
 
@@ -60,29 +85,17 @@ fn light_16_points<const GLOSSY: bool>(bencher: Bencher, isa: Isa) {
     points.view = [lanes(|_| 0.6), lanes(|_| 0.8), lanes(|_| 0.0)];
     points.position = [lanes(|i| i), lanes(|_| 0.0), lanes(|i| -i)];
     (points.kd, points.ks, points.exponent) = ([0.8; LANES], [0.2; LANES], [50.0; LANES]);
-    let q = [[3.0; LANES], [6.0; LANES], [5.0; LANES]];
     let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
     bencher.bench_local(|| {
         let (points, rays, lit) = (black_box(&points), black_box(&mut rays), black_box(&mut lit));
-        let kernel = || light_rays(points, &q, None, Falloff::Quadratic, GLOSSY, rays, lit);
-        dispatch(isa, Run(kernel))
+        dispatch(isa, Light { points, glossy: GLOSSY, rays, lit })
     });
 }
 
 #[divan::bench(args = TIERS)]
 fn pow_of_16_lanes(bencher: Bencher, isa: Isa) {
     let x = lanes(|i| 0.5 + i / 40.0);
-    bencher.bench_local(|| {
-        let x = black_box(&x);
-        let kernel = || {
-            let mut y = [0.0; LANES];
-            for i in 0..LANES {
-                y[i] = pow(x[i], 50.0);
-            }
-            y
-        };
-        dispatch(isa, Run(kernel))
-    });
+    bencher.bench_local(|| dispatch(isa, Pow { x: black_box(&x) }));
 }
 
 #[divan::bench]

@@ -35,7 +35,7 @@ pub struct BuildInfo {
 
 /// Finds closest hits and occlusion for packets of 16 rays.
 ///
-/// A zero, NaN or infinite direction or origin, and `tnear > tfar`, is a miss.
+/// Active rays must be possible ([`Rays::possible`]): finite, of a direction that is not zero.
 pub trait Accelerator: Sync {
     /// What it is and what it cost.
     fn info(&self) -> BuildInfo;
