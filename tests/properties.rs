@@ -224,7 +224,7 @@ fn hits_of(
                 accelerator.closest(&ALL, &mut packet, Coherence::Incoherent);
             }
             let mut first = Surfaces::EMPTY;
-            refine(&geometry, &ALL, &packet, &mut first);
+            refine(&geometry, &packet.hit(&ALL), &packet, &mut first);
             let mut second = RayPacket::EMPTY;
             for i in 0..LANES {
                 for axis in 0..3 {
