@@ -68,8 +68,9 @@ impl Rays {
     };
 
     /// The active lanes whose rays can meet anything: finite origin and direction, a direction
-    /// that is not zero (nor denormal), `tnear <= tfar`. Backends trace these alone, as a NaN in
-    /// one lane can make a packet's bounds useless for all of them.
+    /// that is not zero (nor denormal), `tnear <= tfar`. A NaN in one lane can make a packet's
+    /// bounds useless for all of them. The renderer's own rays are possible by construction; rays
+    /// from anywhere else are masked with this first.
     #[inline(always)]
     pub fn possible(&self, active: &Mask) -> Mask {
         let ([ox, oy, oz], [dx, dy, dz]) = (&self.org, &self.dir);
@@ -79,8 +80,7 @@ impl Rays {
             let direction = dx[i].abs() + dy[i].abs() + dz[i].abs();
             // NaN fails every comparison.
             let sound = (origin <= f32::MAX)
-                & (direction <= f32::MAX)
-                & (direction >= f32::MIN_POSITIVE)
+                & (f32::MIN_POSITIVE..=f32::MAX).contains(&direction)
                 & (self.tnear[i] <= self.tfar[i]);
             possible.0[i] &= -i32::from(sound);
         }

@@ -39,7 +39,7 @@ impl Isa {
     }
 
     /// The tiers compiled into this build, lowest first.
-    pub fn compiled() -> &'static [Self] {
+    pub const fn compiled() -> &'static [Self] {
         #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
         return &[Self::Portable, Self::Avx2, Self::Avx512];
         #[cfg(all(target_arch = "x86_64", not(lightpath_avx512)))]

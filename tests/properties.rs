@@ -21,6 +21,15 @@ use proptest::{
     test_runner::{Config, TestCaseResult, TestRunner},
 };
 
+/// The f32 below a finite `x` that is not zero, or the smallest normal number below zero.
+fn below(x: f32) -> f32 {
+    match x {
+        0.0 => -f32::MIN_POSITIVE,
+        x if x > 0.0 => f32::from_bits(x.to_bits() - 1),
+        x => f32::from_bits(x.to_bits() + 1),
+    }
+}
+
 /// Embree over `geometry`; `None`, with a note, where the library is not installed.
 fn embree(geometry: &Geometry) -> Option<Box<dyn Accelerator + '_>> {
     let options = BuildOptions { threads: 1, fast: false, max_bytes: None };
@@ -104,7 +113,8 @@ fn only(lane: usize) -> Mask {
 /// Every lane on its own: one to three active lanes take the path of single rays.
 fn one_by_one(accelerator: &dyn Accelerator, packet: &mut RayPacket) {
     for lane in 0..LANES {
-        accelerator.closest(&only(lane), packet, Coherence::Incoherent);
+        let lane = packet.rays.possible(&only(lane));
+        accelerator.closest(&lane, packet, Coherence::Incoherent);
     }
 }
 
@@ -155,7 +165,7 @@ fn position_is_in_the_box(
     let [low, high] = box_of(geometry, packet, i);
     for axis in 0..3 {
         let position = points.position[axis][i];
-        let (low, high) = ((low[axis] as f32).next_down(), (high[axis] as f32).next_up());
+        let (low, high) = (below(low[axis] as f32), -below(-high[axis] as f32));
         prop_assert!(
             low <= position && position <= high,
             "axis {axis}: {position:e} is not in [{low:e}, {high:e}]"
@@ -214,7 +224,7 @@ fn hits_of(
                 accelerator.closest(&ALL, &mut packet, Coherence::Incoherent);
             }
             let mut first = Surfaces::EMPTY;
-            refine(&geometry, &ALL, &packet, &mut first);
+            refine(&geometry, &packet.hit(&ALL), &packet, &mut first);
             let mut second = RayPacket::EMPTY;
             for i in 0..LANES {
                 for axis in 0..3 {
@@ -410,13 +420,14 @@ fn undisturbed(
         .map(|(origin, direction)| (origin * cloud.scale, direction))
         .collect();
     let start = packet(&mixed);
+    let all = start.rays.possible(&ALL);
     for coherence in [Coherence::Coherent, Coherence::Incoherent] {
         let [mut with, mut without, mut single] = [start.clone(), start.clone(), start.clone()];
-        accelerator.closest(&ALL, &mut with, coherence);
+        accelerator.closest(&all, &mut with, coherence);
         accelerator.closest(&mask, &mut without, coherence);
         one_by_one(&*accelerator, &mut single);
         let [mut shadows, mut clear] = [start.rays.clone(), start.rays.clone()];
-        accelerator.occluded(&ALL, &mut shadows, coherence);
+        accelerator.occluded(&all, &mut shadows, coherence);
         accelerator.occluded(&mask, &mut clear, coherence);
         let hit = |p: &RayPacket, i: usize| (p.hits.geom[i], p.rays.tfar[i]);
         for i in 0..LANES {

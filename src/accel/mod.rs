@@ -35,7 +35,7 @@ pub struct BuildInfo {
 
 /// Finds closest hits and occlusion for packets of 16 rays.
 ///
-/// A zero, NaN or infinite direction or origin, and `tnear > tfar`, is a miss.
+/// Active rays must be possible ([`Rays::possible`]): finite, of a direction that is not zero.
 pub trait Accelerator: Sync {
     /// What it is and what it cost.
     fn info(&self) -> BuildInfo;
@@ -86,8 +86,7 @@ fn build_embree<'g>(
 }
 
 fn unavailable(backend: Backend) -> Error {
-    Error::new(
-        Kind::Unsupported,
-        Problem::new("--backend", format!("this build has no `{backend:?}` backend")),
-    )
+    let message = format!("found `{}`, which this build does not have", backend.name());
+    let available = if cfg!(feature = "embree") { "available: embree" } else { "it has none" };
+    Error::new(Kind::Unsupported, Problem::new("--backend", message).help(available))
 }

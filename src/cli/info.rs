@@ -11,6 +11,7 @@ use serde_json::{Map, Value, json};
 use crate::{
     error::{Error, Kind, Problem, Result},
     mesh,
+    world::Bounds,
 };
 
 use super::{
@@ -130,11 +131,10 @@ fn ply(path: &Path, report: &mut Report) -> Result<()> {
     let triangles = mesh.triangles.len() as u64;
     report.add("triangles", json!(triangles), format!("{} triangles", units::count(triangles)));
     notes(&mesh.notes, report);
-    if let Some([low, high]) = Points::of(&mesh).bounds() {
-        let line =
-            format!("bounds of what the triangles use: {} to {}, size {}", low, high, high - low);
-        report.add("bounds", json!([low.to_array(), high.to_array()]), line);
-    }
+    let Bounds { min: low, max: high } = Points::of(&mesh).bounds(|p| p);
+    let size = high - low;
+    let line = format!("bounds of what the triangles use: {low} to {high}, size {size}");
+    report.add("bounds", json!([low.to_array(), high.to_array()]), line);
     Ok(())
 }
 

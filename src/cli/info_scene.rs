@@ -13,7 +13,7 @@ use crate::{
     world::{LoadOptions, World},
 };
 
-use super::{info::Report, job, memory, units};
+use super::{info::Report, memory, units};
 
 /// Checks a scene and says what is in it.
 pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
@@ -27,11 +27,11 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
         "{width} x {height} pixels, {} spp, {} mirror bounces, backend {}",
         scene.spp,
         scene.nbounces,
-        job::backend_name(scene.backend)
+        scene.backend.name()
     );
     report.add("size", json!([width, height]), picture);
     report.add("spp", json!(scene.spp), "");
-    report.add("backend", json!(job::backend_name(scene.backend)), "");
+    report.add("backend", json!(scene.backend.name()), "");
     contents(scene, report);
     let triangles = world.triangles();
     let line = format!("{} triangles", units::count(triangles));

@@ -8,6 +8,7 @@ use std::{
 use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
+    mesh::Mesh,
     scene::{self, Backend, Description, Loaded, Scene, Source, written},
 };
 
@@ -70,6 +71,8 @@ pub struct Job {
     pub folder: PathBuf,
     /// What is suspicious so far.
     pub warnings: Vec<Problem>,
+    /// Meshes that had to be read for the framing.
+    pub ready: Vec<(PathBuf, Mesh)>,
 }
 
 /// Loads what `render` was asked for.
@@ -82,7 +85,7 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
         only_for_meshes(args)?;
     }
     let mut overrides = Overrides::new(&args.scene);
-    let mut warnings = Vec::new();
+    let (mut warnings, mut ready) = (Vec::new(), Vec::new());
     let origin = match &args.mesh.template {
         Some(template) => Origin::file(template)?,
         None if is_mesh => {
@@ -99,10 +102,12 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
             repair: args.mesh.repair,
             builtin: args.mesh.template.is_none(),
         };
-        let ours = studio::furnish(&subject, &origin, &overrides, &mut warnings)?;
+        let (ours, mesh) = studio::furnish(&subject, &origin, &overrides, &mut warnings)?;
         overrides.prepend(ours);
+        ready.push(mesh);
     }
-    finish(origin.source(), origin.folder.clone(), args, overrides, warnings)
+    let job = finish(origin.source(), origin.folder.clone(), args, overrides, warnings)?;
+    Ok(Job { ready, ..job })
 }
 
 /// Refuses flags that mean nothing for a scene.
@@ -142,22 +147,16 @@ fn finish(
     if args.machine.fast && loaded.scene.backend != Backend::Embree {
         let message = format!(
             "found with the backend `{}`, which has no fast mode",
-            backend_name(loaded.scene.backend)
+            loaded.scene.backend.name()
         );
         return Err(Error::invalid("--fast", message).help("leave --fast out, or --backend embree"));
     }
-    warnings.append(&mut loaded.warnings);
-    Ok(Job { loaded, folder, warnings })
-}
-
-/// As the scene format spells it.
-pub fn backend_name(backend: Backend) -> &'static str {
-    match backend {
-        Backend::Embree => "embree",
-        Backend::Bvh => "bvh",
-        Backend::Coursework => "coursework",
-        Backend::Brute => "brute",
+    if !loaded.scene.layers.is_empty() {
+        let message = "has no effect: this version writes R, G, B, A and no other layers";
+        warnings.push(Problem::new("output.layers", message));
     }
+    warnings.append(&mut loaded.warnings);
+    Ok(Job { loaded, folder, warnings, ready: Vec::new() })
 }
 
 /// The pixels to render.

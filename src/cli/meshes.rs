@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 use crate::{
     error::Result,
-    mesh::{self, Mesh, Positions},
-    scene::Trimesh,
+    mesh::{self, Mesh},
+    world::Bounds,
 };
 
 /// Reads a file.
@@ -58,54 +58,18 @@ pub struct Points<'m> {
 impl<'m> Points<'m> {
     /// Finds the used ones.
     pub fn of(mesh: &'m Mesh) -> Self {
-        let count = match &mesh.positions {
-            Positions::F32(p) => p.len(),
-            Positions::F64(p) => p.len(),
-        };
-        let mut used = vec![false; count];
-        for triangle in &mesh.triangles {
-            for corner in triangle {
-                used[*corner as usize] = true;
-            }
-        }
-        Self { mesh, used }
+        Self { mesh, used: mesh.used_vertices() }
     }
 
     /// All of them, again and again.
     pub fn iter(&self) -> impl Iterator<Item = DVec3> + '_ {
-        let at = |i: usize| match &self.mesh.positions {
-            Positions::F32(p) => p[i].map(f64::from).into(),
-            Positions::F64(p) => p[i].into(),
-        };
         let used = self.used.iter().enumerate().filter(|(_, used)| **used);
-        used.map(move |(i, _)| at(i))
+        used.map(|(i, _)| self.mesh.positions.get(i))
     }
 
-    /// Lowest and highest corner of their box; `None` if there is none.
-    pub fn bounds(&self) -> Option<[DVec3; 2]> {
-        bounds(self.iter())
-    }
-}
-
-/// Lowest and highest corner of the box around points.
-pub fn bounds(points: impl Iterator<Item = DVec3>) -> Option<[DVec3; 2]> {
-    points.fold(None, |ends, p| match ends {
-        None => Some([p, p]),
-        Some([low, high]) => Some([low.min(p), high.max(p)]),
-    })
-}
-
-/// File units -> world units as docs/scene-format.md says, without the final `center`.
-pub fn placement(spec: &Trimesh, [low, high]: [DVec3; 2]) -> (DMat3, DVec3) {
-    let turn = spec.rotate_deg;
-    let rotation = DMat3::from_rotation_z(turn.z.to_radians())
-        * DMat3::from_rotation_y(turn.y.to_radians())
-        * DMat3::from_rotation_x(turn.x.to_radians());
-    match spec.fit {
-        Some(fit) => {
-            let scale = fit / (high - low).max_element();
-            (rotation * (scale * spec.size), (low + high) / 2.0)
-        }
-        None => (rotation * spec.size, DVec3::ZERO),
+    /// The box of what `place` makes of them; empty if there are none.
+    pub fn bounds(&self, place: impl Fn(DVec3) -> DVec3 + Sync) -> Bounds {
+        let point = |i: usize| self.used[i].then(|| place(self.mesh.positions.get(i)));
+        Bounds::of_points(self.used.len(), point)
     }
 }

@@ -12,6 +12,7 @@ use crate::{
     accel::{self, BuildInfo, BuildOptions},
     error::{Error, Kind, Problem, Result},
     film::{Film, Window},
+    mesh::Mesh,
     monitor::Monitor,
     output::{Oddities, Outputs, WriteOptions, atomic::TextFile},
     render as renderer,
@@ -55,17 +56,18 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let monitor = Arc::new(Monitor::default());
     signals::watch(&monitor)?;
-    let job = job::load(args)?;
-    let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
-    let prediction = memory::predict(&job.loaded.scene, window)?;
-    prediction.check(args.machine.max_memory)?;
-    let files = Files::create(args)?;
     let threads = threads(&args.machine);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| {
         let message = format!("cannot start {threads} threads: {error}");
         Error::new(Kind::Retry, Problem::new("--threads", message))
     })?;
+    let mut job = pool.install(|| job::load(args))?;
+    let ready = std::mem::take(&mut job.ready);
+    let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
+    let prediction = memory::predict(&job.loaded.scene, window)?;
+    prediction.check(args.machine.max_memory)?;
+    let files = Files::create(args)?;
     let mode = match args.report.quiet {
         true => ProgressMode::Off,
         false => args.report.progress.unwrap_or(ProgressMode::Auto),
@@ -80,7 +82,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         progress: Progress::start(mode, &monitor),
         start,
     };
-    let (stats, paths) = pool.install(|| run.all(files))?;
+    let (stats, paths) = pool.install(|| run.all(files, ready))?;
     report(args, &stats, &paths)
 }
 
@@ -109,12 +111,12 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    fn all(&self, files: Files) -> Result<(Stats, Vec<PathBuf>)> {
+    fn all(&self, files: Files, ready: Vec<(PathBuf, Mesh)>) -> Result<(Stats, Vec<PathBuf>)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
         let mut film = Film::new([scene.camera.width, scene.camera.height], self.window)?;
         let repair = self.args.mesh.repair;
-        let (world, warnings) = World::load(scene, LoadOptions { repair }, self.monitor)?;
+        let (world, warnings) = World::load(scene, LoadOptions { repair, ready }, self.monitor)?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
 
@@ -152,7 +154,7 @@ impl Run<'_> {
     fn stats(&self, info: &BuildInfo, isa: Isa) -> Stats {
         let loaded = &self.job.loaded;
         Stats {
-            backend: job::backend_name(loaded.scene.backend).to_string(),
+            backend: loaded.scene.backend.name().to_string(),
             threads: self.threads,
             versions: version::versions(&info.version),
             cpu: stats::cpu(),
@@ -198,7 +200,7 @@ impl Run<'_> {
     /// What the EXR says about its origin: nothing that differs between two equal pictures.
     fn attributes(&self, info: &BuildInfo) -> Vec<(String, String)> {
         let loaded = &self.job.loaded;
-        let name = job::backend_name(loaded.scene.backend);
+        let name = loaded.scene.backend.name();
         let backend = format!("{name} ({} {})", info.version, info.isa);
         [
             ("lightpath:backend", backend),

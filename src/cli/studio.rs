@@ -5,7 +5,7 @@
 //! of the trimesh's `center`), its lowest vertex a hair above it; the camera keeps its direction and moves to where it sees every vertex. All of it is
 //! overrides of the template, so the result is an ordinary scene that `--write-scene` can save.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use serde_json::json;
@@ -14,6 +14,7 @@ use crate::{
     error::{Error, Problem, Result},
     mesh::Mesh,
     scene::{Camera, Document, Loaded, ShapeKind, Trimesh},
+    world::{Bounds, placement},
 };
 
 use super::{
@@ -49,13 +50,13 @@ pub struct Subject<'a> {
 }
 
 /// Finishes `template` around the mesh: overrides that make it a scene of this mesh, before those of
-/// the user.
+/// the user; and the mesh with the path that the scene then has.
 pub fn furnish(
     subject: &Subject,
     template: &Origin,
     user: &Overrides,
     warnings: &mut Vec<Problem>,
-) -> Result<Overrides> {
+) -> Result<(Overrides, (PathBuf, Mesh))> {
     let mesh = meshes::read(subject.path, subject.repair)?;
     let shape = first_trimesh(template)?;
     let mut ours = Overrides::default();
@@ -73,7 +74,8 @@ pub fn furnish(
     }
     let loaded = load(template, &ours, user)?;
     place(subject.path, &mesh, &loaded, &shape, &mut ours)?;
-    Ok(ours)
+    let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
+    Ok((ours, (path, mesh)))
 }
 
 fn load(template: &Origin, ours: &Overrides, user: &Overrides) -> Result<Loaded> {
@@ -139,9 +141,9 @@ fn place(
     let points = Points::of(mesh);
     let empty = || Error::invalid(path.display().to_string(), "found no triangle to show");
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
-    let (linear, middle) = meshes::placement(spec, points.bounds().ok_or_else(empty)?);
-    let turned = || points.iter().map(|p| linear * (p - middle));
-    let [low, high] = meshes::bounds(turned()).ok_or_else(empty)?;
+    let (linear, middle) = placement(spec, points.bounds(|p| p));
+    let turned = |p: DVec3| linear * (p - middle);
+    let Bounds { min: low, max: high } = points.bounds(turned);
     let camera = &loaded.scene.camera;
     let vertical = main_axis(camera.up);
     let up = camera.up[vertical].signum();
@@ -153,7 +155,7 @@ fn place(
     let hair = up * HAIR * (high - low).max_element();
     center[vertical] = ground(loaded, vertical).unwrap_or(spec.center[vertical]) + hair - lowest;
     let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
-    let placed = turned().map(|p| p + center);
+    let placed = points.iter().map(|p| turned(p) + center);
     let position =
         frame(placed, camera.lookat, camera.up, fov, aspect, MARGIN).ok_or_else(empty)?;
     ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));

@@ -1,5 +1,7 @@
 //! A mesh as its file has it: arrays in file units, indices checked, nothing transformed.
 
+use glam::DVec3;
+
 /// Vertex positions in the precision of the file.
 #[derive(Debug, Clone)]
 pub enum Positions {
@@ -7,6 +9,30 @@ pub enum Positions {
     F32(Vec<[f32; 3]>),
     /// `double` (or 32-bit integer) coordinates.
     F64(Vec<[f64; 3]>),
+}
+
+impl Positions {
+    /// Number of vertices.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F32(p) => p.len(),
+            Self::F64(p) => p.len(),
+        }
+    }
+
+    /// Whether there is no vertex.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Vertex `i`, exactly.
+    #[inline]
+    pub fn get(&self, i: usize) -> DVec3 {
+        match self {
+            Self::F32(p) => DVec3::from(p[i].map(f64::from)),
+            Self::F64(p) => DVec3::from(p[i]),
+        }
+    }
 }
 
 /// Texture coordinates with v up, as files have them.
@@ -50,6 +76,17 @@ pub struct Mesh {
     pub texture_file: Option<String>,
     /// What was used, ignored, split and dropped on the way in.
     pub notes: Notes,
+}
+
+impl Mesh {
+    /// Which vertices triangles use.
+    pub fn used_vertices(&self) -> Vec<bool> {
+        let mut used = vec![false; self.positions.len()];
+        for &vertex in self.triangles.as_flattened() {
+            used[vertex as usize] = true;
+        }
+        used
+    }
 }
 
 /// What reading a mesh file did beyond copying.

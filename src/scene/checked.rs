@@ -51,6 +51,18 @@ pub enum Backend {
     Brute,
 }
 
+impl Backend {
+    /// As the scene format spells it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Embree => "embree",
+            Self::Bvh => "bvh",
+            Self::Coursework => "coursework",
+            Self::Brute => "brute",
+        }
+    }
+}
+
 /// Divisor of a light's contribution at distance d.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Falloff {

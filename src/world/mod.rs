@@ -4,23 +4,39 @@ mod bounds;
 mod place;
 mod textures;
 
+use std::path::{Path, PathBuf};
+
 use glam::{DVec3, Vec2, Vec3};
 
 use crate::camera::Camera;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
+use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::scene::{Falloff, LightKind, Scene, ShapeKind};
 use crate::shading::{Emitter, Light, Owner, Shape, Shapes, UvSource};
 
-use self::bounds::Bounds;
 use self::place::PlacedMesh;
 
+pub use self::bounds::Bounds;
+pub use self::place::placement;
+
 /// How files are read.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Default)]
 pub struct LoadOptions {
     /// Drop triangles that use bad vertices instead of refusing the mesh.
     pub repair: bool,
+    /// Meshes that have been read already, by the path that the scene names.
+    pub ready: Vec<(PathBuf, Mesh)>,
+}
+
+impl LoadOptions {
+    fn mesh(&mut self, path: &Path) -> Result<Mesh> {
+        match self.ready.iter().position(|(ready, _)| ready == path) {
+            Some(index) => Ok(self.ready.swap_remove(index).1),
+            None => mesh::read_ply(path, mesh::ReadOptions::default().repair(self.repair)),
+        }
+    }
 }
 
 /// Everything a render needs except the accelerator; all positions relative to
@@ -61,7 +77,7 @@ impl World {
     /// All problems of meshes and textures; `Interrupted` after a signal.
     pub fn load(
         scene: &Scene,
-        options: LoadOptions,
+        mut options: LoadOptions,
         monitor: &Monitor,
     ) -> Result<(Self, Vec<Problem>)> {
         monitor.begin(Phase::Load, scene.shapes.len() as u64);
@@ -72,7 +88,8 @@ impl World {
         for (index, shape) in scene.shapes.iter().enumerate() {
             if let ShapeKind::Trimesh(spec) = &shape.kind {
                 let textured = scene.materials[shape.material].texture.is_some();
-                let mesh = PlacedMesh::read(spec, textured, options, &mut warnings)?;
+                let mesh = options.mesh(&spec.path)?;
+                let mesh = PlacedMesh::new(mesh, spec, textured, &mut warnings)?;
                 bounds = bounds.union(mesh.bounds());
                 if mesh.bounds().outside_view(&scene.camera) {
                     warnings.push(Problem::new(

@@ -3,7 +3,6 @@
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::LoadOptions;
 use super::bounds::Bounds;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::TriangleMesh;
@@ -24,14 +23,13 @@ pub struct PlacedMesh {
 }
 
 impl PlacedMesh {
-    /// Reads the file and works out where it goes.
-    pub fn read(
+    /// Works out where the mesh of the file goes.
+    pub fn new(
+        mesh: Mesh,
         spec: &Trimesh,
         textured: bool,
-        options: LoadOptions,
         warnings: &mut Vec<Problem>,
     ) -> Result<Self> {
-        let mesh = mesh::read_ply(&spec.path, mesh::ReadOptions::default().repair(options.repair))?;
         warn(&mesh, spec, warnings);
         if textured && mesh.uvs.is_none() {
             return Err(Error::invalid(
@@ -43,27 +41,12 @@ impl PlacedMesh {
             )
             .help("give the file `s t` or `u v` vertex properties, or drop `tPath`"));
         }
-        let used = used_vertices(&mesh);
-        let rotate = spec.rotate_deg;
-        let rotation = DMat3::from_rotation_z(rotate.z.to_radians())
-            * DMat3::from_rotation_y(rotate.y.to_radians())
-            * DMat3::from_rotation_x(rotate.x.to_radians());
-        // Quarter turns must be exact, or a turned mesh would not be the same mesh.
-        let rotation = DMat3::from_cols_array(&rotation.to_cols_array().map(|x| {
-            if x.abs() < 1e-15 {
-                0.0
-            } else if (x.abs() - 1.0).abs() < 1e-15 {
-                x.signum()
-            } else {
-                x
-            }
-        }));
-        let (mut scale, mut middle) = (1.0, DVec3::ZERO);
-        if let Some(fit) = spec.fit {
-            let own = bounds(&mesh, &used, DMat3::IDENTITY, DVec3::ZERO);
-            (scale, middle) = (fit / own.longest_side(), own.center());
-        }
-        let linear = rotation * (scale * spec.size);
+        let used = mesh.used_vertices();
+        let own = match spec.fit {
+            Some(_) => bounds(&mesh, &used, DMat3::IDENTITY, DVec3::ZERO),
+            None => Bounds::EMPTY,
+        };
+        let (linear, middle) = placement(spec, own);
         let offset = spec.center - linear * middle;
         let bounds = bounds(&mesh, &used, linear, offset);
         let furthest = bounds.min.abs().max(bounds.max.abs()).max_element();
@@ -149,26 +132,24 @@ fn rotated(mut normals: Vec<[f32; 3]>, linear: DMat3) -> Vec<[f32; 3]> {
     normals
 }
 
-fn used_vertices(mesh: &Mesh) -> Vec<bool> {
-    let n = match &mesh.positions {
-        Positions::F32(p) => p.len(),
-        Positions::F64(p) => p.len(),
-    };
-    let mut used = vec![false; n];
-    for &vertex in mesh.triangles.as_flattened() {
-        used[vertex as usize] = true;
+/// The turn and scale of a mesh whose own box is `own` (read for `fit` alone), and the point of
+/// the file that comes to lie on `center`: world = linear (file - middle) + center.
+pub fn placement(spec: &Trimesh, own: Bounds) -> (DMat3, DVec3) {
+    let [x, y, z] = spec.rotate_deg.to_array().map(f64::to_radians);
+    let rotation =
+        DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
+    // Quarter turns must be exact, or a turned mesh would not be the same mesh.
+    let exact = |x: f64| if (x - x.round()).abs() < 1e-15 { x.round() } else { x };
+    let rotation = DMat3::from_cols_array(&rotation.to_cols_array().map(exact));
+    match spec.fit {
+        Some(fit) => (rotation * (fit / own.longest_side() * spec.size), own.center()),
+        None => (rotation * spec.size, DVec3::ZERO),
     }
-    used
 }
 
 fn bounds(mesh: &Mesh, used: &[bool], linear: DMat3, offset: DVec3) -> Bounds {
-    Bounds::of_points(used.len(), |i| {
-        let position = || match &mesh.positions {
-            Positions::F32(p) => DVec3::from(p[i].map(f64::from)),
-            Positions::F64(p) => DVec3::from(p[i]),
-        };
-        used[i].then(|| linear * position() + offset)
-    })
+    let point = |i: usize| used[i].then(|| linear * mesh.positions.get(i) + offset);
+    Bounds::of_points(used.len(), point)
 }
 
 fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {

@@ -42,10 +42,8 @@ pub fn load_library() -> Result<Arc<Api>> {
     let missing = |error: &dyn std::fmt::Display| {
         Error::new(
             Kind::Unsupported,
-            Problem::new("Embree", format!("cannot load {file}: {error}")).help(
-                "`make setup` installs Embree 4 (Debian >= 13: apt install libembree-dev); \
-                 `--backend bvh` needs no Embree",
-            ),
+            Problem::new("Embree", format!("cannot load {file}: {error}"))
+                .help("`make setup` installs Embree 4 (Debian >= 13: apt install libembree-dev)"),
         )
     };
     // SAFETY: Embree's and TBB's initialisers have no preconditions.
@@ -170,10 +168,8 @@ impl Drop for Device {
 }
 
 fn unsupported(message: String) -> Error {
-    Error::new(
-        Kind::Unsupported,
-        Problem::new("Embree", message).help("`--backend bvh` needs no Embree"),
-    )
+    let help = "`make setup` installs an Embree that works here";
+    Error::new(Kind::Unsupported, Problem::new("Embree", message).help(help))
 }
 
 fn error_name(code: Enum) -> &'static str {

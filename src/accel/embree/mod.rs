@@ -108,7 +108,6 @@ impl Accelerator for Embree<'_> {
     }
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-        let active = &packet.rays.possible(active);
         let filter = any_leaving(active, &packet.rays);
         let scene = self.scene.handle();
         if active.count() >= SINGLE_BELOW {
@@ -133,7 +132,6 @@ impl Accelerator for Embree<'_> {
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-        let active = &rays.possible(active);
         let filter = any_leaving(active, rays);
         let scene = self.scene.handle();
         if active.count() >= SINGLE_BELOW {
