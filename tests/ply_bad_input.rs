@@ -1,7 +1,8 @@
-//! Every bad PLY file has a message, the messages are those of docs/bad-input-ply.md, and no
+//! Every bad PLY file has a message, the messages are those of docs/bad-input.md, and no
 //! sequence of bytes makes the reader panic.
 
 mod ply_writer;
+mod program;
 
 use std::path::Path;
 
@@ -323,9 +324,22 @@ fn every_bad_file_has_its_message() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn the_program_refuses_every_bad_file() {
+    let refusals = program::Refusals::new();
+    for (what, bytes, message) in cases() {
+        let done = refusals.file("t.ply", &bytes);
+        let stderr = done.stderr();
+        assert_eq!(stderr.lines().next(), Some(&*format!("error: {message}")), "{what}");
+        assert_eq!((done.code(), done.stdout()), (2, String::new()), "{what}");
+    }
+}
+
 #[test]
 fn the_table_in_the_docs_is_what_happens() {
-    let table = include_str!("../docs/bad-input-ply.md");
+    let docs = include_str!("../docs/bad-input.md");
+    let table = docs.split("\n## Meshes\n").nth(1).unwrap().split("\n## ").next().unwrap();
     let rows = cases().into_iter().map(|(what, _, message)| (what, message)).chain(path_cases());
     let rows: Vec<String> = rows
         .map(|(what, message)| format!("| {what} | `{}` | 2 |", message.replace('`', "'")))

@@ -45,12 +45,14 @@ impl Part {
         }
         let mut prefix = name.to_owned();
         prefix.push(".");
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(&prefix).suffix(".part");
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file =
-            builder.tempfile_in(folder_of(target)).map_err(|error| folder_error(target, &error))?;
+        // Opened here and not by `tempfile`, which adds the part file's name to every error.
+        let create =
+            |path: &Path| OpenOptions::new().read(true).write(true).create_new(true).open(path);
+        let file = tempfile::Builder::new()
+            .prefix(&prefix)
+            .suffix(".part")
+            .make_in(folder_of(target), create)
+            .map_err(|error| folder_error(target, &error))?;
         Ok(Self { target: target.to_owned(), file })
     }
 

@@ -33,6 +33,16 @@ end_header
 pub struct Done(Output);
 
 impl Done {
+    /// Runs a command without input.
+    pub fn of(command: &mut Command) -> Self {
+        Self(command.stdin(Stdio::null()).output().unwrap())
+    }
+
+    /// The same with another stderr.
+    pub fn saying(&self, stderr: String) -> Self {
+        Self(Output { stderr: stderr.into_bytes(), ..self.0.clone() })
+    }
+
     pub fn code(&self) -> i32 {
         self.0.status.code().unwrap_or(-1)
     }
@@ -85,8 +95,7 @@ impl Scratch {
     }
 
     pub fn run(&self, args: &[&str]) -> Done {
-        let mut command = self.command(args);
-        Done(command.stdin(Stdio::null()).output().unwrap())
+        Done::of(&mut self.command(args))
     }
 
     pub fn run_with_stdin(&self, args: &[&str], text: &str) -> Done {
@@ -110,4 +119,98 @@ pub fn names_in(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = names.collect();
     names.sort();
     names
+}
+
+/// A table of docs/bad-input.md and what the program really says.
+pub struct Table {
+    section: &'static str,
+    found: Vec<String>,
+}
+
+impl Table {
+    /// The table under the heading `## section`.
+    pub fn new(section: &'static str) -> Self {
+        Self { section, found: Vec::new() }
+    }
+
+    /// Adds a refusal: nothing on stdout, no panic, and its first line for the table.
+    #[track_caller]
+    pub fn add(&mut self, what: &str, done: &Done) {
+        let (stderr, stdout) = (done.stderr(), done.stdout());
+        assert_eq!(stdout, "", "{what}");
+        assert!(!stderr.contains("panicked") && !stderr.contains("RUST_BACKTRACE"), "{stderr}");
+        let said = stderr.lines().find_map(|line| line.strip_prefix("error: "));
+        let said = said.unwrap_or_else(|| panic!("{what}: exit {}: {stderr}", done.code()));
+        // In a Markdown table.
+        let said = said.replace('`', "'").replace('|', "\\|");
+        self.found.push(format!("| {what} | `{said}` | {} |", done.code()));
+    }
+
+    /// Asserts that the documentation says the same.
+    #[track_caller]
+    pub fn is_documented(self) {
+        let heading = format!("\n## {}\n", self.section);
+        let docs = include_str!("../../docs/bad-input.md");
+        let text = docs.split(&heading).nth(1).unwrap_or_default();
+        let section = text.split("\n## ").next().unwrap_or_default();
+        let rows: Vec<&str> = section.lines().filter(|line| line.starts_with("| ")).collect();
+        let rows = rows.get(1..).unwrap_or_default();
+        assert_eq!(rows, self.found, "expected:{heading}{}", self.found.join("\n"));
+    }
+}
+
+/// A scratch folder with an output folder, for runs that must leave nothing.
+pub struct Refusals {
+    pub scratch: Scratch,
+}
+
+impl Refusals {
+    /// Address space of a run in KiB: far above what a refusal takes, far below what a lying file
+    /// asks for.
+    const ADDRESS_SPACE: u64 = 2 << 20;
+
+    pub fn new() -> Self {
+        let scratch = Scratch::new();
+        fs::create_dir(scratch.path("out")).unwrap();
+        Self { scratch }
+    }
+
+    /// The program with little address space.
+    pub fn command(&self, args: &[&str]) -> Command {
+        let limited = format!("ulimit -v {}; exec \"$0\" \"$@\"", Self::ADDRESS_SPACE);
+        let mut command = Command::new("sh");
+        command.args(["-c", &limited, env!("CARGO_BIN_EXE_lightpath")]).args(args);
+        command.current_dir(self.scratch.path("")).env_remove("SLURM_CPUS_PER_TASK");
+        command
+    }
+
+    /// Runs it and sees that the output folder is empty.
+    #[track_caller]
+    pub fn run(&self, args: &[&str]) -> Done {
+        self.of(&mut self.command(args))
+    }
+
+    /// Runs a command and sees that the output folder is empty.
+    #[track_caller]
+    pub fn of(&self, command: &mut Command) -> Done {
+        let done = Done::of(command);
+        let left = names_in(&self.scratch.path("out"));
+        assert!(left.is_empty(), "{command:?} left {left:?}: {}", done.stderr());
+        done
+    }
+
+    /// Renders a file to `out/x`.
+    #[track_caller]
+    pub fn render(&self, file: &str, flags: &[&str]) -> Done {
+        self.run(&[&["render", file, "-o", "out/x", "--threads", "2"], flags].concat())
+    }
+
+    /// Writes a file that neither `render` nor `info` takes, and says what both say.
+    #[track_caller]
+    pub fn file(&self, name: &str, bytes: &[u8]) -> Done {
+        fs::write(self.scratch.path(name), bytes).unwrap();
+        let (render, info) = (self.render(name, &[]), self.run(&["info", name]));
+        assert_eq!((render.stderr(), render.code()), (info.stderr(), info.code()));
+        render
+    }
 }

@@ -1,0 +1,144 @@
+//! Signals and sudden death: the right exit code, soon, and never a file under a final name that is
+//! not whole. Skipped with a note where Embree is not installed.
+#![cfg(unix)]
+
+mod program;
+
+use std::{
+    fs,
+    io::{BufRead, BufReader, Write},
+    os::unix::process::ExitStatusExt,
+    process::{Child, ChildStderr, Command, Stdio},
+    time::{Duration, Instant},
+};
+
+use program::{Scratch, names_in};
+
+/// Some minutes of work.
+const SLOW: &str = r#"{
+  "spp": 4096,
+  "camera": { "type": "pinhole", "width": 2000, "height": 2000, "fov": 40,
+              "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+  "scene": {
+    "lightsources": [
+      { "type": "arealight", "v0": [-1, 4, 0], "v1": [1, 4, 0], "v2": [1, 4, 2],
+        "id": [2, 2, 2], "samples": 64 }],
+    "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }]
+  }
+}"#;
+
+/// How long a render may take to notice a signal.
+const PROMPT: Duration = Duration::from_secs(5);
+
+/// A render of `file` to `out/x` that has reached `phase`, or on a quick machine the one behind it;
+/// `None` where there is no Embree.
+fn started(scratch: &Scratch, file: &str, phase: &str) -> Option<(Child, BufReader<ChildStderr>)> {
+    let args = ["render", file, "-o", "out/x", "--progress", "json"];
+    let mut child = scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    while stderr.read_line(&mut line).unwrap() > 0 {
+        let reached = |phase: &str| line.contains(&format!("\"phase\":\"{phase}\""));
+        if reached(phase) || reached("render") {
+            return Some((child, stderr));
+        }
+        let error = line.starts_with("error");
+        if error {
+            let missing = ["cannot load", "no `Embree` backend"].iter().any(|m| line.contains(m));
+            assert!(missing, "{line}");
+            eprintln!("skipped: {line}");
+            child.wait().unwrap();
+            return None;
+        }
+        line.clear();
+    }
+    panic!("{phase} was over too soon");
+}
+
+fn send(signal: &str, child: &Child) {
+    let sent = Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
+    assert!(sent.unwrap().success());
+}
+
+/// Sends a signal in `phase` and sees that nothing is left.
+fn stops(scratch: &Scratch, file: &str, phase: &str, signal: &str, code: i32) {
+    let Some((mut child, mut stderr)) = started(scratch, file, phase) else {
+        return;
+    };
+    send(signal, &child);
+    let sent = Instant::now();
+    let mut said = String::new();
+    std::io::Read::read_to_string(&mut stderr, &mut said).unwrap();
+    let status = child.wait().unwrap();
+    assert!(sent.elapsed() < PROMPT, "{signal} in {phase}: {:?}", sent.elapsed());
+    assert_eq!(status.code(), Some(code), "{signal} in {phase}: {said}");
+    assert!(said.contains("error: stopped by a signal; no output was written"), "{said}");
+    assert_eq!(names_in(&scratch.path("out")), [""; 0]);
+}
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("slow.json", SLOW);
+    fs::create_dir(scratch.path("out")).unwrap();
+    scratch
+}
+
+#[test]
+fn a_render_stops() {
+    let scratch = scratch();
+    stops(&scratch, "slow.json", "render", "INT", 130);
+    stops(&scratch, "slow.json", "render", "TERM", 143);
+}
+
+#[test]
+fn sudden_death_leaves_no_file_under_a_final_name() {
+    let scratch = scratch();
+    fs::write(scratch.path("out/x.png"), "the picture before").unwrap();
+    let Some((mut child, _stderr)) = started(&scratch, "slow.json", "render") else {
+        return;
+    };
+    child.kill().unwrap();
+    assert_eq!(child.wait().unwrap().signal(), Some(9));
+    let names = names_in(&scratch.path("out"));
+    assert!(names.iter().all(|name| name == "x.png" || name.ends_with(".part")), "{names:?}");
+    assert_eq!(scratch.read("out/x.png"), b"the picture before");
+}
+
+/// A wavy sheet of 2 n^2 triangles.
+fn sheet(n: usize) -> Vec<u8> {
+    let mut out = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\n\
+         property float y\nproperty float z\nelement face {}\n\
+         property list uchar int vertex_indices\nend_header\n",
+        (n + 1) * (n + 1),
+        2 * n * n
+    )
+    .into_bytes();
+    for k in 0..(n + 1) * (n + 1) {
+        let (x, z) = ((k % (n + 1)) as f32 / n as f32, (k / (n + 1)) as f32 / n as f32);
+        for c in [x, (20.0 * x).sin() * (30.0 * z).cos() * 0.1, z] {
+            out.write_all(&c.to_le_bytes()).unwrap();
+        }
+    }
+    for k in 0..n * n {
+        let a = (k / n * (n + 1) + k % n) as i32;
+        let (b, c) = (a + 1, a + n as i32 + 1);
+        for [i, j, k] in [[a, b, c], [b, c + 1, c]] {
+            out.push(3);
+            for index in [i, j, k] {
+                out.write_all(&index.to_le_bytes()).unwrap();
+            }
+        }
+    }
+    out
+}
+
+#[test]
+fn a_build_stops() {
+    let scratch = scratch();
+    fs::write(scratch.path("sheet.ply"), sheet(1400)).unwrap();
+    let shape = r#"{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }"#;
+    let mesh = r#"{ "type": "trimesh", "path": "sheet.ply", "material": {} }"#;
+    scratch.write("mesh.json", &SLOW.replace(shape, mesh));
+    stops(&scratch, "mesh.json", "build", "INT", 130);
+}
