@@ -115,7 +115,7 @@ fn scenes() {
         table.add(what, &refusals.file("s.json", &bytes));
     }
     table.add("endless file", &refusals.render("/dev/zero", &[]));
-    table.is_documented();
+    table.check();
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn flags() {
         table.add(what, &refusals.render(file, flags));
     }
     table.add("two outputs", &refusals.render("good.json", &["-o", "out/y"]));
-    table.is_documented();
+    table.check();
 }
 
 #[test]
@@ -164,7 +164,7 @@ fn output_folders() {
         table.add(what, &refusals.run(&["render", "good.json", "-o", prefix]));
     }
     assert!(!refusals.scratch.names().iter().any(|name| name.contains("part")));
-    table.is_documented();
+    table.check();
 }
 
 /// The output folder belongs to another user. As root, the program runs as nobody.
@@ -255,7 +255,7 @@ fn memory() {
         "no memory for the picture",
         &refusals.render("good.json", &["--size", "30000x30000"]),
     );
-    table.is_documented();
+    table.check();
 }
 
 /// What is said to be enough is enough.
@@ -343,6 +343,6 @@ mod embree {
         table.add("a processor that Embree cannot use", &render(&refusals));
         compile(&path, &names, &[("rtcGetDeviceError", "4")]);
         table.add("no memory for Embree's device", &render(&refusals));
-        table.is_documented();
+        table.check();
     }
 }

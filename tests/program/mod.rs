@@ -148,7 +148,7 @@ impl Table {
 
     /// Asserts that the documentation says the same.
     #[track_caller]
-    pub fn is_documented(self) {
+    pub fn check(self) {
         let heading = format!("\n## {}\n", self.section);
         let docs = include_str!("../../docs/bad-input.md");
         let text = docs.split(&heading).nth(1).unwrap_or_default();
