@@ -4,7 +4,7 @@
 
 mod program;
 
-use std::{fs, os::unix::process::CommandExt, path::Path, process::Command};
+use std::{fs, os::unix::process::CommandExt, process::Command};
 
 use program::{Done, PYRAMID, Refusals, Table};
 
@@ -214,7 +214,7 @@ fn a_full_disk() {
 
 /// Whether a render failed for want of the library alone.
 fn no_embree(done: &Done) -> bool {
-    ["no `Embree` backend", "cannot load"].iter().any(|text| done.stderr().contains(text))
+    ["this build does not have", "cannot load"].iter().any(|text| done.stderr().contains(text))
 }
 
 /// Text polygons of `corners` corners: their triangles are not seen in the header.
@@ -303,7 +303,7 @@ mod embree {
     }
 
     /// A library whose functions return `values`, or else zero.
-    fn compile(path: &Path, names: &[&str], values: &[(&str, &str)]) -> bool {
+    fn compile(path: &std::path::Path, names: &[&str], values: &[(&str, &str)]) -> bool {
         let mut code = String::from("static int something;\n");
         for name in names {
             let value = values.iter().find(|(n, _)| n == name).map_or("0", |(_, value)| value);

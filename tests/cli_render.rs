@@ -25,7 +25,7 @@ const SCENE: &str = r#"{
 fn render(scratch: &Scratch, args: &[&str]) -> Option<Done> {
     let done = scratch.run(&[&["render"], args].concat());
     let stderr = done.stderr();
-    let unavailable = ["no `Embree` backend", "libembree", "make setup"];
+    let unavailable = ["this build does not have", "libembree", "make setup"];
     if done.code() != 0 && unavailable.iter().any(|text| stderr.contains(text)) {
         eprintln!("skipped: {stderr}");
         return None;

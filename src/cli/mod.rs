@@ -2,7 +2,7 @@
 //!
 //! Results and the paths of written files go to stdout, messages to stderr. Only `main` turns an
 //! error into an exit code. A flag that changes the scene becomes a `--set` override, so that flags
-//! and overrides pass the same checks ([`overrides`]).
+//! and overrides pass the same checks (`overrides`).
 
 mod args;
 mod framing;

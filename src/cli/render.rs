@@ -161,7 +161,11 @@ impl Run<'_> {
             isa: format!("{} rays, {isa} shading", info.isa),
             scene_hash: loaded.hash.clone(),
             seed: loaded.scene.seed,
-            memory: Memory { accelerator_bytes: info.bytes, ..Memory::default() },
+            memory: Memory {
+                accelerator_bytes: info.bytes,
+                accelerator_peak_bytes: info.peak_bytes,
+                ..Memory::default()
+            },
             ..Stats::default()
         }
     }

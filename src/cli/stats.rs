@@ -66,6 +66,8 @@ pub struct Memory {
     pub peak_bytes: u64,
     /// Held by the accelerator after its build.
     pub accelerator_bytes: u64,
+    /// Most that the accelerator held during its build.
+    pub accelerator_peak_bytes: u64,
     /// Mesh arrays and textures.
     pub mesh_bytes: u64,
 }

@@ -129,16 +129,24 @@ impl TileKernel<'_, '_, '_> {
                 sum[3] += alpha[i];
             }
         }
-        if slot.first + pattern.samples < world.spp {
-            return;
+        if slot.first + pattern.samples >= world.spp {
+            self.write(slot.corner, pattern.block, sums);
         }
-        let (w, [bw, bh]) = (self.window, pattern.block);
-        let n = world.spp as f32;
-        for (pixel, sum) in sums.iter().enumerate().take((bw * bh) as usize) {
-            let x = slot.corner[0] + pattern.x[pixel * pattern.samples as usize];
-            let y = slot.corner[1] + pattern.y[pixel * pattern.samples as usize];
-            if (w.x0..w.x1).contains(&x) && (w.y0..w.y1).contains(&y) {
-                self.rows[(y - w.y0) as usize][(x - w.x0) as usize] = sum.map(|sum| sum / n);
+    }
+
+    /// Writes the means of a block's pixels, those that are kept.
+    #[inline(always)]
+    fn write(&mut self, [x, y]: [u32; 2], [width, height]: [u32; 2], sums: &[[f32; 4]; LANES]) {
+        let (w, n) = (self.window, self.integrator.world.spp as f32);
+        let (left, right) = (x.max(w.x0), (x + width).min(w.x1));
+        for (sums, y) in sums.chunks(width as usize).zip(y..y + height) {
+            if y < w.y0 || y >= w.y1 {
+                continue;
+            }
+            let kept = (left - w.x0) as usize..(right - w.x0) as usize;
+            let row = &mut self.rows[(y - w.y0) as usize][kept];
+            for (pixel, sum) in row.iter_mut().zip(&sums[(left - x) as usize..]) {
+                *pixel = if n == 1.0 { *sum } else { sum.map(|sum| sum / n) };
             }
         }
     }

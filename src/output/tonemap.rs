@@ -1,7 +1,7 @@
 //! Radiance -> 8-bit values, for the PNG only. docs/scene-format.md, `tonemap`, is the contract.
 //!
 //! A transparent picture has straight alpha: colour is divided by alpha first, also for the
-//! maximum of the operator `max`. Values that no format holds count as [`finite`] says.
+//! maximum of the operator `max`. Values that no format holds count as `finite` says.
 
 use rayon::prelude::*;
 

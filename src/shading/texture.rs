@@ -45,7 +45,7 @@ enum Texels {
 }
 
 impl Texture {
-    /// Reads an image file of at most [`DEFAULT_MAX_BYTES`].
+    /// Reads an image file of at most 4 GiB.
     ///
     /// `color_space` `None`: sRGB for integer images, linear for float images.
     pub fn load(path: &Path, color_space: Option<ColorSpace>) -> Result<Self> {
