@@ -80,6 +80,13 @@ fn scene_rows() -> Vec<(&'static str, Vec<u8>)> {
             shape(r#"{ "type": "trimesh", "path": "text.ply", "material": {} }"#),
         ),
         (
+            "shapes too far apart",
+            shape(
+                r#"{ "type": "sphere", "center": [1e18, 0, 0], "radius": 1e18, "material": {} },
+                   { "type": "sphere", "center": [-1e18, 0, 0], "radius": 1e18, "material": {} }"#,
+            ),
+        ),
+        (
             "mesh beyond all sizes",
             shape(
                 r#"{ "type": "trimesh", "path": "good.ply", "size": 1e18, "center": [1e18, 0, 0], "material": {} }"#,
@@ -116,6 +123,18 @@ fn scenes() {
     }
     table.add("endless file", &refusals.render("/dev/zero", &[]));
     table.check();
+}
+
+#[test]
+fn a_scene_of_absurd_size_is_warned_of() {
+    let refusals = refusals();
+    for radius in ["1e13", "1e-13"] {
+        let bytes = scene("\"radius\": 1", &format!("\"radius\": {radius}"));
+        fs::write(refusals.scratch.path("s.json"), bytes).unwrap();
+        let done = refusals.run(&["info", "s.json"]);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        assert!(done.stderr().contains("warning: scene: found a scene of size 2.0e"));
+    }
 }
 
 #[test]

@@ -269,7 +269,8 @@ fn run<S: Strategy>(cases: u32, input: S, test: impl Fn(S::Value) -> TestCaseRes
     }
 }
 
-/// A handful of shapes of one size within a cube of ten times that size, at any scale.
+/// A handful of shapes of one size within a cube of ten times that size, at any scale that the
+/// program takes without a warning.
 #[derive(Debug, Clone)]
 struct Cloud {
     scale: f64,
@@ -282,7 +283,7 @@ fn cloud() -> impl Strategy<Value = Cloud> {
     let place = || [-3.0..3.0, -3.0..3.0, -3.0..3.0].prop_map(DVec3::from_array);
     let corners = move || (place(), unit(), unit()).prop_map(|(p, a, b)| [p, p + a * 2.0, p + b]);
     let ball = (place(), 0.2..1.5).prop_map(|(center, radius)| Sphere { center, radius });
-    (-8.0..8.0, vec(corners(), 1..6), vec(corners(), 0..4), vec(ball, 0..6)).prop_map(
+    (-12.0..12.0, vec(corners(), 1..6), vec(corners(), 0..4), vec(ball, 0..6)).prop_map(
         |(decade, triangles, quads, spheres)| {
             let scale = 10f64.powf(decade);
             let rounded = |c: [DVec3; 3]| c.map(|p| (p * scale).as_vec3().as_dvec3());

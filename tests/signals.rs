@@ -6,9 +6,9 @@ mod program;
 
 use std::{
     fs,
-    io::{BufRead, BufReader, Write},
+    io::{BufRead, BufReader, Read, Write},
     os::unix::process::ExitStatusExt,
-    process::{Child, ChildStderr, Command, Stdio},
+    process::{Child, Command, Stdio},
     time::{Duration, Instant},
 };
 
@@ -30,17 +30,28 @@ const SLOW: &str = r#"{
 /// How long a render may take to notice a signal.
 const PROMPT: Duration = Duration::from_secs(5);
 
+/// A render that ends with the test, however that ends.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 /// A render of `file` to `out/x` that has reached `phase`, or on a quick machine the one behind it;
 /// `None` where there is no Embree.
-fn started(scratch: &Scratch, file: &str, phase: &str) -> Option<(Child, BufReader<ChildStderr>)> {
+fn started(scratch: &Scratch, file: &str, phase: &str) -> Option<Running> {
     let args = ["render", file, "-o", "out/x", "--progress", "json"];
-    let mut child = scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap();
-    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut child = Running(scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap());
     let mut line = String::new();
+    let mut stderr = BufReader::new(child.0.stderr.take().unwrap());
     while stderr.read_line(&mut line).unwrap() > 0 {
         let reached = |phase: &str| line.contains(&format!("\"phase\":\"{phase}\""));
         if reached(phase) || reached("render") {
-            return Some((child, stderr));
+            child.0.stderr = Some(stderr.into_inner());
+            return Some(child);
         }
         let error = line.starts_with("error");
         if error {
@@ -65,14 +76,14 @@ fn send(signal: &str, child: &Child) {
 
 /// Sends a signal in `phase` and sees that nothing is left.
 fn stops(scratch: &Scratch, file: &str, phase: &str, signal: &str, code: i32) {
-    let Some((mut child, mut stderr)) = started(scratch, file, phase) else {
+    let Some(mut child) = started(scratch, file, phase) else {
         return;
     };
-    send(signal, &child);
+    send(signal, &child.0);
     let sent = Instant::now();
     let mut said = String::new();
-    std::io::Read::read_to_string(&mut stderr, &mut said).unwrap();
-    let status = child.wait().unwrap();
+    child.0.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    let status = child.0.wait().unwrap();
     assert!(sent.elapsed() < PROMPT, "{signal} in {phase}: {:?}", sent.elapsed());
     assert_eq!(status.code(), Some(code), "{signal} in {phase}: {said}");
     assert!(said.contains("error: stopped by a signal; no output was written"), "{said}");
@@ -97,11 +108,11 @@ fn a_render_stops() {
 fn sudden_death_leaves_no_file_under_a_final_name() {
     let scratch = scratch();
     fs::write(scratch.path("out/x.png"), "the picture before").unwrap();
-    let Some((mut child, _stderr)) = started(&scratch, "slow.json", "render") else {
+    let Some(mut child) = started(&scratch, "slow.json", "render") else {
         return;
     };
-    child.kill().unwrap();
-    assert_eq!(child.wait().unwrap().signal(), Some(9));
+    child.0.kill().unwrap();
+    assert_eq!(child.0.wait().unwrap().signal(), Some(9));
     let names = names_in(&scratch.path("out"));
     assert!(names.iter().all(|name| name == "x.png" || name.ends_with(".part")), "{names:?}");
     assert_eq!(scratch.read("out/x.png"), b"the picture before");

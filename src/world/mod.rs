@@ -16,7 +16,7 @@ use crate::monitor::{Monitor, Phase};
 use crate::scene::{Falloff, LightKind, Scene, ShapeKind};
 use crate::shading::{Emitter, Light, Owner, Shape, Shapes, UvSource};
 
-use self::place::PlacedMesh;
+use self::place::{LARGEST, PlacedMesh};
 
 pub use self::bounds::Bounds;
 pub use self::place::placement;
@@ -103,6 +103,7 @@ impl World {
             monitor.set_done(index as u64 + 1);
             monitor.check()?;
         }
+        check_size(bounds, &mut warnings)?;
         let origin = bounds.center();
         let (geometry, shapes) = gather(scene, meshes, origin)?;
         let shapes = Shapes { materials, textures, ..shapes };
@@ -133,6 +134,24 @@ impl World {
     pub fn mesh_bytes(&self) -> u64 {
         self.geometry.bytes() + self.shapes.bytes()
     }
+}
+
+/// Refuses what Embree would silently leave out, and warns where its single-precision products
+/// leave their range: `tests/properties.rs` finds right answers from 1e-12 to 1e12.
+fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
+    let size = bounds.longest_side();
+    if size / 2.0 >= LARGEST {
+        let message =
+            format!("found shapes {size:e} apart, expected less than {:e}", 2.0 * LARGEST);
+        return Err(Error::invalid("scene", message));
+    }
+    if size > 1e12 || (0.0..1e-12).contains(&size) {
+        let message = format!(
+            "found a scene of size {size:.1e}: outside of 1e-12 to 1e12 rays may miss what they should hit"
+        );
+        warnings.push(Problem::new("scene", message).help("choose another unit of length"));
+    }
+    Ok(())
 }
 
 fn recentre(light: &crate::scene::Light, origin: DVec3) -> Light {

@@ -11,7 +11,7 @@ use crate::scene::{ColorSpace, Trimesh};
 use crate::shading::{Shape, UvSource, VertexColors};
 
 /// Embree silently drops primitives beyond this (its `FLT_LARGE`); so does f32's square.
-const LARGEST: f64 = 1.844e18;
+pub(super) const LARGEST: f64 = 1.844e18;
 
 /// A mesh with its transform: `linear p + offset`.
 pub struct PlacedMesh {
