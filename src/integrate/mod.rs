@@ -129,7 +129,7 @@ impl TileKernel<'_, '_, '_> {
                 sum[3] += alpha[i];
             }
         }
-        if slot.first + pattern.samples >= world.spp {
+        if slot.first.saturating_add(pattern.samples) >= world.spp {
             self.write(slot.corner, pattern.block, sums);
         }
     }
