@@ -13,7 +13,7 @@ use crate::{
     world::{LoadOptions, World},
 };
 
-use super::{info::Report, memory, units};
+use super::{memory, report::Report, units};
 
 /// Checks a scene and says what is in it.
 pub fn describe(path: &Path, report: &mut Report) -> Result<()> {

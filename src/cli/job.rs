@@ -1,9 +1,6 @@
 //! Arguments -> a checked scene: a file, stdin, or a mesh in a template.
 
-use std::{
-    io::Read,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
@@ -15,52 +12,11 @@ use crate::{
 use super::{
     args::RenderArgs,
     memory, meshes,
+    origin::Origin,
     overrides::Overrides,
     paths::seen_from,
     studio::{self, STUDIO, Subject},
 };
-
-/// Longest scene on stdin; longer files are refused by the parser too.
-const MAX_STDIN_BYTES: u64 = 256 << 20;
-
-/// The text of a scene and what its paths are relative to.
-#[derive(Debug)]
-pub struct Origin {
-    /// For messages.
-    pub name: String,
-    /// JSON.
-    pub text: Vec<u8>,
-    /// Of relative paths; empty is the working folder.
-    pub folder: PathBuf,
-}
-
-impl Origin {
-    /// As the parser takes it.
-    pub fn source(&self) -> Source<'_> {
-        Source::Text { name: &self.name, text: &self.text, folder: &self.folder }
-    }
-
-    fn file(path: &Path) -> Result<Self> {
-        let read = || {
-            let file = std::fs::File::open(path)?;
-            let mut text = Vec::new();
-            file.take(MAX_STDIN_BYTES).read_to_end(&mut text)?;
-            Ok(text)
-        };
-        Ok(Self {
-            name: path.display().to_string(),
-            text: read().map_err(|error| Error::io(path, "read", &error))?,
-            folder: path.parent().unwrap_or(Path::new("")).to_owned(),
-        })
-    }
-
-    fn stdin() -> Result<Self> {
-        let mut text = Vec::new();
-        let read = std::io::stdin().take(MAX_STDIN_BYTES).read_to_end(&mut text);
-        read.map_err(|error| Error::io("<stdin>".as_ref(), "read", &error))?;
-        Ok(Self { name: "<stdin>".to_string(), text, folder: PathBuf::new() })
-    }
-}
 
 /// A scene that is ready to be rendered.
 #[derive(Debug)]

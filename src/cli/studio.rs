@@ -20,8 +20,8 @@ use crate::{
 use super::{
     args::Axis,
     framing::frame,
-    job::Origin,
     meshes::{self, Points},
+    origin::Origin,
     overrides::Overrides,
     paths::seen_from,
 };

@@ -3,8 +3,8 @@
 use serde_json::Value;
 
 use super::{
-    document::{Node, NodeKind},
     nearest::list,
+    node::{Node, NodeKind},
     schema::{resolve, tag},
 };
 

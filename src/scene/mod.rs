@@ -13,6 +13,7 @@ mod expected;
 #[cfg(test)]
 mod hostile_tests;
 mod nearest;
+mod node;
 mod overrides;
 mod parse;
 mod parse_string;
@@ -25,8 +26,9 @@ mod write;
 
 pub use checked::*;
 pub use description::Description;
-pub use document::{Document, Member, Node, NodeKind, Place};
+pub use document::Document;
 pub use nearest::{did_you_mean, list, nearest};
+pub use node::{Member, Node, NodeKind, Place};
 pub use schema::{schema, schema_of};
 
 /// The format's types as written, for scenes that are made by code.

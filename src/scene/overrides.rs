@@ -6,7 +6,8 @@ use std::sync::Arc;
 use crate::error::Problem;
 
 use super::{
-    document::{Document, Member, Node, NodeKind, Place, join, list_index, shown, tokens},
+    document::{Document, join, shown, tokens},
+    node::{Member, Node, NodeKind, Place, list_index},
     parse::{self, MAX_DEPTH},
 };
 

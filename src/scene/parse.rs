@@ -5,7 +5,7 @@
 //! refuses what lenient parsers let pass: comments, trailing or missing commas, single quotes,
 //! loose names, `NaN`, hexadecimal. A test holds it against `serde_json`.
 
-use super::document::{Member, Node, NodeKind, Place};
+use super::node::{Member, Node, NodeKind, Place};
 
 /// Deepest nesting of arrays and objects; a scene needs 6.
 pub const MAX_DEPTH: usize = 64;

@@ -2,7 +2,8 @@
 
 use crate::error::Problem;
 
-use super::document::{Document, Place};
+use super::document::Document;
+use super::node::Place;
 
 /// Problems and warnings about one document.
 #[derive(Debug)]

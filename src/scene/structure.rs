@@ -8,9 +8,10 @@ use std::collections::HashMap;
 use serde_json::Value;
 
 use super::{
-    document::{Member, Node, NodeKind, join},
+    document::join,
     expected::{expected, found, quoted, words},
     nearest::{did_you_mean, list},
+    node::{Member, Node, NodeKind},
     problems::Problems,
     schema::{resolve, tag},
 };

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use crate::scene::{
     checked::{ColorSpace, Filter, Material, TextureUse, Wrap},
     description::{self, MaterialUse},
-    document::{NodeKind, join},
+    document::join,
     expected::quoted,
     nearest::{did_you_mean, list},
+    node::NodeKind,
 };
 
 use super::Check;

@@ -19,7 +19,8 @@ use serde::de::DeserializeOwned;
 use super::{
     checked::{Backend, Falloff, Scene, ToneOperator, Tonemap},
     description::{Accelerator, Attenuation, Description, Name, Operator, Transfer},
-    document::{Document, NodeKind},
+    document::Document,
+    node::NodeKind,
     problems::Problems,
 };
 
