@@ -2,13 +2,14 @@
 
 use rayon::prelude::*;
 
+use super::block::Uniform;
 use super::check::{Checker, Tally};
 use super::header::Shape;
-use super::layout::Uniform;
 use super::plan::{FacePlan, Step};
 use super::polygon;
-use super::row::{Fault, Row, Sink, Table, Values};
+use super::row::{Fault, Row, Values};
 use super::scalar::{Native, Scalar};
+use super::table::{Sink, Table};
 use crate::error::Result;
 use crate::mesh::normals::Point;
 

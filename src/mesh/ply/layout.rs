@@ -6,42 +6,13 @@
 
 use rayon::prelude::*;
 
+use super::block::{Block, Span, Uniform, too_short};
 use super::header::{Element, Format, Header, Shape};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 
 /// Rows that one task reads.
 const ROWS: u64 = 1 << 14;
-
-/// Some rows of an element.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Block {
-    pub(super) start: usize,
-    pub(super) end: usize,
-    /// The number of the first row.
-    pub(super) row: u64,
-    pub(super) rows: u64,
-    /// Lines of text before the block.
-    pub(super) line: u64,
-}
-
-/// All rows have the same size.
-#[derive(Debug, Clone)]
-pub(super) struct Uniform {
-    pub(super) start: usize,
-    pub(super) stride: usize,
-    /// Where each property starts in a row (a list: its first item).
-    pub(super) offsets: Vec<usize>,
-    /// The length of each list (1 for a single number).
-    pub(super) lengths: Vec<u64>,
-}
-
-/// The rows of one element.
-#[derive(Debug, Default)]
-pub(super) struct Span {
-    pub(super) uniform: Option<Uniform>,
-    pub(super) blocks: Vec<Block>,
-}
 
 /// Finds the rows of every element; the second value is the bytes after the last row.
 pub(super) fn locate(data: &[u8], header: &Header, name: &str) -> Result<(Vec<Span>, u64)> {
@@ -57,25 +28,6 @@ pub(super) fn locate(data: &[u8], header: &Header, name: &str) -> Result<(Vec<Sp
         at = end;
     }
     Ok((spans, (data.len() - at) as u64))
-}
-
-/// "the file is cut short": `found` rows of `element` are there.
-pub(super) fn too_short(element: &Element, found: u64, have: &str, name: &str) -> Error {
-    let declared = element.rows(element.count);
-    Error::invalid(
-        name,
-        format!("the header declares {declared}, but only {found} are in the file: {have}"),
-    )
-    .help("the file is cut short or its header is wrong: write it again")
-}
-
-/// The values of a row, for messages.
-pub(super) fn expected(element: &Element) -> String {
-    let names = element.properties.iter().map(|p| match p.shape {
-        Shape::Single(_) => p.name.clone(),
-        Shape::List { .. } => format!("COUNT {}...", p.name),
-    });
-    names.collect::<Vec<_>>().join(" ")
 }
 
 fn find(

@@ -5,8 +5,8 @@
 
 use rayon::prelude::*;
 
+use super::block::{Block, Span, too_short};
 use super::header::{Header, show};
-use super::layout::{Block, Span, too_short};
 use super::row::{Fault, Row, Values};
 use super::scalar::Scalar;
 use crate::error::Result;

@@ -6,6 +6,7 @@
 //! before the rows have been found in the file. It refuses point clouds, and leaves placing and
 //! shading to others. Format: Turk, "The PLY Polygon File Format" (1994), and common usage.
 
+mod block;
 mod check;
 mod face;
 mod header;
@@ -18,17 +19,19 @@ mod row;
 mod scalar;
 mod source;
 mod summary;
+mod table;
 mod vertex;
 
 use std::path::Path;
 
+use self::block::Span;
 use self::check::Tally;
 use self::face::Faces;
 use self::header::{Element, Format, Header, Shape};
-use self::layout::Span;
 use self::plan::Plan;
-use self::row::{Row, Sink, Table, Values};
+use self::row::{Row, Values};
 use self::source::Source;
+use self::table::{Sink, Table};
 use super::normals::Point;
 use super::{Mesh, Notes, Positions, Uvs};
 use crate::error::{Error, Result};

@@ -2,11 +2,12 @@
 
 use rayon::prelude::*;
 
+use super::block::Uniform;
 use super::header::Shape;
-use super::layout::Uniform;
 use super::plan::{ColorType, ROLES, Step, VertexPlan};
-use super::row::{Row, Sink, Table, Values};
+use super::row::{Row, Values};
 use super::scalar::{Native, Scalar};
+use super::table::{Sink, Table};
 use crate::error::Result;
 use crate::mesh::{Colors, Positions};
 
