@@ -129,7 +129,7 @@ fn embree(root: &Path) {
             println!("cargo::rerun-if-changed={}", library.folder.join(&library.file).display());
         }
         None => println!(
-            "cargo::warning=Embree 4 is not installed: `make setup` installs it. Until then only the other backends run."
+            "cargo::warning=Embree 4 is not installed: `make setup` installs it. Until then no scene renders."
         ),
     }
     let file = found.as_ref().map_or(EMBREE_SONAME, |library| &library.file);

@@ -225,7 +225,7 @@ embree_by_hand() {
     die "$1" \
         "Get Embree $embree_needed or a later 4.x (https://github.com/RenderKit/embree/releases), unpack it, and run" \
         "    export EMBREE_DIR=/that/folder" \
-        "before make. Or build without it: cargo build --release --no-default-features, --backend bvh"
+        "before make. Or build without it: cargo build --release --no-default-features"
 }
 
 embree_from_wheel() {

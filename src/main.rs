@@ -17,7 +17,7 @@ fn main() -> ExitCode {
     match lightpath::cli::run(&arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("{error}");
+            lightpath::cli::note(&error.to_string());
             ExitCode::from(error.exit_code())
         }
     }

@@ -247,3 +247,21 @@ fn a_signal_leaves_nothing() {
         assert!(stderr.contains("stopped by a signal"), "{stderr}");
     }
 }
+
+#[test]
+fn inputs_and_outputs_are_never_written_over() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    for args in [
+        ["s.json", "-o", "a", "--stats", "s.json"],
+        ["s.json", "-o", "a", "--stats", "./s.json"],
+        ["s.json", "-o", "a", "--stats", "a.png"],
+        ["s.json", "--write-scene", "b.json", "--stats", "b.json"],
+    ] {
+        let done = scratch.run(&[&["render"], &args[..]].concat());
+        assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
+        assert!(done.stderr().contains("over what the render reads"), "{}", done.stderr());
+        assert_eq!(scratch.names(), ["s.json"], "{args:?}");
+    }
+    assert_eq!(scratch.read("s.json"), SCENE.as_bytes());
+}

@@ -43,7 +43,7 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     let warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
     let texts: Vec<String> = warnings.iter().map(Problem::to_string).collect();
     for text in &texts {
-        eprintln!("warning: {text}");
+        super::note(&format!("warning: {text}"));
     }
     report.add("warnings", json!(texts), "");
     Ok(())

@@ -32,6 +32,11 @@ use std::io::Write;
 
 use crate::error::{Error, Result};
 
+/// Prints a message; a stderr that is closed or full must not stop a render.
+pub fn note(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
 /// Runs one command.
 ///
 /// # Errors

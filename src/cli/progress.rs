@@ -78,8 +78,8 @@ impl Progress {
     /// Prints a message without tearing the bar.
     pub fn message(&self, text: &str) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            Some(bar) => bar.suspend(|| super::note(text)),
+            None => super::note(text),
         }
     }
 }
@@ -192,7 +192,7 @@ impl Reading {
 
     fn plain(&self) {
         let percent = 100.0 * self.done as f64 / self.total.max(1) as f64;
-        eprintln!("{} {percent:.1}%  {}", self.name(), self.rate());
+        super::note(&format!("{} {percent:.1}%  {}", self.name(), self.rate()));
     }
 
     fn json(&self) {

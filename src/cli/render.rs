@@ -16,6 +16,7 @@ use crate::{
     monitor::Monitor,
     output::{Oddities, Outputs, WriteOptions, atomic::TextFile},
     render as renderer,
+    scene::ShapeKind,
     simd::Isa,
     world::{LoadOptions, World},
 };
@@ -55,7 +56,6 @@ impl Files {
 pub fn run(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let monitor = Arc::new(Monitor::default());
-    signals::watch(&monitor)?;
     let threads = threads(&args.machine);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| {
@@ -67,6 +67,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
     let prediction = memory::predict(&job.loaded.scene, window)?;
     prediction.check(args.machine.max_memory)?;
+    not_over_inputs(args, &job)?;
+    // Until here a signal ends the program at once: there is nothing to tidy up.
+    signals::watch(&monitor)?;
     let files = Files::create(args)?;
     let mode = match args.report.quiet {
         true => ProgressMode::Off,
@@ -84,6 +87,37 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     };
     let (stats, paths) = pool.install(|| run.all(files, ready))?;
     report(args, &stats, &paths)
+}
+
+/// Refuses outputs that would replace what the scene is made of, or each other.
+fn not_over_inputs(args: &RenderArgs, job: &Job) -> Result<()> {
+    let scene = &job.loaded.scene;
+    let meshes = scene.shapes.iter().filter_map(|shape| match &shape.kind {
+        ShapeKind::Trimesh(spec) => Some(&spec.path),
+        _ => None,
+    });
+    let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref().map(|t| &t.path));
+    let inputs = [&args.input].into_iter().chain(&args.mesh.template).chain(meshes).chain(textures);
+    // The folder may be reached in two ways, and an output need not be there yet.
+    let same = |path: &Path| {
+        let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+        path.canonicalize().unwrap_or_else(|_| folder.join(path.file_name().unwrap_or_default()))
+    };
+    let mut taken: Vec<PathBuf> = inputs.map(|path| same(path)).collect();
+    let prefix = paths::prefix(args.output.as_deref(), &args.input);
+    let named = |end: &str| PathBuf::from(format!("{}{end}", prefix.display()));
+    let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
+    for output in [named(".exr"), named(".png")].into_iter().chain(others) {
+        let path = same(&output);
+        if taken.contains(&path) && !path.starts_with("/dev") {
+            let message = "would be written over what the render reads, or twice";
+            return Err(Error::invalid(output.display().to_string(), message)
+                .help("choose another name: -o PREFIX, --stats FILE, --write-scene FILE"));
+        }
+        taken.push(path);
+    }
+    Ok(())
 }
 
 /// `--threads`, else what a batch system grants, else what this process may use.
@@ -247,7 +281,7 @@ fn odd(oddities: &Oddities) -> Vec<Problem> {
 
 fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
     if !args.report.quiet {
-        eprintln!("{}", stats.summary());
+        super::note(&stats.summary());
     }
     let names = paths.iter().map(|path| path.as_path().display().to_string());
     if args.report.json {

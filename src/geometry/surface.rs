@@ -171,8 +171,11 @@ fn refine_spheres(geometry: &Geometry, packet: &RayPacket, out: &mut Surfaces) {
         }
         let sphere = geometry.spheres[packet.hits.prim[i] as usize];
         let (origin, direction) = ray(packet, i);
-        // The backend's t names the root; its point is moved onto the sphere along the radius.
-        let near = origin + direction * f64::from(packet.rays.tfar[i]);
+        // The backend's t names the root; the root itself is found again in f64.
+        let reported = f64::from(packet.rays.tfar[i]);
+        let slack = reported.abs() * 1e-6;
+        let root = sphere.intersect(origin, direction, reported - slack, reported + slack, false);
+        let near = origin + direction * if root.is_nan() { reported } else { root };
         let normal = (near - sphere.center).normalize_or(DVec3::Z);
         store(out, i, sphere.center + normal * sphere.radius, normal, direction);
     }

@@ -6,6 +6,7 @@ use super::RayCounts;
 use super::slot::Slot;
 use crate::accel::Accelerator;
 use crate::geometry::{Surfaces, refine};
+use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, Rays};
 use crate::sampler::Sampler;
 use crate::shading::{
@@ -18,13 +19,14 @@ pub struct Cast<'a> {
     world: &'a World,
     accelerator: &'a dyn Accelerator,
     sampler: Sampler,
+    monitor: &'a Monitor,
     surfaces: Surfaces,
     points: Points,
     shadow: Rays,
     lit: Lit,
     gathered: ShadowPoints,
-    /// Light of one area light, before the base colour.
-    sums: Lanes3,
+    /// Light of one area light, by lane, before the base colour; f64, as there may be many.
+    sums: [[f64; 3]; LANES],
     throughput: [f32; LANES],
     /// Radiance that the packet's lanes carry.
     pub radiance: Lanes3,
@@ -33,17 +35,23 @@ pub struct Cast<'a> {
 impl<'a> Cast<'a> {
     /// Room for the packets of `world`.
     #[inline(always)]
-    pub fn new(world: &'a World, accelerator: &'a dyn Accelerator, sampler: Sampler) -> Self {
+    pub fn new(
+        world: &'a World,
+        accelerator: &'a dyn Accelerator,
+        sampler: Sampler,
+        monitor: &'a Monitor,
+    ) -> Self {
         Self {
             world,
             accelerator,
             sampler,
+            monitor,
             surfaces: Surfaces::EMPTY,
             points: Points::EMPTY,
             shadow: Rays::EMPTY,
             lit: Lit::EMPTY,
             gathered: ShadowPoints::EMPTY,
-            sums: [[0.0; LANES]; 3],
+            sums: [[0.0; 3]; LANES],
             throughput: [1.0; LANES],
             radiance: [[0.0; LANES]; 3],
         }
@@ -59,6 +67,9 @@ impl<'a> Cast<'a> {
         self.radiance = [[0.0; LANES]; 3];
         for bounce in 0..=world.nbounces {
             if bounce > 0 {
+                if self.monitor.stopped() {
+                    break;
+                }
                 active = self.mirror(slot, counts);
                 if !active.any() {
                     break;
@@ -152,7 +163,7 @@ impl<'a> Cast<'a> {
             return;
         };
         let hit = self.points.at.hit;
-        self.sums = [[0.0; LANES]; 3];
+        self.sums = [[0.0; 3]; LANES];
         let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
         let mut pairs = lanes.flat_map(|lane| (0..samples).map(move |sample| (lane, sample)));
         loop {
@@ -166,7 +177,7 @@ impl<'a> Cast<'a> {
                 from[count] = lane;
                 count += 1;
             }
-            if count == 0 {
+            if count == 0 || self.monitor.stopped() {
                 break;
             }
             self.gathered.gather(&self.points.at, &from, count);
@@ -179,14 +190,15 @@ impl<'a> Cast<'a> {
             self.accelerator.occluded(&active, rays, Coherence::Coherent);
             for j in (0..count).filter(|&j| active.0[j] != 0 && rays.tfar[j] >= 0.0) {
                 let sent = light.diffuse * lit.diffuse[j] + light.specular * lit.specular[j];
-                let sum = lane(&self.sums, from[j]) + sent;
-                set_lane(&mut self.sums, from[j], sum);
+                for (sum, sent) in self.sums[from[j]].iter_mut().zip(sent.to_array()) {
+                    *sum += f64::from(sent);
+                }
             }
         }
-        let share = 1.0 / samples as f32;
+        let share = 1.0 / f64::from(samples);
         for axis in 0..3 {
             for i in 0..LANES {
-                let light = self.sums[axis][i] * share;
+                let light = (self.sums[i][axis] * share) as f32;
                 let sent = light * self.points.base[axis][i] * self.throughput[i];
                 self.radiance[axis][i] += if hit.0[i] != 0 { sent } else { 0.0 };
             }

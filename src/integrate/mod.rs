@@ -75,9 +75,9 @@ impl Kernel for TileKernel<'_, '_, '_> {
         let sampler = Sampler::new(world.seed);
         let pattern = Pattern::for_spp(world.spp);
         let mut counts = RayCounts::default();
-        let mut cast = Cast::new(world, accelerator, sampler);
+        let mut cast = Cast::new(world, accelerator, sampler, monitor);
         let mut slots = [Slot::EMPTY; 2];
-        let mut sums = [[0.0f32; 4]; LANES];
+        let mut sums = [[0.0f64; 4]; LANES];
         let units = corners(&pattern, self.window).flat_map(|corner| {
             (0..world.spp).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
@@ -111,7 +111,7 @@ impl TileKernel<'_, '_, '_> {
         slot: &mut Slot,
         pattern: &Pattern,
         cast: &mut Cast,
-        sums: &mut [[f32; 4]; LANES],
+        sums: &mut [[f64; 4]; LANES],
         counts: &mut RayCounts,
     ) {
         let world = self.integrator.world;
@@ -124,9 +124,9 @@ impl TileKernel<'_, '_, '_> {
             if slot.active.0[i] != 0 {
                 let sum = &mut sums[pattern.pixel[i] % LANES];
                 for axis in 0..3 {
-                    sum[axis] += cast.radiance[axis][i];
+                    sum[axis] += f64::from(cast.radiance[axis][i]);
                 }
-                sum[3] += alpha[i];
+                sum[3] += f64::from(alpha[i]);
             }
         }
         if slot.first.saturating_add(pattern.samples) >= world.spp {
@@ -136,8 +136,8 @@ impl TileKernel<'_, '_, '_> {
 
     /// Writes the means of a block's pixels, those that are kept.
     #[inline(always)]
-    fn write(&mut self, [x, y]: [u32; 2], [width, height]: [u32; 2], sums: &[[f32; 4]; LANES]) {
-        let (w, n) = (self.window, self.integrator.world.spp as f32);
+    fn write(&mut self, [x, y]: [u32; 2], [width, height]: [u32; 2], sums: &[[f64; 4]; LANES]) {
+        let (w, n) = (self.window, f64::from(self.integrator.world.spp));
         let (left, right) = (x.max(w.x0), (x + width).min(w.x1));
         for (sums, y) in sums.chunks(width as usize).zip(y..y + height) {
             if y < w.y0 || y >= w.y1 {
@@ -146,7 +146,7 @@ impl TileKernel<'_, '_, '_> {
             let kept = (left - w.x0) as usize..(right - w.x0) as usize;
             let row = &mut self.rows[(y - w.y0) as usize][kept];
             for (pixel, sum) in row.iter_mut().zip(&sums[(left - x) as usize..]) {
-                *pixel = if n == 1.0 { *sum } else { sum.map(|sum| sum / n) };
+                *pixel = sum.map(|sum| if n == 1.0 { sum as f32 } else { (sum / n) as f32 });
             }
         }
     }

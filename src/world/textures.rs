@@ -8,12 +8,15 @@ use crate::shading::{Material, Texture};
 
 /// Loads the textures of the materials that shapes use.
 pub fn load(scene: &Scene, warnings: &mut Vec<Problem>) -> Result<(Vec<Texture>, Vec<Material>)> {
+    let mut used = vec![false; scene.materials.len()];
+    for shape in &scene.shapes {
+        used[shape.material] = true;
+    }
     let mut textures = Vec::new();
     let mut loaded = HashMap::new();
     let mut materials = Vec::with_capacity(scene.materials.len());
     for (index, m) in scene.materials.iter().enumerate() {
-        let used = scene.shapes.iter().any(|shape| shape.material == index);
-        let texture = match m.texture.as_ref().filter(|_| used) {
+        let texture = match m.texture.as_ref().filter(|_| used[index]) {
             None => None,
             Some(spec) => {
                 let key = (spec.path.clone(), spec.color_space);
