@@ -120,33 +120,41 @@ impl TileKernel<'_, '_, '_> {
             *sums = [[0.0; 4]; LANES];
         }
         let alpha = alpha(&hit, world.transparent);
+        let (block, [r, g, b]) = (pattern.block, &cast.radiance);
+        if world.spp == 1 {
+            // A lane is a pixel.
+            return self.write(slot.corner, block, |i| [r[i], g[i], b[i], alpha[i]]);
+        }
         for i in 0..LANES {
             if slot.active.0[i] != 0 {
                 let sum = &mut sums[pattern.pixel[i] % LANES];
-                for axis in 0..3 {
-                    sum[axis] += f64::from(cast.radiance[axis][i]);
+                for (sum, sample) in sum.iter_mut().zip([r[i], g[i], b[i], alpha[i]]) {
+                    *sum += f64::from(sample);
                 }
-                sum[3] += f64::from(alpha[i]);
             }
         }
         if slot.first.saturating_add(pattern.samples) >= world.spp {
-            self.write(slot.corner, pattern.block, sums);
+            let n = f64::from(world.spp);
+            self.write(slot.corner, block, |i| sums[i].map(|sum| (sum / n) as f32));
         }
     }
 
-    /// Writes the means of a block's pixels, those that are kept.
+    /// Writes a block's pixels by their index in it, those that are kept.
     #[inline(always)]
-    fn write(&mut self, [x, y]: [u32; 2], [width, height]: [u32; 2], sums: &[[f64; 4]; LANES]) {
-        let (w, n) = (self.window, f64::from(self.integrator.world.spp));
+    fn write(
+        &mut self,
+        [x, y]: [u32; 2],
+        [width, height]: [u32; 2],
+        pixel: impl Fn(usize) -> [f32; 4],
+    ) {
+        let w = self.window;
         let (left, right) = (x.max(w.x0), (x + width).min(w.x1));
-        for (sums, y) in sums.chunks(width as usize).zip(y..y + height) {
-            if y < w.y0 || y >= w.y1 {
-                continue;
-            }
+        for row in y.max(w.y0)..(y + height).min(w.y1) {
             let kept = (left - w.x0) as usize..(right - w.x0) as usize;
-            let row = &mut self.rows[(y - w.y0) as usize][kept];
-            for (pixel, sum) in row.iter_mut().zip(&sums[(left - x) as usize..]) {
-                *pixel = sum.map(|sum| if n == 1.0 { sum as f32 } else { (sum / n) as f32 });
+            let first = ((row - y) * width + left - x) as usize;
+            let pixels = &mut self.rows[(row - w.y0) as usize][kept];
+            for (i, kept) in pixels.iter_mut().enumerate() {
+                *kept = pixel((first + i) % LANES);
             }
         }
     }
