@@ -135,3 +135,52 @@ impl fmt::Display for Error {
 }
 
 impl std::error::Error for Error {}
+
+/// The errors of parts that do not depend on each other, so that all are reported and not only
+/// the first.
+#[derive(Debug, Default)]
+pub struct Failures(Option<Error>);
+
+impl Failures {
+    /// The value, or `None` once the error is kept.
+    pub fn keep<T>(&mut self, result: Result<T>) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(error) => {
+                match &mut self.0 {
+                    None => self.0 = Some(error),
+                    Some(all) => {
+                        // Where one part needs mending, trying again does not help.
+                        if all.kind == Kind::Retry {
+                            all.kind = error.kind;
+                        }
+                        all.problems.extend(error.problems);
+                    }
+                }
+                None
+            }
+        }
+    }
+
+    /// All errors as one, if there was any.
+    pub fn check(self) -> Result<()> {
+        self.0.map_or(Ok(()), Err)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failures_keep_every_problem_and_the_kind_that_matters() {
+        let mut failures = Failures::default();
+        assert_eq!(failures.keep(Ok(1)), Some(1));
+        let retry = Error::new(Kind::Retry, Problem::new("a", "full"));
+        assert_eq!(failures.keep::<()>(Err(retry)), None);
+        assert_eq!(failures.keep::<()>(Err(Error::invalid("b", "bad"))), None);
+        let error = failures.check().unwrap_err();
+        assert_eq!((error.kind, error.problems.len()), (Kind::Invalid, 2));
+        assert_eq!(Failures::default().check(), Ok(()));
+    }
+}

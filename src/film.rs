@@ -39,8 +39,7 @@ impl Window {
 
 /// R, G, B, A of many pixels, zero at first.
 ///
-/// Fresh pages of their own with the advice to use huge ones: page faults on 4 KiB pages cost a
-/// 1024 x 1024 frame of one sample 5 % of its render time.
+/// Fresh pages of their own, with the advice to use huge ones.
 #[derive(Debug)]
 pub struct Pixels(MmapMut);
 

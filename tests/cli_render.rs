@@ -265,3 +265,28 @@ fn inputs_and_outputs_are_never_written_over() {
     }
     assert_eq!(scratch.read("s.json"), SCENE.as_bytes());
 }
+
+#[test]
+fn every_bad_file_of_a_scene_is_reported() {
+    let scratch = Scratch::new();
+    // The headers are right: what is wrong shows only when the files are read.
+    let bad = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+        0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n";
+    scratch.write("one.ply", bad);
+    scratch.write("two.ply", bad);
+    scratch.write("a.png", "not a picture");
+    let shape =
+        |file: &str| format!(r#"{{ "type": "trimesh", "path": "{file}", "material": {{}} }}"#);
+    let ball = r#"{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": { "tPath": "a.png" } }"#;
+    let shapes = format!("[{}, {}, {ball}]", shape("one.ply"), shape("two.ply"));
+    let start = SCENE.split("\"shapes\"").next().unwrap();
+    scratch.write("s.json", &format!("{start}\"shapes\": {shapes} }} }}"));
+    for command in ["info", "render"] {
+        let done = scratch.run(&[command, "s.json"]);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        for file in ["one.ply", "two.ply", "a.png"] {
+            assert!(done.stderr().contains(file), "{command}: {}", done.stderr());
+        }
+    }
+}

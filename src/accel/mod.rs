@@ -1,4 +1,4 @@
-//! What finds the hits: one trait, four backends.
+//! What finds the hits: one trait; Embree is the backend there is.
 
 #[cfg(feature = "embree")]
 pub mod embree;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, Vec2, Vec3};
 
 use crate::camera::Camera;
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, Failures, Kind, Problem, Result};
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
@@ -82,14 +82,16 @@ impl World {
     ) -> Result<(Self, Vec<Problem>)> {
         monitor.begin(Phase::Load, scene.shapes.len() as u64);
         let mut warnings = Vec::new();
-        let (textures, materials) = textures::load(scene, &mut warnings)?;
+        let mut failures = Failures::default();
+        let looks = failures.keep(textures::load(scene, &mut warnings));
         let mut bounds = Bounds::EMPTY;
         let mut meshes = Vec::new();
         for (index, shape) in scene.shapes.iter().enumerate() {
             if let ShapeKind::Trimesh(spec) = &shape.kind {
                 let textured = scene.materials[shape.material].texture.is_some();
-                let mesh = options.mesh(&spec.path)?;
-                let mesh = PlacedMesh::new(mesh, spec, textured, &mut warnings)?;
+                let mesh = options.mesh(&spec.path);
+                let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut warnings));
+                let Some(mesh) = failures.keep(mesh) else { continue };
                 bounds = bounds.union(mesh.bounds());
                 if mesh.bounds().outside_view(&scene.camera) {
                     warnings.push(Problem::new(
@@ -103,6 +105,8 @@ impl World {
             monitor.set_done(index as u64 + 1);
             monitor.check()?;
         }
+        failures.check()?;
+        let (textures, materials) = looks.unwrap_or_default();
         check_size(bounds, &mut warnings)?;
         let origin = bounds.center();
         let (geometry, shapes) = gather(scene, meshes, origin)?;

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::error::{Problem, Result};
+use crate::error::{Failures, Problem, Result};
 use crate::scene::{Filter, Scene, TextureUse};
 use crate::shading::{Material, Texture};
 
@@ -12,6 +12,7 @@ pub fn load(scene: &Scene, warnings: &mut Vec<Problem>) -> Result<(Vec<Texture>,
     for shape in &scene.shapes {
         used[shape.material] = true;
     }
+    let mut failures = Failures::default();
     let mut textures = Vec::new();
     let mut loaded = HashMap::new();
     let mut materials = Vec::with_capacity(scene.materials.len());
@@ -20,17 +21,16 @@ pub fn load(scene: &Scene, warnings: &mut Vec<Problem>) -> Result<(Vec<Texture>,
             None => None,
             Some(spec) => {
                 let key = (spec.path.clone(), spec.color_space);
-                let slot = match loaded.get(&key) {
-                    Some(&slot) => slot,
-                    None => {
-                        textures.push(Texture::load(&spec.path, spec.color_space)?);
-                        let slot = textures.len() as u32 - 1;
-                        loaded.insert(key, slot);
-                        slot
-                    }
-                };
-                warn(spec, &textures[slot as usize], warnings);
-                Some(slot)
+                // A file that failed is opened and reported once.
+                let slot = *loaded.entry(key).or_insert_with(|| {
+                    let texture = Texture::load(&spec.path, spec.color_space);
+                    textures.push(failures.keep(texture)?);
+                    Some(textures.len() as u32 - 1)
+                });
+                if let Some(slot) = slot {
+                    warn(spec, &textures[slot as usize], warnings);
+                }
+                slot
             }
         };
         let spec = m.texture.as_ref();
@@ -47,6 +47,7 @@ pub fn load(scene: &Scene, warnings: &mut Vec<Problem>) -> Result<(Vec<Texture>,
             uv_scale: spec.map_or(glam::Vec2::ONE, |t| t.scale),
         });
     }
+    failures.check()?;
     Ok((textures, materials))
 }
 
