@@ -63,7 +63,12 @@ mod with_embree {
         let started = Instant::now();
         std::hint::black_box(std::fs::read(mesh).expect("the mesh"));
         let read_s = started.elapsed().as_secs_f64();
-        let options = BuildOptions { threads, fast: false, max_bytes: None };
+        let options = BuildOptions {
+            threads,
+            fast: false,
+            isa: lightpath::simd::Isa::detect(),
+            max_bytes: None,
+        };
         let started = Instant::now();
         let embree = accel::build(&world.geometry, scene::Backend::Embree, &options, &monitor)
             .expect("Embree");

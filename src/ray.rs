@@ -159,6 +159,9 @@ pub enum Coherence {
     Coherent,
     /// They do not.
     Incoherent,
+    /// As [`Coherence::Incoherent`], and every lane is traced alone, with the backend's query for one
+    /// ray: what a measurement of single rays asks for.
+    Single,
 }
 
 #[cfg(test)]

@@ -26,7 +26,12 @@ fn film(scene: &Value, isa: Isa) -> Option<(Film, RayCounts)> {
     let scene = scene::load(source, &[]).unwrap().scene;
     let monitor = Monitor::default();
     let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).unwrap();
-    let options = BuildOptions { threads: 1, fast: false, max_bytes: None };
+    let options = BuildOptions {
+        threads: 1,
+        fast: false,
+        isa: lightpath::simd::Isa::detect(),
+        max_bytes: None,
+    };
     let accelerator = match accel::build(&world.geometry, scene.backend, &options, &monitor) {
         Ok(accelerator) => accelerator,
         Err(error) if error.to_string().contains("cannot load") => {

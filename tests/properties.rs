@@ -32,7 +32,12 @@ fn below(x: f32) -> f32 {
 
 /// Embree over `geometry`; `None`, with a note, where the library is not installed.
 fn embree(geometry: &Geometry) -> Option<Box<dyn Accelerator + '_>> {
-    let options = BuildOptions { threads: 1, fast: false, max_bytes: None };
+    let options = BuildOptions {
+        threads: 1,
+        fast: false,
+        isa: lightpath::simd::Isa::detect(),
+        max_bytes: None,
+    };
     match accel::build(geometry, Backend::Embree, &options, &Monitor::default()) {
         Ok(accelerator) => Some(accelerator),
         Err(error) if error.to_string().contains("cannot load") => {

@@ -1,5 +1,8 @@
-//! What finds the hits: one trait; Embree is the backend there is.
+//! What finds the hits: one trait, and the backends behind it.
 
+pub mod brute;
+pub mod bvh;
+pub mod coursework;
 #[cfg(feature = "embree")]
 pub mod embree;
 
@@ -8,6 +11,7 @@ use crate::geometry::Geometry;
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 use crate::scene::Backend;
+use crate::simd::Isa;
 
 /// How an accelerator is built.
 #[derive(Debug, Clone, Copy)]
@@ -16,6 +20,8 @@ pub struct BuildOptions {
     pub threads: usize,
     /// Embree without its ROBUST flag.
     pub fast: bool,
+    /// Instruction set of our own kernels.
+    pub isa: Isa,
     /// Stop the build cleanly once the accelerator would hold more bytes.
     pub max_bytes: Option<u64>,
 }
@@ -63,7 +69,11 @@ pub fn build<'g>(
     monitor.begin(Phase::Build, 1000);
     match backend {
         Backend::Embree => build_embree(geometry, options, monitor),
-        Backend::Bvh | Backend::Coursework | Backend::Brute => Err(unavailable(backend)),
+        Backend::Bvh => Ok(Box::new(bvh::Bvh::build(geometry, options, monitor)?)),
+        Backend::Coursework => {
+            Ok(Box::new(coursework::Coursework::build(geometry, options, monitor)?))
+        }
+        Backend::Brute => Ok(Box::new(brute::Brute::build(geometry, options, monitor)?)),
     }
 }
 
@@ -87,6 +97,6 @@ fn build_embree<'g>(
 
 fn unavailable(backend: Backend) -> Error {
     let message = format!("found `{}`, which this build does not have", backend.name());
-    let available = if cfg!(feature = "embree") { "available: embree" } else { "it has none" };
-    Error::new(Kind::Unsupported, Problem::new("--backend", message).help(available))
+    let help = "available: bvh, coursework, brute";
+    Error::new(Kind::Unsupported, Problem::new("--backend", message).help(help))
 }

@@ -156,16 +156,17 @@ impl Run<'_> {
 
         let mesh_bytes = world.mesh_bytes();
         let limit = self.args.machine.max_memory;
+        let isa = Isa::detect();
         let options = BuildOptions {
             threads: self.threads,
             fast: self.args.machine.fast,
+            isa,
             max_bytes: limit.map(|limit| self.prediction.left(limit, mesh_bytes)),
         };
         let accelerator = accel::build(&world.geometry, scene.backend, &options, self.monitor)?;
         let info = accelerator.info();
         let built = self.start.elapsed().as_secs_f64();
 
-        let isa = Isa::detect();
         let counts = renderer::render(&world, accelerator.as_ref(), isa, &mut film, self.monitor)?;
         let rendered = self.start.elapsed().as_secs_f64();
 

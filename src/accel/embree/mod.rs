@@ -50,7 +50,7 @@ impl<'g> Embree<'g> {
         let mut context = self.context();
         let coherent = match coherence {
             Coherence::Coherent => ffi::RTC_RAY_QUERY_FLAG_COHERENT,
-            Coherence::Incoherent => 0,
+            Coherence::Incoherent | Coherence::Single => 0,
         };
         let invoke = if filter { ffi::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER } else { 0 };
         query(&mut QueryArguments {
@@ -110,7 +110,7 @@ impl Accelerator for Embree<'_> {
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         let filter = any_leaving(active, &packet.rays);
         let scene = self.scene.handle();
-        if active.count() >= SINGLE_BELOW {
+        if coherence != Coherence::Single && active.count() >= SINGLE_BELOW {
             // SAFETY: packet and mask are aligned to 64 bytes and laid out as Embree's.
             return self.query(coherence, filter, |args| unsafe {
                 (self.scene.api().intersect16)(active, scene, packet, args);
@@ -134,7 +134,7 @@ impl Accelerator for Embree<'_> {
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         let filter = any_leaving(active, rays);
         let scene = self.scene.handle();
-        if active.count() >= SINGLE_BELOW {
+        if coherence != Coherence::Single && active.count() >= SINGLE_BELOW {
             // SAFETY: rays and mask are aligned to 64 bytes and laid out as Embree's.
             return self.query(coherence, filter, |args| unsafe {
                 (self.scene.api().occluded16)(active, scene, rays, args);
