@@ -89,14 +89,6 @@ impl Sheared {
         ((least >= 0.0) & (most > 0.0)) | ((most <= 0.0) & (least < 0.0))
     }
 
-    /// Weights of the second and third corner, in [0, 1].
-    #[inline(always)]
-    pub fn barycentrics(&self) -> (f64, f64) {
-        let [u, v, w] = self.edges;
-        let sum = u + v + w;
-        (v / sum, w / sum)
-    }
-
     /// The ray parameter of a triangle that the line meets: that of the triangle's plane in f64
     /// (error of some 1e-15 of the coordinates over the sine of the angle between ray and plane),
     /// kept within the corners' depths, which a ray almost in the plane would leave.

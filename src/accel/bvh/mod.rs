@@ -7,7 +7,9 @@
 mod bounds;
 mod build;
 mod exact;
+mod found;
 mod node;
+mod packet;
 mod query;
 mod simd;
 mod single;
@@ -16,14 +18,16 @@ mod visits;
 use self::bounds::Bounds3;
 use self::build::Tree;
 use self::exact::Ray64;
+use self::found::Found;
+use self::packet::Packet;
 use self::query::Query;
 use self::simd::{Stack, Tier};
-use self::single::{Best, Single};
+use self::single::Single;
 use super::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
-use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
+use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::simd::{Isa, Kernel, dispatch};
 
 /// The tree over a scene's primitives.
@@ -62,70 +66,142 @@ impl<'g> Bvh<'g> {
         let scene = (&self.tree, self.geometry);
         Single::new(tier, scene, lane, ray, rays.leaving[i])
     }
-
-    #[inline(always)]
-    fn store(&self, packet: &mut RayPacket, i: usize, (u, v): (f64, f64), best: &Best) {
-        if best.primitive == NONE {
-            return;
-        }
-        let (geom, prim) = self.geometry.place(best.primitive);
-        packet.rays.tfar[i] = best.t as f32;
-        packet.hits.u[i] = u as f32;
-        packet.hits.v[i] = v as f32;
-        packet.hits.geom[i] = geom;
-        packet.hits.prim[i] = prim;
-    }
 }
 
-struct Closest<'a, T> {
+/// The active rays one by one.
+struct SingleClosest<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
     active: &'a Mask,
     packet: &'a mut RayPacket,
-    coherence: Coherence,
 }
 
-impl<T: Tier> Kernel for Closest<'_, T> {
+impl<T: Tier> Kernel for SingleClosest<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let query = Query::new(&self.packet.rays, &self.bvh.tree.bounds);
+        let Self { tier, bvh, active, packet } = self;
+        let query = Query::new(&packet.rays, &bvh.tree.bounds);
+        let mut found = Found::nothing(&packet.rays);
         let mut stack = Stack::new();
-        let _ = self.coherence;
         for i in 0..LANES {
-            if self.active.0[i] != 0 {
-                let single = self.bvh.single(self.tier, &query, &self.packet.rays, i);
-                let best = single.closest(&mut stack);
-                let weights = single.barycentrics(&best);
-                self.bvh.store(self.packet, i, weights, &best);
+            if active.0[i] != 0 {
+                found.set(i, &bvh.single(tier, &query, &packet.rays, i).closest(&mut stack));
+            }
+        }
+        found.store(&bvh.tree, bvh.geometry, &query, packet);
+    }
+}
+
+/// The active rays together; whether that is possible.
+struct PacketClosest<'a, T> {
+    tier: T,
+    bvh: &'a Bvh<'a>,
+    active: &'a Mask,
+    packet: &'a mut RayPacket,
+}
+
+impl<T: Tier> Kernel for PacketClosest<'_, T> {
+    type Output = bool;
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Self { tier, bvh, active, packet } = self;
+        let query = Query::new(&packet.rays, &bvh.tree.bounds);
+        if !query.is_coherent(active) {
+            return false;
+        }
+        let scene = (&bvh.tree, bvh.geometry);
+        let rays = Packet::new(tier, scene, (&query, &packet.rays), active);
+        let mut stack = packet::take_stack();
+        let found = rays.closest(active, &mut stack);
+        packet::keep_stack(stack);
+        found.store(&bvh.tree, bvh.geometry, &query, packet);
+        true
+    }
+}
+
+/// The active rays one by one.
+struct SingleOccluded<'a, T> {
+    tier: T,
+    bvh: &'a Bvh<'a>,
+    active: &'a Mask,
+    rays: &'a mut Rays,
+}
+
+impl<T: Tier> Kernel for SingleOccluded<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tier, bvh, active, rays } = self;
+        let query = Query::new(rays, &bvh.tree.bounds);
+        let mut stack = Stack::new();
+        for i in 0..LANES {
+            if active.0[i] != 0 && bvh.single(tier, &query, rays, i).occluded(&mut stack) {
+                rays.tfar[i] = f32::NEG_INFINITY;
             }
         }
     }
 }
 
-struct Occluded<'a, T> {
+/// The active rays together; whether that is possible.
+struct PacketOccluded<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
     active: &'a Mask,
     rays: &'a mut Rays,
-    coherence: Coherence,
 }
 
-impl<T: Tier> Kernel for Occluded<'_, T> {
-    type Output = ();
+impl<T: Tier> Kernel for PacketOccluded<'_, T> {
+    type Output = bool;
     #[inline(always)]
-    fn run(self) {
-        let query = Query::new(self.rays, &self.bvh.tree.bounds);
-        let mut stack = Stack::new();
-        let _ = self.coherence;
-        for i in 0..LANES {
-            if self.active.0[i] != 0 {
-                let single = self.bvh.single(self.tier, &query, self.rays, i);
-                if single.occluded(&mut stack) {
-                    self.rays.tfar[i] = f32::NEG_INFINITY;
-                }
-            }
+    fn run(self) -> bool {
+        let Self { tier, bvh, active, rays } = self;
+        let query = Query::new(rays, &bvh.tree.bounds);
+        if !query.is_coherent(active) {
+            return false;
         }
+        let packet = Packet::new(tier, (&bvh.tree, bvh.geometry), (&query, rays), active);
+        let mut stack = packet::take_stack();
+        let stopped = packet.occluded(active, &mut stack);
+        packet::keep_stack(stack);
+        for i in 0..LANES {
+            rays.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { rays.tfar[i] };
+        }
+        true
+    }
+}
+
+impl Bvh<'_> {
+    fn closest_with<T: Tier>(
+        &self,
+        tier: T,
+        active: &Mask,
+        packet: &mut RayPacket,
+        coherence: Coherence,
+    ) {
+        let (isa, bvh) = (self.isa, self);
+        if coherence == Coherence::Coherent
+            && dispatch(isa, PacketClosest { tier, bvh, active, packet: &mut *packet })
+        {
+            return;
+        }
+        dispatch(isa, SingleClosest { tier, bvh, active, packet });
+    }
+
+    fn occluded_with<T: Tier>(
+        &self,
+        tier: T,
+        active: &Mask,
+        rays: &mut Rays,
+        coherence: Coherence,
+    ) {
+        let (isa, bvh) = (self.isa, self);
+        if coherence == Coherence::Coherent
+            && dispatch(isa, PacketOccluded { tier, bvh, active, rays: &mut *rays })
+        {
+            return;
+        }
+        dispatch(isa, SingleOccluded { tier, bvh, active, rays });
     }
 }
 
@@ -135,9 +211,9 @@ impl Bvh<'_> {
         let counts = visits::Counts::default();
         let tier = visits::Counting { tier: simd::portable::Portable, counts: &counts };
         if any {
-            Occluded { tier, bvh: self, active, rays: &mut packet.rays, coherence: Coherence::Single }.run();
+            SingleOccluded { tier, bvh: self, active, rays: &mut packet.rays }.run();
         } else {
-            Closest { tier, bvh: self, active, packet, coherence: Coherence::Single }.run();
+            SingleClosest { tier, bvh: self, active, packet }.run();
         }
         [counts.nodes.get(), counts.blocks.get(), counts.triangles.get(), counts.candidates.get()]
     }
@@ -154,26 +230,22 @@ impl Accelerator for Bvh<'_> {
     }
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-        let bvh = self;
         #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
         if self.isa == Isa::Avx512 {
             if let Some(tier) = simd::avx512::Avx512::new() {
-                return dispatch(self.isa, Closest { tier, bvh, active, packet, coherence });
+                return self.closest_with(tier, active, packet, coherence);
             }
         }
-        let tier = simd::portable::Portable;
-        dispatch(self.isa, Closest { tier, bvh, active, packet, coherence });
+        self.closest_with(simd::portable::Portable, active, packet, coherence);
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-        let bvh = self;
         #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
         if self.isa == Isa::Avx512 {
             if let Some(tier) = simd::avx512::Avx512::new() {
-                return dispatch(self.isa, Occluded { tier, bvh, active, rays, coherence });
+                return self.occluded_with(tier, active, rays, coherence);
             }
         }
-        let tier = simd::portable::Portable;
-        dispatch(self.isa, Occluded { tier, bvh, active, rays, coherence });
+        self.occluded_with(simd::portable::Portable, active, rays, coherence);
     }
 }

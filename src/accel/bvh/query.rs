@@ -1,6 +1,8 @@
 //! 16 rays made ready for the tree: slabs that err to the safe side, and the shear.
 
-use crate::ray::{LANES, Rays};
+use crate::ray::{LANES, Mask, Rays};
+
+use super::simd::Tier;
 
 use super::Bounds3;
 
@@ -39,6 +41,10 @@ pub struct Query {
     pub far_inverse: [[f32; LANES]; 3],
     /// (origin - margin) * inverse.
     pub far_offset: [[f32; LANES]; 3],
+    /// Origin + margin and origin - margin along the direction: what the offsets are made of.
+    widened: [[[f32; LANES]; 3]; 2],
+    /// What rounding moves a sheared vertex of the scene, and as much again: the margin.
+    slack: [f32; LANES],
     /// Start of the segment, scaled.
     pub tnear: [f32; LANES],
     /// End of the segment, scaled.
@@ -58,23 +64,27 @@ pub struct Query {
 }
 
 impl Query {
+    const ZERO: Self = Self {
+        near_inverse: [[0.0; LANES]; 3],
+        near_offset: [[0.0; LANES]; 3],
+        far_inverse: [[0.0; LANES]; 3],
+        far_offset: [[0.0; LANES]; 3],
+        widened: [[[0.0; LANES]; 3]; 2],
+        slack: [0.0; LANES],
+        tnear: [0.0; LANES],
+        tfar: [0.0; LANES],
+        scale: [0.0; LANES],
+        octant: [0; LANES],
+        dominant: [0; LANES],
+        origin: [[0.0; LANES]; 3],
+        shear: [[0.0; LANES]; 2],
+        along: [0.0; LANES],
+    };
+
     /// Makes rays ready for a tree over `scene`.
     #[inline(always)]
     pub fn new(rays: &Rays, scene: &Bounds3) -> Self {
-        let mut q = Self {
-            near_inverse: [[0.0; LANES]; 3],
-            near_offset: [[0.0; LANES]; 3],
-            far_inverse: [[0.0; LANES]; 3],
-            far_offset: [[0.0; LANES]; 3],
-            tnear: [0.0; LANES],
-            tfar: [0.0; LANES],
-            scale: [0.0; LANES],
-            octant: [0; LANES],
-            dominant: [0; LANES],
-            origin: [[0.0; LANES]; 3],
-            shear: [[0.0; LANES]; 2],
-            along: [0.0; LANES],
-        };
+        let mut q = Self::ZERO;
         let mut direction = [[0.0f32; LANES]; 3];
         for i in 0..LANES {
             let (x, y, z) = (rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]);
@@ -102,6 +112,7 @@ impl Query {
             let lift = LEAST.max((reach + origin) * (1.0 / f32::MAX) * 16.0);
             least[i] = lift;
             margin[i] = (8.0 * U + 2.0 * lift) * reach + 4.0 * U * origin;
+            q.slack[i] = 16.0 * U * reach;
         }
         for axis in 0..3 {
             for i in 0..LANES {
@@ -113,6 +124,8 @@ impl Query {
                 let o = rays.org[axis][i];
                 q.near_inverse[axis][i] = near;
                 q.far_inverse[axis][i] = far;
+                q.widened[0][axis][i] = o + out;
+                q.widened[1][axis][i] = o - out;
                 q.near_offset[axis][i] = (o + out) * near;
                 q.far_offset[axis][i] = (o - out) * far;
                 q.octant[i] |= (d.to_bits() >> 31) << axis;
@@ -139,18 +152,102 @@ impl Query {
         q
     }
 
+    /// Whether the active rays are all of one octant and have one dominant axis.
+    #[inline(always)]
+    pub fn is_coherent(&self, active: &Mask) -> bool {
+        let (mut any, mut all) = (0, u32::MAX);
+        for i in 0..LANES {
+            let off = !active.0[i] as u32;
+            let kind = self.octant[i] | self.dominant[i] << 3;
+            any |= kind & !off;
+            all &= kind | off;
+        }
+        any == all
+    }
+
+    /// One ray, in lane 0, that meets every box that any of the active rays, all of one octant,
+    /// meets: interval arithmetic over their origins and inverse directions. A plane's distance is
+    /// bounded from below where it is not negative, and from above likewise: a ray that leaves a box
+    /// behind its origin misses it anyway.
+    #[inline(always)]
+    pub fn around(&self, tier: impl Tier, active: &Mask) -> Self {
+        let mut q = Self::ZERO;
+        let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
+        (q.octant[0], q.dominant[0]) = (self.octant[first], self.dominant[first]);
+        for axis in 0..3 {
+            let sign = if (q.octant[0] >> axis) & 1 == 0 { 1.0 } else { -1.0 };
+            let near = least(tier, active, |i| self.near_inverse[axis][i].abs());
+            let far = -least(tier, active, |i| -self.far_inverse[axis][i].abs());
+            let ahead = -least(tier, active, |i| -sign * self.widened[0][axis][i]);
+            let behind = least(tier, active, |i| sign * self.widened[1][axis][i]);
+            q.near_inverse[axis][0] = near * sign;
+            q.near_offset[axis][0] = ahead * near;
+            q.far_inverse[axis][0] = far * sign;
+            q.far_offset[axis][0] = behind * far;
+        }
+        q.tnear[0] = least(tier, active, |i| self.tnear[i]);
+        q
+    }
+
+    /// Bounds of the active rays' origins and shears, all of one dominant axis.
+    #[inline(always)]
+    pub fn bundle(&self, tier: impl Tier, active: &Mask, axes: [usize; 3]) -> Bundle {
+        Bundle {
+            axes,
+            origin: [
+                range(tier, active, &self.origin[0]),
+                range(tier, active, &self.origin[1]),
+                range(tier, active, &self.origin[2]),
+            ],
+            shear: [
+                range(tier, active, &self.shear[0]),
+                range(tier, active, &self.shear[1]),
+            ],
+            slack: -least(tier, active, |i| -self.slack[i]),
+        }
+    }
+
     /// Ray `i` alone.
     #[inline(always)]
     pub fn lane(&self, i: usize) -> Lane<'_> {
         let i = i % LANES;
         let k = self.dominant[i] as usize;
-        let axis = |k: usize| if k >= 3 { k - 3 } else { k };
+        let axes = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]][k % 4];
         let octant = self.octant[i] as usize % 8;
-        let negative = |axis: usize| (octant >> axis) & 1;
-        let enter = [0, 1, 2].map(|axis| axis + 3 * negative(axis));
-        let leave = [0, 1, 2].map(|axis| axis + 3 - 3 * negative(axis));
-        Lane { query: self, i, octant, axes: [axis(k + 1), axis(k + 2), axis(k)], enter, leave }
+        let (x, y, z) = (octant & 1, (octant >> 1) & 1, octant >> 2);
+        let enter = [3 * x, 1 + 3 * y, 2 + 3 * z];
+        let leave = [3 - 3 * x, 4 - 3 * y, 5 - 3 * z];
+        Lane { query: self, i, octant, axes, enter, leave }
     }
+}
+
+/// Least and greatest value of the active lanes.
+#[inline(always)]
+fn range(tier: impl Tier, active: &Mask, v: &[f32; LANES]) -> (f32, f32) {
+    (least(tier, active, |i| v[i]), -least(tier, active, |i| -v[i]))
+}
+
+/// Rays of one dominant axis as intervals.
+#[derive(Debug, Clone, Copy)]
+pub struct Bundle {
+    /// See [`Lane::axes`].
+    pub axes: [usize; 3],
+    /// Least and greatest origin, in the order of `axes`.
+    pub origin: [(f32, f32); 3],
+    /// Least and greatest shear.
+    pub shear: [(f32, f32); 2],
+    /// More than what rounding moves a sheared vertex of the scene.
+    pub slack: f32,
+}
+
+/// The least value of the active lanes.
+#[inline(always)]
+fn least(tier: impl Tier, active: &Mask, lanes: impl Fn(usize) -> f32) -> f32 {
+    let mut v = [f32::INFINITY; LANES];
+    for i in 0..LANES {
+        v[i] = if active.0[i] != 0 { lanes(i) } else { f32::INFINITY };
+    }
+    tier.least(&v)
 }
 
 /// One ray of a [`Query`].

@@ -18,13 +18,13 @@ pub struct Best {
     /// Number of the primitive in the whole scene, or [`NONE`].
     pub primitive: u32,
     /// Leaf of the triangle.
-    block: u32,
+    pub block: u32,
     /// Place of the triangle in the leaf; 16 for a sphere.
-    slot: u32,
+    pub slot: u32,
 }
 
 /// [`Best::slot`] of a sphere.
-const SPHERE: u32 = 16;
+pub const SPHERE: u32 = 16;
 
 impl Best {
     /// Whether a hit is closer; of equal distances the lower primitive's counts.
@@ -162,19 +162,6 @@ impl<'a, T: Tier> Single<'a, T> {
             }
         }
         false
-    }
-
-    /// Weights of the second and third corner of a hit, those of a quad as Embree has them; 0 for a
-    /// sphere.
-    #[inline(always)]
-    pub fn barycentrics(&self, best: &Best) -> (f64, f64) {
-        if best.slot == SPHERE {
-            return (0.0, 0.0);
-        }
-        let block = &self.tree.blocks[best.block as usize];
-        let slot = best.slot as usize;
-        let (u, v) = Sheared::new(&self.lane, block, slot).barycentrics();
-        if block.is_second_half(slot) { (1.0 - u, 1.0 - v) } else { (u, v) }
     }
 
     /// Updates the closest hit with a leaf's spheres.

@@ -2,8 +2,8 @@
 
 use std::cell::Cell;
 
-use super::node::{Block, Node};
-use super::query::Lane;
+use super::node::{Block, Node, WIDTH};
+use super::query::{Bundle, Lane};
 use super::simd::{Candidates, Stack, Tier};
 
 /// Nodes, leaves and triangles that were tested.
@@ -41,6 +41,23 @@ impl<T: Tier> Tier for Counting<'_, T> {
     fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         add(&self.counts.nodes, 1);
         self.tier.push_any(node, lane, tfar, stack);
+    }
+
+    fn overlaps(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+        add(&self.counts.nodes, 1);
+        self.tier.overlaps(node, lane, tfar)
+    }
+
+    fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {
+        let found = self.tier.overlapping(block, bundle);
+        add(&self.counts.blocks, 1);
+        add(&self.counts.triangles, block.present.count_ones());
+        add(&self.counts.candidates, found.count_ones());
+        found
+    }
+
+    fn least(self, v: &[f32; WIDTH]) -> f32 {
+        self.tier.least(v)
     }
 
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 
 use super::super::node::{Block, Node, WIDTH};
-use super::super::query::Lane;
+use super::super::query::{Bundle, Lane};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::Isa;
 
@@ -28,6 +28,127 @@ unsafe fn all(lane: &Lane, member: &[f32; WIDTH]) -> __m512 {
     unsafe { _mm512_set1_ps(lane.of(member)) }
 }
 
+/// Distances of one plane of every child.
+///
+/// # Safety
+/// AVX-512 F; `row < 6`.
+#[inline(always)]
+unsafe fn plane(
+    node: &Node,
+    lane: &Lane,
+    row: usize,
+    inverse: &[f32; WIDTH],
+    offset: &[f32; WIDTH],
+) -> __m512 {
+    // SAFETY: 16 aligned f32; the caller's promise.
+    unsafe {
+        let planes = _mm512_load_ps(node.planes.as_ptr().add(row).cast());
+        _mm512_fmsub_ps(planes, all(lane, inverse), all(lane, offset))
+    }
+}
+
+/// One coordinate of a leaf's vertices.
+///
+/// # Safety
+/// AVX-512 F; `axis < 3`.
+#[inline(always)]
+unsafe fn coordinate(block: &Block, axis: usize) -> __m512 {
+    // SAFETY: 16 aligned f32; the caller's promise.
+    unsafe { _mm512_load_ps(block.vertices.as_ptr().add(axis).cast()) }
+}
+
+/// Indices of the corners of a leaf's triangles.
+///
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn corners(block: &Block) -> [__m512i; 3] {
+    // SAFETY: rows of 16 aligned bytes; the caller's promise.
+    unsafe {
+        let [a, b, c] = &block.corners;
+        [
+            _mm512_cvtepu8_epi32(_mm_load_si128(a.as_ptr().cast())),
+            _mm512_cvtepu8_epi32(_mm_load_si128(b.as_ptr().cast())),
+            _mm512_cvtepu8_epi32(_mm_load_si128(c.as_ptr().cast())),
+        ]
+    }
+}
+
+/// A value of the vertices at the corners of the triangles; a permutation reads the low 4 bits of each
+/// index only.
+///
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn at(corners: &[__m512i; 3], v: __m512) -> [__m512; 3] {
+    // SAFETY: the caller's promise.
+    unsafe {
+        [
+            _mm512_permutexvar_ps(corners[0], v),
+            _mm512_permutexvar_ps(corners[1], v),
+            _mm512_permutexvar_ps(corners[2], v),
+        ]
+    }
+}
+
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn min3([a, b, c]: [__m512; 3]) -> __m512 {
+    // SAFETY: the caller's promise.
+    unsafe { _mm512_min_ps(_mm512_min_ps(a, b), c) }
+}
+
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn max3([a, b, c]: [__m512; 3]) -> __m512 {
+    // SAFETY: the caller's promise.
+    unsafe { _mm512_max_ps(_mm512_max_ps(a, b), c) }
+}
+
+/// Vertices along one axis relative to the ray.
+///
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn sheared(block: &Block, lane: &Lane, k: usize, depth: __m512) -> __m512 {
+    // SAFETY: axes are below 3; the caller's promise.
+    unsafe {
+        let q = lane.query;
+        let relative = _mm512_sub_ps(coordinate(block, lane.axes[k]), all(lane, &q.origin[k]));
+        _mm512_sub_ps(relative, _mm512_mul_ps(all(lane, &q.shear[k]), depth))
+    }
+}
+
+/// Least and greatest of the vertices along one axis relative to the rays of a bundle, at depths
+/// between `near` and `far`.
+///
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn range(
+    block: &Block,
+    bundle: &Bundle,
+    k: usize,
+    (near, far): (__m512, __m512),
+) -> (__m512, __m512) {
+    // SAFETY: axes are below 3; the caller's promise.
+    unsafe {
+        let x = coordinate(block, bundle.axes[k]);
+        let slack = _mm512_set1_ps(bundle.slack);
+        let (s0, s1) = (_mm512_set1_ps(bundle.shear[k].0), _mm512_set1_ps(bundle.shear[k].1));
+        let (o0, o1) = (_mm512_set1_ps(bundle.origin[k].0), _mm512_set1_ps(bundle.origin[k].1));
+        let (a, b) = (_mm512_mul_ps(s0, near), _mm512_mul_ps(s0, far));
+        let (c, d) = (_mm512_mul_ps(s1, near), _mm512_mul_ps(s1, far));
+        let most = _mm512_max_ps(max3([a, b, c]), d);
+        let least = _mm512_min_ps(min3([a, b, c]), d);
+        let low = _mm512_sub_ps(_mm512_sub_ps(x, o1), most);
+        let high = _mm512_sub_ps(_mm512_sub_ps(x, o0), least);
+        (_mm512_sub_ps(low, slack), _mm512_add_ps(high, slack))
+    }
+}
+
 /// Distances at which the ray enters and leaves the children's boxes. `max` and `min` return their
 /// second operand if either is NaN: a NaN prunes nothing.
 ///
@@ -38,20 +159,25 @@ unsafe fn slabs(node: &Node, lane: &Lane, tfar: f32) -> (__m512, __m512) {
     // SAFETY: rows are below 6 and hold 16 aligned f32; the caller has AVX-512.
     unsafe {
         let q = lane.query;
-        let row = |i: usize| _mm512_load_ps(node.planes.as_ptr().add(i).cast());
-        let enter = |axis: usize| {
-            let (inverse, offset) = (&q.near_inverse[axis], &q.near_offset[axis]);
-            _mm512_fmsub_ps(row(lane.enter[axis]), all(lane, inverse), all(lane, offset))
-        };
-        let leave = |axis: usize| {
-            let (inverse, offset) = (&q.far_inverse[axis], &q.far_offset[axis]);
-            _mm512_fmsub_ps(row(lane.leave[axis]), all(lane, inverse), all(lane, offset))
-        };
-        let near = _mm512_max_ps(enter(0), all(lane, &q.tnear));
-        let far = _mm512_min_ps(leave(0), _mm512_set1_ps(tfar));
-        let near = _mm512_max_ps(enter(2), _mm512_max_ps(enter(1), near));
-        let far = _mm512_min_ps(leave(2), _mm512_min_ps(leave(1), far));
+        let near = _mm512_max_ps(plane(node, lane, lane.enter[0], &q.near_inverse[0], &q.near_offset[0]), all(lane, &q.tnear));
+        let far = _mm512_min_ps(plane(node, lane, lane.leave[0], &q.far_inverse[0], &q.far_offset[0]), _mm512_set1_ps(tfar));
+        let near = _mm512_max_ps(plane(node, lane, lane.enter[2], &q.near_inverse[2], &q.near_offset[2]), _mm512_max_ps(plane(node, lane, lane.enter[1], &q.near_inverse[1], &q.near_offset[1]), near));
+        let far = _mm512_min_ps(plane(node, lane, lane.leave[2], &q.far_inverse[2], &q.far_offset[2]), _mm512_min_ps(plane(node, lane, lane.leave[1], &q.far_inverse[1], &q.far_offset[1]), far));
         (near, far)
+    }
+}
+
+/// The children of the ray's octant from far to near; a permutation reads the low 4 bits of each lane
+/// only.
+///
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn order(node: &Node, lane: &Lane) -> __m512i {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let shifts = _mm512_setr_epi32(0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28);
+        _mm512_srlv_epi32(_mm512_set1_epi64(node.order[lane.octant % 8] as i64), shifts)
     }
 }
 
@@ -74,11 +200,7 @@ impl Tier for Avx512 {
         // SAFETY: `self` proves AVX-512; the children are 16 aligned u32.
         unsafe {
             let (near, far) = slabs(node, lane, tfar);
-            let shifts =
-                _mm512_setr_epi32(0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28);
-            let order = _mm512_set1_epi64(node.order[lane.octant % 8] as i64);
-            // A permutation reads the low 4 bits of each lane only.
-            let order = _mm512_srlv_epi32(order, shifts);
+            let order = order(node, lane);
             let children = _mm512_load_si512(node.children.as_ptr().cast());
             let near = _mm512_permutexvar_ps(order, near);
             let far = _mm512_permutexvar_ps(order, far);
@@ -99,38 +221,63 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
+    fn overlaps(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+        // SAFETY: as above.
+        unsafe {
+            let (near, far) = slabs(node, lane, tfar);
+            let order = order(node, lane);
+            let near = _mm512_permutexvar_ps(order, near);
+            let far = _mm512_permutexvar_ps(order, far);
+            _mm512_cmp_ps_mask::<_CMP_NGT_UQ>(near, far).into()
+        }
+    }
+
+    #[inline(always)]
+    fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {
+        // SAFETY: `self` proves AVX-512; axes are below 3.
+        unsafe {
+            let z = coordinate(block, bundle.axes[2]);
+            let (least, most) = bundle.origin[2];
+            let depths =
+                (_mm512_sub_ps(z, _mm512_set1_ps(most)), _mm512_sub_ps(z, _mm512_set1_ps(least)));
+            let (x0, x1) = range(block, bundle, 0, depths);
+            let (y0, y1) = range(block, bundle, 1, depths);
+            let corners = corners(block);
+            let zero = _mm512_setzero_ps();
+            let beside = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(min3(at(&corners, x0)), zero)
+                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(max3(at(&corners, x1)), zero)
+                | _mm512_cmp_ps_mask::<_CMP_GT_OQ>(min3(at(&corners, y0)), zero)
+                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(max3(at(&corners, y1)), zero);
+            u32::from(!beside & block.present)
+        }
+    }
+
+    #[inline(always)]
+    fn least(self, v: &[f32; WIDTH]) -> f32 {
+        // SAFETY: `self` proves AVX-512; 16 f32.
+        unsafe { _mm512_reduce_min_ps(_mm512_loadu_ps(v.as_ptr())) }
+    }
+
+    #[inline(always)]
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {
         let q = lane.query;
         // SAFETY: `self` proves AVX-512; axes are below 3; rows hold 16 aligned f32 or 16 bytes.
         unsafe {
-            let row =
-                |k: usize| _mm512_load_ps(block.vertices.as_ptr().add(lane.axes[k]).cast());
-            let depth = _mm512_sub_ps(row(2), all(lane, &q.origin[2]));
-            let sheared = |k: usize| {
-                let relative = _mm512_sub_ps(row(k), all(lane, &q.origin[k]));
-                _mm512_sub_ps(relative, _mm512_mul_ps(all(lane, &q.shear[k]), depth))
-            };
-            let (x, y) = (sheared(0), sheared(1));
-            let corner =
-                |k: usize| _mm512_cvtepu8_epi32(_mm_load_si128(block.corners[k].as_ptr().cast()));
-            let (a, b, c) = (corner(0), corner(1), corner(2));
-            let of = |index: __m512i, v: __m512| _mm512_permutexvar_ps(index, v);
-            let ((ax, ay), (bx, by), (cx, cy)) =
-                ((of(a, x), of(a, y)), (of(b, x), of(b, y)), (of(c, x), of(c, y)));
+            let depth =
+                _mm512_sub_ps(coordinate(block, lane.axes[2]), all(lane, &q.origin[2]));
+            let corners = corners(block);
+            let [ax, bx, cx] = at(&corners, sheared(block, lane, 0, depth));
+            let [ay, by, cy] = at(&corners, sheared(block, lane, 1, depth));
             let (q0, q1, q2) =
                 (_mm512_mul_ps(cy, bx), _mm512_mul_ps(ay, cx), _mm512_mul_ps(by, ax));
             let u = _mm512_fmsub_ps(cx, by, q0);
             let v = _mm512_fmsub_ps(ax, cy, q1);
             let w = _mm512_fmsub_ps(bx, ay, q2);
-            let largest = _mm512_max_ps(
-                _mm512_max_ps(_mm512_abs_ps(q0), _mm512_abs_ps(q1)),
-                _mm512_abs_ps(q2),
-            );
+            let largest = max3([_mm512_abs_ps(q0), _mm512_abs_ps(q1), _mm512_abs_ps(q2)]);
             let (scale, floor) = (_mm512_set1_ps(EDGE_SLACK), _mm512_set1_ps(EDGE_FLOOR));
             let slack = _mm512_fmadd_ps(largest, scale, floor);
             let minus = _mm512_fnmsub_ps(largest, scale, floor);
-            let least = _mm512_min_ps(_mm512_min_ps(u, v), w);
-            let most = _mm512_max_ps(_mm512_max_ps(u, v), w);
+            let (least, most) = (min3([u, v, w]), max3([u, v, w]));
             let negative = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(least, minus);
             let misses = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(negative, most, slack);
             let maybe = !misses & block.present;
@@ -139,9 +286,8 @@ impl Tier for Avx512 {
             }
             let sign = _mm512_and_ps(all(lane, &q.along), _mm512_set1_ps(-0.0));
             let z = _mm512_xor_ps(depth, sign);
-            let (az, bz, cz) = (of(a, z), of(b, z), of(c, z));
-            let last = _mm512_max_ps(_mm512_max_ps(az, bz), cz);
-            let first = _mm512_min_ps(_mm512_min_ps(az, bz), cz);
+            let depths = at(&corners, z);
+            let (first, last) = (min3(depths), max3(depths));
             let end = _mm512_set1_ps(lane.depth(tfar));
             let ahead = _mm512_mask_cmp_ps_mask::<_CMP_NLT_UQ>(maybe, last, _mm512_setzero_ps());
             let maybe = _mm512_mask_cmp_ps_mask::<_CMP_NGT_UQ>(ahead, first, end);

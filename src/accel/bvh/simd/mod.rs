@@ -10,8 +10,8 @@ mod stack;
 
 pub use self::stack::{MAX_DEPTH, Stack};
 
-use super::node::{Block, Node};
-use super::query::Lane;
+use super::node::{Block, Node, WIDTH};
+use super::query::{Bundle, Lane};
 
 /// Relative and absolute slack of the edge functions' signs in f32: with products p and q their
 /// difference is off by at most 3u max(|p|, |q|) where p and q cancel, and by 2^-149 where they
@@ -37,6 +37,16 @@ pub trait Tier: Copy {
 
     /// Pushes the children whose boxes the ray meets before `tfar`, in any order.
     fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack);
+
+    /// The places, in the order of the ray's octant, of the children whose boxes the ray meets before
+    /// `tfar`, by bit.
+    fn overlaps(self, node: &Node, lane: &Lane, tfar: f32) -> u32;
+
+    /// The triangles of a leaf that rays of a bundle may meet, by bit.
+    fn overlapping(self, block: &Block, bundle: &Bundle) -> u32;
+
+    /// The least of 16 numbers, none of them NaN.
+    fn least(self, v: &[f32; WIDTH]) -> f32;
 
     /// The triangles of a leaf that [`super::exact`] has to look at.
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates;

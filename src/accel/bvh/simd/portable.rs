@@ -1,7 +1,7 @@
 //! Plain loops: what every target runs, and what the other tiers are held against.
 
 use super::super::node::{Block, Node, WIDTH};
-use super::super::query::Lane;
+use super::super::query::{Bundle, Lane};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 
 /// The tier that needs nothing.
@@ -49,6 +49,55 @@ impl Tier for Portable {
                 stack.push(node.children[i], near[i]);
             }
         }
+    }
+
+    #[inline(always)]
+    fn overlaps(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+        let (near, far) = slabs(node, lane, tfar);
+        (0..WIDTH).fold(0, |mask, j| {
+            let i = node.ordered(lane.octant, j);
+            mask | u32::from(near[i] <= far[i]) << j
+        })
+    }
+
+    #[inline(always)]
+    fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {
+        let [kx, ky, kz] = bundle.axes;
+        let [ox, oy, oz] = bundle.origin;
+        let (mut low, mut high) = ([[0.0f32; WIDTH]; 2], [[0.0f32; WIDTH]; 2]);
+        for (axis, (k, origin)) in [(kx, ox), (ky, oy)].into_iter().enumerate() {
+            let shear = bundle.shear[axis];
+            for i in 0..WIDTH {
+                let z = block.vertices[kz][i];
+                let (near, far) = (z - oz.1, z - oz.0);
+                let (a, b) = (shear.0 * near, shear.0 * far);
+                let (c, d) = (shear.1 * near, shear.1 * far);
+                let x = block.vertices[k][i];
+                low[axis][i] = (x - origin.1) - a.max(b).max(c.max(d)) - bundle.slack;
+                high[axis][i] = (x - origin.0) - a.min(b).min(c.min(d)) + bundle.slack;
+            }
+        }
+        let mut mask = 0;
+        for i in 0..WIDTH {
+            let [a, b, c] = [0, 1, 2].map(|k| block.corner(k, i));
+            let beside = |axis: usize| {
+                let (low, high) = (&low[axis], &high[axis]);
+                low[a].min(low[b]).min(low[c]) > 0.0 || high[a].max(high[b]).max(high[c]) < 0.0
+            };
+            mask |= u32::from(!(beside(0) || beside(1))) << i;
+        }
+        mask & u32::from(block.present)
+    }
+
+    #[inline(always)]
+    fn least(self, v: &[f32; WIDTH]) -> f32 {
+        let mut v = *v;
+        for half in [8, 4, 2, 1] {
+            for i in 0..half {
+                v[i] = if v[i + half] < v[i] { v[i + half] } else { v[i] };
+            }
+        }
+        v[0]
     }
 
     #[inline(always)]
