@@ -47,7 +47,7 @@ impl Ray64 {
 pub struct Sheared {
     /// Edge functions opposite the first, second and third corner: exact but for the last rounding,
     /// so their signs are exact.
-    edges: [f64; 3],
+    pub edges: [f64; 3],
     /// Depths of the corners along the dominant axis.
     depths: [f32; 3],
 }

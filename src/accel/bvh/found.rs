@@ -1,8 +1,5 @@
 //! The closest hits of 16 rays, and their way into the caller's packet.
 
-use super::build::Tree;
-use super::query::Query;
-use super::single::{Best, SPHERE};
 use crate::geometry::Geometry;
 use crate::ray::{LANES, NONE, RayPacket, Rays};
 
@@ -12,10 +9,11 @@ pub struct Found {
     pub t: [f64; LANES],
     /// Numbers of the primitives in the whole scene, or [`NONE`].
     pub primitive: [u32; LANES],
-    /// Leaves of the triangles.
-    pub block: [u32; LANES],
-    /// Places of the triangles in them, or [`SPHERE`].
-    pub slot: [u32; LANES],
+    /// Weights of the second and third corner and their sum with the first's; not normalised, 0 0 1
+    /// for a sphere.
+    pub weights: [[f32; LANES]; 3],
+    /// Bits set: these are weights of the second half of a quad.
+    pub second_half: [i32; LANES],
 }
 
 impl Found {
@@ -26,66 +24,50 @@ impl Found {
         for i in 0..LANES {
             t[i] = f64::from(rays.tfar[i]);
         }
-        Self { t, primitive: [NONE; LANES], block: [0; LANES], slot: [SPHERE; LANES] }
-    }
-
-    /// Sets lane `i`.
-    #[inline(always)]
-    pub fn set(&mut self, i: usize, best: &Best) {
-        self.t[i] = best.t;
-        self.primitive[i] = best.primitive;
-        self.block[i] = best.block;
-        self.slot[i] = best.slot;
-    }
-
-    /// Writes the hits. Weights are those of the sheared triangle, of a quad as Embree has them.
-    #[inline(always)]
-    pub fn store(
-        &self,
-        tree: &Tree,
-        geometry: &Geometry,
-        query: &Query,
-        packet: &mut RayPacket,
-    ) {
-        let mut corners = [[[0.0f32; LANES]; 3]; 3];
-        let mut second_half = [false; LANES];
-        for i in 0..LANES {
-            if self.primitive[i] == NONE {
-                continue;
-            }
-            (packet.hits.geom[i], packet.hits.prim[i]) = geometry.place(self.primitive[i]);
-            packet.rays.tfar[i] = self.t[i] as f32;
-            if self.slot[i] == SPHERE {
-                continue;
-            }
-            let block = &tree.blocks[self.block[i] as usize];
-            let slot = self.slot[i] as usize;
-            second_half[i] = block.is_second_half(slot);
-            let axes = query.lane(i).axes;
-            for (k, corner) in corners.iter_mut().enumerate() {
-                let v = block.corner(k, slot);
-                for (lanes, &axis) in corner.iter_mut().zip(&axes) {
-                    lanes[i] = block.vertices[axis][v];
-                }
-            }
+        Self {
+            t,
+            primitive: [NONE; LANES],
+            weights: [[0.0; LANES], [0.0; LANES], [1.0; LANES]],
+            second_half: [0; LANES],
         }
+    }
+
+    /// Writes the hits; weights of a quad as Embree has them.
+    #[inline(always)]
+    pub fn store(&self, geometry: &Geometry, packet: &mut RayPacket) {
+        let first = geometry.bases()[1];
+        let mut others = false;
         for i in 0..LANES {
-            let shear = |[x, y, z]: &[[f32; LANES]; 3]| {
-                let depth = z[i] - query.origin[2][i];
-                (
-                    f64::from((x[i] - query.origin[0][i]) - query.shear[0][i] * depth),
-                    f64::from((y[i] - query.origin[1][i]) - query.shear[1][i] * depth),
-                )
-            };
-            let ((ax, ay), (bx, by), (cx, cy)) =
-                (shear(&corners[0]), shear(&corners[1]), shear(&corners[2]));
-            let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
-            let inverse = 1.0 / (u + v + w);
-            let (v, w) = (v * inverse, w * inverse);
-            let (v, w) = if second_half[i] { (1.0 - v, 1.0 - w) } else { (v, w) };
             let hit = self.primitive[i] != NONE;
-            packet.hits.u[i] = if hit { v as f32 } else { packet.hits.u[i] };
-            packet.hits.v[i] = if hit { w as f32 } else { packet.hits.v[i] };
+            others |= hit & (self.primitive[i] >= first);
+            let inverse = 1.0 / self.weights[2][i];
+            let (u, v) = (self.weights[0][i] * inverse, self.weights[1][i] * inverse);
+            let (u, v) = (unit(u), unit(v));
+            let second = self.second_half[i] != 0;
+            let (u, v) = if second { (1.0 - u, 1.0 - v) } else { (u, v) };
+            let hits = &mut packet.hits;
+            hits.u[i] = if hit { u } else { hits.u[i] };
+            hits.v[i] = if hit { v } else { hits.v[i] };
+            hits.geom[i] = if hit { 0 } else { hits.geom[i] };
+            hits.prim[i] = if hit { self.primitive[i] } else { hits.prim[i] };
+            packet.rays.tfar[i] = if hit { self.t[i] as f32 } else { packet.rays.tfar[i] };
+        }
+        if others {
+            self.place(geometry, packet);
         }
     }
+
+    /// Finds each primitive's geometry where there is more than one.
+    #[inline(never)]
+    fn place(&self, geometry: &Geometry, packet: &mut RayPacket) {
+        for i in (0..LANES).filter(|&i| self.primitive[i] != NONE) {
+            (packet.hits.geom[i], packet.hits.prim[i]) = geometry.place(self.primitive[i]);
+        }
+    }
+}
+
+#[inline(always)]
+fn unit(x: f32) -> f32 {
+    let x = if x > 0.0 { x } else { 0.0 };
+    if x < 1.0 { x } else { 1.0 }
 }

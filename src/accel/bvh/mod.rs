@@ -86,10 +86,11 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
         let mut stack = Stack::new();
         for i in 0..LANES {
             if active.0[i] != 0 {
-                found.set(i, &bvh.single(tier, &query, &packet.rays, i).closest(&mut stack));
+                let best = bvh.single(tier, &query, &packet.rays, i).closest(&mut stack);
+                best.store(&mut found, i);
             }
         }
-        found.store(&bvh.tree, bvh.geometry, &query, packet);
+        found.store(bvh.geometry, packet);
     }
 }
 
@@ -115,7 +116,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
         let mut stack = packet::take_stack();
         let found = rays.closest(active, &mut stack);
         packet::keep_stack(stack);
-        found.store(&bvh.tree, bvh.geometry, &query, packet);
+        found.store(bvh.geometry, packet);
         true
     }
 }

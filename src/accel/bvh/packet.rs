@@ -47,6 +47,12 @@ struct Test {
     /// Lanes that hit, at `t`: all bits set.
     hit: [i32; LANES],
     t: [f64; LANES],
+    /// See [`Found::weights`].
+    weights: [[f32; LANES]; 3],
+}
+
+impl Test {
+    const NONE: Self = Self { hit: [0; LANES], t: [0.0; LANES], weights: [[0.0; LANES]; 3] };
 }
 
 /// 16 rays on their way through the tree.
@@ -219,6 +225,7 @@ impl<'a, T: Tier> Packet<'a, T> {
             let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (shear(p), shear(q), shear(r));
             let (q0, q1, q2) = (cy * bx, ay * cx, by * ax);
             let (u, v, w) = (cx * by - q0, ax * cy - q1, bx * ay - q2);
+            (out.weights[0][i], out.weights[1][i], out.weights[2][i]) = (v, w, u + v + w);
             let slack = max(max(q0.abs(), q1.abs()), q2.abs()) * EDGE_SLACK + EDGE_FLOOR;
             let (least, most) = (min(min(u, v), w), max(max(u, v), w));
             let misses = (least < -slack) & (most > slack);
@@ -312,7 +319,7 @@ impl<'a, T: Tier> Packet<'a, T> {
         best: &mut Found,
     ) {
         let block = &self.tree.blocks[index];
-        let mut test = Test { hit: [0; LANES], t: [0.0; LANES] };
+        let mut test = Test::NONE;
         let mut left = self.tier.overlapping(block, bundle);
         while left != 0 {
             let slot = left.trailing_zeros() as usize % WIDTH;
@@ -321,6 +328,7 @@ impl<'a, T: Tier> Packet<'a, T> {
                 continue;
             }
             let primitive = block.primitives[slot];
+            let second_half = -i32::from(block.is_second_half(slot));
             for i in 0..LANES {
                 let t = test.t[i];
                 let closer = (t < best.t[i])
@@ -333,8 +341,10 @@ impl<'a, T: Tier> Packet<'a, T> {
                     & (primitive != self.rays.leaving[i]);
                 best.t[i] = if counts { t } else { best.t[i] };
                 best.primitive[i] = if counts { primitive } else { best.primitive[i] };
-                best.block[i] = if counts { index as u32 } else { best.block[i] };
-                best.slot[i] = if counts { slot as u32 } else { best.slot[i] };
+                for (weights, found) in best.weights.iter_mut().zip(&test.weights) {
+                    weights[i] = if counts { found[i] } else { weights[i] };
+                }
+                best.second_half[i] = if counts { second_half } else { best.second_half[i] };
                 let tfar = t as f32 * self.query.scale[i];
                 self.tfar[i] = if counts { tfar } else { self.tfar[i] };
             }
@@ -350,7 +360,7 @@ impl<'a, T: Tier> Packet<'a, T> {
         stopped: &mut [i32; LANES],
     ) {
         let block = &self.tree.blocks[index];
-        let mut test = Test { hit: [0; LANES], t: [0.0; LANES] };
+        let mut test = Test::NONE;
         let mut left = self.tier.overlapping(block, bundle);
         while left != 0 {
             let slot = left.trailing_zeros() as usize % WIDTH;
@@ -383,16 +393,12 @@ impl<'a, T: Tier> Packet<'a, T> {
             if self.tfar[i] == f32::NEG_INFINITY {
                 continue;
             }
-            let mut one = Best {
-                t: best.t[i],
-                tfar: self.tfar[i],
-                primitive: best.primitive[i],
-                block: best.block[i],
-                slot: best.slot[i],
-            };
+            let mut one = Best::of(best, i, self.tfar[i]);
             self.single(i).closest_in_spheres(index, &mut one);
-            self.tfar[i] = one.tfar;
-            best.set(i, &one);
+            if one.primitive != best.primitive[i] {
+                self.tfar[i] = one.tfar;
+                one.store(best, i);
+            }
         }
     }
 

@@ -88,7 +88,7 @@ impl Query {
         let mut direction = [[0.0f32; LANES]; 3];
         for i in 0..LANES {
             let (x, y, z) = (rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]);
-            let largest = x.abs().max(y.abs()).max(z.abs());
+            let largest = max(max(x.abs(), y.abs()), z.abs());
             let exponent = (largest.to_bits() >> 23) as i32;
             let down = f32::from_bits(((254 - exponent).max(1) as u32) << 23);
             let up = f32::from_bits((exponent.max(1) as u32) << 23);
@@ -104,12 +104,12 @@ impl Query {
             let (mut reach, mut origin) = (0.0f32, 0.0f32);
             for axis in 0..3 {
                 let o = rays.org[axis][i];
-                reach = reach.max((lower[axis] - o).abs()).max((upper[axis] - o).abs());
-                origin = origin.max(o.abs());
+                reach = max(reach, max((lower[axis] - o).abs(), (upper[axis] - o).abs()));
+                origin = max(origin, o.abs());
             }
             // Coordinates beyond 2^62 would overflow with 1/LEAST: a larger least, and its strays
             // in the margin.
-            let lift = LEAST.max((reach + origin) * (1.0 / f32::MAX) * 16.0);
+            let lift = max(LEAST, (reach + origin) * (16.0 / f32::MAX));
             least[i] = lift;
             margin[i] = (8.0 * U + 2.0 * lift) * reach + 4.0 * U * origin;
             q.slack[i] = 16.0 * U * reach;
@@ -117,7 +117,7 @@ impl Query {
         for axis in 0..3 {
             for i in 0..LANES {
                 let d = direction[axis][i];
-                let d = d.abs().max(least[i]).copysign(d);
+                let d = max(d.abs(), least[i]).copysign(d);
                 let inverse = 1.0 / d;
                 let out = margin[i].copysign(d);
                 let (near, far) = (inverse * (1.0 - 4.0 * U), inverse * (1.0 + 4.0 * U));
@@ -135,7 +135,7 @@ impl Query {
         let [dx, dy, dz] = &direction;
         for i in 0..LANES {
             let (ax, ay, az) = (dx[i].abs(), dy[i].abs(), dz[i].abs());
-            let z = az >= ax.max(ay);
+            let z = az >= max(ax, ay);
             let y = !z & (ay >= ax);
             let pick = |x_first: f32, y_first: f32, z_first: f32| {
                 if z { z_first } else if y { y_first } else { x_first }
@@ -248,6 +248,12 @@ fn least(tier: impl Tier, active: &Mask, lanes: impl Fn(usize) -> f32) -> f32 {
         v[i] = if active.0[i] != 0 { lanes(i) } else { f32::INFINITY };
     }
     tier.least(&v)
+}
+
+/// The greater; the second where one is NaN.
+#[inline(always)]
+fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 /// One ray of a [`Query`].

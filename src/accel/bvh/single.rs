@@ -2,6 +2,7 @@
 
 use super::build::Tree;
 use super::exact::{Ray64, Sheared};
+use super::found::Found;
 use super::node::{Child, Kind, SphereLeaf};
 use super::query::Lane;
 use super::simd::{Stack, Tier};
@@ -17,16 +18,37 @@ pub struct Best {
     pub tfar: f32,
     /// Number of the primitive in the whole scene, or [`NONE`].
     pub primitive: u32,
-    /// Leaf of the triangle.
-    pub block: u32,
-    /// Place of the triangle in the leaf; 16 for a sphere.
-    pub slot: u32,
+    /// Edge functions of the triangle; 1 0 0 for a sphere.
+    edges: [f64; 3],
+    /// Whether that is the second half of a quad.
+    second_half: bool,
 }
 
-/// [`Best::slot`] of a sphere.
-pub const SPHERE: u32 = 16;
-
 impl Best {
+    /// A sphere's.
+    fn sphere(t: f64, tfar: f32, primitive: u32) -> Self {
+        Self { t, tfar, primitive, edges: [1.0, 0.0, 0.0], second_half: false }
+    }
+
+    /// Lane `i` of what was found.
+    #[inline(always)]
+    pub fn of(found: &Found, i: usize, tfar: f32) -> Self {
+        Self::sphere(found.t[i], tfar, found.primitive[i])
+    }
+
+    /// Becomes lane `i` of what was found.
+    #[inline(always)]
+    pub fn store(&self, found: &mut Found, i: usize) {
+        // In f32, which edge functions of large coordinates may leave, only once normalised.
+        let [u, v, w] = self.edges;
+        let sum = 1.0 / (u + v + w);
+        (found.t[i], found.primitive[i]) = (self.t, self.primitive);
+        found.weights[0][i] = (v * sum) as f32;
+        found.weights[1][i] = (w * sum) as f32;
+        found.weights[2][i] = 1.0;
+        found.second_half[i] = -i32::from(self.second_half);
+    }
+
     /// Whether a hit is closer; of equal distances the lower primitive's counts.
     #[inline(always)]
     fn gives_way(&self, t: f64, primitive: u32) -> bool {
@@ -66,7 +88,7 @@ impl<'a, T: Tier> Single<'a, T> {
     /// No hit yet.
     #[inline(always)]
     pub fn nothing(&self) -> Best {
-        Best { t: self.ray.tfar, tfar: self.lane.of(&self.lane.query.tfar), primitive: NONE, block: 0, slot: SPHERE }
+        Best::sphere(self.ray.tfar, self.lane.of(&self.lane.query.tfar), NONE)
     }
 
     /// The closest hit.
@@ -134,7 +156,8 @@ impl<'a, T: Tier> Single<'a, T> {
             let t = seen.t(&self.ray, block.triangle(slot));
             if t > self.ray.tnear && best.gives_way(t, primitive) {
                 let tfar = t as f32 * self.lane.of(&self.lane.query.scale);
-                *best = Best { t, tfar, primitive, block: index as u32, slot: i };
+                let second_half = block.is_second_half(slot);
+                *best = Best { t, tfar, primitive, edges: seen.edges, second_half };
             }
         }
     }
@@ -170,7 +193,7 @@ impl<'a, T: Tier> Single<'a, T> {
         for (t, primitive) in self.sphere_hits(&self.tree.spheres[index], best.t) {
             if best.gives_way(t, primitive) {
                 let tfar = t as f32 * self.lane.of(&self.lane.query.scale);
-                *best = Best { t, tfar, primitive, block: 0, slot: SPHERE };
+                *best = Best::sphere(t, tfar, primitive);
             }
         }
     }
