@@ -11,7 +11,7 @@ use serde_json::json;
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
     error::{Error, Kind, Problem, Result},
-    film::{Film, Window},
+    film::{Blank, Film, Window},
     mesh::Mesh,
     monitor::Monitor,
     output::{Oddities, Outputs, WriteOptions, atomic::TextFile},
@@ -148,7 +148,7 @@ impl Run<'_> {
     fn all(&self, files: Files, ready: Vec<(PathBuf, Mesh)>) -> Result<(Stats, Vec<PathBuf>)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
-        let mut film = Film::new([scene.camera.width, scene.camera.height], self.window)?;
+        let blank = Blank::new([scene.camera.width, scene.camera.height], self.window)?;
         let repair = self.args.mesh.repair;
         let (world, warnings) = World::load(scene, LoadOptions { repair, ready }, self.monitor)?;
         self.warn(&warnings);
@@ -165,6 +165,7 @@ impl Run<'_> {
         };
         let accelerator = accel::build(&world.geometry, scene.backend, &options, self.monitor)?;
         let info = accelerator.info();
+        let mut film = blank.film();
         let built = self.start.elapsed().as_secs_f64();
 
         let counts = renderer::render(&world, accelerator.as_ref(), isa, &mut film, self.monitor)?;
