@@ -71,8 +71,9 @@ impl Blank {
     pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
         let count = window.width() as usize * window.height() as usize;
         let mut pixels = Vec::new();
-        pixels.try_reserve_exact(count).map_err(|error| {
-            let message = format!("no memory for {count} pixels: {error}");
+        pixels.try_reserve_exact(count).map_err(|_| {
+            let bytes = count.saturating_mul(size_of::<[f32; 4]>());
+            let message = format!("no memory for {count} pixels of together {bytes} bytes");
             Error::new(Kind::Retry, Problem::new("film", message))
         })?;
         Ok(Self { frame, window, pixels })
