@@ -96,6 +96,31 @@ fn an_accelerator_needs_what_was_predicted() {
     assert!(predicted["peak_bytes"].as_u64() >= found["peak_bytes"].as_u64());
 }
 
+/// Embree gives back a third of its memory after the build: room for the film.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_film_is_not_there_while_the_accelerator_is_built() {
+    let scratch = Scratch::new();
+    fs::write(scratch.path("sheet.ply"), sheet(640)).unwrap();
+    let shapes = json!([{ "type": "trimesh", "path": "sheet.ply", "material": {} }]);
+    scratch.write("s.json", &with_shapes(shapes));
+    let peak = |size: &str| {
+        let args = ["render", "s.json", "--json", "--quiet", "--threads", "2", "--size", size];
+        let done = scratch.run(&args);
+        if no_embree(&done) {
+            eprintln!("skipped: {}", done.stderr());
+            return None;
+        }
+        let value: Value = serde_json::from_str(&done.stdout()).unwrap();
+        value["memory"]["peak_bytes"].as_u64()
+    };
+    let (Some(small), Some(large)) = (peak("8x6"), peak("1000x1000")) else {
+        return;
+    };
+    let film = 16 * 1000 * 1000;
+    assert!(large < small + film / 2, "{small} {large}");
+}
+
 #[test]
 fn textures_take_what_their_headers_promise() {
     let scratch = Scratch::new();

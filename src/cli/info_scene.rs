@@ -21,9 +21,9 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
+    let (world, more) = World::load(scene, LoadOptions::default(), &Monitor::default())?;
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
     let footprint = Footprint::of(scene.backend, rayon::current_num_threads(), false);
-    let (world, more) = World::load(scene, LoadOptions::default(), &Monitor::default())?;
     report.add("type", json!("scene"), "scene");
     let picture = format!(
         "{width} x {height} pixels, {} spp, {} mirror bounces, backend {}",

@@ -144,31 +144,60 @@ impl Prediction {
         let problem = Problem::new("--max-memory", message);
         Err(Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh")))
     }
+}
 
-    /// What is left of `limit` for images, beside what the meshes will need.
-    pub fn left_for_textures(&self, limit: u64) -> u64 {
-        limit.saturating_sub(BASE_BYTES).saturating_sub(self.mesh_bytes)
+/// `--max-memory`, and what was predicted under it.
+#[derive(Debug)]
+pub struct Budget {
+    limit: u64,
+    prediction: Prediction,
+}
+
+impl Budget {
+    /// Refuses a scene that will not fit. Costs the headers, then a small build for the
+    /// accelerator's footprint.
+    ///
+    /// # Errors
+    /// `Limit`, with the numbers; headers that cannot be read; a backend that cannot run.
+    pub fn check(
+        limit: u64,
+        scene: &Scene,
+        window: Window,
+        threads: usize,
+        fast: bool,
+    ) -> Result<Self> {
+        let prediction = predict(scene, window)?;
+        prediction.check(limit)?;
+        let prediction = prediction.with(&Footprint::of(scene.backend, threads, fast)?);
+        prediction.check(limit)?;
+        Ok(Self { limit, prediction })
     }
 
-    /// What is left of `limit` for the accelerator beside a world of `world_bytes`.
-    pub fn left_for_accelerator(limit: u64, world_bytes: u64) -> u64 {
-        limit.saturating_sub(BASE_BYTES).saturating_sub(world_bytes)
+    /// What is left for images, beside what the meshes will need.
+    pub fn for_textures(&self) -> u64 {
+        self.limit.saturating_sub(BASE_BYTES).saturating_sub(self.prediction.mesh_bytes)
+    }
+
+    /// What is left for the accelerator beside a world of `world_bytes`.
+    pub fn for_accelerator(&self, world_bytes: u64) -> u64 {
+        self.limit.saturating_sub(BASE_BYTES).saturating_sub(world_bytes)
     }
 
     /// Refuses a film that does not fit beside world and accelerator, of `held` bytes.
     ///
     /// # Errors
     /// `Limit`, with the numbers.
-    pub fn check_film(&self, limit: Option<u64>, held: u64) -> Result<()> {
-        let needed = BASE_BYTES.saturating_add(held).saturating_add(self.film_bytes);
-        let Some(limit) = limit.filter(|limit| *limit < needed) else {
+    pub fn check_film(&self, held: u64) -> Result<()> {
+        let film = self.prediction.film_bytes;
+        let needed = BASE_BYTES.saturating_add(held).saturating_add(film);
+        if self.limit >= needed {
             return Ok(());
-        };
+        }
         let message = format!(
             "found {}, expected at least {}: film {} beside meshes, textures and accelerator of {}",
-            units::bytes(limit),
+            units::bytes(self.limit),
             units::bytes_rounded_up(needed),
-            units::bytes(self.film_bytes),
+            units::bytes(film),
             units::bytes(held),
         );
         let problem = Problem::new("--max-memory", message);

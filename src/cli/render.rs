@@ -9,7 +9,7 @@ use std::{
 use serde_json::json;
 
 use crate::{
-    accel::{self, BuildInfo, BuildOptions, Footprint},
+    accel::{self, BuildInfo, BuildOptions},
     error::{Error, Kind, Problem, Result},
     film::{Blank, Film, Window},
     mesh::Mesh,
@@ -24,7 +24,7 @@ use crate::{
 use super::{
     args::{IsaName, MachineArgs, ProgressMode, RenderArgs},
     job::{self, Job},
-    memory::{self, Prediction},
+    memory::Budget,
     paths,
     progress::Progress,
     signals,
@@ -66,15 +66,10 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let mut job = pool.install(|| job::load(args))?;
     let ready = std::mem::take(&mut job.ready);
     let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
-    let mut prediction = memory::predict(&job.loaded.scene, window)?;
-    if let Some(limit) = args.machine.max_memory {
-        prediction.check(limit)?;
-        // To know the accelerator's part costs a small build: only where it is asked for.
-        let backend = job.loaded.scene.backend;
-        let footprint = pool.install(|| Footprint::of(backend, threads, args.machine.fast))?;
-        prediction = prediction.with(&footprint);
-        prediction.check(limit)?;
-    }
+    let budget = args.machine.max_memory.map(|limit| {
+        pool.install(|| Budget::check(limit, &job.loaded.scene, window, threads, args.machine.fast))
+    });
+    let budget = budget.transpose()?;
     not_over_inputs(args, &job)?;
     // Until here a signal ends the program at once: there is nothing to tidy up.
     signals::watch(&monitor)?;
@@ -87,7 +82,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         args,
         job: &job,
         window,
-        prediction,
+        budget,
         threads,
         isa,
         monitor: &monitor,
@@ -166,7 +161,7 @@ struct Run<'a> {
     args: &'a RenderArgs,
     job: &'a Job,
     window: Window,
-    prediction: Prediction,
+    budget: Option<Budget>,
     threads: usize,
     isa: Isa,
     monitor: &'a Monitor,
@@ -179,11 +174,11 @@ impl Run<'_> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
         let blank = Blank::new([scene.camera.width, scene.camera.height], self.window)?;
-        let limit = self.args.machine.max_memory;
+        let budget = self.budget.as_ref();
         let options = LoadOptions {
             repair: self.args.mesh.repair,
             ready,
-            texture_bytes: limit.map(|limit| self.prediction.left_for_textures(limit)),
+            texture_bytes: budget.map(Budget::for_textures),
         };
         let (world, warnings) = World::load(scene, options, self.monitor)?;
         self.warn(&warnings);
@@ -195,11 +190,13 @@ impl Run<'_> {
             threads: self.threads,
             fast: self.args.machine.fast,
             isa,
-            max_bytes: limit.map(|limit| Prediction::left_for_accelerator(limit, world_bytes)),
+            max_bytes: budget.map(|budget| budget.for_accelerator(world_bytes)),
         };
         let accelerator = accel::build(&world.geometry, scene.backend, &options, self.monitor)?;
         let info = accelerator.info();
-        self.prediction.check_film(limit, world_bytes + info.bytes)?;
+        if let Some(budget) = budget {
+            budget.check_film(world_bytes + info.bytes)?;
+        }
         let mut film = blank.film();
         let built = self.start.elapsed().as_secs_f64();
 
