@@ -1,10 +1,5 @@
 //! The picture in memory: linear radiance per pixel, before any file format.
 
-use std::io;
-use std::ops::{Deref, DerefMut};
-
-use memmap2::{Advice, MmapMut};
-
 use crate::error::{Error, Kind, Problem, Result};
 
 /// A rectangle of pixels, top-left origin; `x1`, `y1` are excluded.
@@ -37,36 +32,6 @@ impl Window {
     }
 }
 
-/// R, G, B, A of many pixels, zero at first.
-///
-/// Fresh pages of their own, with the advice to use huge ones.
-#[derive(Debug)]
-pub struct Pixels(MmapMut);
-
-impl Pixels {
-    fn new(count: usize) -> io::Result<Self> {
-        let bytes = count.checked_mul(size_of::<[f32; 4]>()).ok_or(io::ErrorKind::OutOfMemory)?;
-        // A map of no bytes is an error, a film of no pixels is not.
-        let map = MmapMut::map_anon(bytes.max(size_of::<[f32; 4]>()))?;
-        // Advice only: a kernel without huge pages is no error.
-        let _ = map.advise(Advice::HugePage);
-        Ok(Self(map))
-    }
-}
-
-impl Deref for Pixels {
-    type Target = [[f32; 4]];
-    fn deref(&self) -> &Self::Target {
-        bytemuck::cast_slice(&self.0)
-    }
-}
-
-impl DerefMut for Pixels {
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        bytemuck::cast_slice_mut(&mut self.0)
-    }
-}
-
 /// Linear BT.709 radiance, premultiplied alpha, row-major over the data window.
 #[derive(Debug)]
 pub struct Film {
@@ -75,7 +40,7 @@ pub struct Film {
     /// What was rendered (the data window).
     pub window: Window,
     /// `window.width() * window.height()` pixels of R, G, B, A.
-    pub pixels: Pixels,
+    pub pixels: Vec<[f32; 4]>,
 }
 
 impl Film {
@@ -85,12 +50,39 @@ impl Film {
     /// # Errors
     /// `Retry` if there is no memory for it.
     pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
+        Ok(Blank::new(frame, window)?.film())
+    }
+}
+
+/// Addresses for a film, without memory behind them yet: what the accelerator needs only while it
+/// is built need not stand beside the picture.
+#[derive(Debug)]
+pub struct Blank {
+    frame: [u32; 2],
+    window: Window,
+    pixels: Vec<[f32; 4]>,
+}
+
+impl Blank {
+    /// Sets the addresses aside.
+    ///
+    /// # Errors
+    /// `Retry` if the system refuses so much.
+    pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
         let count = window.width() as usize * window.height() as usize;
-        let mut pixels = Pixels::new(count).map_err(|error| {
-            let message = format!("no memory for {count} pixels: {error}");
+        let mut pixels = Vec::new();
+        pixels.try_reserve_exact(count).map_err(|_| {
+            let bytes = count.saturating_mul(size_of::<[f32; 4]>());
+            let message = format!("no memory for {count} pixels of together {bytes} bytes");
             Error::new(Kind::Retry, Problem::new("film", message))
         })?;
-        pixels.fill([0.0; 4]);
         Ok(Self { frame, window, pixels })
+    }
+
+    /// The film, all of its memory touched: no page faults are left to the render.
+    pub fn film(self) -> Film {
+        let Self { frame, window, mut pixels } = self;
+        pixels.resize(window.width() as usize * window.height() as usize, [0.0; 4]);
+        Film { frame, window, pixels }
     }
 }

@@ -15,8 +15,9 @@ pub struct Sampler {
 
 impl Sampler {
     /// A sampler for the scene's seed.
-    pub fn new(seed: u64) -> Self {
-        Self { seed }
+    pub fn new(seed: i64) -> Self {
+        // The bits are what matters; a negative seed is as good as any.
+        Self { seed: u64::from_ne_bytes(seed.to_ne_bytes()) }
     }
 
     /// Pixel offset x, y and lens coordinates, all in [0, 1), of camera sample `index`.

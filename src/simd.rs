@@ -38,6 +38,12 @@ impl Isa {
         Self::Portable
     }
 
+    /// The tiers that this machine runs and this build has, lowest first.
+    pub fn available() -> impl Iterator<Item = Self> {
+        let best = Self::detect();
+        Self::compiled().iter().copied().filter(move |isa| *isa <= best)
+    }
+
     /// The tiers compiled into this build, lowest first.
     pub const fn compiled() -> &'static [Self] {
         #[cfg(all(target_arch = "x86_64", lightpath_avx512))]

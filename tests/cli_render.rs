@@ -290,3 +290,91 @@ fn every_bad_file_of_a_scene_is_reported() {
         }
     }
 }
+
+#[test]
+fn a_negative_seed_is_reported_as_it_was_given() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let Some(done) = render(&scratch, &["s.json", "--seed", "-1", "--json", "--quiet"]) else {
+        return;
+    };
+    let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+    assert_eq!(value["seed"], -1);
+    let info = scratch.run(&["info", "s.exr"]).stdout();
+    assert!(info.contains("lightpath:seed: -1\n"), "{info}");
+}
+
+#[test]
+fn every_instruction_set_gives_the_same_picture() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    for isa in lightpath::simd::Isa::available() {
+        let name = isa.to_string().to_lowercase().replace('-', "");
+        let args = ["s.json", "--isa", &name, "--json", "--quiet", "-o", &name];
+        let Some(done) = render(&scratch, &args) else {
+            return;
+        };
+        let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+        let said = value["isa"].as_str().unwrap();
+        assert!(said.ends_with(&format!("{isa} shading")), "{said}");
+        assert!(scratch.read("portable.exr") == scratch.read(&format!("{name}.exr")), "{isa}");
+    }
+}
+
+#[test]
+fn a_mesh_is_known_by_its_content() {
+    let scratch = Scratch::new();
+    scratch.write("tri.dat", program::PYRAMID);
+    let small = ["--size", "30x20", "--spp", "1"];
+    let Some(done) =
+        render(&scratch, &[&["tri.dat", "--write-scene", "s.json"], &small[..]].concat())
+    else {
+        return;
+    };
+    assert_eq!(done.stdout(), "tri.exr\ntri.png\ns.json\n");
+    render(&scratch, &["s.json", "-o", "again"]).unwrap();
+    assert!(scratch.read("tri.exr") == scratch.read("again.exr"));
+}
+
+#[test]
+fn messages_name_the_mesh_as_it_was_typed() {
+    let scratch = Scratch::new();
+    // A corner too few: read with a warning that names the file.
+    scratch.write("data/real.ply", &program::PYRAMID.replace("3 3 0 4", "2 3 0"));
+    std::os::unix::fs::symlink("real.ply", scratch.path("data/link.ply")).unwrap();
+    scratch.write("t/template.json", include_str!("../assets/studio.json"));
+    let small = ["--size", "30x20", "--spp", "1", "-o", "x"];
+    for (typed, template) in [("data/link.ply", None), ("./data/link.ply", Some("t/template.json"))]
+    {
+        let template: Vec<&str> = template.map_or(vec![], |t| vec!["--template", t]);
+        let Some(done) = render(&scratch, &[&[typed], &small[..], &template].concat()) else {
+            return;
+        };
+        let expected = format!("warning: {typed}: 1 faces with fewer than three corners");
+        assert!(done.stderr().contains(&expected), "{}", done.stderr());
+    }
+}
+
+#[test]
+fn names_that_are_not_utf8() {
+    use std::{ffi::OsStr, os::unix::ffi::OsStrExt};
+    let scratch = Scratch::new();
+    let [scene, mesh] = [&b"s\xff.json"[..], b"m\xff.ply"].map(OsStr::from_bytes);
+    std::fs::write(scratch.path("").join(scene), SCENE).unwrap();
+    std::fs::write(scratch.path("").join(mesh), program::PYRAMID).unwrap();
+    let done = Done::of(scratch.command(&["render"]).arg(mesh));
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().contains("a name that is not UTF-8"), "{}", done.stderr());
+    for name in [scene, mesh] {
+        let done = Done::of(scratch.command(&["info"]).arg(name));
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    }
+    let output = scratch.command(&["render", "--quiet"]).arg(scene).output().unwrap();
+    match output.status.code() {
+        Some(0) => {
+            assert_eq!(output.stdout, b"s\xff.exr\ns\xff.png\n");
+            assert!(scratch.path("").join(OsStr::from_bytes(b"s\xff.exr")).is_file());
+        }
+        _ => eprintln!("skipped: {}", String::from_utf8_lossy(&output.stderr)),
+    }
+}

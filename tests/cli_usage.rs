@@ -21,6 +21,9 @@ fn usage_errors_exit_2_and_say_why() {
     let cases: &[(&[&str], &str)] = &[
         (&[], "Usage"),
         (&["paint"], "unrecognized subcommand"),
+        (&["s.json"], "lightpath render s.json"),
+        (&["gone.ply"], "lightpath render gone.ply"),
+        (&["render", "s.json", "--isa", "mmx"], "possible values"),
         (&["render"], "required arguments"),
         (&["render", "s.json", "--nonsense"], "unexpected argument"),
         (&["render", "s.json", "--size", "12"], "WIDTHxHEIGHT"),
@@ -106,6 +109,39 @@ fn help_version_schema_completions_man() {
     }
     let man = lightpath(&["man"]).stdout();
     assert!(man.contains(".TH") && man.contains("LIGHTPATH RENDER") && man.contains("max"));
+}
+
+#[test]
+fn an_instruction_set_that_is_missing_is_refused_with_those_that_are_there() {
+    use lightpath::simd::Isa;
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    for (name, isa) in [("portable", Isa::Portable), ("avx2", Isa::Avx2), ("avx512", Isa::Avx512)] {
+        let done = scratch.run(&["render", "s.json", "--isa", name, "-o", "none/x"]);
+        let said = match Isa::available().any(|found| found == isa) {
+            // Accepted; the folder is missing.
+            true => "no such folder",
+            false => "available: portable",
+        };
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        assert!(done.stderr().contains(said), "{name}: {}", done.stderr());
+    }
+}
+
+#[test]
+fn every_backend_is_known() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    for name in ["embree", "bvh", "coursework", "brute"] {
+        let accelerator = format!("\"scene\": {{ \"accelerator\": \"{name}\",");
+        scratch.write("b.json", &SCENE.replace("\"scene\": {", &accelerator));
+        let info = scratch.run(&["info", "b.json"]);
+        assert_eq!(info.code(), 0, "{}", info.stderr());
+        assert!(info.stdout().contains(&format!("backend {name}")), "{}", info.stdout());
+        // Accepted; the folder is missing.
+        let done = scratch.run(&["render", "s.json", "--backend", name, "-o", "none/x"]);
+        assert!(done.stderr().contains("no such folder"), "{}", done.stderr());
+    }
 }
 
 #[test]

@@ -5,6 +5,9 @@ pub mod bvh;
 pub mod coursework;
 #[cfg(feature = "embree")]
 pub mod embree;
+mod footprint;
+
+pub use footprint::Footprint;
 
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::Geometry;

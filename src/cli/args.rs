@@ -168,6 +168,10 @@ pub struct MachineArgs {
     #[arg(long)]
     pub fast: bool,
 
+    /// Instruction set of our own kernels [default: the best of this machine]
+    #[arg(long, value_name = "NAME")]
+    pub isa: Option<IsaName>,
+
     /// Refuse or stop rather than use more memory, e.g. 8G or 512MiB (G = GiB = 2^30)
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub max_memory: Option<u64>,
@@ -215,6 +219,17 @@ pub enum ToneName {
     Clamp,
     /// x / (1 + x)
     Reinhard,
+}
+
+/// Names of the instruction sets.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum IsaName {
+    /// What every processor of the target has
+    Portable,
+    /// AVX2 and FMA
+    Avx2,
+    /// AVX-512 F, BW, DQ, VL
+    Avx512,
 }
 
 /// Names of the backends.

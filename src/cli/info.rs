@@ -3,7 +3,11 @@
 //! The first bytes decide what a file is, not its name. A bad file does not hide the next one: all
 //! are looked at, and all errors come at the end.
 
-use std::{fs::File, io::Read, path::Path};
+use std::{
+    fs::File,
+    io::{ErrorKind, Read},
+    path::Path,
+};
 
 use ::exr::meta::{MetaData, attribute::AttributeValue, header::Header};
 use serde_json::{Map, Value, json};
@@ -56,9 +60,12 @@ fn describe(path: &Path) -> Result<Report> {
     let mut report = Report::default();
     report.add("file", json!(path.display().to_string()), "");
     report.add("ok", json!(true), "");
-    // A folder opens, but cannot be read; the scene parser says so best.
-    if let Err(error) = opened.filter_folder() {
-        return Err(Error::io(path, "read", &error));
+    match opened {
+        // A folder opens, but cannot be read; the scene parser says so best.
+        Err(error) if error.kind() != ErrorKind::IsADirectory => {
+            return Err(Error::io(path, "read", &error));
+        }
+        _ => {}
     }
     match start.as_slice() {
         b"ply\n" | b"ply\r" => ply(path, &mut report)?,
@@ -67,20 +74,6 @@ fn describe(path: &Path) -> Result<Report> {
         _ => info_scene::describe(path, &mut report)?,
     }
     Ok(report)
-}
-
-/// Treats "is a folder" as readable.
-trait FilterFolder {
-    fn filter_folder(self) -> std::io::Result<usize>;
-}
-
-impl FilterFolder for std::io::Result<usize> {
-    fn filter_folder(self) -> std::io::Result<usize> {
-        match self {
-            Err(error) if error.kind() == std::io::ErrorKind::IsADirectory => Ok(0),
-            other => other,
-        }
-    }
 }
 
 fn ply(path: &Path, report: &mut Report) -> Result<()> {

@@ -6,6 +6,7 @@ use std::path::Path;
 use serde_json::json;
 
 use crate::{
+    accel::Footprint,
     error::{Problem, Result},
     film::Window,
     monitor::Monitor,
@@ -20,8 +21,9 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    let prediction = memory::predict(scene, Window::full(width, height))?;
     let (world, more) = World::load(scene, LoadOptions::default(), &Monitor::default())?;
+    let mut prediction = memory::predict(scene, Window::full(width, height))?;
+    let footprint = Footprint::of(scene.backend, rayon::current_num_threads(), false);
     report.add("type", json!("scene"), "scene");
     let picture = format!(
         "{width} x {height} pixels, {} spp, {} mirror bounces, backend {}",
@@ -36,11 +38,18 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     let triangles = world.triangles();
     let line = format!("{} triangles", units::count(triangles));
     report.add("triangles", json!(triangles), line);
+    let mut warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
+    match footprint {
+        Ok(footprint) => prediction = prediction.with(&footprint),
+        Err(error) => warnings.extend(error.problems.into_iter().map(|problem| {
+            let message = format!("{}: the accelerator's memory is not predicted", problem.message);
+            Problem { message, ..problem }
+        })),
+    }
     let memory =
         format!("memory: about {} at most: {prediction}", units::bytes(prediction.peak_bytes));
     report.add("memory", json!(prediction), memory);
     report.add("scene_hash", json!(loaded.hash), format!("hash {}", loaded.hash));
-    let warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
     let texts: Vec<String> = warnings.iter().map(Problem::to_string).collect();
     for text in &texts {
         super::note(&format!("warning: {text}"));

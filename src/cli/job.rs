@@ -6,7 +6,7 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
     mesh::Mesh,
-    scene::{self, Backend, Description, Loaded, Scene, Source, written},
+    scene::{self, Backend, Description, Loaded, Scene, ShapeKind, Source, written},
 };
 
 use super::{
@@ -51,7 +51,9 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
         None => return load_file(args, overrides),
     };
     if is_mesh {
-        memory::predict_mesh(&args.input)?.check(args.machine.max_memory)?;
+        if let Some(limit) = args.machine.max_memory {
+            memory::predict_mesh(&args.input)?.check(limit)?;
+        }
         let subject = Subject {
             path: &args.input,
             up: args.mesh.up,
@@ -62,8 +64,23 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
         overrides.prepend(ours);
         ready.push(mesh);
     }
-    let job = finish(origin.source(), origin.folder.clone(), args, overrides, warnings)?;
+    let mut job = finish(origin.source(), origin.folder.clone(), args, overrides, warnings)?;
+    for (path, _) in &mut ready {
+        call_as_typed(&mut job.loaded.scene, path, &args.input);
+    }
     Ok(Job { ready, ..job })
+}
+
+/// Messages name the mesh as the user does, not as the template sees it.
+fn call_as_typed(scene: &mut Scene, path: &mut PathBuf, typed: &Path) {
+    for shape in &mut scene.shapes {
+        if let ShapeKind::Trimesh(spec) = &mut shape.kind {
+            if spec.path == *path {
+                spec.path = typed.to_owned();
+            }
+        }
+    }
+    *path = typed.to_owned();
 }
 
 /// Refuses flags that mean nothing for a scene.
@@ -134,29 +151,34 @@ pub fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
 }
 
 /// The text of a scene saved as `target`: its paths seen from there.
-pub fn saved(job: &Job, target: &Path) -> String {
+///
+/// # Errors
+/// A path that is not UTF-8.
+pub fn saved(job: &Job, target: &Path) -> Result<String> {
     let to = target.parent().unwrap_or(Path::new(""));
     let mut description: Description = job.loaded.description.clone();
-    let moved = |path: &str| seen_from(&job.folder.join(path), to);
-    let material = |material: &mut written::Material| {
-        if let Some(path) = &mut material.texture_path {
-            path.0 = moved(&path.0);
-        }
+    let move_path = |path: &mut String| -> Result<()> {
+        *path = seen_from(&job.folder.join(&*path), to)?;
+        Ok(())
     };
-    description.scene.materials.values_mut().for_each(material);
+    let material = |material: &mut written::Material| match &mut material.texture_path {
+        Some(path) => move_path(&mut path.0),
+        None => Ok(()),
+    };
+    description.scene.materials.values_mut().try_for_each(material)?;
     for shape in &mut description.scene.shapes {
         let used = match shape {
             written::Shape::Sphere(s) => &mut s.material,
             written::Shape::Plane(s) => &mut s.material,
             written::Shape::Triangle(s) => &mut s.material,
             written::Shape::TriMesh(s) => {
-                s.path.0 = moved(&s.path.0);
+                move_path(&mut s.path.0)?;
                 &mut s.material
             }
         };
         if let written::MaterialUse::Inline(inline) = used {
-            material(inline);
+            material(inline)?;
         }
     }
-    description.to_text()
+    Ok(description.to_text())
 }

@@ -1,14 +1,16 @@
-//! How much memory a render will need, from headers alone: said by `info`, and held against
-//! `--max-memory` before the first mesh is read.
+//! How much memory a render will need, from headers and the accelerator's footprint: said by `info`,
+//! and held against `--max-memory` before the first mesh is read.
 
-use std::{collections::BTreeSet, path::Path};
+use std::{collections::HashSet, path::Path};
 
 use serde::Serialize;
 
 use crate::{
+    accel::Footprint,
     error::{Error, Kind, Problem, Result},
     film::Window,
-    scene::{Backend, Scene, ShapeKind},
+    scene::{Scene, ShapeKind},
+    shading::Texture,
 };
 
 use super::{meshes, units};
@@ -19,9 +21,6 @@ const FILM_BYTES: u64 = 16;
 const PNG_BYTES: u64 = 4;
 /// The program, its threads, tables.
 const BASE_BYTES: u64 = 30 << 20;
-/// What an accelerator holds however small the scene: blocks that its threads begin.
-const ACCELERATOR_BYTES: u64 = 2 << 20;
-
 /// Predicted bytes.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Prediction {
@@ -31,27 +30,19 @@ pub struct Prediction {
     pub mesh_bytes: u64,
     /// Decoded images.
     pub texture_bytes: u64,
-    /// The accelerator once built.
-    pub accelerator_bytes: u64,
+    /// What decoding takes at most beside them.
+    pub decoding_bytes: u64,
+    /// The accelerator once built, if that is known.
+    pub accelerator_bytes: Option<u64>,
     /// The most that its build holds.
-    pub accelerator_peak_bytes: u64,
+    pub accelerator_peak_bytes: Option<u64>,
     /// The most at any time.
     pub peak_bytes: u64,
-    /// Triangles of all shapes.
-    pub triangles: u64,
+    /// Triangles of all shapes (a plane counts as two) and spheres.
+    pub primitives: u64,
 }
 
-/// Bytes per triangle: built, and at most during the build.
-fn per_triangle(backend: Backend) -> [u64; 2] {
-    match backend {
-        Backend::Embree => [66, 104],
-        Backend::Bvh => [66, 130],
-        Backend::Coursework => [80, 160],
-        Backend::Brute => [0, 0],
-    }
-}
-
-/// Looks at the headers of all files.
+/// Looks at the headers of all files; leaves the accelerator out.
 ///
 /// # Errors
 /// Headers that cannot be read.
@@ -67,26 +58,20 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
                     problems.extend(error.problems);
                     Default::default()
                 });
-                sum.triangles = sum.triangles.saturating_add(promise.triangles);
+                sum.primitives = sum.primitives.saturating_add(promise.triangles);
                 let normals = if mesh.smooth { promise.missing_normal_bytes } else { 0 };
                 let bytes = promise.array_bytes.saturating_add(normals);
                 sum.mesh_bytes = sum.mesh_bytes.saturating_add(bytes);
             }
-            ShapeKind::Sphere { .. } | ShapeKind::Triangle { .. } => sum.triangles += 1,
-            ShapeKind::Plane { .. } => sum.triangles += 2,
+            ShapeKind::Sphere { .. } | ShapeKind::Triangle { .. } => sum.primitives += 1,
+            ShapeKind::Plane { .. } => sum.primitives += 2,
         }
     }
     if !problems.is_empty() {
         return Err(Error { kind: Kind::Invalid, problems });
     }
-    sum.texture_bytes = textures(scene);
-    let [live, peak] = per_triangle(scene.backend);
-    sum.accelerator_bytes = sum.triangles.saturating_mul(live);
-    sum.accelerator_peak_bytes =
-        sum.triangles.saturating_mul(peak).saturating_add(ACCELERATOR_BYTES);
-    let parts = [sum.film_bytes, sum.mesh_bytes, sum.texture_bytes, sum.accelerator_peak_bytes];
-    sum.peak_bytes = parts.iter().fold(BASE_BYTES, |a, b| a.saturating_add(*b));
-    Ok(sum)
+    textures(scene, &mut sum);
+    Ok(sum.with_peak())
 }
 
 /// What a mesh alone needs, whatever the scene around it: said before the mesh is read for its
@@ -98,36 +83,59 @@ pub fn predict_mesh(path: &Path) -> Result<Prediction> {
     let promise = meshes::promise(path)?;
     Ok(Prediction {
         mesh_bytes: promise.array_bytes,
-        triangles: promise.triangles,
-        peak_bytes: BASE_BYTES.saturating_add(promise.array_bytes),
+        primitives: promise.triangles,
         ..Prediction::default()
-    })
+    }
+    .with_peak())
 }
 
-/// Bytes of the decoded images, each once; files that are no images are complained about later.
-fn textures(scene: &Scene) -> u64 {
-    let paths = scene.materials.iter().filter_map(|m| m.texture.as_ref().map(|t| &t.path));
-    let paths: BTreeSet<_> = paths.collect();
-    let bytes = paths.into_iter().filter_map(|path| {
-        let reader = image::ImageReader::open(path).ok()?.with_guessed_format().ok()?;
-        use image::ImageFormat::{Hdr, OpenExr};
-        let float = matches!(reader.format(), Some(Hdr | OpenExr));
-        let (width, height) = reader.into_dimensions().ok()?;
-        let texel = if float { 12 } else { 3 };
-        Some(u64::from(width) * u64::from(height) * texel)
-    });
-    bytes.fold(0, u64::saturating_add)
+/// The images of all materials that shapes use, each as often as it is loaded; files that are no
+/// images are complained about later.
+fn textures(scene: &Scene, sum: &mut Prediction) {
+    let used = scene.shapes.iter().map(|shape| &scene.materials[shape.material]);
+    let used = used.filter_map(|m| m.texture.as_ref());
+    let keys: HashSet<_> = used.map(|t| (t.path.as_path(), t.color_space)).collect();
+    for (path, _) in keys {
+        if let Ok(size) = Texture::size(path) {
+            sum.texture_bytes = sum.texture_bytes.saturating_add(size.stored);
+            let beside = size.decoding.saturating_sub(size.stored);
+            sum.decoding_bytes = sum.decoding_bytes.max(beside);
+        }
+    }
 }
 
 impl Prediction {
+    /// The same with the accelerator.
+    pub fn with(self, footprint: &Footprint) -> Self {
+        Self {
+            accelerator_bytes: Some(footprint.built_bytes(self.primitives)),
+            accelerator_peak_bytes: Some(footprint.peak_bytes(self.primitives)),
+            ..self
+        }
+        .with_peak()
+    }
+
+    /// Images are decoded before meshes are read; the film comes when the accelerator is built.
+    fn with_peak(self) -> Self {
+        let world = [self.mesh_bytes, self.texture_bytes];
+        let world = world.iter().fold(BASE_BYTES, |a, b| a.saturating_add(*b));
+        let beside = [
+            self.decoding_bytes.saturating_sub(self.mesh_bytes),
+            self.accelerator_peak_bytes.unwrap_or(0),
+            self.accelerator_bytes.unwrap_or(0).saturating_add(self.film_bytes),
+        ];
+        let most = beside.into_iter().max().unwrap_or(0);
+        Self { peak_bytes: world.saturating_add(most), ..self }
+    }
+
     /// Refuses a render that will not fit.
     ///
     /// # Errors
     /// `Limit`, with the numbers.
-    pub fn check(&self, limit: Option<u64>) -> Result<()> {
-        let Some(limit) = limit.filter(|limit| *limit < self.peak_bytes) else {
+    pub fn check(&self, limit: u64) -> Result<()> {
+        if limit >= self.peak_bytes {
             return Ok(());
-        };
+        }
         let message = format!(
             "found {}, expected at least {}: {self}",
             units::bytes(limit),
@@ -136,21 +144,78 @@ impl Prediction {
         let problem = Problem::new("--max-memory", message);
         Err(Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh")))
     }
+}
 
-    /// What is left of `limit` for the accelerator beside a world of `mesh_bytes`.
-    pub fn left(&self, limit: u64, mesh_bytes: u64) -> u64 {
-        limit.saturating_sub(BASE_BYTES).saturating_sub(self.film_bytes).saturating_sub(mesh_bytes)
+/// `--max-memory`, and what was predicted under it.
+#[derive(Debug)]
+pub struct Budget {
+    limit: u64,
+    prediction: Prediction,
+}
+
+impl Budget {
+    /// Refuses a scene that will not fit. Costs the headers, then a small build for the
+    /// accelerator's footprint.
+    ///
+    /// # Errors
+    /// `Limit`, with the numbers; headers that cannot be read; a backend that cannot run.
+    pub fn check(
+        limit: u64,
+        scene: &Scene,
+        window: Window,
+        threads: usize,
+        fast: bool,
+    ) -> Result<Self> {
+        let prediction = predict(scene, window)?;
+        prediction.check(limit)?;
+        let prediction = prediction.with(&Footprint::of(scene.backend, threads, fast)?);
+        prediction.check(limit)?;
+        Ok(Self { limit, prediction })
+    }
+
+    /// What is left for images, beside what the meshes will need.
+    pub fn for_textures(&self) -> u64 {
+        self.limit.saturating_sub(BASE_BYTES).saturating_sub(self.prediction.mesh_bytes)
+    }
+
+    /// What is left for the accelerator beside a world of `world_bytes`.
+    pub fn for_accelerator(&self, world_bytes: u64) -> u64 {
+        self.limit.saturating_sub(BASE_BYTES).saturating_sub(world_bytes)
+    }
+
+    /// Refuses a film that does not fit beside world and accelerator, of `held` bytes.
+    ///
+    /// # Errors
+    /// `Limit`, with the numbers.
+    pub fn check_film(&self, held: u64) -> Result<()> {
+        let film = self.prediction.film_bytes;
+        let needed = BASE_BYTES.saturating_add(held).saturating_add(film);
+        if self.limit >= needed {
+            return Ok(());
+        }
+        let message = format!(
+            "found {}, expected at least {}: film {} beside meshes, textures and accelerator of {}",
+            units::bytes(self.limit),
+            units::bytes_rounded_up(needed),
+            units::bytes(film),
+            units::bytes(held),
+        );
+        let problem = Problem::new("--max-memory", message);
+        Err(Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh")))
     }
 }
 
 impl std::fmt::Display for Prediction {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let built = self.accelerator_bytes.unwrap_or(0);
+        let peak = self.accelerator_peak_bytes.unwrap_or(0);
         let parts = [
             ("film", self.film_bytes),
             ("meshes", self.mesh_bytes),
             ("textures", self.texture_bytes),
-            ("accelerator", self.accelerator_bytes),
-            ("its build", self.accelerator_peak_bytes.saturating_sub(self.accelerator_bytes)),
+            ("decoding them", self.decoding_bytes),
+            ("accelerator", built),
+            ("its build", peak.saturating_sub(built)),
         ];
         let parts = parts.into_iter().filter(|(_, bytes)| *bytes > 0);
         let parts: Vec<_> =

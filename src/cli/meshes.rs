@@ -7,6 +7,7 @@ use glam::DVec3;
 use crate::{
     error::Result,
     mesh::{self, Mesh},
+    scene::begins_as_ply,
     world::Bounds,
 };
 
@@ -42,10 +43,10 @@ pub fn promise(path: &Path) -> Result<Promise> {
     })
 }
 
-/// Whether a file name is a mesh's.
+/// Whether a file is a mesh, by its name or its first bytes.
 pub fn is_mesh(path: &Path) -> bool {
     let name = path.to_string_lossy().to_ascii_lowercase();
-    [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| name.ends_with(end))
+    [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| name.ends_with(end)) || begins_as_ply(path)
 }
 
 /// The vertices that triangles use, in file units.

@@ -28,13 +28,28 @@ mod version;
 pub use args::{Arguments, Command};
 pub use framing::frame;
 
-use std::io::Write;
+use std::{io::Write, path::Path};
+
+use clap::error::{ContextKind, ContextValue};
 
 use crate::error::{Error, Result};
 
 /// Prints a message; a stderr that is closed or full must not stop a render.
 pub fn note(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Adds what was probably meant: a file alone is to be rendered.
+pub fn with_hint(mut error: clap::Error) -> clap::Error {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else {
+        return error;
+    };
+    let path = Path::new(word);
+    if path.is_file() || path.extension().is_some_and(|end| end == "json" || end == "ply") {
+        let hint = format!("to render it: lightpath render {word}");
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![hint.into()]));
+    }
+    error
 }
 
 /// Runs one command.
@@ -58,8 +73,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// Writes a result to stdout. A reader that has gone (`| head`) is no error.
 fn print(text: &str) -> Result<()> {
+    print_bytes(text.as_bytes())
+}
+
+fn print_bytes(bytes: &[u8]) -> Result<()> {
     let mut stdout = std::io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::io("<stdout>".as_ref(), "write", &error))
         }

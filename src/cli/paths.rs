@@ -1,13 +1,18 @@
 //! Output names, and paths that stay right when a scene is saved somewhere else.
 
-use std::path::{Component, Path, PathBuf};
+use std::{
+    ffi::OsStr,
+    path::{Component, Path, PathBuf},
+};
+
+use crate::error::{Error, Result};
 
 /// Where a render goes: `-o`, else the input's stem in the working folder.
 ///
 /// `-o out/` and an existing folder mean the stem in that folder; `-o a.png` and `-o a.exr` mean
 /// `a`, as nobody wants `a.png.exr`.
 pub fn prefix(output: Option<&Path>, input: &Path) -> PathBuf {
-    let stem = match input.file_stem() {
+    let stem = match stem(input) {
         Some(stem) if input != Path::new("-") => stem.to_owned(),
         _ => "stdin".into(),
     };
@@ -26,24 +31,58 @@ pub fn prefix(output: Option<&Path>, input: &Path) -> PathBuf {
     }
 }
 
+/// The file's name without its ending; a compressed mesh has two.
+fn stem(path: &Path) -> Option<&OsStr> {
+    let stem = Path::new(path.file_stem()?);
+    let ends = |path: &Path, ends: &[&str]| {
+        path.extension().is_some_and(|e| ends.iter().any(|end| e.eq_ignore_ascii_case(end)))
+    };
+    match ends(path, &["gz", "zst"]) && ends(stem, &["ply"]) {
+        true => stem.file_stem(),
+        false => Some(stem.as_os_str()),
+    }
+}
+
+/// `path` as a scene holds it.
+///
+/// # Errors
+/// A name that is not UTF-8.
+pub fn named(path: &Path) -> Result<String> {
+    let text = path.to_str().map(str::to_owned);
+    text.ok_or_else(|| {
+        let message = "found a name that is not UTF-8, expected one that a JSON scene can hold";
+        Error::invalid(path.display().to_string(), message)
+            .help("rename the file, or make a link to it under another name: ln -s")
+    })
+}
+
 /// `path` as seen from `folder`, with `/`; both relative to the working folder or absolute.
-pub fn seen_from(path: &Path, folder: &Path) -> String {
-    let path = real(path);
-    let folder = real(match folder.as_os_str().is_empty() {
-        true => Path::new("."),
-        false => folder,
-    });
+///
+/// # Errors
+/// A name that is not UTF-8.
+pub fn seen_from(path: &Path, folder: &Path) -> Result<String> {
+    // The file keeps the name it is called by, also where that is a link.
+    let path = match (path.parent(), path.file_name()) {
+        (Some(parent), Some(name)) => real(parent).join(name),
+        _ => real(path),
+    };
+    let folder = real(folder);
     let there: Vec<Component> = path.components().collect();
     let here: Vec<Component> = folder.components().collect();
     let common = there.iter().zip(&here).take_while(|(a, b)| a == b).count();
-    let ups = here[common..].iter().map(|_| "..".to_string());
-    let downs = there[common..].iter().map(|c| c.as_os_str().to_string_lossy().into_owned());
-    ups.chain(downs).collect::<Vec<_>>().join("/")
+    let ups = here[common..].iter().map(|_| Ok("..".to_string()));
+    let downs = there[common..].iter().map(|c| named(c.as_ref()));
+    Ok(ups.chain(downs).collect::<Result<Vec<_>>>()?.join("/"))
 }
 
-/// Absolute and without links where the path exists.
-fn real(path: &Path) -> PathBuf {
-    path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.to_owned())
+/// Absolute and without links where the folder exists.
+fn real(folder: &Path) -> PathBuf {
+    let folder = match folder.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => folder,
+    };
+    let absolute = || std::path::absolute(folder);
+    folder.canonicalize().or_else(|_| absolute()).unwrap_or_else(|_| folder.to_owned())
 }
 
 #[cfg(test)]
@@ -57,6 +96,9 @@ mod tests {
             prefix.to_str().unwrap().to_string()
         };
         assert_eq!(of(None, "a/scan.v2.ply"), "scan.v2");
+        assert_eq!(of(None, "a/scan.ply.gz"), "scan");
+        assert_eq!(of(None, "a/scan.PLY.zst"), "scan");
+        assert_eq!(of(None, "a/scan.gz"), "scan");
         assert_eq!(of(None, "-"), "stdin");
         assert_eq!(of(Some("out/x.0001"), "a.json"), "out/x.0001");
         assert_eq!(of(Some("out/x.PNG"), "a.json"), "out/x");
@@ -66,7 +108,7 @@ mod tests {
 
     #[test]
     fn relative_paths() {
-        let of = |path, folder| seen_from(Path::new(path), Path::new(folder));
+        let of = |path, folder| seen_from(Path::new(path), Path::new(folder)).unwrap();
         assert_eq!(of("/no/a/b.ply", "/no/a"), "b.ply");
         assert_eq!(of("/no/a/b.ply", "/no/c/d"), "../../a/b.ply");
         assert_eq!(of("nosuch.ply", ""), "nosuch.ply");

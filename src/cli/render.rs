@@ -11,7 +11,7 @@ use serde_json::json;
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
     error::{Error, Kind, Problem, Result},
-    film::{Film, Window},
+    film::{Blank, Film, Window},
     mesh::Mesh,
     monitor::Monitor,
     output::{Oddities, Outputs, WriteOptions, atomic::TextFile},
@@ -22,9 +22,9 @@ use crate::{
 };
 
 use super::{
-    args::{MachineArgs, ProgressMode, RenderArgs},
+    args::{IsaName, MachineArgs, ProgressMode, RenderArgs},
     job::{self, Job},
-    memory::{self, Prediction},
+    memory::Budget,
     paths,
     progress::Progress,
     signals,
@@ -57,6 +57,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let monitor = Arc::new(Monitor::default());
     let threads = threads(&args.machine);
+    let isa = isa(&args.machine)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| {
         let message = format!("cannot start {threads} threads: {error}");
@@ -65,8 +66,10 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let mut job = pool.install(|| job::load(args))?;
     let ready = std::mem::take(&mut job.ready);
     let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
-    let prediction = memory::predict(&job.loaded.scene, window)?;
-    prediction.check(args.machine.max_memory)?;
+    let budget = args.machine.max_memory.map(|limit| {
+        pool.install(|| Budget::check(limit, &job.loaded.scene, window, threads, args.machine.fast))
+    });
+    let budget = budget.transpose()?;
     not_over_inputs(args, &job)?;
     // Until here a signal ends the program at once: there is nothing to tidy up.
     signals::watch(&monitor)?;
@@ -79,8 +82,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         args,
         job: &job,
         window,
-        prediction,
+        budget,
         threads,
+        isa,
         monitor: &monitor,
         progress: Progress::start(mode, &monitor),
         start,
@@ -106,9 +110,8 @@ fn not_over_inputs(args: &RenderArgs, job: &Job) -> Result<()> {
     };
     let mut taken: Vec<PathBuf> = inputs.map(|path| same(path)).collect();
     let prefix = paths::prefix(args.output.as_deref(), &args.input);
-    let named = |end: &str| PathBuf::from(format!("{}{end}", prefix.display()));
     let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
-    for output in [named(".exr"), named(".png")].into_iter().chain(others) {
+    for output in Outputs::names(&prefix).into_iter().chain(others) {
         let path = same(&output);
         if taken.contains(&path) && !path.starts_with("/dev") {
             let message = "would be written over what the render reads, or twice";
@@ -132,13 +135,35 @@ fn threads(args: &MachineArgs) -> usize {
         .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
 }
 
+/// `--isa`, else the best tier.
+fn isa(args: &MachineArgs) -> Result<Isa> {
+    let wanted = match args.isa {
+        None => return Ok(Isa::detect()),
+        Some(IsaName::Portable) => Isa::Portable,
+        Some(IsaName::Avx2) => Isa::Avx2,
+        Some(IsaName::Avx512) => Isa::Avx512,
+    };
+    if Isa::available().any(|isa| isa == wanted) {
+        return Ok(wanted);
+    }
+    let lacks = match Isa::compiled().contains(&wanted) {
+        true => "this machine",
+        false => "this build",
+    };
+    let available: Vec<String> = Isa::available().map(|isa| isa.to_string()).collect();
+    let message = format!("found {wanted}, which {lacks} lacks");
+    let help = format!("available: {}", available.join(", "));
+    Err(Error::new(Kind::Unsupported, Problem::new("--isa", message).help(help)))
+}
+
 /// What the stations share.
 struct Run<'a> {
     args: &'a RenderArgs,
     job: &'a Job,
     window: Window,
-    prediction: Prediction,
+    budget: Option<Budget>,
     threads: usize,
+    isa: Isa,
     monitor: &'a Monitor,
     progress: Progress,
     start: Instant,
@@ -148,31 +173,40 @@ impl Run<'_> {
     fn all(&self, files: Files, ready: Vec<(PathBuf, Mesh)>) -> Result<(Stats, Vec<PathBuf>)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
-        let mut film = Film::new([scene.camera.width, scene.camera.height], self.window)?;
-        let repair = self.args.mesh.repair;
-        let (world, warnings) = World::load(scene, LoadOptions { repair, ready }, self.monitor)?;
+        let blank = Blank::new([scene.camera.width, scene.camera.height], self.window)?;
+        let budget = self.budget.as_ref();
+        let options = LoadOptions {
+            repair: self.args.mesh.repair,
+            ready,
+            texture_bytes: budget.map(Budget::for_textures),
+        };
+        let (world, warnings) = World::load(scene, options, self.monitor)?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
 
-        let mesh_bytes = world.mesh_bytes();
-        let limit = self.args.machine.max_memory;
-        let isa = Isa::detect();
+        let world_bytes = world.mesh_bytes() + world.texture_bytes();
+        let isa = self.isa;
         let options = BuildOptions {
             threads: self.threads,
             fast: self.args.machine.fast,
             isa,
-            max_bytes: limit.map(|limit| self.prediction.left(limit, mesh_bytes)),
+            max_bytes: budget.map(|budget| budget.for_accelerator(world_bytes)),
         };
         let accelerator = accel::build(&world.geometry, scene.backend, &options, self.monitor)?;
         let info = accelerator.info();
+        if let Some(budget) = budget {
+            budget.check_film(world_bytes + info.bytes)?;
+        }
+        let mut film = blank.film();
         let built = self.start.elapsed().as_secs_f64();
 
         let counts = renderer::render(&world, accelerator.as_ref(), isa, &mut film, self.monitor)?;
         let rendered = self.start.elapsed().as_secs_f64();
 
-        let mut stats = self.stats(&info, isa);
+        let mut stats = self.stats(&info);
         stats.triangles = world.triangles();
-        stats.memory.mesh_bytes = mesh_bytes;
+        stats.memory.mesh_bytes = world.mesh_bytes();
+        stats.memory.texture_bytes = world.texture_bytes();
         stats.rays =
             Rays { primary: counts.primary, shadow: counts.shadow, reflection: counts.reflection };
         stats.seconds = Seconds {
@@ -186,14 +220,14 @@ impl Run<'_> {
     }
 
     /// What is known before the first ray.
-    fn stats(&self, info: &BuildInfo, isa: Isa) -> Stats {
+    fn stats(&self, info: &BuildInfo) -> Stats {
         let loaded = &self.job.loaded;
         Stats {
             backend: loaded.scene.backend.name().to_string(),
             threads: self.threads,
             versions: version::versions(&info.version),
             cpu: stats::cpu(),
-            isa: format!("{} rays, {isa} shading", info.isa),
+            isa: format!("{} rays, {} shading", info.isa, self.isa),
             scene_hash: loaded.hash.clone(),
             seed: loaded.scene.seed,
             memory: Memory {
@@ -224,7 +258,7 @@ impl Run<'_> {
         self.warn(&odd(&oddities));
         let mut paths = paths.to_vec();
         if let Some((target, file)) = files.scene {
-            paths.push(file.finish(&job::saved(self.job, &target))?);
+            paths.push(file.finish(&job::saved(self.job, &target)?)?);
         }
         stats.seconds.write = started.elapsed().as_secs_f64();
         stats.seconds.total = self.start.elapsed().as_secs_f64();
@@ -284,13 +318,16 @@ fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
     if !args.report.quiet {
         super::note(&stats.summary());
     }
-    let names = paths.iter().map(|path| path.as_path().display().to_string());
     if args.report.json {
         let mut value = json!(stats);
-        value["outputs"] = names.collect();
+        value["outputs"] = paths.iter().map(|path| path.display().to_string()).collect();
         return super::print(&format!("{value}\n"));
     }
-    let to_stdout = |name: &String| Path::new(name) != Path::new("/dev/stdout");
-    let lines: Vec<String> = names.filter(to_stdout).map(|name| name + "\n").collect();
-    super::print(&lines.concat())
+    let mut lines = Vec::new();
+    for path in paths.iter().filter(|path| *path != Path::new("/dev/stdout")) {
+        // A name need not be UTF-8.
+        lines.extend_from_slice(path.as_os_str().as_encoded_bytes());
+        lines.push(b'\n');
+    }
+    super::print_bytes(&lines)
 }

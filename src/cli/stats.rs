@@ -30,7 +30,7 @@ pub struct Stats {
     /// SHA-256 of the canonical scene.
     pub scene_hash: String,
     /// Of every random choice.
-    pub seed: u64,
+    pub seed: i64,
 }
 
 /// Wall-clock seconds by phase.
@@ -68,8 +68,10 @@ pub struct Memory {
     pub accelerator_bytes: u64,
     /// Most that the accelerator held during its build.
     pub accelerator_peak_bytes: u64,
-    /// Mesh arrays and textures.
+    /// Primitives and vertex data.
     pub mesh_bytes: u64,
+    /// Textures.
+    pub texture_bytes: u64,
 }
 
 impl Stats {
@@ -82,7 +84,7 @@ impl Stats {
             "{} triangles, {} ({}), {} threads\n\
              load {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s, total {}\n\
              rays: {} primary, {} shadow, {} reflection; {rate:.1} Mray/s\n\
-             peak memory {} (accelerator {}, meshes {})",
+             peak memory {} (accelerator {}, meshes {}, textures {})",
             units::count(self.triangles),
             self.backend,
             self.isa,
@@ -98,6 +100,7 @@ impl Stats {
             units::bytes(self.memory.peak_bytes),
             units::bytes(self.memory.accelerator_bytes),
             units::bytes(self.memory.mesh_bytes),
+            units::bytes(self.memory.texture_bytes),
         )
     }
 }

@@ -23,7 +23,7 @@ use super::{
     meshes::{self, Points},
     origin::Origin,
     overrides::Overrides,
-    paths::seen_from,
+    paths::{named, seen_from},
 };
 
 /// The built-in template.
@@ -60,19 +60,21 @@ pub fn furnish(
     let mesh = meshes::read(subject.path, subject.repair)?;
     let shape = first_trimesh(template)?;
     let mut ours = Overrides::default();
-    let path = seen_from(subject.path, &template.folder);
+    let path = match template.folder.as_os_str().is_empty() {
+        true => named(subject.path)?,
+        false => seen_from(subject.path, &template.folder)?,
+    };
     ours.flag("FILE.ply", &format!("{shape}/path"), Some(path));
     if subject.builtin {
-        colour(subject, &mesh, template, &mut ours, warnings);
+        colour(subject, &mesh, template, &mut ours, warnings)?;
     }
     // What the template and the user ask for decides the framing.
-    let loaded = load(template, &ours, user)?;
-    let vertical = main_axis(loaded.scene.camera.up);
+    let mut loaded = load(template, &ours, user)?;
     if let Some(up) = subject.up {
-        let rotate = turn(up, vertical).to_vec();
+        let rotate = turn(up, main_axis(loaded.scene.camera.up)).to_vec();
         ours.flag("--up", &format!("{shape}/rotate"), Some(rotate));
+        loaded = load(template, &ours, user)?;
     }
-    let loaded = load(template, &ours, user)?;
     place(subject.path, &mesh, &loaded, &shape, &mut ours)?;
     let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
     Ok((ours, (path, mesh)))
@@ -107,27 +109,29 @@ fn colour(
     template: &Origin,
     ours: &mut Overrides,
     warnings: &mut Vec<Problem>,
-) {
+) -> Result<()> {
     let material = "/scene/materials/subject";
     let white = json!([1.0, 1.0, 1.0]);
     if mesh.colors.is_some() {
         ours.flag("FILE.ply", &format!("{material}/diffusecolor"), Some(white));
     }
     let Some(name) = &mesh.texture_file else {
-        return;
+        return Ok(());
     };
     let image = subject.path.parent().unwrap_or(Path::new("")).join(name);
     let place = subject.path.display().to_string();
     let reason = match (image.is_file(), mesh.uvs.is_some()) {
         (true, true) => {
-            let path = seen_from(&image, &template.folder);
-            return ours.flag("FILE.ply", &format!("{material}/tPath"), Some(path));
+            let path = seen_from(&image, &template.folder)?;
+            ours.flag("FILE.ply", &format!("{material}/tPath"), Some(path));
+            return Ok(());
         }
         (false, _) => format!("there is no file {}", image.display()),
         (_, false) => "the mesh has no texture coordinates".to_string(),
     };
     let message = format!("found the texture {name:?}, which is not used: {reason}");
     warnings.push(Problem::new(place, message));
+    Ok(())
 }
 
 /// Stands the mesh on its place and moves the camera.

@@ -26,6 +26,7 @@ impl TriangleMesh {
     /// Takes the arrays; indices must be below the number of vertices.
     pub fn new(mut vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, loop_only: bool) -> Self {
         debug_assert!(triangles.iter().flatten().all(|&i| (i as usize) < vertices.len()));
+        vertices.reserve_exact(1);
         vertices.push([0.0; 3]);
         Self { vertices, triangles, loop_only }
     }

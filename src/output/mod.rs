@@ -12,6 +12,8 @@ pub mod tonemap;
 
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use crate::{
     error::Result,
     film::Film,
@@ -38,26 +40,39 @@ pub struct Oddities {
 }
 
 impl Oddities {
-    /// Looks at every pixel of a film.
+    /// Looks at every pixel of a film, on the threads of the caller's rayon pool.
     pub fn of(film: &Film) -> Self {
-        let mut found = Self::default();
         let width = film.window.width().max(1) as usize;
-        for (i, pixel) in film.pixels.iter().enumerate() {
-            // NaN fails the comparison, so the common case is one test per channel.
-            if pixel.iter().all(|c| c.abs() <= HALF_MAX) {
-                continue;
+        let rows = film.pixels.par_chunks(width).enumerate().with_min_len(16);
+        let found = rows.map(|(row, pixels)| {
+            let mut found = Self::default();
+            for (column, pixel) in pixels.iter().enumerate() {
+                // NaN fails the comparison, so the common case is one test per channel.
+                if pixel.iter().all(|c| c.abs() <= HALF_MAX) {
+                    continue;
+                }
+                let at = [film.window.x0 + column as u32, film.window.y0 + row as u32];
+                if pixel.iter().all(|c| c.is_finite()) {
+                    found.clamped += 1;
+                    found.first_clamped.get_or_insert(at);
+                } else {
+                    found.non_finite += 1;
+                    found.first_non_finite.get_or_insert(at);
+                }
             }
-            let x = film.window.x0 + (i % width) as u32;
-            let y = film.window.y0 + (i / width) as u32;
-            if pixel.iter().all(|c| c.is_finite()) {
-                found.clamped += 1;
-                found.first_clamped.get_or_insert([x, y]);
-            } else {
-                found.non_finite += 1;
-                found.first_non_finite.get_or_insert([x, y]);
-            }
+            found
+        });
+        found.reduce(Self::default, Self::then)
+    }
+
+    /// Of these pixels and those after them.
+    fn then(self, next: Self) -> Self {
+        Self {
+            non_finite: self.non_finite + next.non_finite,
+            first_non_finite: self.first_non_finite.or(next.first_non_finite),
+            clamped: self.clamped + next.clamped,
+            first_clamped: self.first_clamped.or(next.first_clamped),
         }
-        found
     }
 }
 

@@ -13,7 +13,7 @@ pub struct Scene {
     /// Camera samples per pixel, >= 1.
     pub spp: u32,
     /// Seed of every random choice.
-    pub seed: u64,
+    pub seed: i64,
     /// The camera.
     pub camera: Camera,
     /// Radiance of rays that leave the scene.

@@ -88,7 +88,7 @@ fn errors_of_scenes_made_by_code_have_no_line() {
 #[test]
 fn everything_is_understood() {
     let scene = load_value(&everything(), &[]).unwrap().scene;
-    assert_eq!((scene.nbounces, scene.spp, scene.seed), (3, 4, (-7i64) as u64));
+    assert_eq!((scene.nbounces, scene.spp, scene.seed), (3, 4, -7));
     assert_eq!((scene.falloff, scene.backend), (Falloff::Quadratic, Backend::Bvh));
     assert_eq!(scene.camera.lookat, glam::DVec3::new(0.0, 5.0, 0.0));
     assert_eq!(scene.camera.lens.unwrap().focal_distance, 5.0);

@@ -144,8 +144,8 @@ impl Shapes {
         }
     }
 
-    /// Bytes of vertex data and textures.
-    pub fn bytes(&self) -> u64 {
+    /// Bytes of vertex data: normals, texture coordinates, colours.
+    pub fn vertex_bytes(&self) -> u64 {
         let shapes = self.shapes.iter().map(|shape| {
             let uv = match &shape.uv {
                 UvSource::PerVertex(uv) => size_of_val(&uv[..]),
@@ -160,7 +160,12 @@ impl Shapes {
             let normals = shape.normals.as_ref().map_or(0, |n| size_of_val(&n[..]));
             (uv + colors + normals) as u64
         });
-        shapes.sum::<u64>() + self.textures.iter().map(Texture::bytes).sum::<u64>()
+        shapes.sum()
+    }
+
+    /// Bytes of textures.
+    pub fn texture_bytes(&self) -> u64 {
+        self.textures.iter().map(Texture::bytes).sum()
     }
 
     /// The material, if every lane that hits anything hits the same shape and nothing varies

@@ -9,4 +9,4 @@ mod texture;
 pub use light::{Emitter, Falloff, Light, Lit, light_rays};
 pub use look::{Material, Owner, Shape, Shapes, UvSource, VertexColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
-pub use texture::Texture;
+pub use texture::{DEFAULT_MAX_BYTES, Texture, TextureSize};

@@ -35,6 +35,34 @@ pub struct Texture {
     had_alpha: bool,
 }
 
+/// Bytes that an image takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TextureSize {
+    /// As a texture.
+    pub stored: u64,
+    /// At most while it is decoded, the texture included.
+    pub decoding: u64,
+}
+
+impl TextureSize {
+    fn of(decoder: &impl ImageDecoder) -> Self {
+        let (width, height) = decoder.dimensions();
+        let color = decoder.color_type();
+        let file = u64::from(color.bytes_per_pixel());
+        // `decode`: the file's pixels, then RGB of the same type, then what is kept.
+        let (stored, decoding, table) = match color.bytes_per_pixel() / color.channel_count() {
+            1 => (3, file + 3, size_of::<[f32; 256]>()),
+            2 => (12, (file + 6).max(6 + 12), 0),
+            _ => (12, file + 12, 0),
+        };
+        let pixels = u64::from(width) * u64::from(height);
+        Self {
+            stored: pixels.saturating_mul(stored).saturating_add(table as u64),
+            decoding: pixels.saturating_mul(decoding),
+        }
+    }
+}
+
 /// 8-bit images stay 8-bit: a quarter of the memory, and exact.
 #[derive(Debug, Clone)]
 enum Texels {
@@ -52,21 +80,22 @@ impl Texture {
         Self::load_within(path, color_space, DEFAULT_MAX_BYTES)
     }
 
+    /// What the file at `path` will take, from its header alone.
+    ///
+    /// # Errors
+    /// What [`Texture::load`] would say of the header.
+    pub fn size(path: &Path) -> Result<TextureSize> {
+        let (_, decoder) = decoder(path, u64::MAX)?;
+        Ok(TextureSize::of(&decoder))
+    }
+
     /// Reads an image file that needs at most `max_bytes` while it is decoded.
     pub fn load_within(
         path: &Path,
         color_space: Option<ColorSpace>,
         max_bytes: u64,
     ) -> Result<Self> {
-        let mut reader = ImageReader::new(open(path)?)
-            .with_guessed_format()
-            .map_err(|e| Error::io(path, "read the texture", &e))?;
-        let Some(format) = reader.format() else {
-            return Err(Error::invalid(name(path), "not an image of a known format")
-                .help(format!("textures are {FORMATS}")));
-        };
-        reader.limits(limits(max_bytes));
-        let decoder = reader.into_decoder().map_err(|e| explain(path, e))?;
+        let (format, decoder) = decoder(path, max_bytes)?;
         let had_alpha = decoder.color_type().has_alpha();
         check_size(path, &decoder, max_bytes)?;
         if format == ImageFormat::Jpeg {
@@ -236,6 +265,19 @@ fn open(path: &Path) -> Result<BufReader<File>> {
     Ok(BufReader::with_capacity(1 << 16, file))
 }
 
+/// The file's header, read.
+fn decoder(path: &Path, max_bytes: u64) -> Result<(ImageFormat, impl ImageDecoder)> {
+    let mut reader = ImageReader::new(open(path)?)
+        .with_guessed_format()
+        .map_err(|e| Error::io(path, "read the texture", &e))?;
+    let Some(format) = reader.format() else {
+        return Err(Error::invalid(name(path), "not an image of a known format")
+            .help(format!("textures are {FORMATS}")));
+    };
+    reader.limits(limits(max_bytes));
+    Ok((format, reader.into_decoder().map_err(|e| explain(path, e))?))
+}
+
 /// What the decoders may allocate for themselves. Ours is [`check_size`].
 fn limits(max_bytes: u64) -> Limits {
     let mut limits = Limits::default();
@@ -253,13 +295,8 @@ fn check_size(path: &Path, decoder: &impl ImageDecoder, max_bytes: u64) -> Resul
             format!("the image is {width} x {height} pixels; both must be at least 1"),
         ));
     }
-    let color = decoder.color_type();
-    let stored: u8 = match color.bytes_per_pixel() / color.channel_count() {
-        1 => 3,
-        _ => 12,
-    };
-    let needed = u128::from(pixels) * u128::from(color.bytes_per_pixel() + stored);
-    if needed > u128::from(max_bytes) {
+    let needed = TextureSize::of(decoder).decoding;
+    if needed > max_bytes {
         let message = format!(
             "{width} x {height} pixels need {needed} bytes while they are decoded; the limit is \
              {max_bytes}"

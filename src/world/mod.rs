@@ -28,6 +28,8 @@ pub struct LoadOptions {
     pub repair: bool,
     /// Meshes that have been read already, by the path that the scene names.
     pub ready: Vec<(PathBuf, Mesh)>,
+    /// The most that all textures may take, decoding included; without it each may take 4 GiB.
+    pub texture_bytes: Option<u64>,
 }
 
 impl LoadOptions {
@@ -58,7 +60,7 @@ pub struct World {
     /// Mirror bounces.
     pub nbounces: u32,
     /// Of every random choice.
-    pub seed: u64,
+    pub seed: i64,
     /// Radiance of rays that leave the scene.
     pub background: Vec3,
     /// Ambient light.
@@ -83,7 +85,7 @@ impl World {
         monitor.begin(Phase::Load, scene.shapes.len() as u64);
         let mut warnings = Vec::new();
         let mut failures = Failures::default();
-        let looks = failures.keep(textures::load(scene, &mut warnings));
+        let looks = failures.keep(textures::load(scene, options.texture_bytes, &mut warnings));
         let mut bounds = Bounds::EMPTY;
         let mut meshes = Vec::new();
         for (index, shape) in scene.shapes.iter().enumerate() {
@@ -134,9 +136,14 @@ impl World {
         (meshes + 2 * self.geometry.quads.len()) as u64
     }
 
-    /// Bytes held by primitives, vertex data and textures.
+    /// Bytes held by primitives and vertex data.
     pub fn mesh_bytes(&self) -> u64 {
-        self.geometry.bytes() + self.shapes.bytes()
+        self.geometry.bytes() + self.shapes.vertex_bytes()
+    }
+
+    /// Bytes held by textures.
+    pub fn texture_bytes(&self) -> u64 {
+        self.shapes.texture_bytes()
     }
 }
 

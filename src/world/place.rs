@@ -71,9 +71,19 @@ impl PlacedMesh {
     pub fn finish(self, origin: DVec3, shape: &mut Shape) -> TriangleMesh {
         let Self { mesh, spec, linear, offset, .. } = self;
         let offset = offset - origin;
-        let vertices: Vec<[f32; 3]> = match &mesh.positions {
-            Positions::F32(p) => transform(p, |p| DVec3::from(p.map(f64::from)), linear, offset),
-            Positions::F64(p) => transform(p, DVec3::from, linear, offset),
+        let placed = |p: DVec3| (linear * p + offset).as_vec3().to_array();
+        let vertices = match mesh.positions {
+            Positions::F32(mut all) => {
+                all.par_iter_mut().for_each(|p| *p = placed(DVec3::from(p.map(f64::from))));
+                all
+            }
+            Positions::F64(all) => {
+                // Room for the unused vertex that `TriangleMesh` adds.
+                let mut rounded = Vec::with_capacity(all.len() + 1);
+                let each = all.par_iter().map(|&p| placed(DVec3::from(p)));
+                each.collect_into_vec(&mut rounded);
+                rounded
+            }
         };
         if spec.smooth {
             shape.normals = Some(match mesh.normals {
@@ -106,21 +116,6 @@ impl PlacedMesh {
 /// File coordinates have v up, ours runs down.
 fn flip(uv: &mut [f32; 2]) {
     uv[1] = 1.0 - uv[1];
-}
-
-/// `linear p + offset` in f64, rounded once. The vertices get room for the padding that
-/// `TriangleMesh` adds.
-fn transform<T: Copy + Sync>(
-    from: &[T],
-    get: impl Fn(T) -> DVec3 + Sync,
-    linear: DMat3,
-    offset: DVec3,
-) -> Vec<[f32; 3]> {
-    let mut to = Vec::with_capacity(from.len() + 1);
-    from.par_iter()
-        .map(|&p| (linear * get(p) + offset).as_vec3().to_array())
-        .collect_into_vec(&mut to);
-    to
 }
 
 /// The file's normals, turned with the mesh, at unit length; zero where the file's is zero.

@@ -4,10 +4,15 @@ use std::collections::HashMap;
 
 use crate::error::{Failures, Problem, Result};
 use crate::scene::{Filter, Scene, TextureUse};
-use crate::shading::{Material, Texture};
+use crate::shading::{DEFAULT_MAX_BYTES, Material, Texture};
 
-/// Loads the textures of the materials that shapes use.
-pub fn load(scene: &Scene, warnings: &mut Vec<Problem>) -> Result<(Vec<Texture>, Vec<Material>)> {
+/// Loads the textures of the materials that shapes use, into at most `budget` bytes.
+pub fn load(
+    scene: &Scene,
+    budget: Option<u64>,
+    warnings: &mut Vec<Problem>,
+) -> Result<(Vec<Texture>, Vec<Material>)> {
+    let mut left = budget;
     let mut used = vec![false; scene.materials.len()];
     for shape in &scene.shapes {
         used[shape.material] = true;
@@ -23,8 +28,11 @@ pub fn load(scene: &Scene, warnings: &mut Vec<Problem>) -> Result<(Vec<Texture>,
                 let key = (spec.path.clone(), spec.color_space);
                 // A file that failed is opened and reported once.
                 let slot = *loaded.entry(key).or_insert_with(|| {
-                    let texture = Texture::load(&spec.path, spec.color_space);
-                    textures.push(failures.keep(texture)?);
+                    let most = left.map_or(DEFAULT_MAX_BYTES, |left| left.min(DEFAULT_MAX_BYTES));
+                    let texture = Texture::load_within(&spec.path, spec.color_space, most);
+                    let texture = failures.keep(texture)?;
+                    left = left.map(|left| left.saturating_sub(texture.bytes()));
+                    textures.push(texture);
                     Some(textures.len() as u32 - 1)
                 });
                 if let Some(slot) = slot {

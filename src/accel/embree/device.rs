@@ -6,9 +6,10 @@ use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
+use super::fixed::Fixed;
 use crate::error::{Error, Kind, Problem, Result};
 
-/// What Embree's callbacks write and the wrapper reads. Boxed: callbacks keep its address.
+/// What Embree's callbacks write and the wrapper reads.
 #[derive(Debug)]
 pub struct Watch {
     /// Bytes held now.
@@ -24,7 +25,7 @@ pub struct Watch {
 pub struct Device {
     api: Arc<Api>,
     handle: NonNull<DeviceHandle>,
-    watch: Box<Watch>,
+    watch: Fixed<Watch>,
     version: [u8; 3],
 }
 
@@ -72,7 +73,7 @@ impl Device {
                 _ => unsupported(message),
             });
         };
-        let watch = Box::new(Watch {
+        let watch = Fixed::new(Watch {
             bytes: AtomicI64::new(0),
             peak_bytes: AtomicI64::new(0),
             limit_bytes: max_bytes.and_then(|n| i64::try_from(n).ok()).unwrap_or(i64::MAX),
@@ -88,8 +89,8 @@ impl Device {
                 "found Embree {major}.{minor}.{patch}, expected at least 4.3.0 and below 5"
             )));
         }
-        let watch = std::ptr::from_ref::<Watch>(&device.watch).cast_mut().cast::<c_void>();
-        // SAFETY: `watch` is boxed and outlives the device handle (see `Drop`).
+        let watch = device.watch.user_data();
+        // SAFETY: `watch` stays where it is and outlives the device handle (see `Drop`).
         unsafe {
             (device.api.set_error_function)(device.handle.as_ptr(), Some(on_error), watch);
             (device.api.set_memory_function)(device.handle.as_ptr(), Some(on_memory), watch);
@@ -185,7 +186,7 @@ fn error_name(code: Enum) -> &'static str {
 }
 
 unsafe extern "C" fn on_error(watch: *mut c_void, code: Enum, text: *const c_char) {
-    // SAFETY: `watch` is the box of the device that calls.
+    // SAFETY: `watch` is that of the device that calls.
     let watch = unsafe { &*watch.cast::<Watch>() };
     let text = if text.is_null() {
         String::new()
@@ -199,7 +200,7 @@ unsafe extern "C" fn on_error(watch: *mut c_void, code: Enum, text: *const c_cha
 }
 
 unsafe extern "C" fn on_memory(watch: *mut c_void, bytes: isize, _post: bool) -> bool {
-    // SAFETY: `watch` is the box of the device that calls.
+    // SAFETY: `watch` is that of the device that calls.
     let watch = unsafe { &*watch.cast::<Watch>() };
     let bytes = bytes as i64;
     let now = watch.bytes.fetch_add(bytes, Relaxed) + bytes;

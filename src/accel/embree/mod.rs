@@ -3,6 +3,7 @@
 mod device;
 mod ffi;
 mod filter;
+mod fixed;
 mod scene;
 mod sphere;
 

@@ -5,6 +5,7 @@ use std::ptr::NonNull;
 
 use super::device::Device;
 use super::ffi::{self, Enum, GeometryHandle, SceneHandle};
+use super::fixed::Fixed;
 use super::sphere::{self, SphereSet};
 use crate::error::Result;
 use crate::geometry::{Geometry, TriangleMesh};
@@ -13,8 +14,8 @@ use crate::monitor::Monitor;
 /// A committed scene over `'g`'s arrays.
 pub struct Scene<'g> {
     handle: NonNull<SceneHandle>,
-    /// User data of the sphere geometry: its address is known to Embree.
-    _spheres: Box<SphereSet<'g>>,
+    /// User data of the sphere geometry.
+    spheres: Fixed<SphereSet<'g>>,
     // Dropped after the handle's release.
     device: Device,
 }
@@ -39,8 +40,8 @@ impl<'g> Scene<'g> {
             return Err(crate::error::Error::invalid("Embree", "no scene was created"));
         };
         let base = geometry.bases()[geometry.spheres_id() as usize];
-        let spheres = Box::new(SphereSet { spheres: &geometry.spheres, base });
-        let scene = Self { handle, _spheres: spheres, device };
+        let spheres = Fixed::new(SphereSet { spheres: &geometry.spheres, base });
+        let scene = Self { handle, spheres, device };
         let robust = if fast { 0 } else { ffi::RTC_SCENE_FLAG_ROBUST };
         let flags = robust | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
         // SAFETY: live handles.
@@ -79,23 +80,12 @@ impl<'g> Scene<'g> {
 
     fn attach_mesh(&self, mesh: &'g TriangleMesh, id: c_uint) -> Result<()> {
         let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_TRIANGLE)?;
-        let share = |kind: Enum, format: Enum, array: &'g [[u32; 3]], count: usize| {
-            // SAFETY: the array outlives the scene ('g) and holds `count` elements of 12 bytes;
-            // behind the last vertex stands one unused element (`padded_vertices`).
-            unsafe {
-                let data = array.as_ptr().cast::<c_void>();
-                (self.api().set_shared_buffer)(geometry.0, kind, 0, format, data, 0, 12, count);
-            }
-        };
-        let triangles = mesh.triangles();
-        share(ffi::RTC_BUFFER_TYPE_INDEX, ffi::RTC_FORMAT_UINT3, triangles, triangles.len());
-        // SAFETY: as in `share`.
-        unsafe {
-            let data = mesh.padded_vertices().as_ptr().cast::<c_void>();
-            let (kind, format) = (ffi::RTC_BUFFER_TYPE_VERTEX, ffi::RTC_FORMAT_FLOAT3);
-            let count = mesh.vertices().len();
-            (self.api().set_shared_buffer)(geometry.0, kind, 0, format, data, 0, 12, count);
-        }
+        let (triangles, vertices) = (mesh.triangles(), mesh.padded_vertices());
+        let (kind, format) = (ffi::RTC_BUFFER_TYPE_INDEX, ffi::RTC_FORMAT_UINT3);
+        self.share(&geometry, kind, format, triangles, triangles.len());
+        // Embree reads 16 bytes from each vertex: behind the last one stands an unused element.
+        let (kind, format) = (ffi::RTC_BUFFER_TYPE_VERTEX, ffi::RTC_FORMAT_FLOAT3);
+        self.share(&geometry, kind, format, vertices, vertices.len() - 1);
         self.attach(&geometry, id)
     }
 
@@ -111,6 +101,23 @@ impl<'g> Scene<'g> {
         )?;
         self.fill(&geometry, ffi::RTC_BUFFER_TYPE_INDEX, ffi::RTC_FORMAT_UINT4, &indices)?;
         self.attach(&geometry, id)
+    }
+
+    /// Lets Embree read the first `count` elements where they are.
+    fn share<T>(
+        &self,
+        geometry: &OwnedGeometry,
+        kind: Enum,
+        format: Enum,
+        array: &'g [[T; 3]],
+        count: usize,
+    ) {
+        debug_assert!(count <= array.len());
+        let (data, stride) = (array.as_ptr().cast::<c_void>(), size_of::<[T; 3]>());
+        // SAFETY: the array outlives the scene ('g) and holds `count` elements.
+        unsafe {
+            (self.api().set_shared_buffer)(geometry.0, kind, 0, format, data, 0, stride, count);
+        }
     }
 
     /// Copies `data` into a buffer that Embree owns.
@@ -135,11 +142,11 @@ impl<'g> Scene<'g> {
 
     fn attach_spheres(&self, id: c_uint) -> Result<()> {
         let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_USER)?;
-        let set = std::ptr::from_ref::<SphereSet>(&self._spheres).cast::<c_void>();
-        // SAFETY: live geometry; `set` is boxed in this scene; both callbacks are set, as a
+        let set = self.spheres.user_data();
+        // SAFETY: live geometry; `set` lives as long as this scene; both callbacks are set, as a
         // query of a missing one would crash.
         unsafe {
-            let count = self._spheres.spheres.len() as c_uint;
+            let count = self.spheres.spheres.len() as c_uint;
             (self.api().set_user_primitive_count)(geometry.0, count);
             (self.api().set_user_data)(geometry.0, set);
             (self.api().set_bounds_function)(geometry.0, Some(sphere::bounds), std::ptr::null());

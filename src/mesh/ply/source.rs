@@ -10,6 +10,9 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
+/// Bytes in which almost every header ends.
+const FIRST_READ: u64 = 1 << 16;
+
 /// The whole file, or its head.
 pub(super) enum Source {
     Mapped(memmap2::Mmap),
@@ -28,15 +31,28 @@ impl Source {
                 return Ok(Self::Mapped(map));
             }
         }
-        read(path, file, length, u64::MAX)
+        read(path, file, length)
     }
 
-    /// The first `limit` bytes, by plain reading, and the length of the whole file.
+    /// At least the header, by plain reading of at most `limit` bytes, and the length of the whole
+    /// file.
     pub(super) fn head(path: &Path, limit: u64) -> Result<(Self, u64)> {
-        let (file, length) = open(path)?;
-        let head = read(path, file, length, limit)?;
-        let length = length.unwrap_or(head.bytes().len() as u64);
-        Ok((head, length))
+        let (mut file, length) = open(path)?;
+        let mut bytes = Vec::new();
+        let mut next = FIRST_READ.min(limit);
+        while next > 0 {
+            let read = file.by_ref().take(next).read_to_end(&mut bytes);
+            let read = read.map_err(|e| Error::io(path, "read", &e))? as u64;
+            if read < next || has_header(&bytes) {
+                break;
+            }
+            next = (limit - bytes.len() as u64).min(bytes.len() as u64);
+        }
+        if bytes.is_empty() {
+            return Err(empty(path.display().to_string()));
+        }
+        let length = length.unwrap_or(bytes.len() as u64);
+        Ok((Self::Read(bytes), length))
     }
 
     pub(super) fn bytes(&self) -> &[u8] {
@@ -45,6 +61,15 @@ impl Source {
             Self::Read(bytes) => bytes,
         }
     }
+}
+
+/// Whether the header's last line is there, with the end of that line.
+fn has_header(bytes: &[u8]) -> bool {
+    const LAST: &[u8] = b"end_header";
+    // The last byte may be the first half of a line's end.
+    let (_, bytes) = bytes.split_last().unwrap_or((&0, &[]));
+    let mut lines = bytes.split_inclusive(|byte| matches!(byte, b'\r' | b'\n'));
+    lines.any(|line| line.starts_with(LAST) && line.len() > LAST.len())
 }
 
 /// Opens a regular file (its length is known) or a pipe (it is not).
@@ -74,17 +99,16 @@ fn empty(name: String) -> Error {
     Error::invalid(name, "is empty (0 bytes)").help("the program that wrote it may have failed")
 }
 
-fn read(path: &Path, file: File, length: Option<u64>, limit: u64) -> Result<Source> {
+fn read(path: &Path, mut file: File, length: Option<u64>) -> Result<Source> {
     let mut bytes = Vec::new();
-    let expected = length.unwrap_or(0).min(limit);
     let io = |e: std::io::Error| Error::io(path, "read", &e);
-    if let Ok(expected) = usize::try_from(expected) {
+    if let Ok(expected) = usize::try_from(length.unwrap_or(0)) {
         // The length is the file system's, not the header's: it may be reserved.
         bytes
             .try_reserve_exact(expected)
             .map_err(|_| io(std::io::ErrorKind::OutOfMemory.into()))?;
     }
-    file.take(limit).read_to_end(&mut bytes).map_err(io)?;
+    file.read_to_end(&mut bytes).map_err(io)?;
     if bytes.is_empty() {
         return Err(empty(path.display().to_string()));
     }

@@ -14,6 +14,9 @@ use crate::mesh::{Colors, Positions};
 /// Fewest vertices that are worth a task.
 const GRAIN: usize = 1 << 13;
 
+/// Room for the unused vertex that accelerators want behind the last one.
+const SPARE: usize = 1;
+
 /// The arrays of element `vertex`.
 pub(super) struct Vertices {
     pub(super) positions: Positions,
@@ -80,12 +83,15 @@ impl Records<'_> {
         let roles: [(Scalar, usize); N] = std::array::from_fn(|i| self.roles[first + i]);
         let big = self.big;
         let rows = self.rows.par_chunks_exact(self.stride).with_min_len(GRAIN);
+        let mut all = Vec::with_capacity(rows.len() + SPARE);
         if roles.iter().all(|(kind, _)| *kind == native) {
             let at = roles.map(|(_, at)| at);
-            rows.map(|row| at.map(|at| T::take(row, at, big))).collect()
+            rows.map(|row| at.map(|at| T::take(row, at, big))).collect_into_vec(&mut all);
         } else {
-            rows.map(|row| roles.map(|(kind, at)| convert(kind.read(row, at, big)))).collect()
+            let read = |row| roles.map(|(kind, at)| convert(kind.read(row, at, big)));
+            rows.map(read).collect_into_vec(&mut all);
         }
+        all
     }
 }
 
@@ -156,7 +162,7 @@ fn join<'a, T, I: Iterator<Item = T>>(
     count: usize,
     values: impl Fn(&'a Part<'a>) -> I,
 ) -> Vec<T> {
-    let mut all = Vec::with_capacity(count);
+    let mut all = Vec::with_capacity(count + SPARE);
     for part in parts {
         all.extend(values(part));
     }

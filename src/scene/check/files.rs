@@ -1,6 +1,10 @@
 //! Files that a scene names: they must exist. What is in them is the reader's business.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+};
 
 use crate::scene::nearest::did_you_mean;
 
@@ -16,10 +20,14 @@ impl Check<'_, '_> {
         if [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| lower.ends_with(end)) {
             return self.file(pointer, written, "a mesh");
         }
+        let path = self.folder.join(written);
+        if begins_as_ply(&path) {
+            return path;
+        }
         let message = format!("found {written:?}, expected the path of a .ply file");
         let help = "convert other formats to PLY first, for example with MeshLab or Blender";
         self.problems.error(pointer, message, Some(help.into()));
-        self.folder.join(written)
+        path
     }
 
     /// The path of a file that must exist, relative to the working folder.
@@ -41,6 +49,17 @@ impl Check<'_, '_> {
         self.problems.error(pointer, message, near_file(&path));
         path
     }
+}
+
+/// Whether a regular file begins as PLY files do, whatever it is called.
+pub fn begins_as_ply(path: &Path) -> bool {
+    // Reading from a pipe would take what its reader needs.
+    if !std::fs::metadata(path).is_ok_and(|data| data.is_file()) {
+        return false;
+    }
+    let mut start = [0; 4];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && matches!(&start, b"ply\n" | b"ply\r")
 }
 
 /// The nearest existing file name in the folder of `path`, or the part of it that is missing.

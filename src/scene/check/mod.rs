@@ -10,7 +10,7 @@ mod materials;
 mod overview;
 mod shapes;
 
-pub use files::near_file;
+pub use files::{begins_as_ply, near_file};
 
 use std::{collections::BTreeSet, path::Path};
 
@@ -51,8 +51,7 @@ pub fn check(
     let scene = Scene {
         nbounces: description.nbounces,
         spp: description.spp,
-        // The bits are what matters; a negative seed is as good as any.
-        seed: u64::from_ne_bytes(description.seed.to_ne_bytes()),
+        seed: description.seed,
         camera,
         background: description.scene.backgroundcolor.vec(),
         ambient: description.scene.ambient.vec(),

@@ -1,0 +1,37 @@
+//! Data whose address the C library keeps.
+
+use std::ffi::c_void;
+use std::ops::Deref;
+use std::ptr::NonNull;
+
+/// An owned value at a fixed address. Not a `Box`: moving a box claims that nobody else holds a
+/// pointer to its content, but Embree's callbacks do.
+#[derive(Debug)]
+pub struct Fixed<T>(NonNull<T>);
+
+impl<T> Fixed<T> {
+    /// Puts `value` where it stays.
+    pub fn new(value: T) -> Self {
+        Self(NonNull::from(Box::leak(Box::new(value))))
+    }
+
+    /// What callbacks get; they only read.
+    pub fn user_data(&self) -> *mut c_void {
+        self.0.as_ptr().cast()
+    }
+}
+
+impl<T> Deref for Fixed<T> {
+    type Target = T;
+    fn deref(&self) -> &T {
+        // SAFETY: made from a box in `new`, freed in `drop` alone, and never borrowed mutably.
+        unsafe { self.0.as_ref() }
+    }
+}
+
+impl<T> Drop for Fixed<T> {
+    fn drop(&mut self) {
+        // SAFETY: the box that `new` leaked, given back once.
+        drop(unsafe { Box::from_raw(self.0.as_ptr()) });
+    }
+}

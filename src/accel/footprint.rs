@@ -1,0 +1,139 @@
+//! How much memory an accelerator will need, before there is one.
+//!
+//! Embree's figures are measured, not known: two small generated meshes are built, its memory monitor
+//! says what each took, and a line through the two tells the rest. Bytes per triangle vary little
+//! from mesh to mesh (bunny, spot and generated meshes of 16 thousand to 18 million: 65 to 71).
+
+use super::{BuildInfo, BuildOptions};
+use crate::error::Result;
+use crate::geometry::{Geometry, TriangleMesh};
+use crate::monitor::Monitor;
+use crate::scene::Backend;
+use crate::simd::Isa;
+
+/// Rows of the generated meshes, which have four triangles for each row squared: large enough for
+/// the blocks in which memory is taken to be small beside them, built in some 20 ms.
+const ROWS: [u32; 2] = [64, 128];
+
+/// What an accelerator needs, by the number of primitives.
+#[derive(Debug, Clone, Copy)]
+pub struct Footprint {
+    built: Line,
+    peak: Line,
+}
+
+/// Bytes = `fixed + per_primitive * primitives`.
+#[derive(Debug, Clone, Copy)]
+struct Line {
+    fixed: f64,
+    per_primitive: f64,
+}
+
+impl Footprint {
+    /// Of `backend` with `threads` build threads, in the caller's rayon pool; `fast` as in
+    /// [`BuildOptions`].
+    ///
+    /// # Errors
+    /// `Unsupported` where the backend cannot run here.
+    pub fn of(backend: Backend, threads: usize, fast: bool) -> Result<Self> {
+        match backend {
+            Backend::Embree => {
+                let options = BuildOptions { threads, fast, isa: Isa::detect(), max_bytes: None };
+                let build = |geometry: &Geometry| {
+                    let built = super::build(geometry, backend, &options, &Monitor::default())?;
+                    Ok(built.info())
+                };
+                measure(build)
+            }
+            // Estimates from their designs.
+            Backend::Bvh => Ok(Self::constant(66.0, 130.0)),
+            Backend::Coursework => Ok(Self::constant(80.0, 160.0)),
+            Backend::Brute => Ok(Self::constant(0.0, 0.0)),
+        }
+    }
+
+    fn constant(built: f64, peak: f64) -> Self {
+        let line = |per_primitive| Line { fixed: 0.0, per_primitive };
+        Self { built: line(built), peak: line(peak) }
+    }
+
+    /// Bytes held after the build.
+    pub fn built_bytes(&self, primitives: u64) -> u64 {
+        self.built.at(primitives)
+    }
+
+    /// The most bytes held during the build.
+    pub fn peak_bytes(&self, primitives: u64) -> u64 {
+        self.peak.at(primitives)
+    }
+}
+
+impl Line {
+    fn through([a, b]: [(f64, u64); 2]) -> Self {
+        let per_primitive = (b.1 as f64 - a.1 as f64) / (b.0 - a.0);
+        Self { fixed: a.1 as f64 - a.0 * per_primitive, per_primitive }
+    }
+
+    fn at(&self, primitives: u64) -> u64 {
+        match primitives {
+            0 => 0,
+            // `as` saturates; the fixed part may be a little below zero.
+            n => (self.fixed.max(0.0) + n as f64 * self.per_primitive) as u64,
+        }
+    }
+}
+
+fn measure(build: impl Fn(&Geometry) -> Result<BuildInfo>) -> Result<Footprint> {
+    let mut built = [(0.0, 0); 2];
+    let mut peak = built;
+    for (i, rows) in ROWS.into_iter().enumerate() {
+        let geometry = bumpy_sphere(rows);
+        let info = build(&geometry)?;
+        let triangles = geometry.meshes[0].triangles().len() as f64;
+        built[i] = (triangles, info.bytes);
+        peak[i] = (triangles, info.peak_bytes);
+    }
+    Ok(Footprint { built: Line::through(built), peak: Line::through(peak) })
+}
+
+/// A closed mesh without symmetry of `4 rows^2` triangles.
+fn bumpy_sphere(rows: u32) -> Geometry {
+    let columns = 2 * rows;
+    let vertex = |row: u32, column: u32| {
+        let latitude = (f64::from(row) + 0.5) / f64::from(rows + 1) * std::f64::consts::PI;
+        let longitude = f64::from(column) / f64::from(columns) * std::f64::consts::TAU;
+        let radius = 1.0 + 0.1 * (7.0 * longitude).sin() * (9.0 * latitude + longitude).sin();
+        let ((s, c), (x, z)) = (latitude.sin_cos(), longitude.sin_cos());
+        [radius * s * x, radius * c, radius * s * z].map(|v| v as f32)
+    };
+    let vertices = (0..=rows).flat_map(|r| (0..columns).map(move |c| vertex(r, c))).collect();
+    let quads = (0..rows).flat_map(|row| {
+        (0..columns).map(move |column| {
+            let next = (column + 1) % columns;
+            let at = |row: u32, column: u32| row * columns + column;
+            [at(row, column), at(row + 1, column), at(row, next), at(row + 1, next)]
+        })
+    });
+    let triangles = quads.flat_map(|[a, b, c, d]| [[a, b, c], [c, b, d]]).collect();
+    let mesh = TriangleMesh::new(vertices, triangles, false);
+    // So few primitives always fit.
+    Geometry::new(glam::DVec3::ZERO, vec![mesh], Vec::new(), Vec::new()).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_found_again() {
+        let build = |geometry: &Geometry| {
+            let n = geometry.meshes[0].triangles().len() as u64;
+            Ok(BuildInfo { bytes: 1000 + 64 * n, peak_bytes: 2000 + 100 * n, ..Default::default() })
+        };
+        let footprint = measure(build).unwrap();
+        assert_eq!(footprint.built_bytes(1_000_000), 64_001_000);
+        assert_eq!(footprint.peak_bytes(10), 3000);
+        assert_eq!(footprint.peak_bytes(0), 0);
+        assert_eq!(footprint.peak_bytes(u64::MAX), u64::MAX);
+    }
+}

@@ -1,0 +1,191 @@
+//! What is predicted of memory is what a render then takes, and `--max-memory` holds for images.
+
+mod program;
+
+use std::fs;
+
+use lightpath::{
+    error::Kind,
+    monitor::Monitor,
+    scene::{self, Source},
+    world::{LoadOptions, World},
+};
+use program::{Done, Scratch};
+use serde_json::{Value, json};
+
+fn with_shapes(shapes: Value) -> String {
+    let scene = json!({
+        "camera": { "type": "pinhole", "width": 8, "height": 6, "fov": 40,
+                    "position": [0, 3, 4], "lookat": [0, -0.6, -1], "up": [0, 1, 0] },
+        "scene": {
+            "lightsources": [{ "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3] }],
+            "shapes": shapes
+        }
+    });
+    scene.to_string()
+}
+
+fn ball(x: f64, material: Value) -> Value {
+    json!({ "type": "sphere", "center": [x, 0, 0], "radius": 0.4, "material": material })
+}
+
+/// A rippled sheet of `2 side^2` triangles, in binary PLY.
+fn sheet(side: u32) -> Vec<u8> {
+    let (vertices, triangles) = ((side + 1) * (side + 1), 2 * side * side);
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\n\
+         property float y\nproperty float z\nelement face {triangles}\n\
+         property list uchar uint vertex_indices\nend_header\n"
+    )
+    .into_bytes();
+    for i in 0..vertices {
+        let [x, z] = [i % (side + 1), i / (side + 1)].map(|k| k as f32 / side as f32 * 2.0 - 1.0);
+        let y = 0.1 * (9.0 * x + 5.0 * z).sin() * (31.0 * z * x).cos();
+        bytes.extend([x, y, z].into_iter().flat_map(f32::to_le_bytes));
+    }
+    for i in 0..side * side {
+        let a = i / side * (side + 1) + i % side;
+        let (b, c, d) = (a + 1, a + side + 1, a + side + 2);
+        for corners in [[a, c, b], [b, c, d]] {
+            bytes.push(3);
+            bytes.extend(corners.into_iter().flat_map(u32::to_le_bytes));
+        }
+    }
+    bytes
+}
+
+/// `memory` of `info` and of the statistics of a render; `None` where Embree is not installed.
+fn predicted_and_found(scratch: &Scratch) -> Option<[Value; 2]> {
+    let info = scratch.run(&["info", "s.json", "--json"]);
+    assert_eq!(info.code(), 0, "{}", info.stderr());
+    let render = scratch.run(&["render", "s.json", "--json", "--quiet"]);
+    if no_embree(&render) {
+        eprintln!("skipped: {}", render.stderr());
+        return None;
+    }
+    assert_eq!(render.code(), 0, "{}", render.stderr());
+    Some([info, render].map(|done| {
+        let value: Value = serde_json::from_str(&done.stdout()).unwrap();
+        value["memory"].clone()
+    }))
+}
+
+fn no_embree(done: &Done) -> bool {
+    ["this build does not have", "cannot load"].iter().any(|text| done.stderr().contains(text))
+}
+
+#[test]
+fn an_accelerator_needs_what_was_predicted() {
+    let scratch = Scratch::new();
+    fs::write(scratch.path("sheet.ply"), sheet(320)).unwrap();
+    let shapes = json!([
+        { "type": "trimesh", "path": "sheet.ply", "material": {} },
+        { "type": "plane", "v0": [-9, -1, 9], "v1": [9, -1, 9], "v2": [9, -1, -9], "v3": [-9, -1, -9],
+          "material": {} },
+        ball(0.0, json!({}))
+    ]);
+    scratch.write("s.json", &with_shapes(shapes));
+    let Some([predicted, found]) = predicted_and_found(&scratch) else {
+        return;
+    };
+    assert_eq!(predicted["primitives"], 2 * 320 * 320 + 2 + 1);
+    for key in ["accelerator_bytes", "accelerator_peak_bytes"] {
+        let ratio = predicted[key].as_f64().unwrap() / found[key].as_f64().unwrap();
+        assert!((0.85..1.15).contains(&ratio), "{key}: {predicted} {found}");
+    }
+    assert!(predicted["peak_bytes"].as_u64() >= found["peak_bytes"].as_u64());
+}
+
+/// Embree gives back a third of its memory after the build: room for the film.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_film_is_not_there_while_the_accelerator_is_built() {
+    let scratch = Scratch::new();
+    fs::write(scratch.path("sheet.ply"), sheet(640)).unwrap();
+    let shapes = json!([{ "type": "trimesh", "path": "sheet.ply", "material": {} }]);
+    scratch.write("s.json", &with_shapes(shapes));
+    let peak = |size: &str| {
+        let args = ["render", "s.json", "--json", "--quiet", "--threads", "2", "--size", size];
+        let done = scratch.run(&args);
+        if no_embree(&done) {
+            eprintln!("skipped: {}", done.stderr());
+            return None;
+        }
+        let value: Value = serde_json::from_str(&done.stdout()).unwrap();
+        value["memory"]["peak_bytes"].as_u64()
+    };
+    let (Some(small), Some(large)) = (peak("8x6"), peak("1000x1000")) else {
+        return;
+    };
+    let film = 16 * 1000 * 1000;
+    assert!(large < small + film / 2, "{small} {large}");
+}
+
+#[test]
+fn textures_take_what_their_headers_promise() {
+    let scratch = Scratch::new();
+    let path = |name| scratch.path(name);
+    image::RgbImage::new(31, 17).save(path("rgb8.png")).unwrap();
+    image::DynamicImage::new_luma16(64, 64).save(path("grey16.png")).unwrap();
+    image::DynamicImage::new_rgba16(40, 30).save(path("rgba16.png")).unwrap();
+    image::DynamicImage::new_rgb32f(20, 10).save(path("float.exr")).unwrap();
+    let texture = |name: &str| json!({ "tPath": name });
+    let linear = |name: &str| json!({ "tPath": name, "colorspace": "linear" });
+    let materials = [
+        texture("rgb8.png"),
+        texture("grey16.png"),
+        // The same image again is not loaded again, unless it means something else.
+        texture("grey16.png"),
+        linear("grey16.png"),
+        texture("rgba16.png"),
+        texture("float.exr"),
+    ];
+    let balls: Vec<Value> = (0..).zip(materials).map(|(i, m)| ball(f64::from(i), m)).collect();
+    scratch.write("s.json", &with_shapes(json!(balls)));
+    let Some([predicted, found]) = predicted_and_found(&scratch) else {
+        return;
+    };
+    assert_eq!(predicted["texture_bytes"], found["texture_bytes"]);
+    let floats = 2 * 64 * 64 + 40 * 30 + 20 * 10;
+    // The linear value of each byte stands beside the bytes.
+    let expected = 12 * floats + 3 * 31 * 17 + 256 * 4;
+    assert_eq!(found["texture_bytes"], expected);
+}
+
+/// A scene with a texture of 3000 x 2000 16-bit texels, of 72 MB in memory.
+fn large_texture() -> Scratch {
+    let scratch = Scratch::new();
+    image::DynamicImage::new_luma16(3000, 2000).save(scratch.path("large.png")).unwrap();
+    let shapes = json!([ball(0.0, json!({ "tPath": "large.png" }))]);
+    scratch.write("s.json", &with_shapes(shapes));
+    scratch
+}
+
+#[test]
+fn a_texture_that_does_not_fit_is_refused_before_it_is_read() {
+    let scratch = large_texture();
+    let done = scratch.run(&["render", "s.json", "--max-memory", "90M"]);
+    assert_eq!((done.code(), done.stdout().as_str()), (2, ""), "{}", done.stderr());
+    for expected in ["--max-memory: found 90.0 MiB", "textures 68.7 MiB", "decoding them"] {
+        assert!(done.stderr().contains(expected), "{}", done.stderr());
+    }
+    assert_eq!(scratch.names(), ["large.png", "s.json"]);
+    let done = scratch.run(&["render", "s.json", "--max-memory", "160M"]);
+    assert!(done.code() == 0 || no_embree(&done), "{}", done.stderr());
+}
+
+#[test]
+fn a_texture_is_not_decoded_beyond_the_budget() {
+    let scratch = large_texture();
+    let scene = scene::load(Source::File(&scratch.path("s.json")), &[]).unwrap().scene;
+    let load = |bytes: u64| {
+        let options = LoadOptions { texture_bytes: Some(bytes), ..LoadOptions::default() };
+        World::load(&scene, options, &Monitor::default()).map(|(world, _)| world.texture_bytes())
+    };
+    // While it is decoded, 6 bytes a texel stand beside the 12.
+    let decoding = 18 * 3000 * 2000;
+    assert_eq!(load(decoding), Ok(12 * 3000 * 2000));
+    let error = load(decoding - 1).unwrap_err();
+    assert_eq!(error.kind, Kind::Limit);
+    assert!(error.to_string().contains("large.png: 3000 x 2000 pixels need"), "{error}");
+}
