@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
 use super::ab::{Plan, interleave};
 use super::answers::{self, Agreement};
 use super::rays::{Class, Recording, record};
@@ -11,6 +13,7 @@ use crate::accel::{self, Accelerator, BuildOptions};
 use crate::error::{Error, Kind, Problem, Result};
 use crate::film::{Film, Window};
 use crate::monitor::Monitor;
+use crate::ray::LANES;
 use crate::render::render;
 use crate::scene::Backend;
 use crate::simd::Isa;
@@ -71,49 +74,16 @@ pub fn measure(
     world: &World,
     settings: &Settings,
     monitor: &Monitor,
-    note: &dyn Fn(&str),
+    note: &(dyn Fn(&str) + Sync),
 ) -> Result<Measured> {
-    let bench = Bench { world, settings, monitor, note };
-    let mut rows = Vec::new();
-    let mut built = Built::new();
     let most = settings.threads.iter().copied().max().unwrap_or(1);
     let pools = settings.threads.iter().map(|&n| pool(n)).collect::<Result<Vec<_>>>()?;
-    for pool in &pools {
-        rows.push(pool.install(|| bench.builds())?);
-    }
-    pool(most)?.install(|| -> Result<()> {
-        for contestant in &settings.contestants {
-            built.push(bench.build(contestant)?);
-        }
-        Ok(())
-    })?;
-    note("recording rays");
-    let packets = (settings.rays.div_ceil(crate::ray::LANES as u64) as usize).max(1);
-    let recording =
-        pool(most)?.install(|| record(world, &*built[0], packets, settings.seed, monitor))?;
-    let (judged, agreement) = pool(most)?.install(|| bench.compare(&built, &recording));
-    for pool in &pools {
-        rows.extend(pool.install(|| bench.rays(&built, &recording, &judged))?);
-        rows.push(pool.install(|| bench.image(&built))?);
-    }
-    let backends = settings.contestants.iter().zip(&built).enumerate();
-    let backends = backends.map(|(i, (contestant, accelerator))| {
-        let info = accelerator.info();
-        BackendResult {
-            name: contestant.name.clone(),
-            version: info.version,
-            isa: info.isa,
-            bytes: info.bytes,
-            peak_bytes: info.peak_bytes,
-            wrong: judged.iter().map(|j| j.scores[i].wrong).sum(),
-        }
-    });
-    let rays = settings.classes.iter().map(|&class| (class, recording.count(class)));
-    Ok(Measured { backends: backends.collect(), rays: rays.collect(), rows, agreement })
+    let bench = Bench { world, settings, monitor, note };
+    pool(most)?.install(|| bench.all(&pools))
 }
 
-fn pool(threads: usize) -> Result<rayon::ThreadPool> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+fn pool(threads: usize) -> Result<ThreadPool> {
+    ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
         let message = format!("cannot start {threads} threads: {error}");
         Error::new(Kind::Retry, Problem::new("--threads", message))
     })
@@ -131,10 +101,44 @@ struct Bench<'a> {
     world: &'a World,
     settings: &'a Settings,
     monitor: &'a Monitor,
-    note: &'a dyn Fn(&str),
+    note: &'a (dyn Fn(&str) + Sync),
 }
 
 impl<'a> Bench<'a> {
+    /// Everything; answers and the trees that rays run through are made by the current pool.
+    fn all(&self, pools: &[ThreadPool]) -> Result<Measured> {
+        let mut rows = Vec::new();
+        for pool in pools {
+            rows.push(pool.install(|| self.builds())?);
+        }
+        let built = self.settings.contestants.iter().map(|c| self.build(c));
+        let built = built.collect::<Result<Built>>()?;
+        (self.note)("recording rays");
+        let packets = (self.settings.rays.div_ceil(LANES as u64) as usize).max(1);
+        let seed = self.settings.seed;
+        let recording = record(self.world, &*built[0], packets, seed, self.monitor)?;
+        let backends: Vec<&dyn Accelerator> = built.iter().map(|b| &**b).collect();
+        let (judged, agreement) = self.compare(&backends, &recording);
+        for pool in pools {
+            rows.extend(pool.install(|| self.rays(&backends, &recording, &judged))?);
+            rows.push(pool.install(|| self.image(&backends))?);
+        }
+        let backends = self.settings.contestants.iter().zip(&built).enumerate();
+        let backends = backends.map(|(i, (contestant, accelerator))| {
+            let info = accelerator.info();
+            BackendResult {
+                name: contestant.name.clone(),
+                version: info.version,
+                isa: info.isa,
+                bytes: info.bytes,
+                peak_bytes: info.peak_bytes,
+                wrong: judged.iter().map(|j| j.scores[i].wrong).sum(),
+            }
+        });
+        let rays = self.settings.classes.iter().map(|&class| (class, recording.count(class)));
+        Ok(Measured { backends: backends.collect(), rays: rays.collect(), rows, agreement })
+    }
+
     /// Builds on the threads of the current pool.
     fn build(&self, contestant: &Contestant) -> Result<Box<dyn Accelerator + 'a>> {
         let options = BuildOptions {
@@ -170,14 +174,17 @@ impl<'a> Bench<'a> {
         classes.filter(|replay| !replay.packets.is_empty()).collect()
     }
 
-    fn compare(&self, built: &Built, recording: &Recording) -> (Vec<Judged>, Vec<PairResult>) {
+    fn compare(
+        &self,
+        built: &[&dyn Accelerator],
+        recording: &Recording,
+    ) -> (Vec<Judged>, Vec<PairResult>) {
         (self.note)("comparing answers");
-        let backends: Vec<&dyn Accelerator> = built.iter().map(|b| &**b).collect();
         let (mut judged, mut agreements) = (Vec::new(), Vec::new());
         for replay in self.replays(recording) {
             let Replay { class, mode, .. } = replay;
-            let (scores, pairs) = answers::compare(&replay, &self.world.geometry, &backends);
-            let visits = backends.iter().map(|b| replay.visits(*b)).collect();
+            let (scores, pairs) = answers::compare(&replay, &self.world.geometry, built);
+            let visits = built.iter().map(|b| replay.visits(*b)).collect();
             judged.push(Judged { class, mode, scores, visits });
             let name = |i: usize| self.settings.contestants[i].name.clone();
             let pair = |(i, j, agreement): (usize, usize, Agreement)| PairResult {
@@ -191,14 +198,19 @@ impl<'a> Bench<'a> {
         (judged, agreements)
     }
 
-    fn rays(&self, built: &Built, recording: &Recording, judged: &[Judged]) -> Result<Vec<Row>> {
+    fn rays(
+        &self,
+        built: &[&dyn Accelerator],
+        recording: &Recording,
+        judged: &[Judged],
+    ) -> Result<Vec<Row>> {
         let threads = rayon::current_num_threads();
         let mut rows = Vec::new();
         for replay in self.replays(recording) {
             let (class, mode) = (replay.class, replay.mode);
             (self.note)(&format!("{}, {}, {threads} thread(s)", class.name(), mode.name()));
             let samples = interleave(built.len(), self.settings.plan, self.monitor, |i| {
-                Ok(replay.seconds(&*built[i]))
+                Ok(replay.seconds(built[i]))
             })?;
             let rays = recording.count(class);
             let work = vec![rays; built.len()];
@@ -217,7 +229,7 @@ impl<'a> Bench<'a> {
         Ok(rows)
     }
 
-    fn image(&self, built: &Built) -> Result<Row> {
+    fn image(&self, built: &[&dyn Accelerator]) -> Result<Row> {
         let threads = rayon::current_num_threads();
         (self.note)(&format!("image, {threads} thread(s)"));
         let [width, height] = self.world.frame;
@@ -226,7 +238,7 @@ impl<'a> Bench<'a> {
         let samples = interleave(built.len(), self.settings.plan, self.monitor, |i| {
             let isa = self.settings.contestants[i].isa;
             let started = Instant::now();
-            let counts = render(self.world, &*built[i], isa, &mut film, self.monitor)?;
+            let counts = render(self.world, built[i], isa, &mut film, self.monitor)?;
             let seconds = started.elapsed().as_secs_f64();
             work[i] = counts.primary + counts.shadow + counts.reflection;
             Ok(seconds)
