@@ -18,6 +18,7 @@ pub mod monitor;
 pub mod output;
 pub mod ray;
 pub mod render;
+pub mod report;
 pub mod sampler;
 pub mod scene;
 pub mod shading;
