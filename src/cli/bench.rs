@@ -151,6 +151,7 @@ fn settings(args: &BenchArgs) -> Result<Settings> {
         threads,
         rays,
         seed: args.seed.into(),
+        isa,
         plan: plan(5),
         build_plan: plan(3),
     })
@@ -210,7 +211,7 @@ fn machine(settings: &Settings) -> Machine {
     Machine {
         cpu: stats::cpu(),
         cores: std::thread::available_parallelism().map_or(1, usize::from),
-        isa: settings.contestants.iter().map(|c| c.isa).max().unwrap_or(Isa::detect()).to_string(),
+        isa: settings.isa.to_string(),
         versions,
     }
 }

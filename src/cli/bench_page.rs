@@ -102,7 +102,7 @@ fn findings(scene: &SceneResult) -> Vec<(String, bool)> {
         let rays: u64 = scene.rays.values().sum();
         findings.push((
             format!(
-                "{} gives wrong answers: {} of {} rays and ways to trace them. Its speed is marked red.",
+                "{} gives wrong answers: {} of {} (every ray, single and in a packet). Its speed is marked red.",
                 backend.name,
                 units::count(backend.wrong),
                 units::count(2 * rays),
@@ -182,12 +182,11 @@ fn memory(scene: &SceneResult) -> String {
 fn visits(scene: &SceneResult) -> String {
     let rows: Vec<&Row> =
         scene.rows.iter().filter(|r| r.what == What::Rays && r.threads == 1).collect();
-    let tells = |i: &usize| rows.iter().any(|row| row.entries[*i].nodes_per_ray.is_some());
-    let told: Vec<usize> = (0..scene.backends.len()).filter(tells).collect();
-    let groups = rows.iter().flat_map(|row| {
+    let counted = |row: &&&Row| row.entries.iter().any(|e| e.nodes_per_ray.is_some());
+    let groups = rows.iter().filter(counted).flat_map(|row| {
         let group = |label: &str, value: fn(&Entry) -> Option<f64>| {
-            let value = |i: &usize| value(&row.entries[*i]).unwrap_or(0.0);
-            let bars = told.iter().map(|i| Bar { value: value(i), ..Bar::default() });
+            let value = |e: &Entry| value(e).unwrap_or(f64::NAN);
+            let bars = row.entries.iter().map(|e| Bar { value: value(e), ..Bar::default() });
             Group { label: format!("{}: {label}", row.label()), bars: bars.collect() }
         };
         [group("nodes", |e| e.nodes_per_ray), group("primitives", |e| e.primitives_per_ray)]
@@ -196,7 +195,7 @@ fn visits(scene: &SceneResult) -> String {
         title: "Visited per ray".into(),
         unit: "nodes and primitives, less is better".into(),
         groups: groups.collect(),
-        names: told.iter().map(|i| scene.backends[*i].name.clone()).collect(),
+        names: names(scene),
     }
     .svg()
 }
@@ -256,4 +255,76 @@ fn baseline(changes: &[Change]) -> Option<Section> {
         charts,
         ..Section::default()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::result::{BackendResult, Machine, VERSION};
+
+    fn scene(name: &str, triangles: u64, wrong: u64) -> SceneResult {
+        let samples = |t: f64| (0..10).map(|i| t * (1.0 + 0.002 * f64::from(i))).collect();
+        let row = |what, name: &str, mode: &str, first, second| {
+            let samples = vec![samples(first), samples(second)];
+            Row::new(what, name, mode, 1, &[100_000; 2], samples)
+        };
+        let mut rows = vec![
+            row(What::Build, "build", "", 0.01, 0.012),
+            row(What::Rays, "primary", "single", 0.02, 0.015),
+            row(What::Rays, "primary", "packets", 0.01, 0.01),
+        ];
+        rows[1].entries[1].wrong = Some(wrong);
+        rows[1].entries[1].nodes_per_ray = Some(9.0);
+        rows[1].entries[1].primitives_per_ray = Some(4.0);
+        let backend = |name: &str, wrong| BackendResult {
+            name: name.into(),
+            version: "1".into(),
+            isa: "AVX2".into(),
+            bytes: 60 * triangles,
+            peak_bytes: 100 * triangles,
+            wrong,
+        };
+        SceneResult {
+            name: name.into(),
+            hash: "h".into(),
+            triangles,
+            rays: [("primary".to_string(), 100_000)].into(),
+            backends: vec![backend("embree", 0), backend("bvh", wrong)],
+            rows,
+            agreement: vec![],
+        }
+    }
+
+    fn html(scenes: Vec<SceneResult>) -> String {
+        let machine = Machine {
+            cpu: "<cpu>".into(),
+            cores: 2,
+            isa: "AVX2".into(),
+            versions: [("rustc".to_string(), "1.85".to_string())].into(),
+        };
+        page(&Report { version: VERSION, machine, scenes }, &[]).html()
+    }
+
+    #[test]
+    fn a_page_says_who_is_faster_and_who_is_wrong() {
+        let right = html(vec![scene("a", 1000, 0)]);
+        assert!(right.contains("No backend was found wrong"));
+        assert!(right.contains("faster in 1, slower in 0, no difference shown in 1"));
+        assert!(!right.contains("WRONG") && right.contains("&lt;cpu&gt;"));
+        for title in ["bvh against embree, 1 thread", "Single rays", "Packets of 16", "Memory"] {
+            assert!(right.contains(title), "{title}");
+        }
+        assert!(right.contains("Visited per ray") && !right.contains("Growth"));
+        let wrong = html(vec![scene("a", 1000, 7)]);
+            .unwrap();
+        assert!(wrong.contains("bvh gives wrong answers: 7"));
+        assert!(wrong.contains("7 WRONG") && wrong.contains("finding bad"));
+        assert!(!wrong.contains("NaN") && !wrong.contains("inf"));
+    }
+
+    #[test]
+    fn scenes_of_several_sizes_show_growth() {
+        let grown = html(vec![scene("a", 1000, 0), scene("b", 1_000_000, 0)]);
+        assert!(grown.contains("Growth") && grown.contains("Peak memory of the build"));
+    }
 }

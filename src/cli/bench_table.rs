@@ -89,6 +89,17 @@ pub fn timings(scene: &SceneResult, threads: usize) -> Vec<Vec<String>> {
             rows.push(cells);
         }
     }
+    without_empty_columns(rows)
+}
+
+/// Leaves out the columns in which nothing stands below the head.
+fn without_empty_columns(mut rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
+    let used = |c: usize| rows[1..].iter().any(|row| !row[c].is_empty());
+    let used: Vec<bool> = (0..rows[0].len()).map(used).collect();
+    for row in &mut rows {
+        let mut keep = used.iter();
+        row.retain(|_| *keep.next().unwrap_or(&true));
+    }
     rows
 }
 

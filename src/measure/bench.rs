@@ -45,6 +45,8 @@ pub struct Settings {
     pub rays: u64,
     /// Of the diffuse rays.
     pub seed: u64,
+    /// Of the shading in whole pictures, whatever the backend's own.
+    pub isa: Isa,
     /// Of everything but builds.
     pub plan: Plan,
     /// Of builds.
@@ -236,9 +238,8 @@ impl<'a> Bench<'a> {
         let mut film = Film::new([width, height], Window::full(width, height))?;
         let mut work = vec![0; built.len()];
         let samples = interleave(built.len(), self.settings.plan, self.monitor, |i| {
-            let isa = self.settings.contestants[i].isa;
             let started = Instant::now();
-            let counts = render(self.world, built[i], isa, &mut film, self.monitor)?;
+            let counts = render(self.world, built[i], self.settings.isa, &mut film, self.monitor)?;
             let seconds = started.elapsed().as_secs_f64();
             work[i] = counts.primary + counts.shadow + counts.reflection;
             Ok(seconds)

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::answers::Agreement;
-use super::stats::{Estimate, mad, median, median_interval, paired_ratio};
+use super::stats::{Estimate, mad, median_interval, paired_ratio, unpaired_ratio};
 
 /// Changes when a reader of older files would misunderstand newer ones.
 pub const VERSION: u32 = 1;
@@ -228,7 +228,7 @@ pub fn changes(now: &Report, then: &Report) -> Vec<Change> {
                     row: row.label(),
                     threads: row.threads,
                     backend: backend.name.clone(),
-                    ratio: super::stats::unpaired_ratio(&unit(old_entry), &unit(entry)),
+                    ratio: unpaired_ratio(&unit(old_entry), &unit(entry)),
                 });
             }
         }
@@ -236,7 +236,71 @@ pub fn changes(now: &Report, then: &Report) -> Vec<Change> {
     changes
 }
 
-/// The median of the samples, for those who want no interval.
-pub fn seconds(entry: &Entry) -> f64 {
-    median(&entry.seconds)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(factor: f64, hash: &str) -> Report {
+        let samples = |t: f64| (0..10).map(|i| factor * t * (1.0 + 0.001 * f64::from(i))).collect();
+        let row = Row::new(
+            What::Rays,
+            "primary",
+            "single",
+            1,
+            &[1000, 1000],
+            vec![samples(2e-3), samples(1e-3)],
+        );
+        let backend = |name: &str| BackendResult {
+            name: name.into(),
+            version: String::new(),
+            isa: String::new(),
+            bytes: 1,
+            peak_bytes: 2,
+            wrong: 0,
+        };
+        let scene = SceneResult {
+            name: "s".into(),
+            hash: hash.into(),
+            triangles: 1,
+            rays: BTreeMap::new(),
+            backends: vec![backend("a"), backend("b")],
+            rows: vec![row],
+            agreement: vec![],
+        };
+        let machine =
+            Machine { cpu: "c".into(), cores: 1, isa: "i".into(), versions: BTreeMap::new() };
+        Report { version: VERSION, machine, scenes: vec![scene] }
+    }
+
+    #[test]
+    fn entries_are_compared_with_the_first() {
+        let report = report(1.0, "h");
+        let [a, b] = [0, 1].map(|i| &report.scenes[0].rows[0].entries[i]);
+        assert_eq!(a.ratio, None);
+        let ratio = b.ratio.unwrap();
+        assert!((ratio.value - 2.0).abs() < 1e-12 && ratio.verdict() == "faster");
+        // 1000 rays in 1 ms are a million a second.
+        assert!((b.rate.value - 1.0).abs() < 0.01, "{:?}", b.rate);
+        assert!(b.rate.low < b.rate.value && b.rate.value < b.rate.high);
+    }
+
+    #[test]
+    fn every_digit_survives_the_file() {
+        let report = report(1.0 / 3.0, "h");
+        let text = serde_json::to_string(&report).unwrap();
+        assert_eq!(serde_json::from_str::<Report>(&text).unwrap(), report);
+    }
+
+    #[test]
+    fn changes_are_of_the_same_scene() {
+        let changed = changes(&report(0.5, "h"), &report(1.0, "h"));
+        assert_eq!(changed.len(), 2);
+        for change in &changed {
+            assert!((change.ratio.value - 2.0).abs() < 1e-9, "{change:?}");
+            assert_eq!(change.ratio.verdict(), "faster");
+        }
+        let same = changes(&report(1.0, "h"), &report(1.0, "h"));
+        assert!(same.iter().all(|change| change.ratio.verdict() == "no difference shown"));
+        assert_eq!(changes(&report(1.0, "h"), &report(1.0, "other")), []);
+    }
 }

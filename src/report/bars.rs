@@ -27,7 +27,7 @@ pub struct Group {
 /// One bar.
 #[derive(Debug, Clone, Default)]
 pub struct Bar {
-    /// Its length.
+    /// Its length; NaN where nothing is known.
     pub value: f64,
     /// Ends of its interval; none for exact numbers.
     pub interval: Option<[f64; 2]>,
@@ -35,7 +35,7 @@ pub struct Bar {
     pub wrong: Option<String>,
 }
 
-const WIDTH: f64 = 560.0;
+const WIDTH: f64 = 550.0;
 const BAR: f64 = 15.0;
 const GAP: f64 = 12.0;
 
@@ -51,7 +51,10 @@ impl Bars {
         let ends = bars().map(|b| b.interval.map_or(b.value, |[_, high]| high.max(b.value)));
         let ticks = ticks(ends.filter(|v| v.is_finite()).fold(0.0, f64::max));
         let most = ticks[ticks.len() - 1];
-        let notes = bars().filter_map(|b| b.wrong.as_deref()).map(text_width).fold(0.0, f64::max);
+        let notes = bars()
+            .filter_map(|b| b.wrong.as_deref())
+            .map(|t| 1.25 * text_width(t))
+            .fold(0.0, f64::max);
         let right = WIDTH - 52.0 - notes;
         let x = |value: f64| left + (right - left) * value / most;
         let mut svg = Svg::new(WIDTH);
@@ -84,6 +87,9 @@ impl Bars {
 fn draw(svg: &mut Svg, bar: &Bar, color: &str, y: f64, x: &impl Fn(f64) -> f64) {
     let color = if bar.wrong.is_some() { WRONG } else { color };
     let (start, end, middle) = (x(0.0), x(bar.value), y + BAR / 2.0);
+    if bar.value.is_nan() {
+        return svg.text([start + 6.0, middle + 4.0], Anchor::Start, "dim", "not counted");
+    }
     svg.rect([start, y + 1.0, end - start, BAR - 2.0], color);
     let mut after = end;
     if let Some([low, high]) = bar.interval {

@@ -24,7 +24,7 @@ pub struct Line {
     pub points: Vec<[f64; 2]>,
 }
 
-const WIDTH: f64 = 560.0;
+const WIDTH: f64 = 550.0;
 const HEIGHT: f64 = 300.0;
 
 impl Lines {

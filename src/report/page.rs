@@ -24,7 +24,7 @@ pub struct Section {
     pub findings: Vec<(String, bool)>,
     /// SVG; empty ones are left out.
     pub charts: Vec<String>,
-    /// Titles and rows of tables; the first row is the head.
+    /// Titles and rows of tables; the first row is the head. All but the first table are folded.
     pub tables: Vec<(String, Vec<Vec<Cell>>)>,
 }
 
@@ -45,13 +45,13 @@ impl<T: Into<String>> From<T> for Cell {
 
 const STYLE: &str = "\
 body { font: 15px/1.45 system-ui, 'Liberation Sans', Arial, sans-serif; color: #1c2126; background: #f4f5f7;
-  margin: 0 auto; max-width: 1240px; padding: 24px; }
+  margin: 0 auto; max-width: 1280px; padding: 20px; }
 h1 { font-size: 26px; margin: 0 0 4px; } h2 { font-size: 20px; margin: 0 0 8px; }
-h3 { font-size: 15px; margin: 18px 0 6px; }
-section { background: #fff; border-radius: 8px; padding: 20px 24px; margin: 20px 0;
+summary { font-size: 15px; font-weight: 600; margin: 14px 0 6px; cursor: pointer; }
+section { background: #fff; border-radius: 8px; padding: 20px; margin: 20px 0;
   box-shadow: 0 1px 3px #0002; }
 .finding { font-size: 17px; margin: 4px 0; } .bad, .wrong { color: #c8102e; fill: #c8102e; font-weight: 600; }
-.charts { display: flex; flex-wrap: wrap; gap: 20px 36px; margin-top: 14px; }
+.charts { display: flex; flex-wrap: wrap; gap: 24px 32px; margin-top: 14px; }
 svg { max-width: 100%; height: auto; } svg text { font-size: 12px; fill: #1c2126; }
 svg .title { font-size: 15px; font-weight: 600; } svg .dim { fill: #666e78; } svg .wrong { fill: #c8102e; }
 table { border-collapse: collapse; font-size: 13px; } .scroll { overflow-x: auto; }
@@ -92,8 +92,10 @@ impl Section {
             let _ = writeln!(html, "<div>{chart}</div>");
         }
         html.push_str("</div>\n");
-        for (title, rows) in &self.tables {
-            let _ = writeln!(html, "<h3>{}</h3>\n<div class=\"scroll\"><table>", escape(title));
+        for (t, (title, rows)) in self.tables.iter().enumerate() {
+            let (open, title) = (if t == 0 { " open" } else { "" }, escape(title));
+            let _ = writeln!(html, "<details{open}><summary>{title}</summary>");
+            html.push_str("<div class=\"scroll\"><table>\n");
             for (i, row) in rows.iter().enumerate() {
                 let tag = if i == 0 { "th" } else { "td" };
                 html.push_str("<tr>");
@@ -103,7 +105,7 @@ impl Section {
                 }
                 html.push_str("</tr>\n");
             }
-            html.push_str("</table></div>\n");
+            html.push_str("</table></div>\n</details>\n");
         }
         html.push_str("</section>\n");
     }

@@ -26,7 +26,7 @@ pub struct Ratio {
     pub wrong: Option<String>,
 }
 
-const WIDTH: f64 = 560.0;
+const WIDTH: f64 = 550.0;
 const ROW: f64 = 20.0;
 const FASTER: &str = "#1a7f4b";
 const SLOWER: &str = "#b35900";
@@ -39,17 +39,22 @@ impl Ratios {
             return String::new();
         }
         let widest = self.rows.iter().map(|r| text_width(&r.label)).fold(0.0, f64::max);
-        let texts = self.rows.iter().map(Ratio::text);
-        let rightmost = texts.map(|t| text_width(&t)).fold(0.0, f64::max);
-        let (left, right) = (widest + 14.0, WIDTH - rightmost - 8.0);
-        let sizes = self.rows.iter().flat_map(|r| r.interval).map(|v| v.ln().abs());
-        let span = sizes.filter(|v| v.is_finite()).fold(1.25f64.ln(), f64::max) * 1.05;
+        let bold = |r: &Ratio| if r.wrong.is_some() { 1.25 } else { 1.0 };
+        let texts = self.rows.iter().map(|r| text_width(&r.text()) * bold(r));
+        let rightmost = texts.fold(0.0, f64::max);
+        let (left, right) = (widest + 14.0, WIDTH - rightmost - 14.0);
+        // Wide intervals are cut off: they must not make the differences that are shown small.
+        let sizes = self.rows.iter().map(|r| 1.2 * r.value.ln().abs());
+        let span = sizes.filter(|v| v.is_finite()).fold(1.3f64.ln(), f64::max);
         let x = |v: f64| left + (right - left) * (0.5 + 0.5 * (v.ln() / span).clamp(-1.0, 1.0));
         let mut svg = Svg::new(WIDTH);
         svg.text([0.0, 16.0], Anchor::Start, "title", &self.title);
         svg.text([0.0, 34.0], Anchor::Start, "dim", &self.unit);
-        svg.text([x(1.0) - 6.0, 54.0], Anchor::End, "dim", "\u{2190} slower");
-        svg.text([x(1.0) + 6.0, 54.0], Anchor::Start, "dim", "faster \u{2192}");
+        let legend = [("faster", FASTER), ("slower", SLOWER), ("no difference shown", EVEN)];
+        let wrong = self.rows.iter().any(|r| r.wrong.is_some());
+        let legend = legend.into_iter().chain(wrong.then_some(("wrong answers", WRONG)));
+        let legend: Vec<_> = legend.map(|(name, color)| (name.to_string(), color)).collect();
+        svg.legend([0.0, 52.0], &legend);
         let (top, bottom) = (62.0, 62.0 + ROW * self.rows.len() as f64);
         for tick in marks(span) {
             svg.line([x(tick), top, x(tick), bottom], "#e3e6ea", 1.0);
@@ -76,7 +81,6 @@ impl Ratio {
         let text = format!("{:.2} [{low:.2}, {high:.2}]", self.value);
         match &self.wrong {
             Some(wrong) => format!("{text} {wrong}"),
-            None if low <= 1.0 && high >= 1.0 => format!("{text} none shown"),
             None => text,
         }
     }
@@ -97,9 +101,9 @@ fn marks(span: f64) -> Vec<f64> {
     let wide = [0.01f64, 0.1, 1.0, 10.0, 100.0];
     let middle = [0.25, 0.5, 1.0, 2.0, 4.0];
     let narrow = [0.8, 0.9, 1.0, 1.1, 1.25];
-    let marks = if span > 4.5f64.ln() {
+    let marks = if span >= 10f64.ln() {
         wide
-    } else if span > 1.8f64.ln() {
+    } else if span >= 2f64.ln() {
         middle
     } else {
         narrow
@@ -125,7 +129,7 @@ mod tests {
 
     #[test]
     fn marks_hold_one_at_every_scale() {
-        for span in [0.3, 0.6, 1.0, 2.0, 5.0] {
+        for span in [1.3f64.ln(), 0.6, 0.7, 1.0, 2.0, 2.4, 5.0] {
             let marks = marks(span);
             assert!(marks.contains(&1.0) && marks.len() >= 3, "{span}: {marks:?}");
         }

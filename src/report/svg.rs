@@ -10,7 +10,7 @@ pub const COLORS: [&str; 6] = ["#7f8c9b", "#0072b2", "#e69f00", "#009e73", "#cc7
 pub const WRONG: &str = "#c8102e";
 
 /// Width of a character of the charts' font, in its size.
-const CHARACTER: f64 = 0.58;
+const CHARACTER: f64 = 0.55;
 
 /// An SVG drawing of a fixed width, in CSS pixels.
 #[derive(Debug)]
