@@ -79,7 +79,8 @@ fn classes_that_a_scene_lacks_are_said_and_left_out() {
         "s.json",
         r#"{"nbounces": 0, "camera": {"type": "pinhole", "width": 40, "height": 30, "fov": 40,
             "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0]},
-            "scene": {"lightsources": [], "shapes": [{"type": "sphere", "center": [0, 0, 0], "radius": 1}]}}"#,
+            "scene": {"lightsources": [], "shapes": [{"type": "sphere", "center": [0, 0, 0], "radius": 1,
+            "material": {"kd": 1}}]}}"#,
     );
     let flags =
         ["s.json", "--backends", "embree", "--classes", "diffuse,primary,mirror,shadow-area"];
@@ -137,6 +138,7 @@ fn bad_use_is_refused_and_nothing_is_written() {
         (&["none.ply"], "none.ply"),
         (&["none.json"], "none.json"),
         (&["p.ply", "none.ply"], "none.ply"),
+        (&["p.ply", "none.json"], "none.json"),
         (&["p.ply", "--rays", "9"], "cannot be used with"),
         (&[], "required"),
     ] {

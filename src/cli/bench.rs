@@ -7,7 +7,7 @@ use std::{
 };
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Failures, Kind, Problem, Result},
     measure::{
         ab::Plan,
         bench::{Contestant, Settings, measure},
@@ -16,7 +16,7 @@ use crate::{
     },
     monitor::Monitor,
     output::atomic::TextFile,
-    scene::Backend,
+    scene::{self, Backend, Source},
     simd::Isa,
     world::{LoadOptions, World},
 };
@@ -39,9 +39,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let settings = settings(args)?;
     let then = args.baseline.as_deref().map(read_baseline).transpose()?;
     not_over_inputs(args)?;
-    for input in args.inputs.iter().filter(|input| meshes::is_mesh(input)) {
-        meshes::promise(input)?;
-    }
+    look_at_all(&args.inputs)?;
     let monitor = Arc::new(Monitor::default());
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
@@ -61,6 +59,18 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     }
     files.finish(&report, changes.as_deref().unwrap_or_default())?;
     right(&report, &settings)
+}
+
+/// Finds what is wrong with any scene or mesh header before the first is measured.
+fn look_at_all(inputs: &[PathBuf]) -> Result<()> {
+    let mut failures = Failures::default();
+    for input in inputs {
+        match meshes::is_mesh(input) {
+            true => drop(failures.keep(meshes::promise(input))),
+            false => drop(failures.keep(scene::load(Source::File(input), &[]))),
+        }
+    }
+    failures.check()
 }
 
 /// Loads a scene, or a mesh into the built-in one, and measures it.

@@ -316,7 +316,6 @@ mod tests {
         }
         assert!(right.contains("Visited per ray") && !right.contains("Growth"));
         let wrong = html(vec![scene("a", 1000, 7)]);
-            .unwrap();
         assert!(wrong.contains("bvh gives wrong answers: 7"));
         assert!(wrong.contains("7 WRONG") && wrong.contains("finding bad"));
         assert!(!wrong.contains("NaN") && !wrong.contains("inf"));
