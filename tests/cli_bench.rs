@@ -88,7 +88,7 @@ fn classes_that_a_scene_lacks_are_said_and_left_out() {
     assert_eq!(done.code(), 0, "{}", done.stderr());
     let table = done.stdout();
     assert!(table.contains("no mirror") && table.contains("no shadow-area"), "{table}");
-    assert!(table.contains("primary, packets") && !table.contains("mirror, "), "{table}");
+    assert!(table.contains("primary, packets") && !table.contains("mirror, single"), "{table}");
     assert!(!table.contains("shadow-point"), "{table}");
 }
 

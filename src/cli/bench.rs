@@ -163,7 +163,7 @@ fn settings(args: &BenchArgs) -> Result<Settings> {
         seed: args.seed.into(),
         isa,
         plan: plan(5),
-        build_plan: plan(3),
+        slow_plan: plan(3),
     })
 }
 

@@ -47,10 +47,10 @@ pub struct Settings {
     pub seed: u64,
     /// Of the shading in whole pictures, whatever the backend's own.
     pub isa: Isa,
-    /// Of everything but builds.
+    /// Of rays.
     pub plan: Plan,
-    /// Of builds.
-    pub build_plan: Plan,
+    /// Of builds and whole pictures.
+    pub slow_plan: Plan,
 }
 
 /// What was measured.
@@ -156,7 +156,7 @@ impl<'a> Bench<'a> {
         let threads = rayon::current_num_threads();
         (self.note)(&format!("build, {threads} thread(s)"));
         let contestants = &self.settings.contestants;
-        let samples = interleave(contestants.len(), self.settings.build_plan, self.monitor, |i| {
+        let samples = interleave(contestants.len(), self.settings.slow_plan, self.monitor, |i| {
             let started = Instant::now();
             let built = self.build(&contestants[i])?;
             let seconds = started.elapsed().as_secs_f64();
@@ -237,7 +237,7 @@ impl<'a> Bench<'a> {
         let [width, height] = self.world.frame;
         let mut film = Film::new([width, height], Window::full(width, height))?;
         let mut work = vec![0; built.len()];
-        let samples = interleave(built.len(), self.settings.plan, self.monitor, |i| {
+        let samples = interleave(built.len(), self.settings.slow_plan, self.monitor, |i| {
             let started = Instant::now();
             let counts = render(self.world, built[i], self.settings.isa, &mut film, self.monitor)?;
             let seconds = started.elapsed().as_secs_f64();

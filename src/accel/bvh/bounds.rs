@@ -1,5 +1,7 @@
 //! A box as eight f32 that one instruction joins with another.
 
+use super::simd::min8;
+
 /// An axis-aligned box. Lane 3 and 7 carry what the owner likes.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
@@ -26,12 +28,7 @@ impl Bounds3 {
     #[inline(always)]
     #[must_use]
     pub fn union(self, other: Self) -> Self {
-        let mut joined = self;
-        for i in 0..8 {
-            let (a, b) = (self.0[i], other.0[i]);
-            joined.0[i] = if b < a { b } else { a };
-        }
-        joined
+        Self(min8(self.0, other.0))
     }
 
     /// Least corner.

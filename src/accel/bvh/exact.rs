@@ -8,6 +8,7 @@
 //! decided exactly: in f64 the product of two f32 is exact, and the difference of two exact products
 //! has the exact sign.
 
+use super::node::Block;
 use super::query::Lane;
 use crate::ray::Rays;
 
@@ -42,49 +43,87 @@ impl Ray64 {
     }
 }
 
-/// Where a ray meets a triangle.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TriangleHit {
-    /// Ray parameter.
-    pub t: f64,
-    /// Weight of the second corner.
-    pub u: f64,
-    /// Weight of the third corner.
-    pub v: f64,
+/// A triangle as a ray sees it.
+pub struct Sheared {
+    /// Edge functions opposite the first, second and third corner: exact but for the last rounding,
+    /// so their signs are exact.
+    edges: [f64; 3],
+    /// Depths of the corners along the dominant axis.
+    depths: [f32; 3],
 }
 
-/// Where the ray meets a triangle, edges and corners included; none for a triangle that the shear
-/// leaves without area. Any t.
-///
-/// t is that of the triangle's plane in f64 (error of some 1e-15 of the coordinates over the sine of
-/// the angle between ray and plane), kept within the corners' depths, where a ray almost in the
-/// plane would leave them.
 #[inline(always)]
-pub fn hit(lane: &Lane, ray: &Ray64, corners: [[f32; 3]; 3]) -> Option<TriangleHit> {
-    let [a, b, c] = corners.map(|v| lane.sheared(v).map(f64::from));
-    let u = c[0] * b[1] - c[1] * b[0];
-    let v = a[0] * c[1] - a[1] * c[0];
-    let w = b[0] * a[1] - b[1] * a[0];
-    let inside = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
-    let det = u + v + w;
-    if !inside || det == 0.0 {
-        return None;
+fn min3<T: PartialOrd>(a: T, b: T, c: T) -> T {
+    let m = if a < b { a } else { b };
+    if m < c { m } else { c }
+}
+
+#[inline(always)]
+fn max3<T: PartialOrd>(a: T, b: T, c: T) -> T {
+    let m = if a > b { a } else { b };
+    if m > c { m } else { c }
+}
+
+impl Sheared {
+    /// A leaf's triangle.
+    #[inline(always)]
+    pub fn new(lane: &Lane, block: &Block, i: usize) -> Self {
+        let corner = |k: usize| {
+            let v = block.corner(k, i);
+            lane.sheared(lane.axes.map(|axis| block.vertices[axis][v]))
+        };
+        let (a, b, c) = (corner(0), corner(1), corner(2));
+        let (ax, ay) = (f64::from(a[0]), f64::from(a[1]));
+        let (bx, by) = (f64::from(b[0]), f64::from(b[1]));
+        let (cx, cy) = (f64::from(c[0]), f64::from(c[1]));
+        let edges = [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax];
+        Self { edges, depths: [a[2], b[2], c[2]] }
     }
-    let depths = [a[2], b[2], c[2]].map(|z| z / ray.along);
-    let (nearest, farthest) =
-        (depths[0].min(depths[1]).min(depths[2]), depths[0].max(depths[1]).max(depths[2]));
-    let [p, q, r] = corners.map(|x| x.map(f64::from));
-    let sub = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let (e1, e2) = (sub(q, p), sub(r, p));
-    let normal = [
-        e1[1] * e2[2] - e1[2] * e2[1],
-        e1[2] * e2[0] - e1[0] * e2[2],
-        e1[0] * e2[1] - e1[1] * e2[0],
-    ];
-    let plane = dot(normal, sub(p, ray.origin)) / dot(normal, ray.direction);
-    let mean = (u * depths[0] + v * depths[1] + w * depths[2]) / det;
-    // A NaN is no t; `max` and `min` would take the other operand.
-    let t = if plane.is_nan() { mean } else { plane }.max(nearest).min(farthest);
-    Some(TriangleHit { t, u: v / det, v: w / det })
+
+    /// Whether the ray's line meets the triangle, edges and corners included; not if the shear leaves
+    /// it without area. NaN, of a vertex too far away for f32, is outside.
+    #[inline(always)]
+    pub fn inside(&self) -> bool {
+        let [u, v, w] = self.edges;
+        let (least, most) = (min3(u, v, w), max3(u, v, w));
+        ((least >= 0.0) & (most > 0.0)) | ((most <= 0.0) & (least < 0.0))
+    }
+
+    /// Weights of the second and third corner, in [0, 1].
+    #[inline(always)]
+    pub fn barycentrics(&self) -> (f64, f64) {
+        let [u, v, w] = self.edges;
+        let sum = u + v + w;
+        (v / sum, w / sum)
+    }
+
+    /// The ray parameter of a triangle that the line meets: that of the triangle's plane in f64
+    /// (error of some 1e-15 of the coordinates over the sine of the angle between ray and plane),
+    /// kept within the corners' depths, which a ray almost in the plane would leave.
+    #[inline(always)]
+    pub fn t(&self, ray: &Ray64, [p, q, r]: [[f32; 3]; 3]) -> f64 {
+        let (px, py, pz) = (f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
+        let (e1x, e1y, e1z) = (f64::from(q[0]) - px, f64::from(q[1]) - py, f64::from(q[2]) - pz);
+        let (e2x, e2y, e2z) = (f64::from(r[0]) - px, f64::from(r[1]) - py, f64::from(r[2]) - pz);
+        let nx = e1y * e2z - e1z * e2y;
+        let ny = e1z * e2x - e1x * e2z;
+        let nz = e1x * e2y - e1y * e2x;
+        let [ox, oy, oz] = ray.origin;
+        let [dx, dy, dz] = ray.direction;
+        let above = nx * (px - ox) + ny * (py - oy) + nz * (pz - oz);
+        let t = above / (nx * dx + ny * dy + nz * dz);
+        let [a, b, c] = self.depths;
+        let (least, most) = (f64::from(min3(a, b, c)), f64::from(max3(a, b, c)));
+        let depth = t * ray.along;
+        if depth >= least && depth <= most { t } else { self.clamped(ray, depth, least, most) }
+    }
+
+    #[cold]
+    fn clamped(&self, ray: &Ray64, depth: f64, least: f64, most: f64) -> f64 {
+        let [u, v, w] = self.edges;
+        let [a, b, c] = self.depths.map(f64::from);
+        let mean = (u * a + v * b + w * c) / (u + v + w);
+        let depth = if depth.is_nan() { mean } else { depth };
+        depth.max(least).min(most) / ray.along
+    }
 }

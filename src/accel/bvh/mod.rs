@@ -11,6 +11,7 @@ mod node;
 mod query;
 mod simd;
 mod single;
+mod visits;
 
 use self::bounds::Bounds3;
 use self::build::Tree;
@@ -52,38 +53,25 @@ impl<'g> Bvh<'g> {
     fn single<'a, T: Tier>(
         &'a self,
         tier: T,
-        query: &Query,
+        query: &'a Query,
         rays: &Rays,
         i: usize,
     ) -> Single<'a, T> {
-        let lane = query.lane(rays, i);
+        let lane = query.lane(i);
         let ray = Ray64::new(rays, i, lane.axes[2]);
-        Single {
-            tier,
-            tree: &self.tree,
-            geometry: self.geometry,
-            lane,
-            ray,
-            scale: query.scale[i],
-            leaving: self.leaving(rays.leaving[i]),
-        }
-    }
-
-    /// The planar primitive that a ray cannot meet again.
-    #[inline(always)]
-    fn leaving(&self, primitive: u32) -> u32 {
-        primitive
+        let scene = (&self.tree, self.geometry);
+        Single::new(tier, scene, lane, ray, rays.leaving[i])
     }
 
     #[inline(always)]
-    fn store(&self, packet: &mut RayPacket, i: usize, best: &Best) {
+    fn store(&self, packet: &mut RayPacket, i: usize, (u, v): (f64, f64), best: &Best) {
         if best.primitive == NONE {
             return;
         }
         let (geom, prim) = self.geometry.place(best.primitive);
         packet.rays.tfar[i] = best.t as f32;
-        packet.hits.u[i] = best.u as f32;
-        packet.hits.v[i] = best.v as f32;
+        packet.hits.u[i] = u as f32;
+        packet.hits.v[i] = v as f32;
         packet.hits.geom[i] = geom;
         packet.hits.prim[i] = prim;
     }
@@ -108,7 +96,8 @@ impl<T: Tier> Kernel for Closest<'_, T> {
             if self.active.0[i] != 0 {
                 let single = self.bvh.single(self.tier, &query, &self.packet.rays, i);
                 let best = single.closest(&mut stack);
-                self.bvh.store(self.packet, i, &best);
+                let weights = single.barycentrics(&best);
+                self.bvh.store(self.packet, i, weights, &best);
             }
         }
     }
@@ -137,6 +126,20 @@ impl<T: Tier> Kernel for Occluded<'_, T> {
                 }
             }
         }
+    }
+}
+
+impl Bvh<'_> {
+    #[allow(missing_docs)]
+    pub fn debug_visits(&self, active: &Mask, packet: &mut RayPacket, any: bool) -> [u64; 4] {
+        let counts = visits::Counts::default();
+        let tier = visits::Counting { tier: simd::portable::Portable, counts: &counts };
+        if any {
+            Occluded { tier, bvh: self, active, rays: &mut packet.rays, coherence: Coherence::Single }.run();
+        } else {
+            Closest { tier, bvh: self, active, packet, coherence: Coherence::Single }.run();
+        }
+        [counts.nodes.get(), counts.blocks.get(), counts.triangles.get(), counts.candidates.get()]
     }
 }
 

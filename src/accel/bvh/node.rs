@@ -143,15 +143,19 @@ impl Block {
         present: 0,
     };
 
+    /// Index of a triangle's corner among the vertices.
+    #[inline(always)]
+    pub fn corner(&self, k: usize, i: usize) -> usize {
+        usize::from(self.corners[k][i % WIDTH]) % WIDTH
+    }
+
     /// Corners of a triangle: x, y, z each.
     #[inline(always)]
     pub fn triangle(&self, i: usize) -> [[f32; 3]; 3] {
-        let i = i % WIDTH;
-        let corner = |k: usize| {
-            let v = usize::from(self.corners[k][i]) % WIDTH;
+        [0, 1, 2].map(|k| {
+            let v = self.corner(k, i);
             [self.vertices[0][v], self.vertices[1][v], self.vertices[2][v]]
-        };
-        [corner(0), corner(1), corner(2)]
+        })
     }
 
     /// Whether a triangle is the second half of a quad.

@@ -29,6 +29,7 @@ const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
 ///   matter, as t starts at `tnear` >= 0.
 /// - A component below `LEAST` is lifted to it: the ray strays by at most LEAST times the scene,
 ///   2^-60 against 2^-22 in `margin`.
+#[derive(Debug)]
 pub struct Query {
     /// Inverse direction, made smaller by 4u.
     pub near_inverse: [[f32; LANES]; 3],
@@ -48,9 +49,12 @@ pub struct Query {
     pub octant: [u32; LANES],
     /// Axis along which the direction is largest.
     pub dominant: [u32; LANES],
-    /// Direction over its dominant component, for the two axes after the dominant one in cyclic
-    /// order.
+    /// Origin along the two axes after the dominant one in cyclic order, then along that.
+    pub origin: [[f32; LANES]; 3],
+    /// Direction over its dominant component, for the two axes after the dominant one.
     pub shear: [[f32; LANES]; 2],
+    /// Scaled direction along the dominant axis, of magnitude 1 to 2.
+    pub along: [f32; LANES],
 }
 
 impl Query {
@@ -67,7 +71,9 @@ impl Query {
             scale: [0.0; LANES],
             octant: [0; LANES],
             dominant: [0; LANES],
+            origin: [[0.0; LANES]; 3],
             shear: [[0.0; LANES]; 2],
+            along: [0.0; LANES],
         };
         let mut direction = [[0.0f32; LANES]; 3];
         for i in 0..LANES {
@@ -112,85 +118,82 @@ impl Query {
                 q.octant[i] |= (d.to_bits() >> 31) << axis;
             }
         }
+        let [ox, oy, oz] = &rays.org;
+        let [dx, dy, dz] = &direction;
         for i in 0..LANES {
-            let (x, y, z) = (direction[0][i], direction[1][i], direction[2][i]);
-            let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
-            let k = if az >= ax.max(ay) { 2 } else { u32::from(ay >= ax) };
-            let (dx, dy, dz) = match k {
-                0 => (y, z, x),
-                1 => (z, x, y),
-                _ => (x, y, z),
+            let (ax, ay, az) = (dx[i].abs(), dy[i].abs(), dz[i].abs());
+            let z = az >= ax.max(ay);
+            let y = !z & (ay >= ax);
+            let pick = |x_first: f32, y_first: f32, z_first: f32| {
+                if z { z_first } else if y { y_first } else { x_first }
             };
-            q.dominant[i] = k;
-            q.shear[0][i] = dx / dz;
-            q.shear[1][i] = dy / dz;
+            q.dominant[i] = if z { 2 } else { u32::from(y) };
+            q.origin[0][i] = pick(oy[i], oz[i], ox[i]);
+            q.origin[1][i] = pick(oz[i], ox[i], oy[i]);
+            q.origin[2][i] = pick(ox[i], oy[i], oz[i]);
+            let along = pick(dx[i], dy[i], dz[i]);
+            q.along[i] = along;
+            q.shear[0][i] = pick(dy[i], dz[i], dx[i]) / along;
+            q.shear[1][i] = pick(dz[i], dx[i], dy[i]) / along;
         }
         q
     }
 
     /// Ray `i` alone.
     #[inline(always)]
-    pub fn lane(&self, rays: &Rays, i: usize) -> Lane {
-        let of = |v: &[[f32; LANES]; 3]| [v[0][i], v[1][i], v[2][i]];
-        let k = self.dominant[i] as usize % 3;
-        let axes = [[1, 2, 0], [2, 0, 1], [0, 1, 2]][k];
-        Lane {
-            near_inverse: of(&self.near_inverse),
-            near_offset: of(&self.near_offset),
-            far_inverse: of(&self.far_inverse),
-            far_offset: of(&self.far_offset),
-            octant: self.octant[i] as usize % 8,
-            tnear: self.tnear[i],
-            tfar: self.tfar[i],
-            axes,
-            origin: axes.map(|a| rays.org[a][i]),
-            shear: [self.shear[0][i], self.shear[1][i]],
-        }
+    pub fn lane(&self, i: usize) -> Lane<'_> {
+        let i = i % LANES;
+        let k = self.dominant[i] as usize;
+        let axis = |k: usize| if k >= 3 { k - 3 } else { k };
+        let octant = self.octant[i] as usize % 8;
+        let negative = |axis: usize| (octant >> axis) & 1;
+        let enter = [0, 1, 2].map(|axis| axis + 3 * negative(axis));
+        let leave = [0, 1, 2].map(|axis| axis + 3 - 3 * negative(axis));
+        Lane { query: self, i, octant, axes: [axis(k + 1), axis(k + 2), axis(k)], enter, leave }
     }
 }
 
 /// One ray of a [`Query`].
 #[derive(Debug, Clone, Copy)]
-pub struct Lane {
-    /// See [`Query`].
-    pub near_inverse: [f32; 3],
-    /// See [`Query`].
-    pub near_offset: [f32; 3],
-    /// See [`Query`].
-    pub far_inverse: [f32; 3],
-    /// See [`Query`].
-    pub far_offset: [f32; 3],
+pub struct Lane<'a> {
+    /// All 16.
+    pub query: &'a Query,
+    /// Which one.
+    pub i: usize,
     /// See [`Query`].
     pub octant: usize,
-    /// See [`Query`].
-    pub tnear: f32,
-    /// See [`Query`]; shrinks with every hit.
-    pub tfar: f32,
     /// The two axes after the dominant one, then the dominant one.
     pub axes: [usize; 3],
-    /// Origin in the order of `axes`.
-    pub origin: [f32; 3],
-    /// Direction along the first two `axes` over that along the third.
-    pub shear: [f32; 2],
+    /// For each axis the row of [`super::node::Node::planes`] that the ray enters a box through.
+    pub enter: [usize; 3],
+    /// For each axis the row that it leaves a box through.
+    pub leave: [usize; 3],
 }
 
-impl Lane {
-    /// Rows of [`super::node::Node::planes`] that the ray enters and leaves a box through.
+impl Lane<'_> {
+    /// Of a [`Query`]'s member this ray's.
     #[inline(always)]
-    pub fn rows(&self, axis: usize) -> (usize, usize) {
-        let negative = (self.octant >> axis) & 1;
-        (axis + 3 * negative, axis + 3 - 3 * negative)
+    pub fn of(&self, member: &[f32; LANES]) -> f32 {
+        member[self.i % LANES]
     }
 
-    /// A vertex relative to the ray: along the first two axes the distance from the ray at the
-    /// vertex's depth, then the depth. The same bits in every tier: multiply, then subtract.
+    /// How far along the dominant axis the ray is at a scaled parameter, or a bit farther: what lies
+    /// beyond is farther than the parameter.
     #[inline(always)]
-    pub fn sheared(&self, vertex: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = self.axes;
-        let depth = vertex[z] - self.origin[2];
+    pub fn depth(&self, t: f32) -> f32 {
+        t * self.of(&self.query.along).abs() * (1.0 + 8.0 * U)
+    }
+
+    /// A vertex, in the order of `axes`, relative to the ray: along the first two axes the distance
+    /// from the ray at the vertex's depth, then the depth. The same bits in every tier: multiply,
+    /// then subtract.
+    #[inline(always)]
+    pub fn sheared(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let (origin, shear) = (&self.query.origin, &self.query.shear);
+        let depth = z - self.of(&origin[2]);
         [
-            (vertex[x] - self.origin[0]) - self.shear[0] * depth,
-            (vertex[y] - self.origin[1]) - self.shear[1] * depth,
+            (x - self.of(&origin[0])) - self.of(&shear[0]) * depth,
+            (y - self.of(&origin[1])) - self.of(&shear[1]) * depth,
             depth,
         ]
     }

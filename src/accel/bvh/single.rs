@@ -1,8 +1,8 @@
 //! One ray through the tree.
 
 use super::build::Tree;
-use super::exact::{self, Ray64};
-use super::node::{Kind, SphereLeaf};
+use super::exact::{Ray64, Sheared};
+use super::node::{Child, Kind, SphereLeaf};
 use super::query::Lane;
 use super::simd::{Stack, Tier};
 use crate::geometry::Geometry;
@@ -13,21 +13,20 @@ use crate::ray::NONE;
 pub struct Best {
     /// Ray parameter; the end of the segment until there is a hit.
     pub t: f64,
-    /// Weight of the second corner.
-    pub u: f64,
-    /// Weight of the third corner.
-    pub v: f64,
+    /// `t` as the boxes see it.
+    pub tfar: f32,
     /// Number of the primitive in the whole scene, or [`NONE`].
     pub primitive: u32,
+    /// Leaf of the triangle.
+    block: u32,
+    /// Place of the triangle in the leaf; 16 for a sphere.
+    slot: u32,
 }
 
-impl Best {
-    /// Nothing yet, up to `tfar`.
-    #[inline(always)]
-    pub fn none(tfar: f64) -> Self {
-        Self { t: tfar, u: 0.0, v: 0.0, primitive: NONE }
-    }
+/// [`Best::slot`] of a sphere.
+const SPHERE: u32 = 16;
 
+impl Best {
     /// Whether a hit is closer; of equal distances the lower primitive's counts.
     #[inline(always)]
     fn gives_way(&self, t: f64, primitive: u32) -> bool {
@@ -38,34 +37,50 @@ impl Best {
 /// A ray on its way through the tree.
 pub struct Single<'a, T> {
     /// The kernels.
-    pub tier: T,
+    tier: T,
     /// The tree.
-    pub tree: &'a Tree,
+    tree: &'a Tree,
     /// What it is made of.
-    pub geometry: &'a Geometry,
-    /// The ray, made ready; `tfar` shrinks with every hit.
-    pub lane: Lane,
+    geometry: &'a Geometry,
+    /// The ray, made ready.
+    lane: Lane<'a>,
     /// The ray in f64.
-    pub ray: Ray64,
-    /// What its parameters were multiplied with for the boxes.
-    pub scale: f32,
+    ray: Ray64,
     /// The primitive that it leaves.
-    pub leaving: u32,
+    leaving: u32,
 }
 
-impl<T: Tier> Single<'_, T> {
+impl<'a, T: Tier> Single<'a, T> {
+    /// A ray that is to be traced.
+    #[inline(always)]
+    pub fn new(
+        tier: T,
+        (tree, geometry): (&'a Tree, &'a Geometry),
+        lane: Lane<'a>,
+        ray: Ray64,
+        leaving: u32,
+    ) -> Self {
+        Self { tier, tree, geometry, lane, ray, leaving }
+    }
+
+    /// No hit yet.
+    #[inline(always)]
+    pub fn nothing(&self) -> Best {
+        Best { t: self.ray.tfar, tfar: self.lane.of(&self.lane.query.tfar), primitive: NONE, block: 0, slot: SPHERE }
+    }
+
     /// The closest hit.
     #[inline(always)]
-    pub fn closest(mut self, stack: &mut Stack) -> Best {
-        let mut best = Best::none(self.ray.tfar);
-        stack.push(super::node::Child::node(0), f32::NEG_INFINITY);
+    pub fn closest(&self, stack: &mut Stack) -> Best {
+        let mut best = self.nothing();
+        stack.push(Child::node(0), f32::NEG_INFINITY);
         while let Some((child, distance)) = stack.pop() {
-            if distance > self.lane.tfar {
+            if distance > best.tfar {
                 continue;
             }
             match child.kind() {
                 Kind::Node(index) => {
-                    self.tier.push_ordered(&self.tree.nodes[index], &self.lane, stack);
+                    self.tier.push_ordered(&self.tree.nodes[index], &self.lane, best.tfar, stack);
                 }
                 Kind::Triangles(index) => self.closest_in_block(index, &mut best),
                 Kind::Spheres(index) => self.closest_in_spheres(index, &mut best),
@@ -77,12 +92,13 @@ impl<T: Tier> Single<'_, T> {
 
     /// Whether anything is hit.
     #[inline(always)]
-    pub fn occluded(self, stack: &mut Stack) -> bool {
-        stack.push(super::node::Child::node(0), f32::NEG_INFINITY);
+    pub fn occluded(&self, stack: &mut Stack) -> bool {
+        stack.push(Child::node(0), f32::NEG_INFINITY);
         while let Some((child, _)) = stack.pop() {
             let hit = match child.kind() {
                 Kind::Node(index) => {
-                    self.tier.push_any(&self.tree.nodes[index], &self.lane, stack);
+                    let node = &self.tree.nodes[index];
+                    self.tier.push_any(node, &self.lane, self.lane.of(&self.lane.query.tfar), stack);
                     false
                 }
                 Kind::Triangles(index) => self.any_in_block(index),
@@ -97,59 +113,84 @@ impl<T: Tier> Single<'_, T> {
         false
     }
 
+    /// Updates the closest hit with a leaf's triangles.
     #[inline(always)]
-    pub(super) fn closest_in_block(&mut self, index: usize, best: &mut Best) {
+    pub fn closest_in_block(&self, index: usize, best: &mut Best) {
         let block = &self.tree.blocks[index];
-        let mut candidates = self.tier.candidates(block, &self.lane);
-        while candidates != 0 {
-            let i = candidates.trailing_zeros() as usize;
-            candidates &= candidates - 1;
-            let primitive = block.primitives[i % block.primitives.len()];
+        let found = self.tier.candidates(block, &self.lane, best.tfar);
+        let mut left = found.maybe;
+        while left != 0 {
+            let i = left.trailing_zeros();
+            left &= left - 1;
+            let slot = i as usize % block.primitives.len();
+            let primitive = block.primitives[slot];
             if primitive == self.leaving {
                 continue;
             }
-            let Some(hit) = exact::hit(&self.lane, &self.ray, block.triangle(i)) else { continue };
-            if hit.t > self.ray.tnear && best.gives_way(hit.t, primitive) {
-                let second = block.is_second_half(i);
-                let (u, v) = if second { (1.0 - hit.u, 1.0 - hit.v) } else { (hit.u, hit.v) };
-                *best = Best { t: hit.t, u, v, primitive };
-                self.lane.tfar = hit.t as f32 * self.scale;
+            let seen = Sheared::new(&self.lane, block, slot);
+            if (found.sure >> i) & 1 == 0 && !seen.inside() {
+                continue;
+            }
+            let t = seen.t(&self.ray, block.triangle(slot));
+            if t > self.ray.tnear && best.gives_way(t, primitive) {
+                let tfar = t as f32 * self.lane.of(&self.lane.query.scale);
+                *best = Best { t, tfar, primitive, block: index as u32, slot: i };
             }
         }
     }
 
+    /// Whether any of a leaf's triangles is hit.
     #[inline(always)]
-    pub(super) fn any_in_block(&self, index: usize) -> bool {
+    pub fn any_in_block(&self, index: usize) -> bool {
         let block = &self.tree.blocks[index];
-        let mut candidates = self.tier.candidates(block, &self.lane);
-        while candidates != 0 {
-            let i = candidates.trailing_zeros() as usize;
-            candidates &= candidates - 1;
-            if block.primitives[i % block.primitives.len()] == self.leaving {
+        let found = self.tier.candidates(block, &self.lane, self.lane.of(&self.lane.query.tfar));
+        let mut left = found.maybe;
+        while left != 0 {
+            let i = left.trailing_zeros();
+            left &= left - 1;
+            let slot = i as usize % block.primitives.len();
+            if block.primitives[slot] == self.leaving {
                 continue;
             }
-            let Some(hit) = exact::hit(&self.lane, &self.ray, block.triangle(i)) else { continue };
-            if hit.t > self.ray.tnear && hit.t < self.ray.tfar {
+            let seen = Sheared::new(&self.lane, block, slot);
+            if (found.sure >> i) & 1 == 0 && !seen.inside() {
+                continue;
+            }
+            let t = seen.t(&self.ray, block.triangle(slot));
+            if t > self.ray.tnear && t < self.ray.tfar {
                 return true;
             }
         }
         false
     }
 
+    /// Weights of the second and third corner of a hit, those of a quad as Embree has them; 0 for a
+    /// sphere.
+    #[inline(always)]
+    pub fn barycentrics(&self, best: &Best) -> (f64, f64) {
+        if best.slot == SPHERE {
+            return (0.0, 0.0);
+        }
+        let block = &self.tree.blocks[best.block as usize];
+        let slot = best.slot as usize;
+        let (u, v) = Sheared::new(&self.lane, block, slot).barycentrics();
+        if block.is_second_half(slot) { (1.0 - u, 1.0 - v) } else { (u, v) }
+    }
+
+    /// Updates the closest hit with a leaf's spheres.
     #[inline(never)]
-    pub(super) fn closest_in_spheres(&mut self, index: usize, best: &mut Best) {
+    pub fn closest_in_spheres(&self, index: usize, best: &mut Best) {
         for (t, primitive) in self.sphere_hits(&self.tree.spheres[index], best.t) {
             if best.gives_way(t, primitive) {
-                *best = Best { t, u: 0.0, v: 0.0, primitive };
+                let tfar = t as f32 * self.lane.of(&self.lane.query.scale);
+                *best = Best { t, tfar, primitive, block: 0, slot: SPHERE };
             }
-        }
-        if best.primitive != NONE {
-            self.lane.tfar = best.t as f32 * self.scale;
         }
     }
 
+    /// Whether any of a leaf's spheres is hit.
     #[inline(never)]
-    pub(super) fn any_in_spheres(&self, index: usize) -> bool {
+    pub fn any_in_spheres(&self, index: usize) -> bool {
         self.sphere_hits(&self.tree.spheres[index], self.ray.tfar).next().is_some()
     }
 
@@ -161,7 +202,7 @@ impl<T: Tier> Single<'_, T> {
         ids.into_iter().filter_map(move |id| {
             let sphere = spheres.get(id as usize)?;
             let primitive = base + id;
-            // Up to and with tfar: an equal distance may belong to a lower primitive.
+            // Beyond tfar by an ulp: an equal distance may belong to a lower primitive.
             let t = sphere.intersect(
                 ray.origin.into(),
                 ray.direction.into(),

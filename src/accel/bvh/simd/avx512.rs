@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 
 use super::super::node::{Block, Node, WIDTH};
 use super::super::query::Lane;
-use super::{EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
+use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::Isa;
 
 /// Proof that this machine has AVX-512.
@@ -18,31 +18,39 @@ impl Avx512 {
     }
 }
 
+/// One ray's value in all lanes.
+///
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn all(lane: &Lane, member: &[f32; WIDTH]) -> __m512 {
+    // SAFETY: the caller's promise.
+    unsafe { _mm512_set1_ps(lane.of(member)) }
+}
+
 /// Distances at which the ray enters and leaves the children's boxes. `max` and `min` return their
 /// second operand if either is NaN: a NaN prunes nothing.
 ///
 /// # Safety
 /// AVX-512 F.
 #[inline(always)]
-unsafe fn slabs(node: &Node, lane: &Lane) -> (__m512, __m512) {
+unsafe fn slabs(node: &Node, lane: &Lane, tfar: f32) -> (__m512, __m512) {
     // SAFETY: rows are below 6 and hold 16 aligned f32; the caller has AVX-512.
     unsafe {
-        let (mut near, mut far) = (_mm512_set1_ps(lane.tnear), _mm512_set1_ps(lane.tfar));
-        for axis in 0..3 {
-            let (enter, leave) = lane.rows(axis);
-            let t0 = _mm512_fmsub_ps(
-                _mm512_load_ps(node.planes.get_unchecked(enter).as_ptr()),
-                _mm512_set1_ps(lane.near_inverse[axis]),
-                _mm512_set1_ps(lane.near_offset[axis]),
-            );
-            let t1 = _mm512_fmsub_ps(
-                _mm512_load_ps(node.planes.get_unchecked(leave).as_ptr()),
-                _mm512_set1_ps(lane.far_inverse[axis]),
-                _mm512_set1_ps(lane.far_offset[axis]),
-            );
-            near = _mm512_max_ps(t0, near);
-            far = _mm512_min_ps(t1, far);
-        }
+        let q = lane.query;
+        let row = |i: usize| _mm512_load_ps(node.planes.as_ptr().add(i).cast());
+        let enter = |axis: usize| {
+            let (inverse, offset) = (&q.near_inverse[axis], &q.near_offset[axis]);
+            _mm512_fmsub_ps(row(lane.enter[axis]), all(lane, inverse), all(lane, offset))
+        };
+        let leave = |axis: usize| {
+            let (inverse, offset) = (&q.far_inverse[axis], &q.far_offset[axis]);
+            _mm512_fmsub_ps(row(lane.leave[axis]), all(lane, inverse), all(lane, offset))
+        };
+        let near = _mm512_max_ps(enter(0), all(lane, &q.tnear));
+        let far = _mm512_min_ps(leave(0), _mm512_set1_ps(tfar));
+        let near = _mm512_max_ps(enter(2), _mm512_max_ps(enter(1), near));
+        let far = _mm512_min_ps(leave(2), _mm512_min_ps(leave(1), far));
         (near, far)
     }
 }
@@ -62,10 +70,10 @@ unsafe fn push(stack: &mut Stack, mask: __mmask16, children: __m512i, near: __m5
 
 impl Tier for Avx512 {
     #[inline(always)]
-    fn push_ordered(self, node: &Node, lane: &Lane, stack: &mut Stack) {
+    fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         // SAFETY: `self` proves AVX-512; the children are 16 aligned u32.
         unsafe {
-            let (near, far) = slabs(node, lane);
+            let (near, far) = slabs(node, lane, tfar);
             let shifts =
                 _mm512_setr_epi32(0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28);
             let order = _mm512_set1_epi64(node.order[lane.octant % 8] as i64);
@@ -81,33 +89,34 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
-    fn push_any(self, node: &Node, lane: &Lane, stack: &mut Stack) {
+    fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         // SAFETY: as above.
         unsafe {
-            let (near, far) = slabs(node, lane);
+            let (near, far) = slabs(node, lane, tfar);
             let children = _mm512_load_si512(node.children.as_ptr().cast());
             push(stack, _mm512_cmp_ps_mask::<_CMP_NGT_UQ>(near, far), children, near);
         }
     }
 
     #[inline(always)]
-    fn candidates(self, block: &Block, lane: &Lane) -> u32 {
+    fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {
+        let q = lane.query;
         // SAFETY: `self` proves AVX-512; axes are below 3; rows hold 16 aligned f32 or 16 bytes.
         unsafe {
             let row =
-                |k: usize| _mm512_load_ps(block.vertices.get_unchecked(lane.axes[k]).as_ptr());
-            let depth = _mm512_sub_ps(row(2), _mm512_set1_ps(lane.origin[2]));
+                |k: usize| _mm512_load_ps(block.vertices.as_ptr().add(lane.axes[k]).cast());
+            let depth = _mm512_sub_ps(row(2), all(lane, &q.origin[2]));
             let sheared = |k: usize| {
-                let relative = _mm512_sub_ps(row(k), _mm512_set1_ps(lane.origin[k]));
-                _mm512_sub_ps(relative, _mm512_mul_ps(_mm512_set1_ps(lane.shear[k]), depth))
+                let relative = _mm512_sub_ps(row(k), all(lane, &q.origin[k]));
+                _mm512_sub_ps(relative, _mm512_mul_ps(all(lane, &q.shear[k]), depth))
             };
             let (x, y) = (sheared(0), sheared(1));
-            let corner = |k: usize| {
-                let bytes = _mm_load_si128(block.corners[k].as_ptr().cast());
-                let index = _mm512_cvtepu8_epi32(bytes);
-                (_mm512_permutexvar_ps(index, x), _mm512_permutexvar_ps(index, y))
-            };
-            let ((ax, ay), (bx, by), (cx, cy)) = (corner(0), corner(1), corner(2));
+            let corner =
+                |k: usize| _mm512_cvtepu8_epi32(_mm_load_si128(block.corners[k].as_ptr().cast()));
+            let (a, b, c) = (corner(0), corner(1), corner(2));
+            let of = |index: __m512i, v: __m512| _mm512_permutexvar_ps(index, v);
+            let ((ax, ay), (bx, by), (cx, cy)) =
+                ((of(a, x), of(a, y)), (of(b, x), of(b, y)), (of(c, x), of(c, y)));
             let (q0, q1, q2) =
                 (_mm512_mul_ps(cy, bx), _mm512_mul_ps(ay, cx), _mm512_mul_ps(by, ax));
             let u = _mm512_fmsub_ps(cx, by, q0);
@@ -117,15 +126,28 @@ impl Tier for Avx512 {
                 _mm512_max_ps(_mm512_abs_ps(q0), _mm512_abs_ps(q1)),
                 _mm512_abs_ps(q2),
             );
-            let slack =
-                _mm512_fmadd_ps(largest, _mm512_set1_ps(EDGE_SLACK), _mm512_set1_ps(EDGE_FLOOR));
+            let (scale, floor) = (_mm512_set1_ps(EDGE_SLACK), _mm512_set1_ps(EDGE_FLOOR));
+            let slack = _mm512_fmadd_ps(largest, scale, floor);
+            let minus = _mm512_fnmsub_ps(largest, scale, floor);
             let least = _mm512_min_ps(_mm512_min_ps(u, v), w);
             let most = _mm512_max_ps(_mm512_max_ps(u, v), w);
-            // NaN (an overflow) misses nothing: one of the comparisons is false... of `slack`.
-            let negative =
-                _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_add_ps(least, slack), _mm512_setzero_ps());
+            let negative = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(least, minus);
             let misses = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(negative, most, slack);
-            u32::from(!misses & block.present)
+            let maybe = !misses & block.present;
+            if maybe == 0 {
+                return Candidates { maybe: 0, sure: 0 };
+            }
+            let sign = _mm512_and_ps(all(lane, &q.along), _mm512_set1_ps(-0.0));
+            let z = _mm512_xor_ps(depth, sign);
+            let (az, bz, cz) = (of(a, z), of(b, z), of(c, z));
+            let last = _mm512_max_ps(_mm512_max_ps(az, bz), cz);
+            let first = _mm512_min_ps(_mm512_min_ps(az, bz), cz);
+            let end = _mm512_set1_ps(lane.depth(tfar));
+            let ahead = _mm512_mask_cmp_ps_mask::<_CMP_NLT_UQ>(maybe, last, _mm512_setzero_ps());
+            let maybe = _mm512_mask_cmp_ps_mask::<_CMP_NGT_UQ>(ahead, first, end);
+            let sure = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(least, slack)
+                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(most, minus);
+            Candidates { maybe: maybe.into(), sure: (maybe & sure).into() }
         }
     }
 }

@@ -20,14 +20,45 @@ pub const EDGE_SLACK: f32 = 4.0 * f32::EPSILON;
 /// See [`EDGE_SLACK`].
 pub const EDGE_FLOOR: f32 = 1e-42;
 
+/// The triangles of a leaf that a ray's line may meet, by bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Candidates {
+    /// Those that may be met between `tnear` and `tfar`.
+    pub maybe: u32,
+    /// Those of `maybe` that the line certainly meets: the signs of their edge functions are beyond
+    /// the rounding of f32.
+    pub sure: u32,
+}
+
 /// The kernels of one tier.
 pub trait Tier: Copy {
-    /// Pushes the children whose boxes the ray meets, the nearest last.
-    fn push_ordered(self, node: &Node, lane: &Lane, stack: &mut Stack);
+    /// Pushes the children whose boxes the ray meets before `tfar`, the nearest last.
+    fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack);
 
-    /// Pushes the children whose boxes the ray meets, in any order, distances included.
-    fn push_any(self, node: &Node, lane: &Lane, stack: &mut Stack);
+    /// Pushes the children whose boxes the ray meets before `tfar`, in any order.
+    fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack);
 
-    /// The triangles of a leaf that the ray's line may meet, by bit.
-    fn candidates(self, block: &Block, lane: &Lane) -> u32;
+    /// The triangles of a leaf that [`super::exact`] has to look at.
+    fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates;
+}
+
+/// The lesser of each pair; the second where one is NaN.
+///
+/// Written as a loop it becomes a masked store where `a` comes from memory, and those cannot be
+/// forwarded to the next load.
+#[inline(always)]
+pub fn min8(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: SSE is part of x86-64; all addresses are within the arrays.
+    unsafe {
+        use std::arch::x86_64::{_mm_loadu_ps, _mm_min_ps, _mm_storeu_ps};
+        let mut least = a;
+        for half in [0, 4] {
+            let (a, b) = (_mm_loadu_ps(a.as_ptr().add(half)), _mm_loadu_ps(b.as_ptr().add(half)));
+            _mm_storeu_ps(least.as_mut_ptr().add(half), _mm_min_ps(a, b));
+        }
+        least
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    std::array::from_fn(|i| if a[i] < b[i] { a[i] } else { b[i] })
 }

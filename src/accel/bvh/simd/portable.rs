@@ -2,7 +2,7 @@
 
 use super::super::node::{Block, Node, WIDTH};
 use super::super::query::Lane;
-use super::{EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
+use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 
 /// The tier that needs nothing.
 #[derive(Debug, Clone, Copy)]
@@ -10,14 +10,17 @@ pub struct Portable;
 
 /// Distances at which the ray enters and leaves the children's boxes.
 #[inline(always)]
-pub fn slabs(node: &Node, lane: &Lane) -> ([f32; WIDTH], [f32; WIDTH]) {
-    let (mut near, mut far) = ([lane.tnear; WIDTH], [lane.tfar; WIDTH]);
+fn slabs(node: &Node, lane: &Lane, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
+    let (mut near, mut far) = ([lane.of(&lane.query.tnear); WIDTH], [tfar; WIDTH]);
     for axis in 0..3 {
-        let (enter, leave) = lane.rows(axis);
-        let (enter, leave) = (&node.planes[enter], &node.planes[leave]);
+        let (enter, leave) = (&node.planes[lane.enter[axis]], &node.planes[lane.leave[axis]]);
+        let (near_inverse, near_offset) =
+            (lane.of(&lane.query.near_inverse[axis]), lane.of(&lane.query.near_offset[axis]));
+        let (far_inverse, far_offset) =
+            (lane.of(&lane.query.far_inverse[axis]), lane.of(&lane.query.far_offset[axis]));
         for i in 0..WIDTH {
-            let t0 = enter[i] * lane.near_inverse[axis] - lane.near_offset[axis];
-            let t1 = leave[i] * lane.far_inverse[axis] - lane.far_offset[axis];
+            let t0 = enter[i] * near_inverse - near_offset;
+            let t1 = leave[i] * far_inverse - far_offset;
             // A NaN loses every comparison: it prunes nothing.
             near[i] = if t0 > near[i] { t0 } else { near[i] };
             far[i] = if t1 < far[i] { t1 } else { far[i] };
@@ -28,8 +31,8 @@ pub fn slabs(node: &Node, lane: &Lane) -> ([f32; WIDTH], [f32; WIDTH]) {
 
 impl Tier for Portable {
     #[inline(always)]
-    fn push_ordered(self, node: &Node, lane: &Lane, stack: &mut Stack) {
-        let (near, far) = slabs(node, lane);
+    fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
+        let (near, far) = slabs(node, lane, tfar);
         for j in 0..WIDTH {
             let i = node.ordered(lane.octant, j);
             if near[i] <= far[i] {
@@ -39,8 +42,8 @@ impl Tier for Portable {
     }
 
     #[inline(always)]
-    fn push_any(self, node: &Node, lane: &Lane, stack: &mut Stack) {
-        let (near, far) = slabs(node, lane);
+    fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
+        let (near, far) = slabs(node, lane, tfar);
         for i in 0..WIDTH {
             if near[i] <= far[i] {
                 stack.push(node.children[i], near[i]);
@@ -49,23 +52,31 @@ impl Tier for Portable {
     }
 
     #[inline(always)]
-    fn candidates(self, block: &Block, lane: &Lane) -> u32 {
+    fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {
         let [kx, ky, kz] = lane.axes;
-        let (mut x, mut y) = ([0.0f32; WIDTH], [0.0f32; WIDTH]);
+        let (mut x, mut y, mut z) = ([0.0f32; WIDTH], [0.0f32; WIDTH], [0.0f32; WIDTH]);
+        let forward = 1.0f32.copysign(lane.of(&lane.query.along));
         for i in 0..WIDTH {
-            let depth = block.vertices[kz][i] - lane.origin[2];
-            x[i] = (block.vertices[kx][i] - lane.origin[0]) - lane.shear[0] * depth;
-            y[i] = (block.vertices[ky][i] - lane.origin[1]) - lane.shear[1] * depth;
+            let vertex = [block.vertices[kx][i], block.vertices[ky][i], block.vertices[kz][i]];
+            let depth;
+            [x[i], y[i], depth] = lane.sheared(vertex);
+            z[i] = depth * forward;
         }
-        let mut mask = 0;
+        let end = lane.depth(tfar);
+        let (mut maybe, mut sure) = (0, 0);
         for i in 0..WIDTH {
             let [a, b, c] = [0, 1, 2].map(|k| usize::from(block.corners[k][i]) % WIDTH);
             let (q0, q1, q2) = (y[c] * x[b], y[a] * x[c], y[b] * x[a]);
             let (u, v, w) = (x[c] * y[b] - q0, x[a] * y[c] - q1, x[b] * y[a] - q2);
             let slack = q0.abs().max(q1.abs()).max(q2.abs()) * EDGE_SLACK + EDGE_FLOOR;
-            let misses = u.min(v).min(w) < -slack && u.max(v).max(w) > slack;
-            mask |= u32::from(!misses) << i;
+            let (least, most) = (u.min(v).min(w), u.max(v).max(w));
+            let misses = least < -slack && most > slack;
+            let behind = z[a].max(z[b]).max(z[c]) < 0.0;
+            let beyond = z[a].min(z[b]).min(z[c]) > end;
+            maybe |= u32::from(!(misses | behind | beyond)) << i;
+            sure |= u32::from(least > slack || most < -slack) << i;
         }
-        mask & u32::from(block.present)
+        maybe &= u32::from(block.present);
+        Candidates { maybe, sure: maybe & sure }
     }
 }
