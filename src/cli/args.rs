@@ -209,6 +209,9 @@ pub struct InfoArgs {
     pub json: bool,
 }
 
+/// What this build has to compare.
+const BENCH_BACKENDS: &str = if cfg!(feature = "embree") { "embree,bvh" } else { "bvh" };
+
 /// `lightpath bench`
 #[derive(Debug, Args)]
 pub struct BenchArgs {
@@ -218,7 +221,7 @@ pub struct BenchArgs {
 
     /// What is compared: embree, embree-fast, bvh, coursework, brute; bvh:TIER forces an
     /// instruction set (portable, avx2, avx512). The others are compared with the first
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_value = "embree,bvh")]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_value = BENCH_BACKENDS)]
     pub backends: Vec<String>,
 
     /// Classes of rays: primary, shadow-point, shadow-area, mirror, diffuse [default: all]
