@@ -141,6 +141,17 @@ pub fn ticks(most: f64) -> Vec<f64> {
     (0..=(most / step).ceil() as u32).map(|i| f64::from(i) * step).collect()
 }
 
+/// A power of ten with its SI prefix: `10m`, `1`, `100k`.
+pub fn prefixed(power: f64) -> String {
+    let exponent = power.log10().round() as i32;
+    let prefixes = ["n", "\u{b5}", "m", "", "k", "M", "G", "T"];
+    let group = exponent.div_euclid(3);
+    match usize::try_from(group + 3).ok().and_then(|i| prefixes.get(i)) {
+        Some(prefix) => format!("{}{prefix}", 10u32.pow(exponent.rem_euclid(3) as u32)),
+        None => format!("1e{exponent}"),
+    }
+}
+
 /// Powers of ten from below `low` to above `high`, both > 0.
 pub fn decades(low: f64, high: f64) -> Vec<f64> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
@@ -178,6 +189,16 @@ mod tests {
         assert_eq!(ticks(f64::NAN), [0.0, 1.0]);
         assert_eq!(decades(0.5, 20.0), [0.1, 1.0, 10.0, 100.0]);
         assert_eq!(decades(1.0, 1.0), [1.0, 10.0]);
+    }
+
+    #[test]
+    fn powers_have_prefixes() {
+        let of = |exponent| prefixed(10f64.powi(exponent));
+        assert_eq!(
+            [-5, -3, -1, 0, 2, 4, 8].map(of),
+            ["10\u{b5}", "1m", "100m", "1", "100", "10k", "100M"]
+        );
+        assert_eq!(of(-10), "1e-10");
     }
 
     #[test]
