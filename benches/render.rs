@@ -20,10 +20,12 @@ mod with_embree {
     use std::path::{Path, PathBuf};
     use std::sync::Mutex;
     use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-    use std::time::Instant;
+    use std::time::{Duration, Instant};
 
     use lightpath::accel::{self, Accelerator, BuildInfo, BuildOptions};
     use lightpath::film::{Film, Window};
+    use lightpath::measure::ab::{Plan, interleave};
+    use lightpath::measure::stats::{Estimate, mad, median, paired_ratio};
     use lightpath::monitor::Monitor;
     use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
     use lightpath::render::render;
@@ -95,74 +97,41 @@ mod with_embree {
         let replay = Replay::record(&world, &*embree, &mut film);
         let counts = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
         let rays = (counts.primary + counts.shadow) as f64;
-        let (mut ours, mut bare) = (Vec::new(), Vec::new());
-        let mut a = || {
+        let plan = Plan { rounds: ROUNDS, budget: Duration::ZERO };
+        let samples = interleave(2, plan, &monitor, |side| {
             let started = Instant::now();
-            let again = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
-            ours.push(started.elapsed().as_secs_f64());
-            assert_eq!(again, counts);
-        };
-        let mut b = || {
-            let started = Instant::now();
+            if side == 0 {
+                let again = render(&world, &*embree, isa, &mut film, &monitor)?;
+                let seconds = started.elapsed().as_secs_f64();
+                assert_eq!(again, counts);
+                return Ok(seconds);
+            }
             let answer = replay.run(&world, &*embree, isa);
-            bare.push(started.elapsed().as_secs_f64());
+            let seconds = started.elapsed().as_secs_f64();
             assert_eq!(
                 answer, replay.expected,
                 "the bare queries must find what the renderer found"
             );
-        };
-        a();
-        b();
-        for _ in 0..ROUNDS {
-            a();
-            b();
-            b();
-            a();
-        }
-        let (ours, bare) = (ours.split_off(1), bare.split_off(1));
-        report("renderer", rays, &ours);
-        report("bare Embree", rays, &bare);
-        let ratios: Vec<f64> = bare.iter().zip(&ours).map(|(b, a)| b / a).collect();
-        let (low, high) = interval(&ratios);
-        println!(
-            "renderer / bare: {:.3} [{low:.3}, {high:.3}] (median of pairs, 95 %)\n",
-            median(&ratios)
-        );
+            Ok(seconds)
+        });
+        let samples = samples.expect("no signal");
+        let (ours, bare) = (&samples[0], &samples[1]);
+        report("renderer", rays, ours);
+        report("bare Embree", rays, bare);
+        let Estimate { value, low, high } = paired_ratio(bare, ours);
+        println!("renderer / bare: {value:.3} [{low:.3}, {high:.3}] (median of pairs, 95 %)\n");
     }
 
     fn report(name: &str, rays: f64, seconds: &[f64]) {
         let m = median(seconds);
-        let mad = median(&seconds.iter().map(|s| (s - m).abs()).collect::<Vec<_>>());
         println!(
             "{name}: {:.2} Mray/s, median {:.2} ms, MAD {:.2} ms",
             rays / m / 1e6,
             m * 1e3,
-            mad * 1e3
+            mad(seconds) * 1e3
         );
         let all: Vec<String> = seconds.iter().map(|s| format!("{:.1}", s * 1e3)).collect();
         println!("  ms: {}", all.join(" "));
-    }
-
-    fn median(values: &[f64]) -> f64 {
-        let mut v = values.to_vec();
-        v.sort_by(f64::total_cmp);
-        (v[(v.len() - 1) / 2] + v[v.len() / 2]) / 2.0
-    }
-
-    /// 95 % bootstrap interval of the median (2000 resamples, fixed seed).
-    fn interval(values: &[f64]) -> (f64, f64) {
-        let mut state = 1u64;
-        let mut next = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) as usize % values.len()
-        };
-        let mut medians: Vec<f64> = (0..2000)
-            .map(|_| median(&(0..values.len()).map(|_| values[next()]).collect::<Vec<_>>()))
-            .collect();
-        medians.sort_by(f64::total_cmp);
-        (medians[50], medians[1949])
     }
 
     /// The queries of a render in their order, tile by tile.

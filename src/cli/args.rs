@@ -43,6 +43,9 @@ pub enum Command {
     /// Check scenes without rendering; describe PLY and EXR files
     #[command(after_help = EXIT_CODES)]
     Info(InfoArgs),
+    /// Compare the speed and the answers of backends on the same rays
+    #[command(after_help = EXIT_CODES)]
+    Bench(Box<BenchArgs>),
     /// Print the JSON Schema of scene files
     Schema,
     /// Print a shell completion script
@@ -55,7 +58,7 @@ pub enum Command {
 }
 
 /// `lightpath render`
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub struct RenderArgs {
     /// A scene.json, a mesh.ply (in the built-in studio), or - for a scene on stdin
     #[arg(value_name = "SCENE|FILE.ply|-", value_hint = ValueHint::FilePath)]
@@ -83,7 +86,7 @@ pub struct RenderArgs {
 }
 
 /// Flags that change the scene.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Scene (overrides what the file says)")]
 pub struct SceneArgs {
     /// Picture size in pixels
@@ -136,7 +139,7 @@ pub struct SceneArgs {
 }
 
 /// Flags for meshes.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Meshes")]
 pub struct MeshArgs {
     /// Which axis of the .ply points up [default: y]
@@ -157,7 +160,7 @@ pub struct MeshArgs {
 }
 
 /// Flags for resources.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Machine")]
 pub struct MachineArgs {
     /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
@@ -178,7 +181,7 @@ pub struct MachineArgs {
 }
 
 /// Flags for messages.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Messages")]
 pub struct ReportArgs {
     /// Write times, rays and memory as JSON
@@ -208,6 +211,78 @@ pub struct InfoArgs {
     /// One JSON object per file and line
     #[arg(long)]
     pub json: bool,
+}
+
+/// What this build has to compare.
+const BENCH_BACKENDS: &str = if cfg!(feature = "embree") { "embree,bvh" } else { "bvh" };
+
+/// `lightpath bench`
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Scenes, or meshes in the built-in scene: ground, one point and one area light
+    #[arg(required = true, value_name = "SCENE|FILE.ply", value_hint = ValueHint::FilePath)]
+    pub inputs: Vec<PathBuf>,
+
+    /// What is compared: embree, embree-fast, bvh, coursework, brute; bvh:TIER forces an
+    /// instruction set (portable, avx2, avx512). The others are compared with the first
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_value = BENCH_BACKENDS)]
+    pub backends: Vec<String>,
+
+    /// Classes of rays: primary, shadow-point, shadow-area, mirror, diffuse [default: all]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub classes: Vec<String>,
+
+    /// Instruction set of our own kernels: portable, avx2, avx512 [default: the best]
+    #[arg(long, value_name = "TIER")]
+    pub isa: Option<String>,
+
+    /// Measure with one thread and with N [default: all that this process may use]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// Most rays of each class
+    #[arg(long, value_name = "N", default_value_t = 1 << 18, value_parser = clap::value_parser!(u64).range(1..=1 << 28))]
+    pub rays: u64,
+
+    /// Seconds for each comparison
+    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    pub seconds: f64,
+
+    /// Rounds of A B B A for each comparison, whatever time they take
+    #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = clap::value_parser!(u16).range(1..=500))]
+    pub rounds: Option<u16>,
+
+    /// A small picture, few rays, few rounds: shows that it works, not how fast
+    #[arg(long, conflicts_with_all = ["seconds", "rounds", "rays", "size"])]
+    pub quick: bool,
+
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+
+    /// Seed of the diffuse rays
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
+
+    /// Write everything, with every sample, as JSON
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub json: Option<PathBuf>,
+
+    /// Write one page with charts
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub html: Option<PathBuf>,
+
+    /// Write the same JSON for a later --baseline
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub save_baseline: Option<PathBuf>,
+
+    /// Compare with an earlier run
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub baseline: Option<PathBuf>,
+
+    /// Only errors on stderr
+    #[arg(long)]
+    pub quiet: bool,
 }
 
 /// Names of the tone curves.

@@ -36,6 +36,14 @@ pub struct Job {
 /// # Errors
 /// Contradictory flags, and everything that is wrong with the scene and its overrides.
 pub fn load(args: &RenderArgs) -> Result<Job> {
+    load_in(args, STUDIO)
+}
+
+/// The same, a mesh in `builtin` unless the flags name a template.
+///
+/// # Errors
+/// Those of [`load`].
+pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
     let is_mesh = meshes::is_mesh(&args.input);
     if !is_mesh {
         only_for_meshes(args)?;
@@ -45,7 +53,7 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
     let origin = match &args.mesh.template {
         Some(template) => Origin::file(template)?,
         None if is_mesh => {
-            Origin { name: "<studio>".to_string(), text: STUDIO.into(), folder: PathBuf::new() }
+            Origin { name: "<studio>".to_string(), text: builtin.into(), folder: PathBuf::new() }
         }
         None if args.input == Path::new("-") => Origin::stdin()?,
         None => return load_file(args, overrides),

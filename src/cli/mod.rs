@@ -5,6 +5,9 @@
 //! and overrides pass the same checks (`overrides`).
 
 mod args;
+mod bench;
+mod bench_page;
+mod bench_table;
 mod framing;
 mod info;
 mod info_scene;
@@ -63,6 +66,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.command {
         Some(Command::Render(args)) => render::run(args),
         Some(Command::Info(args)) => info::run(args),
+        Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Schema) => schema::run(),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),

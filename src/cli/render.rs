@@ -102,17 +102,11 @@ fn not_over_inputs(args: &RenderArgs, job: &Job) -> Result<()> {
     });
     let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref().map(|t| &t.path));
     let inputs = [&args.input].into_iter().chain(&args.mesh.template).chain(meshes).chain(textures);
-    // The folder may be reached in two ways, and an output need not be there yet.
-    let same = |path: &Path| {
-        let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-        path.canonicalize().unwrap_or_else(|_| folder.join(path.file_name().unwrap_or_default()))
-    };
-    let mut taken: Vec<PathBuf> = inputs.map(|path| same(path)).collect();
+    let mut taken: Vec<PathBuf> = inputs.map(|path| paths::identity(path)).collect();
     let prefix = paths::prefix(args.output.as_deref(), &args.input);
     let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
     for output in Outputs::names(&prefix).into_iter().chain(others) {
-        let path = same(&output);
+        let path = paths::identity(&output);
         if taken.contains(&path) && !path.starts_with("/dev") {
             let message = "would be written over what the render reads, or twice";
             return Err(Error::invalid(output.display().to_string(), message)
@@ -124,7 +118,7 @@ fn not_over_inputs(args: &RenderArgs, job: &Job) -> Result<()> {
 }
 
 /// `--threads`, else what a batch system grants, else what this process may use.
-fn threads(args: &MachineArgs) -> usize {
+pub fn threads(args: &MachineArgs) -> usize {
     let granted = || {
         let text = std::env::var("SLURM_CPUS_PER_TASK").ok()?;
         text.trim().parse().ok().filter(|n| (1..=1024).contains(n))

@@ -1,0 +1,305 @@
+//! `lightpath bench`: scenes through a set of backends, then a table, JSON, a page.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Duration,
+};
+
+use crate::{
+    error::{Error, Failures, Kind, Problem, Result},
+    measure::{
+        ab::Plan,
+        bench::{Contestant, Settings, measure},
+        rays::Class,
+        result::{self, Machine, Report, SceneResult, changes},
+    },
+    monitor::Monitor,
+    output::atomic::TextFile,
+    scene::{self, Backend, Source},
+    simd::Isa,
+    world::{LoadOptions, World},
+};
+
+use super::{
+    args::{BenchArgs, MachineArgs, RenderArgs, SceneArgs},
+    bench_page, bench_table,
+    job::{self, Job},
+    meshes, paths, render, signals, stats, version,
+};
+
+/// What a mesh alone is measured in.
+const SCENE: &str = include_str!("../../assets/bench.json");
+
+/// Rays, rounds and picture of `--quick`.
+const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
+
+/// Measures every scene.
+pub fn run(args: &BenchArgs) -> Result<()> {
+    let settings = settings(args)?;
+    let then = args.baseline.as_deref().map(read_baseline).transpose()?;
+    not_over_inputs(args)?;
+    look_at_all(&args.inputs)?;
+    let monitor = Arc::new(Monitor::default());
+    signals::watch(&monitor)?;
+    let files = Files::create(args)?;
+    let mut report = Report {
+        version: result::VERSION,
+        machine: machine(&settings),
+        scenes: Vec::with_capacity(args.inputs.len()),
+    };
+    for input in &args.inputs {
+        let scene = measure_scene(args, input, &settings, &monitor)?;
+        super::print(&bench_table::scene(&scene))?;
+        report.scenes.push(scene);
+    }
+    let changes = then.map(|then| changes(&report, &then));
+    if let Some(changes) = &changes {
+        super::print(&bench_table::changes(changes))?;
+    }
+    files.finish(&report, changes.as_deref().unwrap_or_default())?;
+    right(&report, &settings)
+}
+
+/// Finds what is wrong with any scene or mesh header before the first is measured.
+fn look_at_all(inputs: &[PathBuf]) -> Result<()> {
+    let mut failures = Failures::default();
+    for input in inputs {
+        match meshes::is_mesh(input) {
+            true => drop(failures.keep(meshes::promise(input))),
+            false => drop(failures.keep(scene::load(Source::File(input), &[]))),
+        }
+    }
+    failures.check()
+}
+
+/// Loads a scene, or a mesh into the built-in one, and measures it.
+fn measure_scene(
+    args: &BenchArgs,
+    input: &Path,
+    settings: &Settings,
+    monitor: &Monitor,
+) -> Result<SceneResult> {
+    let name = input.display().to_string();
+    let note = |text: &str| {
+        if !args.quiet {
+            super::note(&format!("{name}: {text}"));
+        }
+    };
+    note("loading");
+    let size = args.size.or(args.quick.then_some(QUICK.2));
+    let render = RenderArgs {
+        input: input.to_owned(),
+        scene: SceneArgs { size, ..SceneArgs::default() },
+        ..RenderArgs::default()
+    };
+    let Job { loaded, warnings, ready, .. } = job::load_in(&render, SCENE)?;
+    let options = LoadOptions { ready, ..LoadOptions::default() };
+    let (world, more) = World::load(&loaded.scene, options, monitor)?;
+    for warning in warnings.iter().chain(&more) {
+        note(&format!("warning: {warning}"));
+    }
+    let measured = measure(&world, settings, monitor, &note)?;
+    let rays = measured.rays.iter().map(|(class, count)| (class.name().to_string(), *count));
+    Ok(SceneResult {
+        rays: rays.collect(),
+        name,
+        hash: loaded.hash.clone(),
+        triangles: world.triangles(),
+        backends: measured.backends,
+        rows: measured.rows,
+        agreement: measured.agreement,
+    })
+}
+
+/// The flags, checked.
+fn settings(args: &BenchArgs) -> Result<Settings> {
+    let isa = match &args.isa {
+        Some(name) => tier("--isa", name)?,
+        None => Isa::detect(),
+    };
+    let mut contestants: Vec<Contestant> = Vec::new();
+    for name in &args.backends {
+        let contestant = contestant(name, isa)?;
+        if contestants.contains(&contestant) {
+            let message = format!("found {name} twice, expected each backend once");
+            return Err(Error::invalid("--backends", message));
+        }
+        contestants.push(contestant);
+    }
+    let mut classes = Vec::new();
+    for name in &args.classes {
+        let class = Class::ALL.into_iter().find(|class| class.name() == name);
+        classes.push(class.ok_or_else(|| {
+            let names = Class::ALL.map(Class::name).join(", ");
+            Error::invalid("--classes", format!("found {name:?}, expected some of {names}"))
+        })?);
+    }
+    if classes.is_empty() {
+        classes = Class::ALL.to_vec();
+    }
+    classes.sort_unstable();
+    classes.dedup();
+    if !(args.seconds.is_finite() && (0.0..=3600.0).contains(&args.seconds)) {
+        let message = format!("found {}, expected 0 to 3600", args.seconds);
+        return Err(Error::invalid("--seconds", message));
+    }
+    let (rays, rounds) = match (args.quick, args.rounds) {
+        (true, _) => (QUICK.0, Some(QUICK.1)),
+        (false, rounds) => (args.rays, rounds.map(usize::from)),
+    };
+    let plan = |least: usize| match rounds {
+        Some(rounds) => Plan { rounds, budget: Duration::ZERO },
+        None => Plan { rounds: least, budget: Duration::from_secs_f64(args.seconds) },
+    };
+    let all = render::threads(&MachineArgs { threads: args.threads, ..MachineArgs::default() });
+    let mut threads = vec![1, all];
+    threads.dedup();
+    Ok(Settings {
+        contestants,
+        classes,
+        threads,
+        rays,
+        seed: args.seed.into(),
+        isa,
+        plan: plan(5),
+        slow_plan: plan(3),
+    })
+}
+
+/// `bvh:avx2` and the like.
+fn contestant(name: &str, isa: Isa) -> Result<Contestant> {
+    let (kind, forced) = match name.split_once(':') {
+        Some((kind, forced)) => (kind, Some(forced)),
+        None => (name, None),
+    };
+    let (backend, fast) = match kind {
+        "embree" => (Backend::Embree, false),
+        "embree-fast" => (Backend::Embree, true),
+        "bvh" => (Backend::Bvh, false),
+        "coursework" => (Backend::Coursework, false),
+        "brute" => (Backend::Brute, false),
+        _ => {
+            let message = format!(
+                "found {name:?}, expected some of embree, embree-fast, bvh, coursework, brute"
+            );
+            return Err(Error::invalid("--backends", message));
+        }
+    };
+    let isa = match forced {
+        None => isa,
+        Some(forced) if backend == Backend::Bvh => tier("--backends", forced)?,
+        Some(_) => {
+            let message = format!("found {name:?}, expected an instruction set only after bvh");
+            return Err(Error::invalid("--backends", message));
+        }
+    };
+    Ok(Contestant { name: name.to_string(), backend, fast, isa })
+}
+
+/// An instruction set that this machine runs.
+fn tier(flag: &str, name: &str) -> Result<Isa> {
+    let isa = match name {
+        "portable" => Isa::Portable,
+        "avx2" => Isa::Avx2,
+        "avx512" => Isa::Avx512,
+        _ => {
+            let message = format!("found {name:?}, expected portable, avx2 or avx512");
+            return Err(Error::invalid(flag, message));
+        }
+    };
+    if isa > Isa::detect() {
+        let message = format!("found {name}, but the best here is {}", Isa::detect());
+        return Err(Error::new(Kind::Unsupported, Problem::new(flag, message)));
+    }
+    Ok(isa)
+}
+
+fn machine(settings: &Settings) -> Machine {
+    let mut versions = version::versions("");
+    versions.remove("backend");
+    Machine {
+        cpu: stats::cpu(),
+        cores: std::thread::available_parallelism().map_or(1, usize::from),
+        isa: settings.isa.to_string(),
+        versions,
+    }
+}
+
+fn read_baseline(path: &Path) -> Result<Report> {
+    let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, "read", &error))?;
+    let place = || path.display().to_string();
+    let expected = "expected a file of `lightpath bench --save-baseline`";
+    let report: Report = serde_json::from_str(&text)
+        .map_err(|error| Error::invalid(place(), format!("{error}; {expected}")))?;
+    if report.version != result::VERSION {
+        let message = format!("found version {}, expected {}", report.version, result::VERSION);
+        return Err(Error::invalid(place(), message).help("save a new baseline"));
+    }
+    Ok(report)
+}
+
+/// Refuses outputs that would replace inputs or each other.
+fn not_over_inputs(args: &BenchArgs) -> Result<()> {
+    let mut taken: Vec<PathBuf> = args.inputs.iter().map(|path| paths::identity(path)).collect();
+    for path in [&args.json, &args.html, &args.save_baseline].into_iter().flatten() {
+        let identity = paths::identity(path);
+        if taken.contains(&identity) && !identity.starts_with("/dev") {
+            let message = "would be written over what is measured, or twice";
+            return Err(Error::invalid(path.display().to_string(), message)
+                .help("choose another name: --json FILE, --html FILE, --save-baseline FILE"));
+        }
+        taken.push(identity);
+    }
+    Ok(())
+}
+
+/// What is written, made sure of before the long work.
+struct Files {
+    json: Vec<TextFile>,
+    html: Option<TextFile>,
+}
+
+impl Files {
+    fn create(args: &BenchArgs) -> Result<Self> {
+        let json = [&args.json, &args.save_baseline].into_iter().flatten();
+        Ok(Self {
+            json: json.map(|path| TextFile::create(path)).collect::<Result<_>>()?,
+            html: args.html.as_ref().map(|path| TextFile::create(path)).transpose()?,
+        })
+    }
+
+    fn finish(self, report: &Report, changes: &[result::Change]) -> Result<()> {
+        let mut written = Vec::new();
+        let json = serde_json::to_string_pretty(report).unwrap_or_default() + "\n";
+        for file in self.json {
+            written.push(file.finish(&json)?);
+        }
+        if let Some(file) = self.html {
+            written.push(file.finish(&bench_page::page(report, changes).html())?);
+        }
+        let lines = written.iter().filter(|path| path.as_path() != Path::new("/dev/stdout"));
+        let lines: Vec<String> = lines.map(|path| format!("{}\n", path.display())).collect();
+        super::print(&lines.concat())
+    }
+}
+
+/// A wrong answer of our own tree is a failure, those of others are facts about them.
+fn right(report: &Report, settings: &Settings) -> Result<()> {
+    let mut problems = Vec::new();
+    for scene in &report.scenes {
+        for (contestant, backend) in settings.contestants.iter().zip(&scene.backends) {
+            if contestant.backend == Backend::Bvh && backend.wrong > 0 {
+                let message = format!("{}: {} wrong answers", backend.name, backend.wrong);
+                problems.push(
+                    Problem::new(&scene.name, message)
+                        .help("`lightpath crosscheck` names the rays; please report this"),
+                );
+            }
+        }
+    }
+    match problems.is_empty() {
+        true => Ok(()),
+        false => Err(Error { kind: Kind::Check, problems }),
+    }
+}

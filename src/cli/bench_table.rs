@@ -1,0 +1,182 @@
+//! What `bench` found out, as lines of text.
+
+use crate::measure::{
+    result::{Change, Entry, Row, SceneResult, What},
+    stats::Estimate,
+};
+
+use super::units;
+
+/// One scene.
+pub fn scene(scene: &SceneResult) -> String {
+    let mut lines = vec![format!("{}: {} triangles", scene.name, units::count(scene.triangles))];
+    let rays = scene.rays.iter().map(|(class, n)| match n {
+        0 => format!("no {class}"),
+        n => format!("{} {class}", units::count(*n)),
+    });
+    lines.push(format!("rays: {}", rays.collect::<Vec<_>>().join(", ")));
+    lines.push(String::new());
+    lines.extend(table(&backends(scene)));
+    let mut threads: Vec<usize> = scene.rows.iter().map(|row| row.threads).collect();
+    threads.sort_unstable();
+    threads.dedup();
+    for threads in threads {
+        lines.push(String::new());
+        lines.extend(table(&timings(scene, threads)));
+    }
+    lines.push(String::new());
+    lines.extend(agreement(scene));
+    lines.push(String::new());
+    lines.join("\n") + "\n"
+}
+
+/// What has changed since the baseline.
+pub fn changes(changes: &[Change]) -> String {
+    if changes.is_empty() {
+        return "baseline: no scene in common (name and content must be the same)\n".into();
+    }
+    let head = ["since the baseline", "", "threads", "backend", "now / then", ""];
+    let mut rows = vec![head.map(str::to_string).to_vec()];
+    rows.extend(changes.iter().map(|change| {
+        vec![
+            change.scene.clone(),
+            change.row.clone(),
+            change.threads.to_string(),
+            change.backend.clone(),
+            ratio(&change.ratio),
+            change.ratio.verdict().to_string(),
+        ]
+    }));
+    table(&rows).join("\n") + "\n"
+}
+
+/// The backends and their memory, head first.
+pub fn backends(scene: &SceneResult) -> Vec<Vec<String>> {
+    let head = ["backend", "version", "isa", "memory", "B/triangle", "peak", "B/triangle", "wrong"];
+    let mut rows = vec![head.map(str::to_string).to_vec()];
+    let per = |bytes: u64| format!("{:.1}", bytes as f64 / scene.triangles.max(1) as f64);
+    rows.extend(scene.backends.iter().map(|b| {
+        vec![
+            b.name.clone(),
+            b.version.clone(),
+            b.isa.clone(),
+            units::bytes(b.bytes),
+            per(b.bytes),
+            units::bytes(b.peak_bytes),
+            per(b.peak_bytes),
+            wrong(b.wrong),
+        ]
+    }));
+    rows
+}
+
+/// The timings with so many threads, head first.
+pub fn timings(scene: &SceneResult, threads: usize) -> Vec<Vec<String>> {
+    let first = &scene.backends[0].name;
+    let title = match threads {
+        1 => "1 thread".to_string(),
+        n => format!("{n} threads"),
+    };
+    let against = format!("/ {first}");
+    let head =
+        [&title, "backend", "M/s", "median", "MAD", &against, "", "nodes/ray", "prims/ray", ""];
+    let mut rows = vec![head.map(str::to_string).to_vec()];
+    for row in scene.rows.iter().filter(|row| row.threads == threads) {
+        for (i, (backend, entry)) in scene.backends.iter().zip(&row.entries).enumerate() {
+            let label = if i == 0 { label(row) } else { String::new() };
+            let mut cells = vec![label, backend.name.clone()];
+            cells.extend(numbers(entry));
+            rows.push(cells);
+        }
+    }
+    without_empty_columns(rows)
+}
+
+/// Leaves out the columns in which nothing stands below the head.
+fn without_empty_columns(mut rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
+    let used = |c: usize| rows[1..].iter().any(|row| !row[c].is_empty());
+    let used: Vec<bool> = (0..rows[0].len()).map(used).collect();
+    for row in &mut rows {
+        let mut keep = used.iter();
+        row.retain(|_| *keep.next().unwrap_or(&true));
+    }
+    rows
+}
+
+/// What is timed, with the unit of its rate.
+fn label(row: &Row) -> String {
+    match row.what {
+        What::Build => "build (triangles)".into(),
+        What::Image => "image (rays)".into(),
+        What::Rays => row.label(),
+    }
+}
+
+fn numbers(entry: &Entry) -> [String; 8] {
+    let per_ray = |n: Option<f64>| n.map_or(String::new(), |n| format!("{n:.2}"));
+    [
+        format!("{:.2}", entry.rate.value),
+        format!("{:.2} ms", entry.median_s.value * 1e3),
+        format!("{:.1} %", 100.0 * entry.mad_s / entry.median_s.value),
+        entry.ratio.map_or(String::new(), |r| ratio(&r)),
+        entry.ratio.map_or(String::new(), |r| r.verdict().to_string()),
+        per_ray(entry.nodes_per_ray),
+        per_ray(entry.primitives_per_ray),
+        match entry.wrong {
+            None | Some(0) => String::new(),
+            Some(n) => wrong(n),
+        },
+    ]
+}
+
+/// `1.16 [1.15, 1.17]`
+pub fn ratio(r: &Estimate) -> String {
+    format!("{:.3} [{:.3}, {:.3}]", r.value, r.low, r.high)
+}
+
+/// `3 WRONG`
+pub fn wrong(n: u64) -> String {
+    match n {
+        0 => "0".into(),
+        n => format!("{} WRONG", units::count(n)),
+    }
+}
+
+/// Where the answers differ, and what came of it.
+pub fn agreement(scene: &SceneResult) -> Vec<String> {
+    let mut lines = Vec::new();
+    for pair in &scene.agreement {
+        let a = &pair.agreement;
+        if a.disagreements() + a.tie > 0 {
+            lines.push(format!(
+                "{}, {}: {} and {}: {} same, {} ties, {} at another t, {} only one hits",
+                pair.name,
+                pair.mode,
+                pair.backends[0],
+                pair.backends[1],
+                units::count(a.same),
+                units::count(a.tie),
+                units::count(a.depth),
+                units::count(a.missed),
+            ));
+        }
+    }
+    if lines.is_empty() {
+        lines.push("answers: the same for every ray".into());
+    }
+    lines
+}
+
+/// Columns side by side.
+fn table(rows: &[Vec<String>]) -> Vec<String> {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |c: usize| {
+        rows.iter().filter_map(|r| r.get(c)).map(|t| t.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).map(|(text, width)| format!("{text:width$}"));
+        cells.collect::<Vec<_>>().join("  ").trim_end().to_string()
+    };
+    rows.iter().map(line).collect()
+}

@@ -1,0 +1,249 @@
+//! One scene through a set of backends: what `lightpath bench` measures.
+
+use std::time::Instant;
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use super::ab::{Plan, interleave};
+use super::answers::{self, Agreement};
+use super::rays::{Class, Recording, record};
+use super::replay::{Mode, Replay};
+use super::result::{BackendResult, PairResult, Row, What};
+use crate::accel::{self, Accelerator, BuildOptions};
+use crate::error::{Error, Kind, Problem, Result};
+use crate::film::{Film, Window};
+use crate::monitor::Monitor;
+use crate::ray::LANES;
+use crate::render::render;
+use crate::scene::Backend;
+use crate::simd::Isa;
+use crate::world::World;
+
+/// One of those that are compared.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Contestant {
+    /// For reports.
+    pub name: String,
+    /// What finds the hits.
+    pub backend: Backend,
+    /// Embree without its ROBUST flag.
+    pub fast: bool,
+    /// Instruction set of our own kernels.
+    pub isa: Isa,
+}
+
+/// What to measure, and how long.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// The first is what the others are compared with, and finds the hits from which rays start.
+    pub contestants: Vec<Contestant>,
+    /// Classes of rays.
+    pub classes: Vec<Class>,
+    /// Numbers of worker threads, each >= 1.
+    pub threads: Vec<usize>,
+    /// Most rays of each class.
+    pub rays: u64,
+    /// Of the diffuse rays.
+    pub seed: i64,
+    /// Of the shading in whole pictures, whatever the backend's own.
+    pub isa: Isa,
+    /// Of rays.
+    pub plan: Plan,
+    /// Of builds and whole pictures.
+    pub slow_plan: Plan,
+}
+
+/// What was measured.
+#[derive(Debug)]
+pub struct Measured {
+    /// Of every contestant.
+    pub backends: Vec<BackendResult>,
+    /// Rays of every class of [`Settings::classes`].
+    pub rays: Vec<(Class, u64)>,
+    /// All timings.
+    pub rows: Vec<Row>,
+    /// All comparisons.
+    pub agreement: Vec<PairResult>,
+}
+
+type Built<'w> = Vec<Box<dyn Accelerator + 'w>>;
+
+/// Measures all of it. `note` is told what begins.
+///
+/// # Errors
+/// Where a backend cannot be built; `Interrupted` after a signal.
+pub fn measure(
+    world: &World,
+    settings: &Settings,
+    monitor: &Monitor,
+    note: &(dyn Fn(&str) + Sync),
+) -> Result<Measured> {
+    let most = settings.threads.iter().copied().max().unwrap_or(1);
+    let pools = settings.threads.iter().map(|&n| pool(n)).collect::<Result<Vec<_>>>()?;
+    let bench = Bench { world, settings, monitor, note };
+    pool(most)?.install(|| bench.all(&pools))
+}
+
+fn pool(threads: usize) -> Result<ThreadPool> {
+    ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+        let message = format!("cannot start {threads} threads: {error}");
+        Error::new(Kind::Retry, Problem::new("--threads", message))
+    })
+}
+
+/// The answers to one replay, which do not depend on the number of threads.
+struct Judged {
+    class: Class,
+    mode: Mode,
+    scores: Vec<answers::Score>,
+    visits: Vec<Option<accel::Visits>>,
+}
+
+struct Bench<'a> {
+    world: &'a World,
+    settings: &'a Settings,
+    monitor: &'a Monitor,
+    note: &'a (dyn Fn(&str) + Sync),
+}
+
+impl<'a> Bench<'a> {
+    /// Everything; answers and the trees that rays run through are made by the current pool.
+    fn all(&self, pools: &[ThreadPool]) -> Result<Measured> {
+        let mut rows = Vec::new();
+        for pool in pools {
+            rows.push(pool.install(|| self.builds())?);
+        }
+        let built = self.settings.contestants.iter().map(|c| self.build(c));
+        let built = built.collect::<Result<Built>>()?;
+        (self.note)("recording rays");
+        let packets = (self.settings.rays.div_ceil(LANES as u64) as usize).max(1);
+        let seed = self.settings.seed;
+        let recording = record(self.world, &*built[0], packets, seed, self.monitor)?;
+        let backends: Vec<&dyn Accelerator> = built.iter().map(|b| &**b).collect();
+        let (judged, agreement) = self.compare(&backends, &recording);
+        for pool in pools {
+            rows.extend(pool.install(|| self.rays(&backends, &recording, &judged))?);
+            rows.push(pool.install(|| self.image(&backends))?);
+        }
+        let backends = self.settings.contestants.iter().zip(&built).enumerate();
+        let backends = backends.map(|(i, (contestant, accelerator))| {
+            let info = accelerator.info();
+            BackendResult {
+                name: contestant.name.clone(),
+                version: info.version,
+                isa: info.isa,
+                bytes: info.bytes,
+                peak_bytes: info.peak_bytes,
+                wrong: judged.iter().map(|j| j.scores[i].wrong).sum(),
+            }
+        });
+        let rays = self.settings.classes.iter().map(|&class| (class, recording.count(class)));
+        Ok(Measured { backends: backends.collect(), rays: rays.collect(), rows, agreement })
+    }
+
+    /// Builds on the threads of the current pool.
+    fn build(&self, contestant: &Contestant) -> Result<Box<dyn Accelerator + 'a>> {
+        let options = BuildOptions {
+            threads: rayon::current_num_threads(),
+            fast: contestant.fast,
+            isa: contestant.isa,
+            max_bytes: None,
+        };
+        accel::build(&self.world.geometry, contestant.backend, &options, self.monitor)
+    }
+
+    fn builds(&self) -> Result<Row> {
+        let threads = rayon::current_num_threads();
+        (self.note)(&format!("build, {threads} thread(s)"));
+        let contestants = &self.settings.contestants;
+        let samples = interleave(contestants.len(), self.settings.slow_plan, self.monitor, |i| {
+            let started = Instant::now();
+            let built = self.build(&contestants[i])?;
+            let seconds = started.elapsed().as_secs_f64();
+            drop(built);
+            Ok(seconds)
+        })?;
+        let work = vec![self.world.triangles(); contestants.len()];
+        Ok(Row::new(What::Build, "build", "", threads, &work, samples))
+    }
+
+    /// The replays of all classes that the scene has.
+    fn replays<'r>(&self, recording: &'r Recording) -> Vec<Replay<'r>> {
+        let classes = self.settings.classes.iter().flat_map(|&class| {
+            let packets = recording.of(class);
+            Mode::ALL.map(|mode| Replay { class, mode, packets })
+        });
+        classes.filter(|replay| !replay.packets.is_empty()).collect()
+    }
+
+    fn compare(
+        &self,
+        built: &[&dyn Accelerator],
+        recording: &Recording,
+    ) -> (Vec<Judged>, Vec<PairResult>) {
+        (self.note)("comparing answers");
+        let (mut judged, mut agreements) = (Vec::new(), Vec::new());
+        for replay in self.replays(recording) {
+            let Replay { class, mode, .. } = replay;
+            let (scores, pairs) = answers::compare(&replay, &self.world.geometry, built);
+            let visits = built.iter().map(|b| replay.visits(*b)).collect();
+            judged.push(Judged { class, mode, scores, visits });
+            let name = |i: usize| self.settings.contestants[i].name.clone();
+            let pair = |(i, j, agreement): (usize, usize, Agreement)| PairResult {
+                name: class.name().into(),
+                mode: mode.name().into(),
+                backends: [name(i), name(j)],
+                agreement,
+            };
+            agreements.extend(pairs.into_iter().map(pair));
+        }
+        (judged, agreements)
+    }
+
+    fn rays(
+        &self,
+        built: &[&dyn Accelerator],
+        recording: &Recording,
+        judged: &[Judged],
+    ) -> Result<Vec<Row>> {
+        let threads = rayon::current_num_threads();
+        let mut rows = Vec::new();
+        for replay in self.replays(recording) {
+            let (class, mode) = (replay.class, replay.mode);
+            (self.note)(&format!("{}, {}, {threads} thread(s)", class.name(), mode.name()));
+            let samples = interleave(built.len(), self.settings.plan, self.monitor, |i| {
+                Ok(replay.seconds(built[i]))
+            })?;
+            let rays = recording.count(class);
+            let work = vec![rays; built.len()];
+            let mut row = Row::new(What::Rays, class.name(), mode.name(), threads, &work, samples);
+            let judged = judged.iter().find(|j| (j.class, j.mode) == (class, mode));
+            for (i, entry) in row.entries.iter_mut().enumerate() {
+                let Some(judged) = judged else { continue };
+                entry.hits = Some(judged.scores[i].hits);
+                entry.wrong = Some(judged.scores[i].wrong);
+                let per_ray = |n: u64| n as f64 / rays as f64;
+                entry.nodes_per_ray = judged.visits[i].map(|v| per_ray(v.nodes));
+                entry.primitives_per_ray = judged.visits[i].map(|v| per_ray(v.primitives));
+            }
+            rows.push(row);
+        }
+        Ok(rows)
+    }
+
+    fn image(&self, built: &[&dyn Accelerator]) -> Result<Row> {
+        let threads = rayon::current_num_threads();
+        (self.note)(&format!("image, {threads} thread(s)"));
+        let [width, height] = self.world.frame;
+        let mut film = Film::new([width, height], Window::full(width, height))?;
+        let mut work = vec![0; built.len()];
+        let samples = interleave(built.len(), self.settings.slow_plan, self.monitor, |i| {
+            let started = Instant::now();
+            let counts = render(self.world, built[i], self.settings.isa, &mut film, self.monitor)?;
+            let seconds = started.elapsed().as_secs_f64();
+            work[i] = counts.primary + counts.shadow + counts.reflection;
+            Ok(seconds)
+        })?;
+        Ok(Row::new(What::Image, "image", "", threads, &work, samples))
+    }
+}

@@ -1,0 +1,10 @@
+//! Clocks and comparisons: what the measuring commands stand on.
+
+pub mod ab;
+pub mod answers;
+pub mod bench;
+pub mod judge;
+pub mod rays;
+pub mod replay;
+pub mod result;
+pub mod stats;

@@ -1,0 +1,88 @@
+//! Lines over two logarithmic axes: how something grows.
+
+use super::svg::{Anchor, COLORS, Svg, decades, prefixed};
+
+/// A chart of growth.
+#[derive(Debug, Clone, Default)]
+pub struct Lines {
+    /// Heading.
+    pub title: String,
+    /// What is up.
+    pub unit: String,
+    /// What is to the right.
+    pub across: String,
+    /// One per contestant.
+    pub lines: Vec<Line>,
+}
+
+/// One line.
+#[derive(Debug, Clone)]
+pub struct Line {
+    /// In the legend.
+    pub name: String,
+    /// Both > 0.
+    pub points: Vec<[f64; 2]>,
+}
+
+const WIDTH: f64 = 550.0;
+const HEIGHT: f64 = 300.0;
+
+impl Lines {
+    /// The chart as SVG; empty with fewer than two points on every line.
+    pub fn svg(&self) -> String {
+        if self.lines.iter().all(|line| line.points.len() < 2) {
+            return String::new();
+        }
+        let range = |axis: usize| {
+            let values = || self.lines.iter().flat_map(|l| &l.points).map(|p| p[axis]);
+            decades(values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max))
+        };
+        let (across, up) = (range(0), range(1));
+        let (left, right, top, bottom) = (64.0, WIDTH - 20.0, 66.0, HEIGHT - 40.0);
+        let part = |marks: &[f64], v: f64| {
+            (v / marks[0]).log10() / (marks[marks.len() - 1] / marks[0]).log10()
+        };
+        let x = |v: f64| left + (right - left) * part(&across, v);
+        let y = |v: f64| bottom - (bottom - top) * part(&up, v);
+        let mut svg = Svg::new(WIDTH);
+        svg.text([0.0, 16.0], Anchor::Start, "title", &self.title);
+        svg.text([0.0, 34.0], Anchor::Start, "dim", &self.unit);
+        for mark in &across {
+            svg.line([x(*mark), top, x(*mark), bottom], "#e3e6ea", 1.0);
+            svg.text([x(*mark), bottom + 15.0], Anchor::Middle, "dim", &prefixed(*mark));
+        }
+        for mark in &up {
+            svg.line([left, y(*mark), right, y(*mark)], "#e3e6ea", 1.0);
+            svg.text([left - 6.0, y(*mark) + 4.0], Anchor::End, "dim", &prefixed(*mark));
+        }
+        svg.text([(left + right) / 2.0, HEIGHT - 6.0], Anchor::Middle, "dim", &self.across);
+        let names: Vec<_> =
+            self.lines.iter().map(|l| l.name.clone()).zip(COLORS.into_iter().cycle()).collect();
+        svg.legend([left, 52.0], &names);
+        for (line, (_, color)) in self.lines.iter().zip(&names) {
+            for pair in line.points.windows(2) {
+                let [[ax, ay], [bx, by]] = [pair[0], pair[1]];
+                svg.line([x(ax), y(ay), x(bx), y(by)], color, 2.0);
+            }
+            for &[px, py] in &line.points {
+                svg.circle([x(px), y(py)], 3.5, color);
+            }
+        }
+        svg.finish(HEIGHT, &format!("{}: {}", self.title, self.unit))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_point_is_no_growth() {
+        let line = |points: &[[f64; 2]]| Line { name: "a".into(), points: points.to_vec() };
+        let chart = |points| Lines { lines: vec![line(points)], ..Lines::default() };
+        assert_eq!(chart(&[[1e3, 0.1]]).svg(), "");
+        let svg = chart(&[[1e3, 0.1], [1e6, 20.0]]).svg();
+        assert_eq!(svg.matches("<circle").count(), 2);
+        assert!(!svg.contains("NaN"), "{svg}");
+    }
+}

@@ -1,0 +1,12 @@
+//! Charts and pages for people: plain numbers -> SVG -> one HTML file that needs no other.
+
+mod bars;
+mod lines;
+mod page;
+mod ratios;
+mod svg;
+
+pub use bars::{Bar, Bars, Group};
+pub use lines::{Line, Lines};
+pub use page::{Cell, Page, Section};
+pub use ratios::{Ratio, Ratios};

@@ -1,0 +1,138 @@
+//! Ratios around 1 on a logarithmic axis: who is faster, and whether that is shown.
+
+use super::svg::{Anchor, Svg, WRONG, text_width};
+
+/// A chart of ratios: right of the line is faster.
+#[derive(Debug, Clone, Default)]
+pub struct Ratios {
+    /// Heading.
+    pub title: String,
+    /// What the numbers are.
+    pub unit: String,
+    /// From top to bottom.
+    pub rows: Vec<Ratio>,
+}
+
+/// One ratio.
+#[derive(Debug, Clone, Default)]
+pub struct Ratio {
+    /// Beside it.
+    pub label: String,
+    /// > 0
+    pub value: f64,
+    /// Its interval.
+    pub interval: [f64; 2],
+    /// Why it does not count: shown in red.
+    pub wrong: Option<String>,
+}
+
+const WIDTH: f64 = 550.0;
+const ROW: f64 = 20.0;
+const FASTER: &str = "#1a7f4b";
+const SLOWER: &str = "#b35900";
+const EVEN: &str = "#8a929c";
+
+impl Ratios {
+    /// The chart as SVG; empty without rows.
+    pub fn svg(&self) -> String {
+        if self.rows.is_empty() {
+            return String::new();
+        }
+        let widest = self.rows.iter().map(|r| text_width(&r.label)).fold(0.0, f64::max);
+        let bold = |r: &Ratio| if r.wrong.is_some() { 1.25 } else { 1.0 };
+        let texts = self.rows.iter().map(|r| text_width(&r.text()) * bold(r));
+        let rightmost = texts.fold(0.0, f64::max);
+        let (left, right) = (widest + 14.0, WIDTH - rightmost - 14.0);
+        // Wide intervals are cut off: they must not make the differences that are shown small.
+        let sizes = self.rows.iter().map(|r| 1.2 * r.value.ln().abs());
+        let span = sizes.filter(|v| v.is_finite()).fold(1.3f64.ln(), f64::max);
+        let x = |v: f64| left + (right - left) * (0.5 + 0.5 * (v.ln() / span).clamp(-1.0, 1.0));
+        let mut svg = Svg::new(WIDTH);
+        svg.text([0.0, 16.0], Anchor::Start, "title", &self.title);
+        svg.text([0.0, 34.0], Anchor::Start, "dim", &self.unit);
+        let legend = [("faster", FASTER), ("slower", SLOWER), ("no difference shown", EVEN)];
+        let wrong = self.rows.iter().any(|r| r.wrong.is_some());
+        let legend = legend.into_iter().chain(wrong.then_some(("wrong answers", WRONG)));
+        let legend: Vec<_> = legend.map(|(name, color)| (name.to_string(), color)).collect();
+        svg.legend([0.0, 52.0], &legend);
+        let (top, bottom) = (62.0, 62.0 + ROW * self.rows.len() as f64);
+        for tick in marks(span) {
+            svg.line([x(tick), top, x(tick), bottom], "#e3e6ea", 1.0);
+            svg.text([x(tick), bottom + 15.0], Anchor::Middle, "dim", &format!("{tick}\u{d7}"));
+        }
+        svg.line([x(1.0), top, x(1.0), bottom], "#222", 1.5);
+        for (i, row) in self.rows.iter().enumerate() {
+            let y = top + ROW * (i as f64 + 0.5);
+            let (color, class) = row.color();
+            svg.text([left - 10.0, y + 4.0], Anchor::End, "", &row.label);
+            let (a, b) = (x(1.0), x(row.value));
+            svg.rect([a.min(b), y - 5.0, (a - b).abs(), 10.0], color);
+            svg.whisker(row.interval.map(x), y);
+            svg.circle([b, y], 3.5, color);
+            svg.text([right + 10.0, y + 4.0], Anchor::Start, class, &row.text());
+        }
+        svg.finish(bottom + 24.0, &format!("{}: {}", self.title, self.unit))
+    }
+}
+
+impl Ratio {
+    fn text(&self) -> String {
+        let [low, high] = self.interval;
+        let text = format!("{:.2} [{low:.2}, {high:.2}]", self.value);
+        match &self.wrong {
+            Some(wrong) => format!("{text} {wrong}"),
+            None => text,
+        }
+    }
+
+    fn color(&self) -> (&'static str, &'static str) {
+        let [low, high] = self.interval;
+        match () {
+            () if self.wrong.is_some() => (WRONG, "wrong"),
+            () if low <= 1.0 && high >= 1.0 => (EVEN, "dim"),
+            () if self.value > 1.0 => (FASTER, ""),
+            () => (SLOWER, ""),
+        }
+    }
+}
+
+/// Ratios to mark within exp(+-span), 1 among them.
+fn marks(span: f64) -> Vec<f64> {
+    let wide = [0.01f64, 0.1, 1.0, 10.0, 100.0];
+    let middle = [0.25, 0.5, 1.0, 2.0, 4.0];
+    let narrow = [0.8, 0.9, 1.0, 1.1, 1.25];
+    let marks = if span >= 10f64.ln() {
+        wide
+    } else if span >= 2f64.ln() {
+        middle
+    } else {
+        narrow
+    };
+    marks.into_iter().filter(|m| m.ln().abs() <= span).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_tell_shown_from_not_shown() {
+        let of = |value, interval, wrong: Option<&str>| {
+            let wrong = wrong.map(str::to_string);
+            Ratio { value, interval, wrong, ..Ratio::default() }.color().0
+        };
+        assert_eq!(of(1.2, [1.1, 1.3], None), FASTER);
+        assert_eq!(of(0.8, [0.7, 0.9], None), SLOWER);
+        assert_eq!(of(1.2, [0.9, 1.3], None), EVEN);
+        assert_eq!(of(1.2, [1.1, 1.3], Some("2 wrong")), WRONG);
+    }
+
+    #[test]
+    fn marks_hold_one_at_every_scale() {
+        for span in [1.3f64.ln(), 0.6, 0.7, 1.0, 2.0, 2.4, 5.0] {
+            let marks = marks(span);
+            assert!(marks.contains(&1.0) && marks.len() >= 3, "{span}: {marks:?}");
+        }
+        assert_eq!(Ratios::default().svg(), "");
+    }
+}

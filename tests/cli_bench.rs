@@ -1,0 +1,158 @@
+//! `lightpath bench` from outside: table, JSON, page, baselines, and what it refuses.
+#![cfg(feature = "embree")]
+
+mod program;
+
+use lightpath::measure::result::{Report, What};
+use program::{PYRAMID, Scratch};
+
+fn bench(scratch: &Scratch, flags: &[&str]) -> program::Done {
+    scratch.run(&[&["bench", "--quick", "--threads", "2"], flags].concat())
+}
+
+fn pyramid() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("p.ply", PYRAMID);
+    scratch
+}
+
+#[test]
+fn a_mesh_is_measured_with_every_class_of_rays() {
+    let scratch = pyramid();
+    let flags =
+        ["p.ply", "--backends", "embree,embree-fast", "--json", "p.json", "--html", "p.html"];
+    let done = bench(&scratch, &flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let report: Report = serde_json::from_slice(&scratch.read("p.json")).unwrap();
+    let scene = &report.scenes[0];
+    assert_eq!((scene.name.as_str(), scene.backends.len()), ("p.ply", 2));
+    // Six of the mesh, two of the ground.
+    assert_eq!(scene.triangles, 8);
+    let classes = ["diffuse", "mirror", "primary", "shadow-area", "shadow-point"];
+    assert_eq!(scene.rays.keys().collect::<Vec<_>>(), classes);
+    for class in classes {
+        assert!(scene.rays[class] > 0 && scene.rays[class] <= 4096, "{class}");
+        for mode in ["single", "packets"] {
+            for threads in [1, 2] {
+                let key = (class, mode, threads);
+                let mut rows = scene.rows.iter();
+                let row = rows.find(|r| (r.name.as_str(), r.mode.as_str(), r.threads) == key);
+                let row = row.unwrap_or_else(|| panic!("{class} {mode} {threads}"));
+                for (i, entry) in row.entries.iter().enumerate() {
+                    // Two rounds of A B B A.
+                    assert_eq!(entry.seconds.len(), 4);
+                    assert!(entry.seconds.iter().all(|s| *s > 0.0));
+                    assert_eq!(entry.work, scene.rays[class]);
+                    assert_eq!(entry.ratio.is_some(), i > 0);
+                    assert_eq!(entry.wrong, Some(0), "{class} {mode}");
+                    assert!(entry.hits.unwrap() <= entry.work);
+                }
+            }
+        }
+    }
+    for what in [What::Build, What::Image] {
+        assert_eq!(scene.rows.iter().filter(|row| row.what == what).count(), 2);
+    }
+    for backend in &scene.backends {
+        assert!(backend.bytes > 0 && backend.peak_bytes >= backend.bytes);
+        assert!(backend.version.starts_with("Embree 4."));
+    }
+    let every_pair = 5 * 2;
+    assert_eq!(scene.agreement.len(), every_pair);
+    for pair in &scene.agreement {
+        let a = &pair.agreement;
+        assert_eq!(a.same + a.tie + a.depth + a.missed, scene.rays[&pair.name]);
+    }
+    let html = String::from_utf8(scratch.read("p.html")).unwrap();
+    assert!(html.starts_with("<!DOCTYPE html>") && html.contains("embree-fast against embree"));
+    let table = done.stdout();
+    for text in ["p.ply: 8 triangles", "1 thread ", "2 threads", "shadow-area, packets", "p.html"] {
+        assert!(table.contains(text), "{text}: {table}");
+    }
+    assert_eq!(scratch.names(), ["p.html", "p.json", "p.ply"]);
+}
+
+#[test]
+fn classes_that_a_scene_lacks_are_said_and_left_out() {
+    let scratch = Scratch::new();
+    scratch.write(
+        "s.json",
+        r#"{"nbounces": 0, "camera": {"type": "pinhole", "width": 40, "height": 30, "fov": 40,
+            "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0]},
+            "scene": {"lightsources": [], "shapes": [{"type": "sphere", "center": [0, 0, 0], "radius": 1,
+            "material": {"kd": 1}}]}}"#,
+    );
+    let flags =
+        ["s.json", "--backends", "embree", "--classes", "diffuse,primary,mirror,shadow-area"];
+    let done = bench(&scratch, &flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let table = done.stdout();
+    assert!(table.contains("no mirror") && table.contains("no shadow-area"), "{table}");
+    assert!(table.contains("primary, packets") && !table.contains("mirror, single"), "{table}");
+    assert!(!table.contains("shadow-point"), "{table}");
+}
+
+#[test]
+fn a_baseline_is_compared_with() {
+    let scratch = pyramid();
+    let base = ["p.ply", "--backends", "embree", "--classes", "primary", "--quiet"];
+    let first = bench(&scratch, &[&base[..], &["--save-baseline", "b.json"]].concat());
+    assert_eq!((first.code(), first.stderr().as_str()), (0, ""));
+    // A thousand times slower then: faster now, whatever the noise.
+    let mut then: Report = serde_json::from_slice(&scratch.read("b.json")).unwrap();
+    for row in &mut then.scenes[0].rows {
+        for seconds in row.entries.iter_mut().flat_map(|entry| &mut entry.seconds) {
+            *seconds *= 1e3;
+        }
+    }
+    scratch.write("b.json", &serde_json::to_string(&then).unwrap());
+    let second = bench(&scratch, &[&base[..], &["--baseline", "b.json"]].concat());
+    let table = second.stdout();
+    let changes = table.split("since the baseline").nth(1).expect("a comparison");
+    assert_eq!(changes.lines().filter(|line| line.ends_with("  faster")).count(), 8, "{table}");
+
+    scratch.write("other.ply", &PYRAMID.replace("0 2 0", "0 3 0"));
+    let done = bench(&scratch, &["other.ply", "--backends", "embree", "--baseline", "b.json"]);
+    assert!(done.stdout().contains("no scene in common"), "{}", done.stdout());
+}
+
+#[test]
+fn bad_use_is_refused_and_nothing_is_written() {
+    let scratch = pyramid();
+    scratch.write("no-report.json", "{\"version\": 1}");
+    for (flags, said) in [
+        (&["p.ply", "--backends", "embre"][..], "--backends: found \"embre\", expected some of"),
+        (&["p.ply", "--backends", "embree,embree"], "found embree twice"),
+        (&["p.ply", "--backends", "embree:avx2"], "an instruction set only after bvh"),
+        (&["p.ply", "--backends", "bvh:sse9"], "found \"sse9\", expected portable, avx2 or avx512"),
+        (&["p.ply", "--isa", "mmx"], "--isa: found \"mmx\""),
+        (
+            &["p.ply", "--classes", "primry"],
+            "--classes: found \"primry\", expected some of primary",
+        ),
+        (&["p.ply", "--baseline", "none.json"], "none.json: cannot read"),
+        (&["p.ply", "--baseline", "no-report.json"], "expected a file of `lightpath bench"),
+        (&["p.ply", "--json", "p.ply"], "would be written over"),
+        (&["p.ply", "--json", "x", "--html", "./x"], "would be written over"),
+        (&["p.ply", "--json", "nowhere/x"], "no such folder"),
+        (&["none.ply"], "none.ply"),
+        (&["none.json"], "none.json"),
+        (&["p.ply", "none.ply"], "none.ply"),
+        (&["p.ply", "none.json"], "none.json"),
+        (&["p.ply", "--rays", "9"], "cannot be used with"),
+        (&[], "required"),
+    ] {
+        let done = bench(&scratch, flags);
+        assert_eq!(done.code(), 2, "{flags:?}: {}", done.stderr());
+        assert!(done.stderr().contains(said), "{flags:?}: {}", done.stderr());
+        assert!(!done.stderr().contains("panicked"), "{}", done.stderr());
+        assert_eq!(done.stdout(), "", "{flags:?}");
+        assert_eq!(scratch.names(), ["no-report.json", "p.ply"], "{flags:?}");
+    }
+    let done = scratch.run(&["bench", "p.ply", "--seconds", "nan"]);
+    assert!(
+        done.code() == 2 && done.stderr().contains("--seconds: found NaN"),
+        "{}",
+        done.stderr()
+    );
+}
