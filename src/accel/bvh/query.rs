@@ -41,10 +41,8 @@ pub struct Query {
     pub far_inverse: [[f32; LANES]; 3],
     /// (origin - margin) * inverse.
     pub far_offset: [[f32; LANES]; 3],
-    /// Origin + margin and origin - margin along the direction: what the offsets are made of.
-    widened: [[[f32; LANES]; 3]; 2],
-    /// What rounding moves a sheared vertex of the scene, and as much again: the margin.
-    slack: [f32; LANES],
+    /// How far boxes are widened.
+    margin: [f32; LANES],
     /// Start of the segment, scaled.
     pub tnear: [f32; LANES],
     /// End of the segment, scaled.
@@ -69,8 +67,7 @@ impl Query {
         near_offset: [[0.0; LANES]; 3],
         far_inverse: [[0.0; LANES]; 3],
         far_offset: [[0.0; LANES]; 3],
-        widened: [[[0.0; LANES]; 3]; 2],
-        slack: [0.0; LANES],
+        margin: [0.0; LANES],
         tnear: [0.0; LANES],
         tfar: [0.0; LANES],
         scale: [0.0; LANES],
@@ -98,7 +95,6 @@ impl Query {
             (direction[0][i], direction[1][i], direction[2][i]) = (x * down, y * down, z * down);
         }
         let (lower, upper) = (scene.lower(), scene.upper());
-        let mut margin = [0.0f32; LANES];
         let mut least = [0.0f32; LANES];
         for i in 0..LANES {
             let (mut reach, mut origin) = (0.0f32, 0.0f32);
@@ -111,21 +107,18 @@ impl Query {
             // in the margin.
             let lift = max(LEAST, (reach + origin) * (16.0 / f32::MAX));
             least[i] = lift;
-            margin[i] = (8.0 * U + 2.0 * lift) * reach + 4.0 * U * origin;
-            q.slack[i] = 16.0 * U * reach;
+            q.margin[i] = (8.0 * U + 2.0 * lift) * reach + 4.0 * U * origin;
         }
         for axis in 0..3 {
             for i in 0..LANES {
                 let d = direction[axis][i];
                 let d = max(d.abs(), least[i]).copysign(d);
                 let inverse = 1.0 / d;
-                let out = margin[i].copysign(d);
+                let out = q.margin[i].copysign(d);
                 let (near, far) = (inverse * (1.0 - 4.0 * U), inverse * (1.0 + 4.0 * U));
                 let o = rays.org[axis][i];
                 q.near_inverse[axis][i] = near;
                 q.far_inverse[axis][i] = far;
-                q.widened[0][axis][i] = o + out;
-                q.widened[1][axis][i] = o - out;
                 q.near_offset[axis][i] = (o + out) * near;
                 q.far_offset[axis][i] = (o - out) * far;
                 q.octant[i] |= (d.to_bits() >> 31) << axis;
@@ -165,35 +158,12 @@ impl Query {
         any == all
     }
 
-    /// One ray, in lane 0, that meets every box that any of the active rays, all of one octant,
-    /// meets: interval arithmetic over their origins and inverse directions. A plane's distance is
-    /// bounded from below where it is not negative, and from above likewise: a ray that leaves a box
-    /// behind its origin misses it anyway.
+    /// The active rays, which are coherent, as intervals.
     #[inline(always)]
-    pub fn around(&self, tier: impl Tier, active: &Mask) -> Self {
-        let mut q = Self::ZERO;
+    pub fn bundle(&self, tier: impl Tier, active: &Mask) -> Bundle {
         let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
-        (q.octant[0], q.dominant[0]) = (self.octant[first], self.dominant[first]);
-        for axis in 0..3 {
-            let sign = if (q.octant[0] >> axis) & 1 == 0 { 1.0 } else { -1.0 };
-            let near = least(tier, active, |i| self.near_inverse[axis][i].abs());
-            let far = -least(tier, active, |i| -self.far_inverse[axis][i].abs());
-            let ahead = -least(tier, active, |i| -sign * self.widened[0][axis][i]);
-            let behind = least(tier, active, |i| sign * self.widened[1][axis][i]);
-            q.near_inverse[axis][0] = near * sign;
-            q.near_offset[axis][0] = ahead * near;
-            q.far_inverse[axis][0] = far * sign;
-            q.far_offset[axis][0] = behind * far;
-        }
-        q.tnear[0] = least(tier, active, |i| self.tnear[i]);
-        q
-    }
-
-    /// Bounds of the active rays' origins and shears, all of one dominant axis.
-    #[inline(always)]
-    pub fn bundle(&self, tier: impl Tier, active: &Mask, axes: [usize; 3]) -> Bundle {
         Bundle {
-            axes,
+            axes: self.lane(first).axes,
             origin: [
                 range(tier, active, &self.origin[0]),
                 range(tier, active, &self.origin[1]),
@@ -203,8 +173,33 @@ impl Query {
                 range(tier, active, &self.shear[0]),
                 range(tier, active, &self.shear[1]),
             ],
-            slack: -least(tier, active, |i| -self.slack[i]),
+            margin: -least(tier, active, |i| -self.margin[i]),
         }
+    }
+
+    /// One ray, in lane 0, that meets every box that any of the active rays, which are coherent,
+    /// meets: interval arithmetic over their origins and inverse directions. A plane's distance is
+    /// bounded from below where it is not negative, and from above likewise: a ray that leaves a box
+    /// behind its origin misses it anyway.
+    #[inline(always)]
+    pub fn around(&self, tier: impl Tier, active: &Mask, bundle: &Bundle) -> Self {
+        let mut q = Self::ZERO;
+        let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
+        (q.octant[0], q.dominant[0]) = (self.octant[first], self.dominant[first]);
+        for k in 0..3 {
+            let axis = bundle.axes[k];
+            let (low, high) = bundle.origin[k];
+            let negative = (q.octant[0] >> axis) & 1 != 0;
+            let sign = if negative { -1.0 } else { 1.0 };
+            let near = least(tier, active, |i| self.near_inverse[axis][i].abs());
+            let far = -least(tier, active, |i| -self.far_inverse[axis][i].abs());
+            let (ahead, behind) = if negative { (-low, -high) } else { (high, low) };
+            q.near_inverse[axis][0] = near * sign;
+            q.near_offset[axis][0] = (ahead + bundle.margin) * near;
+            q.far_inverse[axis][0] = far * sign;
+            q.far_offset[axis][0] = (behind - bundle.margin) * far;
+        }
+        q
     }
 
     /// Ray `i` alone.
@@ -236,8 +231,8 @@ pub struct Bundle {
     pub origin: [(f32, f32); 3],
     /// Least and greatest shear.
     pub shear: [(f32, f32); 2],
-    /// More than what rounding moves a sheared vertex of the scene.
-    pub slack: f32,
+    /// How far boxes are widened: more than what rounding moves a sheared vertex of the scene.
+    pub margin: f32,
 }
 
 /// The least value of the active lanes.

@@ -33,6 +33,8 @@ pub struct Counting<'c, T> {
 }
 
 impl<T: Tier> Tier for Counting<'_, T> {
+    const FUSED: bool = T::FUSED;
+
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         add(&self.counts.nodes, 1);
         self.tier.push_ordered(node, lane, tfar, stack);

@@ -136,7 +136,8 @@ unsafe fn range(
     // SAFETY: axes are below 3; the caller's promise.
     unsafe {
         let x = coordinate(block, bundle.axes[k]);
-        let slack = _mm512_set1_ps(bundle.slack);
+        // Both the bounds and the rays' own sheared vertices are rounded.
+        let slack = _mm512_set1_ps(2.0 * bundle.margin);
         let (s0, s1) = (_mm512_set1_ps(bundle.shear[k].0), _mm512_set1_ps(bundle.shear[k].1));
         let (o0, o1) = (_mm512_set1_ps(bundle.origin[k].0), _mm512_set1_ps(bundle.origin[k].1));
         let (a, b) = (_mm512_mul_ps(s0, near), _mm512_mul_ps(s0, far));
@@ -195,6 +196,8 @@ unsafe fn push(stack: &mut Stack, mask: __mmask16, children: __m512i, near: __m5
 }
 
 impl Tier for Avx512 {
+    const FUSED: bool = true;
+
     #[inline(always)]
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         // SAFETY: `self` proves AVX-512; the children are 16 aligned u32.

@@ -32,6 +32,15 @@ pub struct Candidates {
 
 /// The kernels of one tier.
 pub trait Tier: Copy {
+    /// Whether the tier has fused multiply-add.
+    const FUSED: bool;
+
+    /// a b - c, rounded once where the tier can do that. For bounds only.
+    #[inline(always)]
+    fn mul_sub(a: f32, b: f32, c: f32) -> f32 {
+        if Self::FUSED { a.mul_add(b, -c) } else { a * b - c }
+    }
+
     /// Pushes the children whose boxes the ray meets before `tfar`, the nearest last.
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack);
 

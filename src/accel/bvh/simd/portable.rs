@@ -30,6 +30,8 @@ fn slabs(node: &Node, lane: &Lane, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
 }
 
 impl Tier for Portable {
+    const FUSED: bool = false;
+
     #[inline(always)]
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         let (near, far) = slabs(node, lane, tfar);
@@ -73,8 +75,8 @@ impl Tier for Portable {
                 let (a, b) = (shear.0 * near, shear.0 * far);
                 let (c, d) = (shear.1 * near, shear.1 * far);
                 let x = block.vertices[k][i];
-                low[axis][i] = (x - origin.1) - a.max(b).max(c.max(d)) - bundle.slack;
-                high[axis][i] = (x - origin.0) - a.min(b).min(c.min(d)) + bundle.slack;
+                low[axis][i] = (x - origin.1) - a.max(b).max(c.max(d)) - 2.0 * bundle.margin;
+                high[axis][i] = (x - origin.0) - a.min(b).min(c.min(d)) + 2.0 * bundle.margin;
             }
         }
         let mut mask = 0;
