@@ -5,6 +5,7 @@ pub mod bvh;
 pub mod coursework;
 #[cfg(feature = "embree")]
 pub mod embree;
+pub mod lane;
 
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::Geometry;
