@@ -629,7 +629,8 @@ mod tests {
         let tree = trees.meshes[0].as_ref().unwrap();
         assert_eq!((tree.nodes.len(), depth(tree)), (15, 3));
         let mut visits = Visits::default();
-        let hit = trees.closest_hit(&ray([0.25, 0.25, 5.0], [0.0, 0.0, -1.0]), &mut visits).unwrap();
+        let hit =
+            trees.closest_hit(&ray([0.25, 0.25, 5.0], [0.0, 0.0, -1.0]), &mut visits).unwrap();
         assert_eq!(hit.t, 4.5);
         // One column of boxes: x > 0 of 2, y > 0 of 2, both z.
         assert_eq!(visits, Visits { nodes: 6, primitives: 2 });
