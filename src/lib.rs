@@ -12,6 +12,7 @@ pub mod film;
 pub mod geometry;
 pub mod integrate;
 pub mod math;
+pub mod measure;
 pub mod mesh;
 pub mod monitor;
 pub mod output;

@@ -40,6 +40,15 @@ pub struct BuildInfo {
     pub peak_bytes: u64,
 }
 
+/// What queries looked at; does not depend on the machine.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Visits {
+    /// Nodes of the tree.
+    pub nodes: u64,
+    /// Triangles, quads and spheres that were tested.
+    pub primitives: u64,
+}
+
 /// Finds closest hits and occlusion for packets of 16 rays.
 ///
 /// Active rays must be possible ([`Rays::possible`]): finite, of a direction that is not zero.
@@ -54,6 +63,12 @@ pub trait Accelerator: Sync {
 
     /// Sets `tfar` to -inf in every active lane that meets anything in (`tnear`, `tfar`).
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence);
+
+    /// What [`Accelerator::closest`], or [`Accelerator::occluded`] if `shadow`, looks at for these
+    /// rays, summed over them; `None` where the backend cannot tell. May be slow.
+    fn visits(&self, _: &Mask, _: &Rays, _shadow: bool, _: Coherence) -> Option<Visits> {
+        None
+    }
 }
 
 /// Builds `backend` over `geometry`.

@@ -16,7 +16,9 @@ use crate::simd::Kernel;
 use crate::world::World;
 
 use self::cast::Cast;
-use self::slot::{Pattern, Slot};
+pub use self::slot::Pattern;
+
+use self::slot::Slot;
 
 /// Pixels along a tile's side; a multiple of every packet's block.
 pub const TILE: u32 = 32;

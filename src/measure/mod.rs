@@ -1,0 +1,3 @@
+//! Clocks and comparisons: what the measuring commands stand on.
+
+pub mod rays;
