@@ -16,7 +16,7 @@
 use glam::{BVec3, DVec3};
 
 use super::lane::{Hit, Ray, lanes};
-use super::{Accelerator, BuildInfo, BuildOptions};
+use super::{Accelerator, BuildInfo, BuildOptions, Visits};
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, GeometryKind, Sphere};
 use crate::monitor::Monitor;
@@ -32,15 +32,6 @@ pub enum SplitAxis {
     Longest,
     /// At random from this seed, the report's other experiment.
     Random(u64),
-}
-
-/// What one or more queries looked at.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Visits {
-    /// Boxes that were tested, of nodes and of whole meshes.
-    pub nodes: u64,
-    /// Triangles, quads and spheres that were tested.
-    pub primitives: u64,
 }
 
 /// The backend `coursework`.
@@ -287,6 +278,15 @@ impl Accelerator for Coursework<'_> {
                 rays.tfar[i] = f32::NEG_INFINITY;
             }
         }
+    }
+
+    /// Boxes of nodes, and of whole meshes, count as nodes.
+    fn visits(&self, active: &Mask, rays: &Rays, _: bool, _: Coherence) -> Option<Visits> {
+        let mut visits = Visits::default();
+        for i in lanes(active) {
+            let _ = self.closest_hit(&Ray::of(rays, i), &mut visits);
+        }
+        Some(visits)
     }
 }
 

@@ -5,6 +5,8 @@
 //! and overrides pass the same checks (`overrides`).
 
 mod args;
+mod crosscheck;
+mod crosscheck_text;
 mod framing;
 mod info;
 mod info_scene;
@@ -22,6 +24,7 @@ mod shell;
 mod signals;
 mod stats;
 mod studio;
+mod threads;
 mod units;
 mod version;
 
@@ -48,6 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.command {
         Some(Command::Render(args)) => render::run(args),
         Some(Command::Info(args)) => info::run(args),
+        Some(Command::Crosscheck(args)) => crosscheck::run(args),
         Some(Command::Schema) => schema::run(),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),

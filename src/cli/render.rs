@@ -10,7 +10,7 @@ use serde_json::json;
 
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Problem, Result},
     film::{Film, Window},
     mesh::Mesh,
     monitor::Monitor,
@@ -22,14 +22,14 @@ use crate::{
 };
 
 use super::{
-    args::{MachineArgs, ProgressMode, RenderArgs},
+    args::{ProgressMode, RenderArgs},
     job::{self, Job},
     memory::{self, Prediction},
     paths,
     progress::Progress,
     signals,
     stats::{self, Memory, Rays, Seconds, Stats},
-    version,
+    threads, version,
 };
 
 /// Everything that is written, made sure of before the long work.
@@ -56,18 +56,15 @@ impl Files {
 pub fn run(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let monitor = Arc::new(Monitor::default());
-    let threads = threads(&args.machine);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| {
-        let message = format!("cannot start {threads} threads: {error}");
-        Error::new(Kind::Retry, Problem::new("--threads", message))
-    })?;
+    let pool = threads::pool(args.machine.threads)?;
+    let threads = pool.current_num_threads();
     let mut job = pool.install(|| job::load(args))?;
     let ready = std::mem::take(&mut job.ready);
     let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
     let prediction = memory::predict(&job.loaded.scene, window)?;
     prediction.check(args.machine.max_memory)?;
-    not_over_inputs(args, &job)?;
+    let help = "choose another name: -o PREFIX, --stats FILE, --write-scene FILE";
+    not_over_inputs(args, &job, &outputs(args), help)?;
     // Until here a signal ends the program at once: there is nothing to tidy up.
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
@@ -89,8 +86,21 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     report(args, &stats, &paths)
 }
 
+/// Everything that will be written.
+fn outputs(args: &RenderArgs) -> Vec<PathBuf> {
+    let prefix = paths::prefix(args.output.as_deref(), &args.input);
+    let named = |end: &str| PathBuf::from(format!("{}{end}", prefix.display()));
+    let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
+    [named(".exr"), named(".png")].into_iter().chain(others).collect()
+}
+
 /// Refuses outputs that would replace what the scene is made of, or each other.
-fn not_over_inputs(args: &RenderArgs, job: &Job) -> Result<()> {
+pub fn not_over_inputs(
+    args: &RenderArgs,
+    job: &Job,
+    outputs: &[PathBuf],
+    help: &str,
+) -> Result<()> {
     let scene = &job.loaded.scene;
     let meshes = scene.shapes.iter().filter_map(|shape| match &shape.kind {
         ShapeKind::Trimesh(spec) => Some(&spec.path),
@@ -105,31 +115,16 @@ fn not_over_inputs(args: &RenderArgs, job: &Job) -> Result<()> {
         path.canonicalize().unwrap_or_else(|_| folder.join(path.file_name().unwrap_or_default()))
     };
     let mut taken: Vec<PathBuf> = inputs.map(|path| same(path)).collect();
-    let prefix = paths::prefix(args.output.as_deref(), &args.input);
-    let named = |end: &str| PathBuf::from(format!("{}{end}", prefix.display()));
-    let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
-    for output in [named(".exr"), named(".png")].into_iter().chain(others) {
-        let path = same(&output);
+    for output in outputs {
+        let path = same(output);
         if taken.contains(&path) && !path.starts_with("/dev") {
             let message = "would be written over what the render reads, or twice";
-            return Err(Error::invalid(output.display().to_string(), message)
-                .help("choose another name: -o PREFIX, --stats FILE, --write-scene FILE"));
+            let error = Error::invalid(output.display().to_string(), message);
+            return Err(error.help(help));
         }
         taken.push(path);
     }
     Ok(())
-}
-
-/// `--threads`, else what a batch system grants, else what this process may use.
-fn threads(args: &MachineArgs) -> usize {
-    let granted = || {
-        let text = std::env::var("SLURM_CPUS_PER_TASK").ok()?;
-        text.trim().parse().ok().filter(|n| (1..=1024).contains(n))
-    };
-    args.threads
-        .map(usize::from)
-        .or_else(granted)
-        .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
 }
 
 /// What the stations share.
