@@ -52,7 +52,7 @@ pub struct Visits {
 /// Finds closest hits and occlusion for packets of 16 rays.
 ///
 /// Active rays must be possible ([`Rays::possible`]): finite, of a direction that is not zero.
-pub trait Accelerator: Sync {
+pub trait Accelerator: Send + Sync {
     /// What it is and what it cost.
     fn info(&self) -> BuildInfo;
 

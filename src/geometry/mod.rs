@@ -132,6 +132,18 @@ impl Geometry {
         self.bases[geom as usize] + prim
     }
 
+    /// Geometry id and number in it of a primitive of the whole scene: the inverse of
+    /// [`Geometry::primitive`].
+    #[inline(always)]
+    pub fn place(&self, primitive: u32) -> (u32, u32) {
+        let geom = match self.bases[1] {
+            // Most scenes have one mesh that matters.
+            first if primitive < first => 0,
+            _ => self.bases.partition_point(|&base| base <= primitive) - 1,
+        };
+        (geom as u32, primitive - self.bases[geom])
+    }
+
     /// First primitive number of each geometry, and the total number of primitives.
     pub fn bases(&self) -> &[u32] {
         &self.bases

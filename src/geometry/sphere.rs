@@ -12,6 +12,14 @@ pub struct Sphere {
 }
 
 impl Sphere {
+    /// A box around the sphere, one to two ulp larger than need be.
+    pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
+        let below = |x: f32| x - x.abs() * f32::EPSILON - f32::MIN_POSITIVE;
+        let lower = (self.center - self.radius).to_array().map(|x| below(x as f32));
+        let upper = (self.center + self.radius).to_array().map(|x| -below(-(x as f32)));
+        (lower, upper)
+    }
+
     /// The closest parameter t in (`tnear`, `tfar`) at which `origin + t direction` meets the
     /// surface, or NaN. `leaving`: the ray starts on this sphere, so the root at its origin is
     /// the origin itself and does not count.

@@ -92,20 +92,13 @@ unsafe fn each_hit(args: &UserArguments, mut found: impl FnMut(RayLanes, usize, 
     }
 }
 
-/// A number below `x` by one to two ulp.
-fn below(x: f32) -> f32 {
-    x - x.abs() * f32::EPSILON - f32::MIN_POSITIVE
-}
-
 pub unsafe extern "C" fn bounds(args: *const BoundsArguments) {
     // SAFETY: Embree passes valid arguments; the user data is a live `SphereSet`.
     let (args, set) = unsafe { (&*args, &*(*args).user.cast::<SphereSet>()) };
     let Some(sphere) = set.spheres.get(args.prim_id as usize) else {
         return;
     };
-    // One ulp of slack covers the rounding to f32.
-    let lower = (sphere.center - sphere.radius).to_array().map(|x| below(x as f32));
-    let upper = (sphere.center + sphere.radius).to_array().map(|x| -below(-(x as f32)));
+    let (lower, upper) = sphere.bounds();
     // SAFETY: Embree passes room for one box.
     unsafe { *args.bounds = Bounds { lower, align0: 0.0, upper, align1: 0.0 } };
 }

@@ -1,0 +1,72 @@
+//! A box as eight f32 that one instruction joins with another.
+
+/// An axis-aligned box. Lane 3 and 7 carry what the owner likes.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(32))]
+pub struct Bounds3(pub [f32; 8]);
+
+impl Bounds3 {
+    /// No point.
+    pub const EMPTY: Self = Self([f32::INFINITY; 8]);
+
+    /// The box from `lower` to `upper`.
+    #[inline(always)]
+    pub fn new(lower: [f32; 3], upper: [f32; 3]) -> Self {
+        let ([a, b, c], [x, y, z]) = (lower, upper);
+        Self([a, b, c, 0.0, -x, -y, -z, 0.0])
+    }
+
+    /// The smallest box around points.
+    #[inline(always)]
+    pub fn of(points: &[[f32; 3]]) -> Self {
+        points.iter().fold(Self::EMPTY, |b, &p| b.union(Self::new(p, p)))
+    }
+
+    /// The smallest box around both.
+    #[inline(always)]
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        let mut joined = self;
+        for i in 0..8 {
+            let (a, b) = (self.0[i], other.0[i]);
+            joined.0[i] = if b < a { b } else { a };
+        }
+        joined
+    }
+
+    /// Least corner.
+    #[inline(always)]
+    pub fn lower(&self) -> [f32; 3] {
+        [self.0[0], self.0[1], self.0[2]]
+    }
+
+    /// Greatest corner.
+    #[inline(always)]
+    pub fn upper(&self) -> [f32; 3] {
+        [-self.0[4], -self.0[5], -self.0[6]]
+    }
+
+    /// Twice the centre.
+    #[inline(always)]
+    pub fn center2(&self) -> [f32; 3] {
+        [self.0[0] - self.0[4], self.0[1] - self.0[5], self.0[2] - self.0[6]]
+    }
+
+    /// Extents, negative for an empty box.
+    #[inline(always)]
+    pub fn extent(&self) -> [f32; 3] {
+        [-self.0[4] - self.0[0], -self.0[5] - self.0[1], -self.0[6] - self.0[2]]
+    }
+
+    /// Half the surface area; 0 for an empty box. f64: squares of large coordinates.
+    #[inline(always)]
+    pub fn half_area(&self) -> f64 {
+        let [x, y, z] = self.extent().map(|e| f64::from(e.max(0.0)));
+        x * y + y * z + z * x
+    }
+
+    /// Whether `other` lies within.
+    pub fn contains(&self, other: &Self) -> bool {
+        [0, 1, 2, 4, 5, 6].iter().all(|&i| self.0[i] <= other.0[i])
+    }
+}

@@ -1,0 +1,219 @@
+//! The binary tree -> wide nodes, with the least expected number of nodes that a ray visits.
+//!
+//! A ray visits a node with a probability proportional to its box's area; which binary nodes become
+//! wide ones is chosen by dynamic programming over the number of slots that a subtree may fill (Wald,
+//! Benthin and Boulos 2008, "Getting Rid of Packets"; Ylitie, Karras and Laine 2017, section 3.1).
+
+use rayon::prelude::*;
+
+use super::super::bounds::Bounds3;
+use super::super::node::{Block, Child, Kind, Node, SphereLeaf, WIDTH};
+use super::binary::Binary;
+
+/// The finished tree.
+pub struct Tree {
+    /// Inner nodes, the root first.
+    pub nodes: Vec<Node>,
+    /// Leaves of triangles.
+    pub blocks: Vec<Block>,
+    /// Leaves of spheres.
+    pub spheres: Vec<SphereLeaf>,
+    /// Box of everything.
+    pub bounds: Bounds3,
+    /// Levels of nodes.
+    pub depth: usize,
+}
+
+impl Tree {
+    /// Bytes of the arrays.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&self.nodes[..]) + size_of_val(&self.blocks[..]) + size_of_val(&self.spheres[..]))
+            as u64
+    }
+}
+
+/// From this many binary nodes on, the two sides are treated in parallel.
+const PARALLEL: usize = 1 << 14;
+
+/// Collapses a binary tree; an empty one becomes a root without children. Leaves are named, not
+/// made.
+pub fn collapse(binary: &[Binary]) -> Tree {
+    let mut plan = vec![[0; WIDTH]; binary.len()];
+    let (nodes, depth) = match binary {
+        [] => (vec![Node::EMPTY], 1),
+        _ => {
+            slots(binary, &mut plan);
+            wide(binary, &plan, 0)
+        }
+    };
+    Tree { nodes, blocks: Vec::new(), spheres: Vec::new(), bounds: Bounds3::EMPTY, depth }
+}
+
+/// How a subtree fills k slots of a wide node, k = 2 ..= 16, at index k - 1: its left side gets that
+/// many of them; 0: it takes only one. At index 0: the left side's share of 16 when it becomes a wide
+/// node of its own.
+type Plan = [u8; WIDTH];
+
+/// Plans the subtree whose root is the first of `binary`; the least sum of the areas of its wide
+/// nodes when it may fill k slots, at index k - 1.
+fn slots(binary: &[Binary], plan: &mut [Plan]) -> [f32; WIDTH] {
+    let right = binary[0].right as usize;
+    if right == 0 {
+        return [0.0; WIDTH];
+    }
+    let (own, below) = plan.split_at_mut(1);
+    let (below_left, below_right) = below.split_at_mut(right - 1);
+    let (a, b) = if binary.len() >= PARALLEL {
+        rayon::join(
+            || slots(&binary[1..right], below_left),
+            || slots(&binary[right..], below_right),
+        )
+    } else {
+        (slots(&binary[1..right], below_left), slots(&binary[right..], below_right))
+    };
+    let mut cost = [f32::INFINITY; WIDTH];
+    for k in 2..=WIDTH {
+        for i in 1..k {
+            let sum = a[i - 1] + b[k - i - 1];
+            if sum < cost[k - 1] {
+                cost[k - 1] = sum;
+                own[0][k - 1] = i as u8;
+            }
+        }
+    }
+    own[0][0] = own[0][WIDTH - 1];
+    cost[0] = cost[WIDTH - 1] + binary[0].bounds.half_area() as f32;
+    for k in 2..=WIDTH {
+        if cost[0] <= cost[k - 1] {
+            cost[k - 1] = cost[0];
+            own[0][k - 1] = 0;
+        }
+    }
+    cost
+}
+
+/// The wide tree below a binary node, its root first, and its number of levels.
+fn wide(binary: &[Binary], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
+    let children = Children::of(binary, plan, root);
+    let inner = children.indices().iter().filter(|&&i| binary[i].right != 0).count();
+    let size = |&i: &usize| binary[i].right as usize;
+    if inner == 0 || children.indices().iter().map(size).sum::<usize>() < PARALLEL {
+        let mut nodes = Vec::new();
+        let depth = append(binary, plan, root, &mut nodes);
+        return (nodes, depth);
+    }
+    let below: Vec<_> = children
+        .indices()
+        .par_iter()
+        .map(|&i| (binary[i].right != 0).then(|| wide(binary, plan, i)))
+        .collect();
+    let mut starts = [0; WIDTH];
+    let mut next = 1;
+    for (start, part) in starts.iter_mut().zip(&below) {
+        *start = next;
+        next += part.as_ref().map_or(0, |(nodes, _)| nodes.len());
+    }
+    let mut nodes = Vec::with_capacity(next);
+    nodes.push(children.node(binary, &starts));
+    let mut depth = 0;
+    for (mut part, levels) in below.into_iter().flatten() {
+        let base = nodes.len();
+        for child in part.iter_mut().flat_map(|node| &mut node.children) {
+            if let Kind::Node(index) = child.kind() {
+                *child = Child::node(base + index);
+            }
+        }
+        nodes.append(&mut part);
+        depth = depth.max(levels);
+    }
+    (nodes, depth + 1)
+}
+
+/// Appends the wide tree below a binary node; its number of levels.
+fn append(binary: &[Binary], plan: &[Plan], root: usize, nodes: &mut Vec<Node>) -> usize {
+    let children = Children::of(binary, plan, root);
+    let place = nodes.len();
+    nodes.push(Node::EMPTY);
+    let mut starts = [0; WIDTH];
+    let mut depth = 0;
+    for (slot, &i) in children.indices().iter().enumerate() {
+        if binary[i].right != 0 {
+            starts[slot] = nodes.len();
+            depth = depth.max(append(binary, plan, i, nodes));
+        }
+    }
+    nodes[place] = children.node(binary, &starts);
+    depth + 1
+}
+
+/// The binary nodes that become the children of one wide node.
+struct Children {
+    index: [usize; WIDTH],
+    len: usize,
+}
+
+impl Children {
+    fn of(binary: &[Binary], plan: &[Plan], root: usize) -> Self {
+        let mut children = Self { index: [0; WIDTH], len: 0 };
+        let right = binary[root].right as usize;
+        if right == 0 {
+            // The whole tree is one leaf.
+            children.fill(binary, plan, root, 1);
+            return children;
+        }
+        let left = usize::from(plan[root][0]);
+        children.fill(binary, plan, root + 1, left);
+        children.fill(binary, plan, root + right, WIDTH - left);
+        children
+    }
+
+    /// Adds the subtree at `index` in at most `slots` slots.
+    fn fill(&mut self, binary: &[Binary], plan: &[Plan], index: usize, slots: usize) {
+        let right = binary[index].right as usize;
+        let left = if slots < 2 { 0 } else { usize::from(plan[index][slots - 1]) };
+        if right == 0 || left == 0 {
+            self.index[self.len] = index;
+            self.len += 1;
+        } else {
+            self.fill(binary, plan, index + 1, left);
+            self.fill(binary, plan, index + right, slots - left);
+        }
+    }
+
+    fn indices(&self) -> &[usize] {
+        &self.index[..self.len]
+    }
+
+    /// The wide node; its inner children are at `starts`.
+    fn node(&self, binary: &[Binary], starts: &[usize; WIDTH]) -> Node {
+        let mut node = Node::EMPTY;
+        let mut centers = [[f32::INFINITY; 3]; WIDTH];
+        for (slot, &i) in self.indices().iter().enumerate() {
+            let bounds = &binary[i].bounds;
+            let (lower, upper) = (bounds.lower(), bounds.upper());
+            for axis in 0..3 {
+                node.planes[axis][slot] = lower[axis];
+                node.planes[axis + 3][slot] = upper[axis];
+            }
+            let leaf = binary[i].leaf as usize;
+            node.children[slot] = match (binary[i].right, binary[i].spheres) {
+                (0, false) => Child::triangles(leaf),
+                (0, true) => Child::spheres(leaf),
+                _ => Child::node(starts[slot]),
+            };
+            centers[slot] = bounds.center2();
+        }
+        for octant in 0..4 {
+            let sign = |axis: usize| if octant >> axis & 1 == 0 { 1.0 } else { -1.0 };
+            let along = |c: [f32; 3]| c[0] * sign(0) + c[1] * sign(1) + c[2] * sign(2);
+            let mut order: [u8; WIDTH] = std::array::from_fn(|i| i as u8);
+            order[..self.len].sort_by(|&a, &b| {
+                along(centers[usize::from(b)]).total_cmp(&along(centers[usize::from(a)]))
+            });
+            node.set_order(octant, &order);
+            order[..self.len].reverse();
+            node.set_order(7 - octant, &order);
+        }
+        node
+    }
+}

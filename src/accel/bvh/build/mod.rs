@@ -1,0 +1,76 @@
+//! From primitives to the tree: references, a binary tree by binned SAH, wide nodes, leaves.
+
+mod binary;
+mod block;
+mod collapse;
+mod reference;
+mod sah;
+
+pub use self::collapse::Tree;
+
+use rayon::prelude::*;
+
+use self::binary::Leaf;
+use super::Bounds3;
+use super::node::{Child, SphereLeaf};
+use crate::error::{Error, Kind, Problem, Result};
+use crate::geometry::Geometry;
+use crate::monitor::Monitor;
+use crate::ray::NONE;
+use crate::simd::{self, Isa, Kernel};
+
+/// Builds the tree on the current rayon pool.
+///
+/// # Errors
+/// `Interrupted` after a signal, `Limit` where the tree would have more leaves than it can name.
+pub fn build(geometry: &Geometry, isa: Isa, monitor: &Monitor) -> Result<(Tree, u64)> {
+    let references = simd::dispatch(isa, References(geometry));
+    monitor.check()?;
+    let mut tree = references;
+    let mut nodes = binary::build(geometry, &mut tree, isa, monitor);
+    monitor.check()?;
+    let references = tree;
+    let leaves = binary::number_leaves(&mut nodes);
+    if leaves.len() >= Child::MAX_INDEX {
+        let message = format!("found {} leaves, expected fewer than 2^30", leaves.len());
+        return Err(Error::new(Kind::Limit, Problem::new("bvh", message)));
+    }
+    let peak = (size_of_val(&references[..]) + size_of_val(&nodes[..])) as u64;
+    let mut wide = collapse::collapse(&nodes);
+    drop(nodes);
+    let (triangles, spheres): (Vec<&Leaf>, Vec<&Leaf>) = leaves.iter().partition(|l| !l.spheres);
+    wide.blocks = triangles
+        .par_iter()
+        .map(|leaf| block::block(geometry, &references[leaf.range()]))
+        .collect();
+    wide.spheres = spheres
+        .iter()
+        .map(|leaf| {
+            let mut ids = [NONE; super::node::SPHERES];
+            for (id, reference) in ids.iter_mut().zip(&references[leaf.range()]) {
+                *id = reference.primitive();
+            }
+            SphereLeaf(ids)
+        })
+        .collect();
+    wide.bounds = references.par_iter().map(|r| r.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
+    let peak = peak + wide.bytes();
+    if std::env::var_os("DBG").is_some() { debug_stats(&wide); }
+    Ok((wide, peak))
+}
+
+struct References<'g>(&'g Geometry);
+
+impl Kernel for References<'_> {
+    type Output = Vec<reference::Reference>;
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        reference::references(self.0)
+    }
+}
+#[allow(missing_docs, clippy::cast_precision_loss)]
+pub fn debug_stats(t: &Tree) {
+    let tri: u32 = t.blocks.iter().map(|b| b.present.count_ones()).sum();
+    let ch: usize = t.nodes.iter().map(|n| n.children.iter().filter(|c| **c != Child::EMPTY).count()).sum();
+    eprintln!("blocks {} tri/block {:.2}; nodes {} children/node {:.2} depth {}", t.blocks.len(), tri as f64 / t.blocks.len() as f64, t.nodes.len(), ch as f64 / t.nodes.len() as f64, t.depth);
+}

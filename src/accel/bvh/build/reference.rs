@@ -1,0 +1,81 @@
+//! What the builder sorts: a box and which primitive is in it.
+
+use rayon::prelude::*;
+
+use super::super::bounds::Bounds3;
+use crate::geometry::Geometry;
+
+const SECOND_HALF: u32 = 1 << 31;
+
+/// A primitive's box; lane 3 holds the primitive's number in its geometry, lane 7 the geometry and
+/// whether it is the second half of a quad.
+#[derive(Debug, Clone, Copy)]
+#[repr(transparent)]
+pub struct Reference {
+    /// The box.
+    pub bounds: Bounds3,
+}
+
+impl Reference {
+    #[inline(always)]
+    fn new(mut bounds: Bounds3, geom: u32, prim: u32, second_half: bool) -> Self {
+        bounds.0[3] = f32::from_bits(prim);
+        bounds.0[7] = f32::from_bits(geom | if second_half { SECOND_HALF } else { 0 });
+        Self { bounds }
+    }
+
+    /// Number in its geometry.
+    #[inline(always)]
+    pub fn primitive(&self) -> u32 {
+        self.bounds.0[3].to_bits()
+    }
+
+    /// Geometry.
+    #[inline(always)]
+    pub fn geometry(&self) -> u32 {
+        self.bounds.0[7].to_bits() & !SECOND_HALF
+    }
+
+    /// Whether it is the half `v2 v3 v1` of a quad.
+    #[inline(always)]
+    pub fn is_second_half(&self) -> bool {
+        self.bounds.0[7].to_bits() & SECOND_HALF != 0
+    }
+
+    /// Corners of its triangle; none for a sphere.
+    #[inline(always)]
+    pub fn corners(&self, geometry: &Geometry) -> Option<[[f32; 3]; 3]> {
+        let (geom, prim) = (self.geometry(), self.primitive());
+        if let Some(mesh) = geometry.meshes.get(geom as usize) {
+            return Some(mesh.corners(prim));
+        }
+        (geom == geometry.quads_id()).then(|| {
+            let [v0, v1, v2, v3] = geometry.quads[prim as usize];
+            if self.is_second_half() { [v2, v3, v1] } else { [v0, v1, v3] }
+        })
+    }
+}
+
+/// One reference per triangle and sphere, two per quad, in the order of the geometry.
+pub fn references(geometry: &Geometry) -> Vec<Reference> {
+    let triangles: usize = geometry.meshes.iter().map(|mesh| mesh.triangles().len()).sum();
+    let total = triangles + 2 * geometry.quads.len() + geometry.spheres.len();
+    let mut references = Vec::with_capacity(total);
+    for (geom, mesh) in geometry.meshes.iter().enumerate() {
+        references.par_extend((0..mesh.triangles().len() as u32).into_par_iter().map(|prim| {
+            Reference::new(Bounds3::of(&mesh.corners(prim)), geom as u32, prim, false)
+        }));
+    }
+    for (prim, &[v0, v1, v2, v3]) in geometry.quads.iter().enumerate() {
+        for (half, corners) in [[v0, v1, v3], [v2, v3, v1]].iter().enumerate() {
+            let (geom, prim) = (geometry.quads_id(), prim as u32);
+            references.push(Reference::new(Bounds3::of(corners), geom, prim, half == 1));
+        }
+    }
+    for (prim, sphere) in geometry.spheres.iter().enumerate() {
+        let (lower, upper) = sphere.bounds();
+        let bounds = Bounds3::new(lower, upper);
+        references.push(Reference::new(bounds, geometry.spheres_id(), prim as u32, false));
+    }
+    references
+}

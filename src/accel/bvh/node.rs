@@ -1,0 +1,186 @@
+//! The tree as it lies in memory: wide nodes of plain f32 boxes, and leaves of shared vertices.
+
+use crate::ray::NONE;
+
+/// Children per node, and triangles and vertices per leaf.
+pub const WIDTH: usize = 16;
+
+/// Spheres per leaf.
+pub const SPHERES: usize = 4;
+
+/// What a child is: the top two bits name the kind, the others the index in its array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(transparent)]
+pub struct Child(pub u32);
+
+/// A [`Child`] taken apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Index of a [`Node`].
+    Node(usize),
+    /// Index of a [`Block`].
+    Triangles(usize),
+    /// Index of a [`SphereLeaf`].
+    Spheres(usize),
+    /// Nothing.
+    Empty,
+}
+
+impl Child {
+    /// No child.
+    pub const EMPTY: Self = Self(NONE);
+    /// The largest index that a child can name.
+    pub const MAX_INDEX: usize = (1 << 30) - 1;
+    const LEAF: u32 = 1 << 31;
+    const SPHERES: u32 = 1 << 30;
+
+    /// An inner node.
+    pub fn node(index: usize) -> Self {
+        debug_assert!(index <= Self::MAX_INDEX);
+        Self(index as u32)
+    }
+
+    /// A leaf of triangles.
+    pub fn triangles(index: usize) -> Self {
+        debug_assert!(index <= Self::MAX_INDEX);
+        Self(index as u32 | Self::LEAF)
+    }
+
+    /// A leaf of spheres.
+    pub fn spheres(index: usize) -> Self {
+        debug_assert!(index < Self::MAX_INDEX);
+        Self(index as u32 | Self::LEAF | Self::SPHERES)
+    }
+
+    /// What it names.
+    #[inline(always)]
+    pub fn kind(self) -> Kind {
+        let index = (self.0 & Self::MAX_INDEX as u32) as usize;
+        if self.0 & Self::LEAF == 0 {
+            Kind::Node(index)
+        } else if self.0 & Self::SPHERES == 0 {
+            Kind::Triangles(index)
+        } else if self == Self::EMPTY {
+            Kind::Empty
+        } else {
+            Kind::Spheres(index)
+        }
+    }
+}
+
+/// An inner node: the boxes of its children, and for each of the 8 direction octants the order in
+/// which a ray meets them.
+#[derive(Debug, Clone)]
+#[repr(C, align(64))]
+pub struct Node {
+    /// Lower x, y, z, then upper x, y, z of each child. An empty child has lower = +inf and
+    /// upper = -inf, which no ray meets.
+    pub planes: [[f32; WIDTH]; 6],
+    /// The children; the empty ones come last.
+    pub children: [Child; WIDTH],
+    /// For each octant (bit a: direction negative along axis a) the children from far to near:
+    /// see [`Node::set_order`].
+    pub order: [u64; 8],
+}
+
+impl Node {
+    /// A node without children.
+    pub const EMPTY: Self = Self {
+        planes: [
+            [f32::INFINITY; WIDTH],
+            [f32::INFINITY; WIDTH],
+            [f32::INFINITY; WIDTH],
+            [f32::NEG_INFINITY; WIDTH],
+            [f32::NEG_INFINITY; WIDTH],
+            [f32::NEG_INFINITY; WIDTH],
+        ],
+        children: [Child::EMPTY; WIDTH],
+        order: [0; 8],
+    };
+
+    /// Stores an octant's order: child `far_to_near[j]` in the 4 bits from
+    /// `32 (j % 2) + 4 (j / 2)` on, where a vector of 32-bit lanes shifts them out.
+    pub fn set_order(&mut self, octant: usize, far_to_near: &[u8; WIDTH]) {
+        let place = |j: usize, child: u8| u64::from(child) << (32 * (j % 2) + 4 * (j / 2));
+        self.order[octant] =
+            far_to_near.iter().enumerate().fold(0, |bits, (j, &child)| bits | place(j, child));
+    }
+
+    /// The `j`-th child of an octant's order.
+    #[inline(always)]
+    pub fn ordered(&self, octant: usize, j: usize) -> usize {
+        (self.order[octant % 8] >> (32 * (j % 2) + 4 * (j / 2))) as usize % WIDTH
+    }
+}
+
+/// A leaf of up to 16 triangles over up to 16 shared vertices.
+///
+/// Shared vertices are sheared once per ray, and a leaf of a scanned mesh takes 28 bytes per
+/// triangle instead of 40.
+#[derive(Debug, Clone)]
+#[repr(C, align(64))]
+pub struct Block {
+    /// x, y, z of the vertices.
+    pub vertices: [[f32; WIDTH]; 3],
+    /// Number of the triangle's primitive in the whole scene; [`NONE`] where there is no triangle.
+    pub primitives: [u32; WIDTH],
+    /// Index of each triangle's first, second and third corner. Bit 7 of the first: the second half
+    /// of a quad.
+    pub corners: [[u8; WIDTH]; 3],
+    /// Bit i: there is a triangle i.
+    pub present: u16,
+}
+
+/// Marks the half `v2 v3 v1` of a quad in [`Block::corners`].
+pub const SECOND_HALF: u8 = 0x80;
+
+impl Block {
+    /// A leaf without triangles.
+    pub const EMPTY: Self = Self {
+        vertices: [[0.0; WIDTH]; 3],
+        primitives: [NONE; WIDTH],
+        corners: [[0; WIDTH]; 3],
+        present: 0,
+    };
+
+    /// Corners of a triangle: x, y, z each.
+    #[inline(always)]
+    pub fn triangle(&self, i: usize) -> [[f32; 3]; 3] {
+        let i = i % WIDTH;
+        let corner = |k: usize| {
+            let v = usize::from(self.corners[k][i]) % WIDTH;
+            [self.vertices[0][v], self.vertices[1][v], self.vertices[2][v]]
+        };
+        [corner(0), corner(1), corner(2)]
+    }
+
+    /// Whether a triangle is the second half of a quad.
+    #[inline(always)]
+    pub fn is_second_half(&self, i: usize) -> bool {
+        self.corners[0][i % WIDTH] & SECOND_HALF != 0
+    }
+}
+
+/// A leaf of spheres: numbers among the scene's spheres, [`NONE`] at the end.
+#[derive(Debug, Clone, Copy)]
+pub struct SphereLeaf(pub [u32; SPHERES]);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn children_keep_their_kind_and_index() {
+        for index in [0, 1, 77, Child::MAX_INDEX - 1] {
+            assert_eq!(Child::node(index).kind(), Kind::Node(index));
+            assert_eq!(Child::triangles(index).kind(), Kind::Triangles(index));
+            assert_eq!(Child::spheres(index).kind(), Kind::Spheres(index));
+        }
+        assert_eq!(Child::EMPTY.kind(), Kind::Empty);
+    }
+
+    #[test]
+    fn sizes_are_whole_cache_lines() {
+        assert_eq!((size_of::<Node>(), size_of::<Block>()), (512, 320));
+    }
+}
