@@ -71,10 +71,8 @@ pub fn hit(lane: &Lane, ray: &Ray64, corners: [[f32; 3]; 3]) -> Option<TriangleH
         return None;
     }
     let depths = [a[2], b[2], c[2]].map(|z| z / ray.along);
-    let (nearest, farthest) = (
-        depths[0].min(depths[1]).min(depths[2]),
-        depths[0].max(depths[1]).max(depths[2]),
-    );
+    let (nearest, farthest) =
+        (depths[0].min(depths[1]).min(depths[2]), depths[0].max(depths[1]).max(depths[2]));
     let [p, q, r] = corners.map(|x| x.map(f64::from));
     let sub = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

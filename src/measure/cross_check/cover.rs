@@ -107,24 +107,29 @@ fn patches(near: &[Near]) -> Vec<Vec<(&Near, Triangle<'_>)>> {
         near.iter().filter_map(|part| Some((part, Triangle::of(&part.outline)?))).collect();
     triangles.sort_by_key(|(_, triangle)| triangle.edges());
     triangles.dedup_by_key(|(_, triangle)| triangle.edges());
-    let mut patches: Vec<Vec<(&Near, Triangle)>> = Vec::new();
-    for new in triangles {
-        let mut merged = vec![new];
-        let mut rest = Vec::new();
-        for patch in patches {
-            let touches = |(_, triangle): &(&Near, Triangle)| {
-                new.1.edges().iter().any(|edge| triangle.edges().contains(edge))
-            };
-            if patch.iter().any(touches) {
-                merged.extend(patch);
-            } else {
-                rest.push(patch);
-            }
+    // Disjoint sets: triangle i belongs with triangle `parent[i]`.
+    let mut parent: Vec<usize> = (0..triangles.len()).collect();
+    let mut owners: BTreeMap<Edge, usize> = BTreeMap::new();
+    for (i, (_, triangle)) in triangles.iter().enumerate() {
+        for edge in triangle.edges() {
+            let other = *owners.entry(edge).or_insert(i);
+            let (a, b) = (root(&mut parent, i), root(&mut parent, other));
+            parent[a.max(b)] = a.min(b);
         }
-        rest.push(merged);
-        patches = rest;
     }
-    patches
+    let mut patches: BTreeMap<usize, Vec<(&Near, Triangle)>> = BTreeMap::new();
+    for (i, triangle) in triangles.into_iter().enumerate() {
+        patches.entry(root(&mut parent, i)).or_default().push(triangle);
+    }
+    patches.into_values().collect()
+}
+
+fn root(parent: &mut [usize], mut i: usize) -> usize {
+    while parent[i] != i {
+        parent[i] = parent[parent[i]];
+        i = parent[i];
+    }
+    i
 }
 
 /// Whether closed polygons go round the origin an odd number of times: crossings with the positive

@@ -33,7 +33,7 @@ use crate::scene::Backend;
 use crate::world::World;
 
 /// Primitives that `coursework`'s plain loop may test in all: what bounds its time.
-const PLAIN_LOOP_TESTS: u64 = 2_000_000_000;
+const PLAIN_LOOP_TESTS: u64 = 200_000_000;
 
 /// Wrong answers that are kept of each backend and kind.
 const KEPT: usize = 10;

@@ -94,9 +94,8 @@ impl Tier for Avx512 {
     fn candidates(self, block: &Block, lane: &Lane) -> u32 {
         // SAFETY: `self` proves AVX-512; axes are below 3; rows hold 16 aligned f32 or 16 bytes.
         unsafe {
-            let row = |k: usize| {
-                _mm512_load_ps(block.vertices.get_unchecked(lane.axes[k]).as_ptr())
-            };
+            let row =
+                |k: usize| _mm512_load_ps(block.vertices.get_unchecked(lane.axes[k]).as_ptr());
             let depth = _mm512_sub_ps(row(2), _mm512_set1_ps(lane.origin[2]));
             let sheared = |k: usize| {
                 let relative = _mm512_sub_ps(row(k), _mm512_set1_ps(lane.origin[k]));
@@ -118,18 +117,13 @@ impl Tier for Avx512 {
                 _mm512_max_ps(_mm512_abs_ps(q0), _mm512_abs_ps(q1)),
                 _mm512_abs_ps(q2),
             );
-            let slack = _mm512_fmadd_ps(
-                largest,
-                _mm512_set1_ps(EDGE_SLACK),
-                _mm512_set1_ps(EDGE_FLOOR),
-            );
+            let slack =
+                _mm512_fmadd_ps(largest, _mm512_set1_ps(EDGE_SLACK), _mm512_set1_ps(EDGE_FLOOR));
             let least = _mm512_min_ps(_mm512_min_ps(u, v), w);
             let most = _mm512_max_ps(_mm512_max_ps(u, v), w);
             // NaN (an overflow) misses nothing: one of the comparisons is false... of `slack`.
-            let negative = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(
-                _mm512_add_ps(least, slack),
-                _mm512_setzero_ps(),
-            );
+            let negative =
+                _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_add_ps(least, slack), _mm512_setzero_ps());
             let misses = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(negative, most, slack);
             u32::from(!misses & block.present)
         }
