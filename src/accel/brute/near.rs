@@ -50,44 +50,57 @@ pub enum Outline {
 impl Brute<'_> {
     /// All primitives that the ray meets or would meet if every sheared corner moved by up to
     /// `factor` times the bound of the module's test, at any t; a sphere gives one entry for each
-    /// of its roots. The primitive that the ray leaves is not among them.
-    pub fn near(&self, ray: &Ray, factor: f64) -> Vec<Near> {
+    /// of its roots. The primitive that the ray leaves is not among them. `None` for more than
+    /// `most`.
+    pub fn near(&self, ray: &Ray, factor: f64, most: usize) -> Option<Vec<Near>> {
         let mut found = Vec::new();
-        let (scale, all) = (factor * SHEAR, [f64::NEG_INFINITY, f64::INFINITY]);
+        let all = [f64::NEG_INFINITY, f64::INFINITY];
         let plane = Plane::across(ray);
         // A moved corner stays in its box widened by the same.
-        self.blocks.each(ray, scale * 1.001 + ROUNDING, all, |primitive| {
-            let (geom, prim) = locate(self.geometry, primitive);
-            let leaving = primitive == ray.leaving;
-            let mut add = |corners: [DVec3; 3]| {
-                found.extend(
-                    triangle(ray, &plane, corners, scale).map(|(t, t_error, outline)| Near {
-                        geom,
-                        prim,
-                        t,
-                        t_error,
-                        outline,
-                    }),
-                );
-            };
-            match self.geometry.kind(geom) {
-                GeometryKind::Spheres => {
-                    let sphere = &self.geometry.spheres[prim as usize];
-                    roots(ray, sphere, leaving, |t, t_error, sure| {
-                        let outline = Outline::Sphere(sure);
-                        found.push(Near { geom, prim, t, t_error, outline });
-                    });
-                }
-                _ if leaving => {}
-                GeometryKind::Mesh(mesh) => {
-                    add(self.geometry.meshes[mesh].corners(prim).map(corner));
-                }
-                GeometryKind::Quads => {
-                    halves(&self.geometry.quads[prim as usize]).into_iter().for_each(add);
-                }
+        self.blocks.each(ray, factor * SHEAR * 1.001 + ROUNDING, all, |primitive| {
+            if found.len() <= most {
+                self.add_near(ray, &plane, primitive, factor, &mut found);
             }
         });
+        (found.len() <= most).then_some(found)
+    }
+
+    /// The entries of [`Brute::near`] of one primitive.
+    pub fn near_primitive(&self, ray: &Ray, geom: u32, prim: u32, factor: f64) -> Vec<Near> {
+        let mut found = Vec::new();
+        let primitive = self.geometry.primitive(geom, prim);
+        self.add_near(ray, &Plane::across(ray), primitive, factor, &mut found);
         found
+    }
+
+    fn add_near(
+        &self,
+        ray: &Ray,
+        plane: &Plane,
+        primitive: u32,
+        factor: f64,
+        found: &mut Vec<Near>,
+    ) {
+        let (geom, prim) = locate(self.geometry, primitive);
+        let leaving = primitive == ray.leaving;
+        let mut add = |corners: [DVec3; 3]| {
+            let at = triangle(ray, plane, corners, factor * SHEAR);
+            found.extend(at.map(|(t, t_error, outline)| Near { geom, prim, t, t_error, outline }));
+        };
+        match self.geometry.kind(geom) {
+            GeometryKind::Spheres => {
+                let sphere = &self.geometry.spheres[prim as usize];
+                roots(ray, sphere, leaving, |t, t_error, sure| {
+                    let outline = Outline::Sphere(sure);
+                    found.push(Near { geom, prim, t, t_error, outline });
+                });
+            }
+            _ if leaving => {}
+            GeometryKind::Mesh(mesh) => add(self.geometry.meshes[mesh].corners(prim).map(corner)),
+            GeometryKind::Quads => {
+                halves(&self.geometry.quads[prim as usize]).into_iter().for_each(add);
+            }
+        }
     }
 }
 

@@ -299,7 +299,7 @@ proptest! {
             let all = (0..triangles.len() as u32).filter(|&p| brute.test(&ray, p).is_some());
             prop_assert_eq!(&found, &all.collect::<Vec<_>>());
             // What is hit is near as well.
-            let near: Vec<u32> = brute.near(&ray, 1.0).iter().map(|near| near.prim).collect();
+            let near: Vec<u32> = brute.near(&ray, 1.0, 1000).unwrap().iter().map(|near| near.prim).collect();
             prop_assert!(found.iter().all(|prim| near.contains(prim)));
         }
     }

@@ -3,10 +3,9 @@
 use glam::DVec3;
 
 use super::plan::Source;
-use crate::accel::lane::Ray;
 use crate::geometry::{Geometry, GeometryKind};
 use crate::measure::rays::Recorded;
-use crate::ray::{LANES, Mask, NONE, Rays};
+use crate::ray::{LANES, Mask, Rays};
 
 /// SplitMix64 (Steele et al. 2014).
 pub struct Random(u64);
@@ -63,33 +62,42 @@ pub struct Aim<'g> {
     center: DVec3,
     /// Half the sides of the scene's box.
     half: DVec3,
+    /// Largest half side of each geometry's box.
+    sizes: Vec<f64>,
 }
 
 impl<'g> Aim<'g> {
     /// `None` without any primitive.
     pub fn new(geometry: &'g Geometry) -> Option<Self> {
-        let points = |primitive| corners(geometry, primitive);
+        let bases = geometry.bases();
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for primitive in 0..*geometry.bases().last()? {
-            for p in points(primitive) {
-                (min, max) = (min.min(p), max.max(p));
+        let mut sizes = Vec::new();
+        for range in bases.windows(2) {
+            let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+            for p in (range[0]..range[1]).flat_map(|primitive| corners(geometry, primitive)) {
+                (low, high) = (low.min(p), high.max(p));
             }
+            sizes.push((high - low).max_element() / 2.0);
+            (min, max) = (min.min(low), max.max(high));
         }
         let (center, half) = ((min + max) / 2.0, (max - min) / 2.0);
-        center.is_finite().then_some(Self { geometry, center, half })
+        center.is_finite().then_some(Self { geometry, center, half, sizes })
     }
 
-    /// A packet of rays of one kind.
-    pub fn packet(&self, source: Source, random: &mut Random) -> Recorded {
+    /// A packet of rays of one kind. Shadow rays end before or behind what they are aimed at.
+    pub fn packet(&self, source: Source, shadow: bool, random: &mut Random) -> Recorded {
         let mut rays = Rays::EMPTY;
         for i in 0..LANES {
-            let ray = self.ray(source, random);
+            let (origin, direction, target) = self.ray(source, random);
+            let ends = [0.5, 0.999, 1.5, f64::INFINITY];
+            let end = ends[random.below(4) as usize];
             for axis in 0..3 {
-                rays.org[axis][i] = ray.origin[axis] as f32;
-                rays.dir[axis][i] = ray.direction[axis] as f32;
+                rays.org[axis][i] = origin[axis] as f32;
+                rays.dir[axis][i] = direction[axis] as f32;
             }
-            (rays.tnear[i], rays.tfar[i]) = (ray.tnear as f32, ray.tfar as f32);
-            rays.leaving[i] = ray.leaving;
+            if shadow {
+                rays.tfar[i] = (target * end) as f32;
+            }
         }
         let active = rays.possible(&Mask([-1; LANES]));
         Recorded { active, rays }
@@ -100,15 +108,19 @@ impl<'g> Aim<'g> {
         self.center + self.half * times * random.cube()
     }
 
-    fn ray(&self, source: Source, random: &mut Random) -> Ray {
+    /// Origin, direction, and t of what is aimed at.
+    fn ray(&self, source: Source, random: &mut Random) -> (DVec3, DVec3, f64) {
         let count = self.geometry.bases().last().copied().unwrap_or(1);
-        let corners = corners(self.geometry, random.below(count));
+        let primitive = random.below(count);
+        let geom = self.geometry.bases().partition_point(|&base| base <= primitive) - 1;
+        let corners = corners(self.geometry, primitive);
         let corner = corners[random.below(corners.len() as u32) as usize];
         let next = corners[random.below(corners.len() as u32) as usize];
         let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
         let inside = middle.lerp(corner, random.unit()).lerp(next, random.unit() * 0.5);
         let rounded = |v: DVec3| v.as_vec3().as_dvec3();
         let from = rounded(self.somewhere(2.0, random));
+        let mut target = 1.0;
         let (origin, direction) = match source {
             Source::Random => (self.somewhere(1.5, random), random.direction()),
             Source::Vertex => {
@@ -148,25 +160,22 @@ impl<'g> Aim<'g> {
                 (origin, direction)
             }
             Source::Far => {
-                let away = random.direction() * self.half.max_element().max(f64::MIN_POSITIVE);
-                let origin = rounded(inside + away * 10f64.powf(1.0 + 5.0 * random.unit()));
+                let away = random.direction() * self.sizes[geom].max(f64::MIN_POSITIVE);
+                let origin = rounded(inside + away * 10f64.powf(1.0 + 3.0 * random.unit()));
                 (origin, inside - origin)
             }
             Source::Tiny => {
                 let least = 10f64.powf(-30.0 - 7.0 * random.unit());
-                let direction = (inside - from).normalize_or(DVec3::X) * least;
-                (from, direction)
+                let distance = inside.distance(from);
+                // No longer than t fits into an f32.
+                let least = least.max(distance * 1e-37);
+                target = distance / least;
+                (from, (inside - from).normalize_or(DVec3::X) * least)
             }
             Source::Scene(_) => (from, inside - from),
         };
-        Ray { origin, direction, tnear: 0.0, tfar: f64::INFINITY, leaving: NONE }
+        (origin, direction, target)
     }
-}
-
-/// Gives the rays of a packet ends before and behind what they are aimed at, t = 1.
-pub fn end(packet: &mut Recorded, random: &mut Random) {
-    let ends = [0.5, 0.999, 1.5, f32::INFINITY];
-    packet.rays.tfar = std::array::from_fn(|_| ends[random.below(4) as usize]);
 }
 
 /// Points of a primitive to aim at.

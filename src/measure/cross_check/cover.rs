@@ -167,7 +167,7 @@ mod tests {
             tfar: f64::INFINITY,
             leaving: NONE,
         };
-        let near = oracle.near(&ray, 1.0);
+        let near = oracle.near(&ray, 1.0, 1000).unwrap();
         (layers(&near).len(), near.len())
     }
 

@@ -1,6 +1,6 @@
 //! Which rays are checked: the scene's own and the aimed ones, in equal shares.
 
-use super::aimed::{Aim, Random, end};
+use super::aimed::{Aim, Random};
 use super::{Case, Check};
 use crate::error::Result;
 use crate::measure::rays::{Class, Recorded, record};
@@ -22,7 +22,7 @@ pub enum Source {
     Axis,
     /// From a face of a primitive's box, often within that face.
     BoxFace,
-    /// From 10 to 10^6 times the scene's size away.
+    /// From 10 to 10^4 times the size of a mesh away from it.
     Far,
     /// Of a direction of length 1e-37 to 1e-30.
     Tiny,
@@ -93,11 +93,8 @@ impl<'g> Plan<'g> {
         };
         let source = Source::AIMED[index / self.each];
         let mut random = Random::new(self.seed, index as u64);
-        let mut packet = aim.packet(source, &mut random);
         let shadow = index % 2 == 1;
-        if shadow {
-            end(&mut packet, &mut random);
-        }
+        let packet = aim.packet(source, shadow, &mut random);
         let coherence = Coherence::Incoherent;
         Case { source: source.name().into(), shadow, coherence, packet }
     }

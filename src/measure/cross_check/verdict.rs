@@ -1,6 +1,6 @@
 //! One backend's answer to one ray, against the oracle.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::cover::layers;
 use crate::accel::brute::{Brute, Near};
@@ -19,11 +19,17 @@ pub enum Answer {
         geom: u32,
         /// Primitive within its geometry.
         prim: u32,
-        /// Where on the ray.
+        /// Where on the ray; in a file null is infinity.
+        #[serde(deserialize_with = "infinite")]
         t: f64,
     },
     /// Something is in the way.
     Occluded,
+}
+
+/// A number, or null: how JSON has infinity, and so a t that f32 does not hold.
+fn infinite<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(value)?.unwrap_or(f64::INFINITY))
 }
 
 impl Answer {
@@ -65,7 +71,8 @@ pub enum Verdict {
     Agree,
     /// Another primitive at the same t within the errors, both met within the bound.
     Tie,
-    /// Another depth, because the ray passes an outline within the bound.
+    /// Another depth, because the ray passes an outline within the bound (or comes from so far away
+    /// that more than a thousand primitives lie within it).
     Edge,
     /// Missed what no error within the bound can explain.
     Leak,
@@ -108,6 +115,10 @@ impl Verdict {
     }
 }
 
+/// Where more primitives than these lie within the bound, which happens to rays from far away, a
+/// wrong answer cannot be told from a right one.
+const MOST_NEAR: usize = 1000;
+
 /// Judges `answer` by `truth`, the oracle's answer to the same query. `factor`: the bound of the
 /// backend's own test, in units of the shear's ([`Brute::near`]).
 pub fn judge(oracle: &Brute, ray: &Ray, truth: Answer, answer: Answer, factor: f64) -> Verdict {
@@ -117,14 +128,24 @@ pub fn judge(oracle: &Brute, ray: &Ray, truth: Answer, answer: Answer, factor: f
         {
             Verdict::Agree
         }
+        (Answer::Hit { geom, prim, .. }, Answer::Hit { geom: g, prim: p, t })
+            if (geom, prim) == (g, p) =>
+        {
+            let near = oracle.near_primitive(ray, g, p, factor);
+            let place = near.iter().any(|part| (part.t - t).abs() <= part.t_error);
+            if place { Verdict::Agree } else { Verdict::WrongDistance }
+        }
         (Answer::Miss, Answer::Miss) | (Answer::Occluded, Answer::Occluded) => Verdict::Agree,
-        _ => explain(&oracle.near(ray, factor), ray, truth, answer),
+        _ => match oracle.near(ray, factor, MOST_NEAR) {
+            Some(near) => explain(&near, ray, truth, answer),
+            None => Verdict::Edge,
+        },
     }
 }
 
-/// Whether a t in f32 is the oracle's rounded.
+/// Whether a t in f32 is the oracle's, rounded; infinite above what f32 holds.
 fn same(t: f64, exact: f64) -> bool {
-    (t - exact).abs() <= f64::from(f32::EPSILON) * exact.abs()
+    (t - exact).abs() <= f64::from(f32::EPSILON) * exact.abs() || t == f64::from(exact as f32)
 }
 
 fn explain(near: &[Near], ray: &Ray, truth: Answer, answer: Answer) -> Verdict {
@@ -167,7 +188,6 @@ fn explain(near: &[Near], ray: &Ray, truth: Answer, answer: Answer) -> Verdict {
                 return Verdict::Leak;
             }
             match exact {
-                Some((g, p, _)) if (g, p) == (geom, prim) => Verdict::Agree,
                 Some((g, p, exact)) => {
                     let error = at(g, p, exact).map_or(0.0, |truth| truth.t_error);
                     let tie = (exact - t).abs() <= error + part.t_error;
