@@ -111,6 +111,7 @@ fn build_embree<'g>(
     Err(unavailable(Backend::Embree))
 }
 
+#[cfg(not(feature = "embree"))]
 fn unavailable(backend: Backend) -> Error {
     let message = format!("found `{}`, which this build does not have", backend.name());
     let help = "available: bvh, coursework, brute";

@@ -213,3 +213,6 @@ pub fn check_packet(check: &Check, case: &Case, with_loop: bool) -> Part {
     }
     part
 }
+
+#[cfg(test)]
+mod tests;

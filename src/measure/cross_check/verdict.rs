@@ -158,7 +158,7 @@ fn explain(near: &[Near], ray: &Ray, truth: Answer, answer: Answer) -> Verdict {
         let of = move |part: &&Near| (part.geom, part.prim) == (geom, prim);
         // A quad and a sphere have two places.
         near.iter()
-            .filter(of)
+            .filter(|part| of(part) && within(part))
             .min_by(|a, b| ((a.t - t).abs() - a.t_error).total_cmp(&((b.t - t).abs() - b.t_error)))
     };
     match answer {
