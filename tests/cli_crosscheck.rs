@@ -111,7 +111,8 @@ fn what_was_saved_is_replayed() {
 #[test]
 fn broken_files_are_refused_with_their_place() {
     let scratch = scratch();
-    let cases: [(fn(&mut Value), &str); 6] = [
+    type Edit = fn(&mut Value);
+    let cases: [(Edit, &str); 6] = [
         (|f| f["findings"][0]["lane"] = 2.into(), "lane 2, which is no ray"),
         (|f| f["findings"][0]["packet"][0]["lane"] = 16.into(), "expected 0 to 15"),
         (|f| f["findings"][0]["packet"][0]["direction"] = vec![0; 3].into(), "without direction"),

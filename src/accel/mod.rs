@@ -7,7 +7,9 @@ pub mod coursework;
 pub mod embree;
 pub mod lane;
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::Result;
+#[cfg(not(feature = "embree"))]
+use crate::error::{Error, Kind, Problem};
 use crate::geometry::Geometry;
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Mask, RayPacket, Rays};

@@ -46,7 +46,7 @@ fn per_triangle(backend: Backend) -> [u64; 2] {
     match backend {
         Backend::Embree => [66, 104],
         Backend::Bvh => [66, 130],
-        Backend::Coursework => [136, 260],
+        Backend::Coursework => [136, 300],
         Backend::Brute => [6, 80],
     }
 }

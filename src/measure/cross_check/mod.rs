@@ -14,7 +14,7 @@ mod verdict;
 
 pub use self::pictures::{PictureReport, compare_pictures};
 pub use self::plan::Source;
-pub use self::report::{BackendReport, Finding, Report, SavedRay, Tally};
+pub use self::report::{BackendReport, Finding, PlainLoop, Report, SavedRay, Tally};
 pub use self::verdict::{Answer, Verdict, judge};
 
 use rayon::prelude::*;
