@@ -9,8 +9,8 @@
 //!
 //! Two things differ from the report's program. Its recursion is a loop with a stack of its own,
 //! because nested shapes that share a corner are peeled off one by one and make a tree as deep as
-//! they are many. And a hit must lie in its shape's bounds up to [`PreparedRay::slack`], which is what
-//! lets boxes prune without losing a hit (proof at [`Bounds::met`]): the tree finds exactly what
+//! they are many. And a hit must lie in its shape's bounds up to `PreparedRay::slack`, which is what
+//! lets boxes prune without losing a hit (proof at `Bounds::met`): the tree finds exactly what
 //! [`Coursework::plain_loop`] finds.
 
 use glam::{BVec3, DVec3};
