@@ -8,9 +8,9 @@ use std::cell::Cell;
 
 use super::build::Tree;
 use super::found::Found;
-use super::exact::{Ray64, Sheared};
+use super::exact::{DEPTH_SLACK, Ray64, Sheared};
 use super::node::{Block, Child, Kind, Node, WIDTH};
-use super::query::{Bundle, Query};
+use super::query::{Bundle, Query, Slabs};
 use super::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
 use super::single::{Best, Single};
 use crate::geometry::Geometry;
@@ -164,18 +164,17 @@ impl<'a, T: Tier> Packet<'a, T> {
 
     /// Pushes the children that any ray meets, the nearest last.
     #[inline(always)]
-    fn push(&self, node: &Node, around: &Query, reach: f32, stack: &mut Vec<Entry>) {
-        let lane = around.lane(0);
-        let mut places = self.tier.overlaps(node, &lane, reach);
+    fn push(&self, node: &Node, around: &Slabs, reach: f32, stack: &mut Vec<Entry>) {
+        let mut places = self.tier.overlaps(node, around, reach);
         let q = self.query;
         while places != 0 {
-            let slot = node.ordered(lane.octant, places.trailing_zeros() as usize);
+            let slot = node.ordered(around.octant, places.trailing_zeros() as usize);
             places &= places - 1;
             let mut near = q.tnear;
             let mut far = self.tfar;
             for axis in 0..3 {
-                let enter = node.planes[lane.enter[axis]][slot];
-                let leave = node.planes[lane.leave[axis]][slot];
+                let enter = node.planes[around.enter[axis]][slot];
+                let leave = node.planes[around.leave[axis]][slot];
                 for i in 0..LANES {
                     let t0 = T::mul_sub(enter, q.near_inverse[axis][i], q.near_offset[axis][i]);
                     let t1 = T::mul_sub(leave, q.far_inverse[axis][i], q.far_offset[axis][i]);
@@ -248,8 +247,9 @@ impl<'a, T: Tier> Packet<'a, T> {
         self.distances(block.triangle(slot), &mut out.t);
         for i in 0..LANES {
             let depth = out.t[i] * self.along(i);
-            let within =
-                (depth >= f64::from(least_depth[i])) & (depth <= f64::from(most_depth[i]));
+            let slack = depth.abs() * DEPTH_SLACK;
+            let within = (depth >= f64::from(least_depth[i]) - slack)
+                & (depth <= f64::from(most_depth[i]) + slack);
             unsure[i] |= maybe[i] & -i32::from(!within);
         }
         let mut doubt = 0;

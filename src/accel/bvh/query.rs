@@ -62,40 +62,26 @@ pub struct Query {
 }
 
 impl Query {
-    const ZERO: Self = Self {
-        near_inverse: [[0.0; LANES]; 3],
-        near_offset: [[0.0; LANES]; 3],
-        far_inverse: [[0.0; LANES]; 3],
-        far_offset: [[0.0; LANES]; 3],
-        margin: [0.0; LANES],
-        tnear: [0.0; LANES],
-        tfar: [0.0; LANES],
-        scale: [0.0; LANES],
-        octant: [0; LANES],
-        dominant: [0; LANES],
-        origin: [[0.0; LANES]; 3],
-        shear: [[0.0; LANES]; 2],
-        along: [0.0; LANES],
-    };
-
     /// Makes rays ready for a tree over `scene`.
     #[inline(always)]
     pub fn new(rays: &Rays, scene: &Bounds3) -> Self {
-        let mut q = Self::ZERO;
+        let [ox, oy, oz] = &rays.org;
         let mut direction = [[0.0f32; LANES]; 3];
+        let (mut scale, mut tnear, mut tfar) =
+            ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
         for i in 0..LANES {
             let (x, y, z) = (rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]);
             let largest = max(max(x.abs(), y.abs()), z.abs());
             let exponent = (largest.to_bits() >> 23) as i32;
             let down = f32::from_bits(((254 - exponent).max(1) as u32) << 23);
             let up = f32::from_bits((exponent.max(1) as u32) << 23);
-            q.scale[i] = up;
-            q.tnear[i] = rays.tnear[i] * up * (1.0 - 4.0 * U);
-            q.tfar[i] = rays.tfar[i] * up * (1.0 + 4.0 * U);
+            scale[i] = up;
+            tnear[i] = rays.tnear[i] * up * (1.0 - 4.0 * U);
+            tfar[i] = rays.tfar[i] * up * (1.0 + 4.0 * U);
             (direction[0][i], direction[1][i], direction[2][i]) = (x * down, y * down, z * down);
         }
         let (lower, upper) = (scene.lower(), scene.upper());
-        let mut least = [0.0f32; LANES];
+        let (mut margin, mut least) = ([0.0f32; LANES], [0.0f32; LANES]);
         for i in 0..LANES {
             let (mut reach, mut origin) = (0.0f32, 0.0f32);
             for axis in 0..3 {
@@ -107,25 +93,30 @@ impl Query {
             // in the margin.
             let lift = max(LEAST, (reach + origin) * (16.0 / f32::MAX));
             least[i] = lift;
-            q.margin[i] = (8.0 * U + 2.0 * lift) * reach + 4.0 * U * origin;
+            margin[i] = (8.0 * U + 2.0 * lift) * reach + 4.0 * U * origin;
         }
+        let mut octant = [0u32; LANES];
+        let (mut near_inverse, mut near_offset) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        let (mut far_inverse, mut far_offset) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for axis in 0..3 {
             for i in 0..LANES {
                 let d = direction[axis][i];
                 let d = max(d.abs(), least[i]).copysign(d);
                 let inverse = 1.0 / d;
-                let out = q.margin[i].copysign(d);
+                let out = margin[i].copysign(d);
                 let (near, far) = (inverse * (1.0 - 4.0 * U), inverse * (1.0 + 4.0 * U));
                 let o = rays.org[axis][i];
-                q.near_inverse[axis][i] = near;
-                q.far_inverse[axis][i] = far;
-                q.near_offset[axis][i] = (o + out) * near;
-                q.far_offset[axis][i] = (o - out) * far;
-                q.octant[i] |= (d.to_bits() >> 31) << axis;
+                near_inverse[axis][i] = near;
+                far_inverse[axis][i] = far;
+                near_offset[axis][i] = (o + out) * near;
+                far_offset[axis][i] = (o - out) * far;
+                octant[i] |= (d.to_bits() >> 31) << axis;
             }
         }
-        let [ox, oy, oz] = &rays.org;
         let [dx, dy, dz] = &direction;
+        let mut dominant = [0u32; LANES];
+        let (mut origin, mut shear, mut along) =
+            ([[0.0; LANES]; 3], [[0.0; LANES]; 2], [0.0; LANES]);
         for i in 0..LANES {
             let (ax, ay, az) = (dx[i].abs(), dy[i].abs(), dz[i].abs());
             let z = az >= max(ax, ay);
@@ -133,16 +124,30 @@ impl Query {
             let pick = |x_first: f32, y_first: f32, z_first: f32| {
                 if z { z_first } else if y { y_first } else { x_first }
             };
-            q.dominant[i] = if z { 2 } else { u32::from(y) };
-            q.origin[0][i] = pick(oy[i], oz[i], ox[i]);
-            q.origin[1][i] = pick(oz[i], ox[i], oy[i]);
-            q.origin[2][i] = pick(ox[i], oy[i], oz[i]);
-            let along = pick(dx[i], dy[i], dz[i]);
-            q.along[i] = along;
-            q.shear[0][i] = pick(dy[i], dz[i], dx[i]) / along;
-            q.shear[1][i] = pick(dz[i], dx[i], dy[i]) / along;
+            dominant[i] = if z { 2 } else { u32::from(y) };
+            origin[0][i] = pick(oy[i], oz[i], ox[i]);
+            origin[1][i] = pick(oz[i], ox[i], oy[i]);
+            origin[2][i] = pick(ox[i], oy[i], oz[i]);
+            let d = pick(dx[i], dy[i], dz[i]);
+            along[i] = d;
+            shear[0][i] = pick(dy[i], dz[i], dx[i]) / d;
+            shear[1][i] = pick(dz[i], dx[i], dy[i]) / d;
         }
-        q
+        Self {
+            near_inverse,
+            near_offset,
+            far_inverse,
+            far_offset,
+            margin,
+            tnear,
+            tfar,
+            scale,
+            octant,
+            dominant,
+            origin,
+            shear,
+            along,
+        }
     }
 
     /// Whether the active rays are all of one octant and have one dominant axis.
@@ -177,29 +182,29 @@ impl Query {
         }
     }
 
-    /// One ray, in lane 0, that meets every box that any of the active rays, which are coherent,
-    /// meets: interval arithmetic over their origins and inverse directions. A plane's distance is
-    /// bounded from below where it is not negative, and from above likewise: a ray that leaves a box
-    /// behind its origin misses it anyway.
+    /// One ray that meets every box that any of the active rays, which are coherent, meets: interval
+    /// arithmetic over their origins and inverse directions. A plane's distance is bounded from below
+    /// where it is not negative, and from above likewise: a ray that leaves a box behind its origin
+    /// misses it anyway.
     #[inline(always)]
-    pub fn around(&self, tier: impl Tier, active: &Mask, bundle: &Bundle) -> Self {
-        let mut q = Self::ZERO;
+    pub fn around(&self, tier: impl Tier, active: &Mask, bundle: &Bundle) -> Slabs {
         let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
-        (q.octant[0], q.dominant[0]) = (self.octant[first], self.dominant[first]);
+        let mut slabs = self.lane(first).slabs();
+        slabs.tnear = 0.0;
         for k in 0..3 {
             let axis = bundle.axes[k];
             let (low, high) = bundle.origin[k];
-            let negative = (q.octant[0] >> axis) & 1 != 0;
+            let negative = (slabs.octant >> axis) & 1 != 0;
             let sign = if negative { -1.0 } else { 1.0 };
             let near = least(tier, active, |i| self.near_inverse[axis][i].abs());
             let far = -least(tier, active, |i| -self.far_inverse[axis][i].abs());
             let (ahead, behind) = if negative { (-low, -high) } else { (high, low) };
-            q.near_inverse[axis][0] = near * sign;
-            q.near_offset[axis][0] = (ahead + bundle.margin) * near;
-            q.far_inverse[axis][0] = far * sign;
-            q.far_offset[axis][0] = (behind - bundle.margin) * far;
+            slabs.near_inverse[axis] = near * sign;
+            slabs.near_offset[axis] = (ahead + bundle.margin) * near;
+            slabs.far_inverse[axis] = far * sign;
+            slabs.far_offset[axis] = (behind - bundle.margin) * far;
         }
-        q
+        slabs
     }
 
     /// Ray `i` alone.
@@ -220,6 +225,27 @@ impl Query {
 #[inline(always)]
 fn range(tier: impl Tier, active: &Mask, v: &[f32; LANES]) -> (f32, f32) {
     (least(tier, active, |i| v[i]), -least(tier, active, |i| -v[i]))
+}
+
+/// What of a ray the boxes see.
+#[derive(Debug, Clone, Copy)]
+pub struct Slabs {
+    /// See [`Query`].
+    pub near_inverse: [f32; 3],
+    /// See [`Query`].
+    pub near_offset: [f32; 3],
+    /// See [`Query`].
+    pub far_inverse: [f32; 3],
+    /// See [`Query`].
+    pub far_offset: [f32; 3],
+    /// See [`Query`].
+    pub tnear: f32,
+    /// See [`Query`].
+    pub octant: usize,
+    /// For each axis the row of [`super::node::Node::planes`] that the ray enters a box through.
+    pub enter: [usize; 3],
+    /// For each axis the row that it leaves a box through.
+    pub leave: [usize; 3],
 }
 
 /// Rays of one dominant axis as intervals.
@@ -269,6 +295,24 @@ pub struct Lane<'a> {
 }
 
 impl Lane<'_> {
+    /// What the boxes see.
+    #[inline(always)]
+    pub fn slabs(&self) -> Slabs {
+        let (q, of) = (self.query, |m: &[[f32; LANES]; 3]| {
+            [self.of(&m[0]), self.of(&m[1]), self.of(&m[2])]
+        });
+        Slabs {
+            near_inverse: of(&q.near_inverse),
+            near_offset: of(&q.near_offset),
+            far_inverse: of(&q.far_inverse),
+            far_offset: of(&q.far_offset),
+            tnear: self.of(&q.tnear),
+            octant: self.octant,
+            enter: self.enter,
+            leave: self.leave,
+        }
+    }
+
     /// Of a [`Query`]'s member this ray's.
     #[inline(always)]
     pub fn of(&self, member: &[f32; LANES]) -> f32 {

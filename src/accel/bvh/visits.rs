@@ -3,7 +3,7 @@
 use std::cell::Cell;
 
 use super::node::{Block, Node, WIDTH};
-use super::query::{Bundle, Lane};
+use super::query::{Bundle, Lane, Slabs};
 use super::simd::{Candidates, Stack, Tier};
 
 /// Nodes, leaves and triangles that were tested.
@@ -45,9 +45,9 @@ impl<T: Tier> Tier for Counting<'_, T> {
         self.tier.push_any(node, lane, tfar, stack);
     }
 
-    fn overlaps(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+    fn overlaps(self, node: &Node, slabs: &Slabs, tfar: f32) -> u32 {
         add(&self.counts.nodes, 1);
-        self.tier.overlaps(node, lane, tfar)
+        self.tier.overlaps(node, slabs, tfar)
     }
 
     fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {
