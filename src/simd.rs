@@ -102,14 +102,21 @@ unsafe fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
 /// Asks for `values[index]` to be brought into the cache; any index will do.
 #[inline(always)]
 pub fn prefetch<T>(values: &[T], index: usize) {
+    prefetch_line(values, index, 0);
+}
+
+/// Asks for one cache line (of 64 bytes) of `values[index]`; any index and line will do.
+#[inline(always)]
+pub fn prefetch_line<T>(values: &[T], index: usize, line: usize) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: prefetching reads nothing and faults at no address; SSE is part of x86-64.
     unsafe {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        _mm_prefetch::<_MM_HINT_T0>(values.as_ptr().wrapping_add(index).cast());
+        let bytes = values.as_ptr().wrapping_add(index).cast::<i8>();
+        _mm_prefetch::<_MM_HINT_T0>(bytes.wrapping_add(64 * line));
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = (values, index);
+    let _ = (values, index, line);
 }
 
 #[cfg(test)]

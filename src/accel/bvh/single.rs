@@ -103,6 +103,9 @@ impl<'a, T: Tier> Single<'a, T> {
             match child.kind() {
                 Kind::Node(index) => {
                     self.tier.push_ordered(&self.tree.nodes[index], &self.lane, best.tfar, stack);
+                    if let Some(next) = stack.second() {
+                        self.tree.prefetch(next);
+                    }
                 }
                 Kind::Triangles(index) => self.closest_in_block(index, &mut best),
                 Kind::Spheres(index) => self.closest_in_spheres(index, &mut best),
@@ -121,6 +124,9 @@ impl<'a, T: Tier> Single<'a, T> {
                 Kind::Node(index) => {
                     let node = &self.tree.nodes[index];
                     self.tier.push_any(node, &self.lane, self.lane.of(&self.lane.query.tfar), stack);
+                    if let Some(next) = stack.second() {
+                        self.tree.prefetch(next);
+                    }
                     false
                 }
                 Kind::Triangles(index) => self.any_in_block(index),

@@ -22,9 +22,25 @@ pub struct Tree {
     pub bounds: Bounds3,
     /// Levels of nodes.
     pub depth: usize,
+    /// Whether prefetching pays.
+    pub is_large: bool,
 }
 
 impl Tree {
+    /// Asks for a child to be brought into the cache, if the tree is larger than caches are.
+    #[inline(always)]
+    pub fn prefetch(&self, child: Child) {
+        if !self.is_large {
+            return;
+        }
+        let index = (child.0 & Child::MAX_INDEX as u32) as usize;
+        if child.0 >> 30 == 0 {
+            prefetch_lines::<Node, 8>(&self.nodes, index);
+        } else {
+            prefetch_lines::<Block, 5>(&self.blocks, index);
+        }
+    }
+
     /// Bytes of the arrays.
     pub fn bytes(&self) -> u64 {
         (size_of_val(&self.nodes[..])
@@ -47,7 +63,7 @@ pub fn collapse(binary: &[Binary]) -> Tree {
             wide(binary, &plan, 0)
         }
     };
-    Tree { nodes, blocks: Vec::new(), spheres: Vec::new(), bounds: Bounds3::EMPTY, depth }
+    Tree { nodes, blocks: Vec::new(), spheres: Vec::new(), bounds: Bounds3::EMPTY, depth, is_large: false }
 }
 
 /// How a subtree fills k slots of a wide node, k = 2 ..= 16, at index k - 1: its left side gets that
@@ -216,5 +232,15 @@ impl Children {
             node.set_order(7 - octant, &order);
         }
         node
+    }
+}
+
+/// Asks for the cache lines of `values[index]`.
+#[inline(always)]
+fn prefetch_lines<T, const LINES: usize>(values: &[T], index: usize) {
+    let lines = size_of::<T>() / 64;
+    debug_assert_eq!(lines, LINES);
+    for line in 0..LINES {
+        crate::simd::prefetch_line(values, index, line);
     }
 }

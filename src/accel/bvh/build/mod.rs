@@ -19,6 +19,10 @@ use crate::monitor::Monitor;
 use crate::ray::NONE;
 use crate::simd::{self, Isa, Kernel};
 
+/// Trees of more bytes are prefetched: on smaller ones it cost 0 to 3 %, on 17.8 million triangles it
+/// gained 10 to 30 %.
+const LARGE: u64 = 64 << 20;
+
 /// Builds the tree on the current rayon pool.
 ///
 /// # Errors
@@ -54,6 +58,7 @@ pub fn build(geometry: &Geometry, isa: Isa, monitor: &Monitor) -> Result<(Tree, 
         })
         .collect();
     wide.bounds = references.par_iter().map(|r| r.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
+    wide.is_large = wide.bytes() > LARGE;
     let peak = peak + wide.bytes();
     if std::env::var_os("DBG").is_some() {
         debug_stats(&wide);

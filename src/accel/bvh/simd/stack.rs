@@ -46,6 +46,14 @@ impl Stack {
         self.len = 0;
     }
 
+    /// The entry before the last one.
+    #[inline(always)]
+    pub fn second(&self) -> Option<Child> {
+        let i = self.len.checked_sub(2)?;
+        // SAFETY: every entry below `len` was written, and `len` is within the arrays.
+        Some(unsafe { self.children.get_unchecked(i).assume_init() })
+    }
+
     /// Takes the last entry.
     #[inline(always)]
     pub fn pop(&mut self) -> Option<(Child, f32)> {
