@@ -30,6 +30,22 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::simd::{Isa, Kernel, dispatch};
 
+/// Returns what `$run` makes of the kernels of an instruction set.
+macro_rules! with_tier {
+    ($isa:expr, $tier:ident => $run:expr) => {
+        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+        if let (Isa::Avx512, Some($tier)) = ($isa, simd::avx512::Avx512::new()) {
+            return $run;
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let (Isa::Avx2, Some($tier)) = ($isa, simd::avx2::Avx2::new()) {
+            return $run;
+        }
+        let $tier = simd::portable::Portable;
+        return $run;
+    };
+}
+
 /// The tree over a scene's primitives.
 pub struct Bvh<'g> {
     geometry: &'g Geometry,
@@ -231,22 +247,10 @@ impl Accelerator for Bvh<'_> {
     }
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
-        if self.isa == Isa::Avx512 {
-            if let Some(tier) = simd::avx512::Avx512::new() {
-                return self.closest_with(tier, active, packet, coherence);
-            }
-        }
-        self.closest_with(simd::portable::Portable, active, packet, coherence);
+        with_tier!(self.isa, tier => self.closest_with(tier, active, packet, coherence));
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
-        if self.isa == Isa::Avx512 {
-            if let Some(tier) = simd::avx512::Avx512::new() {
-                return self.occluded_with(tier, active, rays, coherence);
-            }
-        }
-        self.occluded_with(simd::portable::Portable, active, rays, coherence);
+        with_tier!(self.isa, tier => self.occluded_with(tier, active, rays, coherence));
     }
 }

@@ -3,10 +3,14 @@
 //! The tiers differ in speed and in the rounding of box distances, never in an answer: their
 //! triangle tests only rule out what [`super::exact`] would, and that decides.
 
+#[cfg(target_arch = "x86_64")]
+pub mod avx2;
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
 pub mod avx512;
 pub mod portable;
 mod stack;
+#[cfg(test)]
+mod tests;
 
 pub use self::stack::{MAX_DEPTH, Stack};
 
