@@ -92,15 +92,23 @@ pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
     }
 }
 
+/// Runs `kernel` compiled for [`Isa::Avx512`].
+///
+/// # Safety
+/// [`Isa::detect`] is that or better.
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
+pub(crate) unsafe fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
+/// Runs `kernel` compiled for [`Isa::Avx2`].
+///
+/// # Safety
+/// [`Isa::detect`] is that or better.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+pub(crate) unsafe fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 

@@ -28,7 +28,7 @@ use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
-use crate::simd::{Isa, Kernel, dispatch};
+use crate::simd::{Isa, Kernel};
 
 /// Returns what `$run` makes of the kernels of an instruction set.
 macro_rules! with_tier {
@@ -196,13 +196,13 @@ impl Bvh<'_> {
         packet: &mut RayPacket,
         coherence: Coherence,
     ) {
-        let (isa, bvh) = (self.isa, self);
+        let bvh = self;
         if coherence == Coherence::Coherent
-            && dispatch(isa, PacketClosest { tier, bvh, active, packet: &mut *packet })
+            && tier.run(PacketClosest { tier, bvh, active, packet: &mut *packet })
         {
             return;
         }
-        dispatch(isa, SingleClosest { tier, bvh, active, packet });
+        tier.run(SingleClosest { tier, bvh, active, packet });
     }
 
     fn occluded_with<T: Tier>(
@@ -212,13 +212,13 @@ impl Bvh<'_> {
         rays: &mut Rays,
         coherence: Coherence,
     ) {
-        let (isa, bvh) = (self.isa, self);
+        let bvh = self;
         if coherence == Coherence::Coherent
-            && dispatch(isa, PacketOccluded { tier, bvh, active, rays: &mut *rays })
+            && tier.run(PacketOccluded { tier, bvh, active, rays: &mut *rays })
         {
             return;
         }
-        dispatch(isa, SingleOccluded { tier, bvh, active, rays });
+        tier.run(SingleOccluded { tier, bvh, active, rays });
     }
 }
 

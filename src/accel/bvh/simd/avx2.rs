@@ -5,7 +5,7 @@ use std::arch::x86_64::*;
 use super::super::node::{Block, Node, WIDTH};
 use super::super::query::{Bundle, Lane};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
-use crate::simd::Isa;
+use crate::simd::{Isa, Kernel, run_avx2};
 
 /// Proof that this machine has AVX2 and FMA.
 #[derive(Debug, Clone, Copy)]
@@ -369,6 +369,11 @@ unsafe fn edges(block: &Block, x: Pair, y: Pair, half: usize) -> (u32, u32) {
 }
 
 impl Tier for Avx2 {
+    fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        // SAFETY: `self` proves that `Isa::detect` has found every feature of the tier.
+        unsafe { run_avx2(kernel) }
+    }
+
     #[inline(always)]
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         let (to_children, to_distances) = stack.room();

@@ -16,6 +16,7 @@ pub use self::stack::{MAX_DEPTH, Stack};
 
 use super::node::{Block, Node, WIDTH};
 use super::query::{Bundle, Lane};
+use crate::simd::Kernel;
 
 /// Relative and absolute slack of the edge functions' signs in f32: with products p and q their
 /// difference is off by at most 3u max(|p|, |q|) where p and q cancel, and by 2^-149 where they
@@ -36,6 +37,10 @@ pub struct Candidates {
 
 /// The kernels of one tier.
 pub trait Tier: Copy {
+    /// Runs a kernel compiled for this tier. Elsewhere the tier's own kernels work, but slowly: every
+    /// instruction of them is a call.
+    fn run<K: Kernel>(self, kernel: K) -> K::Output;
+
     /// Pushes the children whose boxes the ray meets before `tfar`, the nearest last.
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack);
 

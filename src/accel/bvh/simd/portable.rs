@@ -3,6 +3,7 @@
 use super::super::node::{Block, Node, WIDTH};
 use super::super::query::{Bundle, Lane};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
+use crate::simd::Kernel;
 
 /// The tier that needs nothing.
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +31,10 @@ fn slabs(node: &Node, lane: &Lane, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
 }
 
 impl Tier for Portable {
+    fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        kernel.run()
+    }
+
     #[inline(always)]
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         let (near, far) = slabs(node, lane, tfar);
