@@ -24,10 +24,7 @@ use crate::{
 };
 
 use super::{
-    args::{
-        BackendName, CrosscheckArgs, MachineArgs, MeshArgs, RenderArgs, ReportArgs,
-        SceneArgs,
-    },
+    args::{BackendName, CrosscheckArgs, MachineArgs, MeshArgs, RenderArgs, ReportArgs, SceneArgs},
     crosscheck_text as text, job, machine, render, signals,
 };
 
@@ -168,7 +165,8 @@ fn check(
     let save = args.save.as_ref().map(|path| TextFile::create(path)).transpose()?;
     let ready = std::mem::take(&mut job.ready);
     let scene = &job.loaded.scene;
-    let (world, warnings) = World::load(scene, LoadOptions { ready, ..LoadOptions::default() }, monitor)?;
+    let (world, warnings) =
+        World::load(scene, LoadOptions { ready, ..LoadOptions::default() }, monitor)?;
     for warning in job.warnings.iter().chain(&warnings) {
         super::note(&format!("warning: {warning}"));
     }

@@ -3,8 +3,8 @@
 pub mod ab;
 pub mod answers;
 pub mod bench;
-pub mod judge;
 pub mod cross_check;
+pub mod judge;
 pub mod rays;
 pub mod replay;
 pub mod result;

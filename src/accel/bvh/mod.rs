@@ -28,7 +28,23 @@ use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
-use crate::simd::{Isa, Kernel, dispatch};
+use crate::simd::{Isa, Kernel};
+
+/// Returns what `$run` makes of the kernels of an instruction set.
+macro_rules! with_tier {
+    ($isa:expr, $tier:ident => $run:expr) => {
+        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+        if let (Isa::Avx512, Some($tier)) = ($isa, simd::avx512::Avx512::new()) {
+            return $run;
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let (Isa::Avx2, Some($tier)) = ($isa, simd::avx2::Avx2::new()) {
+            return $run;
+        }
+        let $tier = simd::portable::Portable;
+        return $run;
+    };
+}
 
 /// The tree over a scene's primitives.
 pub struct Bvh<'g> {
@@ -180,13 +196,13 @@ impl Bvh<'_> {
         packet: &mut RayPacket,
         coherence: Coherence,
     ) {
-        let (isa, bvh) = (self.isa, self);
+        let bvh = self;
         if coherence == Coherence::Coherent
-            && dispatch(isa, PacketClosest { tier, bvh, active, packet: &mut *packet })
+            && tier.run(PacketClosest { tier, bvh, active, packet: &mut *packet })
         {
             return;
         }
-        dispatch(isa, SingleClosest { tier, bvh, active, packet });
+        tier.run(SingleClosest { tier, bvh, active, packet });
     }
 
     fn occluded_with<T: Tier>(
@@ -196,13 +212,13 @@ impl Bvh<'_> {
         rays: &mut Rays,
         coherence: Coherence,
     ) {
-        let (isa, bvh) = (self.isa, self);
+        let bvh = self;
         if coherence == Coherence::Coherent
-            && dispatch(isa, PacketOccluded { tier, bvh, active, rays: &mut *rays })
+            && tier.run(PacketOccluded { tier, bvh, active, rays: &mut *rays })
         {
             return;
         }
-        dispatch(isa, SingleOccluded { tier, bvh, active, rays });
+        tier.run(SingleOccluded { tier, bvh, active, rays });
     }
 }
 
@@ -231,22 +247,10 @@ impl Accelerator for Bvh<'_> {
     }
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
-        if self.isa == Isa::Avx512 {
-            if let Some(tier) = simd::avx512::Avx512::new() {
-                return self.closest_with(tier, active, packet, coherence);
-            }
-        }
-        self.closest_with(simd::portable::Portable, active, packet, coherence);
+        with_tier!(self.isa, tier => self.closest_with(tier, active, packet, coherence));
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
-        if self.isa == Isa::Avx512 {
-            if let Some(tier) = simd::avx512::Avx512::new() {
-                return self.occluded_with(tier, active, rays, coherence);
-            }
-        }
-        self.occluded_with(simd::portable::Portable, active, rays, coherence);
+        with_tier!(self.isa, tier => self.occluded_with(tier, active, rays, coherence));
     }
 }

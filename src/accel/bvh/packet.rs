@@ -7,8 +7,8 @@
 use std::cell::Cell;
 
 use super::build::Tree;
-use super::found::Found;
 use super::exact::{DEPTH_SLACK, Ray64, Sheared};
+use super::found::Found;
 use super::node::{Block, Child, Kind, Node, WIDTH};
 use super::query::{Bundle, Query, Slabs};
 use super::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
@@ -284,8 +284,7 @@ impl<'a, T: Tier> Packet<'a, T> {
             let above = nx * (px - f64::from(ox[i]))
                 + ny * (py - f64::from(oy[i]))
                 + nz * (pz - f64::from(oz[i]));
-            let towards =
-                nx * f64::from(dx[i]) + ny * f64::from(dy[i]) + nz * f64::from(dz[i]);
+            let towards = nx * f64::from(dx[i]) + ny * f64::from(dy[i]) + nz * f64::from(dz[i]);
             t[i] = above / towards;
         }
     }

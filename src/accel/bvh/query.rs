@@ -67,8 +67,7 @@ impl Query {
     pub fn new(rays: &Rays, scene: &Bounds3) -> Self {
         let [ox, oy, oz] = &rays.org;
         let mut direction = [[0.0f32; LANES]; 3];
-        let (mut scale, mut tnear, mut tfar) =
-            ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
+        let (mut scale, mut tnear, mut tfar) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
         for i in 0..LANES {
             let (x, y, z) = (rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]);
             let largest = max(max(x.abs(), y.abs()), z.abs());
@@ -122,7 +121,13 @@ impl Query {
             let z = az >= max(ax, ay);
             let y = !z & (ay >= ax);
             let pick = |x_first: f32, y_first: f32, z_first: f32| {
-                if z { z_first } else if y { y_first } else { x_first }
+                if z {
+                    z_first
+                } else if y {
+                    y_first
+                } else {
+                    x_first
+                }
             };
             dominant[i] = if z { 2 } else { u32::from(y) };
             origin[0][i] = pick(oy[i], oz[i], ox[i]);
@@ -174,10 +179,7 @@ impl Query {
                 range(tier, active, &self.origin[1]),
                 range(tier, active, &self.origin[2]),
             ],
-            shear: [
-                range(tier, active, &self.shear[0]),
-                range(tier, active, &self.shear[1]),
-            ],
+            shear: [range(tier, active, &self.shear[0]), range(tier, active, &self.shear[1])],
             margin: -least(tier, active, |i| -self.margin[i]),
         }
     }
@@ -298,9 +300,8 @@ impl Lane<'_> {
     /// What the boxes see.
     #[inline(always)]
     pub fn slabs(&self) -> Slabs {
-        let (q, of) = (self.query, |m: &[[f32; LANES]; 3]| {
-            [self.of(&m[0]), self.of(&m[1]), self.of(&m[2])]
-        });
+        let (q, of) =
+            (self.query, |m: &[[f32; LANES]; 3]| [self.of(&m[0]), self.of(&m[1]), self.of(&m[2])]);
         Slabs {
             near_inverse: of(&q.near_inverse),
             near_offset: of(&q.near_offset),

@@ -123,7 +123,12 @@ impl<'a, T: Tier> Single<'a, T> {
             let hit = match child.kind() {
                 Kind::Node(index) => {
                     let node = &self.tree.nodes[index];
-                    self.tier.push_any(node, &self.lane, self.lane.of(&self.lane.query.tfar), stack);
+                    self.tier.push_any(
+                        node,
+                        &self.lane,
+                        self.lane.of(&self.lane.query.tfar),
+                        stack,
+                    );
                     if let Some(next) = stack.second() {
                         self.tree.prefetch(next);
                     }

@@ -5,6 +5,7 @@ use std::cell::Cell;
 use super::node::{Block, Node, WIDTH};
 use super::query::{Bundle, Lane, Slabs};
 use super::simd::{Candidates, Stack, Tier};
+use crate::simd::Kernel;
 
 /// Nodes, leaves and triangles that were tested.
 #[derive(Debug, Default)]
@@ -34,6 +35,10 @@ pub struct Counting<'c, T> {
 
 impl<T: Tier> Tier for Counting<'_, T> {
     const FUSED: bool = T::FUSED;
+
+    fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        self.tier.run(kernel)
+    }
 
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         add(&self.counts.nodes, 1);

@@ -63,7 +63,14 @@ pub fn collapse(binary: &[Binary]) -> Tree {
             wide(binary, &plan, 0)
         }
     };
-    Tree { nodes, blocks: Vec::new(), spheres: Vec::new(), bounds: Bounds3::EMPTY, depth, is_large: false }
+    Tree {
+        nodes,
+        blocks: Vec::new(),
+        spheres: Vec::new(),
+        bounds: Bounds3::EMPTY,
+        depth,
+        is_large: false,
+    }
 }
 
 /// How a subtree fills k slots of a wide node, k = 2 ..= 16, at index k - 1: its left side gets that

@@ -5,7 +5,7 @@ use std::arch::x86_64::*;
 use super::super::node::{Block, Node, WIDTH};
 use super::super::query::{Bundle, Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
-use crate::simd::Isa;
+use crate::simd::{Isa, Kernel, run_avx512};
 
 /// Proof that this machine has AVX-512.
 #[derive(Debug, Clone, Copy)]
@@ -201,6 +201,11 @@ unsafe fn push(stack: &mut Stack, mask: __mmask16, children: __m512i, near: __m5
 impl Tier for Avx512 {
     const FUSED: bool = true;
 
+    fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        // SAFETY: `self` proves that `Isa::detect` has found every feature of the tier.
+        unsafe { run_avx512(kernel) }
+    }
+
     #[inline(always)]
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         // SAFETY: `self` proves AVX-512; the children are 16 aligned u32.
@@ -269,8 +274,7 @@ impl Tier for Avx512 {
         let q = lane.query;
         // SAFETY: `self` proves AVX-512; axes are below 3; rows hold 16 aligned f32 or 16 bytes.
         unsafe {
-            let depth =
-                _mm512_sub_ps(coordinate(block, lane.axes[2]), all(lane, &q.origin[2]));
+            let depth = _mm512_sub_ps(coordinate(block, lane.axes[2]), all(lane, &q.origin[2]));
             let corners = corners(block);
             let [ax, bx, cx] = at(&corners, sheared(block, lane, 0, depth));
             let [ay, by, cy] = at(&corners, sheared(block, lane, 1, depth));

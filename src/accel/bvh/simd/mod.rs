@@ -3,15 +3,20 @@
 //! The tiers differ in speed and in the rounding of box distances, never in an answer: their
 //! triangle tests only rule out what [`super::exact`] would, and that decides.
 
+#[cfg(target_arch = "x86_64")]
+pub mod avx2;
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
 pub mod avx512;
 pub mod portable;
 mod stack;
+#[cfg(test)]
+mod tests;
 
 pub use self::stack::{MAX_DEPTH, Stack};
 
 use super::node::{Block, Node, WIDTH};
 use super::query::{Bundle, Lane, Slabs};
+use crate::simd::Kernel;
 
 /// Relative and absolute slack of the edge functions' signs in f32: with products p and q their
 /// difference is off by at most 3u max(|p|, |q|) where p and q cancel, and by 2^-149 where they
@@ -40,6 +45,10 @@ pub trait Tier: Copy {
     fn mul_sub(a: f32, b: f32, c: f32) -> f32 {
         if Self::FUSED { a.mul_add(b, -c) } else { a * b - c }
     }
+
+    /// Runs a kernel compiled for this tier. Elsewhere the tier's own kernels work, but slowly: every
+    /// instruction of them is a call.
+    fn run<K: Kernel>(self, kernel: K) -> K::Output;
 
     /// Pushes the children whose boxes the ray meets before `tfar`, the nearest last.
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack);

@@ -3,6 +3,7 @@
 use super::super::node::{Block, Node, WIDTH};
 use super::super::query::{Bundle, Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
+use crate::simd::Kernel;
 
 /// The tier that needs nothing.
 #[derive(Debug, Clone, Copy)]
@@ -27,6 +28,10 @@ fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
 
 impl Tier for Portable {
     const FUSED: bool = false;
+
+    fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        kernel.run()
+    }
 
     #[inline(always)]
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {

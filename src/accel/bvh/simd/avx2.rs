@@ -1,0 +1,469 @@
+//! AVX2 and FMA: a node or a leaf is two vectors.
+
+use std::arch::x86_64::*;
+
+use super::super::node::{Block, Node, WIDTH};
+use super::super::query::{Bundle, Lane, Slabs};
+use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
+use crate::simd::{Isa, Kernel, run_avx2};
+
+/// Proof that this machine has AVX2 and FMA.
+#[derive(Debug, Clone, Copy)]
+pub struct Avx2(());
+
+impl Avx2 {
+    /// The tier, if this machine runs it.
+    pub fn new() -> Option<Self> {
+        (Isa::detect() >= Isa::Avx2).then_some(Self(()))
+    }
+}
+
+/// Lanes of a vector.
+const HALF: usize = WIDTH / 2;
+
+/// 16 numbers.
+type Pair = [__m256; 2];
+
+/// For each mask of 8 lanes their numbers, a byte each; a byte shuffle reads 0x80 as "nothing".
+static LANES_OF: [u64; 256] = lanes_of();
+
+const fn lanes_of() -> [u64; 256] {
+    let mut table = [u64::from_le_bytes([0x80; HALF]); 256];
+    let mut mask = 0;
+    while mask < table.len() {
+        let (mut bytes, mut lane, mut n) = ([0x80; HALF], 0, 0);
+        while lane < HALF {
+            if (mask >> lane) & 1 != 0 {
+                bytes[n] = lane as u8;
+                n += 1;
+            }
+            lane += 1;
+        }
+        table[mask] = u64::from_le_bytes(bytes);
+        mask += 1;
+    }
+    table
+}
+
+/// The numbers of a mask's lanes, in the low 8 bytes.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn lanes(mask: u32) -> __m128i {
+    // SAFETY: 8 bytes; the caller's promise.
+    unsafe { _mm_loadl_epi64(LANES_OF.as_ptr().add(mask as usize % LANES_OF.len()).cast()) }
+}
+
+/// One ray's value in all lanes.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn all(lane: &Lane, member: &[f32; WIDTH]) -> __m256 {
+    // SAFETY: the caller's promise.
+    unsafe { _mm256_set1_ps(lane.of(member)) }
+}
+
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn min3(a: __m256, b: __m256, c: __m256) -> __m256 {
+    // SAFETY: the caller's promise.
+    unsafe { _mm256_min_ps(_mm256_min_ps(a, b), c) }
+}
+
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn max3(a: __m256, b: __m256, c: __m256) -> __m256 {
+    // SAFETY: the caller's promise.
+    unsafe { _mm256_max_ps(_mm256_max_ps(a, b), c) }
+}
+
+/// Lanes that read bits 0 to 2 of their index as a lane and bit 3 as a half.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn pick([low, high]: Pair, index: __m256i) -> __m256 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let (low, high) =
+            (_mm256_permutevar8x32_ps(low, index), _mm256_permutevar8x32_ps(high, index));
+        _mm256_blendv_ps(low, high, _mm256_castsi256_ps(_mm256_slli_epi32::<28>(index)))
+    }
+}
+
+/// The low bytes, saturated, of 16 lanes of 32 bits.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn bytes([low, high]: Pair) -> __m128i {
+    // SAFETY: the caller's promise.
+    unsafe {
+        // Packing works within halves of 128 bits, hence the last shuffle.
+        let words = _mm256_packs_epi32(_mm256_castps_si256(low), _mm256_castps_si256(high));
+        let bytes =
+            _mm_packs_epi16(_mm256_castsi256_si128(words), _mm256_extracti128_si256::<1>(words));
+        _mm_shuffle_epi32::<0b11_01_10_00>(bytes)
+    }
+}
+
+/// A flag in the lanes where a comparison holds.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn flag(holds: __m256, flag: i32) -> __m256 {
+    // SAFETY: the caller's promise.
+    unsafe { _mm256_and_ps(holds, _mm256_castsi256_ps(_mm256_set1_epi32(flag))) }
+}
+
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn or4(a: __m256, b: __m256, c: __m256, d: __m256) -> __m256 {
+    // SAFETY: the caller's promise.
+    unsafe { _mm256_or_ps(_mm256_or_ps(a, b), _mm256_or_ps(c, d)) }
+}
+
+/// Distances of one plane of half of the children.
+///
+/// # Safety
+/// AVX2, FMA; `row < 6`, `half < 2`.
+#[inline(always)]
+unsafe fn plane(node: &Node, (row, half): (usize, usize), inverse: f32, offset: f32) -> __m256 {
+    // SAFETY: 8 aligned f32; the caller's promise.
+    unsafe {
+        let row: *const f32 = node.planes.as_ptr().add(row).cast();
+        let planes = _mm256_load_ps(row.add(HALF * half));
+        _mm256_fmsub_ps(planes, _mm256_set1_ps(inverse), _mm256_set1_ps(offset))
+    }
+}
+
+/// Distances at which the ray enters half of the children's boxes, and the lanes that it meets. `max`
+/// and `min` return their second operand if either is NaN: a NaN prunes nothing.
+///
+/// # Safety
+/// AVX2, FMA; `half < 2`.
+#[inline(always)]
+unsafe fn slabs(node: &Node, ray: &Slabs, tfar: f32, half: usize) -> (__m256, __m256) {
+    // SAFETY: rows are below 6; the caller's promise.
+    unsafe {
+        let ([x, y, z], i, o) = (ray.enter, &ray.near_inverse, &ray.near_offset);
+        let near = _mm256_set1_ps(ray.tnear);
+        let near = _mm256_max_ps(plane(node, (x, half), i[0], o[0]), near);
+        let near = _mm256_max_ps(plane(node, (y, half), i[1], o[1]), near);
+        let near = _mm256_max_ps(plane(node, (z, half), i[2], o[2]), near);
+        let ([x, y, z], i, o) = (ray.leave, &ray.far_inverse, &ray.far_offset);
+        let far = _mm256_set1_ps(tfar);
+        let far = _mm256_min_ps(plane(node, (x, half), i[0], o[0]), far);
+        let far = _mm256_min_ps(plane(node, (y, half), i[1], o[1]), far);
+        let far = _mm256_min_ps(plane(node, (z, half), i[2], o[2]), far);
+        (near, _mm256_cmp_ps::<_CMP_NGT_UQ>(near, far))
+    }
+}
+
+/// The children of the ray's octant from far to near, a byte each: see [`Node::set_order`].
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn order(node: &Node, octant: usize) -> __m128i {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let packed = _mm_cvtsi64_si128(node.order[octant % 8] as i64);
+        let nibble = _mm_set1_epi8(15);
+        let low = _mm_and_si128(packed, nibble);
+        let high = _mm_and_si128(_mm_srli_epi64::<4>(packed), nibble);
+        let even_then_odd = _mm_unpacklo_epi8(low, high);
+        _mm_unpacklo_epi8(even_then_odd, _mm_unpackhi_epi64(even_then_odd, even_then_odd))
+    }
+}
+
+/// The children.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn children(node: &Node) -> Pair {
+    // SAFETY: 16 aligned values of 32 bits; the caller's promise.
+    unsafe {
+        let children: *const f32 = node.children.as_ptr().cast();
+        [_mm256_load_ps(children), _mm256_load_ps(children.add(HALF))]
+    }
+}
+
+/// One coordinate of half of a leaf's vertices.
+///
+/// # Safety
+/// AVX2; `axis < 3`, `half < 2`.
+#[inline(always)]
+unsafe fn coordinate(block: &Block, axis: usize, half: usize) -> __m256 {
+    // SAFETY: 8 aligned f32; the caller's promise.
+    unsafe {
+        let row: *const f32 = block.vertices.as_ptr().add(axis).cast();
+        _mm256_load_ps(row.add(HALF * half))
+    }
+}
+
+/// The triangles whose three corners have no flag in common, by bit. A flag says that a vertex lies
+/// on one side of something.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn astride(block: &Block, flags: Pair) -> u32 {
+    // SAFETY: rows of 16 aligned bytes; the caller's promise.
+    unsafe {
+        let flags = bytes(flags);
+        let [a, b, c] = &block.corners;
+        // Bit 7 of the first corner is none of the index's.
+        let a = _mm_and_si128(_mm_load_si128(a.as_ptr().cast()), _mm_set1_epi8(15));
+        let a = _mm_shuffle_epi8(flags, a);
+        let b = _mm_shuffle_epi8(flags, _mm_load_si128(b.as_ptr().cast()));
+        let c = _mm_shuffle_epi8(flags, _mm_load_si128(c.as_ptr().cast()));
+        let common = _mm_and_si128(_mm_and_si128(a, b), c);
+        let none = _mm_cmpeq_epi8(common, _mm_setzero_si128());
+        _mm_movemask_epi8(none) as u32 & u32::from(block.present)
+    }
+}
+
+/// Half of the vertices relative to the rays of a bundle, along one axis, at depths between `near`
+/// and `far`: flags of those beyond all rays to either side.
+///
+/// # Safety
+/// AVX2; `half < 2`, `k < 2`.
+#[inline(always)]
+unsafe fn beside(
+    block: &Block,
+    bundle: &Bundle,
+    (k, half): (usize, usize),
+    (near, far): (__m256, __m256),
+) -> (__m256, __m256) {
+    // SAFETY: axes are below 3; the caller's promise.
+    unsafe {
+        let x = coordinate(block, bundle.axes[k], half);
+        let slack = _mm256_set1_ps(2.0 * bundle.margin);
+        let (s0, s1) = (_mm256_set1_ps(bundle.shear[k].0), _mm256_set1_ps(bundle.shear[k].1));
+        let (o0, o1) = (_mm256_set1_ps(bundle.origin[k].0), _mm256_set1_ps(bundle.origin[k].1));
+        let (a, b) = (_mm256_mul_ps(s0, near), _mm256_mul_ps(s0, far));
+        let (c, d) = (_mm256_mul_ps(s1, near), _mm256_mul_ps(s1, far));
+        let most = _mm256_max_ps(_mm256_max_ps(a, b), _mm256_max_ps(c, d));
+        let least = _mm256_min_ps(_mm256_min_ps(a, b), _mm256_min_ps(c, d));
+        let low = _mm256_sub_ps(_mm256_sub_ps(_mm256_sub_ps(x, o1), most), slack);
+        let high = _mm256_add_ps(_mm256_sub_ps(_mm256_sub_ps(x, o0), least), slack);
+        let zero = _mm256_setzero_ps();
+        (_mm256_cmp_ps::<_CMP_GT_OQ>(low, zero), _mm256_cmp_ps::<_CMP_LT_OQ>(high, zero))
+    }
+}
+
+/// Half of the vertices' flags for a bundle.
+///
+/// # Safety
+/// AVX2; `half < 2`.
+#[inline(always)]
+unsafe fn sides_of_bundle(block: &Block, bundle: &Bundle, half: usize) -> __m256 {
+    // SAFETY: axes are below 3; the caller's promise.
+    unsafe {
+        let z = coordinate(block, bundle.axes[2], half);
+        let (least, most) = bundle.origin[2];
+        let depths =
+            (_mm256_sub_ps(z, _mm256_set1_ps(most)), _mm256_sub_ps(z, _mm256_set1_ps(least)));
+        let (right, left) = beside(block, bundle, (0, half), depths);
+        let (above, below) = beside(block, bundle, (1, half), depths);
+        or4(flag(right, 1), flag(left, 2), flag(above, 4), flag(below, 8))
+    }
+}
+
+/// Half of the vertices relative to the ray (x, y), and their flags.
+///
+/// # Safety
+/// AVX2; `half < 2`.
+#[inline(always)]
+unsafe fn sheared(block: &Block, lane: &Lane, end: f32, half: usize) -> ([__m256; 2], __m256) {
+    // SAFETY: axes are below 3; the caller's promise.
+    unsafe {
+        let (q, [kx, ky, kz]) = (lane.query, lane.axes);
+        // Multiply, then subtract: the same bits in every tier.
+        let depth = _mm256_sub_ps(coordinate(block, kz, half), all(lane, &q.origin[2]));
+        let x = _mm256_sub_ps(coordinate(block, kx, half), all(lane, &q.origin[0]));
+        let y = _mm256_sub_ps(coordinate(block, ky, half), all(lane, &q.origin[1]));
+        let x = _mm256_sub_ps(x, _mm256_mul_ps(all(lane, &q.shear[0]), depth));
+        let y = _mm256_sub_ps(y, _mm256_mul_ps(all(lane, &q.shear[1]), depth));
+        let z = _mm256_xor_ps(depth, _mm256_and_ps(all(lane, &q.along), _mm256_set1_ps(-0.0)));
+        let zero = _mm256_setzero_ps();
+        let sides = or4(
+            flag(_mm256_cmp_ps::<_CMP_GT_OQ>(x, zero), 1),
+            flag(_mm256_cmp_ps::<_CMP_LT_OQ>(x, zero), 2),
+            flag(_mm256_cmp_ps::<_CMP_GT_OQ>(y, zero), 4),
+            flag(_mm256_cmp_ps::<_CMP_LT_OQ>(y, zero), 8),
+        );
+        let behind = flag(_mm256_cmp_ps::<_CMP_LT_OQ>(z, zero), 16);
+        let beyond = flag(_mm256_cmp_ps::<_CMP_GT_OQ>(z, _mm256_set1_ps(end)), 32);
+        ([x, y], _mm256_or_ps(sides, _mm256_or_ps(behind, beyond)))
+    }
+}
+
+/// Corner `k` of half of the triangles.
+///
+/// # Safety
+/// AVX2; `half < 2`, `k < 3`.
+#[inline(always)]
+unsafe fn corner(block: &Block, (k, half): (usize, usize), x: Pair, y: Pair) -> (__m256, __m256) {
+    // SAFETY: 8 bytes; the caller's promise.
+    unsafe {
+        let row: *const u8 = block.corners.as_ptr().add(k).cast();
+        let index = _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.add(HALF * half).cast()));
+        (pick(x, index), pick(y, index))
+    }
+}
+
+/// Half of the triangles by the signs of their edge functions: those that the ray's line may meet and
+/// those that it certainly meets.
+///
+/// # Safety
+/// AVX2, FMA; `half < 2`.
+#[inline(always)]
+unsafe fn edges(block: &Block, x: Pair, y: Pair, half: usize) -> (u32, u32) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let (ax, ay) = corner(block, (0, half), x, y);
+        let (bx, by) = corner(block, (1, half), x, y);
+        let (cx, cy) = corner(block, (2, half), x, y);
+        let q0 = _mm256_mul_ps(cy, bx);
+        let q1 = _mm256_mul_ps(ay, cx);
+        let q2 = _mm256_mul_ps(by, ax);
+        let u = _mm256_fmsub_ps(cx, by, q0);
+        let v = _mm256_fmsub_ps(ax, cy, q1);
+        let w = _mm256_fmsub_ps(bx, ay, q2);
+        let sign = _mm256_set1_ps(-0.0);
+        let largest = max3(
+            _mm256_andnot_ps(sign, q0),
+            _mm256_andnot_ps(sign, q1),
+            _mm256_andnot_ps(sign, q2),
+        );
+        let (scale, floor) = (_mm256_set1_ps(EDGE_SLACK), _mm256_set1_ps(EDGE_FLOOR));
+        let slack = _mm256_fmadd_ps(largest, scale, floor);
+        let minus = _mm256_xor_ps(slack, sign);
+        let (least, most) = (min3(u, v, w), max3(u, v, w));
+        let misses = _mm256_and_ps(
+            _mm256_cmp_ps::<_CMP_LT_OQ>(least, minus),
+            _mm256_cmp_ps::<_CMP_GT_OQ>(most, slack),
+        );
+        let sure = _mm256_or_ps(
+            _mm256_cmp_ps::<_CMP_GT_OQ>(least, slack),
+            _mm256_cmp_ps::<_CMP_LT_OQ>(most, minus),
+        );
+        (!_mm256_movemask_ps(misses) as u32 & 0xff, _mm256_movemask_ps(sure) as u32)
+    }
+}
+
+impl Tier for Avx2 {
+    const FUSED: bool = true;
+
+    fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        // SAFETY: `self` proves that `Isa::detect` has found every feature of the tier.
+        unsafe { run_avx2(kernel) }
+    }
+
+    #[inline(always)]
+    fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
+        let (to_children, to_distances) = stack.room();
+        // SAFETY: `self` proves AVX2 and FMA; there is room for 16 entries: 8 are written at most 8
+        // places on.
+        unsafe {
+            let (n0, m0) = slabs(node, &lane.slabs(), tfar, 0);
+            let (n1, m1) = slabs(node, &lane.slabs(), tfar, 1);
+            let (near, order) = ([n0, n1], order(node, lane.octant));
+            let met = _mm_movemask_epi8(_mm_shuffle_epi8(bytes([m0, m1]), order)) as u32;
+            let (farther, nearer) = (met & 0xff, met >> 8);
+            let children = children(node);
+            let index = _mm256_cvtepu8_epi32(_mm_shuffle_epi8(order, lanes(farther)));
+            _mm256_storeu_ps(to_children.cast(), pick(children, index));
+            _mm256_storeu_ps(to_distances, pick(near, index));
+            let place = farther.count_ones() as usize;
+            let order = _mm_unpackhi_epi64(order, order);
+            let index = _mm256_cvtepu8_epi32(_mm_shuffle_epi8(order, lanes(nearer)));
+            _mm256_storeu_ps(to_children.add(place).cast(), pick(children, index));
+            _mm256_storeu_ps(to_distances.add(place), pick(near, index));
+            stack.grow(met.count_ones() as usize);
+        }
+    }
+
+    #[inline(always)]
+    fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
+        let (to_children, to_distances) = stack.room();
+        // SAFETY: as above.
+        unsafe {
+            let (n0, m0) = slabs(node, &lane.slabs(), tfar, 0);
+            let (n1, m1) = slabs(node, &lane.slabs(), tfar, 1);
+            let [c0, c1] = children(node);
+            let (m0, m1) = (_mm256_movemask_ps(m0) as u32, _mm256_movemask_ps(m1) as u32);
+            let index = _mm256_cvtepu8_epi32(lanes(m0));
+            _mm256_storeu_ps(to_children.cast(), _mm256_permutevar8x32_ps(c0, index));
+            _mm256_storeu_ps(to_distances, _mm256_permutevar8x32_ps(n0, index));
+            let place = m0.count_ones() as usize;
+            let index = _mm256_cvtepu8_epi32(lanes(m1));
+            _mm256_storeu_ps(to_children.add(place).cast(), _mm256_permutevar8x32_ps(c1, index));
+            _mm256_storeu_ps(to_distances.add(place), _mm256_permutevar8x32_ps(n1, index));
+            stack.grow(place + m1.count_ones() as usize);
+        }
+    }
+
+    #[inline(always)]
+    fn overlaps(self, node: &Node, ray: &Slabs, tfar: f32) -> u32 {
+        // SAFETY: `self` proves AVX2 and FMA.
+        unsafe {
+            let (_, m0) = slabs(node, ray, tfar, 0);
+            let (_, m1) = slabs(node, ray, tfar, 1);
+            let met = _mm_shuffle_epi8(bytes([m0, m1]), order(node, ray.octant));
+            _mm_movemask_epi8(met) as u32
+        }
+    }
+
+    #[inline(always)]
+    fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {
+        // SAFETY: `self` proves AVX2.
+        unsafe {
+            let sides = [sides_of_bundle(block, bundle, 0), sides_of_bundle(block, bundle, 1)];
+            astride(block, sides)
+        }
+    }
+
+    #[inline(always)]
+    fn least(self, v: &[f32; WIDTH]) -> f32 {
+        // SAFETY: `self` proves AVX2; 16 f32.
+        unsafe {
+            let low = _mm256_loadu_ps(v.as_ptr());
+            let v = _mm256_min_ps(low, _mm256_loadu_ps(v.as_ptr().add(HALF)));
+            let v = _mm_min_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
+            let v = _mm_min_ps(v, _mm_movehl_ps(v, v));
+            _mm_cvtss_f32(_mm_min_ss(v, _mm_movehdup_ps(v)))
+        }
+    }
+
+    #[inline(always)]
+    fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {
+        // SAFETY: `self` proves AVX2 and FMA.
+        unsafe {
+            let end = lane.depth(tfar);
+            let ([x0, y0], sides0) = sheared(block, lane, end, 0);
+            let ([x1, y1], sides1) = sheared(block, lane, end, 1);
+            // The line misses what lies to one side of it: no rounding here.
+            let around = astride(block, [sides0, sides1]);
+            let (mut maybe, mut sure) = (0, 0);
+            if around & 0xff != 0 {
+                (maybe, sure) = edges(block, [x0, x1], [y0, y1], 0);
+            }
+            if around >> HALF != 0 {
+                let (m, s) = edges(block, [x0, x1], [y0, y1], 1);
+                (maybe, sure) = (maybe | m << HALF, sure | s << HALF);
+            }
+            maybe &= around;
+            Candidates { maybe, sure: maybe & sure }
+        }
+    }
+}

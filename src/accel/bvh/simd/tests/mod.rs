@@ -1,0 +1,245 @@
+//! Every tier against the exact decisions, against f64 boxes, and against the other tiers.
+
+mod cases;
+mod traversals;
+
+use self::cases::{Random, cases};
+use super::super::exact::{Ray64, Sheared};
+use super::super::node::{Block, Child, Node, WIDTH};
+use super::super::query::{Bundle, Lane, Query};
+use super::*;
+use crate::ray::{LANES, Mask, Rays};
+use crate::simd::Isa;
+
+/// What a tier says of one ray, a node and a leaf.
+#[derive(Debug)]
+struct Answers {
+    ordered: Vec<(Child, f32)>,
+    any: Vec<(Child, f32)>,
+    overlaps: u32,
+    candidates: Candidates,
+}
+
+struct Ask<'a, T> {
+    tier: T,
+    node: &'a Node,
+    block: &'a Block,
+    lane: &'a Lane<'a>,
+    tfar: f32,
+}
+
+impl<T: Tier> Kernel for Ask<'_, T> {
+    type Output = Answers;
+    #[inline(always)]
+    fn run(self) -> Answers {
+        let Self { tier, node, block, lane, tfar } = self;
+        let mut stack = Stack::new();
+        tier.push_ordered(node, lane, tfar, &mut stack);
+        let ordered = drain(&mut stack);
+        tier.push_any(node, lane, tfar, &mut stack);
+        let any = drain(&mut stack);
+        let overlaps = tier.overlaps(node, &lane.slabs(), tfar);
+        Answers { ordered, any, overlaps, candidates: tier.candidates(block, lane, tfar) }
+    }
+}
+
+/// All entries of a stack, the first pushed first.
+fn drain(stack: &mut Stack) -> Vec<(Child, f32)> {
+    let mut entries: Vec<_> = std::iter::from_fn(|| stack.pop()).collect();
+    entries.reverse();
+    entries
+}
+
+struct AskBundle<'a, T> {
+    tier: T,
+    block: &'a Block,
+    query: &'a Query,
+    active: &'a Mask,
+}
+
+impl<T: Tier> Kernel for AskBundle<'_, T> {
+    type Output = u32;
+    #[inline(always)]
+    fn run(self) -> u32 {
+        let bundle: Bundle = self.query.bundle(self.tier, self.active);
+        self.tier.overlapping(self.block, &bundle)
+    }
+}
+
+struct AskLeast<'a, T> {
+    tier: T,
+    values: &'a [f32; WIDTH],
+}
+
+impl<T: Tier> Kernel for AskLeast<'_, T> {
+    type Output = f32;
+    #[inline(always)]
+    fn run(self) -> f32 {
+        self.tier.least(self.values)
+    }
+}
+
+/// What each tier of this machine answers, by name; the first is the portable one.
+macro_rules! every_tier {
+    ($tier:ident => $ask:expr) => {{
+        let mut answers = Vec::new();
+        {
+            let $tier = portable::Portable;
+            answers.push((Isa::Portable, $tier.run($ask)));
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some($tier) = avx2::Avx2::new() {
+            answers.push((Isa::Avx2, $tier.run($ask)));
+        }
+        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+        if let Some($tier) = avx512::Avx512::new() {
+            answers.push((Isa::Avx512, $tier.run($ask)));
+        }
+        assert_eq!(answers.len(), Isa::available().count());
+        answers
+    }};
+}
+
+/// Where the ray's line enters a child's box, in f64; none if it misses it or does so after `tfar`.
+fn entry(node: &Node, i: usize, rays: &Rays, ray: usize, tfar: f64) -> Option<f64> {
+    let (mut near, mut far) = (f64::from(rays.tnear[ray]), tfar);
+    for axis in 0..3 {
+        let (o, d) = (f64::from(rays.org[axis][ray]), f64::from(rays.dir[axis][ray]));
+        let (lower, upper) = (f64::from(node.planes[axis][i]), f64::from(node.planes[axis + 3][i]));
+        if d == 0.0 {
+            if o < lower || o > upper {
+                return None;
+            }
+            continue;
+        }
+        let (a, b) = ((lower - o) / d, (upper - o) / d);
+        (near, far) = (near.max(a.min(b)), far.min(a.max(b)));
+    }
+    (near <= far).then_some(near)
+}
+
+#[test]
+fn no_tier_misses_a_box_and_all_keep_the_order() {
+    let (mut met, mut missed) = (0, 0);
+    cases(600, |_, node, block, rays, query| {
+        for i in 0..LANES {
+            let (lane, scale) = (&query.lane(i), f64::from(query.scale[i]));
+            let tfar = query.tfar[i];
+            for (isa, answers) in every_tier!(tier => Ask { tier, node, block, lane, tfar }) {
+                let order = (0..WIDTH).map(|j| node.ordered(lane.octant, j));
+                let places: Vec<usize> = order
+                    .enumerate()
+                    .filter(|(j, _)| (answers.overlaps >> j) & 1 != 0)
+                    .map(|(_, child)| child)
+                    .collect();
+                let places: Vec<Child> = places.into_iter().map(|i| node.children[i]).collect();
+                let pushed: Vec<Child> = answers.ordered.iter().map(|entry| entry.0).collect();
+                assert_eq!(pushed, places, "{isa}: {answers:?}");
+                let sorted = |entries: &[(Child, f32)]| {
+                    let mut entries: Vec<_> =
+                        entries.iter().map(|(c, d)| (c.0, d.to_bits())).collect();
+                    entries.sort_unstable();
+                    entries
+                };
+                assert_eq!(sorted(&answers.ordered), sorted(&answers.any), "{isa}");
+                for child in 0..WIDTH {
+                    let distance = answers.ordered.iter().find(|e| e.0 == node.children[child]);
+                    if node.children[child] == Child::EMPTY {
+                        assert_eq!(distance, None, "{isa}");
+                        continue;
+                    }
+                    match entry(node, child, rays, i, f64::from(rays.tfar[i])) {
+                        Some(exact) => {
+                            let distance =
+                                distance.unwrap_or_else(|| panic!("{isa}: {child} {node:?}"));
+                            assert!(f64::from(distance.1) <= exact * scale, "{isa}");
+                            met += 1;
+                        }
+                        None => missed += usize::from(distance.is_none()),
+                    }
+                }
+            }
+        }
+    });
+    assert!(met > 1000 && missed > 1000, "{met} {missed}");
+}
+
+#[test]
+fn candidates_miss_nothing_and_are_sure_of_hits_only() {
+    let (mut hits, mut sure, mut ruled_out) = (0, 0, 0);
+    cases(1500, |random, node, block, rays, query| {
+        for i in 0..LANES {
+            let lane = &query.lane(i);
+            let ray = Ray64::new(rays, i, lane.axes[2]);
+            let met: Vec<Option<f64>> = (0..WIDTH)
+                .map(|slot| {
+                    let seen = Sheared::new(lane, block, slot);
+                    let present = (block.present >> slot) & 1 != 0;
+                    (present && seen.inside()).then(|| seen.t(&ray, block.triangle(slot)))
+                })
+                .collect();
+            // The end of the segment, or a hit: one of the same distance is a candidate still.
+            let end = met[random.below(WIDTH)].filter(|t| *t >= 0.0);
+            let tfar = end.map_or(query.tfar[i], |t| t as f32 * query.scale[i]);
+            let end = end.unwrap_or(ray.tfar);
+            for (isa, answers) in every_tier!(tier => Ask { tier, node, block, lane, tfar }) {
+                let Candidates { maybe, sure: certain } = answers.candidates;
+                assert_eq!(certain & !maybe, 0, "{isa}");
+                assert_eq!(maybe & !u32::from(block.present), 0, "{isa}");
+                for slot in 0..WIDTH {
+                    let bit = 1 << slot;
+                    let hit = met[slot].is_some_and(|t| t > 0.0 && t <= end);
+                    assert!(!hit || maybe & bit != 0, "{isa}: {slot} {block:?} {answers:?}");
+                    assert!(certain & bit == 0 || met[slot].is_some(), "{isa}: {slot} {block:?}");
+                    hits += u32::from(hit);
+                    sure += u32::from(certain & bit != 0);
+                    ruled_out += u32::from(maybe & bit == 0);
+                }
+            }
+        }
+    });
+    assert!(hits > 1000 && sure > 1000 && ruled_out > 1000, "{hits} {sure} {ruled_out}");
+}
+
+#[test]
+fn a_bundle_drops_no_triangle_that_any_of_its_rays_meets() {
+    let (mut met, mut dropped) = (0, 0);
+    cases(1500, |random, _, block, rays, query| {
+        let axes = query.lane(random.below(LANES)).axes;
+        let few = random.below(2) == 0;
+        let active = &Mask(std::array::from_fn(|i| {
+            -i32::from(query.lane(i).axes == axes && (!few || random.below(4) == 0))
+        }));
+        if !active.any() {
+            return;
+        }
+        for (isa, found) in every_tier!(tier => AskBundle { tier, block, query, active }) {
+            for slot in (0..WIDTH).filter(|slot| (block.present >> slot) & 1 != 0) {
+                let hit = (0..LANES).any(|i| {
+                    active.0[i] != 0 && Sheared::new(&query.lane(i), block, slot).inside()
+                });
+                let kept = (found >> slot) & 1 != 0;
+                assert!(kept || !hit, "{isa}: {slot} {block:?} {rays:?} {active:?}");
+                (met, dropped) = (met + usize::from(hit), dropped + usize::from(!kept));
+            }
+            assert_eq!(found & !u32::from(block.present), 0, "{isa}");
+        }
+    });
+    assert!(met > 1000 && dropped > 100, "{met} {dropped}");
+}
+
+#[test]
+fn the_least_of_16_numbers_is_found_in_every_place() {
+    let mut random = Random(3);
+    for place in 0..WIDTH {
+        for least in [-2.0, f32::NEG_INFINITY] {
+            let mut values: [f32; WIDTH] = std::array::from_fn(|_| random.unit());
+            values[(place + 3) % WIDTH] = f32::INFINITY;
+            values[place] = least;
+            let values = &values;
+            for (isa, found) in every_tier!(tier => AskLeast { tier, values }) {
+                assert_eq!(found, least, "{isa}: {place}");
+            }
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Whole trees.
+
+use std::collections::HashMap;
+
+use super::cases::Random;
+use crate::accel::bvh::Bvh;
+use crate::accel::{Accelerator, BuildOptions};
+use crate::geometry::{Geometry, Sphere, TriangleMesh};
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket};
+use crate::simd::Isa;
+
+const ALL: Mask = Mask([-1; LANES]);
+
+/// An icosahedron whose faces were split in four `levels` times, with vertices on a sphere.
+fn icosphere(levels: usize) -> TriangleMesh {
+    let g = 0.5 + 1.25f32.sqrt();
+    let mut vertices = Vec::new();
+    for (a, b) in [(1.0, g), (1.0, -g), (-1.0, g), (-1.0, -g)] {
+        vertices.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
+    }
+    // Faces: three vertices at the distance of an edge, 2, from each other.
+    let apart = |a: [f32; 3], b: [f32; 3]| {
+        let [x, y, z] = [0, 1, 2].map(|k| a[k] - b[k]);
+        x * x + y * y + z * z
+    };
+    let mut faces = Vec::new();
+    for a in 0..12 {
+        for b in 0..a {
+            for c in 0..b {
+                let [p, q, r] = [a, b, c].map(|i| vertices[i]);
+                if apart(p, q) < 4.1 && apart(q, r) < 4.1 && apart(r, p) < 4.1 {
+                    faces.push([a as u32, b as u32, c as u32]);
+                }
+            }
+        }
+    }
+    assert_eq!(faces.len(), 20);
+    for _ in 0..levels {
+        let mut middles = HashMap::new();
+        let mut finer = Vec::new();
+        for [a, b, c] in faces {
+            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(a, b)| {
+                *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                    let (p, q) = (vertices[a as usize], vertices[b as usize]);
+                    vertices.push(std::array::from_fn(|k| 0.5 * (p[k] + q[k])));
+                    vertices.len() as u32 - 1
+                })
+            });
+            finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+        }
+        faces = finer;
+    }
+    for v in &mut vertices {
+        let length = apart(*v, [0.0; 3]).sqrt();
+        *v = v.map(|x| x / length);
+    }
+    TriangleMesh::new(vertices, faces, false)
+}
+
+/// Random triangles, some alike, two quads and some spheres.
+fn soup() -> Geometry {
+    let mut random = Random(11);
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for i in 0..3000u32 {
+        let center = random.point();
+        for _ in 0..3 {
+            let away = random.point();
+            vertices.push([0, 1, 2].map(|k| center[k] + 0.1 * away[k]));
+        }
+        triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+        if i % 5 == 0 {
+            triangles.push([3 * i + 1, 3 * i, 3 * i + 2]);
+        }
+    }
+    let mesh = TriangleMesh::new(vertices, triangles, false);
+    let quad = |z: f32| [[-1.0, -1.0, z], [1.0, -1.0, z], [1.0, 1.0, z], [-1.0, 1.0, z]];
+    let spheres = (0..50)
+        .map(|_| Sphere { center: random.point().map(f64::from).into(), radius: 0.05 })
+        .collect();
+    Geometry::new(glam::DVec3::ZERO, vec![mesh], vec![quad(-0.9), quad(0.8)], spheres).unwrap()
+}
+
+/// The hits of a tree of every tier.
+fn hits(geometry: &Geometry, packets: &[RayPacket], how: Coherence) -> Vec<(Isa, Vec<RayPacket>)> {
+    Isa::available()
+        .map(|isa| {
+            let options = BuildOptions { threads: 1, fast: false, isa, max_bytes: None };
+            let bvh = Bvh::build(geometry, &options, &Monitor::default()).unwrap();
+            let mut packets = packets.to_vec();
+            for packet in &mut packets {
+                let mut shadow = packet.rays.clone();
+                bvh.closest(&ALL, packet, how);
+                bvh.occluded(&ALL, &mut shadow, how);
+                let hit = packet.hit(&ALL);
+                for i in 0..LANES {
+                    let stopped = shadow.tfar[i] == f32::NEG_INFINITY;
+                    assert_eq!(stopped, hit.0[i] != 0, "{isa}: {i} {packet:?}");
+                }
+            }
+            (isa, packets)
+        })
+        .collect()
+}
+
+/// Everything of a packet's hits, as bits.
+fn bits(packet: &RayPacket) -> [[u32; LANES]; 5] {
+    let (rays, hits) = (&packet.rays, &packet.hits);
+    [
+        rays.tfar.map(f32::to_bits),
+        hits.geom,
+        hits.prim,
+        hits.u.map(f32::to_bits),
+        hits.v.map(f32::to_bits),
+    ]
+}
+
+/// Rays from near `from` to all over the scene, or all to near one place.
+fn scattered(random: &mut Random, together: bool) -> RayPacket {
+    let mut packet = RayPacket::EMPTY;
+    let (from, to) = (random.point(), random.point());
+    for i in 0..LANES {
+        let (shift, other) = (random.point(), random.point());
+        for axis in 0..3 {
+            let target = if together { to[axis] + 0.05 * shift[axis] } else { other[axis] };
+            packet.rays.org[axis][i] = 2.0 * from[axis];
+            packet.rays.dir[axis][i] = target - 2.0 * from[axis];
+        }
+    }
+    packet
+}
+
+/// Rays from the middle of a mesh through its vertices and the middles of its edges.
+fn from_within(mesh: &TriangleMesh) -> Vec<RayPacket> {
+    let mut targets = mesh.vertices().to_vec();
+    for t in mesh.triangles() {
+        let [a, b, _] = t.map(|i| mesh.vertices()[i as usize]);
+        targets.push([0, 1, 2].map(|k| 0.5 * (a[k] + b[k])));
+    }
+    let mut random = Random(5);
+    let packet = |targets: &[[f32; 3]]| {
+        let mut packet = RayPacket::EMPTY;
+        let from = random.point().map(|x| 0.3 * x);
+        for i in 0..LANES {
+            for axis in 0..3 {
+                packet.rays.org[axis][i] = from[axis];
+                packet.rays.dir[axis][i] = targets[i % targets.len()][axis] - from[axis];
+            }
+        }
+        packet
+    };
+    targets.chunks(LANES).map(packet).collect()
+}
+
+#[test]
+fn every_tier_finds_the_same_hits_of_single_rays() {
+    let mut random = Random(1);
+    let packets: Vec<_> = (0..600).map(|i| scattered(&mut random, i % 2 == 0)).collect();
+    let found = hits(&soup(), &packets, Coherence::Single);
+    let (_, expected) = &found[0];
+    let count: u32 = expected.iter().map(|packet| packet.hit(&ALL).count()).sum();
+    assert!(count > 1000);
+    for (isa, found) in &found {
+        for (a, b) in found.iter().zip(expected) {
+            assert_eq!(bits(a), bits(b), "{isa}");
+        }
+    }
+}
+
+#[test]
+fn a_closed_mesh_has_no_gap_in_any_tier() {
+    let mesh = icosphere(4);
+    let packets = from_within(&mesh);
+    let geometry = Geometry::new(glam::DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
+    for how in [Coherence::Single, Coherence::Coherent] {
+        let found = hits(&geometry, &packets, how);
+        for (isa, packets) in &found {
+            for (packet, expected) in packets.iter().zip(&found[0].1) {
+                assert!(packet.hits.geom.iter().all(|&geom| geom != NONE), "{isa}");
+                assert_eq!(bits(packet)[..3], bits(expected)[..3], "{isa}");
+            }
+        }
+    }
+}
+
+#[test]
+fn packets_find_what_single_rays_find() {
+    let mut random = Random(2);
+    let packets: Vec<_> = (0..600).map(|_| scattered(&mut random, true)).collect();
+    let geometry = soup();
+    let single = hits(&geometry, &packets, Coherence::Single);
+    let together = hits(&geometry, &packets, Coherence::Coherent);
+    for ((isa, single), (_, together)) in single.iter().zip(&together) {
+        for (a, b) in single.iter().zip(together) {
+            assert_eq!(bits(a)[..3], bits(b)[..3], "{isa}");
+            for i in 0..LANES {
+                // Weights are of f32 edge functions in packets: off by 1e-6 or so of the distance
+                // over the size of the triangle.
+                let off = (a.hits.u[i] - b.hits.u[i]).abs() + (a.hits.v[i] - b.hits.v[i]).abs();
+                assert!(off < 1e-2, "{isa}: {off}");
+            }
+        }
+    }
+}
