@@ -13,6 +13,8 @@ mod packet;
 mod query;
 mod simd;
 mod single;
+#[cfg(test)]
+mod tests;
 mod validate;
 mod visits;
 
