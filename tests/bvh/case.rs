@@ -57,7 +57,7 @@ pub fn run(bytes: &[u8]) {
     let (geometry, points) = scene(&mut bytes);
     let tiers = Tiers::new(&geometry);
     for _ in 0..4 {
-        let rays = rays(&mut bytes, &points, *geometry.bases().last().expect("a total"));
+        let rays = rays(&mut bytes, &points, geometry.primitive(geometry.spheres_id(), 0));
         let mut active = Mask([-1; LANES]);
         if bytes.below(4) == 0 {
             let some = [bytes.u8(), bytes.u8()];
@@ -104,8 +104,9 @@ fn scene(bytes: &mut Bytes) -> (Geometry, Vec<[f32; 3]>) {
     (Geometry::new(DVec3::ZERO, meshes, quads, spheres).expect("few primitives"), points)
 }
 
-/// 16 rays, mostly towards points and mixtures of points.
-fn rays(bytes: &mut Bytes, points: &[[f32; 3]], primitives: u32) -> Rays {
+/// 16 rays, mostly towards points and mixtures of points. Some leave one of the first `flat`
+/// primitives; a ray that leaves a sphere must begin on it.
+fn rays(bytes: &mut Bytes, points: &[[f32; 3]], flat: u32) -> Rays {
     let style = bytes.u8();
     let mut rays = Rays::EMPTY;
     let mut origin = [0.0; 3];
@@ -133,7 +134,7 @@ fn rays(bytes: &mut Bytes, points: &[[f32; 3]], primitives: u32) -> Rays {
             0 => rays.tfar[i] = 1.0,
             1 => rays.tfar[i] = bytes.number(1).abs(),
             2 => rays.tnear[i] = bytes.number(1).abs(),
-            3 if primitives > 0 => rays.leaving[i] = u32::from(bytes.u8()) % primitives,
+            3 if flat > 0 => rays.leaving[i] = u32::from(bytes.u8()) % flat,
             _ => {}
         }
     }

@@ -85,7 +85,7 @@ fn directions_may_have_any_length() {
     // The smallest sum of magnitudes that counts as a direction, and the largest.
     let tiny = f32::MIN_POSITIVE;
     let large = f32::MAX;
-    for [x, z] in [[0.5, 0.5], [0.0, 1.0], [0.25, 0.75]] {
+    for [x, z] in [[0.4, 0.6], [0.0, 1.0], [0.25, 0.75]] {
         for size in [tiny, large, large / 2.0, large / 4.0] {
             let mut rays = along_z();
             for i in 0..LANES {
@@ -99,7 +99,9 @@ fn directions_may_have_any_length() {
             assert_eq!(active, ALL, "{x} {z} {size}");
             for hit in tiers.trace(&active, &rays) {
                 let t = hit.map(|hit| f64::from(hit.t) * f64::from(z * size));
-                let right = if rays.tnear[0] < at(2.0) { t.is_some_and(|t| (t - 2.0).abs() < 0.2) } else { true };
+                // Where t is denormal, 1.25 and 2 are the same.
+                let apart = rays.tnear[0] < at(2.0);
+                let right = !apart || t.is_some_and(|t| (t - 2.0).abs() < 0.2);
                 assert!(right, "{t:?} for {x} {z} {size}, t from {}", rays.tnear[0]);
             }
         }

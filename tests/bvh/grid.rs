@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
-use lightpath::ray::{LANES, Rays};
+use lightpath::ray::{LANES, NONE, Rays};
 use proptest::{collection::vec, prelude::*};
 
 use super::tiers::{ALL, Hit, Tiers, put, ray};
@@ -190,7 +190,9 @@ proptest! {
                 put(&mut rays, i, shot.origin.map(|x| x as f32), direction);
                 rays.tnear[i] = shot.ends.0 as f32 / 8.0;
                 rays.tfar[i] = shot.ends.1.map_or(f32::INFINITY, |end| end as f32 / 8.0);
-                rays.leaving[i] = shot.leaving;
+                // A ray that leaves a sphere must begin on it.
+                let flat = exact.geometry.primitive(exact.geometry.spheres_id(), 0);
+                rays.leaving[i] = if shot.leaving < flat { shot.leaving } else { NONE };
             }
             let found = tiers.trace(&ALL, &rays);
             for (i, shot) in shots.iter().enumerate() {

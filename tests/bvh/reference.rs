@@ -112,17 +112,25 @@ fn triangle(
         [v[kx] - direction[kx] / along * v[kz], v[ky] - direction[ky] / along * v[kz]]
     });
     let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
-    let edges = [cross(c, b), cross(a, c), cross(b, a)];
-    let inside = edges.iter().all(|&e| e >= 0.0) || edges.iter().all(|&e| e <= 0.0);
+    // The sign of an edge function, 0 where f64 cannot tell: near the line through two corners, hence
+    // outside, or near the edge between them, which is told apart below.
+    let side = |p: [f64; 2], q: [f64; 2]| {
+        let noise = 16.0 * U64 * (p[0].hypot(p[1]) * q[0].hypot(q[1]));
+        let edge = cross(p, q);
+        i32::from(edge > noise) - i32::from(edge < -noise)
+    };
+    let inside = (side(c, b) + side(a, c) + side(b, a)).abs() == 3;
     let away = distance(a, b).min(distance(b, c)).min(distance(c, a)) > bound;
     if away && !inside {
         return None;
     }
     let depths = to.map(|v| v[kz] / along);
     let (first, last) = (least(depths), most(depths));
-    let (first, last) = (first - first.abs() * 2.0 * U, last + last.abs() * 2.0 * U);
     let (least, most) = plane(to, direction).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-    let t = (least.clamp(first, last), most.clamp(first, last));
+    // The tree keeps t between the corners' depths, which it rounds to f32.
+    let down = |t: f64| t - t.abs() * 2.0 * U;
+    let up = |t: f64| t + t.abs() * 2.0 * U;
+    let t = (least.clamp(down(first), down(last)), most.clamp(up(first), up(last)));
     Some(Meeting { primitive, t, certain: away && inside })
 }
 

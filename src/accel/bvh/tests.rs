@@ -109,7 +109,9 @@ fn whatever_is_wrong_with_a_tree_is_found() {
         ("from far to near", |t| t.nodes[0].order[3] = t.nodes[0].order[4]),
         ("has the order", |t| t.nodes[0].order[0] = 0),
         ("reached twice", |t| {
-t.nodes[inner(t).1].children[0] = Child::node(0)),
+            let index = inner(t).1;
+            t.nodes[index].children[0] = Child::node(0);
+        }),
         ("has no children", |t| {
             let index = inner(t).1;
             t.nodes[index] = Node::EMPTY;
