@@ -45,10 +45,10 @@ impl Footprint {
                 };
                 measure(build)
             }
-            // Estimates from their designs.
-            Backend::Bvh => Ok(Self::constant(66.0, 130.0)),
-            Backend::Coursework => Ok(Self::constant(80.0, 160.0)),
-            Backend::Brute => Ok(Self::constant(0.0, 0.0)),
+            // Measured on scans, rounded up.
+            Backend::Bvh => Ok(Self::constant(36.0, 80.0)),
+            Backend::Coursework => Ok(Self::constant(136.0, 300.0)),
+            Backend::Brute => Ok(Self::constant(6.0, 80.0)),
         }
     }
 

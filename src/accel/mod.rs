@@ -6,10 +6,13 @@ pub mod coursework;
 #[cfg(feature = "embree")]
 pub mod embree;
 mod footprint;
+pub mod lane;
 
 pub use footprint::Footprint;
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::Result;
+#[cfg(not(feature = "embree"))]
+use crate::error::{Error, Kind, Problem};
 use crate::geometry::Geometry;
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
@@ -113,6 +116,7 @@ fn build_embree<'g>(
     Err(unavailable(Backend::Embree))
 }
 
+#[cfg(not(feature = "embree"))]
 fn unavailable(backend: Backend) -> Error {
     let message = format!("found `{}`, which this build does not have", backend.name());
     let help = "available: bvh, coursework, brute";

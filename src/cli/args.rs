@@ -46,6 +46,9 @@ pub enum Command {
     /// Compare the speed and the answers of backends on the same rays
     #[command(after_help = EXIT_CODES)]
     Bench(Box<BenchArgs>),
+    /// Judge every backend's answers, ray by ray, by an exact oracle
+    #[command(after_help = EXIT_CODES)]
+    Crosscheck(Box<CrosscheckArgs>),
     /// Print the JSON Schema of scene files
     Schema,
     /// Print a shell completion script
@@ -201,6 +204,73 @@ pub struct ReportArgs {
     pub progress: Option<ProgressMode>,
 }
 
+/// `lightpath crosscheck`
+#[derive(Debug, Args)]
+pub struct CrosscheckArgs {
+    /// A scene.json, a mesh.ply (in the built-in studio), or - for a scene on stdin
+    #[arg(value_name = "SCENE|FILE.ply|-", value_hint = ValueHint::FilePath, required_unless_present = "replay")]
+    pub input: Option<PathBuf>,
+
+    /// Two or more backends [default: all that this machine can run]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub backends: Option<Vec<BackendName>>,
+
+    /// Rays to check, in equal shares of each kind
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
+    pub rays: u64,
+
+    /// Seed of the scene and of the random rays [default: the scene's]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub seed: Option<i64>,
+
+    /// Do not render and compare pictures
+    #[arg(long)]
+    pub no_picture: bool,
+
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+
+    /// Camera samples per pixel
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub spp: Option<u32>,
+
+    /// Set any value of the scene; VALUE is JSON, or else a string; repeatable
+    #[arg(long, value_name = "/json/pointer=VALUE")]
+    pub set: Vec<String>,
+
+    /// Save the wrong answers that were found, with their rays
+    #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath)]
+    pub save: Option<PathBuf>,
+
+    /// Trace the rays of a saved file again, in the scene that it holds
+    #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath, conflicts_with_all = ["input", "no_picture", "save", "rays", "seed", "size", "spp", "set", "backends"])]
+    pub replay: Option<PathBuf>,
+
+    /// Instruction set of our own kernels [default: the best]
+    #[arg(long, value_name = "NAME")]
+    pub isa: Option<IsaName>,
+
+    /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// Print the result as one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Names of the instruction sets.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum IsaName {
+    /// What every processor of this kind has
+    Portable,
+    /// AVX2 and FMA
+    Avx2,
+    /// AVX-512 F, BW, DQ, VL
+    Avx512,
+}
+
 /// `lightpath info`
 #[derive(Debug, Args)]
 pub struct InfoArgs {
@@ -296,19 +366,8 @@ pub enum ToneName {
     Reinhard,
 }
 
-/// Names of the instruction sets.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum IsaName {
-    /// What every processor of the target has
-    Portable,
-    /// AVX2 and FMA
-    Avx2,
-    /// AVX-512 F, BW, DQ, VL
-    Avx512,
-}
-
 /// Names of the backends.
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum BackendName {
     /// Intel Embree 4
     Embree,

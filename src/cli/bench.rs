@@ -22,10 +22,10 @@ use crate::{
 };
 
 use super::{
-    args::{BenchArgs, MachineArgs, RenderArgs, SceneArgs},
+    args::{BenchArgs, RenderArgs, SceneArgs},
     bench_page, bench_table,
     job::{self, Job},
-    meshes, paths, render, signals, stats, version,
+    machine, meshes, paths, signals, stats, version,
 };
 
 /// What a mesh alone is measured in.
@@ -152,7 +152,7 @@ fn settings(args: &BenchArgs) -> Result<Settings> {
         Some(rounds) => Plan { rounds, budget: Duration::ZERO },
         None => Plan { rounds: least, budget: Duration::from_secs_f64(args.seconds) },
     };
-    let all = render::threads(&MachineArgs { threads: args.threads, ..MachineArgs::default() });
+    let all = machine::threads(args.threads);
     let mut threads = vec![1, all];
     threads.dedup();
     Ok(Settings {

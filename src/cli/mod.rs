@@ -8,10 +8,13 @@ mod args;
 mod bench;
 mod bench_page;
 mod bench_table;
+mod crosscheck;
+mod crosscheck_text;
 mod framing;
 mod info;
 mod info_scene;
 mod job;
+mod machine;
 mod memory;
 mod meshes;
 mod origin;
@@ -67,6 +70,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Render(args)) => render::run(args),
         Some(Command::Info(args)) => info::run(args),
         Some(Command::Bench(args)) => bench::run(args),
+        Some(Command::Crosscheck(args)) => crosscheck::run(args),
         Some(Command::Schema) => schema::run(),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),

@@ -10,7 +10,7 @@ use serde_json::json;
 
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Problem, Result},
     film::{Blank, Film, Window},
     mesh::Mesh,
     monitor::Monitor,
@@ -22,8 +22,9 @@ use crate::{
 };
 
 use super::{
-    args::{IsaName, MachineArgs, ProgressMode, RenderArgs},
+    args::{ProgressMode, RenderArgs},
     job::{self, Job},
+    machine,
     memory::Budget,
     paths,
     progress::Progress,
@@ -56,13 +57,9 @@ impl Files {
 pub fn run(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let monitor = Arc::new(Monitor::default());
-    let threads = threads(&args.machine);
-    let isa = isa(&args.machine)?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| {
-        let message = format!("cannot start {threads} threads: {error}");
-        Error::new(Kind::Retry, Problem::new("--threads", message))
-    })?;
+    let pool = machine::pool(args.machine.threads)?;
+    let threads = pool.current_num_threads();
+    let isa = machine::isa(args.machine.isa)?;
     let mut job = pool.install(|| job::load(args))?;
     let ready = std::mem::take(&mut job.ready);
     let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
@@ -70,7 +67,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         pool.install(|| Budget::check(limit, &job.loaded.scene, window, threads, args.machine.fast))
     });
     let budget = budget.transpose()?;
-    not_over_inputs(args, &job)?;
+    let help = "choose another name: -o PREFIX, --stats FILE, --write-scene FILE";
+    not_over_inputs(args, &job, &outputs(args), help)?;
     // Until here a signal ends the program at once: there is nothing to tidy up.
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
@@ -93,8 +91,20 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     report(args, &stats, &paths)
 }
 
+/// Everything that will be written.
+fn outputs(args: &RenderArgs) -> Vec<PathBuf> {
+    let prefix = paths::prefix(args.output.as_deref(), &args.input);
+    let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
+    Outputs::names(&prefix).into_iter().chain(others).collect()
+}
+
 /// Refuses outputs that would replace what the scene is made of, or each other.
-fn not_over_inputs(args: &RenderArgs, job: &Job) -> Result<()> {
+pub fn not_over_inputs(
+    args: &RenderArgs,
+    job: &Job,
+    outputs: &[PathBuf],
+    help: &str,
+) -> Result<()> {
     let scene = &job.loaded.scene;
     let meshes = scene.shapes.iter().filter_map(|shape| match &shape.kind {
         ShapeKind::Trimesh(spec) => Some(&spec.path),
@@ -103,51 +113,16 @@ fn not_over_inputs(args: &RenderArgs, job: &Job) -> Result<()> {
     let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref().map(|t| &t.path));
     let inputs = [&args.input].into_iter().chain(&args.mesh.template).chain(meshes).chain(textures);
     let mut taken: Vec<PathBuf> = inputs.map(|path| paths::identity(path)).collect();
-    let prefix = paths::prefix(args.output.as_deref(), &args.input);
-    let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
-    for output in Outputs::names(&prefix).into_iter().chain(others) {
-        let path = paths::identity(&output);
+    for output in outputs {
+        let path = paths::identity(output);
         if taken.contains(&path) && !path.starts_with("/dev") {
             let message = "would be written over what the render reads, or twice";
-            return Err(Error::invalid(output.display().to_string(), message)
-                .help("choose another name: -o PREFIX, --stats FILE, --write-scene FILE"));
+            let error = Error::invalid(output.display().to_string(), message);
+            return Err(error.help(help));
         }
         taken.push(path);
     }
     Ok(())
-}
-
-/// `--threads`, else what a batch system grants, else what this process may use.
-pub fn threads(args: &MachineArgs) -> usize {
-    let granted = || {
-        let text = std::env::var("SLURM_CPUS_PER_TASK").ok()?;
-        text.trim().parse().ok().filter(|n| (1..=1024).contains(n))
-    };
-    args.threads
-        .map(usize::from)
-        .or_else(granted)
-        .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
-}
-
-/// `--isa`, else the best tier.
-fn isa(args: &MachineArgs) -> Result<Isa> {
-    let wanted = match args.isa {
-        None => return Ok(Isa::detect()),
-        Some(IsaName::Portable) => Isa::Portable,
-        Some(IsaName::Avx2) => Isa::Avx2,
-        Some(IsaName::Avx512) => Isa::Avx512,
-    };
-    if Isa::available().any(|isa| isa == wanted) {
-        return Ok(wanted);
-    }
-    let lacks = match Isa::compiled().contains(&wanted) {
-        true => "this machine",
-        false => "this build",
-    };
-    let available: Vec<String> = Isa::available().map(|isa| isa.to_string()).collect();
-    let message = format!("found {wanted}, which {lacks} lacks");
-    let help = format!("available: {}", available.join(", "));
-    Err(Error::new(Kind::Unsupported, Problem::new("--isa", message).help(help)))
 }
 
 /// What the stations share.

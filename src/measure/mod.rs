@@ -4,6 +4,7 @@ pub mod ab;
 pub mod answers;
 pub mod bench;
 pub mod judge;
+pub mod cross_check;
 pub mod rays;
 pub mod replay;
 pub mod result;

@@ -12,6 +12,10 @@ use super::node::Block;
 use super::query::Lane;
 use crate::ray::Rays;
 
+/// How far, relatively, a depth may lie outside of the corners' depths: the rounding of f64, which
+/// takes a plane across the dominant axis out of them, and much less than boxes are widened by.
+pub const DEPTH_SLACK: f64 = 1.0 / (1u64 << 40) as f64;
+
 /// A ray in f64, as the caller gave it.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray64 {
@@ -107,7 +111,12 @@ impl Sheared {
         let [a, b, c] = self.depths;
         let (least, most) = (f64::from(min3(a, b, c)), f64::from(max3(a, b, c)));
         let depth = t * ray.along;
-        if depth >= least && depth <= most { t } else { self.clamped(ray, depth, least, most) }
+        let slack = depth.abs() * DEPTH_SLACK;
+        if depth >= least - slack && depth <= most + slack {
+            t
+        } else {
+            self.clamped(ray, depth, least, most)
+        }
     }
 
     #[cold]

@@ -8,6 +8,8 @@ mod bounds;
 mod build;
 mod exact;
 mod found;
+#[doc(hidden)]
+pub mod kernels;
 mod node;
 mod packet;
 mod query;

@@ -8,9 +8,9 @@ use std::cell::Cell;
 
 use super::build::Tree;
 use super::found::Found;
-use super::exact::{Ray64, Sheared};
+use super::exact::{DEPTH_SLACK, Ray64, Sheared};
 use super::node::{Block, Child, Kind, Node, WIDTH};
-use super::query::{Bundle, Query};
+use super::query::{Bundle, Query, Slabs};
 use super::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
 use super::single::{Best, Single};
 use crate::geometry::Geometry;
@@ -86,8 +86,8 @@ impl<'a, T: Tier> Packet<'a, T> {
     #[inline(always)]
     pub fn closest(mut self, active: &Mask, stack: &mut Vec<Entry>) -> Found {
         let mut best = Found::nothing(self.rays);
-        let around = self.query.around(self.tier, active);
-        let bundle = self.query.bundle(self.tier, active, around.lane(0).axes);
+        let bundle = self.query.bundle(self.tier, active);
+        let around = self.query.around(self.tier, active, &bundle);
         let mut reach = self.reach();
         stack.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
         while let Some(entry) = stack.pop() {
@@ -116,8 +116,8 @@ impl<'a, T: Tier> Packet<'a, T> {
     /// The rays that anything stops: all bits set.
     #[inline(always)]
     pub fn occluded(mut self, active: &Mask, stack: &mut Vec<Entry>) -> [i32; LANES] {
-        let around = self.query.around(self.tier, active);
-        let bundle = self.query.bundle(self.tier, active, around.lane(0).axes);
+        let bundle = self.query.bundle(self.tier, active);
+        let around = self.query.around(self.tier, active, &bundle);
         let reach = self.reach();
         let mut stopped = [0; LANES];
         stack.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
@@ -164,21 +164,20 @@ impl<'a, T: Tier> Packet<'a, T> {
 
     /// Pushes the children that any ray meets, the nearest last.
     #[inline(always)]
-    fn push(&self, node: &Node, around: &Query, reach: f32, stack: &mut Vec<Entry>) {
-        let lane = around.lane(0);
-        let mut places = self.tier.overlaps(node, &lane, reach);
+    fn push(&self, node: &Node, around: &Slabs, reach: f32, stack: &mut Vec<Entry>) {
+        let mut places = self.tier.overlaps(node, around, reach);
         let q = self.query;
         while places != 0 {
-            let slot = node.ordered(lane.octant, places.trailing_zeros() as usize);
+            let slot = node.ordered(around.octant, places.trailing_zeros() as usize);
             places &= places - 1;
             let mut near = q.tnear;
             let mut far = self.tfar;
             for axis in 0..3 {
-                let enter = node.planes[lane.enter[axis]][slot];
-                let leave = node.planes[lane.leave[axis]][slot];
+                let enter = node.planes[around.enter[axis]][slot];
+                let leave = node.planes[around.leave[axis]][slot];
                 for i in 0..LANES {
-                    let t0 = enter * q.near_inverse[axis][i] - q.near_offset[axis][i];
-                    let t1 = leave * q.far_inverse[axis][i] - q.far_offset[axis][i];
+                    let t0 = T::mul_sub(enter, q.near_inverse[axis][i], q.near_offset[axis][i]);
+                    let t1 = T::mul_sub(leave, q.far_inverse[axis][i], q.far_offset[axis][i]);
                     near[i] = if t0 > near[i] { t0 } else { near[i] };
                     far[i] = if t1 < far[i] { t1 } else { far[i] };
                 }
@@ -224,7 +223,9 @@ impl<'a, T: Tier> Packet<'a, T> {
             };
             let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (shear(p), shear(q), shear(r));
             let (q0, q1, q2) = (cy * bx, ay * cx, by * ax);
-            let (u, v, w) = (cx * by - q0, ax * cy - q1, bx * ay - q2);
+            let u = T::mul_sub(cx, by, q0);
+            let v = T::mul_sub(ax, cy, q1);
+            let w = T::mul_sub(bx, ay, q2);
             (out.weights[0][i], out.weights[1][i], out.weights[2][i]) = (v, w, u + v + w);
             let slack = max(max(q0.abs(), q1.abs()), q2.abs()) * EDGE_SLACK + EDGE_FLOOR;
             let (least, most) = (min(min(u, v), w), max(max(u, v), w));
@@ -246,8 +247,9 @@ impl<'a, T: Tier> Packet<'a, T> {
         self.distances(block.triangle(slot), &mut out.t);
         for i in 0..LANES {
             let depth = out.t[i] * self.along(i);
-            let within =
-                (depth >= f64::from(least_depth[i])) & (depth <= f64::from(most_depth[i]));
+            let slack = depth.abs() * DEPTH_SLACK;
+            let within = (depth >= f64::from(least_depth[i]) - slack)
+                & (depth <= f64::from(most_depth[i]) + slack);
             unsure[i] |= maybe[i] & -i32::from(!within);
         }
         let mut doubt = 0;

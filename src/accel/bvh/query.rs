@@ -41,10 +41,8 @@ pub struct Query {
     pub far_inverse: [[f32; LANES]; 3],
     /// (origin - margin) * inverse.
     pub far_offset: [[f32; LANES]; 3],
-    /// Origin + margin and origin - margin along the direction: what the offsets are made of.
-    widened: [[[f32; LANES]; 3]; 2],
-    /// What rounding moves a sheared vertex of the scene, and as much again: the margin.
-    slack: [f32; LANES],
+    /// How far boxes are widened.
+    margin: [f32; LANES],
     /// Start of the segment, scaled.
     pub tnear: [f32; LANES],
     /// End of the segment, scaled.
@@ -64,28 +62,13 @@ pub struct Query {
 }
 
 impl Query {
-    const ZERO: Self = Self {
-        near_inverse: [[0.0; LANES]; 3],
-        near_offset: [[0.0; LANES]; 3],
-        far_inverse: [[0.0; LANES]; 3],
-        far_offset: [[0.0; LANES]; 3],
-        widened: [[[0.0; LANES]; 3]; 2],
-        slack: [0.0; LANES],
-        tnear: [0.0; LANES],
-        tfar: [0.0; LANES],
-        scale: [0.0; LANES],
-        octant: [0; LANES],
-        dominant: [0; LANES],
-        origin: [[0.0; LANES]; 3],
-        shear: [[0.0; LANES]; 2],
-        along: [0.0; LANES],
-    };
-
     /// Makes rays ready for a tree over `scene`.
     #[inline(always)]
     pub fn new(rays: &Rays, scene: &Bounds3) -> Self {
-        let mut q = Self::ZERO;
+        let [ox, oy, oz] = &rays.org;
         let mut direction = [[0.0f32; LANES]; 3];
+        let (mut scale, mut tnear, mut tfar) =
+            ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
         for i in 0..LANES {
             let (x, y, z) = (rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]);
             let largest = max(max(x.abs(), y.abs()), z.abs());
@@ -93,14 +76,13 @@ impl Query {
             let exponent = (largest.to_bits() >> 23).clamp(1, 253);
             let down = f32::from_bits((254 - exponent) << 23);
             let up = f32::from_bits(exponent << 23);
-            q.scale[i] = up;
-            q.tnear[i] = rays.tnear[i] * up * (1.0 - 4.0 * U);
-            q.tfar[i] = rays.tfar[i] * up * (1.0 + 4.0 * U);
+            scale[i] = up;
+            tnear[i] = rays.tnear[i] * up * (1.0 - 4.0 * U);
+            tfar[i] = rays.tfar[i] * up * (1.0 + 4.0 * U);
             (direction[0][i], direction[1][i], direction[2][i]) = (x * down, y * down, z * down);
         }
         let (lower, upper) = (scene.lower(), scene.upper());
-        let mut margin = [0.0f32; LANES];
-        let mut least = [0.0f32; LANES];
+        let (mut margin, mut least) = ([0.0f32; LANES], [0.0f32; LANES]);
         for i in 0..LANES {
             let (mut reach, mut origin) = (0.0f32, 0.0f32);
             for axis in 0..3 {
@@ -113,8 +95,10 @@ impl Query {
             let lift = max(LEAST, (reach + origin) * (16.0 / f32::MAX));
             least[i] = lift;
             margin[i] = (8.0 * U + 2.0 * lift) * reach + 4.0 * U * origin;
-            q.slack[i] = 16.0 * U * reach;
         }
+        let mut octant = [0u32; LANES];
+        let (mut near_inverse, mut near_offset) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        let (mut far_inverse, mut far_offset) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for axis in 0..3 {
             for i in 0..LANES {
                 let d = direction[axis][i];
@@ -123,17 +107,17 @@ impl Query {
                 let out = margin[i].copysign(d);
                 let (near, far) = (inverse * (1.0 - 4.0 * U), inverse * (1.0 + 4.0 * U));
                 let o = rays.org[axis][i];
-                q.near_inverse[axis][i] = near;
-                q.far_inverse[axis][i] = far;
-                q.widened[0][axis][i] = o + out;
-                q.widened[1][axis][i] = o - out;
-                q.near_offset[axis][i] = (o + out) * near;
-                q.far_offset[axis][i] = (o - out) * far;
-                q.octant[i] |= (d.to_bits() >> 31) << axis;
+                near_inverse[axis][i] = near;
+                far_inverse[axis][i] = far;
+                near_offset[axis][i] = (o + out) * near;
+                far_offset[axis][i] = (o - out) * far;
+                octant[i] |= (d.to_bits() >> 31) << axis;
             }
         }
-        let [ox, oy, oz] = &rays.org;
         let [dx, dy, dz] = &direction;
+        let mut dominant = [0u32; LANES];
+        let (mut origin, mut shear, mut along) =
+            ([[0.0; LANES]; 3], [[0.0; LANES]; 2], [0.0; LANES]);
         for i in 0..LANES {
             let (ax, ay, az) = (dx[i].abs(), dy[i].abs(), dz[i].abs());
             let z = az >= max(ax, ay);
@@ -141,16 +125,30 @@ impl Query {
             let pick = |x_first: f32, y_first: f32, z_first: f32| {
                 if z { z_first } else if y { y_first } else { x_first }
             };
-            q.dominant[i] = if z { 2 } else { u32::from(y) };
-            q.origin[0][i] = pick(oy[i], oz[i], ox[i]);
-            q.origin[1][i] = pick(oz[i], ox[i], oy[i]);
-            q.origin[2][i] = pick(ox[i], oy[i], oz[i]);
-            let along = pick(dx[i], dy[i], dz[i]);
-            q.along[i] = along;
-            q.shear[0][i] = pick(dy[i], dz[i], dx[i]) / along;
-            q.shear[1][i] = pick(dz[i], dx[i], dy[i]) / along;
+            dominant[i] = if z { 2 } else { u32::from(y) };
+            origin[0][i] = pick(oy[i], oz[i], ox[i]);
+            origin[1][i] = pick(oz[i], ox[i], oy[i]);
+            origin[2][i] = pick(ox[i], oy[i], oz[i]);
+            let d = pick(dx[i], dy[i], dz[i]);
+            along[i] = d;
+            shear[0][i] = pick(dy[i], dz[i], dx[i]) / d;
+            shear[1][i] = pick(dz[i], dx[i], dy[i]) / d;
         }
-        q
+        Self {
+            near_inverse,
+            near_offset,
+            far_inverse,
+            far_offset,
+            margin,
+            tnear,
+            tfar,
+            scale,
+            octant,
+            dominant,
+            origin,
+            shear,
+            along,
+        }
     }
 
     /// Whether the active rays are all of one octant and have one dominant axis.
@@ -166,35 +164,12 @@ impl Query {
         any == all
     }
 
-    /// One ray, in lane 0, that meets every box that any of the active rays, all of one octant,
-    /// meets: interval arithmetic over their origins and inverse directions. A plane's distance is
-    /// bounded from below where it is not negative, and from above likewise: a ray that leaves a box
-    /// behind its origin misses it anyway.
+    /// The active rays, which are coherent, as intervals.
     #[inline(always)]
-    pub fn around(&self, tier: impl Tier, active: &Mask) -> Self {
-        let mut q = Self::ZERO;
+    pub fn bundle(&self, tier: impl Tier, active: &Mask) -> Bundle {
         let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
-        (q.octant[0], q.dominant[0]) = (self.octant[first], self.dominant[first]);
-        for axis in 0..3 {
-            let sign = if (q.octant[0] >> axis) & 1 == 0 { 1.0 } else { -1.0 };
-            let near = least(tier, active, |i| self.near_inverse[axis][i].abs());
-            let far = -least(tier, active, |i| -self.far_inverse[axis][i].abs());
-            let ahead = -least(tier, active, |i| -sign * self.widened[0][axis][i]);
-            let behind = least(tier, active, |i| sign * self.widened[1][axis][i]);
-            q.near_inverse[axis][0] = near * sign;
-            q.near_offset[axis][0] = ahead * near;
-            q.far_inverse[axis][0] = far * sign;
-            q.far_offset[axis][0] = behind * far;
-        }
-        q.tnear[0] = least(tier, active, |i| self.tnear[i]);
-        q
-    }
-
-    /// Bounds of the active rays' origins and shears, all of one dominant axis.
-    #[inline(always)]
-    pub fn bundle(&self, tier: impl Tier, active: &Mask, axes: [usize; 3]) -> Bundle {
         Bundle {
-            axes,
+            axes: self.lane(first).axes,
             origin: [
                 range(tier, active, &self.origin[0]),
                 range(tier, active, &self.origin[1]),
@@ -204,8 +179,33 @@ impl Query {
                 range(tier, active, &self.shear[0]),
                 range(tier, active, &self.shear[1]),
             ],
-            slack: -least(tier, active, |i| -self.slack[i]),
+            margin: -least(tier, active, |i| -self.margin[i]),
         }
+    }
+
+    /// One ray that meets every box that any of the active rays, which are coherent, meets: interval
+    /// arithmetic over their origins and inverse directions. A plane's distance is bounded from below
+    /// where it is not negative, and from above likewise: a ray that leaves a box behind its origin
+    /// misses it anyway.
+    #[inline(always)]
+    pub fn around(&self, tier: impl Tier, active: &Mask, bundle: &Bundle) -> Slabs {
+        let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
+        let mut slabs = self.lane(first).slabs();
+        slabs.tnear = 0.0;
+        for k in 0..3 {
+            let axis = bundle.axes[k];
+            let (low, high) = bundle.origin[k];
+            let negative = (slabs.octant >> axis) & 1 != 0;
+            let sign = if negative { -1.0 } else { 1.0 };
+            let near = least(tier, active, |i| self.near_inverse[axis][i].abs());
+            let far = -least(tier, active, |i| -self.far_inverse[axis][i].abs());
+            let (ahead, behind) = if negative { (-low, -high) } else { (high, low) };
+            slabs.near_inverse[axis] = near * sign;
+            slabs.near_offset[axis] = (ahead + bundle.margin) * near;
+            slabs.far_inverse[axis] = far * sign;
+            slabs.far_offset[axis] = (behind - bundle.margin) * far;
+        }
+        slabs
     }
 
     /// Ray `i` alone.
@@ -228,6 +228,27 @@ fn range(tier: impl Tier, active: &Mask, v: &[f32; LANES]) -> (f32, f32) {
     (least(tier, active, |i| v[i]), -least(tier, active, |i| -v[i]))
 }
 
+/// What of a ray the boxes see.
+#[derive(Debug, Clone, Copy)]
+pub struct Slabs {
+    /// See [`Query`].
+    pub near_inverse: [f32; 3],
+    /// See [`Query`].
+    pub near_offset: [f32; 3],
+    /// See [`Query`].
+    pub far_inverse: [f32; 3],
+    /// See [`Query`].
+    pub far_offset: [f32; 3],
+    /// See [`Query`].
+    pub tnear: f32,
+    /// See [`Query`].
+    pub octant: usize,
+    /// For each axis the row of [`super::node::Node::planes`] that the ray enters a box through.
+    pub enter: [usize; 3],
+    /// For each axis the row that it leaves a box through.
+    pub leave: [usize; 3],
+}
+
 /// Rays of one dominant axis as intervals.
 #[derive(Debug, Clone, Copy)]
 pub struct Bundle {
@@ -237,8 +258,8 @@ pub struct Bundle {
     pub origin: [(f32, f32); 3],
     /// Least and greatest shear.
     pub shear: [(f32, f32); 2],
-    /// More than what rounding moves a sheared vertex of the scene.
-    pub slack: f32,
+    /// How far boxes are widened: more than what rounding moves a sheared vertex of the scene.
+    pub margin: f32,
 }
 
 /// The least value of the active lanes.
@@ -275,6 +296,24 @@ pub struct Lane<'a> {
 }
 
 impl Lane<'_> {
+    /// What the boxes see.
+    #[inline(always)]
+    pub fn slabs(&self) -> Slabs {
+        let (q, of) = (self.query, |m: &[[f32; LANES]; 3]| {
+            [self.of(&m[0]), self.of(&m[1]), self.of(&m[2])]
+        });
+        Slabs {
+            near_inverse: of(&q.near_inverse),
+            near_offset: of(&q.near_offset),
+            far_inverse: of(&q.far_inverse),
+            far_offset: of(&q.far_offset),
+            tnear: self.of(&q.tnear),
+            octant: self.octant,
+            enter: self.enter,
+            leave: self.leave,
+        }
+    }
+
     /// Of a [`Query`]'s member this ray's.
     #[inline(always)]
     pub fn of(&self, member: &[f32; LANES]) -> f32 {

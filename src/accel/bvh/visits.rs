@@ -3,7 +3,7 @@
 use std::cell::Cell;
 
 use super::node::{Block, Node, WIDTH};
-use super::query::{Bundle, Lane};
+use super::query::{Bundle, Lane, Slabs};
 use super::simd::{Candidates, Stack, Tier};
 use crate::accel::Visits;
 
@@ -40,6 +40,8 @@ pub struct Counting<'c, T> {
 }
 
 impl<T: Tier> Tier for Counting<'_, T> {
+    const FUSED: bool = T::FUSED;
+
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         self.counts.node();
         self.tier.push_ordered(node, lane, tfar, stack);
@@ -50,9 +52,9 @@ impl<T: Tier> Tier for Counting<'_, T> {
         self.tier.push_any(node, lane, tfar, stack);
     }
 
-    fn overlaps(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+    fn overlaps(self, node: &Node, slabs: &Slabs, tfar: f32) -> u32 {
         self.counts.node();
-        self.tier.overlaps(node, lane, tfar)
+        self.tier.overlaps(node, slabs, tfar)
     }
 
     fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {

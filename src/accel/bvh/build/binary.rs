@@ -96,7 +96,13 @@ struct Builder<'a> {
 
 impl Builder<'_> {
     /// Appends the tree over `references`, which begin at `first` of all.
-    fn subtree(self, references: &mut [Reference], first: u32, depth: usize, out: &mut Vec<Binary>) {
+    fn subtree(
+        self,
+        references: &mut [Reference],
+        first: u32,
+        depth: usize,
+        out: &mut Vec<Binary>,
+    ) {
         if references.len() < PARALLEL {
             let n = references.len() as u64;
             simd::dispatch(self.isa, Serial { builder: self, references, first, depth, out });
@@ -137,7 +143,13 @@ impl Builder<'_> {
         self.recurse(right, first + middle as u32, depth + 1, out);
     }
 
-    fn recurse(self, references: &mut [Reference], first: u32, depth: usize, out: &mut Vec<Binary>) {
+    fn recurse(
+        self,
+        references: &mut [Reference],
+        first: u32,
+        depth: usize,
+        out: &mut Vec<Binary>,
+    ) {
         simd::dispatch(self.isa, Serial { builder: self, references, first, depth, out });
     }
 }
@@ -208,10 +220,7 @@ fn divide(references: &mut [Reference], depth: usize) -> (Bounds3, usize) {
             bins.add(&grid, part);
             bins
         };
-        references
-            .par_chunks(PARALLEL_BINS / 4)
-            .map(one)
-            .reduce(|| Bins::EMPTY, |a, b| a.merge(&b))
+        references.par_chunks(PARALLEL_BINS / 4).map(one).reduce(|| Bins::EMPTY, |a, b| a.merge(&b))
     } else {
         let mut bins = Bins::EMPTY;
         bins.add(&grid, references);
@@ -240,10 +249,10 @@ fn extents(references: &[Reference]) -> (Bounds3, Bounds3) {
 }
 
 fn extents_in_parallel(references: &[Reference]) -> (Bounds3, Bounds3) {
-    references.par_chunks(PARALLEL_BINS / 4).map(extents).reduce(
-        || (Bounds3::EMPTY, Bounds3::EMPTY),
-        |a, b| (a.0.union(b.0), a.1.union(b.1)),
-    )
+    references
+        .par_chunks(PARALLEL_BINS / 4)
+        .map(extents)
+        .reduce(|| (Bounds3::EMPTY, Bounds3::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)))
 }
 
 /// Moves what goes left to the front; how much that is.

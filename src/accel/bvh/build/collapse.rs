@@ -27,8 +27,9 @@ pub struct Tree {
 impl Tree {
     /// Bytes of the arrays.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(&self.nodes[..]) + size_of_val(&self.blocks[..]) + size_of_val(&self.spheres[..]))
-            as u64
+        (size_of_val(&self.nodes[..])
+            + size_of_val(&self.blocks[..])
+            + size_of_val(&self.spheres[..])) as u64
     }
 }
 

@@ -61,8 +61,7 @@ impl Grid {
 
 impl Bins {
     /// No references.
-    pub const EMPTY: Self =
-        Self { bounds: [[Bounds3::EMPTY; BINS]; 3], counts: [[0; BINS]; 3] };
+    pub const EMPTY: Self = Self { bounds: [[Bounds3::EMPTY; BINS]; 3], counts: [[0; BINS]; 3] };
 
     /// Counts references.
     #[inline(always)]

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 
 use super::super::node::{Block, Node, WIDTH};
-use super::super::query::{Bundle, Lane};
+use super::super::query::{Bundle, Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::Isa;
 
@@ -33,17 +33,11 @@ unsafe fn all(lane: &Lane, member: &[f32; WIDTH]) -> __m512 {
 /// # Safety
 /// AVX-512 F; `row < 6`.
 #[inline(always)]
-unsafe fn plane(
-    node: &Node,
-    lane: &Lane,
-    row: usize,
-    inverse: &[f32; WIDTH],
-    offset: &[f32; WIDTH],
-) -> __m512 {
+unsafe fn plane(node: &Node, row: usize, inverse: f32, offset: f32) -> __m512 {
     // SAFETY: 16 aligned f32; the caller's promise.
     unsafe {
         let planes = _mm512_load_ps(node.planes.as_ptr().add(row).cast());
-        _mm512_fmsub_ps(planes, all(lane, inverse), all(lane, offset))
+        _mm512_fmsub_ps(planes, _mm512_set1_ps(inverse), _mm512_set1_ps(offset))
     }
 }
 
@@ -136,7 +130,8 @@ unsafe fn range(
     // SAFETY: axes are below 3; the caller's promise.
     unsafe {
         let x = coordinate(block, bundle.axes[k]);
-        let slack = _mm512_set1_ps(bundle.slack);
+        // Both the bounds and the rays' own sheared vertices are rounded.
+        let slack = _mm512_set1_ps(2.0 * bundle.margin);
         let (s0, s1) = (_mm512_set1_ps(bundle.shear[k].0), _mm512_set1_ps(bundle.shear[k].1));
         let (o0, o1) = (_mm512_set1_ps(bundle.origin[k].0), _mm512_set1_ps(bundle.origin[k].1));
         let (a, b) = (_mm512_mul_ps(s0, near), _mm512_mul_ps(s0, far));
@@ -155,14 +150,23 @@ unsafe fn range(
 /// # Safety
 /// AVX-512 F.
 #[inline(always)]
-unsafe fn slabs(node: &Node, lane: &Lane, tfar: f32) -> (__m512, __m512) {
-    // SAFETY: rows are below 6 and hold 16 aligned f32; the caller has AVX-512.
+unsafe fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> (__m512, __m512) {
+    // SAFETY: rows are below 6; the caller has AVX-512.
     unsafe {
-        let q = lane.query;
-        let near = _mm512_max_ps(plane(node, lane, lane.enter[0], &q.near_inverse[0], &q.near_offset[0]), all(lane, &q.tnear));
-        let far = _mm512_min_ps(plane(node, lane, lane.leave[0], &q.far_inverse[0], &q.far_offset[0]), _mm512_set1_ps(tfar));
-        let near = _mm512_max_ps(plane(node, lane, lane.enter[2], &q.near_inverse[2], &q.near_offset[2]), _mm512_max_ps(plane(node, lane, lane.enter[1], &q.near_inverse[1], &q.near_offset[1]), near));
-        let far = _mm512_min_ps(plane(node, lane, lane.leave[2], &q.far_inverse[2], &q.far_offset[2]), _mm512_min_ps(plane(node, lane, lane.leave[1], &q.far_inverse[1], &q.far_offset[1]), far));
+        let near = _mm512_set1_ps(ray.tnear);
+        let far = _mm512_set1_ps(tfar);
+        let [n0, n1, n2] = [
+            plane(node, ray.enter[0], ray.near_inverse[0], ray.near_offset[0]),
+            plane(node, ray.enter[1], ray.near_inverse[1], ray.near_offset[1]),
+            plane(node, ray.enter[2], ray.near_inverse[2], ray.near_offset[2]),
+        ];
+        let [f0, f1, f2] = [
+            plane(node, ray.leave[0], ray.far_inverse[0], ray.far_offset[0]),
+            plane(node, ray.leave[1], ray.far_inverse[1], ray.far_offset[1]),
+            plane(node, ray.leave[2], ray.far_inverse[2], ray.far_offset[2]),
+        ];
+        let near = _mm512_max_ps(n2, _mm512_max_ps(n1, _mm512_max_ps(n0, near)));
+        let far = _mm512_min_ps(f2, _mm512_min_ps(f1, _mm512_min_ps(f0, far)));
         (near, far)
     }
 }
@@ -173,11 +177,11 @@ unsafe fn slabs(node: &Node, lane: &Lane, tfar: f32) -> (__m512, __m512) {
 /// # Safety
 /// AVX-512 F.
 #[inline(always)]
-unsafe fn order(node: &Node, lane: &Lane) -> __m512i {
+unsafe fn order(node: &Node, octant: usize) -> __m512i {
     // SAFETY: the caller's promise.
     unsafe {
         let shifts = _mm512_setr_epi32(0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28);
-        _mm512_srlv_epi32(_mm512_set1_epi64(node.order[lane.octant % 8] as i64), shifts)
+        _mm512_srlv_epi32(_mm512_set1_epi64(node.order[octant % 8] as i64), shifts)
     }
 }
 
@@ -195,12 +199,14 @@ unsafe fn push(stack: &mut Stack, mask: __mmask16, children: __m512i, near: __m5
 }
 
 impl Tier for Avx512 {
+    const FUSED: bool = true;
+
     #[inline(always)]
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         // SAFETY: `self` proves AVX-512; the children are 16 aligned u32.
         unsafe {
-            let (near, far) = slabs(node, lane, tfar);
-            let order = order(node, lane);
+            let (near, far) = slabs(node, &lane.slabs(), tfar);
+            let order = order(node, lane.octant);
             let children = _mm512_load_si512(node.children.as_ptr().cast());
             let near = _mm512_permutexvar_ps(order, near);
             let far = _mm512_permutexvar_ps(order, far);
@@ -214,18 +220,18 @@ impl Tier for Avx512 {
     fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
         // SAFETY: as above.
         unsafe {
-            let (near, far) = slabs(node, lane, tfar);
+            let (near, far) = slabs(node, &lane.slabs(), tfar);
             let children = _mm512_load_si512(node.children.as_ptr().cast());
             push(stack, _mm512_cmp_ps_mask::<_CMP_NGT_UQ>(near, far), children, near);
         }
     }
 
     #[inline(always)]
-    fn overlaps(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+    fn overlaps(self, node: &Node, ray: &Slabs, tfar: f32) -> u32 {
         // SAFETY: as above.
         unsafe {
-            let (near, far) = slabs(node, lane, tfar);
-            let order = order(node, lane);
+            let (near, far) = slabs(node, ray, tfar);
+            let order = order(node, ray.octant);
             let near = _mm512_permutexvar_ps(order, near);
             let far = _mm512_permutexvar_ps(order, far);
             _mm512_cmp_ps_mask::<_CMP_NGT_UQ>(near, far).into()

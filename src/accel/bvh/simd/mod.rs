@@ -11,7 +11,7 @@ mod stack;
 pub use self::stack::{MAX_DEPTH, Stack};
 
 use super::node::{Block, Node, WIDTH};
-use super::query::{Bundle, Lane};
+use super::query::{Bundle, Lane, Slabs};
 
 /// Relative and absolute slack of the edge functions' signs in f32: with products p and q their
 /// difference is off by at most 3u max(|p|, |q|) where p and q cancel, and by 2^-149 where they
@@ -32,6 +32,15 @@ pub struct Candidates {
 
 /// The kernels of one tier.
 pub trait Tier: Copy {
+    /// Whether the tier has fused multiply-add.
+    const FUSED: bool;
+
+    /// a b - c, rounded once where the tier can do that. For bounds only.
+    #[inline(always)]
+    fn mul_sub(a: f32, b: f32, c: f32) -> f32 {
+        if Self::FUSED { a.mul_add(b, -c) } else { a * b - c }
+    }
+
     /// Pushes the children whose boxes the ray meets before `tfar`, the nearest last.
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack);
 
@@ -40,7 +49,7 @@ pub trait Tier: Copy {
 
     /// The places, in the order of the ray's octant, of the children whose boxes the ray meets before
     /// `tfar`, by bit.
-    fn overlaps(self, node: &Node, lane: &Lane, tfar: f32) -> u32;
+    fn overlaps(self, node: &Node, slabs: &Slabs, tfar: f32) -> u32;
 
     /// The triangles of a leaf that rays of a bundle may meet, by bit.
     fn overlapping(self, block: &Block, bundle: &Bundle) -> u32;

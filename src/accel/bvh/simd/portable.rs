@@ -1,7 +1,7 @@
 //! Plain loops: what every target runs, and what the other tiers are held against.
 
 use super::super::node::{Block, Node, WIDTH};
-use super::super::query::{Bundle, Lane};
+use super::super::query::{Bundle, Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 
 /// The tier that needs nothing.
@@ -10,17 +10,13 @@ pub struct Portable;
 
 /// Distances at which the ray enters and leaves the children's boxes.
 #[inline(always)]
-fn slabs(node: &Node, lane: &Lane, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
-    let (mut near, mut far) = ([lane.of(&lane.query.tnear); WIDTH], [tfar; WIDTH]);
+fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
+    let (mut near, mut far) = ([ray.tnear; WIDTH], [tfar; WIDTH]);
     for axis in 0..3 {
-        let (enter, leave) = (&node.planes[lane.enter[axis]], &node.planes[lane.leave[axis]]);
-        let (near_inverse, near_offset) =
-            (lane.of(&lane.query.near_inverse[axis]), lane.of(&lane.query.near_offset[axis]));
-        let (far_inverse, far_offset) =
-            (lane.of(&lane.query.far_inverse[axis]), lane.of(&lane.query.far_offset[axis]));
+        let (enter, leave) = (&node.planes[ray.enter[axis]], &node.planes[ray.leave[axis]]);
         for i in 0..WIDTH {
-            let t0 = enter[i] * near_inverse - near_offset;
-            let t1 = leave[i] * far_inverse - far_offset;
+            let t0 = enter[i] * ray.near_inverse[axis] - ray.near_offset[axis];
+            let t1 = leave[i] * ray.far_inverse[axis] - ray.far_offset[axis];
             // A NaN loses every comparison: it prunes nothing.
             near[i] = if t0 > near[i] { t0 } else { near[i] };
             far[i] = if t1 < far[i] { t1 } else { far[i] };
@@ -30,9 +26,11 @@ fn slabs(node: &Node, lane: &Lane, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
 }
 
 impl Tier for Portable {
+    const FUSED: bool = false;
+
     #[inline(always)]
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
-        let (near, far) = slabs(node, lane, tfar);
+        let (near, far) = slabs(node, &lane.slabs(), tfar);
         for j in 0..WIDTH {
             let i = node.ordered(lane.octant, j);
             if near[i] <= far[i] {
@@ -43,7 +41,7 @@ impl Tier for Portable {
 
     #[inline(always)]
     fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
-        let (near, far) = slabs(node, lane, tfar);
+        let (near, far) = slabs(node, &lane.slabs(), tfar);
         for i in 0..WIDTH {
             if near[i] <= far[i] {
                 stack.push(node.children[i], near[i]);
@@ -52,10 +50,10 @@ impl Tier for Portable {
     }
 
     #[inline(always)]
-    fn overlaps(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
-        let (near, far) = slabs(node, lane, tfar);
+    fn overlaps(self, node: &Node, ray: &Slabs, tfar: f32) -> u32 {
+        let (near, far) = slabs(node, ray, tfar);
         (0..WIDTH).fold(0, |mask, j| {
-            let i = node.ordered(lane.octant, j);
+            let i = node.ordered(ray.octant, j);
             mask | u32::from(near[i] <= far[i]) << j
         })
     }
@@ -73,8 +71,8 @@ impl Tier for Portable {
                 let (a, b) = (shear.0 * near, shear.0 * far);
                 let (c, d) = (shear.1 * near, shear.1 * far);
                 let x = block.vertices[k][i];
-                low[axis][i] = (x - origin.1) - a.max(b).max(c.max(d)) - bundle.slack;
-                high[axis][i] = (x - origin.0) - a.min(b).min(c.min(d)) + bundle.slack;
+                low[axis][i] = (x - origin.1) - a.max(b).max(c.max(d)) - 2.0 * bundle.margin;
+                high[axis][i] = (x - origin.0) - a.min(b).min(c.min(d)) + 2.0 * bundle.margin;
             }
         }
         let mut mask = 0;

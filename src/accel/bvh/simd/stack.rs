@@ -66,7 +66,10 @@ impl Stack {
     #[inline(always)]
     pub fn room(&mut self) -> (*mut Child, *mut f32) {
         assert!(self.len <= CAPACITY - WIDTH);
-        (self.children[self.len..].as_mut_ptr().cast(), self.distances[self.len..].as_mut_ptr().cast())
+        (
+            self.children[self.len..].as_mut_ptr().cast(),
+            self.distances[self.len..].as_mut_ptr().cast(),
+        )
     }
 
     /// Counts entries that were written to [`Self::room`].

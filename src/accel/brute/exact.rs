@@ -1,0 +1,201 @@
+//! Signs and quotients of determinants over f32 coordinates: f64 with a proved bound on its error,
+//! and integers where the bound does not decide.
+//!
+//! Every f32 is a whole multiple of 2^-149, so sums and products of such numbers are integers in
+//! that unit: nothing is rounded, overflows or underflows. In f64 no product of three differences
+//! of f32 leaves the range either: each is 0 or between 2^-149 and 2^129.
+
+use std::cmp::Ordering;
+
+use glam::DVec3;
+use num_bigint::{BigInt, Sign};
+
+/// A vector in units of 2^-149.
+pub type Integers = [BigInt; 3];
+
+/// `x`, the value of an f32, in units of 2^-149.
+pub fn integer(x: f64) -> BigInt {
+    let bits = (x as f32).to_bits();
+    debug_assert_eq!(f64::from(f32::from_bits(bits)), x);
+    let (exponent, fraction) = ((bits >> 23) & 0xff, bits & 0x7f_ffff);
+    let magnitude = match exponent {
+        0 => BigInt::from(fraction),
+        _ => BigInt::from(fraction | 0x80_0000) << (exponent - 1),
+    };
+    if x < 0.0 { -magnitude } else { magnitude }
+}
+
+/// A vector of f32 values in units of 2^-149.
+pub fn integers(v: DVec3) -> Integers {
+    v.to_array().map(integer)
+}
+
+/// `a - b` without rounding.
+pub fn difference(a: &Integers, b: &Integers) -> Integers {
+    std::array::from_fn(|k| &a[k] - &b[k])
+}
+
+/// `a . (b x c)` without rounding.
+pub fn determinant(a: &Integers, b: &Integers, c: &Integers) -> BigInt {
+    &a[0] * (&b[1] * &c[2] - &b[2] * &c[1])
+        + &a[1] * (&b[2] * &c[0] - &b[0] * &c[2])
+        + &a[2] * (&b[0] * &c[1] - &b[1] * &c[0])
+}
+
+/// A determinant in f64.
+#[derive(Debug, Clone, Copy)]
+pub struct Estimate {
+    /// Its value.
+    pub value: f64,
+    /// How far the exact value may be from it.
+    pub error: f64,
+}
+
+impl Estimate {
+    /// `a . (b x c)`, where each coordinate is an f32 or the rounded difference of two.
+    ///
+    /// The differences, products and sums of one term round seven times in all (Shewchuk 1997,
+    /// section 4.3: (7 + 56u)u times the permanent, u = 2^-53); eight leaves room for the rounding
+    /// of the permanent itself. Where that is 0 the determinant is 0 exactly.
+    #[inline(always)]
+    pub fn of(a: DVec3, b: DVec3, c: DVec3) -> Self {
+        let value = a.x * (b.y * c.z - b.z * c.y)
+            + a.y * (b.z * c.x - b.x * c.z)
+            + a.z * (b.x * c.y - b.y * c.x);
+        let permanent = a.x.abs() * ((b.y * c.z).abs() + (b.z * c.y).abs())
+            + a.y.abs() * ((b.z * c.x).abs() + (b.x * c.z).abs())
+            + a.z.abs() * ((b.x * c.y).abs() + (b.y * c.x).abs());
+        Self { value, error: 4.0 * f64::EPSILON * permanent }
+    }
+
+    /// The sign of the exact value, where the bound decides it.
+    #[inline(always)]
+    pub fn sign(&self) -> Option<Ordering> {
+        if self.value > self.error {
+            Some(Ordering::Greater)
+        } else if self.value < -self.error {
+            Some(Ordering::Less)
+        } else if self.error == 0.0 {
+            Some(Ordering::Equal)
+        } else {
+            None
+        }
+    }
+}
+
+/// The sign of an integer.
+pub fn sign(x: &BigInt) -> Ordering {
+    match x.sign() {
+        Sign::Minus => Ordering::Less,
+        Sign::NoSign => Ordering::Equal,
+        Sign::Plus => Ordering::Greater,
+    }
+}
+
+/// A quotient of integers, the denominator above 0.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fraction {
+    numerator: BigInt,
+    denominator: BigInt,
+}
+
+impl Fraction {
+    /// `numerator / denominator`; the denominator is not 0.
+    pub fn new(numerator: BigInt, denominator: BigInt) -> Self {
+        if denominator.sign() == Sign::Minus {
+            Self { numerator: -numerator, denominator: -denominator }
+        } else {
+            Self { numerator, denominator }
+        }
+    }
+
+    /// The value of an f32.
+    pub fn of(x: f64) -> Self {
+        Self { numerator: integer(x), denominator: BigInt::from(1) << 149 }
+    }
+
+    /// The nearest f64 but for two ulp; tiny and huge values become 0 and infinite.
+    pub fn to_f64(&self) -> f64 {
+        let shift = 64 + self.denominator.bits() as i64 - self.numerator.bits() as i64;
+        let quotient = if shift >= 0 {
+            (&self.numerator << shift as u64) / &self.denominator
+        } else {
+            &self.numerator / (&self.denominator << shift.unsigned_abs())
+        };
+        // Between 2^63 and 2^65; an i128 holds it.
+        let quotient = i128::try_from(quotient).unwrap_or(0) as f64;
+        // In two steps, as 2^shift alone may leave the range.
+        let half = shift / 2;
+        quotient * 2f64.powi(-half as i32) * 2f64.powi((half - shift) as i32)
+    }
+}
+
+impl Ord for Fraction {
+    fn cmp(&self, other: &Self) -> Ordering {
+        (&self.numerator * &other.denominator).cmp(&(&other.numerator * &self.denominator))
+    }
+}
+
+impl PartialOrd for Fraction {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Any finite f32, every exponent equally likely.
+    fn any_f32() -> impl Strategy<Value = f64> {
+        any::<u32>().prop_map(|bits| {
+            let x = f32::from_bits(bits);
+            if x.is_finite() { f64::from(x) } else { 1.0 }
+        })
+    }
+
+    fn any_vector() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(any_f32()).prop_map(DVec3::from)
+    }
+
+    /// Vectors of which many are nearly in one plane.
+    fn near_plane() -> impl Strategy<Value = [DVec3; 3]> {
+        let unit = || prop::array::uniform3(-1f32..1.0);
+        (unit(), unit(), -2f32..2.0, -2f32..2.0).prop_map(|(a, b, s, t)| {
+            let c = [0, 1, 2].map(|k| a[k] * s + b[k] * t);
+            [a, b, c].map(|v| DVec3::from(v.map(f64::from)))
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+        #[test]
+        fn an_estimate_that_decides_is_right(
+            [a, b, c] in prop_oneof![near_plane(), prop::array::uniform3(any_vector())], o in any_vector(),
+        ) {
+            for o in [DVec3::ZERO, o] {
+                let estimate = Estimate::of(a, b - o, c - o);
+                let o = integers(o);
+                let (b, c) = (difference(&integers(b), &o), difference(&integers(c), &o));
+                let exact = determinant(&integers(a), &b, &c);
+                if let Some(found) = estimate.sign() {
+                    prop_assert_eq!(found, sign(&exact));
+                }
+                let unit = Fraction::new(exact, BigInt::from(1) << 447u32).to_f64();
+                prop_assert!((unit - estimate.value).abs() <= estimate.error * (1.0 + 1e-10));
+            }
+        }
+
+        #[test]
+        fn fractions_are_ordered_as_their_values(a in any_f32(), b in any_f32()) {
+            prop_assert_eq!(Fraction::of(a).cmp(&Fraction::of(b)), a.total_cmp(&b).then(Ordering::Equal)
+                .min(if a == b { Ordering::Equal } else { Ordering::Greater }));
+            prop_assert_eq!(Fraction::of(a).to_f64(), a);
+            if b != 0.0 {
+                let quotient = Fraction::new(integer(a), integer(b)).to_f64();
+                prop_assert!((quotient - a / b).abs() <= 4.0 * f64::EPSILON * (a / b).abs());
+            }
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! Every primitive against every ray, decided by exact predicates: the oracle.
+//!
+//! A triangle is closed: its edges and corners belong to it, so a closed mesh has no holes. One
+//! that has no area as seen along the ray is never hit. Which hit is nearest is decided exactly as
+//! well; of equal ones the lowest primitive number wins. A quad is its two triangles. A sphere is
+//! not exact: its quadratic is solved in f64 ([`crate::geometry::Sphere::intersect`]), which tells
+//! hit from miss unless the ray passes the outline within some 2^-48 of its distance from the
+//! centre.
+
+mod blocks;
+mod exact;
+mod near;
+mod triangle;
+
+pub use self::near::{Near, Outline};
+
+use std::cmp::Ordering;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use self::blocks::{Blocks, Box3, ROUNDING};
+use self::triangle::{compare, crossing};
+use super::lane::{Hit, Ray, lanes};
+use super::{Accelerator, BuildInfo, BuildOptions};
+use crate::error::{Error, Kind, Problem, Result};
+use crate::geometry::{Geometry, GeometryKind};
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, Mask, RayPacket, Rays};
+
+/// The backend `brute`.
+pub struct Brute<'g> {
+    geometry: &'g Geometry,
+    blocks: Blocks,
+    peak_bytes: u64,
+}
+
+/// A hit, and the triangle it lies on unless that is a sphere.
+struct Candidate {
+    hit: Hit,
+    t_error: f64,
+    corners: Option<[DVec3; 3]>,
+}
+
+impl<'g> Brute<'g> {
+    /// Sorts the primitives into blocks, on the threads of the current rayon pool.
+    ///
+    /// # Errors
+    /// See [`super::build`].
+    pub fn build(
+        geometry: &'g Geometry,
+        options: &BuildOptions,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let count = *geometry.bases().last().unwrap_or(&0);
+        let peak_bytes = u64::from(count) * (size_of::<Box3>() as u64 + 24);
+        if let Some(limit) = options.max_bytes.filter(|&limit| peak_bytes > limit) {
+            let message =
+                format!("the accelerator would hold more than the {limit} bytes left to it");
+            return Err(Error::new(Kind::Limit, Problem::new("--max-memory", message)));
+        }
+        let boxes: Vec<Box3> =
+            (0..count).into_par_iter().map(|primitive| bounds(geometry, primitive)).collect();
+        monitor.check()?;
+        let blocks = Blocks::new(&boxes);
+        monitor.check()?;
+        Ok(Self { geometry, blocks, peak_bytes })
+    }
+
+    /// All hits of the ray, nearest first; of equal ones the lowest primitive number first. Each
+    /// t to a relative 2^-40. A sphere counts once, as does a quad.
+    pub fn all_hits(&self, ray: &Ray) -> Vec<Hit> {
+        let mut all = Vec::new();
+        self.each_hit(ray, |candidate| all.push(candidate));
+        all.sort_by(|a, b| self.order(ray, a, b));
+        all.into_iter().map(|candidate| candidate.hit).collect()
+    }
+
+    /// The first of [`Brute::all_hits`].
+    pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
+        let mut best: Option<Candidate> = None;
+        self.each_hit(ray, |candidate| {
+            let nearer = |best| self.order(ray, &candidate, best) == Ordering::Less;
+            if best.as_ref().is_none_or(nearer) {
+                best = Some(candidate);
+            }
+        });
+        best.map(|candidate| candidate.hit)
+    }
+
+    fn each_hit(&self, ray: &Ray, mut found: impl FnMut(Candidate)) {
+        self.blocks.each(ray, ROUNDING, [ray.tnear, ray.tfar], |primitive| {
+            if let Some(candidate) = self.test(ray, primitive) {
+                found(candidate);
+            }
+        });
+    }
+
+    fn test(&self, ray: &Ray, primitive: u32) -> Option<Candidate> {
+        let (geom, prim) = locate(self.geometry, primitive);
+        let leaving = primitive == ray.leaving;
+        let on_triangle = |corners: [DVec3; 3], turned: bool| {
+            let at = crossing(ray, &corners)?;
+            let (u, v) = if turned { (1.0 - at.u, 1.0 - at.v) } else { (at.u, at.v) };
+            let hit = Hit { geom, prim, t: at.t, u, v, ng: at.ng };
+            Some(Candidate { hit, t_error: at.t_error(), corners: Some(corners) })
+        };
+        match self.geometry.kind(geom) {
+            GeometryKind::Spheres => {
+                let sphere = &self.geometry.spheres[prim as usize];
+                let Ray { origin, direction, tnear, tfar, .. } = *ray;
+                let t = sphere.intersect(origin, direction, tnear, tfar, leaving);
+                let ng = origin + direction * t - sphere.center;
+                let hit = Hit { geom, prim, t, u: 0.0, v: 0.0, ng };
+                (!t.is_nan()).then_some(Candidate { hit, t_error: 0.0, corners: None })
+            }
+            _ if leaving => None,
+            GeometryKind::Mesh(mesh) => {
+                on_triangle(self.geometry.meshes[mesh].corners(prim).map(corner), false)
+            }
+            GeometryKind::Quads => {
+                let [first, second] = halves(&self.geometry.quads[prim as usize]);
+                let (first, second) = (on_triangle(first, false), on_triangle(second, true));
+                match (first, second) {
+                    (Some(a), Some(b)) if self.order(ray, &b, &a) == Ordering::Less => Some(b),
+                    (a, b) => a.or(b),
+                }
+            }
+        }
+    }
+
+    fn order(&self, ray: &Ray, a: &Candidate, b: &Candidate) -> Ordering {
+        let by_t = match (&a.corners, &b.corners) {
+            (Some(first), Some(second)) if (a.hit.t - b.hit.t).abs() <= a.t_error + b.t_error => {
+                compare(ray, first, second)
+            }
+            _ => a.hit.t.total_cmp(&b.hit.t),
+        };
+        let number = |c: &Candidate| self.geometry.primitive(c.hit.geom, c.hit.prim);
+        by_t.then(number(a).cmp(&number(b)))
+    }
+}
+
+fn corner(v: [f32; 3]) -> DVec3 {
+    DVec3::from(v.map(f64::from))
+}
+
+/// The two triangles of a quad, as [`Geometry::quad_half`] has them.
+fn halves(quad: &[[f32; 3]; 4]) -> [[DVec3; 3]; 2] {
+    let [v0, v1, v2, v3] = quad.map(corner);
+    [[v0, v1, v3], [v2, v3, v1]]
+}
+
+/// Geometry and primitive of a primitive number.
+fn locate(geometry: &Geometry, primitive: u32) -> (u32, u32) {
+    let geom = geometry.bases().partition_point(|&base| base <= primitive) - 1;
+    (geom as u32, primitive - geometry.bases()[geom])
+}
+
+fn bounds(geometry: &Geometry, primitive: u32) -> Box3 {
+    let (geom, prim) = locate(geometry, primitive);
+    match geometry.kind(geom) {
+        GeometryKind::Mesh(mesh) => Box3::of(&geometry.meshes[mesh].corners(prim).map(corner)),
+        GeometryKind::Quads => Box3::of(&geometry.quads[prim as usize].map(corner)),
+        GeometryKind::Spheres => {
+            let sphere = &geometry.spheres[prim as usize];
+            // Wider by more than the test's own error as seen from within the scene.
+            let radius =
+                sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * 1e-12;
+            Box3 { min: sphere.center - radius, max: sphere.center + radius }
+        }
+    }
+}
+
+impl Accelerator for Brute<'_> {
+    fn info(&self) -> BuildInfo {
+        BuildInfo {
+            version: "brute".into(),
+            isa: "f64 and integers".into(),
+            bytes: self.blocks.bytes(),
+            peak_bytes: self.peak_bytes,
+        }
+    }
+
+    fn closest(&self, active: &Mask, packet: &mut RayPacket, _: Coherence) {
+        for i in lanes(active) {
+            if let Some(hit) = self.closest_hit(&Ray::of(&packet.rays, i)) {
+                hit.store(packet, i);
+            }
+        }
+    }
+
+    fn occluded(&self, active: &Mask, rays: &mut Rays, _: Coherence) {
+        for i in lanes(active) {
+            let ray = Ray::of(rays, i);
+            let mut any = false;
+            self.each_hit(&ray, |_| any = true);
+            if any {
+                rays.tfar[i] = f32::NEG_INFINITY;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

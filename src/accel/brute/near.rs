@@ -1,0 +1,228 @@
+//! Which primitives a ray passes so closely that a test in f32 may see it otherwise.
+//!
+//! The test meant is that of Woop et al. 2013: corners are sheared along the ray onto the plane
+//! across its dominant axis, in f32. Each sheared coordinate is off by at most
+//! u(2|A_k| + 4|S_k||A_z|), u = 2^-24, A the corner seen from the origin and |S_k| <= 1: by less
+//! than 6u max|A|. So each corner moves within a square of that half side, and all distances
+//! here are measured as squares grow: the larger of the two coordinates.
+
+use glam::{DVec2, DVec3};
+
+use super::blocks::ROUNDING;
+use super::{Brute, corner, halves, locate};
+use crate::accel::lane::Ray;
+use crate::geometry::{GeometryKind, Sphere};
+
+/// 6u: how far a sheared corner moves, in units of its largest coordinate from the origin.
+const SHEAR: f64 = 6.0 / (1u64 << 24) as f64;
+
+/// A primitive that a ray meets or nearly meets.
+#[derive(Debug, Clone)]
+pub struct Near {
+    /// Geometry id.
+    pub geom: u32,
+    /// Primitive within its geometry.
+    pub prim: u32,
+    /// Where the ray meets its plane, not beyond its corners; on a sphere one of the two roots.
+    pub t: f64,
+    /// How far a test whose corners have moved may be from that, rounding of t to f32 included.
+    pub t_error: f64,
+    /// What else there is to know of the shape as the ray sees it.
+    pub outline: Outline,
+}
+
+/// A shape in the plane across the ray's dominant axis, the ray at the origin.
+#[derive(Debug, Clone)]
+pub enum Outline {
+    /// A triangle.
+    Triangle {
+        /// Its corners, to recognise shared ones.
+        corners: [DVec3; 3],
+        /// Where they are in the plane.
+        sheared: [DVec2; 3],
+        /// How far each may have moved.
+        moved: [f64; 3],
+    },
+    /// A sphere: whether the ray meets it for certain.
+    Sphere(bool),
+}
+
+impl Brute<'_> {
+    /// All primitives that the ray meets or would meet if every sheared corner moved by up to
+    /// `factor` times the bound of the module's test, at any t; a sphere gives one entry for each
+    /// of its roots. The primitive that the ray leaves is not among them. `None` for more than
+    /// `most`.
+    pub fn near(&self, ray: &Ray, factor: f64, most: usize) -> Option<Vec<Near>> {
+        let mut found = Vec::new();
+        let all = [f64::NEG_INFINITY, f64::INFINITY];
+        let plane = Plane::across(ray);
+        // A moved corner stays in its box widened by the same.
+        self.blocks.each(ray, factor * SHEAR * 1.001 + ROUNDING, all, |primitive| {
+            if found.len() <= most {
+                self.add_near(ray, &plane, primitive, factor, &mut found);
+            }
+        });
+        (found.len() <= most).then_some(found)
+    }
+
+    /// The entries of [`Brute::near`] of one primitive.
+    pub fn near_primitive(&self, ray: &Ray, geom: u32, prim: u32, factor: f64) -> Vec<Near> {
+        let mut found = Vec::new();
+        let primitive = self.geometry.primitive(geom, prim);
+        self.add_near(ray, &Plane::across(ray), primitive, factor, &mut found);
+        found
+    }
+
+    fn add_near(
+        &self,
+        ray: &Ray,
+        plane: &Plane,
+        primitive: u32,
+        factor: f64,
+        found: &mut Vec<Near>,
+    ) {
+        let (geom, prim) = locate(self.geometry, primitive);
+        let leaving = primitive == ray.leaving;
+        let mut add = |corners: [DVec3; 3]| {
+            let at = triangle(ray, plane, corners, factor * SHEAR);
+            found.extend(at.map(|(t, t_error, outline)| Near { geom, prim, t, t_error, outline }));
+        };
+        match self.geometry.kind(geom) {
+            GeometryKind::Spheres => {
+                let sphere = &self.geometry.spheres[prim as usize];
+                roots(ray, sphere, leaving, |t, t_error, sure| {
+                    let outline = Outline::Sphere(sure);
+                    found.push(Near { geom, prim, t, t_error, outline });
+                });
+            }
+            _ if leaving => {}
+            GeometryKind::Mesh(mesh) => add(self.geometry.meshes[mesh].corners(prim).map(corner)),
+            GeometryKind::Quads => {
+                halves(&self.geometry.quads[prim as usize]).into_iter().for_each(add);
+            }
+        }
+    }
+}
+
+/// Four f32 ulp.
+fn ulps(t: f64) -> f64 {
+    4.0 * f64::from(f32::EPSILON) * t.abs() + f64::from(f32::MIN_POSITIVE)
+}
+
+/// The plane across a ray's dominant axis.
+struct Plane {
+    /// The two other axes, then the dominant one.
+    axes: [usize; 3],
+    shear: DVec2,
+}
+
+impl Plane {
+    fn across(ray: &Ray) -> Self {
+        let d = ray.direction.to_array();
+        let z = (0..3).max_by(|&a, &b| d[a].abs().total_cmp(&d[b].abs())).unwrap_or(2);
+        let axes = [(z + 1) % 3, (z + 2) % 3, z];
+        Self { axes, shear: DVec2::new(d[axes[0]], d[axes[1]]) / d[z] }
+    }
+
+    /// A vector in the order of the axes.
+    fn turn(&self, v: DVec3) -> DVec3 {
+        DVec3::from(self.axes.map(|axis| v[axis]))
+    }
+}
+
+/// Where a triangle is and what it looks like, if the ray passes it closely enough.
+fn triangle(
+    ray: &Ray,
+    plane: &Plane,
+    corners: [DVec3; 3],
+    scale: f64,
+) -> Option<(f64, f64, Outline)> {
+    let seen = corners.map(|corner| plane.turn(corner - ray.origin));
+    let sheared = seen.map(|a| a.truncate() - plane.shear * a.z);
+    let moved = seen.map(|a| a.abs().max_element() * scale);
+    let moves = moved[0].max(moved[1]).max(moved[2]);
+    let outside = !contains(&sheared);
+    let edges = [(0, 1), (1, 2), (2, 0)];
+    if outside && edges.iter().all(|&(i, j)| !(distance(sheared[i], sheared[j]) <= moves)) {
+        return None;
+    }
+    let direction = plane.turn(ray.direction);
+    let depths = seen.map(|a| a.z / direction.z);
+    let low = depths[0].min(depths[1]).min(depths[2]);
+    let high = depths[0].max(depths[1]).max(depths[2]);
+    let normal = (seen[1] - seen[0]).cross(seen[2] - seen[0]);
+    let facing = normal.dot(direction);
+    let t = normal.dot(seen[0]) / facing;
+    let t = if t.is_nan() { low } else { t.clamp(low, high) };
+    // The plane's slope: a point that moves by (x, y) moves along the ray by n.(x, y, 0) / n.d.
+    let slope = (normal.x.abs() + normal.y.abs()) / facing.abs();
+    let slid = moves * slope;
+    let t_error = if slid.is_nan() { high - low } else { slid.min(high - low) } + ulps(t);
+    Some((t, t_error, Outline::Triangle { corners, sheared, moved }))
+}
+
+/// Whether the origin lies in the triangle, to f64 rounding.
+fn contains(p: &[DVec2; 3]) -> bool {
+    let sides = [p[0].perp_dot(p[1]), p[1].perp_dot(p[2]), p[2].perp_dot(p[0])];
+    sides.iter().all(|&side| side >= 0.0) || sides.iter().all(|&side| side <= 0.0)
+}
+
+/// Distance of the origin from the segment, by the larger coordinate. That is convex along the
+/// segment and linear between the points where the coordinates are equal or one is zero.
+pub(super) fn distance(p: DVec2, q: DVec2) -> f64 {
+    let along = q - p;
+    let candidates = [
+        (p.x - p.y, along.x - along.y),
+        (p.x + p.y, along.x + along.y),
+        (p.x, along.x),
+        (p.y, along.y),
+    ];
+    let at = |s: f64| (p + along * s).abs().max_element();
+    let ends = p.abs().max_element().min(q.abs().max_element());
+    candidates
+        .into_iter()
+        .map(|(value, change)| -value / change)
+        .filter(|s| (0.0..=1.0).contains(s))
+        .fold(ends, |least, s| least.min(at(s)))
+}
+
+impl Outline {
+    /// Distance of the ray from edge `i` (0: corners 0 and 1, and so on) less how far that edge may
+    /// have moved; a sphere has no edges.
+    pub fn clearance(&self, i: usize) -> f64 {
+        match self {
+            Self::Triangle { sheared, moved, .. } => {
+                let (i, j) = (i % 3, (i + 1) % 3);
+                distance(sheared[i], sheared[j]) - moved[i].max(moved[j])
+            }
+            Self::Sphere(_) => f64::INFINITY,
+        }
+    }
+}
+
+/// The roots of a sphere that a ray meets or nearly meets: t, its error, whether it is certain.
+fn roots(ray: &Ray, sphere: &Sphere, leaving: bool, mut found: impl FnMut(f64, f64, bool)) {
+    let Ray { origin, direction: d, .. } = *ray;
+    let f = origin - sphere.center;
+    let a = d.length_squared();
+    let b = -f.dot(d);
+    let r2 = sphere.radius * sphere.radius;
+    let discriminant = r2 - (f + d * (b / a)).length_squared();
+    // 64u of what is subtracted: several times the rounding.
+    let error = 32.0 * f64::EPSILON * (f.length_squared() + r2);
+    if leaving {
+        let t = 2.0 * b / a;
+        let t_error = 2.0 * (error / a).sqrt().min(error / b.abs()) + ulps(t);
+        return found(t, t_error, t.abs() > t_error);
+    }
+    if discriminant < -error {
+        return;
+    }
+    let half = (discriminant.max(0.0) / a).sqrt();
+    // sqrt(x + e) - sqrt(x) is at most e / sqrt(x), and at most sqrt(e).
+    let t_error = (error / a).sqrt().min(error / (a * half));
+    for t in [b / a - half, b / a + half] {
+        let rounding = ulps(t) + 4.0 * f64::EPSILON * (b / a).abs();
+        found(t, t_error + rounding, discriminant > error);
+    }
+}

@@ -1,0 +1,152 @@
+//! Ray against triangle, decided exactly.
+
+use std::cmp::Ordering::{self, Equal, Greater, Less};
+
+use glam::DVec3;
+
+use super::exact::{Estimate, Fraction, Integers, determinant, difference, integers, sign};
+use crate::accel::lane::Ray;
+
+/// Largest relative error of [`Crossing::t`]: where plain f64 does worse, integers take over.
+const T_ERROR: f64 = 1.0 / (1u64 << 40) as f64;
+
+/// Largest error of the weights, likewise.
+const WEIGHT_ERROR: f64 = 1.0 / (1u64 << 30) as f64;
+
+/// Where a ray meets a triangle.
+#[derive(Debug, Clone, Copy)]
+pub struct Crossing {
+    /// Where on the ray, to a relative 2^-40.
+    pub t: f64,
+    /// Weight of the second corner.
+    pub u: f64,
+    /// Weight of the third corner.
+    pub v: f64,
+    /// `(v1 - v0) x (v2 - v0)`.
+    pub ng: DVec3,
+}
+
+impl Crossing {
+    /// How far the exact t may be from `t`.
+    pub fn t_error(&self) -> f64 {
+        self.t.abs() * T_ERROR
+    }
+}
+
+/// Where the line of `ray` meets the closed triangle and t is in (tnear, tfar), without any
+/// rounding. A triangle that has no area as seen along the ray is never met. All coordinates are
+/// values of f32.
+///
+/// With A, B, C the corners seen from the origin, the line passes the edge AB on the side that the
+/// sign of d . (A x B) tells, is inside where the three signs do not differ, and the three add up
+/// to d . n, which is 0 where the triangle is seen edge-on.
+#[inline(always)]
+pub fn crossing(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
+    let [a, b, c] = corners.map(|corner| corner - ray.origin);
+    let d = ray.direction;
+    let edges = [Estimate::of(d, b, c), Estimate::of(d, c, a), Estimate::of(d, a, b)];
+    let [bc, ca, ab] = edges.map(|edge| edge.sign());
+    let differ = |x, y| matches!((x, y), (Some(Less), Some(Greater)) | (Some(Greater), Some(Less)));
+    if differ(bc, ca) || differ(ca, ab) || differ(ab, bc) {
+        return None;
+    }
+    decide(ray, corners, edges)
+}
+
+/// [`crossing`] without its filter.
+#[cfg(test)]
+pub fn integers_only(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
+    decide(ray, corners, [Estimate { value: f64::NAN, error: f64::NAN }; 3])
+}
+
+#[inline(never)]
+fn decide(ray: &Ray, corners: &[DVec3; 3], edges: [Estimate; 3]) -> Option<Crossing> {
+    let exact = Exact::new(ray, corners);
+    let mut signs = [Equal; 3];
+    for (i, edge) in edges.iter().enumerate() {
+        signs[i] = edge.sign().unwrap_or_else(|| sign(&exact.edge(i)));
+    }
+    let (some_less, some_greater) = (signs.contains(&Less), signs.contains(&Greater));
+    if some_less == some_greater {
+        // On both sides, or nothing but zeros: seen edge-on.
+        return None;
+    }
+    let [a, b, c] = *corners;
+    let (e1, e2, to_a) = (b - a, c - a, a - ray.origin);
+    let ng = e1.cross(e2);
+    let (n, d) = (Estimate::of(to_a, e1, e2), Estimate::of(ray.direction, e1, e2));
+    let t = n.value / d.value;
+    let error = (n.error + t.abs() * d.error) / (d.value.abs() - d.error) + f64::EPSILON * t.abs();
+    // False for a NaN, and where the denominator's sign is unknown.
+    let sum = edges.iter().map(|edge| edge.value).sum::<f64>();
+    let weights_error = edges.iter().fold(0.0, |most: f64, edge| most.max(edge.error));
+    let sound = d.value.abs() > d.error
+        && error <= 0.5 * T_ERROR * t.abs()
+        && weights_error <= WEIGHT_ERROR * d.value.abs()
+        && !sum.is_nan();
+    let crossing = if sound {
+        Crossing { t, u: edges[1].value / sum, v: edges[2].value / sum, ng }
+    } else {
+        let d = exact.facing();
+        let quotient = |n| Fraction::new(n, d.clone()).to_f64();
+        let t = quotient(exact.distance());
+        Crossing { t, u: quotient(exact.edge(1)), v: quotient(exact.edge(2)), ng }
+    };
+    let beyond = |limit: f64| {
+        if limit.is_finite() && (crossing.t - limit).abs() <= crossing.t_error() {
+            exact.t().cmp(&Fraction::of(limit))
+        } else {
+            crossing.t.total_cmp(&limit)
+        }
+    };
+    (beyond(ray.tnear) == Greater && beyond(ray.tfar) == Less).then_some(crossing)
+}
+
+/// Compares where a ray meets two triangles that it does meet, without rounding.
+pub fn compare(ray: &Ray, a: &[DVec3; 3], b: &[DVec3; 3]) -> Ordering {
+    Exact::new(ray, a).t().cmp(&Exact::new(ray, b).t())
+}
+
+/// The same in integers; nothing is converted until it is asked for.
+struct Exact<'a> {
+    ray: &'a Ray,
+    corners: &'a [DVec3; 3],
+}
+
+impl<'a> Exact<'a> {
+    fn new(ray: &'a Ray, corners: &'a [DVec3; 3]) -> Self {
+        Self { ray, corners }
+    }
+
+    /// The corner seen from the ray's origin.
+    fn corner(&self, i: usize) -> Integers {
+        difference(&integers(self.corners[i % 3]), &integers(self.ray.origin))
+    }
+
+    /// The determinant of the edge opposite of corner `i`.
+    fn edge(&self, i: usize) -> num_bigint::BigInt {
+        let d = integers(self.ray.direction);
+        determinant(&d, &self.corner(i + 1), &self.corner(i + 2))
+    }
+
+    fn sides(&self) -> [Integers; 2] {
+        let a = integers(self.corners[0]);
+        [1, 2].map(|i| difference(&integers(self.corners[i]), &a))
+    }
+
+    /// d . n
+    fn facing(&self) -> num_bigint::BigInt {
+        let [e1, e2] = self.sides();
+        determinant(&integers(self.ray.direction), &e1, &e2)
+    }
+
+    /// (a - origin) . n
+    fn distance(&self) -> num_bigint::BigInt {
+        let [e1, e2] = self.sides();
+        determinant(&self.corner(0), &e1, &e2)
+    }
+
+    fn t(&self) -> Fraction {
+        Fraction::new(self.distance(), self.facing())
+    }
+}

@@ -1,0 +1,297 @@
+//! `lightpath crosscheck`: every backend's answers, judged ray by ray by the oracle.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use crate::{
+    accel::{
+        self, Accelerator, BuildOptions, Visits, brute::Brute, coursework::Coursework, lane::Ray,
+    },
+    error::{Error, Kind, Problem, Result},
+    measure::cross_check::{
+        Answer, Check, Contender, Finding, Verdict, answers, check_rays, compare_pictures, judge,
+    },
+    monitor::Monitor,
+    output::atomic::TextFile,
+    scene::{self, Backend, Source},
+    simd::Isa,
+    world::{LoadOptions, World},
+};
+
+use super::{
+    args::{
+        BackendName, CrosscheckArgs, MachineArgs, MeshArgs, RenderArgs, ReportArgs,
+        SceneArgs,
+    },
+    crosscheck_text as text, job, machine, render, signals,
+};
+
+/// Largest file that `--replay` reads.
+const MAX_REPLAY_BYTES: u64 = 64 << 20;
+
+/// The file of `--save`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Saved {
+    /// The scene, overrides included; its paths are relative to the file's folder.
+    scene: Value,
+    findings: Vec<Finding>,
+}
+
+/// Checks a scene, or what an earlier check found.
+pub fn run(args: &CrosscheckArgs) -> Result<()> {
+    let monitor = Arc::new(Monitor::default());
+    let isa = machine::isa(args.isa)?;
+    let backends = backends(args.backends.as_deref())?;
+    machine::pool(args.threads)?.install(|| match (&args.replay, &args.input) {
+        (Some(file), _) => replay(args, file, isa, &monitor),
+        (None, Some(input)) => check(args, input, backends, isa, &monitor),
+        (None, None) => Err(Error::invalid("", "no scene given")),
+    })
+}
+
+/// The backends that are named, each once; `None` if none is.
+fn backends(names: Option<&[BackendName]>) -> Result<Option<Vec<Backend>>> {
+    let Some(names) = names else { return Ok(None) };
+    let mut backends: Vec<Backend> = Vec::new();
+    for name in names {
+        let backend = match name {
+            BackendName::Embree => Backend::Embree,
+            BackendName::Bvh => Backend::Bvh,
+            BackendName::Coursework => Backend::Coursework,
+            BackendName::Brute => Backend::Brute,
+        };
+        if !backends.contains(&backend) {
+            backends.push(backend);
+        }
+    }
+    if let [only] = backends[..] {
+        let message = format!("found `{}` alone, expected two or more backends", only.name());
+        return Err(Error::invalid("--backends", message).help("--backends embree,bvh"));
+    }
+    Ok(Some(backends))
+}
+
+/// The flags as `render` has them, so that scenes and meshes are loaded the same way.
+fn as_render(args: &CrosscheckArgs, input: &Path) -> RenderArgs {
+    RenderArgs {
+        input: input.to_owned(),
+        output: None,
+        scene: SceneArgs {
+            size: args.size,
+            spp: args.spp,
+            seed: args.seed,
+            set: args.set.clone(),
+            ..SceneArgs::default()
+        },
+        mesh: MeshArgs::default(),
+        machine: MachineArgs { threads: args.threads, ..MachineArgs::default() },
+        report: ReportArgs::default(),
+    }
+}
+
+/// The backends over one geometry.
+struct Built<'g> {
+    oracle: Brute<'g>,
+    coursework: Option<Coursework<'g>>,
+    others: Vec<(Backend, Box<dyn Accelerator + 'g>)>,
+    order: Vec<Backend>,
+}
+
+impl<'g> Built<'g> {
+    /// Builds what `asked` names, or all that can be built here.
+    fn new(
+        world: &'g World,
+        asked: Option<Vec<Backend>>,
+        isa: Isa,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let all = [Backend::Embree, Backend::Bvh, Backend::Coursework, Backend::Brute];
+        let skip = asked.is_none();
+        let threads = rayon::current_num_threads();
+        let options = BuildOptions { threads, fast: false, isa, max_bytes: None };
+        let geometry = &world.geometry;
+        let oracle = Brute::build(geometry, &options, monitor)?;
+        let (mut coursework, mut others, mut order) = (None, Vec::new(), Vec::new());
+        for backend in asked.unwrap_or(all.to_vec()) {
+            match backend {
+                Backend::Brute => {}
+                Backend::Coursework => {
+                    coursework = Some(Coursework::build(geometry, &options, monitor)?);
+                }
+                Backend::Embree | Backend::Bvh => {
+                    match accel::build(geometry, backend, &options, monitor) {
+                        Ok(accelerator) => others.push((backend, accelerator)),
+                        Err(error) if skip && error.kind == Kind::Unsupported => {
+                            super::note(&format!("without `{}`: {error}", backend.name()));
+                            continue;
+                        }
+                        Err(error) => return Err(error),
+                    }
+                }
+            }
+            order.push(backend);
+        }
+        Ok(Self { oracle, coursework, others, order })
+    }
+
+    fn contenders(&self) -> Vec<Contender<'_>> {
+        let of = |&backend: &Backend| -> Option<Contender<'_>> {
+            let accelerator: &dyn Accelerator = match backend {
+                Backend::Brute => &self.oracle,
+                Backend::Coursework => self.coursework.as_ref()?,
+                _ => &*self.others.iter().find(|(other, _)| *other == backend)?.1,
+            };
+            Some(Contender { backend, accelerator })
+        };
+        self.order.iter().filter_map(of).collect()
+    }
+}
+
+fn check(
+    args: &CrosscheckArgs,
+    input: &Path,
+    backends: Option<Vec<Backend>>,
+    isa: Isa,
+    monitor: &Arc<Monitor>,
+) -> Result<()> {
+    let flags = as_render(args, input);
+    let mut job = job::load(&flags)?;
+    let saves: Vec<PathBuf> = args.save.iter().cloned().collect();
+    render::not_over_inputs(&flags, &job, &saves, "choose another name: --save FILE.json")?;
+    signals::watch(monitor)?;
+    let save = args.save.as_ref().map(|path| TextFile::create(path)).transpose()?;
+    let ready = std::mem::take(&mut job.ready);
+    let scene = &job.loaded.scene;
+    let (world, warnings) = World::load(scene, LoadOptions { ready, ..LoadOptions::default() }, monitor)?;
+    for warning in job.warnings.iter().chain(&warnings) {
+        super::note(&format!("warning: {warning}"));
+    }
+    let built = Built::new(&world, backends, isa, monitor)?;
+    let contenders = built.contenders();
+    let check = Check {
+        world: &world,
+        oracle: &built.oracle,
+        contenders: &contenders,
+        coursework: built.coursework.as_ref(),
+        rays: args.rays,
+        seed: scene.seed,
+    };
+    let mut report = check_rays(&check, monitor)?;
+    if !args.no_picture {
+        report.pictures = compare_pictures(&world, &built.oracle, &contenders, isa, monitor)?;
+    }
+    if let (Some(file), Some(path)) = (save, &args.save) {
+        let scene = serde_json::from_str(&job::saved(&job, path)?).unwrap_or_default();
+        let saved = Saved { scene, findings: report.findings.clone() };
+        let text = serde_json::to_string_pretty(&saved).unwrap_or_default();
+        file.finish(&(text + "\n"))?;
+    }
+    if args.json {
+        let mut value = json!(report);
+        value["failures"] = report.failures().into();
+        super::print(&format!("{value}\n"))?;
+    } else {
+        super::print(&text::report(&report))?;
+    }
+    failed(report.failures())
+}
+
+/// Exit code 1 with every reason.
+fn failed(failures: Vec<String>) -> Result<()> {
+    let problems: Vec<Problem> =
+        failures.into_iter().map(|failure| Problem::new("crosscheck", failure)).collect();
+    if problems.is_empty() {
+        return Ok(());
+    }
+    Err(Error { kind: Kind::Check, problems })
+}
+
+/// A finding traced again.
+#[derive(Serialize)]
+struct Replayed<'f> {
+    finding: &'f Finding,
+    answer: Answer,
+    truth: Answer,
+    verdict: Verdict,
+}
+
+fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) -> Result<()> {
+    let place = file.display().to_string();
+    let saved = read(file)?;
+    let text = saved.scene.to_string();
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let name = format!("{place}: scene");
+    let loaded = scene::load(Source::Text { name: &name, text: text.as_bytes(), folder }, &[])?;
+    signals::watch(monitor)?;
+    let (world, _) = World::load(&loaded.scene, LoadOptions::default(), monitor)?;
+    let all = [Backend::Embree, Backend::Bvh, Backend::Coursework, Backend::Brute];
+    let needed = all.into_iter().filter(|b| saved.findings.iter().any(|f| f.backend == b.name()));
+    let built = Built::new(&world, Some(needed.collect()), isa, monitor)?;
+    let contenders = built.contenders();
+    let primitives = *world.geometry.bases().last().unwrap_or(&0);
+    let mut results = Vec::new();
+    for (index, finding) in saved.findings.iter().enumerate() {
+        let wrong =
+            |message: String| Error::invalid(format!("{place} (/findings/{index})"), message);
+        let case = finding.case().map_err(wrong)?;
+        let contender = contenders.iter().find(|c| c.backend.name() == finding.backend);
+        let contender = contender.ok_or_else(|| {
+            wrong(format!("found the backend `{}`, which there is not", finding.backend))
+        })?;
+        if finding.packet.iter().any(|ray| ray.leaving.is_some_and(|p| p >= primitives)) {
+            return Err(wrong(format!(
+                "found a ray that leaves none of the {primitives} primitives"
+            )));
+        }
+        let ray = Ray::of(&case.packet.rays, finding.lane);
+        results.push(match (&built.coursework, finding.against.as_str()) {
+            (Some(coursework), "plain loop") => {
+                let of = |hit: Option<_>| hit.map_or(Answer::Miss, Answer::from);
+                let answer = of(coursework.closest_hit(&ray, &mut Visits::default()));
+                let truth = of(coursework.plain_loop(&ray));
+                let verdict = if answer == truth { Verdict::Agree } else { finding.verdict };
+                Replayed { finding, answer, truth, verdict }
+            }
+            _ => {
+                let answer = answers(contender.accelerator, &case, finding.mode)[finding.lane];
+                let truth = Answer::truth(&built.oracle, &ray, case.shadow);
+                let verdict = judge(&built.oracle, &ray, truth, answer, contender.factor());
+                Replayed { finding, answer, truth, verdict }
+            }
+        });
+    }
+    if args.json {
+        super::print(&format!("{}\n", json!({ "replayed": results })))?;
+    } else {
+        let line = |r: &Replayed| text::finding(r.finding, r.verdict, r.answer, r.truth);
+        super::print(&results.iter().map(line).collect::<String>())?;
+    }
+    let still = results.iter().filter(|r| r.verdict.is_wrong() && r.finding.fails()).count();
+    let all = results.len();
+    failed(
+        (still > 0)
+            .then(|| format!("{still} of {all} answers are still wrong"))
+            .into_iter()
+            .collect(),
+    )
+}
+
+fn read(file: &Path) -> Result<Saved> {
+    let place = file.display().to_string();
+    let failed = |error: std::io::Error| Error::io(file, "read", &error);
+    let size = std::fs::metadata(file).map_err(failed)?.len();
+    if size > MAX_REPLAY_BYTES {
+        let message = format!("found {size} bytes, expected a file of `crosscheck --save`");
+        return Err(Error::invalid(place, message));
+    }
+    let bytes = std::fs::read(file).map_err(failed)?;
+    serde_json::from_slice(&bytes).map_err(|error| {
+        Error::invalid(&place, format!("{error}, expected a file of `crosscheck --save`"))
+    })
+}

@@ -1,0 +1,103 @@
+//! What `crosscheck` says to people.
+
+use std::fmt::Write;
+
+use crate::measure::cross_check::{Answer, Finding, Report, Tally, Verdict};
+
+use super::units;
+
+/// Findings that are shown of all that are kept.
+const SHOWN: usize = 12;
+
+/// All of it.
+pub fn report(report: &Report) -> String {
+    let mut out = format!(
+        "{} rays, {} primitives, seed {}; the oracle is `brute`\n",
+        units::count(report.rays),
+        units::count(report.primitives),
+        report.seed
+    );
+    for backend in &report.backends {
+        let bound = match backend.bound {
+            0.0 => "exact".to_string(),
+            bound => format!("bound {bound}"),
+        };
+        let _ = writeln!(
+            out,
+            "\n{} ({}, {}; {bound})\n{}",
+            backend.backend, backend.version, backend.isa, HEADING
+        );
+        for (source, tally) in &backend.sources {
+            out += &row(source, tally);
+        }
+        out += &row("all", &backend.total);
+    }
+    if let Some(all) = report.plain_loop {
+        let _ = writeln!(
+            out,
+            "\ncoursework against the plain loop over its own tests: {} rays, {} wrong",
+            units::count(all.rays),
+            units::count(all.wrong)
+        );
+    }
+    for picture in &report.pictures {
+        let [a, b] = picture.backends;
+        let _ = writeln!(
+            out,
+            "picture of {b} against {a}: {:.4}% of {} pixels the same; of the rest {} at outlines, \
+             {} by wrong rays of {a}, {} of {b}, {} unexplained, {} not looked into",
+            100.0 * picture.same as f64 / picture.pixels as f64,
+            units::count(picture.pixels),
+            units::count(picture.explained),
+            units::count(picture.wrong[0]),
+            units::count(picture.wrong[1]),
+            units::count(picture.unexplained),
+            units::count(picture.not_looked_into),
+        );
+    }
+    if !report.findings.is_empty() {
+        out += "\nWrong answers, the first of each kind:\n";
+    }
+    for found in report.findings.iter().take(SHOWN) {
+        out += &finding(found, found.verdict, found.answer, found.truth);
+    }
+    if report.findings.len() > SHOWN {
+        let _ = writeln!(out, "and {} more in --save or --json", report.findings.len() - SHOWN);
+    }
+    out
+}
+
+const HEADING: &str = "  rays                 all      agree       tie      edge      leak \
+                       false hit  wrong prim  wrong dist";
+
+fn row(name: &str, tally: &Tally) -> String {
+    let Tally { rays, agree, tie, edge, leak, false_hit, wrong_primitive, wrong_distance } = tally;
+    format!(
+        "  {name:<14}{rays:>10} {agree:>10} {tie:>9} {edge:>9} {leak:>9} {false_hit:>9} \
+         {wrong_primitive:>11} {wrong_distance:>11}\n"
+    )
+}
+
+/// One wrong answer, or what became of it.
+pub fn finding(found: &Finding, verdict: Verdict, answer: Answer, truth: Answer) -> String {
+    format!(
+        "  {} {}: {} ({}, {}{:?}): says {}, the {} {}\n",
+        found.backend,
+        if verdict.is_wrong() { "wrong" } else { "right" },
+        verdict.name(),
+        found.source,
+        if found.shadow { "shadow, " } else { "" },
+        found.mode,
+        said(answer),
+        found.against,
+        said(truth),
+    )
+}
+
+fn said(answer: Answer) -> String {
+    match answer {
+        Answer::Miss => "nothing".into(),
+        Answer::Occluded => "occluded".into(),
+        Answer::Hit { geom, prim, t } => format!("primitive {prim} of geometry {geom} at t {t}"),
+    }
+}

@@ -1,0 +1,55 @@
+//! What of the machine works: threads and instruction set.
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use super::args::IsaName;
+use crate::error::{Error, Kind, Problem, Result};
+use crate::simd::Isa;
+
+/// `--threads`, else what a batch system grants, else what this process may use.
+pub fn threads(asked: Option<u16>) -> usize {
+    let granted = || {
+        let text = std::env::var("SLURM_CPUS_PER_TASK").ok()?;
+        text.trim().parse().ok().filter(|n| (1..=1024).contains(n))
+    };
+    asked
+        .map(usize::from)
+        .or_else(granted)
+        .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
+}
+
+/// That many worker threads.
+///
+/// # Errors
+/// `Retry` where the system does not give that many.
+pub fn pool(asked: Option<u16>) -> Result<ThreadPool> {
+    let threads = threads(asked);
+    ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+        let message = format!("cannot start {threads} threads: {error}");
+        Error::new(Kind::Retry, Problem::new("--threads", message))
+    })
+}
+
+/// `--isa`, else the best tier.
+///
+/// # Errors
+/// `Unsupported` where this machine or this build lacks it.
+pub fn isa(asked: Option<IsaName>) -> Result<Isa> {
+    let wanted = match asked {
+        None => return Ok(Isa::detect()),
+        Some(IsaName::Portable) => Isa::Portable,
+        Some(IsaName::Avx2) => Isa::Avx2,
+        Some(IsaName::Avx512) => Isa::Avx512,
+    };
+    if Isa::available().any(|isa| isa == wanted) {
+        return Ok(wanted);
+    }
+    let lacks = match Isa::compiled().contains(&wanted) {
+        true => "this machine",
+        false => "this build",
+    };
+    let available: Vec<String> = Isa::available().map(|isa| isa.to_string()).collect();
+    let message = format!("found {wanted}, which {lacks} lacks");
+    let help = format!("available: {}", available.join(", "));
+    Err(Error::new(Kind::Unsupported, Problem::new("--isa", message).help(help)))
+}

@@ -1,0 +1,211 @@
+//! The pictures of two backends: which pixels differ, and whether their rays explain it.
+
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{Answer, Case, Contender, Mode, Verdict, answers, judge};
+use crate::accel::brute::Brute;
+use crate::accel::lane::{Ray, lanes};
+use crate::accel::{Accelerator, BuildInfo};
+use crate::error::Result;
+use crate::film::{Film, Window};
+use crate::integrate::{Integrator, TileKernel};
+use crate::measure::rays::Recorded;
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, Mask, RayPacket, Rays};
+use crate::render::render;
+use crate::simd::{self, Isa};
+use crate::world::World;
+
+/// Pixels that differ by no more than this share of the larger value are the same.
+const SAME: f32 = 1e-5;
+
+/// Share of the pixels that must be the same.
+const SHARE: f64 = 0.999;
+
+/// Pixels that are looked into.
+const EXPLAINED: usize = 10_000;
+
+/// How the pictures of two backends compare.
+#[derive(Debug, Clone, Serialize)]
+pub struct PictureReport {
+    /// The two.
+    pub backends: [&'static str; 2],
+    /// Pixels of the frame.
+    pub pixels: u64,
+    /// Pixels that are the same to a relative 1e-5.
+    pub same: u64,
+    /// Of the rest: a ray passes an outline, or two surfaces at the same depth, within the bounds.
+    pub explained: u64,
+    /// Of the rest: a ray that one of the two answers wrong, and whose answer that was.
+    pub wrong: [u64; 2],
+    /// Of the rest: no ray differs.
+    pub unexplained: u64,
+    /// Of the rest: not looked into, because there are too many.
+    pub not_looked_into: u64,
+    /// A pixel that nothing explains, from the top left.
+    pub first_unexplained: Option<[u32; 2]>,
+}
+
+impl PictureReport {
+    /// Why the pictures do not pass.
+    pub fn failure(&self) -> Option<String> {
+        let [a, b] = self.backends;
+        let share = self.same as f64 / self.pixels as f64;
+        if let Some([x, y]) = self.first_unexplained {
+            let n = self.unexplained;
+            return Some(format!(
+                "pictures of `{a}` and `{b}`: {n} pixels differ outside of outlines, the first at x {x}, y {y}"
+            ));
+        }
+        (share < SHARE).then(|| {
+            format!(
+                "pictures of `{a}` and `{b}`: {:.3}% of the pixels are the same, expected at least {:.1}%",
+                100.0 * share,
+                100.0 * SHARE
+            )
+        })
+    }
+}
+
+/// Renders the frame with every contender and compares each with the first.
+///
+/// # Errors
+/// `Interrupted` after a signal; `Limit` for a frame that no memory holds.
+pub fn compare_pictures(
+    world: &World,
+    oracle: &Brute,
+    contenders: &[Contender],
+    isa: Isa,
+    monitor: &Monitor,
+) -> Result<Vec<PictureReport>> {
+    let [width, height] = world.frame;
+    let picture = |contender: &Contender| -> Result<Film> {
+        let mut film = Film::new(world.frame, Window::full(width, height))?;
+        render(world, contender.accelerator, isa, &mut film, monitor)?;
+        Ok(film)
+    };
+    let Some((first, others)) = contenders.split_first() else { return Ok(Vec::new()) };
+    let reference = picture(first)?;
+    let mut reports = Vec::new();
+    for other in others {
+        let film = picture(other)?;
+        let different: Vec<usize> = (0..film.pixels.len())
+            .filter(|&i| !same(&reference.pixels[i], &film.pixels[i]))
+            .collect();
+        let looked_into = &different[..different.len().min(EXPLAINED)];
+        let reasons: Vec<Reason> = looked_into
+            .par_iter()
+            .filter(|_| !monitor.stopped())
+            .map(|&i| {
+                let pixel = [i as u32 % width, i as u32 / width];
+                explain(world, oracle, [first, other], isa, pixel, monitor)
+            })
+            .collect();
+        monitor.check()?;
+        let count = |reason| reasons.iter().filter(|&&r| r == reason).count() as u64;
+        let unexplained = reasons.iter().position(|&r| r == Reason::None);
+        let pixel = |i: usize| [i as u32 % width, i as u32 / width];
+        reports.push(PictureReport {
+            backends: [first.backend.name(), other.backend.name()],
+            pixels: film.pixels.len() as u64,
+            same: (film.pixels.len() - different.len()) as u64,
+            explained: count(Reason::Bound),
+            wrong: [count(Reason::Wrong(0)), count(Reason::Wrong(1))],
+            unexplained: count(Reason::None),
+            not_looked_into: (different.len() - looked_into.len()) as u64,
+            first_unexplained: unexplained.map(|i| pixel(looked_into[i])),
+        });
+    }
+    Ok(reports)
+}
+
+fn same(a: &[f32; 4], b: &[f32; 4]) -> bool {
+    a.iter().zip(b).all(|(a, b)| a == b || (a - b).abs() <= SAME * a.abs().max(b.abs()))
+}
+
+/// Why a pixel differs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Reason {
+    None,
+    Bound,
+    Wrong(usize),
+}
+
+/// Renders one pixel again and judges the rays that the two backends answer differently.
+fn explain(
+    world: &World,
+    oracle: &Brute,
+    [first, other]: [&Contender; 2],
+    isa: Isa,
+    [x, y]: [u32; 2],
+    monitor: &Monitor,
+) -> Reason {
+    let reason = Mutex::new(Reason::None);
+    let witness = Witness { oracle, contenders: [*first, *other], reason };
+    let mut pixel = [[0.0; 4]];
+    let mut rows = [&mut pixel[..]];
+    let integrator = Integrator { world, accelerator: &witness, monitor };
+    let window = Window { x0: x, y0: y, x1: x + 1, y1: y + 1 };
+    simd::dispatch(isa, TileKernel { integrator, window, rows: &mut rows });
+    witness.reason.into_inner().unwrap_or(Reason::None)
+}
+
+/// Answers as its first backend does, and notes where the second answers otherwise. Packets are
+/// those of the render, so some of their rays belong to neighbours of the pixel.
+struct Witness<'a> {
+    oracle: &'a Brute<'a>,
+    contenders: [Contender<'a>; 2],
+    reason: Mutex<Reason>,
+}
+
+impl Witness<'_> {
+    /// The first backend's answers are already known to the caller, but asking again is simpler.
+    fn compare(&self, active: &Mask, rays: &Rays, shadow: bool, coherence: Coherence) {
+        let packet = Recorded { active: *active, rays: rays.clone() };
+        let case = Case { source: String::new(), shadow, coherence, packet };
+        let mode = match coherence {
+            Coherence::Coherent => Mode::Coherent,
+            Coherence::Incoherent => Mode::Incoherent,
+            Coherence::Single => Mode::Single,
+        };
+        let both = self.contenders.map(|c| answers(c.accelerator, &case, mode));
+        for i in lanes(active).filter(|&i| both[0][i] != both[1][i]) {
+            let ray = Ray::of(rays, i);
+            let truth = Answer::truth(self.oracle, &ray, shadow);
+            let verdict =
+                |k: usize| judge(self.oracle, &ray, truth, both[k][i], self.contenders[k].factor());
+            let reason = match [verdict(0), verdict(1)] {
+                [first, _] if first.is_wrong() => Reason::Wrong(0),
+                [_, other] if other.is_wrong() => Reason::Wrong(1),
+                // The same primitive, t rounded otherwise: shading does not look at t.
+                [Verdict::Agree, Verdict::Agree] => Reason::None,
+                _ => Reason::Bound,
+            };
+            if let Ok(mut known) = self.reason.lock() {
+                if matches!((*known, reason), (Reason::None, _) | (Reason::Bound, Reason::Wrong(_)))
+                {
+                    *known = reason;
+                }
+            }
+        }
+    }
+}
+
+impl Accelerator for Witness<'_> {
+    fn info(&self) -> BuildInfo {
+        self.contenders[0].accelerator.info()
+    }
+
+    fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+        self.compare(active, &packet.rays, false, coherence);
+        self.contenders[0].accelerator.closest(active, packet, coherence);
+    }
+
+    fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+        self.compare(active, rays, true, coherence);
+        self.contenders[0].accelerator.occluded(active, rays, coherence);
+    }
+}

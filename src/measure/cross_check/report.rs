@@ -1,0 +1,321 @@
+//! What a check found, as it is printed and saved.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Answer, Case, Check, Mode, Part, PictureReport, Verdict};
+use crate::accel::BuildInfo;
+use crate::measure::rays::Recorded;
+use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
+use crate::scene::Backend;
+
+/// How many rays got which verdict.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Tally {
+    /// All of them.
+    pub rays: u64,
+    /// [`Verdict::Agree`]
+    pub agree: u64,
+    /// [`Verdict::Tie`]
+    pub tie: u64,
+    /// [`Verdict::Edge`]
+    pub edge: u64,
+    /// [`Verdict::Leak`]
+    pub leak: u64,
+    /// [`Verdict::FalseHit`]
+    pub false_hit: u64,
+    /// [`Verdict::WrongPrimitive`]
+    pub wrong_primitive: u64,
+    /// [`Verdict::WrongDistance`]
+    pub wrong_distance: u64,
+}
+
+impl Tally {
+    /// Counts one ray.
+    pub fn count(&mut self, verdict: Verdict) {
+        self.rays += 1;
+        *match verdict {
+            Verdict::Agree => &mut self.agree,
+            Verdict::Tie => &mut self.tie,
+            Verdict::Edge => &mut self.edge,
+            Verdict::Leak => &mut self.leak,
+            Verdict::FalseHit => &mut self.false_hit,
+            Verdict::WrongPrimitive => &mut self.wrong_primitive,
+            Verdict::WrongDistance => &mut self.wrong_distance,
+        } += 1;
+    }
+
+    /// Adds another.
+    pub fn add(&mut self, other: &Self) {
+        self.rays += other.rays;
+        self.agree += other.agree;
+        self.tie += other.tie;
+        self.edge += other.edge;
+        self.leak += other.leak;
+        self.false_hit += other.false_hit;
+        self.wrong_primitive += other.wrong_primitive;
+        self.wrong_distance += other.wrong_distance;
+    }
+
+    /// Rays with an answer that nothing explains.
+    pub fn wrong(&self) -> u64 {
+        self.leak + self.false_hit + self.wrong_primitive + self.wrong_distance
+    }
+}
+
+/// One backend's verdicts.
+#[derive(Debug, Clone, Serialize)]
+pub struct BackendReport {
+    /// Its name.
+    pub backend: &'static str,
+    /// What does the work.
+    pub version: String,
+    /// Instruction set in use.
+    pub isa: String,
+    /// The bound that explains answers, in units of that of the sheared corners.
+    pub bound: f64,
+    /// By source of the rays, in the order of the check.
+    pub sources: Vec<(String, Tally)>,
+    /// All sources and modes together.
+    pub total: Tally,
+    /// Whether a wrong answer fails the check.
+    pub must_be_right: bool,
+}
+
+/// The answers of `coursework` held against a loop over all its tests.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct PlainLoop {
+    /// Rays compared.
+    pub rays: u64,
+    /// Rays with another answer.
+    pub wrong: u64,
+}
+
+/// A ray as it is saved.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedRay {
+    /// Its lane in the packet.
+    pub lane: usize,
+    /// Relative to the scene's origin.
+    pub origin: [f32; 3],
+    /// Any length.
+    pub direction: [f32; 3],
+    /// Start of the segment.
+    pub tnear: f32,
+    /// End of the segment; `None` is infinity.
+    pub tfar: Option<f32>,
+    /// The primitive number that it leaves.
+    pub leaving: Option<u32>,
+}
+
+/// A wrong answer with all that is needed to get it again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Finding {
+    /// Whose answer.
+    pub backend: String,
+    /// `oracle` or `plain loop`.
+    pub against: String,
+    /// What is wrong with it.
+    pub verdict: Verdict,
+    /// How the packet was traced.
+    pub mode: Mode,
+    /// Where the rays come from.
+    pub source: String,
+    /// `occluded` instead of `closest`.
+    pub shadow: bool,
+    /// The lane that was answered wrong.
+    pub lane: usize,
+    /// What the backend says.
+    pub answer: Answer,
+    /// What is right.
+    pub truth: Answer,
+    /// The whole packet: what else is in it may matter.
+    pub packet: Vec<SavedRay>,
+}
+
+impl Finding {
+    /// The packet again.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn case(&self) -> Result<Case, String> {
+        let (mut active, mut rays) = (Mask::NONE, Rays::EMPTY);
+        for ray in &self.packet {
+            let i = ray.lane;
+            if i >= LANES {
+                return Err(format!("found lane {i}, expected 0 to {}", LANES - 1));
+            }
+            active.0[i] = -1;
+            for axis in 0..3 {
+                rays.org[axis][i] = ray.origin[axis];
+                rays.dir[axis][i] = ray.direction[axis];
+            }
+            rays.tnear[i] = ray.tnear;
+            rays.tfar[i] = ray.tfar.unwrap_or(f32::INFINITY);
+            rays.leaving[i] = ray.leaving.unwrap_or(NONE);
+        }
+        if self.lane >= LANES || active.0[self.lane] == 0 {
+            return Err(format!("found the wrong answer in lane {}, which is no ray", self.lane));
+        }
+        if rays.possible(&active) != active {
+            return Err("found a ray without direction, or one that is not finite".into());
+        }
+        let coherence = match self.mode {
+            Mode::Coherent => Coherence::Coherent,
+            Mode::Incoherent | Mode::Single => Coherence::Incoherent,
+        };
+        let packet = Recorded { active, rays };
+        Ok(Case { source: self.source.clone(), shadow: self.shadow, coherence, packet })
+    }
+
+    /// Whether it fails a check.
+    pub fn fails(&self) -> bool {
+        self.against != "oracle" || must_be_right(&self.backend)
+    }
+}
+
+fn must_be_right(backend: &str) -> bool {
+    [Backend::Bvh, Backend::Brute].iter().any(|right| right.name() == backend)
+}
+
+fn saved(case: &Case) -> Vec<SavedRay> {
+    let Recorded { active, rays } = &case.packet;
+    crate::accel::lane::lanes(active)
+        .map(|i| SavedRay {
+            lane: i,
+            origin: rays.org.map(|axis| axis[i]),
+            direction: rays.dir.map(|axis| axis[i]),
+            tnear: rays.tnear[i],
+            tfar: Some(rays.tfar[i]).filter(|tfar| tfar.is_finite()),
+            leaving: Some(rays.leaving[i]).filter(|&leaving| leaving != NONE),
+        })
+        .collect()
+}
+
+/// All that a check found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// Of all random rays.
+    pub seed: i64,
+    /// Different rays.
+    pub rays: u64,
+    /// Of the whole scene.
+    pub primitives: u64,
+    /// In the order they were asked for.
+    pub backends: Vec<BackendReport>,
+    /// Of `coursework`, if it is among them.
+    pub plain_loop: Option<PlainLoop>,
+    /// The first wrong answers of each backend and kind.
+    pub findings: Vec<Finding>,
+    /// How the pictures compare.
+    pub pictures: Vec<PictureReport>,
+    #[serde(skip)]
+    kept: BTreeMap<(String, String, Verdict), usize>,
+}
+
+impl Report {
+    /// Nothing yet.
+    pub fn new(check: &Check) -> Self {
+        let backends = check.contenders.iter().map(|contender| {
+            let BuildInfo { version, isa, .. } = contender.accelerator.info();
+            BackendReport {
+                backend: contender.backend.name(),
+                version,
+                isa,
+                bound: contender.factor(),
+                sources: Vec::new(),
+                total: Tally::default(),
+                must_be_right: must_be_right(contender.backend.name()),
+            }
+        });
+        Self {
+            seed: check.seed,
+            rays: 0,
+            primitives: u64::from(*check.world.geometry.bases().last().unwrap_or(&0)),
+            backends: backends.collect(),
+            plain_loop: check.coursework.map(|_| PlainLoop::default()),
+            findings: Vec::new(),
+            pictures: Vec::new(),
+            kept: BTreeMap::new(),
+        }
+    }
+
+    /// Adds a packet's verdicts; keeps at most `most` wrong answers of each backend and kind.
+    pub fn add(&mut self, part: &Part, most: usize) {
+        let source = &part.case.source;
+        self.rays += u64::from(part.case.packet.active.count());
+        for &(index, mode, lane, verdict, answer) in &part.verdicts {
+            let report = &mut self.backends[index];
+            report.total.count(verdict);
+            if report.sources.last().is_none_or(|(last, _)| last != source) {
+                report.sources.push((source.clone(), Tally::default()));
+            }
+            if let Some((_, tally)) = report.sources.last_mut() {
+                tally.count(verdict);
+            }
+            if verdict.is_wrong() {
+                let who = [report.backend, "oracle"];
+                self.keep(part, who, (mode, lane, verdict), [answer, part.truths[lane]], most);
+            }
+        }
+        if let Some(plain_loop) = &mut self.plain_loop {
+            plain_loop.rays += part.looped;
+            plain_loop.wrong += part.unlike_loop.len() as u64;
+        }
+        for &(lane, tree, all) in &part.unlike_loop {
+            let verdict = match (tree, all) {
+                (Answer::Miss, _) => Verdict::Leak,
+                (_, Answer::Miss) => Verdict::FalseHit,
+                _ => Verdict::WrongPrimitive,
+            };
+            let who = [Backend::Coursework.name(), "plain loop"];
+            self.keep(part, who, (Mode::Incoherent, lane, verdict), [tree, all], most);
+        }
+    }
+
+    fn keep(
+        &mut self,
+        part: &Part,
+        [backend, against]: [&str; 2],
+        (mode, lane, verdict): (Mode, usize, Verdict),
+        [answer, truth]: [Answer; 2],
+        most: usize,
+    ) {
+        let kept = self.kept.entry((backend.into(), against.into(), verdict)).or_default();
+        if *kept >= most {
+            return;
+        }
+        *kept += 1;
+        self.findings.push(Finding {
+            backend: backend.into(),
+            against: against.into(),
+            verdict,
+            mode,
+            source: part.case.source.clone(),
+            shadow: part.case.shadow,
+            lane,
+            answer,
+            truth,
+            packet: saved(&part.case),
+        });
+    }
+
+    /// Why the check failed, one sentence each; none if it did not.
+    pub fn failures(&self) -> Vec<String> {
+        let mut failures = Vec::new();
+        for report in self.backends.iter().filter(|r| r.must_be_right && r.total.wrong() > 0) {
+            let (wrong, rays) = (report.total.wrong(), report.total.rays);
+            failures.push(format!("`{}` answers {wrong} of {rays} rays wrong", report.backend));
+        }
+        if let Some(PlainLoop { rays, wrong: wrong @ 1.. }) = self.plain_loop {
+            failures.push(format!(
+                "`coursework` answers {wrong} of {rays} rays unlike the plain loop over its own tests"
+            ));
+        }
+        failures.extend(self.pictures.iter().filter_map(PictureReport::failure));
+        failures
+    }
+}

@@ -1,0 +1,200 @@
+//! One backend's answer to one ray, against the oracle.
+
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::cover::layers;
+use crate::accel::brute::{Brute, Near};
+use crate::accel::lane::{Hit, Ray};
+use crate::ray::{NONE, RayPacket, Rays};
+
+/// What a backend says of a ray.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "says", rename_all = "snake_case")]
+pub enum Answer {
+    /// Nothing is met.
+    Miss,
+    /// The closest hit.
+    Hit {
+        /// Geometry id.
+        geom: u32,
+        /// Primitive within its geometry.
+        prim: u32,
+        /// Where on the ray; in a file null is infinity.
+        #[serde(deserialize_with = "infinite")]
+        t: f64,
+    },
+    /// Something is in the way.
+    Occluded,
+}
+
+/// A number, or null: how JSON has infinity, and so a t that f32 does not hold.
+fn infinite<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(value)?.unwrap_or(f64::INFINITY))
+}
+
+impl Answer {
+    /// Lane `i` of a packet traced by `closest`.
+    pub fn closest(packet: &RayPacket, i: usize) -> Self {
+        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+        match geom {
+            NONE => Self::Miss,
+            _ => Self::Hit { geom, prim, t: packet.rays.tfar[i].into() },
+        }
+    }
+
+    /// Lane `i` of rays traced by `occluded`.
+    pub fn occluded(rays: &Rays, i: usize) -> Self {
+        if rays.tfar[i] == f32::NEG_INFINITY { Self::Occluded } else { Self::Miss }
+    }
+
+    /// The oracle's own.
+    pub fn truth(oracle: &Brute, ray: &Ray, shadow: bool) -> Self {
+        match oracle.closest_hit(ray) {
+            None => Self::Miss,
+            Some(_) if shadow => Self::Occluded,
+            Some(hit) => hit.into(),
+        }
+    }
+}
+
+impl From<Hit> for Answer {
+    fn from(Hit { geom, prim, t, .. }: Hit) -> Self {
+        Self::Hit { geom, prim, t }
+    }
+}
+
+/// How an answer stands to the oracle's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The same primitive, at the same t within the backend's own error; the same nothing.
+    Agree,
+    /// Another primitive at the same t within the errors, both met within the bound.
+    Tie,
+    /// Another depth, because the ray passes an outline within the bound (or comes from so far away
+    /// that more than a thousand primitives lie within it).
+    Edge,
+    /// Missed what no error within the bound can explain.
+    Leak,
+    /// Hit what the ray does not come near.
+    FalseHit,
+    /// The right place, but on a primitive that the ray does not come near.
+    WrongPrimitive,
+    /// The right primitive at a wrong t.
+    WrongDistance,
+}
+
+impl Verdict {
+    /// In the order of reports.
+    pub const ALL: [Self; 7] = [
+        Self::Agree,
+        Self::Tie,
+        Self::Edge,
+        Self::Leak,
+        Self::FalseHit,
+        Self::WrongPrimitive,
+        Self::WrongDistance,
+    ];
+
+    /// As reports name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Agree => "agree",
+            Self::Tie => "tie",
+            Self::Edge => "edge",
+            Self::Leak => "leak",
+            Self::FalseHit => "false hit",
+            Self::WrongPrimitive => "wrong primitive",
+            Self::WrongDistance => "wrong distance",
+        }
+    }
+
+    /// Whether no error within the bound explains the answer.
+    pub fn is_wrong(self) -> bool {
+        self >= Self::Leak
+    }
+}
+
+/// Where more primitives than these lie within the bound, which happens to rays from far away, a
+/// wrong answer cannot be told from a right one.
+const MOST_NEAR: usize = 1000;
+
+/// Judges `answer` by `truth`, the oracle's answer to the same query. `factor`: the bound of the
+/// backend's own test, in units of the shear's ([`Brute::near`]).
+pub fn judge(oracle: &Brute, ray: &Ray, truth: Answer, answer: Answer, factor: f64) -> Verdict {
+    match (truth, answer) {
+        (Answer::Hit { geom, prim, t: exact }, Answer::Hit { geom: g, prim: p, t })
+            if (geom, prim) == (g, p) && same(t, exact) =>
+        {
+            Verdict::Agree
+        }
+        (Answer::Hit { geom, prim, .. }, Answer::Hit { geom: g, prim: p, t })
+            if (geom, prim) == (g, p) =>
+        {
+            let near = oracle.near_primitive(ray, g, p, factor);
+            let place = near.iter().any(|part| (part.t - t).abs() <= part.t_error);
+            if place { Verdict::Agree } else { Verdict::WrongDistance }
+        }
+        (Answer::Miss, Answer::Miss) | (Answer::Occluded, Answer::Occluded) => Verdict::Agree,
+        _ => match oracle.near(ray, factor, MOST_NEAR) {
+            Some(near) => explain(&near, ray, truth, answer),
+            None => Verdict::Edge,
+        },
+    }
+}
+
+/// Whether a t in f32 is the oracle's, rounded; infinite above what f32 holds.
+fn same(t: f64, exact: f64) -> bool {
+    (t - exact).abs() <= f64::from(f32::EPSILON) * exact.abs() || t == f64::from(exact as f32)
+}
+
+fn explain(near: &[Near], ray: &Ray, truth: Answer, answer: Answer) -> Verdict {
+    // What must be met before `end`, and begins after the ray does.
+    let passed =
+        |end: f64| layers(near).iter().any(|layer| layer.near > ray.tnear && layer.far < end);
+    let within =
+        |part: &&Near| part.t + part.t_error > ray.tnear && part.t - part.t_error < ray.tfar;
+    let at = |geom, prim, t: f64| {
+        let of = move |part: &&Near| (part.geom, part.prim) == (geom, prim);
+        // A quad and a sphere have two places.
+        near.iter()
+            .filter(|part| of(part) && within(part))
+            .min_by(|a, b| ((a.t - t).abs() - a.t_error).total_cmp(&((b.t - t).abs() - b.t_error)))
+    };
+    match answer {
+        Answer::Miss if passed(ray.tfar) => Verdict::Leak,
+        Answer::Miss => Verdict::Edge,
+        Answer::Occluded if near.iter().any(|part| within(&part)) => Verdict::Edge,
+        Answer::Occluded => Verdict::FalseHit,
+        Answer::Hit { geom, prim, t } => {
+            let exact = match truth {
+                Answer::Hit { geom, prim, t } => Some((geom, prim, t)),
+                _ => None,
+            };
+            // f32 rounding may lift t onto an end of the segment.
+            let in_segment = t >= ray.tnear && t <= ray.tfar;
+            let Some(part) = at(geom, prim, t) else {
+                let near_truth = exact.and_then(|(geom, prim, t)| at(geom, prim, t));
+                return match near_truth {
+                    Some(part) if (part.t - t).abs() <= part.t_error => Verdict::WrongPrimitive,
+                    Some(part) if part.t < t && passed(t) => Verdict::Leak,
+                    _ => Verdict::FalseHit,
+                };
+            };
+            if !in_segment || !((part.t - t).abs() <= part.t_error) {
+                return Verdict::WrongDistance;
+            }
+            if passed(part.t - part.t_error) {
+                return Verdict::Leak;
+            }
+            match exact {
+                Some((g, p, exact)) => {
+                    let error = at(g, p, exact).map_or(0.0, |truth| truth.t_error);
+                    let tie = (exact - t).abs() <= error + part.t_error;
+                    if tie { Verdict::Tie } else { Verdict::Edge }
+                }
+                None => Verdict::Edge,
+            }
+        }
+    }
+}

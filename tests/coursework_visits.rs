@@ -1,0 +1,67 @@
+//! What the coursework's BVH visits for the camera rays of the report's two meshes. It is the
+//! baseline of every comparison: neither improved nor slowed down.
+
+use std::path::Path;
+
+use lightpath::{
+    accel::{
+        BuildOptions, Visits,
+        coursework::{Coursework, SplitAxis},
+        lane::Ray,
+    },
+    monitor::Monitor,
+    ray::NONE,
+    scene::{self, Source},
+    simd::Isa,
+    world::{LoadOptions, World},
+};
+
+/// Visits of one camera ray through the middle of each pixel of a 90 x 60 frame, with the report's
+/// axis, a random one, and without trees inside the meshes.
+fn visits(name: &str) -> [Visits; 3] {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    let sets = ["/camera/width=90", "/camera/height=60"].map(String::from);
+    let monitor = Monitor::default();
+    let mut all = [Visits::default(); 3];
+    let mut hits = [0; 3];
+    for (case, axis) in
+        [SplitAxis::Longest, SplitAxis::Random(1), SplitAxis::Longest].iter().enumerate()
+    {
+        let loaded = scene::load(Source::File(&path), &sets).expect("the scene");
+        let (mut world, _) =
+            World::load(&loaded.scene, LoadOptions::default(), &monitor).expect("its files");
+        world.geometry.meshes.iter_mut().for_each(|mesh| mesh.loop_only = case == 2);
+        let options = BuildOptions { threads: 1, fast: false, isa: Isa::Portable, max_bytes: None };
+        let tree =
+            Coursework::with_axis(&world.geometry, &options, &monitor, *axis).expect("a tree");
+        for (x, y) in (0..60).flat_map(|y| (0..90).map(move |x| (x as f32 + 0.5, y as f32 + 0.5))) {
+            let (origin, direction) = world.camera.pinhole_ray(x, y);
+            let ray = Ray {
+                origin: origin.as_dvec3(),
+                direction: direction.as_dvec3(),
+                tnear: 0.0,
+                tfar: f64::INFINITY,
+                leaving: NONE,
+            };
+            hits[case] += u64::from(tree.closest_hit(&ray, &mut all[case]).is_some());
+        }
+    }
+    assert!(hits.iter().all(|&h| h == hits[0]), "{hits:?}");
+    all
+}
+
+fn visit(nodes: u64, primitives: u64) -> Visits {
+    Visits { nodes, primitives }
+}
+
+#[test]
+fn the_octahedron() {
+    let found = visits("fig12-octahedron.json");
+    assert_eq!(found, [visit(39_132, 14_712), visit(60_691, 8_490), visit(10_800, 64_800)]);
+}
+
+#[test]
+fn the_teapot() {
+    let found = visits("fig13-teapot.json");
+    assert_eq!(found, [visit(82_872, 16_925), visit(119_513, 13_814), visit(21_600, 7_346_480)]);
+}
