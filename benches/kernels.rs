@@ -2,10 +2,16 @@
 //!
 //! For finding out what a change to one kernel does; whole pictures are in `benches/render.rs`.
 
-use divan::{Bencher, black_box};
+use divan::{Bencher, black_box, counter::ItemsCount};
+use lightpath::accel::bvh::{
+    Bvh,
+    kernels::{COUNT, Which},
+};
+use lightpath::accel::{Accelerator, BuildOptions};
 use lightpath::geometry::{Geometry, Surfaces, TriangleMesh, refine};
 use lightpath::math::pow;
-use lightpath::ray::{LANES, Mask, RayPacket, Rays};
+use lightpath::monitor::Monitor;
+use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use lightpath::sampler::Sampler;
 use lightpath::shading::{Falloff, Lit, ShadowPoints, light_rays};
 use lightpath::simd::{Isa, Kernel, dispatch};
@@ -105,5 +111,83 @@ fn sobol_point(bencher: Bencher) {
     bencher.bench_local(move || {
         index += 1;
         sampler.light(black_box([3, 4]), index, 0, 0)
+    });
+}
+
+/// A bumpy square of `2 rows^2` triangles around the origin, 2 units wide, at z = 0.
+fn terrain(rows: u32) -> Geometry {
+    let at = |row: u32, column: u32| {
+        let [x, y] = [row, column].map(|i| i as f32 / rows as f32 * 2.0 - 1.0);
+        [x, y, 0.1 * (7.0 * x).sin() * (9.0 * y).cos()]
+    };
+    let vertices = (0..=rows).flat_map(|r| (0..=rows).map(move |c| at(r, c))).collect();
+    let triangles = (0..rows)
+        .flat_map(|r| (0..rows).map(move |c| r * (rows + 1) + c))
+        .flat_map(|a| [[a, a + 1, a + rows + 1], [a + rows + 2, a + rows + 1, a + 1]])
+        .collect();
+    let mesh = TriangleMesh::new(vertices, triangles, false);
+    Geometry::new(glam::DVec3::ZERO, vec![mesh], vec![], vec![]).expect("few")
+}
+
+fn bvh(geometry: &Geometry, isa: Isa) -> Bvh<'_> {
+    let options = BuildOptions { threads: 1, fast: false, isa, max_bytes: None };
+    Bvh::build(geometry, &options, &Monitor::default()).expect("a tree")
+}
+
+/// 16 rays from one point, to points of the terrain that are `spread` apart.
+fn down(spread: f32) -> RayPacket {
+    let mut packet = RayPacket::EMPTY;
+    packet.rays.org = [[0.3; LANES], [-0.2; LANES], [2.0; LANES]];
+    packet.rays.dir =
+        [lanes(|i| (i % 4.0 - 1.6) * spread), lanes(|i| (i / 4.0 - 1.7) * spread), lanes(|_| -2.0)];
+    packet
+}
+
+fn kernel(bencher: Bencher, isa: Isa, which: Which) {
+    let geometry = terrain(100);
+    let bvh = bvh(&geometry, isa);
+    let rays = down(0.01).rays;
+    bencher.counter(ItemsCount::new(COUNT)).bench_local(|| bvh.run_kernel(which, black_box(&rays)));
+}
+
+/// One ray, 256 nodes: 16 boxes each, those that are met sorted.
+#[divan::bench(args = TIERS)]
+fn bvh_node(bencher: Bencher, isa: Isa) {
+    kernel(bencher, isa, Which::Node);
+}
+
+/// One ray, 256 leaves: which triangles may be hit.
+#[divan::bench(args = TIERS)]
+fn bvh_leaf(bencher: Bencher, isa: Isa) {
+    kernel(bencher, isa, Which::Leaf);
+}
+
+/// One ray, 256 triangles: the exact decision and t.
+#[divan::bench(args = TIERS)]
+fn bvh_exact(bencher: Bencher, isa: Isa) {
+    kernel(bencher, isa, Which::Exact);
+}
+
+/// A tree over 100 thousand triangles, on all threads.
+#[divan::bench(args = TIERS)]
+fn bvh_build_100k(bencher: Bencher, isa: Isa) {
+    let geometry = terrain(224);
+    let triangles = geometry.meshes[0].triangles().len();
+    bencher.counter(ItemsCount::new(triangles)).bench_local(|| bvh(&geometry, isa));
+}
+
+/// 16 rays through a tree over 100 thousand triangles, far apart and one by one, or close together
+/// as one packet.
+#[divan::bench(args = TIERS, consts = [false, true])]
+fn bvh_closest_16<const PACKET: bool>(bencher: Bencher, isa: Isa) {
+    let geometry = terrain(224);
+    let bvh = bvh(&geometry, isa);
+    let (spread, coherence) =
+        if PACKET { (0.01, Coherence::Coherent) } else { (0.4, Coherence::Single) };
+    let packet = down(spread);
+    bencher.counter(ItemsCount::new(LANES)).bench_local(|| {
+        let mut packet = black_box(&packet).clone();
+        bvh.closest(&ALL, &mut packet, coherence);
+        packet
     });
 }

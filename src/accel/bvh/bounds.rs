@@ -61,9 +61,4 @@ impl Bounds3 {
         let [x, y, z] = self.extent().map(|e| f64::from(e.max(0.0)));
         x * y + y * z + z * x
     }
-
-    /// Whether `other` lies within.
-    pub fn contains(&self, other: &Self) -> bool {
-        [0, 1, 2, 4, 5, 6].iter().all(|&i| self.0[i] <= other.0[i])
-    }
 }

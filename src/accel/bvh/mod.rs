@@ -2,18 +2,25 @@
 //! watertight triangle test.
 //!
 //! [`build`] makes the tree, [`query`] makes rays ready, [`single`] and [`packet`] traverse,
-//! [`simd`] tests boxes and triangles 16 at a time, [`exact`] decides.
+//! [`simd`] tests boxes and triangles 16 at a time, [`exact`] decides; [`validate`] checks the tree.
 
 mod bounds;
 mod build;
 mod exact;
 mod found;
+#[doc(hidden)]
+pub mod kernels;
 mod node;
 mod packet;
 mod query;
 mod simd;
 mod single;
+#[cfg(test)]
+mod tests;
+mod validate;
 mod visits;
+
+pub use self::validate::Stats;
 
 use self::bounds::Bounds3;
 use self::build::Tree;
@@ -23,7 +30,8 @@ use self::packet::Packet;
 use self::query::Query;
 use self::simd::{Stack, Tier};
 use self::single::Single;
-use super::{Accelerator, BuildInfo, BuildOptions};
+use self::visits::{Counting, Counts};
+use super::{Accelerator, BuildInfo, BuildOptions, Visits};
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
@@ -222,20 +230,6 @@ impl Bvh<'_> {
     }
 }
 
-impl Bvh<'_> {
-    #[allow(missing_docs)]
-    pub fn debug_visits(&self, active: &Mask, packet: &mut RayPacket, any: bool) -> [u64; 4] {
-        let counts = visits::Counts::default();
-        let tier = visits::Counting { tier: simd::portable::Portable, counts: &counts };
-        if any {
-            SingleOccluded { tier, bvh: self, active, rays: &mut packet.rays }.run();
-        } else {
-            SingleClosest { tier, bvh: self, active, packet }.run();
-        }
-        [counts.nodes.get(), counts.blocks.get(), counts.triangles.get(), counts.candidates.get()]
-    }
-}
-
 impl Accelerator for Bvh<'_> {
     fn info(&self) -> BuildInfo {
         BuildInfo {
@@ -252,5 +246,24 @@ impl Accelerator for Bvh<'_> {
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         with_tier!(self.isa, tier => self.occluded_with(tier, active, rays, coherence));
+    }
+
+    fn visits(
+        &self,
+        active: &Mask,
+        rays: &Rays,
+        shadow: bool,
+        coherence: Coherence,
+    ) -> Option<Visits> {
+        let counts = Counts::default();
+        // The same tier on every machine: boxes that a ray barely meets depend on rounding.
+        let tier = Counting { tier: simd::portable::Portable, counts: &counts };
+        let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
+        if shadow {
+            self.occluded_with(tier, active, &mut packet.rays, coherence);
+        } else {
+            self.closest_with(tier, active, &mut packet, coherence);
+        }
+        Some(counts.visits())
     }
 }

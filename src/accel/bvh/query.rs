@@ -71,9 +71,10 @@ impl Query {
         for i in 0..LANES {
             let (x, y, z) = (rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]);
             let largest = max(max(x.abs(), y.abs()), z.abs());
-            let exponent = (largest.to_bits() >> 23) as i32;
-            let down = f32::from_bits(((254 - exponent).max(1) as u32) << 23);
-            let up = f32::from_bits((exponent.max(1) as u32) << 23);
+            // Of the ends of the range the neighbours: what `down` undoes, `up` must restore.
+            let exponent = (largest.to_bits() >> 23).clamp(1, 253);
+            let down = f32::from_bits((254 - exponent) << 23);
+            let up = f32::from_bits(exponent << 23);
             scale[i] = up;
             tnear[i] = rays.tnear[i] * up * (1.0 - 4.0 * U);
             tfar[i] = rays.tfar[i] * up * (1.0 + 4.0 * U);

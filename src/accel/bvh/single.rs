@@ -216,13 +216,14 @@ impl<'a, T: Tier> Single<'a, T> {
     }
 
     fn sphere_hits(&self, leaf: &SphereLeaf, tfar: f64) -> impl Iterator<Item = (f64, u32)> {
-        let (ray, leaving) = (self.ray, self.leaving);
+        let (tier, ray, leaving) = (self.tier, self.ray, self.leaving);
         let base = self.geometry.bases()[self.geometry.spheres_id() as usize];
         let spheres = &self.geometry.spheres;
         let SphereLeaf(ids) = *leaf;
         ids.into_iter().filter_map(move |id| {
             let sphere = spheres.get(id as usize)?;
             let primitive = base + id;
+            tier.meets_sphere();
             // Beyond tfar by an ulp: an equal distance may belong to a lower primitive.
             let t = sphere.intersect(
                 ray.origin.into(),

@@ -1,27 +1,34 @@
-//! What traversal costs, counted by a tier that passes everything on to another one.
+//! What traversal looks at, counted by a tier that passes everything on to another one.
 
 use std::cell::Cell;
 
 use super::node::{Block, Node, WIDTH};
 use super::query::{Bundle, Lane, Slabs};
 use super::simd::{Candidates, Stack, Tier};
+use crate::accel::Visits;
 use crate::simd::Kernel;
 
-/// Nodes, leaves and triangles that were tested.
+/// What was looked at: nodes and leaves once for each ray that is traced alone and once for a whole
+/// packet, spheres once for each ray; of a leaf all triangles, as they are tested together.
 #[derive(Debug, Default)]
 pub struct Counts {
-    /// Wide nodes.
-    pub nodes: Cell<u64>,
-    /// Leaves of triangles.
-    pub blocks: Cell<u64>,
-    /// Triangles in them.
-    pub triangles: Cell<u64>,
-    /// Triangles decided exactly.
-    pub candidates: Cell<u64>,
+    nodes: Cell<u64>,
+    primitives: Cell<u64>,
 }
 
-fn add(cell: &Cell<u64>, n: u32) {
-    cell.set(cell.get() + u64::from(n));
+impl Counts {
+    /// The sums.
+    pub fn visits(&self) -> Visits {
+        Visits { nodes: self.nodes.get(), primitives: self.primitives.get() }
+    }
+
+    fn node(&self) {
+        self.nodes.set(self.nodes.get() + 1);
+    }
+
+    fn primitives(&self, n: u32) {
+        self.primitives.set(self.primitives.get() + u64::from(n));
+    }
 }
 
 /// A tier that counts.
@@ -41,26 +48,23 @@ impl<T: Tier> Tier for Counting<'_, T> {
     }
 
     fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
-        add(&self.counts.nodes, 1);
+        self.counts.node();
         self.tier.push_ordered(node, lane, tfar, stack);
     }
 
     fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
-        add(&self.counts.nodes, 1);
+        self.counts.node();
         self.tier.push_any(node, lane, tfar, stack);
     }
 
     fn overlaps(self, node: &Node, slabs: &Slabs, tfar: f32) -> u32 {
-        add(&self.counts.nodes, 1);
+        self.counts.node();
         self.tier.overlaps(node, slabs, tfar)
     }
 
     fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {
-        let found = self.tier.overlapping(block, bundle);
-        add(&self.counts.blocks, 1);
-        add(&self.counts.triangles, block.present.count_ones());
-        add(&self.counts.candidates, found.count_ones());
-        found
+        self.counts.primitives(block.present.count_ones());
+        self.tier.overlapping(block, bundle)
     }
 
     fn least(self, v: &[f32; WIDTH]) -> f32 {
@@ -68,10 +72,11 @@ impl<T: Tier> Tier for Counting<'_, T> {
     }
 
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {
-        let found = self.tier.candidates(block, lane, tfar);
-        add(&self.counts.blocks, 1);
-        add(&self.counts.triangles, block.present.count_ones());
-        add(&self.counts.candidates, found.maybe.count_ones());
-        found
+        self.counts.primitives(block.present.count_ones());
+        self.tier.candidates(block, lane, tfar)
+    }
+
+    fn meets_sphere(self) {
+        self.counts.primitives(1);
     }
 }

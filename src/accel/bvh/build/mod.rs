@@ -60,9 +60,6 @@ pub fn build(geometry: &Geometry, isa: Isa, monitor: &Monitor) -> Result<(Tree, 
     wide.bounds = references.par_iter().map(|r| r.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
     wide.is_large = wide.bytes() > LARGE;
     let peak = peak + wide.bytes();
-    if std::env::var_os("DBG").is_some() {
-        debug_stats(&wide);
-    }
     Ok((wide, peak))
 }
 
@@ -74,18 +71,4 @@ impl Kernel for References<'_> {
     fn run(self) -> Self::Output {
         reference::references(self.0)
     }
-}
-#[allow(missing_docs, clippy::cast_precision_loss)]
-pub fn debug_stats(t: &Tree) {
-    let tri: u32 = t.blocks.iter().map(|b| b.present.count_ones()).sum();
-    let ch: usize =
-        t.nodes.iter().map(|n| n.children.iter().filter(|c| **c != Child::EMPTY).count()).sum();
-    eprintln!(
-        "blocks {} tri/block {:.2}; nodes {} children/node {:.2} depth {}",
-        t.blocks.len(),
-        tri as f64 / t.blocks.len() as f64,
-        t.nodes.len(),
-        ch as f64 / t.nodes.len() as f64,
-        t.depth
-    );
 }

@@ -68,6 +68,10 @@ pub trait Tier: Copy {
 
     /// The triangles of a leaf that [`super::exact`] has to look at.
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates;
+
+    /// Told of each sphere that is tested; for counting.
+    #[inline(always)]
+    fn meets_sphere(self) {}
 }
 
 /// The lesser of each pair; the second where one is NaN.

@@ -1,0 +1,12 @@
+//! Bytes -> a scene and rays -> `bvh` in every tier against the reference of its own tests.
+#![no_main]
+
+#[path = "../../tests/bvh/case.rs"]
+mod case;
+#[path = "../../tests/bvh/reference.rs"]
+mod reference;
+#[allow(dead_code)]
+#[path = "../../tests/bvh/tiers.rs"]
+mod tiers;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| case::run(bytes));

@@ -1,0 +1,97 @@
+//! The tree's kernels one by one, for `benches/kernels.rs`.
+
+use super::Bvh;
+use super::exact::{Ray64, Sheared};
+use super::query::{Lane, Query};
+use super::simd::{Stack, Tier, portable::Portable};
+use crate::ray::Rays;
+use crate::simd::{Isa, Kernel, dispatch};
+
+/// The first so many nodes, or leaves, are what one call looks at: few enough for the cache.
+pub const COUNT: usize = 256;
+
+/// Which kernel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Which {
+    /// A ray against the 16 boxes of a node, hits sorted.
+    Node,
+    /// A ray against the 16 triangles of a leaf: those that may be hit.
+    Leaf,
+    /// A ray against one triangle: the exact decision and t.
+    Exact,
+}
+
+impl Bvh<'_> {
+    /// Runs a kernel for ray 0 on [`COUNT`] nodes, leaves or triangles, over and over the same ones
+    /// where the tree has fewer; a sum of what was found.
+    ///
+    /// # Panics
+    /// If the tree has no leaf of triangles.
+    pub fn run_kernel(&self, which: Which, rays: &Rays) -> f64 {
+        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+        if self.isa == Isa::Avx512 {
+            if let Some(tier) = super::simd::avx512::Avx512::new() {
+                return dispatch(self.isa, Run { tier, bvh: self, which, rays });
+            }
+        }
+        dispatch(self.isa.min(Isa::Avx2), Run { tier: Portable, bvh: self, which, rays })
+    }
+}
+
+struct Run<'a, T> {
+    tier: T,
+    bvh: &'a Bvh<'a>,
+    which: Which,
+    rays: &'a Rays,
+}
+
+impl<T: Tier> Kernel for Run<'_, T> {
+    type Output = f64;
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let query = Query::new(self.rays, &self.bvh.tree.bounds);
+        let lane = query.lane(0);
+        match self.which {
+            Which::Node => self.nodes(&lane),
+            Which::Leaf => self.leaves(&lane),
+            Which::Exact => self.triangles(&lane),
+        }
+    }
+}
+
+impl<T: Tier> Run<'_, T> {
+    #[inline(always)]
+    fn nodes(&self, lane: &Lane) -> f64 {
+        let mut stack = Stack::new();
+        let mut sum = 0;
+        for node in self.bvh.tree.nodes.iter().cycle().take(COUNT) {
+            self.tier.push_ordered(node, lane, f32::INFINITY, &mut stack);
+            while let Some((child, _)) = stack.pop() {
+                sum ^= child.0;
+            }
+        }
+        sum.into()
+    }
+
+    #[inline(always)]
+    fn leaves(&self, lane: &Lane) -> f64 {
+        let blocks = &self.bvh.tree.blocks;
+        assert!(!blocks.is_empty());
+        let found = blocks.iter().cycle().take(COUNT);
+        found.map(|block| f64::from(self.tier.candidates(block, lane, f32::INFINITY).maybe)).sum()
+    }
+
+    #[inline(always)]
+    fn triangles(&self, lane: &Lane) -> f64 {
+        let blocks = &self.bvh.tree.blocks;
+        assert!(!blocks.is_empty());
+        let ray = Ray64::new(self.rays, 0, lane.axes[2]);
+        let mut sum = 0.0;
+        for block in blocks.iter().cycle().take(COUNT) {
+            let seen = Sheared::new(lane, block, 0);
+            let t = seen.t(&ray, block.triangle(0));
+            sum += if seen.inside() { t } else { 0.0 };
+        }
+        sum
+    }
+}

@@ -1,0 +1,162 @@
+//! The tree itself: the same for any number of threads and in every tier, and every way in which it
+//! could be wrong is found.
+
+use glam::DVec3;
+
+use super::Bvh;
+use super::build::Tree;
+use super::node::{Child, Kind, Node};
+use crate::accel::BuildOptions;
+use crate::geometry::{Geometry, Sphere, TriangleMesh};
+use crate::monitor::Monitor;
+use crate::ray::NONE;
+use crate::simd::Isa;
+
+/// A bumpy square of `2 rows^2` triangles, some quads above it and spheres below.
+fn scene(rows: u32, others: u32) -> Geometry {
+    let at = |row: u32, column: u32| {
+        let height = (row * 7 + column * 13) % 11;
+        [row as f32, column as f32, height as f32 * 0.1]
+    };
+    let vertices = (0..=rows).flat_map(|r| (0..=rows).map(move |c| at(r, c))).collect();
+    let index = |row: u32, column: u32| row * (rows + 1) + column;
+    let triangles = (0..rows)
+        .flat_map(|r| (0..rows).map(move |c| (r, c)))
+        .flat_map(|(r, c)| {
+            let [a, b] = [index(r, c), index(r, c + 1)];
+            let [d, e] = [index(r + 1, c), index(r + 1, c + 1)];
+            [[a, b, d], [e, d, b]]
+        })
+        .collect();
+    let quads = (0..others).map(|i| {
+        let (x, y) = (i as f32 * 0.7, (i * i % 17) as f32);
+        [[x, y, 5.0], [x + 0.5, y, 5.0], [x + 0.5, y + 0.5, 5.0], [x, y + 0.5, 5.0]]
+    });
+    let spheres = (0..others).map(|i| Sphere {
+        center: DVec3::new(f64::from(i) * 0.9, f64::from(i * i % 13), -4.0),
+        radius: 0.3,
+    });
+    let mesh = TriangleMesh::new(vertices, triangles, false);
+    Geometry::new(DVec3::ZERO, vec![mesh], quads.collect(), spheres.collect()).expect("few")
+}
+
+fn build(geometry: &Geometry, isa: Isa, threads: usize) -> Bvh<'_> {
+    let options = BuildOptions { threads, fast: false, isa, max_bytes: None };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+    pool.install(|| Bvh::build(geometry, &options, &Monitor::default())).expect("a tree")
+}
+
+/// Every bit of a tree that a query reads.
+fn bits(tree: &Tree) -> Vec<u64> {
+    let mut bits = Vec::new();
+    for node in &tree.nodes {
+        bits.extend(node.planes.as_flattened().iter().map(|x| u64::from(x.to_bits())));
+        bits.extend(node.children.map(|child| u64::from(child.0)));
+        bits.extend(node.order);
+    }
+    for block in &tree.blocks {
+        bits.extend(block.vertices.as_flattened().iter().map(|x| u64::from(x.to_bits())));
+        bits.extend(block.primitives.map(u64::from));
+        bits.extend(block.corners.as_flattened().iter().map(|&corner| u64::from(corner)));
+        bits.push(block.present.into());
+    }
+    bits.extend(tree.spheres.iter().flat_map(|leaf| leaf.0.map(u64::from)));
+    bits
+}
+
+#[test]
+fn threads_and_tiers_build_the_same_tree() {
+    // Large enough for parallel bins, parallel sides and a parallel collapse.
+    let geometry = scene(300, 40);
+    let one = build(&geometry, Isa::Portable, 1);
+    let stats = one.validate().expect("a sound tree");
+    assert_eq!((stats.triangles, stats.spheres), (180_080, 40));
+    let expected = bits(&one.tree);
+    for threads in [2, 3, 7] {
+        assert!(bits(&build(&geometry, Isa::Portable, threads).tree) == expected, "{threads}");
+    }
+    for isa in Isa::available() {
+        assert!(bits(&build(&geometry, isa, 2).tree) == expected, "{isa}");
+    }
+}
+
+#[test]
+fn nothing_becomes_an_empty_root() {
+    let geometry = scene(0, 0);
+    let stats = build(&geometry, Isa::Portable, 1).validate().expect("a sound tree");
+    assert_eq!((stats.nodes, stats.depth, stats.leaves, stats.nodes_of[0]), (1, 1, 0, 1));
+}
+
+/// The first child of the root that is an inner node, and its slot.
+fn inner(tree: &Tree) -> (usize, usize) {
+    let kinds = tree.nodes[0].children.iter().enumerate();
+    kinds
+        .filter_map(|(slot, child)| match child.kind() {
+            Kind::Node(index) => Some((slot, index)),
+            _ => None,
+        })
+        .next()
+        .expect("an inner node below the root")
+}
+
+#[test]
+fn whatever_is_wrong_with_a_tree_is_found() {
+    type Damage = fn(&mut Tree);
+    let damages: &[(&str, Damage)] = &[
+        ("box of child", |t| {
+            t.nodes[0].planes[0][1] = f32::from_bits(t.nodes[0].planes[0][1].to_bits() + 1)
+        }),
+        ("box of child", |t| t.nodes[0].planes[5][2] += 1.0),
+        ("scene's box", |t| t.bounds.0[1] -= 1.0),
+        ("from far to near", |t| t.nodes[0].order[3] = t.nodes[0].order[4]),
+        ("has the order", |t| t.nodes[0].order[0] = 0),
+        ("reached twice", |t| {
+            let index = inner(t).1;
+            t.nodes[index].children[0] = Child::node(0);
+        }),
+        ("has no children", |t| {
+            let index = inner(t).1;
+            t.nodes[index] = Node::EMPTY;
+        }),
+        ("behind an empty one", |t| t.nodes[0].children[1] = Child::EMPTY),
+        ("does not exist", |t| {
+            let slot = inner(t).0;
+            t.nodes[0].children[slot] = Child::node(100_000);
+        }),
+        ("but holds", |t| t.blocks[3].present ^= 2),
+        ("but holds", |t| t.blocks[3].primitives[0] = NONE),
+        ("has corners", |t| t.blocks[0].corners[2][0] = 16),
+        ("primitive", |t| t.blocks[0].corners[1].swap(0, 1)),
+        ("primitive", |t| t.blocks[0].vertices[2][0] += 1.0),
+        ("second half: true", |t| t.blocks[0].corners[0][0] |= super::node::SECOND_HALF),
+        ("there is no primitive", |t| t.blocks[0].primitives[0] = 1 << 20),
+        ("holds nothing", |t| {
+            t.blocks[0].present = 0;
+            t.blocks[0].primitives = [NONE; 16];
+        }),
+        ("comes twice", |t| t.spheres[0].0[0] = t.spheres[1].0[0]),
+        ("there is no sphere", |t| t.spheres[0].0[0] = 1000),
+        ("sphere leaf 0: holds", |t| t.spheres[0].0 = [NONE; 4]),
+        ("is not in the tree", |t| {
+            // The last of a leaf of spheres that share one box.
+            let last = t.spheres.len() - 1;
+            let leaf = &mut t.spheres[last].0;
+            *leaf.iter_mut().rfind(|id| **id != NONE).expect("a sphere") = NONE;
+        }),
+        ("stated", |t| t.depth += 1),
+        ("stated", |t| {
+            let copy = t.blocks[0].clone();
+            t.blocks.push(copy);
+        }),
+    ];
+    let mut geometry = scene(40, 9);
+    let first = geometry.spheres[0];
+    geometry.spheres.fill(first);
+    for (wanted, damage) in damages {
+        let mut bvh = build(&geometry, Isa::Portable, 1);
+        assert_eq!(bvh.validate().map(|stats| stats.triangles), Ok(3218));
+        damage(&mut bvh.tree);
+        let found = bvh.validate().expect_err(wanted);
+        assert!(found.contains(wanted), "expected `{wanted}`, found `{found}`");
+    }
+}

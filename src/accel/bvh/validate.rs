@@ -1,0 +1,291 @@
+//! Whether a tree is what the builder promises: what tests, the fuzzer and `crosscheck` ask.
+
+use std::fmt;
+
+use super::Bvh;
+use super::bounds::Bounds3;
+use super::node::{Child, Kind, Node, SECOND_HALF, WIDTH};
+use super::simd::MAX_DEPTH;
+use crate::geometry::{Geometry, GeometryKind};
+use crate::ray::NONE;
+
+/// What a tree is made of.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Stats {
+    /// Levels of inner nodes.
+    pub depth: usize,
+    /// Inner nodes.
+    pub nodes: usize,
+    /// Inner nodes by their number of children.
+    pub nodes_of: [usize; WIDTH + 1],
+    /// Leaves of triangles.
+    pub leaves: usize,
+    /// Leaves of triangles by their number of triangles.
+    pub leaves_of: [usize; WIDTH + 1],
+    /// Leaves of spheres.
+    pub sphere_leaves: usize,
+    /// Triangles, two for each quad.
+    pub triangles: usize,
+    /// Spheres.
+    pub spheres: usize,
+}
+
+impl Stats {
+    /// Mean number of children of a node.
+    pub fn children_per_node(&self) -> f64 {
+        mean(&self.nodes_of)
+    }
+
+    /// Mean number of triangles in a leaf of triangles; NaN without one.
+    pub fn triangles_per_leaf(&self) -> f64 {
+        mean(&self.leaves_of)
+    }
+}
+
+fn mean(histogram: &[usize]) -> f64 {
+    let sum: usize = histogram.iter().enumerate().map(|(n, count)| n * count).sum();
+    sum as f64 / histogram.iter().sum::<usize>() as f64
+}
+
+impl fmt::Display for Stats {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let nodes = (self.nodes, self.children_per_node(), self.depth);
+        write!(f, "{} nodes of {:.2} children in {} levels", nodes.0, nodes.1, nodes.2)?;
+        if self.leaves > 0 {
+            write!(f, ", {} leaves of {:.2} triangles", self.leaves, self.triangles_per_leaf())?;
+        }
+        if self.sphere_leaves > 0 {
+            write!(f, ", {} leaves of {} spheres", self.sphere_leaves, self.spheres)?;
+        }
+        Ok(())
+    }
+}
+
+impl Bvh<'_> {
+    /// Checks that every primitive is in exactly one leaf (of a quad, each half), unchanged; that
+    /// every box is the smallest around what is below it; that each octant's order goes from far to
+    /// near; and the shape: no empty node or leaf, no more levels than traversal has room for.
+    ///
+    /// # Errors
+    /// The first thing that is not so.
+    pub fn validate(&self) -> Result<Stats, String> {
+        let total = self.geometry.bases().last().map_or(0, |&n| n as usize);
+        let mut walk = Walk { bvh: self, seen: vec![0; total], stats: Stats::default() };
+        let bounds = walk.node(0, 1)?;
+        same(&bounds, &self.tree.bounds).map_err(|e| format!("the scene's box: {e}"))?;
+        walk.finish()
+    }
+}
+
+/// On the way through the tree.
+struct Walk<'a> {
+    bvh: &'a Bvh<'a>,
+    /// Of each primitive the parts that were seen: 1, the first half or the whole; 2, the second
+    /// half.
+    seen: Vec<u8>,
+    stats: Stats,
+}
+
+impl Walk<'_> {
+    /// The box of a node on a level.
+    fn node(&mut self, index: usize, level: usize) -> Result<Bounds3, String> {
+        let tree = &self.bvh.tree;
+        let node = tree.nodes.get(index).ok_or_else(|| format!("node {index} does not exist"))?;
+        let place = |what: String| format!("node {index}: {what}");
+        if level > MAX_DEPTH {
+            return Err(place(format!("on level {level} of at most {MAX_DEPTH}")));
+        }
+        if self.stats.nodes == tree.nodes.len() {
+            return Err(place("reached twice".into()));
+        }
+        self.stats.depth = self.stats.depth.max(level);
+        self.stats.nodes += 1;
+        let len = node.children.iter().take_while(|&&child| child != Child::EMPTY).count();
+        self.stats.nodes_of[len] += 1;
+        if len == 0 && !self.seen.is_empty() {
+            return Err(place("has no children".into()));
+        }
+        empty_behind(node, len).map_err(place)?;
+        in_order(node, len).map_err(place)?;
+        let mut all = Bounds3::EMPTY;
+        for slot in 0..len {
+            let below = match node.children[slot].kind() {
+                Kind::Node(child) => self.node(child, level + 1)?,
+                Kind::Triangles(leaf) => self.triangles(leaf)?,
+                Kind::Spheres(leaf) => self.spheres(leaf)?,
+                Kind::Empty => Bounds3::EMPTY,
+            };
+            same(&bounds(node, slot), &below)
+                .map_err(|e| place(format!("the box of child {slot}: {e}")))?;
+            all = all.union(below);
+        }
+        Ok(all)
+    }
+
+    /// The box of a leaf of triangles.
+    fn triangles(&mut self, index: usize) -> Result<Bounds3, String> {
+        let (tree, geometry) = (&self.bvh.tree, self.bvh.geometry);
+        let place = |what: String| format!("leaf {index}: {what}");
+        let block = tree.blocks.get(index).ok_or_else(|| place("does not exist".into()))?;
+        let mut bounds = Bounds3::EMPTY;
+        for i in 0..WIDTH {
+            let primitive = block.primitives[i];
+            let present = (block.present >> i) & 1 != 0;
+            if present != (primitive != NONE) {
+                return Err(place(format!("place {i} is {present} but holds {primitive}")));
+            }
+            if !present {
+                continue;
+            }
+            let corners =
+                [block.corners[0][i] & !SECOND_HALF, block.corners[1][i], block.corners[2][i]];
+            if corners.iter().any(|&corner| usize::from(corner) >= WIDTH) {
+                return Err(place(format!("place {i} has corners {corners:?}")));
+            }
+            let second = block.is_second_half(i);
+            let source = triangle(geometry, primitive, second).map_err(place)?;
+            let kept = block.triangle(i);
+            if kept.map(|v| v.map(f32::to_bits)) != source.map(|v| v.map(f32::to_bits)) {
+                return Err(place(format!(
+                    "place {i} has {kept:?}, primitive {primitive} {source:?}"
+                )));
+            }
+            self.see(primitive, if second { 2 } else { 1 }).map_err(place)?;
+            self.stats.triangles += 1;
+            bounds = bounds.union(Bounds3::of(&kept));
+        }
+        if block.present == 0 {
+            return Err(place("holds nothing".into()));
+        }
+        self.stats.leaves += 1;
+        self.stats.leaves_of[block.present.count_ones() as usize] += 1;
+        Ok(bounds)
+    }
+
+    /// The box of a leaf of spheres.
+    fn spheres(&mut self, index: usize) -> Result<Bounds3, String> {
+        let (tree, geometry) = (&self.bvh.tree, self.bvh.geometry);
+        let place = |what: String| format!("sphere leaf {index}: {what}");
+        let leaf = tree.spheres.get(index).ok_or_else(|| place("does not exist".into()))?;
+        let len = leaf.0.iter().take_while(|&&id| id != NONE).count();
+        if len == 0 || leaf.0[len..].iter().any(|&id| id != NONE) {
+            return Err(place(format!("holds {:?}", leaf.0)));
+        }
+        let mut bounds = Bounds3::EMPTY;
+        for &id in &leaf.0[..len] {
+            let sphere = geometry
+                .spheres
+                .get(id as usize)
+                .ok_or_else(|| place(format!("there is no sphere {id}")))?;
+            self.see(geometry.primitive(geometry.spheres_id(), id), 1).map_err(place)?;
+            let (lower, upper) = sphere.bounds();
+            bounds = bounds.union(Bounds3::new(lower, upper));
+            self.stats.spheres += 1;
+        }
+        self.stats.sphere_leaves += 1;
+        Ok(bounds)
+    }
+
+    fn see(&mut self, primitive: u32, part: u8) -> Result<(), String> {
+        match self.seen.get_mut(primitive as usize) {
+            None => Err(format!("there is no primitive {primitive}")),
+            Some(seen) if *seen & part != 0 => Err(format!("primitive {primitive} comes twice")),
+            Some(seen) => {
+                *seen |= part;
+                Ok(())
+            }
+        }
+    }
+
+    /// Compares what was found with what there is.
+    fn finish(self) -> Result<Stats, String> {
+        let (tree, geometry, stats) = (&self.bvh.tree, self.bvh.geometry, self.stats);
+        for (primitive, &seen) in self.seen.iter().enumerate() {
+            let (geom, prim) = geometry.place(primitive as u32);
+            let whole = if geometry.kind(geom) == GeometryKind::Quads { 3 } else { 1 };
+            if seen != whole {
+                return Err(format!("primitive {prim} of geometry {geom} is not in the tree"));
+            }
+        }
+        let found = [stats.depth, stats.nodes, stats.leaves, stats.sphere_leaves];
+        let stated = [tree.depth, tree.nodes.len(), tree.blocks.len(), tree.spheres.len()];
+        if found != stated {
+            return Err(format!(
+                "levels, nodes, leaves and sphere leaves: found {found:?}, stated {stated:?}"
+            ));
+        }
+        Ok(stats)
+    }
+}
+
+/// The corners of a triangle or of a quad's half.
+fn triangle(
+    geometry: &Geometry,
+    primitive: u32,
+    second_half: bool,
+) -> Result<[[f32; 3]; 3], String> {
+    if geometry.bases().last().is_none_or(|&total| primitive >= total) {
+        return Err(format!("there is no primitive {primitive}"));
+    }
+    let (geom, prim) = geometry.place(primitive);
+    match (geometry.kind(geom), second_half) {
+        (GeometryKind::Mesh(mesh), false) => Ok(geometry.meshes[mesh].corners(prim)),
+        (GeometryKind::Quads, half) => {
+            let [v0, v1, v2, v3] = geometry.quads[prim as usize];
+            Ok(if half { [v2, v3, v1] } else { [v0, v1, v3] })
+        }
+        (kind, half) => Err(format!("primitive {primitive} is of {kind:?}, second half: {half}")),
+    }
+}
+
+/// The box of a child.
+fn bounds(node: &Node, slot: usize) -> Bounds3 {
+    let corner = |first: usize| [0, 1, 2].map(|axis| node.planes[first + axis][slot]);
+    Bounds3::new(corner(0), corner(3))
+}
+
+fn same(kept: &Bounds3, needed: &Bounds3) -> Result<(), String> {
+    let corners = |b: &Bounds3| (b.lower(), b.upper());
+    let (kept, needed) = (corners(kept), corners(needed));
+    (kept == needed).then_some(()).ok_or_else(|| format!("is {kept:?}, should be {needed:?}"))
+}
+
+/// Whether what is behind the last child is empty, and no ray meets it.
+fn empty_behind(node: &Node, len: usize) -> Result<(), String> {
+    for slot in len..WIDTH {
+        if node.children[slot] != Child::EMPTY {
+            return Err(format!("child {slot} comes behind an empty one"));
+        }
+        for (row, planes) in node.planes.iter().enumerate() {
+            let outside = if row < 3 { f32::INFINITY } else { f32::NEG_INFINITY };
+            if planes[slot] != outside {
+                return Err(format!("empty child {slot} has a plane at {}", planes[slot]));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether each octant's order names every place once, the children first, from far to near.
+fn in_order(node: &Node, len: usize) -> Result<(), String> {
+    if len == 0 {
+        return Ok(());
+    }
+    for octant in 0..8 {
+        let order: [usize; WIDTH] = std::array::from_fn(|j| node.ordered(octant, j));
+        let named = order.iter().fold(0u32, |named, &slot| named | 1 << slot);
+        if named != (1 << WIDTH) - 1 || order[..len].iter().any(|&slot| slot >= len) {
+            return Err(format!("octant {octant} has the order {order:?} of {len} children"));
+        }
+        let distance = |slot: usize| {
+            let center = bounds(node, slot).center2();
+            let sign = |axis: usize| if (octant >> axis) & 1 == 0 { 1.0 } else { -1.0 };
+            center[0] * sign(0) + center[1] * sign(1) + center[2] * sign(2)
+        };
+        if order[..len].windows(2).any(|pair| distance(pair[0]) < distance(pair[1])) {
+            return Err(format!("octant {octant}: {order:?} is not from far to near"));
+        }
+    }
+    Ok(())
+}

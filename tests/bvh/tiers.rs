@@ -1,0 +1,131 @@
+//! One geometry, one tree per instruction-set tier, and one answer per ray.
+
+use lightpath::accel::bvh::Bvh;
+use lightpath::accel::{Accelerator, BuildOptions};
+use lightpath::geometry::Geometry;
+use lightpath::monitor::Monitor;
+use lightpath::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
+use lightpath::simd::Isa;
+
+pub const ALL: Mask = Mask([-1; LANES]);
+
+/// Every way to ask.
+const WAYS: [Coherence; 3] = [Coherence::Single, Coherence::Incoherent, Coherence::Coherent];
+
+/// The closest hit of a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Number in the whole scene.
+    pub primitive: u32,
+    pub t: f32,
+}
+
+pub fn options(isa: Isa) -> BuildOptions {
+    BuildOptions { threads: 1, fast: false, isa, max_bytes: None }
+}
+
+/// A tree that was found to be sound.
+pub fn build(geometry: &Geometry, isa: Isa) -> Bvh<'_> {
+    let bvh = Bvh::build(geometry, &options(isa), &Monitor::default()).expect("a tree");
+    if let Err(wrong) = bvh.validate() {
+        panic!("{isa}: {wrong}");
+    }
+    bvh
+}
+
+/// The trees of every tier that this machine runs.
+pub struct Tiers<'g> {
+    geometry: &'g Geometry,
+    trees: Vec<(Isa, Bvh<'g>)>,
+}
+
+impl<'g> Tiers<'g> {
+    pub fn new(geometry: &'g Geometry) -> Self {
+        let trees = Isa::available().map(|isa| (isa, build(geometry, isa))).collect();
+        Self { geometry, trees }
+    }
+
+    /// The best tier alone.
+    pub fn best(geometry: &'g Geometry) -> Self {
+        let isa = Isa::detect();
+        Self { geometry, trees: vec![(isa, build(geometry, isa))] }
+    }
+
+    /// What the active rays hit.
+    ///
+    /// # Panics
+    /// If two tiers or two ways to ask differ in the primitive or in a bit of t, if a ray is occluded
+    /// without a closest hit or the other way round, or if an inactive lane is written to.
+    pub fn trace(&self, active: &Mask, rays: &Rays) -> [Option<Hit>; LANES] {
+        let mut agreed = None;
+        for (isa, bvh) in &self.trees {
+            for way in WAYS {
+                let hits = self.closest(bvh, active, rays, way);
+                let expected = *agreed.get_or_insert(hits);
+                for i in 0..LANES {
+                    let (found, expected) = (hits[i], expected[i]);
+                    assert_eq!(found, expected, "{isa} {way:?} lane {i}: {}", ray(rays, i));
+                }
+                let mut after = rays.clone();
+                bvh.occluded(active, &mut after, way);
+                for i in 0..LANES {
+                    let stopped = hits[i].is_some();
+                    let end = if stopped { f32::NEG_INFINITY } else { rays.tfar[i] };
+                    assert_eq!(
+                        after.tfar[i].to_bits(),
+                        end.to_bits(),
+                        "{isa} {way:?} lane {i}, hit {:?}: {}",
+                        hits[i],
+                        ray(rays, i)
+                    );
+                }
+            }
+        }
+        agreed.expect("one tier at least")
+    }
+
+    fn closest(
+        &self,
+        bvh: &Bvh,
+        active: &Mask,
+        rays: &Rays,
+        way: Coherence,
+    ) -> [Option<Hit>; LANES] {
+        let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
+        bvh.closest(active, &mut packet, way);
+        std::array::from_fn(|i| {
+            let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+            if active.0[i] == 0 || geom == NONE {
+                assert_eq!((geom, prim), (NONE, NONE), "lane {i}");
+                assert_eq!(packet.rays.tfar[i].to_bits(), rays.tfar[i].to_bits(), "lane {i}");
+                return None;
+            }
+            for weight in [packet.hits.u[i], packet.hits.v[i]] {
+                assert!((0.0..=1.0).contains(&weight), "{weight}: {}", ray(rays, i));
+            }
+            let primitive = self.geometry.primitive(geom, prim);
+            Some(Hit { primitive, t: packet.rays.tfar[i] })
+        })
+    }
+}
+
+/// A ray, to be read.
+pub fn ray(rays: &Rays, i: usize) -> String {
+    let of = |v: &[[f32; LANES]; 3]| v.map(|lanes| lanes[i]);
+    format!(
+        "from {:?} along {:?}, t in ({:?}, {:?}), leaves {}",
+        of(&rays.org),
+        of(&rays.dir),
+        rays.tnear[i],
+        rays.tfar[i],
+        rays.leaving[i]
+    )
+}
+
+/// Sets a ray.
+pub fn put(rays: &mut Rays, i: usize, origin: [f32; 3], direction: [f32; 3]) {
+    for axis in 0..3 {
+        rays.org[axis][i] = origin[axis];
+        rays.dir[axis][i] = direction[axis];
+    }
+}
