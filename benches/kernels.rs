@@ -147,9 +147,7 @@ fn kernel(bencher: Bencher, isa: Isa, which: Which) {
     let geometry = terrain(100);
     let bvh = bvh(&geometry, isa);
     let rays = down(0.01).rays;
-    bencher
-        .counter(ItemsCount::new(COUNT))
-        .bench_local(|| bvh.run_kernel(which, black_box(&rays)));
+    bencher.counter(ItemsCount::new(COUNT)).bench_local(|| bvh.run_kernel(which, black_box(&rays)));
 }
 
 /// One ray, 256 nodes: 16 boxes each, those that are met sorted.

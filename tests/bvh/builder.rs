@@ -197,7 +197,9 @@ fn coordinates_that_are_tiny_or_huge() {
             .collect();
         let spheres = (0..20)
             .map(|_| Sphere {
-                center: DVec3::from(random_point(&mut random).map(f64::from)) * 0.1 * f64::from(scale),
+                center: DVec3::from(random_point(&mut random).map(f64::from))
+                    * 0.1
+                    * f64::from(scale),
                 radius: f64::from(scale) * random.within(0.01, 0.1),
             })
             .collect();

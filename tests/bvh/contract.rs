@@ -15,7 +15,12 @@ fn walls() -> Geometry {
             for y in -8..8 {
                 let first = vertices.len() as u32;
                 let (x, y) = (x as f32, y as f32);
-                vertices.extend([[x, y, z], [x + 1.0, y, z], [x + 1.0, y + 1.0, z], [x, y + 1.0, z]]);
+                vertices.extend([
+                    [x, y, z],
+                    [x + 1.0, y, z],
+                    [x + 1.0, y + 1.0, z],
+                    [x, y + 1.0, z],
+                ]);
                 triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
             }
         }

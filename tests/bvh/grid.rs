@@ -40,7 +40,12 @@ fn scene() -> impl Strategy<Value = Scene> {
         vec(quad, 0..6),
         vec((point(), 1..3i64), 0..6),
     )
-        .prop_map(|(triangles, boxes, quads, spheres)| Scene { triangles, boxes, quads, spheres })
+        .prop_map(|(triangles, boxes, quads, spheres)| Scene {
+            triangles,
+            boxes,
+            quads,
+            spheres,
+        })
 }
 
 /// The twelve triangles of a box.
@@ -56,8 +61,12 @@ fn sides([p, q]: [Point; 2]) -> Vec<[Point; 3]> {
                 v[l] = if third { q[l] } else { p[l] };
                 v
             };
-            let [a, b, c, d] =
-                [corner(false, false), corner(true, false), corner(true, true), corner(false, true)];
+            let [a, b, c, d] = [
+                corner(false, false),
+                corner(true, false),
+                corner(true, true),
+                corner(false, true),
+            ];
             all.extend([[a, b, c], [a, c, d]]);
         }
     }
@@ -98,8 +107,7 @@ impl Exact {
         });
         let corners = quads.iter().map(|quad| quad.map(|v| v.map(|x| x as f32))).collect();
         let meshes = vec![mesh(&scene.triangles), mesh(&sides)];
-        let geometry =
-            Geometry::new(DVec3::ZERO, meshes, corners, spheres.collect()).expect("few");
+        let geometry = Geometry::new(DVec3::ZERO, meshes, corners, spheres.collect()).expect("few");
         let mut flat: Vec<(u32, [Point; 3])> =
             scene.triangles.iter().chain(&sides).copied().zip(0..).map(|(t, i)| (i, t)).collect();
         let first = flat.len() as u32;
@@ -110,16 +118,21 @@ impl Exact {
     }
 
     /// The closest hit, and of equal ones that of the lower primitive.
-    fn closest(&self, origin: Point, direction: Point, scale: f64, rays: &Rays, i: usize) -> Option<Hit> {
+    fn closest(
+        &self,
+        origin: Point,
+        direction: Point,
+        scale: f64,
+        rays: &Rays,
+        i: usize,
+    ) -> Option<Hit> {
         let (tnear, tfar) = (f64::from(rays.tnear[i]), f64::from(rays.tfar[i]));
         let leaving = rays.leaving[i];
-        let flat = self
-            .flat
-            .iter()
-            .filter(|(primitive, _)| *primitive != leaving)
-            .filter_map(|&(primitive, corners)| {
+        let flat = self.flat.iter().filter(|(primitive, _)| *primitive != leaving).filter_map(
+            |&(primitive, corners)| {
                 Some((triangle(corners, origin, direction)? / scale, primitive))
-            });
+            },
+        );
         let first = self.geometry.primitive(self.geometry.spheres_id(), 0);
         let [o, d] = [origin, direction].map(|v| DVec3::from(v.map(|x| x as f64)));
         let spheres = self.geometry.spheres.iter().zip(first..).map(|(sphere, primitive)| {
@@ -141,7 +154,8 @@ fn triangle(corners: [Point; 3], origin: Point, direction: Point) -> Option<f64>
     let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let [a, b, c] = corners.map(|v| minus(v, origin));
     // Volumes of the ray's direction with each edge.
-    let volumes = [dot(direction, cross(c, b)), dot(direction, cross(a, c)), dot(direction, cross(b, a))];
+    let volumes =
+        [dot(direction, cross(c, b)), dot(direction, cross(a, c)), dot(direction, cross(b, a))];
     let (least, most) = (volumes.into_iter().min()?, volumes.into_iter().max()?);
     let normal = cross(minus(b, a), minus(c, a));
     let towards = dot(normal, direction);

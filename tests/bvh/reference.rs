@@ -33,10 +33,10 @@ pub fn check(
 ) -> Result<(), String> {
     let all = meetings(geometry, rays, i);
     let (tnear, tfar) = (f64::from(rays.tnear[i]), f64::from(rays.tfar[i]));
-    let certain =
-        all.iter().filter(|m| m.certain && m.t.0 > tnear && m.t.1 < tfar).min_by(|a, b| {
-            a.t.1.total_cmp(&b.t.1)
-        });
+    let certain = all
+        .iter()
+        .filter(|m| m.certain && m.t.0 > tnear && m.t.1 < tfar)
+        .min_by(|a, b| a.t.1.total_cmp(&b.t.1));
     let Some(hit) = answer else {
         return certain.map_or(Ok(()), |m| Err(format!("found nothing, expected {m:?}")));
     };
@@ -108,9 +108,8 @@ fn triangle(
     // In both coordinates, and what underflow adds below the range of normal numbers.
     let bound = 6.0 * U * reach * std::f64::consts::SQRT_2 * 1.001 + 1e-44;
     let along = direction[kz];
-    let [a, b, c] = to.map(|v| {
-        [v[kx] - direction[kx] / along * v[kz], v[ky] - direction[ky] / along * v[kz]]
-    });
+    let [a, b, c] =
+        to.map(|v| [v[kx] - direction[kx] / along * v[kz], v[ky] - direction[ky] / along * v[kz]]);
     let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
     // The sign of an edge function, 0 where f64 cannot tell: near the line through two corners, hence
     // outside, or near the edge between them, which is told apart below.

@@ -36,7 +36,9 @@ fn soup(random: &mut Random) -> Geometry {
         let size = wide(random).abs();
         let far = random.below(4) == 0;
         (0..n)
-            .map(|_| if far { wide_point(random) } else { base + wide_point(random).normalize() * size })
+            .map(|_| {
+                if far { wide_point(random) } else { base + wide_point(random).normalize() * size }
+            })
             .map(|p| p.as_vec3().to_array())
             .collect()
     };

@@ -103,7 +103,9 @@ fn inner(tree: &Tree) -> (usize, usize) {
 fn whatever_is_wrong_with_a_tree_is_found() {
     type Damage = fn(&mut Tree);
     let damages: &[(&str, Damage)] = &[
-        ("box of child", |t| t.nodes[0].planes[0][1] = f32::from_bits(t.nodes[0].planes[0][1].to_bits() + 1)),
+        ("box of child", |t| {
+            t.nodes[0].planes[0][1] = f32::from_bits(t.nodes[0].planes[0][1].to_bits() + 1)
+        }),
         ("box of child", |t| t.nodes[0].planes[5][2] += 1.0),
         ("scene's box", |t| t.bounds.0[1] -= 1.0),
         ("from far to near", |t| t.nodes[0].order[3] = t.nodes[0].order[4]),

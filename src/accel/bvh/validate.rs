@@ -138,7 +138,8 @@ impl Walk<'_> {
             if !present {
                 continue;
             }
-            let corners = [block.corners[0][i] & !SECOND_HALF, block.corners[1][i], block.corners[2][i]];
+            let corners =
+                [block.corners[0][i] & !SECOND_HALF, block.corners[1][i], block.corners[2][i]];
             if corners.iter().any(|&corner| usize::from(corner) >= WIDTH) {
                 return Err(place(format!("place {i} has corners {corners:?}")));
             }
@@ -146,7 +147,9 @@ impl Walk<'_> {
             let source = triangle(geometry, primitive, second).map_err(place)?;
             let kept = block.triangle(i);
             if kept.map(|v| v.map(f32::to_bits)) != source.map(|v| v.map(f32::to_bits)) {
-                return Err(place(format!("place {i} has {kept:?}, primitive {primitive} {source:?}")));
+                return Err(place(format!(
+                    "place {i} has {kept:?}, primitive {primitive} {source:?}"
+                )));
             }
             self.see(primitive, if second { 2 } else { 1 }).map_err(place)?;
             self.stats.triangles += 1;
