@@ -119,6 +119,11 @@ fn whatever_is_wrong_with_a_tree_is_found() {
             t.nodes[index] = Node::EMPTY;
         }),
         ("behind an empty one", |t| t.nodes[0].children[1] = Child::EMPTY),
+        ("has a plane at", |t| {
+            let children = &mut t.nodes[0].children;
+            *children.iter_mut().rfind(|child| **child != Child::EMPTY).expect("a child") =
+                Child::EMPTY;
+        }),
         ("does not exist", |t| {
             let slot = inner(t).0;
             t.nodes[0].children[slot] = Child::node(100_000);
@@ -126,9 +131,12 @@ fn whatever_is_wrong_with_a_tree_is_found() {
         ("but holds", |t| t.blocks[3].present ^= 2),
         ("but holds", |t| t.blocks[3].primitives[0] = NONE),
         ("has corners", |t| t.blocks[0].corners[2][0] = 16),
-        ("primitive", |t| t.blocks[0].corners[1].swap(0, 1)),
+        ("primitive", |t| t.blocks[0].corners[1][0] ^= 1),
         ("primitive", |t| t.blocks[0].vertices[2][0] += 1.0),
-        ("second half: true", |t| t.blocks[0].corners[0][0] |= super::node::SECOND_HALF),
+        ("second half: true", |t| {
+            let of_mesh = t.blocks.iter_mut().find(|block| block.primitives[0] < 3200);
+            of_mesh.expect("a leaf of the mesh").corners[0][0] |= super::node::SECOND_HALF;
+        }),
         ("there is no primitive", |t| t.blocks[0].primitives[0] = 1 << 20),
         ("holds nothing", |t| {
             t.blocks[0].present = 0;

@@ -253,10 +253,10 @@ fn same(kept: &Bounds3, needed: &Bounds3) -> Result<(), String> {
 
 /// Whether what is behind the last child is empty, and no ray meets it.
 fn empty_behind(node: &Node, len: usize) -> Result<(), String> {
+    if let Some(behind) = node.children[len..].iter().position(|&child| child != Child::EMPTY) {
+        return Err(format!("child {} comes behind an empty one", len + behind));
+    }
     for slot in len..WIDTH {
-        if node.children[slot] != Child::EMPTY {
-            return Err(format!("child {slot} comes behind an empty one"));
-        }
         for (row, planes) in node.planes.iter().enumerate() {
             let outside = if row < 3 { f32::INFINITY } else { f32::NEG_INFINITY };
             if planes[slot] != outside {
