@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use crate::accel::bvh::Bvh;
 use super::cases::Random;
+use crate::accel::bvh::Bvh;
 use crate::accel::{Accelerator, BuildOptions};
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::monitor::Monitor;
