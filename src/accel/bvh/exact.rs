@@ -89,8 +89,9 @@ impl Sheared {
     #[inline(always)]
     pub fn inside(&self) -> bool {
         let [u, v, w] = self.edges;
-        let (least, most) = (min3(u, v, w), max3(u, v, w));
-        ((least >= 0.0) & (most > 0.0)) | ((most <= 0.0) & (least < 0.0))
+        let (left, right) =
+            ((u >= 0.0) & (v >= 0.0) & (w >= 0.0), (u <= 0.0) & (v <= 0.0) & (w <= 0.0));
+        left ^ right
     }
 
     /// The ray parameter of a triangle that the line meets: that of the triangle's plane in f64

@@ -1,5 +1,8 @@
 //! AVX-512: a node or a leaf is one vector.
 
+// Compiled only where build.rs finds a compiler that has them.
+#![allow(clippy::incompatible_msrv)]
+
 use std::arch::x86_64::*;
 
 use super::super::node::{Block, Node, WIDTH};
