@@ -1,8 +1,8 @@
 //! Our own BVH: 16-wide nodes, leaves of up to 16 triangles over shared vertices, an exactly
 //! watertight triangle test.
 //!
-//! [`build`] makes the tree, [`query`] makes rays ready, [`single`] and [`packet`] traverse,
-//! [`simd`] tests boxes and triangles 16 at a time, [`exact`] decides; [`validate`] checks the tree.
+//! `build` makes the tree, `query` makes rays ready, `single` and `packet` traverse,
+//! `simd` tests boxes and triangles 16 at a time, `exact` decides; `validate` checks the tree.
 
 mod bounds;
 mod build;
