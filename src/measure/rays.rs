@@ -1,6 +1,6 @@
 //! The rays of a scene, recorded once and replayed on every backend that is measured or checked.
 //!
-//! The renderer itself makes them: it runs over a [`Recorder`], an accelerator that notes every
+//! The renderer itself makes them: it runs over a `Recorder`, an accelerator that notes every
 //! query. So their order, their packets and their masks are those of a render, and no formula is
 //! written twice. Only diffuse bounces, which the renderer has not, are made here.
 
