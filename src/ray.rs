@@ -22,6 +22,28 @@ impl Mask {
         self.0.iter().fold(0, |all, &lane| all | lane) != 0
     }
 
+    /// These lanes and those of `other`.
+    #[inline(always)]
+    #[must_use]
+    pub fn with(&self, other: &Self) -> Self {
+        let mut joined = *self;
+        for i in 0..LANES {
+            joined.0[i] |= other.0[i];
+        }
+        joined
+    }
+
+    /// These lanes, but not those of `other`.
+    #[inline(always)]
+    #[must_use]
+    pub fn without(&self, other: &Self) -> Self {
+        let mut rest = *self;
+        for i in 0..LANES {
+            rest.0[i] &= !other.0[i];
+        }
+        rest
+    }
+
     /// Number of lanes that count.
     #[inline(always)]
     pub fn count(&self) -> u32 {

@@ -3,6 +3,9 @@
 use crate::geometry::Geometry;
 use crate::ray::{LANES, NONE, RayPacket, Rays};
 
+/// Up to so many geometries are counted through.
+const FEW: usize = 16;
+
 /// The closest hits so far.
 pub struct Found {
     /// Ray parameters; the ends of the segments until there is a hit.
@@ -52,12 +55,23 @@ impl Found {
             hits.prim[i] = if hit { self.primitive[i] } else { hits.prim[i] };
             packet.rays.tfar[i] = if hit { self.t[i] as f32 } else { packet.rays.tfar[i] };
         }
-        if others {
+        let later = &geometry.bases()[1..geometry.bases().len() - 1];
+        if others && later.len() <= FEW {
+            for &base in later {
+                for i in 0..LANES {
+                    let hit = self.primitive[i] != NONE;
+                    let inside = hit & (self.primitive[i] >= base);
+                    packet.hits.geom[i] += u32::from(inside);
+                    let prim = &mut packet.hits.prim[i];
+                    *prim = if inside { self.primitive[i] - base } else { *prim };
+                }
+            }
+        } else if others {
             self.place(geometry, packet);
         }
     }
 
-    /// Finds each primitive's geometry where there is more than one.
+    /// Finds each primitive's geometry where there are many.
     #[inline(never)]
     fn place(&self, geometry: &Geometry, packet: &mut RayPacket) {
         for i in (0..LANES).filter(|&i| self.primitive[i] != NONE) {

@@ -118,7 +118,10 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
     }
 }
 
-/// The active rays together; whether that is possible.
+/// Fewer coherent rays are traced one by one.
+const LEAST_TOGETHER: u32 = 4;
+
+/// The active rays together, those of one octant and one dominant axis each time; which are left.
 struct PacketClosest<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -127,21 +130,28 @@ struct PacketClosest<'a, T> {
 }
 
 impl<T: Tier> Kernel for PacketClosest<'_, T> {
-    type Output = bool;
+    type Output = Mask;
     #[inline(always)]
-    fn run(self) -> bool {
+    fn run(self) -> Mask {
         let Self { tier, bvh, active, packet } = self;
         let query = Query::new(&packet.rays, &bvh.tree.bounds);
-        if !query.is_coherent(active) {
-            return false;
-        }
         let scene = (&bvh.tree, bvh.geometry);
-        let rays = Packet::new(tier, scene, (&query, &packet.rays), active);
+        let mut found = Found::nothing(&packet.rays);
         let mut stack = packet::take_stack();
-        let found = rays.closest(active, &mut stack);
+        let (mut rest, mut alone) = (*active, Mask::NONE);
+        while rest.any() {
+            let part = query.coherent(&rest);
+            rest = rest.without(&part);
+            if part.count() < LEAST_TOGETHER {
+                alone = alone.with(&part);
+                continue;
+            }
+            let rays = Packet::new(tier, scene, (&query, &packet.rays), &part);
+            rays.closest(&part, &mut stack, &mut found);
+        }
         packet::keep_stack(stack);
         found.store(bvh.geometry, packet);
-        true
+        alone
     }
 }
 
@@ -168,7 +178,7 @@ impl<T: Tier> Kernel for SingleOccluded<'_, T> {
     }
 }
 
-/// The active rays together; whether that is possible.
+/// As [`PacketClosest`].
 struct PacketOccluded<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -177,22 +187,29 @@ struct PacketOccluded<'a, T> {
 }
 
 impl<T: Tier> Kernel for PacketOccluded<'_, T> {
-    type Output = bool;
+    type Output = Mask;
     #[inline(always)]
-    fn run(self) -> bool {
+    fn run(self) -> Mask {
         let Self { tier, bvh, active, rays } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
-        if !query.is_coherent(active) {
-            return false;
-        }
-        let packet = Packet::new(tier, (&bvh.tree, bvh.geometry), (&query, rays), active);
+        let scene = (&bvh.tree, bvh.geometry);
         let mut stack = packet::take_stack();
-        let stopped = packet.occluded(active, &mut stack);
-        packet::keep_stack(stack);
-        for i in 0..LANES {
-            rays.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { rays.tfar[i] };
+        let (mut rest, mut alone) = (*active, Mask::NONE);
+        while rest.any() {
+            let part = query.coherent(&rest);
+            rest = rest.without(&part);
+            if part.count() < LEAST_TOGETHER {
+                alone = alone.with(&part);
+                continue;
+            }
+            let packet = Packet::new(tier, scene, (&query, rays), &part);
+            let stopped = packet.occluded(&part, &mut stack);
+            for i in 0..LANES {
+                rays.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { rays.tfar[i] };
+            }
         }
-        true
+        packet::keep_stack(stack);
+        alone
     }
 }
 
@@ -205,12 +222,15 @@ impl Bvh<'_> {
         coherence: Coherence,
     ) {
         let bvh = self;
-        if coherence == Coherence::Coherent
-            && tier.run(PacketClosest { tier, bvh, active, packet: &mut *packet })
-        {
-            return;
+        let alone = match coherence {
+            Coherence::Coherent => {
+                tier.run(PacketClosest { tier, bvh, active, packet: &mut *packet })
+            }
+            Coherence::Incoherent | Coherence::Single => *active,
+        };
+        if alone.any() {
+            tier.run(SingleClosest { tier, bvh, active: &alone, packet });
         }
-        tier.run(SingleClosest { tier, bvh, active, packet });
     }
 
     fn occluded_with<T: Tier>(
@@ -221,12 +241,13 @@ impl Bvh<'_> {
         coherence: Coherence,
     ) {
         let bvh = self;
-        if coherence == Coherence::Coherent
-            && tier.run(PacketOccluded { tier, bvh, active, rays: &mut *rays })
-        {
-            return;
+        let alone = match coherence {
+            Coherence::Coherent => tier.run(PacketOccluded { tier, bvh, active, rays: &mut *rays }),
+            Coherence::Incoherent | Coherence::Single => *active,
+        };
+        if alone.any() {
+            tier.run(SingleOccluded { tier, bvh, active: &alone, rays });
         }
-        tier.run(SingleOccluded { tier, bvh, active, rays });
     }
 }
 

@@ -67,7 +67,7 @@ pub struct Packet<'a, T> {
 }
 
 impl<'a, T: Tier> Packet<'a, T> {
-    /// The active rays of a query, which are coherent ([`Query::is_coherent`]).
+    /// The active rays of a query, which are coherent ([`Query::coherent`]).
     #[inline(always)]
     pub fn new(
         tier: T,
@@ -82,35 +82,32 @@ impl<'a, T: Tier> Packet<'a, T> {
         Self { tier, tree, geometry, query, rays, tfar }
     }
 
-    /// The closest hits.
+    /// Updates the closest hits.
     #[inline(always)]
-    pub fn closest(mut self, active: &Mask, stack: &mut Vec<Entry>) -> Found {
-        let mut best = Found::nothing(self.rays);
+    pub fn closest(mut self, active: &Mask, stack: &mut Vec<Entry>, best: &mut Found) {
         let bundle = self.query.bundle(self.tier, active);
         let around = self.query.around(self.tier, active, &bundle);
         let mut reach = self.reach();
         stack.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
         while let Some(entry) = stack.pop() {
+            if !self.any_before(&entry.near) {
+                continue;
+            }
             match entry.child.kind() {
                 Kind::Node(index) => {
-                    if self.any_before(&entry.near) {
-                        self.push(&self.tree.nodes[index], &around, reach, stack);
-                    }
+                    self.push(&self.tree.nodes[index], &around, reach, stack);
                 }
                 Kind::Triangles(index) => {
-                    if self.any_before(&entry.near) {
-                        self.closest_in_block(index, &bundle, &entry.near, &mut best);
-                        reach = self.reach();
-                    }
+                    self.closest_in_block(index, &bundle, &entry.near, best);
+                    reach = self.reach();
                 }
                 Kind::Spheres(index) => {
-                    self.closest_in_spheres(index, &mut best);
+                    self.closest_in_spheres(index, best);
                     reach = self.reach();
                 }
                 Kind::Empty => {}
             }
         }
-        best
     }
 
     /// The rays that anything stops: all bits set.

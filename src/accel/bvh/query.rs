@@ -156,17 +156,17 @@ impl Query {
         }
     }
 
-    /// Whether the active rays are all of one octant and have one dominant axis.
+    /// Those of the rays that are coherent with the first of them: of its octant and its dominant axis.
     #[inline(always)]
-    pub fn is_coherent(&self, active: &Mask) -> bool {
-        let (mut any, mut all) = (0, u32::MAX);
+    pub fn coherent(&self, rays: &Mask) -> Mask {
+        let first = (0..LANES).find(|&i| rays.0[i] != 0).unwrap_or(0);
+        let mut part = Mask::NONE;
         for i in 0..LANES {
-            let off = !active.0[i] as u32;
-            let kind = self.octant[i] | self.dominant[i] << 3;
-            any |= kind & !off;
-            all &= kind | off;
+            let same =
+                (self.octant[i] == self.octant[first]) & (self.dominant[i] == self.dominant[first]);
+            part.0[i] = rays.0[i] & -i32::from(same);
         }
-        any == all
+        part
     }
 
     /// The active rays, which are coherent, as intervals.

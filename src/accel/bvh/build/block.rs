@@ -3,6 +3,7 @@
 use super::super::node::{Block, SECOND_HALF, WIDTH};
 use super::reference::Reference;
 use crate::geometry::Geometry;
+use crate::simd::Kernel;
 
 /// The distinct vertices of a leaf, compared by their bits: meshes that repeat a vertex for every
 /// face share them here all the same.
@@ -41,17 +42,40 @@ impl Vertices {
 /// Whether triangles fit into one leaf: at most 16, over at most 16 vertices.
 #[inline(always)]
 pub fn fits(geometry: &Geometry, references: &[Reference]) -> bool {
+    if references.len() > WIDTH {
+        return false;
+    }
     let mut vertices = Vertices::EMPTY;
-    references.len() <= WIDTH
-        && references.iter().all(|reference| {
-            reference
-                .corners(geometry)
-                .is_some_and(|corners| corners.iter().all(|&c| vertices.place(c).is_some()))
-        })
+    // Loops, not closures: those would be compiled for the portable tier.
+    for reference in references {
+        let Some(corners) = reference.corners(geometry) else { return false };
+        for corner in corners {
+            if vertices.place(corner).is_none() {
+                return false;
+            }
+        }
+    }
+    true
 }
 
 /// The leaf of references that [`fits`] let through. Unused vertices repeat the last one.
-pub fn block(geometry: &Geometry, references: &[Reference]) -> Block {
+pub struct MakeBlock<'a> {
+    /// What the references name.
+    pub geometry: &'a Geometry,
+    /// Of triangles.
+    pub references: &'a [Reference],
+}
+
+impl Kernel for MakeBlock<'_> {
+    type Output = Block;
+    #[inline(always)]
+    fn run(self) -> Block {
+        block(self.geometry, self.references)
+    }
+}
+
+#[inline(always)]
+fn block(geometry: &Geometry, references: &[Reference]) -> Block {
     let mut vertices = Vertices::EMPTY;
     let mut block = Block::EMPTY;
     for (i, reference) in references.iter().take(WIDTH).enumerate() {

@@ -11,6 +11,7 @@ pub use self::collapse::Tree;
 use rayon::prelude::*;
 
 use self::binary::Leaf;
+use self::block::MakeBlock;
 use super::Bounds3;
 use super::node::{Child, SphereLeaf};
 use crate::error::{Error, Kind, Problem, Result};
@@ -45,7 +46,9 @@ pub fn build(geometry: &Geometry, isa: Isa, monitor: &Monitor) -> Result<(Tree, 
     let (triangles, spheres): (Vec<&Leaf>, Vec<&Leaf>) = leaves.iter().partition(|l| !l.spheres);
     wide.blocks = triangles
         .par_iter()
-        .map(|leaf| block::block(geometry, &references[leaf.range()]))
+        .map(|leaf| {
+            simd::dispatch(isa, MakeBlock { geometry, references: &references[leaf.range()] })
+        })
         .collect();
     wide.spheres = spheres
         .iter()
