@@ -47,6 +47,32 @@ impl Ray64 {
     }
 }
 
+/// The plane of a triangle, from the f32 corners in f64.
+pub struct Plane {
+    point: [f64; 3],
+    normal: [f64; 3],
+}
+
+impl Plane {
+    /// Through three corners.
+    #[inline(always)]
+    pub fn new([p, q, r]: [[f32; 3]; 3]) -> Self {
+        let (px, py, pz) = (f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
+        let (e1x, e1y, e1z) = (f64::from(q[0]) - px, f64::from(q[1]) - py, f64::from(q[2]) - pz);
+        let (e2x, e2y, e2z) = (f64::from(r[0]) - px, f64::from(r[1]) - py, f64::from(r[2]) - pz);
+        let normal = [e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x];
+        Self { point: [px, py, pz], normal }
+    }
+
+    /// Where a ray meets it; NaN or infinite for a ray along it.
+    #[inline(always)]
+    pub fn t(&self, [ox, oy, oz]: [f64; 3], [dx, dy, dz]: [f64; 3]) -> f64 {
+        let ([px, py, pz], [nx, ny, nz]) = (self.point, self.normal);
+        let above = nx * (px - ox) + ny * (py - oy) + nz * (pz - oz);
+        above / (nx * dx + ny * dy + nz * dz)
+    }
+}
+
 /// A triangle as a ray sees it.
 pub struct Sheared {
     /// Edge functions opposite the first, second and third corner: exact but for the last rounding,
@@ -98,17 +124,8 @@ impl Sheared {
     /// (error of some 1e-15 of the coordinates over the sine of the angle between ray and plane),
     /// kept within the corners' depths, which a ray almost in the plane would leave.
     #[inline(always)]
-    pub fn t(&self, ray: &Ray64, [p, q, r]: [[f32; 3]; 3]) -> f64 {
-        let (px, py, pz) = (f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
-        let (e1x, e1y, e1z) = (f64::from(q[0]) - px, f64::from(q[1]) - py, f64::from(q[2]) - pz);
-        let (e2x, e2y, e2z) = (f64::from(r[0]) - px, f64::from(r[1]) - py, f64::from(r[2]) - pz);
-        let nx = e1y * e2z - e1z * e2y;
-        let ny = e1z * e2x - e1x * e2z;
-        let nz = e1x * e2y - e1y * e2x;
-        let [ox, oy, oz] = ray.origin;
-        let [dx, dy, dz] = ray.direction;
-        let above = nx * (px - ox) + ny * (py - oy) + nz * (pz - oz);
-        let t = above / (nx * dx + ny * dy + nz * dz);
+    pub fn t(&self, ray: &Ray64, corners: [[f32; 3]; 3]) -> f64 {
+        let t = Plane::new(corners).t(ray.origin, ray.direction);
         let [a, b, c] = self.depths;
         let (least, most) = (f64::from(min3(a, b, c)), f64::from(max3(a, b, c)));
         let depth = t * ray.along;

@@ -73,7 +73,7 @@ impl<'g> Bvh<'g> {
         monitor: &Monitor,
     ) -> Result<Self> {
         let isa = options.isa.min(Isa::detect());
-        let (tree, peak_bytes) = build::build(geometry, isa, monitor)?;
+        let (tree, peak_bytes) = build::build(geometry, isa, options.max_bytes, monitor)?;
         Ok(Self { geometry, tree, isa, peak_bytes })
     }
 

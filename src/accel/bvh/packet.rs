@@ -7,7 +7,7 @@
 use std::cell::Cell;
 
 use super::build::Tree;
-use super::exact::{DEPTH_SLACK, Ray64, Sheared};
+use super::exact::{DEPTH_SLACK, Plane, Ray64, Sheared};
 use super::found::Found;
 use super::node::{Block, Child, Kind, Node, WIDTH};
 use super::query::{Bundle, Query, Slabs};
@@ -220,9 +220,8 @@ impl<'a, T: Tier> Packet<'a, T> {
             };
             let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (shear(p), shear(q), shear(r));
             let (q0, q1, q2) = (cy * bx, ay * cx, by * ax);
-            let u = T::mul_sub(cx, by, q0);
-            let v = T::mul_sub(ax, cy, q1);
-            let w = T::mul_sub(bx, ay, q2);
+            // Not fused: these become the weights, which are the same in every tier.
+            let (u, v, w) = (cx * by - q0, ax * cy - q1, bx * ay - q2);
             (out.weights[0][i], out.weights[1][i], out.weights[2][i]) = (v, w, u + v + w);
             let slack = max(max(q0.abs(), q1.abs()), q2.abs()) * EDGE_SLACK + EDGE_FLOOR;
             let (least, most) = (min(min(u, v), w), max(max(u, v), w));
@@ -267,22 +266,15 @@ impl<'a, T: Tier> Packet<'a, T> {
         f64::from(self.query.along[i]) * f64::from(self.query.scale[i])
     }
 
-    /// Ray parameters of a triangle's plane in f64.
+    /// Ray parameters of a triangle's plane.
     #[inline(always)]
-    fn distances(&self, [p, q, r]: [[f32; 3]; 3], t: &mut [f64; LANES]) {
-        let (px, py, pz) = (f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
-        let (e1x, e1y, e1z) = (f64::from(q[0]) - px, f64::from(q[1]) - py, f64::from(q[2]) - pz);
-        let (e2x, e2y, e2z) = (f64::from(r[0]) - px, f64::from(r[1]) - py, f64::from(r[2]) - pz);
-        let nx = e1y * e2z - e1z * e2y;
-        let ny = e1z * e2x - e1x * e2z;
-        let nz = e1x * e2y - e1y * e2x;
+    fn distances(&self, corners: [[f32; 3]; 3], t: &mut [f64; LANES]) {
+        let plane = Plane::new(corners);
         let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
         for i in 0..LANES {
-            let above = nx * (px - f64::from(ox[i]))
-                + ny * (py - f64::from(oy[i]))
-                + nz * (pz - f64::from(oz[i]));
-            let towards = nx * f64::from(dx[i]) + ny * f64::from(dy[i]) + nz * f64::from(dz[i]);
-            t[i] = above / towards;
+            let origin = [f64::from(ox[i]), f64::from(oy[i]), f64::from(oz[i])];
+            let direction = [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])];
+            t[i] = plane.t(origin, direction);
         }
     }
 

@@ -1,6 +1,8 @@
 //! The binary tree, top down: each set of references is split where the surface area heuristic says,
 //! until it fits into one leaf.
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
 use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
@@ -67,7 +69,8 @@ pub fn build(
         return Vec::new();
     }
     let total = references.len() as u64;
-    let builder = Builder { geometry, isa, monitor, total };
+    let done = AtomicU64::new(0);
+    let builder = Builder { geometry, isa, monitor, total, done: &done };
     let mut nodes = Vec::new();
     builder.subtree(references, 0, 0, &mut nodes);
     nodes
@@ -91,7 +94,9 @@ struct Builder<'a> {
     geometry: &'a Geometry,
     isa: Isa,
     monitor: &'a Monitor,
+    /// References in all, and in finished subtrees.
     total: u64,
+    done: &'a AtomicU64,
 }
 
 impl Builder<'_> {
@@ -103,18 +108,20 @@ impl Builder<'_> {
         depth: usize,
         out: &mut Vec<Binary>,
     ) {
+        if self.monitor.stopped() {
+            // Whatever this makes is thrown away.
+            let bounds = Bounds3::EMPTY;
+            out.push(Binary { bounds, right: 0, leaf: 0, first, count: 0, spheres: false });
+            return;
+        }
         if references.len() < PARALLEL {
             let n = references.len() as u64;
             simd::dispatch(self.isa, Serial { builder: self, references, first, depth, out });
-            let done = self.monitor.done.load(std::sync::atomic::Ordering::Relaxed);
-            self.monitor.set_done((done + n * 900 / self.total.max(1)).min(1000));
+            let done = self.done.fetch_add(n, Relaxed) + n;
+            self.monitor.set_done(done * 900 / self.total);
             return;
         }
-        let (bounds, middle) = if self.monitor.stopped() {
-            (Bounds3::EMPTY, references.len() / 2)
-        } else {
-            simd::dispatch(self.isa, Divide { references, depth })
-        };
+        let (bounds, middle) = simd::dispatch(self.isa, Divide { references, depth });
         let (left, right) = references.split_at_mut(middle);
         let node = out.len();
         out.push(Binary { bounds, right: 0, leaf: 0, first, count: 0, spheres: false });

@@ -33,11 +33,10 @@ impl Tree {
         if !self.is_large {
             return;
         }
-        let index = (child.0 & Child::MAX_INDEX as u32) as usize;
-        if child.0 >> 30 == 0 {
-            prefetch_lines::<Node, 8>(&self.nodes, index);
-        } else {
-            prefetch_lines::<Block, 5>(&self.blocks, index);
+        match child.kind() {
+            Kind::Node(index) => prefetch_all(&self.nodes, index),
+            Kind::Triangles(index) => prefetch_all(&self.blocks, index),
+            Kind::Spheres(_) | Kind::Empty => {}
         }
     }
 
@@ -71,6 +70,11 @@ pub fn collapse(binary: &[Binary]) -> Tree {
         depth,
         is_large: false,
     }
+}
+
+/// Bytes that collapsing holds beside its result.
+pub fn scratch_bytes(binary: &[Binary]) -> u64 {
+    (size_of_val(binary) + size_of::<Plan>() * binary.len()) as u64
 }
 
 /// How a subtree fills k slots of a wide node, k = 2 ..= 16, at index k - 1: its left side gets that
@@ -244,10 +248,8 @@ impl Children {
 
 /// Asks for the cache lines of `values[index]`.
 #[inline(always)]
-fn prefetch_lines<T, const LINES: usize>(values: &[T], index: usize) {
-    let lines = size_of::<T>() / 64;
-    debug_assert_eq!(lines, LINES);
-    for line in 0..LINES {
+fn prefetch_all<T>(values: &[T], index: usize) {
+    for line in 0..size_of::<T>() / 64 {
         crate::simd::prefetch_line(values, index, line);
     }
 }

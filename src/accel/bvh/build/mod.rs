@@ -13,44 +13,60 @@ use rayon::prelude::*;
 use self::binary::Leaf;
 use self::block::MakeBlock;
 use super::Bounds3;
-use super::node::{Child, SphereLeaf};
+use super::node::{Block, Child, SphereLeaf};
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
 use crate::ray::NONE;
 use crate::simd::{self, Isa, Kernel};
 
-/// Trees of more bytes are prefetched: on smaller ones it cost 0 to 3 %, on 17.8 million triangles it
-/// gained 10 to 30 %.
+/// Trees of more bytes are prefetched: docs/bvh.md has what that gave.
 const LARGE: u64 = 64 << 20;
 
-/// Builds the tree on the current rayon pool.
+/// Builds the tree on the current rayon pool; also returns the most bytes that the build held.
 ///
 /// # Errors
-/// `Interrupted` after a signal, `Limit` where the tree would have more leaves than it can name.
-pub fn build(geometry: &Geometry, isa: Isa, monitor: &Monitor) -> Result<(Tree, u64)> {
-    let references = simd::dispatch(isa, References(geometry));
+/// `Interrupted` after a signal; `Limit` above `max_bytes`, or where the tree would have more leaves
+/// than it can name.
+pub fn build(
+    geometry: &Geometry,
+    isa: Isa,
+    max_bytes: Option<u64>,
+    monitor: &Monitor,
+) -> Result<(Tree, u64)> {
+    let within = |bytes: u64| match max_bytes {
+        Some(limit) if bytes > limit => {
+            let message = format!("needs {bytes} bytes for the tree, has {limit}");
+            Err(Error::new(Kind::Limit, Problem::new("--max-memory", message)))
+        }
+        _ => Ok(bytes),
+    };
+    within((reference::count(geometry) * size_of::<reference::Reference>()) as u64)?;
+    let mut references = simd::dispatch(isa, References(geometry));
     monitor.check()?;
-    let mut tree = references;
-    let mut nodes = binary::build(geometry, &mut tree, isa, monitor);
+    let mut nodes = binary::build(geometry, &mut references, isa, monitor);
     monitor.check()?;
-    let references = tree;
     let leaves = binary::number_leaves(&mut nodes);
     if leaves.len() >= Child::MAX_INDEX {
         let message = format!("found {} leaves, expected fewer than 2^30", leaves.len());
         return Err(Error::new(Kind::Limit, Problem::new("bvh", message)));
     }
-    let peak = (size_of_val(&references[..]) + size_of_val(&nodes[..])) as u64;
-    let mut wide = collapse::collapse(&nodes);
+    let sorted = (size_of_val(&references[..]) + size_of_val(&leaves[..])) as u64;
+    let mut tree = collapse::collapse(&nodes);
+    let collapsing = sorted + collapse::scratch_bytes(&nodes) + tree.bytes();
     drop(nodes);
     let (triangles, spheres): (Vec<&Leaf>, Vec<&Leaf>) = leaves.iter().partition(|l| !l.spheres);
-    wide.blocks = triangles
+    let filling = sorted
+        + tree.bytes()
+        + (triangles.len() * size_of::<Block>() + leaves.len() * size_of::<&Leaf>()) as u64;
+    let peak = within(collapsing.max(filling))?;
+    tree.blocks = triangles
         .par_iter()
         .map(|leaf| {
             simd::dispatch(isa, MakeBlock { geometry, references: &references[leaf.range()] })
         })
         .collect();
-    wide.spheres = spheres
+    tree.spheres = spheres
         .iter()
         .map(|leaf| {
             let mut ids = [NONE; super::node::SPHERES];
@@ -60,10 +76,9 @@ pub fn build(geometry: &Geometry, isa: Isa, monitor: &Monitor) -> Result<(Tree, 
             SphereLeaf(ids)
         })
         .collect();
-    wide.bounds = references.par_iter().map(|r| r.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
-    wide.is_large = wide.bytes() > LARGE;
-    let peak = peak + wide.bytes();
-    Ok((wide, peak))
+    tree.bounds = references.par_iter().map(|r| r.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
+    tree.is_large = tree.bytes() > LARGE;
+    Ok((tree, peak))
 }
 
 struct References<'g>(&'g Geometry);

@@ -56,11 +56,15 @@ impl Reference {
     }
 }
 
-/// One reference per triangle and sphere, two per quad, in the order of the geometry.
-pub fn references(geometry: &Geometry) -> Vec<Reference> {
+/// One reference per triangle and sphere, two per quad.
+pub fn count(geometry: &Geometry) -> usize {
     let triangles: usize = geometry.meshes.iter().map(|mesh| mesh.triangles().len()).sum();
-    let total = triangles + 2 * geometry.quads.len() + geometry.spheres.len();
-    let mut references = Vec::with_capacity(total);
+    triangles + 2 * geometry.quads.len() + geometry.spheres.len()
+}
+
+/// The references in the order of the geometry.
+pub fn references(geometry: &Geometry) -> Vec<Reference> {
+    let mut references = Vec::with_capacity(count(geometry));
     for (geom, mesh) in geometry.meshes.iter().enumerate() {
         references.par_extend((0..mesh.triangles().len() as u32).into_par_iter().map(|prim| {
             Reference::new(Bounds3::of(&mesh.corners(prim)), geom as u32, prim, false)
