@@ -1,42 +1,8 @@
 //! Our own BVH: 16-wide nodes, leaves of up to 16 triangles over shared vertices, an exactly
 //! watertight triangle test.
 //!
-//! `build` makes the tree, `query` makes rays ready, `single` and `packet` traverse,
+//! `build` makes the tree, `query` and `frustum` make rays ready, `single` and `packet` traverse,
 //! `simd` tests boxes and triangles 16 at a time, `exact` decides; `validate` checks the tree.
-
-mod bounds;
-mod build;
-mod exact;
-mod found;
-#[doc(hidden)]
-pub mod kernels;
-mod node;
-mod packet;
-mod query;
-mod simd;
-mod single;
-#[cfg(test)]
-mod tests;
-mod validate;
-mod visits;
-
-pub use self::validate::Stats;
-
-use self::bounds::Bounds3;
-use self::build::Tree;
-use self::exact::Ray64;
-use self::found::Found;
-use self::packet::Packet;
-use self::query::Query;
-use self::simd::{Stack, Tier};
-use self::single::Single;
-use self::visits::{Counting, Counts};
-use super::{Accelerator, BuildInfo, BuildOptions, Visits};
-use crate::error::Result;
-use crate::geometry::Geometry;
-use crate::monitor::Monitor;
-use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
-use crate::simd::{Isa, Kernel};
 
 /// Returns what `$run` makes of the kernels of an instruction set.
 macro_rules! with_tier {
@@ -53,6 +19,43 @@ macro_rules! with_tier {
         return $run;
     };
 }
+
+mod bounds;
+mod build;
+mod exact;
+mod found;
+mod frustum;
+#[doc(hidden)]
+pub mod kernels;
+pub mod leaves;
+mod node;
+
+mod packet;
+mod query;
+mod simd;
+mod single;
+#[cfg(test)]
+mod tests;
+mod validate;
+mod visits;
+
+pub use self::validate::Stats;
+
+use self::bounds::Bounds3;
+use self::build::Tree;
+use self::exact::Ray64;
+use self::found::Found;
+use self::packet::{Packet, Stacks};
+use self::query::Query;
+use self::simd::{Stack, Tier};
+use self::single::Single;
+use self::visits::{Counting, Counts};
+use super::{Accelerator, BuildInfo, BuildOptions, Visits};
+use crate::error::Result;
+use crate::geometry::Geometry;
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+use crate::simd::{Isa, Kernel};
 
 /// The tree over a scene's primitives.
 pub struct Bvh<'g> {
@@ -137,7 +140,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
         let query = Query::new(&packet.rays, &bvh.tree.bounds);
         let scene = (&bvh.tree, bvh.geometry);
         let mut found = Found::nothing(&packet.rays);
-        let mut stack = packet::take_stack();
+        let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (*active, Mask::NONE);
         while rest.any() {
             let part = query.coherent(&rest);
@@ -147,9 +150,9 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
                 continue;
             }
             let rays = Packet::new(tier, scene, (&query, &packet.rays), &part);
-            rays.closest(&part, &mut stack, &mut found);
+            rays.closest(&mut stacks, &mut found);
         }
-        packet::keep_stack(stack);
+        stacks.keep();
         found.store(bvh.geometry, packet);
         alone
     }
@@ -193,7 +196,7 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
         let Self { tier, bvh, active, rays } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
         let scene = (&bvh.tree, bvh.geometry);
-        let mut stack = packet::take_stack();
+        let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (*active, Mask::NONE);
         while rest.any() {
             let part = query.coherent(&rest);
@@ -203,12 +206,12 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
                 continue;
             }
             let packet = Packet::new(tier, scene, (&query, rays), &part);
-            let stopped = packet.occluded(&part, &mut stack);
+            let stopped = packet.occluded(&mut stacks);
             for i in 0..LANES {
                 rays.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { rays.tfar[i] };
             }
         }
-        packet::keep_stack(stack);
+        stacks.keep();
         alone
     }
 }

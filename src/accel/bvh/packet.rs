@@ -9,9 +9,10 @@ use std::cell::Cell;
 use super::build::Tree;
 use super::exact::{DEPTH_SLACK, Plane, Ray64, Sheared};
 use super::found::Found;
-use super::node::{Block, Child, Kind, Node, WIDTH};
-use super::query::{Bundle, Query, Slabs};
-use super::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
+use super::frustum::Frustum;
+use super::node::{Block, Child, Kind, Node};
+use super::query::Query;
+use super::simd::{EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use super::single::{Best, Single};
 use crate::geometry::Geometry;
 use crate::ray::{LANES, Mask, NONE, Rays};
@@ -29,17 +30,31 @@ thread_local! {
     static STACK: Cell<Vec<Entry>> = const { Cell::new(Vec::new()) };
 }
 
-/// An empty stack. (No closure gets it: that would be compiled for the portable tier.)
-#[inline(always)]
-pub fn take_stack() -> Vec<Entry> {
-    STACK.take()
+/// So many rays are traced on alone.
+const FEW: u32 = 2;
+
+/// What is yet to visit.
+pub struct Stacks {
+    /// By the rays together: the thread's own, whose room it keeps.
+    packet: Vec<Entry>,
+    /// By one ray alone.
+    single: Stack,
 }
 
-/// Keeps a stack for the thread's next packet.
-#[inline(always)]
-pub fn keep_stack(mut stack: Vec<Entry>) {
-    stack.clear();
-    STACK.set(stack);
+impl Stacks {
+    /// Empty stacks. (No closure gets them: that would be compiled for the portable tier.)
+    #[inline(always)]
+    pub fn take() -> Self {
+        Self { packet: STACK.take(), single: Stack::new() }
+    }
+
+    /// Keeps the room for the thread's next packet.
+    #[inline(always)]
+    pub fn keep(self) {
+        let mut stack = self.packet;
+        stack.clear();
+        STACK.set(stack);
+    }
 }
 
 /// A triangle against 16 rays.
@@ -55,6 +70,19 @@ impl Test {
     const NONE: Self = Self { hit: [0; LANES], t: [0.0; LANES], weights: [[0.0; LANES]; 3] };
 }
 
+/// The numbers of the bits that are set, from the lowest on.
+struct Bits(u32);
+
+impl Iterator for Bits {
+    type Item = usize;
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let lowest = self.0.trailing_zeros() as usize;
+        self.0 &= self.0.wrapping_sub(1);
+        (lowest < LANES).then_some(lowest)
+    }
+}
+
 /// 16 rays on their way through the tree.
 pub struct Packet<'a, T> {
     tier: T,
@@ -64,6 +92,10 @@ pub struct Packet<'a, T> {
     rays: &'a Rays,
     /// Ends of the segments as the boxes see them; -inf where a ray is done.
     tfar: [f32; LANES],
+    /// Around the rays.
+    frustum: Frustum,
+    /// Where it ends: see [`Frustum::end`].
+    end: f32,
 }
 
 impl<'a, T: Tier> Packet<'a, T> {
@@ -79,99 +111,124 @@ impl<'a, T: Tier> Packet<'a, T> {
         for i in 0..LANES {
             tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
         }
-        Self { tier, tree, geometry, query, rays, tfar }
+        let frustum = Frustum::new(tier, query, active, &tfar, &tree.bounds);
+        let end = frustum.end(tier, query, &tfar);
+        Self { tier, tree, geometry, query, rays, tfar, frustum, end }
+    }
+
+    /// The kernels.
+    #[inline(always)]
+    pub fn tier(&self) -> T {
+        self.tier
     }
 
     /// Updates the closest hits.
     #[inline(always)]
-    pub fn closest(mut self, active: &Mask, stack: &mut Vec<Entry>, best: &mut Found) {
-        let bundle = self.query.bundle(self.tier, active);
-        let around = self.query.around(self.tier, active, &bundle);
-        let mut reach = self.reach();
-        stack.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
-        while let Some(entry) = stack.pop() {
-            if !self.any_before(&entry.near) {
-                continue;
-            }
+    pub fn closest(mut self, stacks: &mut Stacks, best: &mut Found) {
+        stacks.packet.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
+        while let Some(entry) = stacks.packet.pop() {
+            let entering = self.tier.at_most(&entry.near, &self.tfar);
             match entry.child.kind() {
-                Kind::Node(index) => {
-                    self.push(&self.tree.nodes[index], &around, reach, stack);
+                _ if entering == 0 => {}
+                Kind::Node(index) if entering.count_ones() > FEW => {
+                    self.push(&self.tree.nodes[index], &mut stacks.packet);
                 }
-                Kind::Triangles(index) => {
-                    self.closest_in_block(index, &bundle, &entry.near, best);
-                    reach = self.reach();
+                Kind::Node(_) => {
+                    for i in Bits(entering) {
+                        let mut one = Best::of(best, i, self.tfar[i]);
+                        self.single(i).closest_below(entry.child, &mut stacks.single, &mut one);
+                        self.take(i, &one, best);
+                    }
+                    self.shorten();
                 }
-                Kind::Spheres(index) => {
-                    self.closest_in_spheres(index, best);
-                    reach = self.reach();
-                }
-                Kind::Empty => {}
+                _ => self.closest_in_leaf(entry.child, entering, best),
             }
         }
     }
 
     /// The rays that anything stops: all bits set.
     #[inline(always)]
-    pub fn occluded(mut self, active: &Mask, stack: &mut Vec<Entry>) -> [i32; LANES] {
-        let bundle = self.query.bundle(self.tier, active);
-        let around = self.query.around(self.tier, active, &bundle);
-        let reach = self.reach();
+    pub fn occluded(mut self, stacks: &mut Stacks) -> [i32; LANES] {
         let mut stopped = [0; LANES];
-        stack.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
-        while let Some(entry) = stack.pop() {
-            if !self.any_before(&entry.near) {
-                continue;
-            }
+        stacks.packet.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
+        while let Some(entry) = stacks.packet.pop() {
+            let entering = self.tier.at_most(&entry.near, &self.tfar);
             match entry.child.kind() {
-                Kind::Node(index) => {
-                    self.push(&self.tree.nodes[index], &around, reach, stack);
+                _ if entering == 0 => {}
+                Kind::Node(index) if entering.count_ones() > FEW => {
+                    self.push(&self.tree.nodes[index], &mut stacks.packet);
                 }
-                Kind::Triangles(index) => {
-                    self.any_in_block(index, &bundle, &entry.near, &mut stopped);
+                Kind::Node(_) => {
+                    for i in Bits(entering) {
+                        if self.single(i).occluded_below(entry.child, &mut stacks.single) {
+                            stopped[i] = -1;
+                        }
+                    }
+                    self.stop(&stopped);
                 }
-                Kind::Spheres(index) => self.any_in_spheres(index, &mut stopped),
-                Kind::Empty => {}
-            }
-            for i in 0..LANES {
-                self.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { self.tfar[i] };
+                _ => self.any_in_leaf(entry.child, entering, &mut stopped),
             }
         }
         stopped
     }
 
-    /// The farthest end of any ray.
+    /// Updates the closest hits of the rays that enter a leaf's box.
     #[inline(always)]
-    fn reach(&self) -> f32 {
-        let mut minus = [0.0; LANES];
-        for i in 0..LANES {
-            minus[i] = -self.tfar[i];
+    pub fn closest_in_leaf(&mut self, leaf: Child, entering: u32, best: &mut Found) {
+        match leaf.kind() {
+            Kind::Triangles(index) => self.closest_in_block(index, entering, best),
+            Kind::Spheres(index) => self.closest_in_spheres(index, best),
+            Kind::Node(_) | Kind::Empty => {}
         }
-        -self.tier.least(&minus)
+        self.shorten();
     }
 
-    /// Whether any ray enters before its end.
+    /// Adds the rays that anything in a leaf stops, of those that enter its box.
     #[inline(always)]
-    fn any_before(&self, near: &[f32; LANES]) -> bool {
-        let mut any = 0;
-        for i in 0..LANES {
-            any |= i32::from(near[i] <= self.tfar[i]);
+    pub fn any_in_leaf(&mut self, leaf: Child, entering: u32, stopped: &mut [i32; LANES]) {
+        match leaf.kind() {
+            Kind::Triangles(index) => self.any_in_block(index, entering, stopped),
+            Kind::Spheres(index) => self.any_in_spheres(index, stopped),
+            Kind::Node(_) | Kind::Empty => {}
         }
-        any != 0
+        self.stop(stopped);
+    }
+
+    /// The frustum ends with the last ray.
+    #[inline(always)]
+    fn shorten(&mut self) {
+        self.end = self.frustum.end(self.tier, self.query, &self.tfar);
+    }
+
+    /// Ends stopped rays.
+    #[inline(always)]
+    fn stop(&mut self, stopped: &[i32; LANES]) {
+        for i in 0..LANES {
+            self.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { self.tfar[i] };
+        }
+    }
+
+    /// Takes over what a ray alone has found, if it has found anything.
+    #[inline(always)]
+    fn take(&mut self, i: usize, one: &Best, best: &mut Found) {
+        if one.t != best.t[i] || one.primitive != best.primitive[i] {
+            self.tfar[i] = one.tfar;
+            one.store(best, i);
+        }
     }
 
     /// Pushes the children that any ray meets, the nearest last.
     #[inline(always)]
-    fn push(&self, node: &Node, around: &Slabs, reach: f32, stack: &mut Vec<Entry>) {
-        let mut places = self.tier.overlaps(node, around, reach);
-        let q = self.query;
-        while places != 0 {
-            let slot = node.ordered(around.octant, places.trailing_zeros() as usize);
-            places &= places - 1;
+    fn push(&self, node: &Node, stack: &mut Vec<Entry>) {
+        let (q, octant) = (self.query, self.frustum.octant);
+        let rows = [0, 1, 2].map(|axis| (axis + 3 * ((octant >> axis) & 1)) % 6);
+        for place in Bits(self.tier.overlaps(node, &self.frustum, self.end)) {
+            let slot = node.ordered(octant, place);
             let mut near = q.tnear;
             let mut far = self.tfar;
             for axis in 0..3 {
-                let enter = node.planes[around.enter[axis]][slot];
-                let leave = node.planes[around.leave[axis]][slot];
+                let enter = node.planes[rows[axis]][slot];
+                let leave = node.planes[2 * axis + 3 - rows[axis]][slot];
                 for i in 0..LANES {
                     let t0 = T::mul_sub(enter, q.near_inverse[axis][i], q.near_offset[axis][i]);
                     let t1 = T::mul_sub(leave, q.far_inverse[axis][i], q.far_offset[axis][i]);
@@ -193,14 +250,8 @@ impl<'a, T: Tier> Packet<'a, T> {
 
     /// One triangle of a leaf against the rays that enter the leaf's box.
     #[inline(always)]
-    fn test(
-        &self,
-        block: &Block,
-        slot: usize,
-        axes: [usize; 3],
-        near: &[f32; LANES],
-        out: &mut Test,
-    ) -> bool {
+    fn test(&self, block: &Block, slot: usize, entering: &[i32; LANES], out: &mut Test) -> bool {
+        let axes = self.frustum.axes;
         let corner = |k: usize| {
             let v = block.corner(k, slot);
             [block.vertices[axes[0]][v], block.vertices[axes[1]][v], block.vertices[axes[2]][v]]
@@ -229,9 +280,8 @@ impl<'a, T: Tier> Packet<'a, T> {
             let sure = (least > slack) | (most < -slack);
             least_depth[i] = min(min(az, bz), cz);
             most_depth[i] = max(max(az, bz), cz);
-            let active = near[i] <= self.tfar[i];
-            maybe[i] = -i32::from(active & !misses);
-            unsure[i] = -i32::from(active & !misses & !sure);
+            maybe[i] = entering[i] & -i32::from(!misses);
+            unsure[i] = maybe[i] & -i32::from(!sure);
         }
         let mut any = 0;
         for i in 0..LANES {
@@ -301,20 +351,21 @@ impl<'a, T: Tier> Packet<'a, T> {
     }
 
     #[inline(always)]
-    fn closest_in_block(
-        &mut self,
-        index: usize,
-        bundle: &Bundle,
-        near: &[f32; LANES],
-        best: &mut Found,
-    ) {
+    fn closest_in_block(&mut self, index: usize, entering: u32, best: &mut Found) {
         let block = &self.tree.blocks[index];
+        let triangles = self.tier.overlapping(block, &self.frustum, self.end);
+        if entering.count_ones() <= triangles.count_ones() {
+            for i in Bits(entering) {
+                let mut one = Best::of(best, i, self.tfar[i]);
+                self.single(i).closest_in_block(index, &mut one);
+                self.take(i, &one, best);
+            }
+            return;
+        }
         let mut test = Test::NONE;
-        let mut left = self.tier.overlapping(block, bundle);
-        while left != 0 {
-            let slot = left.trailing_zeros() as usize % WIDTH;
-            left &= left - 1;
-            if !self.test(block, slot, bundle.axes, near, &mut test) {
+        let entering = spread(entering);
+        for slot in Bits(triangles) {
+            if !self.test(block, slot, &entering, &mut test) {
                 continue;
             }
             let primitive = block.primitives[slot];
@@ -342,20 +393,21 @@ impl<'a, T: Tier> Packet<'a, T> {
     }
 
     #[inline(always)]
-    fn any_in_block(
-        &mut self,
-        index: usize,
-        bundle: &Bundle,
-        near: &[f32; LANES],
-        stopped: &mut [i32; LANES],
-    ) {
+    fn any_in_block(&mut self, index: usize, entering: u32, stopped: &mut [i32; LANES]) {
         let block = &self.tree.blocks[index];
+        let triangles = self.tier.overlapping(block, &self.frustum, self.end);
+        if entering.count_ones() <= triangles.count_ones() {
+            for i in Bits(entering) {
+                if self.single(i).any_in_block(index) {
+                    stopped[i] = -1;
+                }
+            }
+            return;
+        }
         let mut test = Test::NONE;
-        let mut left = self.tier.overlapping(block, bundle);
-        while left != 0 {
-            let slot = left.trailing_zeros() as usize % WIDTH;
-            left &= left - 1;
-            if !self.test(block, slot, bundle.axes, near, &mut test) {
+        let entering = spread(entering);
+        for slot in Bits(triangles) {
+            if !self.test(block, slot, &entering, &mut test) {
                 continue;
             }
             let primitive = block.primitives[slot];
@@ -371,6 +423,7 @@ impl<'a, T: Tier> Packet<'a, T> {
         }
     }
 
+    #[inline(always)]
     fn single(&self, i: usize) -> Single<'a, T> {
         let lane = self.query.lane(i);
         let ray = Ray64::new(self.rays, i, lane.axes[2]);
@@ -385,10 +438,7 @@ impl<'a, T: Tier> Packet<'a, T> {
             }
             let mut one = Best::of(best, i, self.tfar[i]);
             self.single(i).closest_in_spheres(index, &mut one);
-            if one.primitive != best.primitive[i] {
-                self.tfar[i] = one.tfar;
-                one.store(best, i);
-            }
+            self.take(i, &one, best);
         }
     }
 
@@ -400,6 +450,16 @@ impl<'a, T: Tier> Packet<'a, T> {
             }
         }
     }
+}
+
+/// Bits as lanes: all bits set.
+#[inline(always)]
+fn spread(bits: u32) -> [i32; LANES] {
+    let mut lanes = [0; LANES];
+    for i in 0..LANES {
+        lanes[i] = -(((bits >> i) & 1) as i32);
+    }
+    lanes
 }
 
 #[inline(always)]

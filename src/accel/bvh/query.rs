@@ -2,8 +2,6 @@
 
 use crate::ray::{LANES, Mask, Rays};
 
-use super::simd::Tier;
-
 use super::Bounds3;
 
 /// Half an ulp of 1: the largest relative error of one f32 operation.
@@ -42,7 +40,7 @@ pub struct Query {
     /// (origin - margin) * inverse.
     pub far_offset: [[f32; LANES]; 3],
     /// How far boxes are widened.
-    margin: [f32; LANES],
+    pub margin: [f32; LANES],
     /// Start of the segment, scaled.
     pub tnear: [f32; LANES],
     /// End of the segment, scaled.
@@ -169,47 +167,6 @@ impl Query {
         part
     }
 
-    /// The active rays, which are coherent, as intervals.
-    #[inline(always)]
-    pub fn bundle(&self, tier: impl Tier, active: &Mask) -> Bundle {
-        let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
-        Bundle {
-            axes: self.lane(first).axes,
-            origin: [
-                range(tier, active, &self.origin[0]),
-                range(tier, active, &self.origin[1]),
-                range(tier, active, &self.origin[2]),
-            ],
-            shear: [range(tier, active, &self.shear[0]), range(tier, active, &self.shear[1])],
-            margin: -least(tier, active, |i| -self.margin[i]),
-        }
-    }
-
-    /// One ray that meets every box that any of the active rays, which are coherent, meets: interval
-    /// arithmetic over their origins and inverse directions. A plane's distance is bounded from below
-    /// where it is not negative, and from above likewise: a ray that leaves a box behind its origin
-    /// misses it anyway.
-    #[inline(always)]
-    pub fn around(&self, tier: impl Tier, active: &Mask, bundle: &Bundle) -> Slabs {
-        let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
-        let mut slabs = self.lane(first).slabs();
-        slabs.tnear = 0.0;
-        for k in 0..3 {
-            let axis = bundle.axes[k];
-            let (low, high) = bundle.origin[k];
-            let negative = (slabs.octant >> axis) & 1 != 0;
-            let sign = if negative { -1.0 } else { 1.0 };
-            let near = least(tier, active, |i| self.near_inverse[axis][i].abs());
-            let far = -least(tier, active, |i| -self.far_inverse[axis][i].abs());
-            let (ahead, behind) = if negative { (-low, -high) } else { (high, low) };
-            slabs.near_inverse[axis] = near * sign;
-            slabs.near_offset[axis] = (ahead + bundle.margin) * near;
-            slabs.far_inverse[axis] = far * sign;
-            slabs.far_offset[axis] = (behind - bundle.margin) * far;
-        }
-        slabs
-    }
-
     /// Ray `i` alone.
     #[inline(always)]
     pub fn lane(&self, i: usize) -> Lane<'_> {
@@ -222,12 +179,6 @@ impl Query {
         let leave = [3 - 3 * x, 4 - 3 * y, 5 - 3 * z];
         Lane { query: self, i, octant, axes, enter, leave }
     }
-}
-
-/// Least and greatest value of the active lanes.
-#[inline(always)]
-fn range(tier: impl Tier, active: &Mask, v: &[f32; LANES]) -> (f32, f32) {
-    (least(tier, active, |i| v[i]), -least(tier, active, |i| -v[i]))
 }
 
 /// What of a ray the boxes see.
@@ -243,35 +194,10 @@ pub struct Slabs {
     pub far_offset: [f32; 3],
     /// See [`Query`].
     pub tnear: f32,
-    /// See [`Query`].
-    pub octant: usize,
     /// For each axis the row of [`super::node::Node::planes`] that the ray enters a box through.
     pub enter: [usize; 3],
     /// For each axis the row that it leaves a box through.
     pub leave: [usize; 3],
-}
-
-/// Rays of one dominant axis as intervals.
-#[derive(Debug, Clone, Copy)]
-pub struct Bundle {
-    /// See [`Lane::axes`].
-    pub axes: [usize; 3],
-    /// Least and greatest origin, in the order of `axes`.
-    pub origin: [(f32, f32); 3],
-    /// Least and greatest shear.
-    pub shear: [(f32, f32); 2],
-    /// How far boxes are widened: more than what rounding moves a sheared vertex of the scene.
-    pub margin: f32,
-}
-
-/// The least value of the active lanes.
-#[inline(always)]
-fn least(tier: impl Tier, active: &Mask, lanes: impl Fn(usize) -> f32) -> f32 {
-    let mut v = [f32::INFINITY; LANES];
-    for i in 0..LANES {
-        v[i] = if active.0[i] != 0 { lanes(i) } else { f32::INFINITY };
-    }
-    tier.least(&v)
 }
 
 /// The greater; the second where one is NaN.
@@ -309,7 +235,6 @@ impl Lane<'_> {
             far_inverse: of(&q.far_inverse),
             far_offset: of(&q.far_offset),
             tnear: self.of(&q.tnear),
-            octant: self.octant,
             enter: self.enter,
             leave: self.leave,
         }

@@ -95,7 +95,14 @@ impl<'a, T: Tier> Single<'a, T> {
     #[inline(always)]
     pub fn closest(&self, stack: &mut Stack) -> Best {
         let mut best = self.nothing();
-        stack.push(Child::node(0), f32::NEG_INFINITY);
+        self.closest_below(Child::node(0), stack, &mut best);
+        best
+    }
+
+    /// Updates the closest hit with what is below a child.
+    #[inline(always)]
+    pub fn closest_below(&self, child: Child, stack: &mut Stack, best: &mut Best) {
+        stack.push(child, f32::NEG_INFINITY);
         while let Some((child, distance)) = stack.pop() {
             if distance > best.tfar {
                 continue;
@@ -107,18 +114,21 @@ impl<'a, T: Tier> Single<'a, T> {
                         self.tree.prefetch(next);
                     }
                 }
-                Kind::Triangles(index) => self.closest_in_block(index, &mut best),
-                Kind::Spheres(index) => self.closest_in_spheres(index, &mut best),
-                Kind::Empty => {}
+                _ => self.closest_in_leaf(child, best),
             }
         }
-        best
     }
 
     /// Whether anything is hit.
     #[inline(always)]
     pub fn occluded(&self, stack: &mut Stack) -> bool {
-        stack.push(Child::node(0), f32::NEG_INFINITY);
+        self.occluded_below(Child::node(0), stack)
+    }
+
+    /// Whether anything below a child is hit.
+    #[inline(always)]
+    pub fn occluded_below(&self, child: Child, stack: &mut Stack) -> bool {
+        stack.push(child, f32::NEG_INFINITY);
         while let Some((child, _)) = stack.pop() {
             let hit = match child.kind() {
                 Kind::Node(index) => {
@@ -134,9 +144,7 @@ impl<'a, T: Tier> Single<'a, T> {
                     }
                     false
                 }
-                Kind::Triangles(index) => self.any_in_block(index),
-                Kind::Spheres(index) => self.any_in_spheres(index),
-                Kind::Empty => false,
+                _ => self.any_in_leaf(child),
             };
             if hit {
                 stack.clear();
@@ -144,6 +152,26 @@ impl<'a, T: Tier> Single<'a, T> {
             }
         }
         false
+    }
+
+    /// Updates the closest hit with a leaf.
+    #[inline(always)]
+    pub fn closest_in_leaf(&self, leaf: Child, best: &mut Best) {
+        match leaf.kind() {
+            Kind::Triangles(index) => self.closest_in_block(index, best),
+            Kind::Spheres(index) => self.closest_in_spheres(index, best),
+            Kind::Node(_) | Kind::Empty => {}
+        }
+    }
+
+    /// Whether anything in a leaf is hit.
+    #[inline(always)]
+    pub fn any_in_leaf(&self, leaf: Child) -> bool {
+        match leaf.kind() {
+            Kind::Triangles(index) => self.any_in_block(index),
+            Kind::Spheres(index) => self.any_in_spheres(index),
+            Kind::Node(_) | Kind::Empty => false,
+        }
     }
 
     /// Updates the closest hit with a leaf's triangles.

@@ -2,8 +2,9 @@
 
 use std::cell::Cell;
 
+use super::frustum::Frustum;
 use super::node::{Block, Node, WIDTH};
-use super::query::{Bundle, Lane, Slabs};
+use super::query::Lane;
 use super::simd::{Candidates, Stack, Tier};
 use crate::accel::Visits;
 use crate::simd::Kernel;
@@ -57,14 +58,18 @@ impl<T: Tier> Tier for Counting<'_, T> {
         self.tier.push_any(node, lane, tfar, stack);
     }
 
-    fn overlaps(self, node: &Node, slabs: &Slabs, tfar: f32) -> u32 {
+    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         self.counts.node();
-        self.tier.overlaps(node, slabs, tfar)
+        self.tier.overlaps(node, frustum, end)
     }
 
-    fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {
+    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         self.counts.primitives(block.present.count_ones());
-        self.tier.overlapping(block, bundle)
+        self.tier.overlapping(block, frustum, end)
+    }
+
+    fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32 {
+        self.tier.at_most(a, b)
     }
 
     fn least(self, v: &[f32; WIDTH]) -> f32 {

@@ -1,6 +1,7 @@
 //! Intel Embree 4 as an accelerator. No raw pointer and no `unsafe` leaves this folder.
 
 mod device;
+pub mod exact;
 mod ffi;
 mod filter;
 mod fixed;
@@ -95,17 +96,7 @@ const NO_HIT: ffi::Hit = ffi::Hit {
 
 impl Accelerator for Embree<'_> {
     fn info(&self) -> BuildInfo {
-        let device = self.scene.device();
-        let [major, minor, patch] = device.version();
-        let load = |n: &std::sync::atomic::AtomicI64| {
-            n.load(std::sync::atomic::Ordering::Relaxed).max(0) as u64
-        };
-        BuildInfo {
-            version: format!("Embree {major}.{minor}.{patch}"),
-            isa: device.isa().to_owned(),
-            bytes: load(&device.watch().bytes),
-            peak_bytes: load(&device.watch().peak_bytes),
-        }
+        self.scene.info()
     }
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {

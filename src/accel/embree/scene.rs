@@ -2,11 +2,15 @@
 
 use std::ffi::{c_uint, c_void};
 use std::ptr::NonNull;
+use std::sync::atomic::{AtomicI64, Ordering};
 
 use super::device::Device;
+use super::exact;
 use super::ffi::{self, Enum, GeometryHandle, SceneHandle};
 use super::fixed::Fixed;
 use super::sphere::{self, SphereSet};
+use crate::accel::BuildInfo;
+use crate::accel::bvh::leaves::Leaves;
 use crate::error::Result;
 use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::Monitor;
@@ -16,6 +20,8 @@ pub struct Scene<'g> {
     handle: NonNull<SceneHandle>,
     /// User data of the sphere geometry.
     spheres: Fixed<SphereSet<'g>>,
+    /// User data of the exact mode's only geometry.
+    leaves: Option<Fixed<Leaves<'g>>>,
     // Dropped after the handle's release.
     device: Device,
 }
@@ -33,23 +39,11 @@ impl<'g> Scene<'g> {
         fast: bool,
         monitor: &Monitor,
     ) -> Result<Self> {
-        // SAFETY: a live device.
-        let handle = unsafe { (device.api().new_scene)(device.handle()) };
-        let Some(handle) = NonNull::new(handle) else {
-            device.check()?;
-            return Err(crate::error::Error::invalid("Embree", "no scene was created"));
-        };
         let base = geometry.bases()[geometry.spheres_id() as usize];
-        let spheres = Fixed::new(SphereSet { spheres: &geometry.spheres, base });
-        let scene = Self { handle, spheres, device };
+        let spheres = SphereSet { spheres: &geometry.spheres, base };
         let robust = if fast { 0 } else { ffi::RTC_SCENE_FLAG_ROBUST };
         let flags = robust | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
-        // SAFETY: live handles.
-        unsafe {
-            (scene.api().set_scene_flags)(scene.handle(), flags);
-            (scene.api().set_scene_build_quality)(scene.handle(), ffi::RTC_BUILD_QUALITY_MEDIUM);
-        }
-        scene.device.check()?;
+        let scene = Self::new(device, flags, spheres, None)?;
         for (id, mesh) in geometry.meshes.iter().enumerate() {
             scene.attach_mesh(mesh, id as c_uint)?;
         }
@@ -63,6 +57,49 @@ impl<'g> Scene<'g> {
         Ok(scene)
     }
 
+    /// Builds the scene of the exact mode, over leaves alone.
+    pub fn build_exact(device: Device, leaves: Leaves<'g>, monitor: &Monitor) -> Result<Self> {
+        let count = leaves.len() as c_uint;
+        let spheres = SphereSet { spheres: &[], base: 0 };
+        let leaves = Fixed::new(leaves);
+        let data = leaves.user_data();
+        let scene = Self::new(device, ffi::RTC_SCENE_FLAG_ROBUST, spheres, Some(leaves))?;
+        if count > 0 {
+            let callbacks = (exact::bounds as _, exact::visit as _, exact::visit as _);
+            scene.attach_user(0, count, data, callbacks)?;
+        }
+        scene.commit(monitor)?;
+        Ok(scene)
+    }
+
+    fn new(
+        device: Device,
+        flags: Enum,
+        spheres: SphereSet<'g>,
+        leaves: Option<Fixed<Leaves<'g>>>,
+    ) -> Result<Self> {
+        // SAFETY: a live device.
+        let handle = unsafe { (device.api().new_scene)(device.handle()) };
+        let Some(handle) = NonNull::new(handle) else {
+            device.check()?;
+            return Err(crate::error::Error::invalid("Embree", "no scene was created"));
+        };
+        let scene = Self { handle, spheres: Fixed::new(spheres), leaves, device };
+        // SAFETY: live handles.
+        unsafe {
+            (scene.api().set_scene_flags)(scene.handle(), flags);
+            (scene.api().set_scene_build_quality)(scene.handle(), ffi::RTC_BUILD_QUALITY_MEDIUM);
+        }
+        scene.device.check()?;
+        Ok(scene)
+    }
+
+    /// The exact mode's leaves.
+    pub fn leaves(&self) -> &Leaves<'g> {
+        let Some(leaves) = &self.leaves else { unreachable!("of the exact mode") };
+        leaves
+    }
+
     /// The entry points.
     pub fn api(&self) -> &ffi::Api {
         self.device.api()
@@ -73,9 +110,17 @@ impl<'g> Scene<'g> {
         self.handle.as_ptr()
     }
 
-    /// The device.
-    pub fn device(&self) -> &Device {
-        &self.device
+    /// What Embree is and what the scene cost.
+    pub fn info(&self) -> BuildInfo {
+        let [major, minor, patch] = self.device.version();
+        let load = |n: &AtomicI64| n.load(Ordering::Relaxed).max(0) as u64;
+        let watch = self.device.watch();
+        BuildInfo {
+            version: format!("Embree {major}.{minor}.{patch}"),
+            isa: self.device.isa().to_owned(),
+            bytes: load(&watch.bytes),
+            peak_bytes: load(&watch.peak_bytes),
+        }
     }
 
     fn attach_mesh(&self, mesh: &'g TriangleMesh, id: c_uint) -> Result<()> {
@@ -141,17 +186,28 @@ impl<'g> Scene<'g> {
     }
 
     fn attach_spheres(&self, id: c_uint) -> Result<()> {
+        let count = self.spheres.spheres.len() as c_uint;
+        let callbacks = (sphere::bounds as _, sphere::intersect as _, sphere::occluded as _);
+        self.attach_user(id, count, self.spheres.user_data(), callbacks)
+    }
+
+    /// User geometry; all callbacks are set, as a query of a missing one would crash. `data` is this
+    /// scene's own, and what the callbacks expect.
+    fn attach_user(
+        &self,
+        id: c_uint,
+        count: c_uint,
+        data: *mut c_void,
+        (bounds, intersect, occluded): (ffi::BoundsFunction, ffi::UserFunction, ffi::UserFunction),
+    ) -> Result<()> {
         let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_USER)?;
-        let set = self.spheres.user_data();
-        // SAFETY: live geometry; `set` lives as long as this scene; both callbacks are set, as a
-        // query of a missing one would crash.
+        // SAFETY: live geometry; `data` lives as long as this scene.
         unsafe {
-            let count = self.spheres.spheres.len() as c_uint;
             (self.api().set_user_primitive_count)(geometry.0, count);
-            (self.api().set_user_data)(geometry.0, set);
-            (self.api().set_bounds_function)(geometry.0, Some(sphere::bounds), std::ptr::null());
-            (self.api().set_intersect_function)(geometry.0, Some(sphere::intersect));
-            (self.api().set_occluded_function)(geometry.0, Some(sphere::occluded));
+            (self.api().set_user_data)(geometry.0, data);
+            (self.api().set_bounds_function)(geometry.0, Some(bounds), std::ptr::null());
+            (self.api().set_intersect_function)(geometry.0, Some(intersect));
+            (self.api().set_occluded_function)(geometry.0, Some(occluded));
         }
         self.attach(&geometry, id)
     }

@@ -2,8 +2,9 @@
 
 use std::arch::x86_64::*;
 
+use super::super::frustum::{Frustum, Side};
 use super::super::node::{Block, Node, WIDTH};
-use super::super::query::{Bundle, Lane, Slabs};
+use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::{Isa, Kernel, run_avx2};
 
@@ -137,8 +138,7 @@ unsafe fn or4(a: __m256, b: __m256, c: __m256, d: __m256) -> __m256 {
 unsafe fn plane(node: &Node, (row, half): (usize, usize), inverse: f32, offset: f32) -> __m256 {
     // SAFETY: 8 aligned f32; the caller's promise.
     unsafe {
-        let row: *const f32 = node.planes.as_ptr().add(row).cast();
-        let planes = _mm256_load_ps(row.add(HALF * half));
+        let planes = self::row(node, row, half);
         _mm256_fmsub_ps(planes, _mm256_set1_ps(inverse), _mm256_set1_ps(offset))
     }
 }
@@ -231,50 +231,84 @@ unsafe fn astride(block: &Block, flags: Pair) -> u32 {
     }
 }
 
-/// Half of the vertices relative to the rays of a bundle, along one axis, at depths between `near`
-/// and `far`: flags of those beyond all rays to either side.
+/// Where the side of a frustum is at depths `z`.
 ///
 /// # Safety
-/// AVX2; `half < 2`, `k < 2`.
+/// AVX2, FMA.
 #[inline(always)]
-unsafe fn beside(
-    block: &Block,
-    bundle: &Bundle,
-    (k, half): (usize, usize),
-    (near, far): (__m256, __m256),
-) -> (__m256, __m256) {
-    // SAFETY: axes are below 3; the caller's promise.
+unsafe fn side(side: &Side, z: __m256) -> __m256 {
+    // SAFETY: the caller's promise.
+    unsafe { _mm256_fmadd_ps(_mm256_set1_ps(side.b), z, _mm256_set1_ps(side.a)) }
+}
+
+/// Half of a row of a node's planes.
+///
+/// # Safety
+/// AVX2; `row < 6`, `half < 2`.
+#[inline(always)]
+unsafe fn row(node: &Node, row: usize, half: usize) -> __m256 {
+    // SAFETY: 8 aligned f32; the caller's promise.
     unsafe {
-        let x = coordinate(block, bundle.axes[k], half);
-        let slack = _mm256_set1_ps(2.0 * bundle.margin);
-        let (s0, s1) = (_mm256_set1_ps(bundle.shear[k].0), _mm256_set1_ps(bundle.shear[k].1));
-        let (o0, o1) = (_mm256_set1_ps(bundle.origin[k].0), _mm256_set1_ps(bundle.origin[k].1));
-        let (a, b) = (_mm256_mul_ps(s0, near), _mm256_mul_ps(s0, far));
-        let (c, d) = (_mm256_mul_ps(s1, near), _mm256_mul_ps(s1, far));
-        let most = _mm256_max_ps(_mm256_max_ps(a, b), _mm256_max_ps(c, d));
-        let least = _mm256_min_ps(_mm256_min_ps(a, b), _mm256_min_ps(c, d));
-        let low = _mm256_sub_ps(_mm256_sub_ps(_mm256_sub_ps(x, o1), most), slack);
-        let high = _mm256_add_ps(_mm256_sub_ps(_mm256_sub_ps(x, o0), least), slack);
-        let zero = _mm256_setzero_ps();
-        (_mm256_cmp_ps::<_CMP_GT_OQ>(low, zero), _mm256_cmp_ps::<_CMP_LT_OQ>(high, zero))
+        let row: *const f32 = node.planes.as_ptr().add(row).cast();
+        _mm256_load_ps(row.add(HALF * half))
     }
 }
 
-/// Half of the vertices' flags for a bundle.
+/// Half of the children: all bits set where a box is outside of a frustum, or beyond `end`.
 ///
 /// # Safety
-/// AVX2; `half < 2`.
+/// AVX2, FMA; `half < 2`.
 #[inline(always)]
-unsafe fn sides_of_bundle(block: &Block, bundle: &Bundle, half: usize) -> __m256 {
+unsafe fn outside(node: &Node, frustum: &Frustum, end: f32, half: usize) -> __m256 {
+    let ([kx, ky, _], [low_x, low_y], [high_x, high_y]) =
+        (frustum.axes, &frustum.low, &frustum.high);
+    // SAFETY: axes are below 3, rows below 6; the caller's promise.
+    unsafe {
+        let sign = _mm256_and_ps(_mm256_set1_ps(frustum.forward), _mm256_set1_ps(-0.0));
+        let enter = _mm256_xor_ps(row(node, frustum.enter, half), sign);
+        let leave = _mm256_xor_ps(row(node, frustum.leave, half), sign);
+        let at = [
+            side(low_x, row(node, low_x.row, half)),
+            side(high_x, row(node, high_x.row, half)),
+            side(low_y, row(node, low_y.row, half)),
+            side(high_y, row(node, high_y.row, half)),
+        ];
+        let beside = or4(
+            _mm256_cmp_ps::<_CMP_LT_OQ>(row(node, kx + 3, half), at[0]),
+            _mm256_cmp_ps::<_CMP_GT_OQ>(row(node, kx, half), at[1]),
+            _mm256_cmp_ps::<_CMP_LT_OQ>(row(node, ky + 3, half), at[2]),
+            _mm256_cmp_ps::<_CMP_GT_OQ>(row(node, ky, half), at[3]),
+        );
+        let beyond = _mm256_cmp_ps::<_CMP_GT_OQ>(enter, _mm256_set1_ps(end));
+        let behind = _mm256_cmp_ps::<_CMP_LT_OQ>(leave, _mm256_set1_ps(frustum.start));
+        _mm256_or_ps(beside, _mm256_or_ps(beyond, behind))
+    }
+}
+
+/// Half of the vertices' flags for a frustum.
+///
+/// # Safety
+/// AVX2, FMA; `half < 2`.
+#[inline(always)]
+unsafe fn sides_of(block: &Block, frustum: &Frustum, end: f32, half: usize) -> __m256 {
+    let ([kx, ky, kz], [low_x, low_y], [high_x, high_y]) =
+        (frustum.axes, &frustum.low, &frustum.high);
     // SAFETY: axes are below 3; the caller's promise.
     unsafe {
-        let z = coordinate(block, bundle.axes[2], half);
-        let (least, most) = bundle.origin[2];
-        let depths =
-            (_mm256_sub_ps(z, _mm256_set1_ps(most)), _mm256_sub_ps(z, _mm256_set1_ps(least)));
-        let (right, left) = beside(block, bundle, (0, half), depths);
-        let (above, below) = beside(block, bundle, (1, half), depths);
-        or4(flag(right, 1), flag(left, 2), flag(above, 4), flag(below, 8))
+        let (x, y) = (coordinate(block, kx, half), coordinate(block, ky, half));
+        let z = coordinate(block, kz, half);
+        let sides = or4(
+            flag(_mm256_cmp_ps::<_CMP_LT_OQ>(x, side(low_x, z)), 1),
+            flag(_mm256_cmp_ps::<_CMP_GT_OQ>(x, side(high_x, z)), 2),
+            flag(_mm256_cmp_ps::<_CMP_LT_OQ>(y, side(low_y, z)), 4),
+            flag(_mm256_cmp_ps::<_CMP_GT_OQ>(y, side(high_y, z)), 8),
+        );
+        let sign = _mm256_and_ps(_mm256_set1_ps(frustum.forward), _mm256_set1_ps(-0.0));
+        let depth = _mm256_xor_ps(z, sign);
+        let start = _mm256_set1_ps(frustum.start);
+        let behind = flag(_mm256_cmp_ps::<_CMP_LT_OQ>(depth, start), 16);
+        let beyond = flag(_mm256_cmp_ps::<_CMP_GT_OQ>(depth, _mm256_set1_ps(end)), 32);
+        _mm256_or_ps(sides, _mm256_or_ps(behind, beyond))
     }
 }
 
@@ -414,23 +448,37 @@ impl Tier for Avx2 {
     }
 
     #[inline(always)]
-    fn overlaps(self, node: &Node, ray: &Slabs, tfar: f32) -> u32 {
+    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
-            let (_, m0) = slabs(node, ray, tfar, 0);
-            let (_, m1) = slabs(node, ray, tfar, 1);
-            let met = _mm_shuffle_epi8(bytes([m0, m1]), order(node, ray.octant));
-            _mm_movemask_epi8(met) as u32
+            let outside = [outside(node, frustum, end, 0), outside(node, frustum, end, 1)];
+            let places = _mm_shuffle_epi8(bytes(outside), order(node, frustum.octant));
+            !_mm_movemask_epi8(places) as u32 & 0xffff
         }
     }
 
     #[inline(always)]
-    fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {
-        // SAFETY: `self` proves AVX2.
+    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
+        // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
-            let sides = [sides_of_bundle(block, bundle, 0), sides_of_bundle(block, bundle, 1)];
+            let sides = [sides_of(block, frustum, end, 0), sides_of(block, frustum, end, 1)];
             astride(block, sides)
         }
+    }
+
+    #[inline(always)]
+    fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32 {
+        let mut lanes = 0;
+        for half in 0..2 {
+            // SAFETY: `self` proves AVX2; 8 f32 from each half on.
+            unsafe {
+                let x = _mm256_loadu_ps(a.as_ptr().add(HALF * half));
+                let y = _mm256_loadu_ps(b.as_ptr().add(HALF * half));
+                let met = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(x, y));
+                lanes |= (met as u32) << (HALF * half);
+            }
+        }
+        lanes
     }
 
     #[inline(always)]

@@ -5,8 +5,9 @@
 
 use std::arch::x86_64::*;
 
+use super::super::frustum::{Frustum, Side};
 use super::super::node::{Block, Node, WIDTH};
-use super::super::query::{Bundle, Lane, Slabs};
+use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::{Isa, Kernel, run_avx512};
 
@@ -39,8 +40,7 @@ unsafe fn all(lane: &Lane, member: &[f32; WIDTH]) -> __m512 {
 unsafe fn plane(node: &Node, row: usize, inverse: f32, offset: f32) -> __m512 {
     // SAFETY: 16 aligned f32; the caller's promise.
     unsafe {
-        let planes = _mm512_load_ps(node.planes.as_ptr().add(row).cast());
-        _mm512_fmsub_ps(planes, _mm512_set1_ps(inverse), _mm512_set1_ps(offset))
+        _mm512_fmsub_ps(self::row(node, row), _mm512_set1_ps(inverse), _mm512_set1_ps(offset))
     }
 }
 
@@ -118,33 +118,34 @@ unsafe fn sheared(block: &Block, lane: &Lane, k: usize, depth: __m512) -> __m512
     }
 }
 
-/// Least and greatest of the vertices along one axis relative to the rays of a bundle, at depths
-/// between `near` and `far`.
+/// Where the side of a frustum is at depths `z`.
 ///
 /// # Safety
 /// AVX-512 F.
 #[inline(always)]
-unsafe fn range(
-    block: &Block,
-    bundle: &Bundle,
-    k: usize,
-    (near, far): (__m512, __m512),
-) -> (__m512, __m512) {
-    // SAFETY: axes are below 3; the caller's promise.
-    unsafe {
-        let x = coordinate(block, bundle.axes[k]);
-        // Both the bounds and the rays' own sheared vertices are rounded.
-        let slack = _mm512_set1_ps(2.0 * bundle.margin);
-        let (s0, s1) = (_mm512_set1_ps(bundle.shear[k].0), _mm512_set1_ps(bundle.shear[k].1));
-        let (o0, o1) = (_mm512_set1_ps(bundle.origin[k].0), _mm512_set1_ps(bundle.origin[k].1));
-        let (a, b) = (_mm512_mul_ps(s0, near), _mm512_mul_ps(s0, far));
-        let (c, d) = (_mm512_mul_ps(s1, near), _mm512_mul_ps(s1, far));
-        let most = _mm512_max_ps(max3([a, b, c]), d);
-        let least = _mm512_min_ps(min3([a, b, c]), d);
-        let low = _mm512_sub_ps(_mm512_sub_ps(x, o1), most);
-        let high = _mm512_sub_ps(_mm512_sub_ps(x, o0), least);
-        (_mm512_sub_ps(low, slack), _mm512_add_ps(high, slack))
-    }
+unsafe fn side(side: &Side, z: __m512) -> __m512 {
+    // SAFETY: the caller's promise.
+    unsafe { _mm512_fmadd_ps(_mm512_set1_ps(side.b), z, _mm512_set1_ps(side.a)) }
+}
+
+/// Flags, with one more where the mask says so.
+///
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn with(flags: __m512i, mask: __mmask16, flag: i32) -> __m512i {
+    // SAFETY: the caller's promise.
+    unsafe { _mm512_mask_or_epi32(flags, mask, flags, _mm512_set1_epi32(flag)) }
+}
+
+/// A row of a node's planes.
+///
+/// # Safety
+/// AVX-512 F; `row < 6`.
+#[inline(always)]
+unsafe fn row(node: &Node, row: usize) -> __m512 {
+    // SAFETY: 16 aligned f32; the caller's promise.
+    unsafe { _mm512_load_ps(node.planes.as_ptr().add(row).cast()) }
 }
 
 /// Distances at which the ray enters and leaves the children's boxes. `max` and `min` return their
@@ -235,34 +236,73 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
-    fn overlaps(self, node: &Node, ray: &Slabs, tfar: f32) -> u32 {
-        // SAFETY: as above.
+    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
+        let ([kx, ky, _], [low_x, low_y], [high_x, high_y]) =
+            (frustum.axes, &frustum.low, &frustum.high);
+        // SAFETY: `self` proves AVX-512; axes are below 3, rows below 6.
         unsafe {
-            let (near, far) = slabs(node, ray, tfar);
-            let order = order(node, ray.octant);
-            let near = _mm512_permutexvar_ps(order, near);
-            let far = _mm512_permutexvar_ps(order, far);
-            _mm512_cmp_ps_mask::<_CMP_NGT_UQ>(near, far).into()
+            let sign = _mm512_and_ps(_mm512_set1_ps(frustum.forward), _mm512_set1_ps(-0.0));
+            let enter = _mm512_xor_ps(row(node, frustum.enter), sign);
+            let leave = _mm512_xor_ps(row(node, frustum.leave), sign);
+            let outside = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(enter, _mm512_set1_ps(end))
+                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(leave, _mm512_set1_ps(frustum.start))
+                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(
+                    row(node, kx + 3),
+                    side(low_x, row(node, low_x.row)),
+                )
+                | _mm512_cmp_ps_mask::<_CMP_GT_OQ>(
+                    row(node, kx),
+                    side(high_x, row(node, high_x.row)),
+                )
+                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(
+                    row(node, ky + 3),
+                    side(low_y, row(node, low_y.row)),
+                )
+                | _mm512_cmp_ps_mask::<_CMP_GT_OQ>(
+                    row(node, ky),
+                    side(high_y, row(node, high_y.row)),
+                );
+            let places =
+                _mm512_permutexvar_epi32(order(node, frustum.octant), _mm512_movm_epi32(outside));
+            (!_mm512_movepi32_mask(places)).into()
         }
     }
 
     #[inline(always)]
-    fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {
-        // SAFETY: `self` proves AVX-512; axes are below 3.
+    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
+        let ([kx, ky, kz], [low_x, low_y], [high_x, high_y]) =
+            (frustum.axes, &frustum.low, &frustum.high);
+        // SAFETY: `self` proves AVX-512; axes are below 3; rows of 16 aligned bytes.
         unsafe {
-            let z = coordinate(block, bundle.axes[2]);
-            let (least, most) = bundle.origin[2];
-            let depths =
-                (_mm512_sub_ps(z, _mm512_set1_ps(most)), _mm512_sub_ps(z, _mm512_set1_ps(least)));
-            let (x0, x1) = range(block, bundle, 0, depths);
-            let (y0, y1) = range(block, bundle, 1, depths);
-            let corners = corners(block);
-            let zero = _mm512_setzero_ps();
-            let beside = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(min3(at(&corners, x0)), zero)
-                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(max3(at(&corners, x1)), zero)
-                | _mm512_cmp_ps_mask::<_CMP_GT_OQ>(min3(at(&corners, y0)), zero)
-                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(max3(at(&corners, y1)), zero);
-            u32::from(!beside & block.present)
+            let (x, y) = (coordinate(block, kx), coordinate(block, ky));
+            let z = coordinate(block, kz);
+            let sign = _mm512_and_ps(_mm512_set1_ps(frustum.forward), _mm512_set1_ps(-0.0));
+            let depth = _mm512_xor_ps(z, sign);
+            let below = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(x, side(low_x, z));
+            let flags = with(_mm512_setzero_si512(), below, 1);
+            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_GT_OQ>(x, side(high_x, z)), 2);
+            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_LT_OQ>(y, side(low_y, z)), 4);
+            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_GT_OQ>(y, side(high_y, z)), 8);
+            let start = _mm512_set1_ps(frustum.start);
+            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_LT_OQ>(depth, start), 16);
+            let end = _mm512_set1_ps(end);
+            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_GT_OQ>(depth, end), 32);
+            let [a, b, c] = corners(block);
+            let a = _mm512_permutexvar_epi32(a, flags);
+            let b = _mm512_permutexvar_epi32(b, flags);
+            let c = _mm512_permutexvar_epi32(c, flags);
+            let common = _mm512_ternarylogic_epi32::<0x80>(a, b, c);
+            let astride = _mm512_testn_epi32_mask(common, common);
+            u32::from(astride & block.present)
+        }
+    }
+
+    #[inline(always)]
+    fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32 {
+        // SAFETY: `self` proves AVX-512; 16 f32 each.
+        unsafe {
+            let (a, b) = (_mm512_loadu_ps(a.as_ptr()), _mm512_loadu_ps(b.as_ptr()));
+            _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b).into()
         }
     }
 

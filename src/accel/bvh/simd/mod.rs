@@ -14,8 +14,9 @@ mod tests;
 
 pub use self::stack::{MAX_DEPTH, Stack};
 
+use super::frustum::Frustum;
 use super::node::{Block, Node, WIDTH};
-use super::query::{Bundle, Lane, Slabs};
+use super::query::Lane;
 use crate::simd::Kernel;
 
 /// Relative and absolute slack of the edge functions' signs in f32: with products p and q their
@@ -56,12 +57,15 @@ pub trait Tier: Copy {
     /// Pushes the children whose boxes the ray meets before `tfar`, in any order.
     fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack);
 
-    /// The places, in the order of the ray's octant, of the children whose boxes the ray meets before
-    /// `tfar`, by bit.
-    fn overlaps(self, node: &Node, slabs: &Slabs, tfar: f32) -> u32;
+    /// The places, in the order of the octant, of the children whose boxes a frustum meets before
+    /// `end`, by bit.
+    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32;
 
-    /// The triangles of a leaf that rays of a bundle may meet, by bit.
-    fn overlapping(self, block: &Block, bundle: &Bundle) -> u32;
+    /// The triangles of a leaf that are not all on one side of a frustum, or beyond `end`, by bit.
+    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32;
+
+    /// The lanes where `a` is at most `b`, by bit.
+    fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32;
 
     /// The least of 16 numbers, none of them NaN.
     fn least(self, v: &[f32; WIDTH]) -> f32;

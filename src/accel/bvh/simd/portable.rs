@@ -1,7 +1,8 @@
 //! Plain loops: what every target runs, and what the other tiers are held against.
 
+use super::super::frustum::{Frustum, Side};
 use super::super::node::{Block, Node, WIDTH};
-use super::super::query::{Bundle, Lane, Slabs};
+use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::Kernel;
 
@@ -55,41 +56,57 @@ impl Tier for Portable {
     }
 
     #[inline(always)]
-    fn overlaps(self, node: &Node, ray: &Slabs, tfar: f32) -> u32 {
-        let (near, far) = slabs(node, ray, tfar);
+    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
+        let planes = &node.planes;
+        let at = |side: &Side, i: usize| side.a + side.b * planes[side.row][i];
+        // A NaN loses every comparison: it prunes nothing.
+        let outside = |i: usize| {
+            let beside = (0..2).any(|axis| {
+                let k = frustum.axes[axis];
+                planes[k + 3][i] < at(&frustum.low[axis], i)
+                    || planes[k][i] > at(&frustum.high[axis], i)
+            });
+            let forward = frustum.forward;
+            beside
+                || planes[frustum.leave][i] * forward < frustum.start
+                || planes[frustum.enter][i] * forward > end
+        };
         (0..WIDTH).fold(0, |mask, j| {
-            let i = node.ordered(ray.octant, j);
-            mask | u32::from(near[i] <= far[i]) << j
+            let i = node.ordered(frustum.octant, j);
+            mask | u32::from(!outside(i)) << j
         })
     }
 
     #[inline(always)]
-    fn overlapping(self, block: &Block, bundle: &Bundle) -> u32 {
-        let [kx, ky, kz] = bundle.axes;
-        let [ox, oy, oz] = bundle.origin;
-        let (mut low, mut high) = ([[0.0f32; WIDTH]; 2], [[0.0f32; WIDTH]; 2]);
-        for (axis, (k, origin)) in [(kx, ox), (ky, oy)].into_iter().enumerate() {
-            let shear = bundle.shear[axis];
-            for i in 0..WIDTH {
-                let z = block.vertices[kz][i];
-                let (near, far) = (z - oz.1, z - oz.0);
-                let (a, b) = (shear.0 * near, shear.0 * far);
-                let (c, d) = (shear.1 * near, shear.1 * far);
+    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
+        let [kx, ky, kz] = frustum.axes;
+        let mut flags = [0u8; WIDTH];
+        for i in 0..WIDTH {
+            let z = block.vertices[kz][i];
+            for (axis, k) in [kx, ky].into_iter().enumerate() {
                 let x = block.vertices[k][i];
-                low[axis][i] = (x - origin.1) - a.max(b).max(c.max(d)) - 2.0 * bundle.margin;
-                high[axis][i] = (x - origin.0) - a.min(b).min(c.min(d)) + 2.0 * bundle.margin;
+                let (low, high) = (&frustum.low[axis], &frustum.high[axis]);
+                flags[i] |= u8::from(x < low.a + low.b * z) << (2 * axis);
+                flags[i] |= u8::from(x > high.a + high.b * z) << (2 * axis + 1);
             }
+            flags[i] |= u8::from(z * frustum.forward < frustum.start) << 4;
+            flags[i] |= u8::from(z * frustum.forward > end) << 5;
         }
         let mut mask = 0;
         for i in 0..WIDTH {
-            let [a, b, c] = [0, 1, 2].map(|k| block.corner(k, i));
-            let beside = |axis: usize| {
-                let (low, high) = (&low[axis], &high[axis]);
-                low[a].min(low[b]).min(low[c]) > 0.0 || high[a].max(high[b]).max(high[c]) < 0.0
-            };
-            mask |= u32::from(!(beside(0) || beside(1))) << i;
+            let [a, b, c] = [0, 1, 2].map(|k| flags[block.corner(k, i)]);
+            mask |= u32::from(a & b & c == 0) << i;
         }
         mask & u32::from(block.present)
+    }
+
+    #[inline(always)]
+    fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32 {
+        let mut lanes = 0;
+        for i in 0..WIDTH {
+            lanes |= u32::from(a[i] <= b[i]) << i;
+        }
+        lanes
     }
 
     #[inline(always)]

@@ -4,9 +4,11 @@ mod cases;
 mod traversals;
 
 use self::cases::{Random, cases};
+use super::super::bounds::Bounds3;
 use super::super::exact::{Ray64, Sheared};
+use super::super::frustum::Frustum;
 use super::super::node::{Block, Child, Node, WIDTH};
-use super::super::query::{Bundle, Lane, Query};
+use super::super::query::{Lane, Query};
 use super::*;
 use crate::ray::{LANES, Mask, Rays};
 use crate::simd::Isa;
@@ -16,7 +18,6 @@ use crate::simd::Isa;
 struct Answers {
     ordered: Vec<(Child, f32)>,
     any: Vec<(Child, f32)>,
-    overlaps: u32,
     candidates: Candidates,
 }
 
@@ -38,8 +39,7 @@ impl<T: Tier> Kernel for Ask<'_, T> {
         let ordered = drain(&mut stack);
         tier.push_any(node, lane, tfar, &mut stack);
         let any = drain(&mut stack);
-        let overlaps = tier.overlaps(node, &lane.slabs(), tfar);
-        Answers { ordered, any, overlaps, candidates: tier.candidates(block, lane, tfar) }
+        Answers { ordered, any, candidates: tier.candidates(block, lane, tfar) }
     }
 }
 
@@ -50,19 +50,28 @@ fn drain(stack: &mut Stack) -> Vec<(Child, f32)> {
     entries
 }
 
-struct AskBundle<'a, T> {
+/// What a frustum around the active rays meets: children by place, and triangles.
+struct AskFrustum<'a, T> {
     tier: T,
+    node: &'a Node,
     block: &'a Block,
     query: &'a Query,
     active: &'a Mask,
+    scene: &'a Bounds3,
 }
 
-impl<T: Tier> Kernel for AskBundle<'_, T> {
-    type Output = u32;
+impl<T: Tier> Kernel for AskFrustum<'_, T> {
+    type Output = [u32; 2];
     #[inline(always)]
-    fn run(self) -> u32 {
-        let bundle: Bundle = self.query.bundle(self.tier, self.active);
-        self.tier.overlapping(self.block, &bundle)
+    fn run(self) -> [u32; 2] {
+        let Self { tier, node, block, query, active, scene } = self;
+        let mut tfar = query.tfar;
+        for i in 0..LANES {
+            tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
+        }
+        let frustum = Frustum::new(tier, query, active, &tfar, scene);
+        let end = frustum.end(tier, query, &tfar);
+        [tier.overlaps(node, &frustum, end), tier.overlapping(block, &frustum, end)]
     }
 }
 
@@ -126,15 +135,10 @@ fn no_tier_misses_a_box_and_all_keep_the_order() {
             let (lane, scale) = (&query.lane(i), f64::from(query.scale[i]));
             let tfar = query.tfar[i];
             for (isa, answers) in every_tier!(tier => Ask { tier, node, block, lane, tfar }) {
-                let order = (0..WIDTH).map(|j| node.ordered(lane.octant, j));
-                let places: Vec<usize> = order
-                    .enumerate()
-                    .filter(|(j, _)| (answers.overlaps >> j) & 1 != 0)
-                    .map(|(_, child)| child)
-                    .collect();
-                let places: Vec<Child> = places.into_iter().map(|i| node.children[i]).collect();
+                let order = (0..WIDTH).map(|j| node.children[node.ordered(lane.octant, j)]);
                 let pushed: Vec<Child> = answers.ordered.iter().map(|entry| entry.0).collect();
-                assert_eq!(pushed, places, "{isa}: {answers:?}");
+                let expected: Vec<Child> = order.filter(|child| pushed.contains(child)).collect();
+                assert_eq!(pushed, expected, "{isa}: {answers:?}");
                 let sorted = |entries: &[(Child, f32)]| {
                     let mut entries: Vec<_> =
                         entries.iter().map(|(c, d)| (c.0, d.to_bits())).collect();
@@ -222,33 +226,60 @@ fn candidates_miss_nothing_and_are_sure_of_hits_only() {
 }
 
 #[test]
-fn a_bundle_drops_no_triangle_that_any_of_its_rays_meets() {
-    let (mut met, mut dropped) = (0, 0);
-    cases(1500, |random, _, block, rays, query| {
-        let axes = query.lane(random.below(LANES)).axes;
+fn a_frustum_drops_nothing_that_any_of_its_rays_meets() {
+    let (mut met, mut dropped) = ([0; 2], [0; 2]);
+    cases(3000, |random, node, block, rays, query| {
+        let lane = query.lane(random.below(LANES));
         let few = random.below(2) == 0;
         let active = &Mask(std::array::from_fn(|i| {
-            -i32::from(query.lane(i).axes == axes && (!few || random.below(4) == 0))
+            let other = query.lane(i);
+            let coherent = (other.axes, other.octant) == (lane.axes, lane.octant);
+            -i32::from(coherent && (!few || random.below(4) == 0))
         }));
         if !active.any() {
             return;
         }
-        let answers = every_tier!(tier => AskBundle { tier, block, query, active });
-        let (_, expected) = answers[0];
-        for (isa, found) in answers {
-            assert_eq!(found, expected, "{isa}: {block:?} {rays:?} {active:?}");
-            for slot in (0..WIDTH).filter(|slot| (block.present >> slot) & 1 != 0) {
-                let hit = (0..LANES).any(|i| {
-                    active.0[i] != 0 && Sheared::new(&query.lane(i), block, slot).inside()
+        let scene = &scene(node, block);
+        let active_lanes: Vec<usize> = (0..LANES).filter(|&i| active.0[i] != 0).collect();
+        for (isa, [children, triangles]) in
+            every_tier!(tier => AskFrustum { tier, node, block, query, active, scene })
+        {
+            for place in 0..WIDTH {
+                let child = node.ordered(lane.octant, place);
+                let hit = active_lanes.iter().any(|&i| {
+                    node.children[child] != Child::EMPTY
+                        && entry(node, child, rays, i, f64::from(rays.tfar[i])).is_some()
                 });
-                let kept = (found >> slot) & 1 != 0;
-                assert!(kept || !hit, "{isa}: {slot} {block:?} {rays:?} {active:?}");
-                (met, dropped) = (met + usize::from(hit), dropped + usize::from(!kept));
+                let kept = (children >> place) & 1 != 0;
+                assert!(kept || !hit, "{isa}: {child} {node:?} {rays:?} {active:?}");
+                (met[0], dropped[0]) = (met[0] + u32::from(hit), dropped[0] + u32::from(!kept));
             }
-            assert_eq!(found & !u32::from(block.present), 0, "{isa}");
+            for slot in (0..WIDTH).filter(|slot| (block.present >> slot) & 1 != 0) {
+                let hit = active_lanes.iter().any(|&i| {
+                    let lane = query.lane(i);
+                    let seen = Sheared::new(&lane, block, slot);
+                    let ray = Ray64::new(rays, i, lane.axes[2]);
+                    let t = seen.t(&ray, block.triangle(slot));
+                    seen.inside() && t > ray.tnear && t < ray.tfar
+                });
+                let kept = (triangles >> slot) & 1 != 0;
+                assert!(kept || !hit, "{isa}: {slot} {block:?} {rays:?} {active:?}");
+                (met[1], dropped[1]) = (met[1] + u32::from(hit), dropped[1] + u32::from(!kept));
+            }
+            assert_eq!(triangles & !u32::from(block.present), 0, "{isa}");
         }
     });
-    assert!(met > 1000 && dropped > 100, "{met} {dropped}");
+    assert!(met.iter().chain(&dropped).all(|n| *n > 1000), "{met:?} {dropped:?}");
+}
+
+/// The box around a node's children and a leaf's vertices.
+fn scene(node: &Node, block: &Block) -> Bounds3 {
+    let corner = |row: usize, i: usize| [0, 1, 2].map(|axis| node.planes[row + axis][i]);
+    let children = (0..WIDTH).filter(|&i| node.children[i] != Child::EMPTY);
+    let boxes: Vec<[f32; 3]> = children.flat_map(|i| [corner(0, i), corner(3, i)]).collect();
+    let vertices: Vec<[f32; 3]> =
+        (0..WIDTH).map(|i| [0, 1, 2].map(|axis| block.vertices[axis][i])).collect();
+    Bounds3::of(&boxes).union(Bounds3::of(&vertices))
 }
 
 #[test]

@@ -1,0 +1,387 @@
+//! The leaves alone, with their exact tests, for a tree of somebody else's.
+
+use super::bounds::Bounds3;
+use super::build::{self, Tree};
+use super::exact::Ray64;
+use super::found::Found;
+use super::node::{Block, Child, SphereLeaf};
+use super::packet::Packet;
+use super::query::Query;
+use super::simd::Tier;
+use super::single::{Best, Single};
+use super::{LEAST_TOGETHER, simd};
+use crate::accel::BuildOptions;
+use crate::error::Result;
+use crate::geometry::Geometry;
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+use crate::simd::{Isa, Kernel};
+
+/// How far from the middle of the scene rays may start, in longest sides of its box, for
+/// [`Leaves::margin`] to hold.
+pub const REACH: f32 = 64.0;
+
+/// Leaves over all primitives of a scene.
+pub struct Leaves<'g> {
+    geometry: &'g Geometry,
+    tree: Tree,
+    isa: Isa,
+    peak_bytes: u64,
+}
+
+/// What tests the leaves that a search finds.
+pub trait Visitor {
+    /// Tests a leaf for the rays of `lanes`, by bit; the ends of all 16 segments, in units of the
+    /// directions and rounded up: where the closest hit is, -inf for a shadow ray that was stopped.
+    fn visit(&mut self, leaf: usize, lanes: u32) -> &[f32; LANES];
+}
+
+/// A tree that finds leaves: it shows the visitor every leaf whose box, grown by
+/// [`Leaves::margin`], a ray meets before its end, in any order.
+pub trait Search {
+    /// The active rays; may overwrite them.
+    fn closest(&self, active: &Mask, packet: &mut RayPacket, visitor: &mut dyn Visitor);
+
+    /// Until all active rays are stopped; may overwrite them.
+    fn occluded(&self, active: &Mask, rays: &mut Rays, visitor: &mut dyn Visitor);
+
+    /// One ray.
+    fn closest_alone(&self, rays: &Rays, lane: usize, visitor: &mut dyn Visitor);
+
+    /// One ray, until it is stopped.
+    fn occluded_alone(&self, rays: &Rays, lane: usize, visitor: &mut dyn Visitor);
+}
+
+impl<'g> Leaves<'g> {
+    /// Makes the leaves.
+    ///
+    /// # Errors
+    /// As [`super::Bvh::build`].
+    pub fn build(
+        geometry: &'g Geometry,
+        options: &BuildOptions,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let isa = options.isa.min(Isa::detect());
+        let (tree, peak_bytes) = build::leaves(geometry, isa, options.max_bytes, monitor)?;
+        Ok(Self { geometry, tree, isa, peak_bytes })
+    }
+
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.tree.blocks.len() + self.tree.spheres.len()
+    }
+
+    /// Least and greatest corner of a leaf's box.
+    pub fn bounds(&self, leaf: usize) -> ([f32; 3], [f32; 3]) {
+        let bounds = match self.tree.blocks.get(leaf) {
+            Some(block) => bounds_of(block),
+            None => self.bounds_of_spheres(&self.tree.spheres[leaf - self.tree.blocks.len()]),
+        };
+        (bounds.lower(), bounds.upper())
+    }
+
+    /// How much boxes have to grow, so that no ray that starts within [`REACH`] misses the box of a
+    /// triangle that the exact test would hit: 6u max|v - o| (see [`super::exact`]), and the box's own
+    /// rounding.
+    pub fn margin(&self) -> f32 {
+        4.0 * f32::EPSILON * (REACH + 1.0) * self.size()
+    }
+
+    /// Whether all active rays start within [`REACH`].
+    pub fn reaches(&self, active: &Mask, rays: &Rays) -> bool {
+        let (lower, upper) = (self.tree.bounds.lower(), self.tree.bounds.upper());
+        let far = REACH * self.size();
+        let mut within = true;
+        for axis in 0..3 {
+            let middle = 0.5 * lower[axis] + 0.5 * upper[axis];
+            for i in 0..LANES {
+                within &= (active.0[i] == 0) | ((rays.org[axis][i] - middle).abs() <= far);
+            }
+        }
+        within
+    }
+
+    /// Longest side of the scene's box.
+    fn size(&self) -> f32 {
+        let [x, y, z] = self.tree.bounds.extent();
+        x.max(y).max(z).max(0.0)
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        self.tree.bytes()
+    }
+
+    /// Most bytes held while they were made.
+    pub fn peak_bytes(&self) -> u64 {
+        self.peak_bytes
+    }
+
+    /// As [`crate::accel::Accelerator::closest`].
+    pub fn closest(
+        &self,
+        active: &Mask,
+        packet: &mut RayPacket,
+        coherence: Coherence,
+        search: &impl Search,
+    ) {
+        let leaves = self;
+        with_tier!(self.isa, tier => {
+            tier.run(Closest { tier, leaves, active, packet, coherence, search })
+        });
+    }
+
+    /// As [`crate::accel::Accelerator::occluded`].
+    pub fn occluded(
+        &self,
+        active: &Mask,
+        rays: &mut Rays,
+        coherence: Coherence,
+        search: &impl Search,
+    ) {
+        let leaves = self;
+        with_tier!(self.isa, tier => {
+            tier.run(Occluded { tier, leaves, active, rays, coherence, search })
+        });
+    }
+
+    fn bounds_of_spheres(&self, leaf: &SphereLeaf) -> Bounds3 {
+        let spheres = leaf.0.iter().filter_map(|&id| self.geometry.spheres.get(id as usize));
+        spheres.fold(Bounds3::EMPTY, |all, sphere| {
+            let (lower, upper) = sphere.bounds();
+            all.union(Bounds3::new(lower, upper))
+        })
+    }
+
+    fn child(&self, leaf: usize) -> Child {
+        let triangles = self.tree.blocks.len();
+        if leaf < triangles { Child::triangles(leaf) } else { Child::spheres(leaf - triangles) }
+    }
+}
+
+/// The box around a leaf's vertices; unused ones repeat the last.
+fn bounds_of(block: &Block) -> Bounds3 {
+    let [x, y, z] = &block.vertices;
+    let corners: [[f32; 3]; LANES] = std::array::from_fn(|i| [x[i], y[i], z[i]]);
+    Bounds3::of(&corners)
+}
+
+struct Closest<'a, T, S> {
+    tier: T,
+    leaves: &'a Leaves<'a>,
+    active: &'a Mask,
+    packet: &'a mut RayPacket,
+    coherence: Coherence,
+    search: &'a S,
+}
+
+impl<T: Tier, S: Search> Kernel for Closest<'_, T, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tier, leaves, active, packet, coherence, search } = self;
+        let scene = (&leaves.tree, leaves.geometry);
+        // The exact tests look at the rays as they are, while the search shortens its own.
+        let rays = packet.rays.clone();
+        let query = Query::new(&rays, &leaves.tree.bounds);
+        let mut found = Found::nothing(&rays);
+        let mut rest = *active;
+        while rest.any() {
+            let part = part(&query, &rest, coherence);
+            rest = rest.without(&part);
+            if coherence == Coherence::Coherent && part.count() >= LEAST_TOGETHER {
+                let together = Packet::new(tier, scene, (&query, &rays), &part);
+                let (found, ends) = (&mut found, rays.tfar);
+                let mut visitor = ClosestTogether { leaves, together, found, ends };
+                search.closest(&part, packet, &mut visitor);
+                continue;
+            }
+            for i in 0..LANES {
+                if part.0[i] != 0 {
+                    let lane = query.lane(i);
+                    let ray = Ray64::new(&rays, i, lane.axes[2]);
+                    let single = Single::new(tier, scene, lane, ray, rays.leaving[i]);
+                    let best = single.nothing();
+                    let mut visitor =
+                        ClosestAlone { tier, leaves, single, best, i, ends: rays.tfar };
+                    search.closest_alone(&rays, i, &mut visitor);
+                    visitor.best.store(&mut found, i);
+                }
+            }
+        }
+        packet.rays = rays;
+        found.store(leaves.geometry, packet);
+    }
+}
+
+/// The rays that are looked at next.
+#[inline(always)]
+fn part(query: &Query, rest: &Mask, coherence: Coherence) -> Mask {
+    if coherence == Coherence::Coherent { query.coherent(rest) } else { *rest }
+}
+
+struct ClosestTogether<'a, 'f, T> {
+    leaves: &'a Leaves<'a>,
+    together: Packet<'a, T>,
+    found: &'f mut Found,
+    ends: [f32; LANES],
+}
+
+impl<T: Tier> Visitor for ClosestTogether<'_, '_, T> {
+    fn visit(&mut self, leaf: usize, lanes: u32) -> &[f32; LANES] {
+        self.together.tier().run(InLeaf { visitor: self, leaf, lanes });
+        &self.ends
+    }
+}
+
+struct InLeaf<'v, V> {
+    visitor: &'v mut V,
+    leaf: usize,
+    lanes: u32,
+}
+
+impl<T: Tier> Kernel for InLeaf<'_, ClosestTogether<'_, '_, T>> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { visitor, leaf, lanes } = self;
+        let child = visitor.leaves.child(leaf);
+        visitor.together.closest_in_leaf(child, lanes, visitor.found);
+        for i in 0..LANES {
+            visitor.ends[i] = round_up(visitor.found.t[i]);
+        }
+    }
+}
+
+struct ClosestAlone<'a, T> {
+    tier: T,
+    leaves: &'a Leaves<'a>,
+    single: Single<'a, T>,
+    best: Best,
+    i: usize,
+    ends: [f32; LANES],
+}
+
+impl<T: Tier> Visitor for ClosestAlone<'_, T> {
+    fn visit(&mut self, leaf: usize, lanes: u32) -> &[f32; LANES] {
+        self.tier.run(InLeaf { visitor: self, leaf, lanes });
+        &self.ends
+    }
+}
+
+impl<T: Tier> Kernel for InLeaf<'_, ClosestAlone<'_, T>> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { visitor, leaf, .. } = self;
+        visitor.single.closest_in_leaf(visitor.leaves.child(leaf), &mut visitor.best);
+        visitor.ends[visitor.i % LANES] = round_up(visitor.best.t);
+    }
+}
+
+struct Occluded<'a, T, S> {
+    tier: T,
+    leaves: &'a Leaves<'a>,
+    active: &'a Mask,
+    rays: &'a mut Rays,
+    coherence: Coherence,
+    search: &'a S,
+}
+
+impl<T: Tier, S: Search> Kernel for Occluded<'_, T, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tier, leaves, active, rays, coherence, search } = self;
+        let scene = (&leaves.tree, leaves.geometry);
+        let query = Query::new(rays, &leaves.tree.bounds);
+        let mut searched = rays.clone();
+        let mut rest = *active;
+        while rest.any() {
+            let part = part(&query, &rest, coherence);
+            rest = rest.without(&part);
+            if coherence == Coherence::Coherent && part.count() >= LEAST_TOGETHER {
+                let together = Packet::new(tier, scene, (&query, &*rays), &part);
+                let (stopped, ends) = ([0; LANES], rays.tfar);
+                let mut visitor = AnyTogether { leaves, together, stopped, ends };
+                search.occluded(&part, &mut searched, &mut visitor);
+                let ends = visitor.ends;
+                rays.tfar = ends;
+                continue;
+            }
+            for i in 0..LANES {
+                if part.0[i] != 0 {
+                    let lane = query.lane(i);
+                    let ray = Ray64::new(rays, i, lane.axes[2]);
+                    let single = Single::new(tier, scene, lane, ray, rays.leaving[i]);
+                    let mut visitor = AnyAlone { tier, leaves, single, i, ends: rays.tfar };
+                    search.occluded_alone(rays, i, &mut visitor);
+                    let ends = visitor.ends;
+                    rays.tfar = ends;
+                }
+            }
+        }
+    }
+}
+
+struct AnyTogether<'a, T> {
+    leaves: &'a Leaves<'a>,
+    together: Packet<'a, T>,
+    stopped: [i32; LANES],
+    ends: [f32; LANES],
+}
+
+impl<T: Tier> Visitor for AnyTogether<'_, T> {
+    fn visit(&mut self, leaf: usize, lanes: u32) -> &[f32; LANES] {
+        self.together.tier().run(InLeaf { visitor: self, leaf, lanes });
+        &self.ends
+    }
+}
+
+impl<T: Tier> Kernel for InLeaf<'_, AnyTogether<'_, T>> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { visitor, leaf, lanes } = self;
+        let child = visitor.leaves.child(leaf);
+        visitor.together.any_in_leaf(child, lanes, &mut visitor.stopped);
+        for i in 0..LANES {
+            let stopped = visitor.stopped[i] != 0;
+            visitor.ends[i] = if stopped { f32::NEG_INFINITY } else { visitor.ends[i] };
+        }
+    }
+}
+
+struct AnyAlone<'a, T> {
+    tier: T,
+    leaves: &'a Leaves<'a>,
+    single: Single<'a, T>,
+    i: usize,
+    ends: [f32; LANES],
+}
+
+impl<T: Tier> Visitor for AnyAlone<'_, T> {
+    fn visit(&mut self, leaf: usize, lanes: u32) -> &[f32; LANES] {
+        self.tier.run(InLeaf { visitor: self, leaf, lanes });
+        &self.ends
+    }
+}
+
+impl<T: Tier> Kernel for InLeaf<'_, AnyAlone<'_, T>> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { visitor, leaf, .. } = self;
+        if visitor.single.any_in_leaf(visitor.leaves.child(leaf)) {
+            visitor.ends[visitor.i % LANES] = f32::NEG_INFINITY;
+        }
+    }
+}
+
+/// The least f32 that is not below `t` >= 0.
+#[inline(always)]
+fn round_up(t: f64) -> f32 {
+    let nearest = t as f32;
+    f32::from_bits(nearest.to_bits() + u32::from(f64::from(nearest) < t))
+}
