@@ -302,9 +302,9 @@ pub struct BenchArgs {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub classes: Vec<String>,
 
-    /// Instruction set of our own kernels: portable, avx2, avx512 [default: the best]
-    #[arg(long, value_name = "TIER")]
-    pub isa: Option<String>,
+    /// Instruction set of our own kernels [default: the best]
+    #[arg(long, value_name = "NAME")]
+    pub isa: Option<IsaName>,
 
     /// Measure with one thread and with N [default: all that this process may use]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

@@ -6,6 +6,8 @@ use std::{
     time::Duration,
 };
 
+use clap::ValueEnum;
+
 use crate::{
     error::{Error, Failures, Kind, Problem, Result},
     measure::{
@@ -22,7 +24,7 @@ use crate::{
 };
 
 use super::{
-    args::{BenchArgs, RenderArgs, SceneArgs},
+    args::{BenchArgs, IsaName, RenderArgs, SceneArgs},
     bench_page, bench_table,
     job::{self, Job},
     machine, meshes, paths, signals, stats, version,
@@ -53,6 +55,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         super::print(&bench_table::scene(&scene))?;
         report.scenes.push(scene);
     }
+    super::print(&bench_table::growth_text(&report))?;
     let changes = then.map(|then| changes(&report, &then));
     if let Some(changes) = &changes {
         super::print(&bench_table::changes(changes))?;
@@ -114,10 +117,7 @@ fn measure_scene(
 
 /// The flags, checked.
 fn settings(args: &BenchArgs) -> Result<Settings> {
-    let isa = match &args.isa {
-        Some(name) => tier("--isa", name)?,
-        None => Isa::detect(),
-    };
+    let isa = machine::isa(args.isa)?;
     let mut contestants: Vec<Contestant> = Vec::new();
     for name in &args.backends {
         let contestant = contestant(name, isa)?;
@@ -188,31 +188,19 @@ fn contestant(name: &str, isa: Isa) -> Result<Contestant> {
     };
     let isa = match forced {
         None => isa,
-        Some(forced) if backend == Backend::Bvh => tier("--backends", forced)?,
+        Some(forced) if backend == Backend::Bvh => {
+            let name = IsaName::from_str(forced, false).map_err(|_| {
+                let message = format!("found {forced:?}, expected portable, avx2 or avx512");
+                Error::invalid("--backends", message)
+            })?;
+            machine::tier("--backends", name)?
+        }
         Some(_) => {
             let message = format!("found {name:?}, expected an instruction set only after bvh");
             return Err(Error::invalid("--backends", message));
         }
     };
     Ok(Contestant { name: name.to_string(), backend, fast, isa })
-}
-
-/// An instruction set that this machine runs.
-fn tier(flag: &str, name: &str) -> Result<Isa> {
-    let isa = match name {
-        "portable" => Isa::Portable,
-        "avx2" => Isa::Avx2,
-        "avx512" => Isa::Avx512,
-        _ => {
-            let message = format!("found {name:?}, expected portable, avx2 or avx512");
-            return Err(Error::invalid(flag, message));
-        }
-    };
-    if isa > Isa::detect() {
-        let message = format!("found {name}, but the best here is {}", Isa::detect());
-        return Err(Error::new(Kind::Unsupported, Problem::new(flag, message)));
-    }
-    Ok(isa)
 }
 
 fn machine(settings: &Settings) -> Machine {

@@ -1,7 +1,10 @@
 //! What `bench` found out, as one page of charts.
 
 use crate::{
-    measure::result::{Change, Entry, Report, Row, SceneResult, What},
+    measure::{
+        growth::{Growth, Quantity},
+        result::{Change, Entry, Report, Row, SceneResult, What},
+    },
     report::{Bar, Bars, Cell, Group, Line, Lines, Page, Ratio, Ratios, Section},
 };
 
@@ -202,31 +205,27 @@ fn visits(scene: &SceneResult) -> String {
 
 /// Build time and memory over the size of the scene, where there are several.
 fn growth(report: &Report) -> Option<Section> {
-    let mut scenes: Vec<&SceneResult> = report.scenes.iter().collect();
-    scenes.sort_by_key(|scene| scene.triangles);
-    let backends = &scenes.first()?.backends;
-    let chart = |title: &str, unit: &str, value: &dyn Fn(&SceneResult, usize) -> Option<f64>| {
-        let line = |i: usize| {
-            let points = scenes.iter().filter_map(|scene| {
-                let point = [scene.triangles as f64, value(scene, i)?];
-                point.iter().all(|v| *v > 0.0).then_some(point)
-            });
-            Line { name: backends[i].name.clone(), points: points.collect() }
+    let chart = |quantity: Quantity| {
+        let lines = Growth::of(report, quantity).into_iter().map(|growth| Line {
+            name: match growth.exponent() {
+                Some(exponent) => format!("{} \u{2013} n^{exponent:.2}", growth.backend),
+                None => growth.backend,
+            },
+            points: growth.points,
+        });
+        let unit = match quantity {
+            Quantity::BuildTime => "seconds, all threads",
+            Quantity::Memory | Quantity::Peak => "bytes",
         };
-        let lines = (0..backends.len()).map(line).collect();
-        Lines { title: title.into(), unit: unit.into(), across: "triangles".into(), lines }.svg()
+        let name = bench_table::quantity_name(quantity);
+        let title = name[..1].to_uppercase() + &name[1..];
+        let (unit, across) = (unit.into(), "triangles".into());
+        Lines { title, unit, across, lines: lines.collect() }.svg()
     };
-    let build = |scene: &SceneResult, i: usize| {
-        let rows = scene.rows.iter().filter(|row| row.what == What::Build);
-        Some(rows.max_by_key(|row| row.threads)?.entries[i].median_s.value)
-    };
-    let charts = vec![
-        chart("Build time", "seconds, all threads", &build),
-        chart("Memory held", "bytes", &|scene, i| Some(scene.backends[i].bytes as f64)),
-        chart("Peak memory of the build", "bytes", &|s, i| Some(s.backends[i].peak_bytes as f64)),
-    ];
-    let any = scenes.len() > 1 && charts.iter().any(|chart| !chart.is_empty());
-    any.then(|| Section { title: "Growth".into(), charts, ..Section::default() })
+    let charts = Quantity::ALL.map(chart).to_vec();
+    let any = report.scenes.len() > 1 && charts.iter().any(|chart| !chart.is_empty());
+    let tables = vec![("Fit".to_string(), cells(bench_table::growth(report)))];
+    any.then(|| Section { title: "Growth".into(), charts, tables, ..Section::default() })
 }
 
 /// What has changed since an earlier run.
@@ -325,5 +324,6 @@ mod tests {
     fn scenes_of_several_sizes_show_growth() {
         let grown = html(vec![scene("a", 1000, 0), scene("b", 1_000_000, 0)]);
         assert!(grown.contains("Growth") && grown.contains("Peak memory of the build"));
+        assert!(grown.contains("bvh \u{2013} n^1.00") && grown.contains("memory held"));
     }
 }

@@ -1,7 +1,8 @@
 //! What `bench` found out, as lines of text.
 
 use crate::measure::{
-    result::{Change, Entry, Row, SceneResult, What},
+    growth::{Growth, Quantity},
+    result::{Change, Entry, Report, Row, SceneResult, What},
     stats::Estimate,
 };
 
@@ -48,6 +49,42 @@ pub fn changes(changes: &[Change]) -> String {
         ]
     }));
     table(&rows).join("\n") + "\n"
+}
+
+/// How build time and memory grow with the scene, where there are several; head first.
+pub fn growth(report: &Report) -> Vec<Vec<String>> {
+    let mut rows = Vec::new();
+    for quantity in Quantity::ALL {
+        for growth in Growth::of(report, quantity) {
+            let (Some(exponent), Some(n)) = (growth.exponent(), growth.points.last()) else {
+                continue;
+            };
+            rows.push(vec![
+                quantity_name(quantity).to_string(),
+                growth.backend.clone(),
+                format!("n^{exponent:.3}"),
+                format!("{} sizes to {}", growth.points.len(), units::count(n[0] as u64)),
+            ]);
+        }
+    }
+    if !rows.is_empty() {
+        rows.insert(0, ["growth", "backend", "fit", "n triangles"].map(str::to_string).to_vec());
+    }
+    rows
+}
+
+/// [`growth`] as text; empty for one scene.
+pub fn growth_text(report: &Report) -> String {
+    table(&growth(report)).iter().map(|line| format!("{line}\n")).collect()
+}
+
+/// As tables and charts name it.
+pub fn quantity_name(quantity: Quantity) -> &'static str {
+    match quantity {
+        Quantity::BuildTime => "build time",
+        Quantity::Memory => "memory held",
+        Quantity::Peak => "peak memory of the build",
+    }
 }
 
 /// The backends and their memory, head first.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::measure::cross_check::{Answer, Finding, Report, Tally, Verdict};
+use crate::measure::cross_check::{Answer, Finding, MOST_NEAR, Report, Tally, Verdict};
 
 use super::units;
 
@@ -27,10 +27,18 @@ pub fn report(report: &Report) -> String {
             "\n{} ({}, {}; {bound})\n{}",
             backend.backend, backend.version, backend.isa, HEADING
         );
-        for (source, tally) in &backend.sources {
-            out += &row(source, tally);
+        for (i, (source, tally)) in backend.sources.iter().enumerate() {
+            out += &row(source, tally, backend.allowed.get(i).copied());
         }
-        out += &row("all", &backend.total);
+        out += &row("all", &backend.total, None);
+        if backend.total.crowd > 0 {
+            let _ = writeln!(
+                out,
+                "  {} answers unlike the oracle's are not judged: the ray comes within the bound of more \
+                 than {MOST_NEAR} primitives",
+                units::count(backend.total.crowd)
+            );
+        }
     }
     if let Some(all) = report.plain_loop {
         let _ = writeln!(
@@ -67,15 +75,18 @@ pub fn report(report: &Report) -> String {
     out
 }
 
-const HEADING: &str = "  rays                 all      agree       tie      edge      leak \
-                       false hit  wrong prim  wrong dist";
+const HEADING: &str = "  rays                 all      agree       tie      edge     crowd      leak \
+                       false hit  wrong prim  wrong dist  wrong / known";
 
-fn row(name: &str, tally: &Tally) -> String {
-    let Tally { rays, agree, tie, edge, leak, false_hit, wrong_primitive, wrong_distance } = tally;
-    format!(
-        "  {name:<14}{rays:>10} {agree:>10} {tie:>9} {edge:>9} {leak:>9} {false_hit:>9} \
-         {wrong_primitive:>11} {wrong_distance:>11}\n"
-    )
+fn row(name: &str, tally: &Tally, known: Option<u64>) -> String {
+    let Tally { rays, agree, tie, edge, crowd, .. } = tally;
+    let Tally { leak, false_hit, wrong_primitive, wrong_distance, .. } = tally;
+    let known = known.map_or(String::new(), |most| format!("{:>6} / {most}", tally.wrong()));
+    let line = format!(
+        "  {name:<14}{rays:>10} {agree:>10} {tie:>9} {edge:>9} {crowd:>9} {leak:>9} {false_hit:>9} \
+         {wrong_primitive:>11} {wrong_distance:>11} {known}"
+    );
+    format!("{}\n", line.trim_end())
 }
 
 /// One wrong answer, or what became of it.

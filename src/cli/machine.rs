@@ -35,11 +35,18 @@ pub fn pool(asked: Option<u16>) -> Result<ThreadPool> {
 /// # Errors
 /// `Unsupported` where this machine or this build lacks it.
 pub fn isa(asked: Option<IsaName>) -> Result<Isa> {
-    let wanted = match asked {
-        None => return Ok(Isa::detect()),
-        Some(IsaName::Portable) => Isa::Portable,
-        Some(IsaName::Avx2) => Isa::Avx2,
-        Some(IsaName::Avx512) => Isa::Avx512,
+    asked.map_or(Ok(Isa::detect()), |name| tier("--isa", name))
+}
+
+/// A tier that a flag names.
+///
+/// # Errors
+/// As [`isa`].
+pub fn tier(flag: &str, name: IsaName) -> Result<Isa> {
+    let wanted = match name {
+        IsaName::Portable => Isa::Portable,
+        IsaName::Avx2 => Isa::Avx2,
+        IsaName::Avx512 => Isa::Avx512,
     };
     if Isa::available().any(|isa| isa == wanted) {
         return Ok(wanted);
@@ -51,5 +58,5 @@ pub fn isa(asked: Option<IsaName>) -> Result<Isa> {
     let available: Vec<String> = Isa::available().map(|isa| isa.to_string()).collect();
     let message = format!("found {wanted}, which {lacks} lacks");
     let help = format!("available: {}", available.join(", "));
-    Err(Error::new(Kind::Unsupported, Problem::new("--isa", message).help(help)))
+    Err(Error::new(Kind::Unsupported, Problem::new(flag, message).help(help)))
 }

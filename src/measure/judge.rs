@@ -6,16 +6,19 @@
 //! the rays along edges and silhouettes, refutes nobody. So whoever is called wrong here is wrong;
 //! errors that all backends share are not found (`crosscheck` looks for those).
 
-use glam::DVec3;
-
+use super::cross_check::layers;
 use super::replay::Answer;
-use crate::geometry::{Geometry, GeometryKind};
-use crate::ray::{LANES, Rays};
+use crate::accel::brute::{Near, near_primitive};
+use crate::accel::lane::Ray;
+use crate::geometry::Geometry;
+use crate::ray::Rays;
 
-/// How far single precision may move a corner, in units of the largest distance between the ray's
-/// origin and the corners: the shear of Woop et al. 2013 takes 6 roundings of 2^-24 in each of two
-/// coordinates; Embree's Pluecker coordinates are of the same order.
-const BOUND: f64 = 16.0 / (1 << 24) as f64;
+/// How far single precision may move a corner, in units of the bound of the shear of Woop et al.
+/// 2013: four times as much, as `crosscheck` allows Embree.
+const FACTOR: f64 = 4.0;
+
+/// Four f32 ulp: of t.
+const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 
 /// What is true of a claimed hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,7 +44,7 @@ pub fn closest(geometry: &Geometry, rays: &Rays, i: usize, answers: &[Answer]) -
     let wrong = |(claim, answer): (&Option<Claim>, &Answer)| match claim {
         None => nearest < f64::INFINITY,
         Some(Claim::False) => true,
-        Some(Claim::Edge) => nearest < f64::from(answer.t) * (1.0 - BOUND),
+        Some(Claim::Edge) => nearest < f64::from(answer.t) * (1.0 - ROUNDING),
         Some(Claim::Solid([near, far])) => {
             let t = f64::from(answer.t);
             nearest < *near || t < *near || t > *far
@@ -68,77 +71,28 @@ pub fn occluded(
 
 /// Looks at one claimed hit. Its t is not looked at.
 pub fn examine(geometry: &Geometry, rays: &Rays, i: usize, hit: &Answer) -> Claim {
-    let at = |v: &[[f32; LANES]; 3]| DVec3::from([v[0][i], v[1][i], v[2][i]].map(f64::from));
-    let (origin, direction) = (at(&rays.org), at(&rays.dir));
-    let leaving = rays.leaving[i] == geometry.primitive(hit.geom, hit.prim);
-    let corner = |p: [f32; 3]| DVec3::from(p.map(f64::from)) - origin;
-    let claim = match geometry.kind(hit.geom) {
-        GeometryKind::Spheres => {
-            let sphere = &geometry.spheres[hit.prim as usize];
-            let centre = sphere.center - origin;
-            let (tnear, tfar) = (f64::from(rays.tnear[i]), f64::from(rays.tfar[i]));
-            let t = sphere.intersect(origin, direction, tnear, tfar, leaving);
-            let off = (centre - direction * (centre.dot(direction) / direction.length_squared()))
-                .length();
-            let bound = BOUND * (centre.length() + sphere.radius);
-            let slack = bound / direction.length() + BOUND * t.abs();
-            match (off - sphere.radius).abs() <= bound {
-                true => Claim::Edge,
-                false if t.is_nan() => Claim::False,
-                false => Claim::Solid([t - slack, t + slack]),
-            }
-        }
-        // A flat primitive cannot be met by a ray that leaves it.
-        _ if leaving => Claim::False,
-        GeometryKind::Mesh(mesh) => {
-            polygon(&geometry.meshes[mesh].corners(hit.prim).map(corner), direction)
-        }
-        GeometryKind::Quads => polygon(&geometry.quads[hit.prim as usize].map(corner), direction),
-    };
-    let Claim::Solid([near, far]) = claim else { return claim };
-    let (tnear, tfar) = (f64::from(rays.tnear[i]), f64::from(rays.tfar[i]));
-    match (near > tnear && far < tfar, far < tnear || near > tfar) {
-        (true, _) => claim,
-        (_, true) => Claim::False,
-        _ => Claim::Edge,
-    }
-}
-
-/// A convex planar polygon, corners in order and relative to the ray's origin.
-fn polygon(corners: &[DVec3], direction: DVec3) -> Claim {
-    let n = corners.len();
-    let edges = || (0..n).map(|k| (corners[k], corners[(k + 1) % n]));
-    let reach = corners.iter().fold(0.0, |m: f64, c| m.max(c.abs().max_element()));
-    let normal: DVec3 = edges().map(|(a, b)| (a - corners[0]).cross(b - corners[0])).sum();
-    let facing = normal.dot(direction);
-    let bound = BOUND * reach;
-    // Signed distance between the ray's line and that of each edge, > 0 inside.
-    let distance = |(a, b): (DVec3, DVec3)| {
-        let across = direction.cross(b - a).length();
-        direction.dot(a.cross(b)) * facing.signum() / across
-    };
-    let least = edges().map(distance).fold(f64::INFINITY, |m, d| if d >= m { m } else { d });
-    let longest = edges().map(|(a, b)| (b - a).length()).fold(0.0, f64::max);
-    let height = normal.length() / longest;
-    let cosine = facing.abs() / (normal.length() * direction.length());
-    // The rounding of the corners tilts the plane, a narrow one more.
-    let planar = corners.iter().map(|c| (*c - corners[0]).dot(normal).abs() / normal.length());
-    let off = planar.fold(0.0, f64::max);
-    let slack = (bound * (1.0 + longest / height) + off) / (cosine * direction.length());
-    let t = corners[0].dot(normal) / facing;
-    if least < -bound {
-        Claim::False
-    } else if least > bound && slack.is_finite() && t.is_finite() {
-        Claim::Solid([t - slack, t + slack])
-    } else {
-        // Also whatever is NaN: an edge along the ray, a polygon without area.
-        Claim::Edge
+    let ray = Ray::of(rays, i);
+    let near = near_primitive(geometry, &ray, hit.geom, hit.prim, FACTOR);
+    // Both roots of a sphere are among them.
+    let layers = layers(&near);
+    let first = layers
+        .iter()
+        .filter(|layer| layer.near > ray.tnear && layer.far < ray.tfar)
+        .min_by(|a, b| a.near.total_cmp(&b.near));
+    let may_count =
+        |part: &Near| part.t + part.t_error >= ray.tnear && part.t - part.t_error <= ray.tfar;
+    match first {
+        Some(layer) => Claim::Solid([layer.near, layer.far]),
+        None if near.iter().any(may_count) => Claim::Edge,
+        None => Claim::False,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
+
     use crate::geometry::{Sphere, TriangleMesh};
 
     /// Triangles z = 1 (primitive 0) and z = 2 (1) over the unit right angle, a sphere around z = 5.

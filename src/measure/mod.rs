@@ -4,6 +4,7 @@ pub mod ab;
 pub mod answers;
 pub mod bench;
 pub mod cross_check;
+pub mod growth;
 pub mod judge;
 pub mod rays;
 pub mod replay;

@@ -86,12 +86,14 @@ impl Svg {
         }
     }
 
-    /// The drawing, `height` high, with a title for those who cannot see it.
+    /// The drawing, `height` high, with a title for those who cannot see it. Font and background are
+    /// for those who look at it outside of a page.
     pub fn finish(self, height: f64, title: &str) -> String {
         let (width, title) = (self.width, escape(title));
         format!(
             "<svg viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" role=\"img\" \
-             xmlns=\"http://www.w3.org/2000/svg\">\n<title>{title}</title>\n{}</svg>\n",
+             xmlns=\"http://www.w3.org/2000/svg\" font-family=\"sans-serif\" font-size=\"12\" \
+             style=\"background: #fff\">\n<title>{title}</title>\n{}</svg>\n",
             self.body
         )
     }

@@ -12,7 +12,7 @@ mod exact;
 mod near;
 mod triangle;
 
-pub use self::near::{Near, Outline};
+pub use self::near::{Near, Outline, near_primitive};
 
 use std::cmp::Ordering;
 
@@ -67,6 +67,11 @@ impl<'g> Brute<'g> {
         Ok(Self { geometry, blocks, peak_bytes })
     }
 
+    /// The primitives.
+    pub fn geometry(&self) -> &'g Geometry {
+        self.geometry
+    }
+
     /// All hits of the ray, nearest first; of equal ones the lowest primitive number first. Each
     /// t to a relative 2^-40. A sphere counts once, as does a quad.
     pub fn all_hits(&self, ray: &Ray) -> Vec<Hit> {
@@ -97,7 +102,7 @@ impl<'g> Brute<'g> {
     }
 
     fn test(&self, ray: &Ray, primitive: u32) -> Option<Candidate> {
-        let (geom, prim) = locate(self.geometry, primitive);
+        let (geom, prim) = self.geometry.place(primitive);
         let leaving = primitive == ray.leaving;
         let on_triangle = |corners: [DVec3; 3], turned: bool| {
             let at = crossing(ray, &corners)?;
@@ -151,14 +156,8 @@ fn halves(quad: &[[f32; 3]; 4]) -> [[DVec3; 3]; 2] {
     [[v0, v1, v3], [v2, v3, v1]]
 }
 
-/// Geometry and primitive of a primitive number.
-fn locate(geometry: &Geometry, primitive: u32) -> (u32, u32) {
-    let geom = geometry.bases().partition_point(|&base| base <= primitive) - 1;
-    (geom as u32, primitive - geometry.bases()[geom])
-}
-
 fn bounds(geometry: &Geometry, primitive: u32) -> Box3 {
-    let (geom, prim) = locate(geometry, primitive);
+    let (geom, prim) = geometry.place(primitive);
     match geometry.kind(geom) {
         GeometryKind::Mesh(mesh) => Box3::of(&geometry.meshes[mesh].corners(prim).map(corner)),
         GeometryKind::Quads => Box3::of(&geometry.quads[prim as usize].map(corner)),

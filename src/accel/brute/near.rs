@@ -9,9 +9,9 @@
 use glam::{DVec2, DVec3};
 
 use super::blocks::ROUNDING;
-use super::{Brute, corner, halves, locate};
+use super::{Brute, corner, halves};
 use crate::accel::lane::Ray;
-use crate::geometry::{GeometryKind, Sphere};
+use crate::geometry::{Geometry, GeometryKind, Sphere};
 
 /// 6u: how far a sheared corner moves, in units of its largest coordinate from the origin.
 const SHEAR: f64 = 6.0 / (1u64 << 24) as f64;
@@ -59,48 +59,52 @@ impl Brute<'_> {
         // A moved corner stays in its box widened by the same.
         self.blocks.each(ray, factor * SHEAR * 1.001 + ROUNDING, all, |primitive| {
             if found.len() <= most {
-                self.add_near(ray, &plane, primitive, factor, &mut found);
+                add_near(self.geometry, ray, &plane, primitive, factor, &mut found);
             }
         });
         (found.len() <= most).then_some(found)
     }
+}
 
-    /// The entries of [`Brute::near`] of one primitive.
-    pub fn near_primitive(&self, ray: &Ray, geom: u32, prim: u32, factor: f64) -> Vec<Near> {
-        let mut found = Vec::new();
-        let primitive = self.geometry.primitive(geom, prim);
-        self.add_near(ray, &Plane::across(ray), primitive, factor, &mut found);
-        found
-    }
+/// The entries of [`Brute::near`] of one primitive.
+pub fn near_primitive(
+    geometry: &Geometry,
+    ray: &Ray,
+    geom: u32,
+    prim: u32,
+    factor: f64,
+) -> Vec<Near> {
+    let mut found = Vec::new();
+    let primitive = geometry.primitive(geom, prim);
+    add_near(geometry, ray, &Plane::across(ray), primitive, factor, &mut found);
+    found
+}
 
-    fn add_near(
-        &self,
-        ray: &Ray,
-        plane: &Plane,
-        primitive: u32,
-        factor: f64,
-        found: &mut Vec<Near>,
-    ) {
-        let (geom, prim) = locate(self.geometry, primitive);
-        let leaving = primitive == ray.leaving;
-        let mut add = |corners: [DVec3; 3]| {
-            let at = triangle(ray, plane, corners, factor * SHEAR);
-            found.extend(at.map(|(t, t_error, outline)| Near { geom, prim, t, t_error, outline }));
-        };
-        match self.geometry.kind(geom) {
-            GeometryKind::Spheres => {
-                let sphere = &self.geometry.spheres[prim as usize];
-                roots(ray, sphere, leaving, |t, t_error, sure| {
-                    let outline = Outline::Sphere(sure);
-                    found.push(Near { geom, prim, t, t_error, outline });
-                });
-            }
-            _ if leaving => {}
-            GeometryKind::Mesh(mesh) => add(self.geometry.meshes[mesh].corners(prim).map(corner)),
-            GeometryKind::Quads => {
-                halves(&self.geometry.quads[prim as usize]).into_iter().for_each(add);
-            }
+fn add_near(
+    geometry: &Geometry,
+    ray: &Ray,
+    plane: &Plane,
+    primitive: u32,
+    factor: f64,
+    found: &mut Vec<Near>,
+) {
+    let (geom, prim) = geometry.place(primitive);
+    let leaving = primitive == ray.leaving;
+    let mut add = |corners: [DVec3; 3]| {
+        let at = triangle(ray, plane, corners, factor * SHEAR);
+        found.extend(at.map(|(t, t_error, outline)| Near { geom, prim, t, t_error, outline }));
+    };
+    match geometry.kind(geom) {
+        GeometryKind::Spheres => {
+            let sphere = &geometry.spheres[prim as usize];
+            roots(ray, sphere, leaving, |t, t_error, sure| {
+                let outline = Outline::Sphere(sure);
+                found.push(Near { geom, prim, t, t_error, outline });
+            });
         }
+        _ if leaving => {}
+        GeometryKind::Mesh(mesh) => add(geometry.meshes[mesh].corners(prim).map(corner)),
+        GeometryKind::Quads => halves(&geometry.quads[prim as usize]).into_iter().for_each(add),
     }
 }
 

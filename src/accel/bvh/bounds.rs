@@ -49,6 +49,29 @@ impl Bounds3 {
         [self.0[0] - self.0[4], self.0[1] - self.0[5], self.0[2] - self.0[6]]
     }
 
+    /// Twice the centre, as a box.
+    #[inline(always)]
+    pub fn center2_point(&self) -> Self {
+        let mut point = Self::EMPTY;
+        for i in 0..4 {
+            let center2 = self.0[i] - self.0[i + 4];
+            (point.0[i], point.0[i + 4]) = (center2, -center2);
+        }
+        point
+    }
+
+    /// This box, or none: without a branch.
+    #[inline(always)]
+    #[must_use]
+    pub fn or_empty(self, keep: bool) -> Self {
+        let least = [f32::INFINITY, f32::NEG_INFINITY][usize::from(keep)];
+        let mut kept = self;
+        for x in &mut kept.0 {
+            *x = if *x > least { *x } else { least };
+        }
+        kept
+    }
+
     /// Extents, negative for an empty box.
     #[inline(always)]
     pub fn extent(&self) -> [f32; 3] {

@@ -7,15 +7,17 @@
 
 mod aimed;
 mod cover;
+mod known;
 mod pictures;
 mod plan;
 mod report;
 mod verdict;
 
+pub use self::cover::{Layer, layers};
 pub use self::pictures::{PictureReport, compare_pictures};
 pub use self::plan::Source;
 pub use self::report::{BackendReport, Finding, PlainLoop, Report, SavedRay, Tally};
-pub use self::verdict::{Answer, Verdict, judge};
+pub use self::verdict::{Answer, MOST_NEAR, Verdict, judge};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -162,6 +164,7 @@ pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
         monitor.check()?;
         portion.iter().for_each(|part| report.add(part, KEPT));
     }
+    report.allow_known(check.contenders);
     Ok(report)
 }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::cover::layers;
-use crate::accel::brute::{Brute, Near};
+use crate::accel::brute::{Brute, Near, near_primitive};
 use crate::accel::lane::{Hit, Ray};
 use crate::ray::{NONE, RayPacket, Rays};
 
@@ -71,9 +71,11 @@ pub enum Verdict {
     Agree,
     /// Another primitive at the same t within the errors, both met within the bound.
     Tie,
-    /// Another depth, because the ray passes an outline within the bound (or comes from so far away
-    /// that more than a thousand primitives lie within it).
+    /// Another depth, because the ray passes an outline within the bound.
     Edge,
+    /// Not to be judged: more than a thousand primitives lie within the bound, because the ray comes
+    /// from far away.
+    Crowd,
     /// Missed what no error within the bound can explain.
     Leak,
     /// Hit what the ray does not come near.
@@ -86,10 +88,11 @@ pub enum Verdict {
 
 impl Verdict {
     /// In the order of reports.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Agree,
         Self::Tie,
         Self::Edge,
+        Self::Crowd,
         Self::Leak,
         Self::FalseHit,
         Self::WrongPrimitive,
@@ -102,6 +105,7 @@ impl Verdict {
             Self::Agree => "agree",
             Self::Tie => "tie",
             Self::Edge => "edge",
+            Self::Crowd => "crowd",
             Self::Leak => "leak",
             Self::FalseHit => "false hit",
             Self::WrongPrimitive => "wrong primitive",
@@ -117,7 +121,7 @@ impl Verdict {
 
 /// Where more primitives than these lie within the bound, which happens to rays from far away, a
 /// wrong answer cannot be told from a right one.
-const MOST_NEAR: usize = 1000;
+pub const MOST_NEAR: usize = 1000;
 
 /// Judges `answer` by `truth`, the oracle's answer to the same query. `factor`: the bound of the
 /// backend's own test, in units of the shear's ([`Brute::near`]).
@@ -131,14 +135,14 @@ pub fn judge(oracle: &Brute, ray: &Ray, truth: Answer, answer: Answer, factor: f
         (Answer::Hit { geom, prim, .. }, Answer::Hit { geom: g, prim: p, t })
             if (geom, prim) == (g, p) =>
         {
-            let near = oracle.near_primitive(ray, g, p, factor);
+            let near = near_primitive(oracle.geometry(), ray, g, p, factor);
             let place = near.iter().any(|part| (part.t - t).abs() <= part.t_error);
             if place { Verdict::Agree } else { Verdict::WrongDistance }
         }
         (Answer::Miss, Answer::Miss) | (Answer::Occluded, Answer::Occluded) => Verdict::Agree,
         _ => match oracle.near(ray, factor, MOST_NEAR) {
             Some(near) => explain(&near, ray, truth, answer),
-            None => Verdict::Edge,
+            None => Verdict::Crowd,
         },
     }
 }

@@ -10,7 +10,7 @@ use super::super::node::{SPHERES, WIDTH};
 use super::super::simd::MAX_DEPTH;
 use super::block;
 use super::reference::Reference;
-use super::sah::{Bins, Grid};
+use super::sah::{Bins, Grid, Split};
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
 use crate::simd::{self, Isa, Kernel};
@@ -39,6 +39,12 @@ pub struct Binary {
     count: u8,
     /// A leaf: of spheres.
     pub spheres: bool,
+}
+
+impl Binary {
+    /// A node whose children are not there yet.
+    const UNFINISHED: Self =
+        Self { bounds: Bounds3::EMPTY, right: 0, leaf: 0, first: 0, count: 0, spheres: false };
 }
 
 /// The references of a leaf.
@@ -72,7 +78,8 @@ pub fn build(
     let done = AtomicU64::new(0);
     let builder = Builder { geometry, isa, monitor, total, done: &done };
     let mut nodes = Vec::new();
-    builder.subtree(references, 0, 0, &mut nodes);
+    let centroids = centroids_of(references);
+    builder.subtree(Set { references, centroids, first: 0, depth: 0 }, &mut nodes);
     nodes
 }
 
@@ -99,73 +106,75 @@ struct Builder<'a> {
     done: &'a AtomicU64,
 }
 
+/// References below one node.
+struct Set<'r> {
+    references: &'r mut [Reference],
+    /// Box of their (doubled) centroids.
+    centroids: Bounds3,
+    /// Where they begin among all.
+    first: u32,
+    /// Level of the node.
+    depth: usize,
+}
+
 impl Builder<'_> {
-    /// Appends the tree over `references`, which begin at `first` of all.
-    fn subtree(
-        self,
-        references: &mut [Reference],
-        first: u32,
-        depth: usize,
-        out: &mut Vec<Binary>,
-    ) {
+    /// Appends the tree over a set.
+    fn subtree(self, set: Set, out: &mut Vec<Binary>) {
         if self.monitor.stopped() {
             // Whatever this makes is thrown away.
-            let bounds = Bounds3::EMPTY;
-            out.push(Binary { bounds, right: 0, leaf: 0, first, count: 0, spheres: false });
+            out.push(Binary { first: set.first, ..Binary::UNFINISHED });
             return;
         }
-        if references.len() < PARALLEL {
-            let n = references.len() as u64;
-            simd::dispatch(self.isa, Serial { builder: self, references, first, depth, out });
+        let n = set.references.len() as u64;
+        if set.references.len() < PARALLEL {
+            let bins = &mut Bins::EMPTY.clone();
+            simd::dispatch(self.isa, Serial { builder: self, set, bins, out });
             let done = self.done.fetch_add(n, Relaxed) + n;
             self.monitor.set_done(done * 900 / self.total);
             return;
         }
-        let (bounds, middle) = simd::dispatch(self.isa, Divide { references, depth });
-        let (left, right) = references.split_at_mut(middle);
         let node = out.len();
-        out.push(Binary { bounds, right: 0, leaf: 0, first, count: 0, spheres: false });
+        out.push(Binary::UNFINISHED);
+        let (left, right) = divide(self.isa, set);
         let mut behind = Vec::new();
-        rayon::join(
-            || self.subtree(left, first, depth + 1, out),
-            || self.subtree(right, first + middle as u32, depth + 1, &mut behind),
-        );
-        out[node].right = (out.len() - node) as u32;
+        rayon::join(|| self.subtree(left, out), || self.subtree(right, &mut behind));
+        let start = out.len();
         out.append(&mut behind);
+        finish(out, node, start);
     }
 
     #[inline(always)]
-    fn serial(self, references: &mut [Reference], first: u32, depth: usize, out: &mut Vec<Binary>) {
-        if let Some((bounds, spheres)) = fits(self.geometry, references) {
-            let count = references.len() as u8;
+    fn serial(self, set: Set, bins: &mut Bins, out: &mut Vec<Binary>) {
+        if let Some(spheres) = fits(self.geometry, set.references) {
+            let mut bounds = Bounds3::EMPTY;
+            for reference in &*set.references {
+                bounds = bounds.union(reference.bounds);
+            }
+            let (first, count) = (set.first, set.references.len() as u8);
             out.push(Binary { bounds, right: 0, leaf: 0, first, count, spheres });
             return;
         }
-        let (bounds, middle) = divide(references, depth);
-        let (left, right) = references.split_at_mut(middle);
+        if set.references.len() <= 2 * WIDTH {
+            block::prefetch_indices(self.geometry, set.references);
+        }
         let node = out.len();
-        out.push(Binary { bounds, right: 0, leaf: 0, first, count: 0, spheres: false });
-        self.recurse(left, first, depth + 1, out);
-        out[node].right = (out.len() - node) as u32;
-        self.recurse(right, first + middle as u32, depth + 1, out);
+        out.push(Binary::UNFINISHED);
+        let (left, right) = divide_serial(set, bins);
+        self.recurse(left, bins, out);
+        let behind = out.len();
+        self.recurse(right, bins, out);
+        finish(out, node, behind);
     }
 
-    fn recurse(
-        self,
-        references: &mut [Reference],
-        first: u32,
-        depth: usize,
-        out: &mut Vec<Binary>,
-    ) {
-        simd::dispatch(self.isa, Serial { builder: self, references, first, depth, out });
+    fn recurse(self, set: Set, bins: &mut Bins, out: &mut Vec<Binary>) {
+        simd::dispatch(self.isa, Serial { builder: self, set, bins, out });
     }
 }
 
 struct Serial<'a, 'r> {
     builder: Builder<'a>,
-    references: &'r mut [Reference],
-    first: u32,
-    depth: usize,
+    set: Set<'r>,
+    bins: &'r mut Bins,
     out: &'r mut Vec<Binary>,
 }
 
@@ -173,26 +182,20 @@ impl Kernel for Serial<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        self.builder.serial(self.references, self.first, self.depth, self.out);
+        self.builder.serial(self.set, self.bins, self.out);
     }
 }
 
-struct Divide<'r> {
-    references: &'r mut [Reference],
-    depth: usize,
-}
-
-impl Kernel for Divide<'_> {
-    type Output = (Bounds3, usize);
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        divide(self.references, self.depth)
-    }
-}
-
-/// The box of references that fit into one leaf, and whether they are spheres.
+/// Completes a node whose right child is at `behind`.
 #[inline(always)]
-fn fits(geometry: &Geometry, references: &[Reference]) -> Option<(Bounds3, bool)> {
+fn finish(nodes: &mut [Binary], node: usize, behind: usize) {
+    nodes[node].right = (behind - node) as u32;
+    nodes[node].bounds = nodes[node + 1].bounds.union(nodes[behind].bounds);
+}
+
+/// Whether references fit into one leaf, and whether that is one of spheres.
+#[inline(always)]
+fn fits(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
     if references.len() > WIDTH {
         return None;
     }
@@ -202,100 +205,140 @@ fn fits(geometry: &Geometry, references: &[Reference]) -> Option<(Bounds3, bool)
         0 => block::fits(geometry, references),
         n => n == references.len() && n <= SPHERES,
     };
-    fit.then(|| (bounds_of(references), spheres > 0))
+    fit.then_some(spheres > 0)
 }
 
+/// Sorts a set into a left and a right part, neither empty.
 #[inline(always)]
-fn bounds_of(references: &[Reference]) -> Bounds3 {
-    references.iter().fold(Bounds3::EMPTY, |b, r| b.union(r.bounds))
+fn divide_serial<'r>(set: Set<'r>, bins: &mut Bins) -> (Set<'r>, Set<'r>) {
+    if set.depth >= SAH_LEVELS {
+        return halve(set);
+    }
+    let grid = Grid::new(&set.centroids);
+    *bins = Bins::EMPTY;
+    bins.add(&grid, set.references);
+    part(set, &grid, bins)
 }
 
-/// Sorts references into a left and a right part, neither empty; the box of all, and where the right
-/// part begins.
-#[inline(always)]
-fn divide(references: &mut [Reference], depth: usize) -> (Bounds3, usize) {
-    let parallel = references.len() >= PARALLEL_BINS;
-    let (bounds, centroids) =
-        if parallel { extents_in_parallel(references) } else { extents(references) };
-    if depth >= SAH_LEVELS {
-        return (bounds, halve(references, &centroids));
+/// The same for many, whose bins are filled in parallel.
+fn divide(isa: Isa, set: Set) -> (Set, Set) {
+    if set.references.len() < PARALLEL_BINS || set.depth >= SAH_LEVELS {
+        return simd::dispatch(isa, DivideSerial(set));
     }
-    let grid = Grid::new(&centroids);
-    let bins = if parallel {
-        let one = |part: &[Reference]| {
-            let mut bins = Bins::EMPTY;
-            bins.add(&grid, part);
-            bins
-        };
-        references.par_chunks(PARALLEL_BINS / 4).map(one).reduce(|| Bins::EMPTY, |a, b| a.merge(&b))
-    } else {
-        let mut bins = Bins::EMPTY;
-        bins.add(&grid, references);
-        bins
-    };
-    let middle = match bins.best(&grid) {
-        Some(split) => partition(references, |r| grid.is_left(&split, r)),
-        None => 0,
-    };
-    if middle == 0 || middle == references.len() {
-        return (bounds, halve(references, &centroids));
-    }
-    (bounds, middle)
-}
-
-/// Boxes of the references and of their (doubled) centroids.
-#[inline(always)]
-fn extents(references: &[Reference]) -> (Bounds3, Bounds3) {
-    let (mut bounds, mut centroids) = (Bounds3::EMPTY, Bounds3::EMPTY);
-    for reference in references {
-        let center = reference.bounds.center2();
-        bounds = bounds.union(reference.bounds);
-        centroids = centroids.union(Bounds3::new(center, center));
-    }
-    (bounds, centroids)
-}
-
-fn extents_in_parallel(references: &[Reference]) -> (Bounds3, Bounds3) {
-    references
+    let grid = Grid::new(&set.centroids);
+    let bins = set
+        .references
         .par_chunks(PARALLEL_BINS / 4)
-        .map(extents)
-        .reduce(|| (Bounds3::EMPTY, Bounds3::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)))
+        .map(|part| simd::dispatch(isa, Fill { grid: &grid, part }))
+        .reduce(|| Bins::EMPTY, |a, b| a.merge(&b));
+    simd::dispatch(isa, PartBy { set, grid: &grid, bins: &bins })
 }
 
-/// Moves what goes left to the front; how much that is.
-#[inline(always)]
-fn partition(references: &mut [Reference], is_left: impl Fn(&Reference) -> bool) -> usize {
-    let (mut i, mut j) = (0, references.len());
-    loop {
-        while i < j && is_left(&references[i]) {
-            i += 1;
-        }
-        while i < j && !is_left(&references[j - 1]) {
-            j -= 1;
-        }
-        if i >= j {
-            return i;
-        }
-        references.swap(i, j - 1);
-        i += 1;
-        j -= 1;
+struct DivideSerial<'r>(Set<'r>);
+
+impl<'r> Kernel for DivideSerial<'r> {
+    type Output = (Set<'r>, Set<'r>);
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        divide_serial(self.0, &mut Bins::EMPTY.clone())
     }
+}
+
+struct Fill<'r> {
+    grid: &'r Grid,
+    part: &'r [Reference],
+}
+
+impl Kernel for Fill<'_> {
+    type Output = Bins;
+    #[inline(always)]
+    fn run(self) -> Bins {
+        let mut bins = Bins::EMPTY;
+        bins.add(self.grid, self.part);
+        bins
+    }
+}
+
+struct PartBy<'r, 'b> {
+    set: Set<'r>,
+    grid: &'b Grid,
+    bins: &'b Bins,
+}
+
+impl<'r> Kernel for PartBy<'r, '_> {
+    type Output = (Set<'r>, Set<'r>);
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        part(self.set, self.grid, self.bins)
+    }
+}
+
+/// Parts a set where its bins say.
+#[inline(always)]
+fn part<'r>(set: Set<'r>, grid: &Grid, bins: &Bins) -> (Set<'r>, Set<'r>) {
+    let Some(split) = bins.best(grid) else { return halve(set) };
+    let (middle, sides) = partition(set.references, grid, &split);
+    if middle == 0 || middle == set.references.len() {
+        return halve(set);
+    }
+    split_at(set, middle, sides)
+}
+
+#[inline(always)]
+fn split_at(set: Set, middle: usize, [left, right]: [Bounds3; 2]) -> (Set, Set) {
+    let Set { references, first, depth, .. } = set;
+    let (a, b) = references.split_at_mut(middle);
+    (
+        Set { references: a, centroids: left, first, depth: depth + 1 },
+        Set { references: b, centroids: right, first: first + middle as u32, depth: depth + 1 },
+    )
+}
+
+/// Box of doubled centroids, in parallel.
+fn centroids_of(references: &[Reference]) -> Bounds3 {
+    references
+        .par_iter()
+        .with_min_len(PARALLEL)
+        .map(|reference| reference.bounds.center2_point())
+        .reduce(|| Bounds3::EMPTY, Bounds3::union)
+}
+
+/// Moves what goes left to the front; how much that is, and the boxes of both sides' centroids.
+///
+/// Without branches, which would be mispredicted for every second reference.
+#[inline(always)]
+fn partition(references: &mut [Reference], grid: &Grid, split: &Split) -> (usize, [Bounds3; 2]) {
+    let mut middle = 0;
+    let (mut left, mut right) = (Bounds3::EMPTY, Bounds3::EMPTY);
+    for i in 0..references.len() {
+        let reference = references[i];
+        let is_left = grid.is_left(split, &reference);
+        references[i] = references[middle];
+        references[middle] = reference;
+        middle += usize::from(is_left);
+        let centroid = reference.bounds.center2_point();
+        left = left.union(centroid.or_empty(is_left));
+        right = right.union(centroid.or_empty(!is_left));
+    }
+    (middle, [left, right])
 }
 
 /// Halves by number along the axis in which the centroids spread most; spheres behind triangles
 /// where they do not spread at all, so that leaves of one kind come about.
-fn halve(references: &mut [Reference], centroids: &Bounds3) -> usize {
+fn halve(set: Set) -> (Set, Set) {
+    let references = &mut *set.references;
     let middle = references.len() / 2;
-    let extent = centroids.extent();
+    let extent = set.centroids.extent();
     let axis = (0..3).fold(0, |a, b| if extent[b] > extent[a] { b } else { a });
     let key = |r: &Reference| (r.geometry(), r.primitive(), r.is_second_half());
-    if !(extent[axis] > 0.0) {
+    if extent[axis] > 0.0 {
+        references.select_nth_unstable_by(middle, |a, b| {
+            let (ca, cb) = (a.bounds.center2()[axis], b.bounds.center2()[axis]);
+            ca.total_cmp(&cb).then_with(|| key(a).cmp(&key(b)))
+        });
+    } else {
         references.select_nth_unstable_by_key(middle, key);
-        return middle;
     }
-    references.select_nth_unstable_by(middle, |a, b| {
-        let (ca, cb) = (a.bounds.center2()[axis], b.bounds.center2()[axis]);
-        ca.total_cmp(&cb).then_with(|| key(a).cmp(&key(b)))
-    });
-    middle
+    let sides = [centroids_of(&references[..middle]), centroids_of(&references[middle..])];
+    split_at(set, middle, sides)
 }

@@ -3,7 +3,7 @@
 use super::super::node::{Block, SECOND_HALF, WIDTH};
 use super::reference::Reference;
 use crate::geometry::Geometry;
-use crate::simd::Kernel;
+use crate::simd::{Kernel, prefetch};
 
 /// The distinct vertices of a leaf, compared by their bits: meshes that repeat a vertex for every
 /// face share them here all the same.
@@ -11,31 +11,102 @@ struct Vertices {
     x: [u32; WIDTH],
     y: [u32; WIDTH],
     z: [u32; WIDTH],
+    /// Geometry and index of each, as first seen.
+    names: [u64; WIDTH],
+    /// Places by a hash of the name: most corners are found there, without a look at coordinates.
+    places: [u8; HASHES],
     len: usize,
 }
 
-impl Vertices {
-    const EMPTY: Self = Self { x: [0; WIDTH], y: [0; WIDTH], z: [0; WIDTH], len: 0 };
+/// Room for a leaf's vertices with few collisions.
+const HASHES: usize = 64;
 
-    /// The place of a vertex, which is added if it is new; none if there is no room.
+/// Bits of a coordinate that is not finite: no vertex has it.
+const NO_COORDINATE: u32 = u32::MAX;
+
+impl Vertices {
+    const EMPTY: Self = Self {
+        x: [NO_COORDINATE; WIDTH],
+        y: [NO_COORDINATE; WIDTH],
+        z: [NO_COORDINATE; WIDTH],
+        names: [u64::MAX; WIDTH],
+        places: [0; HASHES],
+        len: 0,
+    };
+
+    /// Places of a triangle's corners, which are added if they are new; none if there is no room.
     #[inline(always)]
-    fn place(&mut self, vertex: [f32; 3]) -> Option<usize> {
+    fn triangle(&mut self, geometry: &Geometry, reference: &Reference) -> Option<[u8; 3]> {
+        let mut places = [0; 3];
+        let (geom, prim) = (reference.geometry(), reference.primitive());
+        // Loops, not closures: those would be compiled for the portable tier.
+        if let Some(mesh) = geometry.meshes.get(geom as usize) {
+            let corners = mesh.triangles()[prim as usize];
+            for k in 0..3 {
+                let name = u64::from(geom) << 32 | u64::from(corners[k]);
+                let hash = (corners[k].wrapping_mul(0x9e37_79b1) >> 26) as usize % HASHES;
+                let place = self.places[hash];
+                places[k] = if self.names[usize::from(place) % WIDTH] == name {
+                    place
+                } else {
+                    let place = self.place(mesh.padded_vertices()[corners[k] as usize], name)?;
+                    self.places[hash] = place;
+                    place
+                };
+            }
+        } else {
+            let corners = reference.corners(geometry)?;
+            for k in 0..3 {
+                places[k] = self.place(corners[k], u64::MAX)?;
+            }
+        }
+        Some(places)
+    }
+
+    /// The place of a vertex by its coordinates.
+    #[inline(always)]
+    fn place(&mut self, vertex: [f32; 3], name: u64) -> Option<u8> {
         let [x, y, z] = vertex.map(f32::to_bits);
-        let mut same = 0u32;
+        let mut maybe = false;
         for i in 0..WIDTH {
-            let equal = (self.x[i] == x) & (self.y[i] == y) & (self.z[i] == z);
-            same |= u32::from(equal) << i;
+            maybe |= self.x[i] == x;
         }
-        same &= (1 << self.len) - 1;
-        if same != 0 {
-            return Some(same.trailing_zeros() as usize);
+        if maybe {
+            for i in 0..self.len {
+                if (self.x[i], self.y[i], self.z[i]) == (x, y, z) {
+                    return Some(i as u8);
+                }
+            }
         }
-        if self.len == WIDTH {
+        let i = self.len;
+        if i >= WIDTH {
             return None;
         }
-        (self.x[self.len], self.y[self.len], self.z[self.len]) = (x, y, z);
+        (self.x[i], self.y[i], self.z[i], self.names[i]) = (x, y, z, name);
         self.len += 1;
-        Some(self.len - 1)
+        Some(i as u8)
+    }
+}
+
+/// Asks for the vertex indices of triangles that [`fits`] or [`MakeBlock`] will look at.
+#[inline(always)]
+pub fn prefetch_indices(geometry: &Geometry, references: &[Reference]) {
+    for reference in references {
+        if let Some(mesh) = geometry.meshes.get(reference.geometry() as usize) {
+            prefetch(mesh.triangles(), reference.primitive() as usize);
+        }
+    }
+}
+
+/// Asks for their vertices, when the indices are there.
+#[inline(always)]
+fn prefetch_vertices(geometry: &Geometry, references: &[Reference]) {
+    for reference in references {
+        if let Some(mesh) = geometry.meshes.get(reference.geometry() as usize) {
+            for corner in mesh.triangles()[reference.primitive() as usize] {
+                prefetch(mesh.padded_vertices(), corner as usize);
+            }
+        }
     }
 }
 
@@ -45,14 +116,11 @@ pub fn fits(geometry: &Geometry, references: &[Reference]) -> bool {
     if references.len() > WIDTH {
         return false;
     }
+    prefetch_vertices(geometry, references);
     let mut vertices = Vertices::EMPTY;
-    // Loops, not closures: those would be compiled for the portable tier.
     for reference in references {
-        let Some(corners) = reference.corners(geometry) else { return false };
-        for corner in corners {
-            if vertices.place(corner).is_none() {
-                return false;
-            }
+        if vertices.triangle(geometry, reference).is_none() {
+            return false;
         }
     }
     true
@@ -64,12 +132,16 @@ pub struct MakeBlock<'a> {
     pub geometry: &'a Geometry,
     /// Of triangles.
     pub references: &'a [Reference],
+    /// Of the leaf to come, and the one after it.
+    pub next: [&'a [Reference]; 2],
 }
 
 impl Kernel for MakeBlock<'_> {
     type Output = Block;
     #[inline(always)]
     fn run(self) -> Block {
+        prefetch_indices(self.geometry, self.next[1]);
+        prefetch_vertices(self.geometry, self.next[0]);
         block(self.geometry, self.references)
     }
 }
@@ -79,9 +151,9 @@ fn block(geometry: &Geometry, references: &[Reference]) -> Block {
     let mut vertices = Vertices::EMPTY;
     let mut block = Block::EMPTY;
     for (i, reference) in references.iter().take(WIDTH).enumerate() {
-        let Some(corners) = reference.corners(geometry) else { continue };
-        for (k, &corner) in corners.iter().enumerate() {
-            block.corners[k][i] = vertices.place(corner).unwrap_or(0) as u8;
+        let Some(corners) = vertices.triangle(geometry, reference) else { continue };
+        for k in 0..3 {
+            block.corners[k][i] = corners[k];
         }
         if reference.is_second_half() {
             block.corners[0][i] |= SECOND_HALF;

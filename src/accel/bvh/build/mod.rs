@@ -83,10 +83,12 @@ fn with_nodes(
         + tree.bytes()
         + (triangles.len() * size_of::<Block>() + leaves.len() * size_of::<&Leaf>()) as u64;
     let peak = within(collapsing.max(filling))?;
-    tree.blocks = triangles
-        .par_iter()
-        .map(|leaf| {
-            simd::dispatch(isa, MakeBlock { geometry, references: &references[leaf.range()] })
+    let of = |i: usize| triangles.get(i).map_or(&[][..], |leaf| &references[leaf.range()]);
+    tree.blocks = (0..triangles.len())
+        .into_par_iter()
+        .map(|i| {
+            let next = [of(i + 1), of(i + 2)];
+            simd::dispatch(isa, MakeBlock { geometry, references: of(i), next })
         })
         .collect();
     tree.spheres = spheres

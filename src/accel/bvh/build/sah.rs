@@ -7,20 +7,26 @@ use super::reference::Reference;
 /// Bins along each axis.
 pub const BINS: usize = 16;
 
+/// From this many references on, every third one is counted: it tells as much of where to split.
+const SAMPLED: usize = 1024;
+
+/// See [`SAMPLED`]; odd, because scans list triangles in pairs.
+const STRIDE: usize = 3;
+
 /// Counts and boxes of the references by the bin of their centroid, for three axes.
 #[derive(Clone)]
 pub struct Bins {
-    bounds: [[Bounds3; BINS]; 3],
-    counts: [[u32; BINS]; 3],
+    bounds: [[Bounds3; 3]; BINS],
+    counts: [[u32; 3]; BINS],
 }
 
 /// How centroids map to bins.
 #[derive(Debug, Clone, Copy)]
 pub struct Grid {
     /// Least centroid (doubled).
-    origin: [f32; 3],
+    origin: [f32; 4],
     /// Bins per unit; 0 along an axis without extent.
-    scale: [f32; 3],
+    scale: [f32; 4],
 }
 
 /// A plane between two bins.
@@ -35,43 +41,59 @@ impl Grid {
     /// The grid over a box of (doubled) centroids.
     #[inline(always)]
     pub fn new(centroids: &Bounds3) -> Self {
-        let scale = centroids.extent().map(|extent| {
+        let [x, y, z] = centroids.extent().map(|extent| {
             let scale = (BINS as f32 - 0.01) / extent;
             if extent > 0.0 && scale.is_finite() { scale } else { 0.0 }
         });
-        Self { origin: centroids.lower(), scale }
+        let [a, b, c] = centroids.lower();
+        Self { origin: [a, b, c, 0.0], scale: [x, y, z, 0.0] }
     }
 
-    /// The bin of a centroid along an axis.
+    /// The bin of a centroid along each axis, below [`BINS`].
     #[inline(always)]
-    fn bin(&self, center2: [f32; 3], axis: usize) -> u32 {
-        // Adding 2^23 leaves the integer nearest to x - 0.5 in the low bits.
-        let x = (center2[axis] - self.origin[axis]) * self.scale[axis] - 0.5;
-        let x = if x > 0.0 { x } else { 0.0 };
-        let bits = (x + 8_388_608.0).to_bits() & 0x7f_ffff;
-        bits.min(BINS as u32 - 1)
+    fn bin(&self, reference: &Reference) -> [u32; 4] {
+        let Bounds3(b) = reference.bounds;
+        let mut bins = [0; 4];
+        for i in 0..4 {
+            bins[i] = bin(b[i] - b[i + 4], self.origin[i], self.scale[i]);
+        }
+        bins
     }
 
     /// Whether a reference goes left.
     #[inline(always)]
     pub fn is_left(&self, split: &Split, reference: &Reference) -> bool {
-        self.bin(reference.bounds.center2(), split.axis) < split.bin
+        let axis = split.axis % 3;
+        let Bounds3(b) = reference.bounds;
+        bin(b[axis] - b[axis + 4], self.origin[axis], self.scale[axis]) < split.bin
     }
+}
+
+/// The bin of one coordinate.
+#[inline(always)]
+fn bin(center2: f32, origin: f32, scale: f32) -> u32 {
+    // Adding 2^23 leaves the integer nearest to x - 0.5 in the low bits.
+    let x = (center2 - origin) * scale - 0.5;
+    let x = if x > 0.0 { x } else { 0.0 };
+    let bits = (x + 8_388_608.0).to_bits() & 0x7f_ffff;
+    bits.min(BINS as u32 - 1)
 }
 
 impl Bins {
     /// No references.
-    pub const EMPTY: Self = Self { bounds: [[Bounds3::EMPTY; BINS]; 3], counts: [[0; BINS]; 3] };
+    pub const EMPTY: Self = Self { bounds: [[Bounds3::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
 
     /// Counts references.
     #[inline(always)]
     pub fn add(&mut self, grid: &Grid, references: &[Reference]) {
-        for reference in references {
-            let center2 = reference.bounds.center2();
+        let stride = if references.len() >= SAMPLED { STRIDE } else { 1 };
+        for reference in references.iter().step_by(stride) {
+            let bins = grid.bin(reference);
             for axis in 0..3 {
-                let bin = grid.bin(center2, axis) as usize % BINS;
-                self.bounds[axis][bin] = self.bounds[axis][bin].union(reference.bounds);
-                self.counts[axis][bin] += 1;
+                let bin = bins[axis] as usize % BINS;
+                let bounds = &mut self.bounds[bin][axis];
+                *bounds = bounds.union(reference.bounds);
+                self.counts[bin][axis] += 1;
             }
         }
     }
@@ -79,10 +101,10 @@ impl Bins {
     /// Both counts.
     #[must_use]
     pub fn merge(mut self, other: &Self) -> Self {
-        for axis in 0..3 {
-            for bin in 0..BINS {
-                self.bounds[axis][bin] = self.bounds[axis][bin].union(other.bounds[axis][bin]);
-                self.counts[axis][bin] += other.counts[axis][bin];
+        for bin in 0..BINS {
+            for axis in 0..3 {
+                self.bounds[bin][axis] = self.bounds[bin][axis].union(other.bounds[bin][axis]);
+                self.counts[bin][axis] += other.counts[bin][axis];
             }
         }
         self
@@ -91,27 +113,32 @@ impl Bins {
     /// The split with the least sum of area times number of primitives, if there is any.
     #[inline(always)]
     pub fn best(&self, grid: &Grid) -> Option<Split> {
+        let mut right_cost = [[0.0; 3]; BINS];
+        let (mut right, mut n) = ([Bounds3::EMPTY; 3], [0; 3]);
+        for bin in (1..BINS).rev() {
+            for axis in 0..3 {
+                right[axis] = right[axis].union(self.bounds[bin][axis]);
+                n[axis] += self.counts[bin][axis];
+                right_cost[bin][axis] = right[axis].half_area() * f64::from(n[axis]);
+            }
+        }
+        let mut least = [f64::INFINITY; 3];
+        let mut at = [0; 3];
+        let (mut left, mut n) = ([Bounds3::EMPTY; 3], [0; 3]);
+        for bin in 1..BINS {
+            for axis in 0..3 {
+                left[axis] = left[axis].union(self.bounds[bin - 1][axis]);
+                n[axis] += self.counts[bin - 1][axis];
+                let cost = left[axis].half_area() * f64::from(n[axis]) + right_cost[bin][axis];
+                let better = cost < least[axis];
+                least[axis] = if better { cost } else { least[axis] };
+                at[axis] = if better { bin as u32 } else { at[axis] };
+            }
+        }
         let mut best: Option<(f64, Split)> = None;
         for axis in 0..3 {
-            if grid.scale[axis] == 0.0 {
-                continue;
-            }
-            let (bounds, counts) = (&self.bounds[axis], &self.counts[axis]);
-            let mut right_cost = [0.0; BINS];
-            let (mut right, mut n) = (Bounds3::EMPTY, 0);
-            for bin in (1..BINS).rev() {
-                right = right.union(bounds[bin]);
-                n += counts[bin];
-                right_cost[bin] = right.half_area() * f64::from(n);
-            }
-            let (mut left, mut n) = (Bounds3::EMPTY, 0);
-            for bin in 1..BINS {
-                left = left.union(bounds[bin - 1]);
-                n += counts[bin - 1];
-                let cost = left.half_area() * f64::from(n) + right_cost[bin];
-                if best.is_none_or(|(least, _)| cost < least) {
-                    best = Some((cost, Split { axis, bin: bin as u32 }));
-                }
+            if grid.scale[axis] != 0.0 && best.is_none_or(|(cost, _)| least[axis] < cost) {
+                best = Some((least[axis], Split { axis, bin: at[axis] }));
             }
         }
         best.map(|(_, split)| split)

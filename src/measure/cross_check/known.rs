@@ -1,0 +1,27 @@
+//! How often backends that need not be right are known to be wrong: measured, docs/cli.md has the
+//! figures. What goes beyond is no known fact any more, but something that broke.
+
+use crate::scene::Backend;
+
+/// So few wrong answers of a kind are no rate yet.
+const FEW: u64 = 10;
+
+/// The share of answers to rays of a source (by name) that may be wrong; `None` for those that must
+/// be right. Generous: about twice the largest share of any scene that was measured.
+pub fn rate(backend: Backend, source: &str) -> Option<f64> {
+    match (backend, source) {
+        (Backend::Bvh | Backend::Brute, _) => None,
+        // Directions of length 1e-37 to 1e-30: products of them underflow.
+        (Backend::Embree, "tiny") => Some(1.0),
+        (Backend::Embree, "vertex" | "edge" | "axis" | "far") => Some(0.01),
+        (Backend::Coursework, "vertex" | "edge" | "axis" | "box-face" | "far" | "tiny") => {
+            Some(0.02)
+        }
+        (Backend::Embree | Backend::Coursework, _) => Some(0.001),
+    }
+}
+
+/// How many of so many answers that is.
+pub fn most(rate: f64, rays: u64) -> u64 {
+    (rate * rays as f64) as u64 + FEW
+}
