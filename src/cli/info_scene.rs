@@ -21,7 +21,8 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    let (world, more) = World::load(scene, LoadOptions::default(), &Monitor::default())?;
+    let options = LoadOptions { resolutions: true, ..LoadOptions::default() };
+    let (world, more) = World::load(scene, options, &Monitor::default())?;
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
     let footprint = Footprint::of(scene.backend, rayon::current_num_threads(), false);
     report.add("type", json!("scene"), "scene");
@@ -38,6 +39,7 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     let triangles = world.triangles();
     let line = format!("{} triangles", units::count(triangles));
     report.add("triangles", json!(triangles), line);
+    resolution(&world, report);
     let mut warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
     match footprint {
         Ok(footprint) => prediction = prediction.with(&footprint),
@@ -56,6 +58,44 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     }
     report.add("warnings", json!(texts), "");
     Ok(())
+}
+
+/// The steps of single precision around the scene's origin against the shortest edges.
+fn resolution(world: &World, report: &mut Report) {
+    let all = &world.resolutions;
+    let Some(coarsest) = all.iter().map(|r| r.ulp).reduce(f64::max) else { return };
+    let shortest = all.iter().map(|r| r.shortest_edge).fold(f64::INFINITY, f64::min);
+    let collapsed: u64 = all.iter().map(|r| r.collapsed_edges).sum();
+    let line = |name: &str, ulp: f64, edge: f64, collapsed: u64| {
+        let lost = match collapsed {
+            0 => String::new(),
+            n => format!("; {} edges collapse", units::count(n)),
+        };
+        format!(
+            "resolution{name}: {ulp:.2e} at the farthest vertex, shortest edge {edge:.2e}{lost}"
+        )
+    };
+    let values = |ulp: f64, edge: f64, collapsed: u64| {
+        // A mesh without triangles has no shortest edge: null.
+        json!({ "ulp": ulp, "shortest_edge": edge, "collapsed_edges": collapsed })
+    };
+    let mut meshes = Vec::new();
+    for one in all {
+        let mut value = values(one.ulp, one.shortest_edge, one.collapsed_edges);
+        value["place"] = json!(one.place);
+        value["path"] = json!(one.path.display().to_string());
+        meshes.push(value);
+    }
+    let mut value = values(coarsest, shortest, collapsed);
+    value["origin"] = json!(world.geometry.origin.to_array());
+    value["meshes"] = json!(meshes);
+    report.add("resolution", value, line(" of the scene", coarsest, shortest, collapsed));
+    if all.len() > 1 || collapsed > 0 {
+        for one in all {
+            let name = format!(" of {}", one.path.display());
+            report.lines.push(line(&name, one.ulp, one.shortest_edge, one.collapsed_edges));
+        }
+    }
 }
 
 fn contents(scene: &Scene, report: &mut Report) {

@@ -2,6 +2,7 @@
 
 mod bounds;
 mod place;
+mod resolution;
 mod textures;
 
 use std::path::{Path, PathBuf};
@@ -20,6 +21,7 @@ use self::place::{LARGEST, PlacedMesh};
 
 pub use self::bounds::Bounds;
 pub use self::place::placement;
+pub use self::resolution::{Resolution, ulp};
 
 /// How files are read.
 #[derive(Debug, Default)]
@@ -30,6 +32,8 @@ pub struct LoadOptions {
     pub ready: Vec<(PathBuf, Mesh)>,
     /// The most that all textures may take, decoding included; without it each may take 4 GiB.
     pub texture_bytes: Option<u64>,
+    /// Measure the resolution of every mesh, not only of those whose edges may have collapsed.
+    pub resolutions: bool,
 }
 
 impl LoadOptions {
@@ -69,6 +73,8 @@ pub struct World {
     pub falloff: Falloff,
     /// Alpha is coverage.
     pub transparent: bool,
+    /// What single precision leaves of the meshes, as far as it was measured.
+    pub resolutions: Vec<Resolution>,
 }
 
 impl World {
@@ -110,7 +116,10 @@ impl World {
         failures.check()?;
         let (textures, materials) = looks.unwrap_or_default();
         check_size(bounds, &mut warnings)?;
-        let origin = bounds.center();
+        let origin = bounds.origin();
+        let measured = meshes.iter().filter(|(_, m)| options.resolutions || m.in_doubt(origin));
+        let resolutions: Vec<Resolution> = measured.map(|(_, m)| m.resolution(origin)).collect();
+        warnings.extend(resolutions.iter().filter_map(Resolution::warning));
         let (geometry, shapes) = gather(scene, meshes, origin)?;
         let shapes = Shapes { materials, textures, ..shapes };
         let world = Self {
@@ -126,6 +135,7 @@ impl World {
             ambient: scene.ambient,
             falloff: scene.falloff,
             transparent: scene.transparent,
+            resolutions,
         };
         Ok((world, warnings))
     }
