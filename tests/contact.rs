@@ -40,7 +40,7 @@ fn sum(rows: &[Row], of: impl Fn(&Row) -> Count) -> Count {
 
 /// Every row's failures that are not allowed, and how much was looked at.
 fn check(backend: Backend, fast: bool, isa: Isa) {
-    let Some(rows) = measure(backend, fast, isa, Origin::Rounded, 4096) else { return };
+    let Some(rows) = measure(backend, fast, isa, Origin::Rounded, 128) else { return };
     let bad = |row: &&Row| {
         row.self_shadow.failures + row.self_reflection.failures + row.leak.failures > 0
     };
