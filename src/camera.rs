@@ -126,6 +126,27 @@ mod tests {
     }
 
     #[test]
+    fn directions_of_a_telescope_are_rounded_once() {
+        let spec = scene::Camera { fov_deg: 1e-3, ..camera(None) };
+        let spec = scene::Camera { lookat: DVec3::new(0.3, -0.8, 0.5), ..spec };
+        let c = Camera::new(&spec, DVec3::ZERO);
+        let [x, y, z] = axes(&spec);
+        let tan = (0.5e-3f64).to_radians().tan();
+        for (i, j) in [(0, 0), (1, 0), (399, 199), (17, 180), (200, 100)] {
+            let (sx, sy) = (f64::from(i) + 0.5, f64::from(j) + 0.5);
+            let (px, py) = ((2.0 * sx / 400.0 - 1.0) * 2.0 * tan, (1.0 - 2.0 * sy / 200.0) * tan);
+            let exact = (x * px + y * py + z).normalize();
+            let (_, direction) = c.pinhole_ray(i as f32 + 0.5, j as f32 + 0.5);
+            for axis in 0..3 {
+                let component = direction[axis];
+                let half = f64::from(component.abs() * f32::EPSILON) / 2.0;
+                let error = (f64::from(component) - exact[axis]).abs();
+                assert!(error <= half * 1.0001, "{error:e} of {component} at ({i}, {j})");
+            }
+        }
+    }
+
+    #[test]
     fn lens_rays_meet_in_the_plane_of_focus() {
         let lens = scene::Lens { aperture: 0.5, focal_distance: 4.0 };
         let c = Camera::new(&camera(Some(lens)), DVec3::ZERO);

@@ -125,8 +125,7 @@ fn pictures(shift: DVec3, step: f64) -> Vec<[Vec<[u32; 4]>; 2]> {
         let [here, there] = worlds.each_ref().map(|world| render(world, backend));
         Some([here?, there?])
     };
-    let backends = [Backend::Embree, Backend::Bvh, Backend::Coursework, Backend::Brute];
-    backends.into_iter().filter_map(both).collect()
+    [Backend::Embree, Backend::Bvh].into_iter().filter_map(both).collect()
 }
 
 /// How many different values: a picture that shows something has many.
@@ -202,7 +201,8 @@ fn two_meshes_far_apart_are_each_as_exact_as_single_precision_allows() {
 /// A scene of two fine meshes, cells of a centimetre, `apart` from each other; how many edges f32
 /// around `origin` loses.
 fn two_fine_meshes(scratch: &Scratch, apart: f64) -> impl Fn(DVec3) -> usize {
-    let (points, triangles) = relief(10, 0.0, |_, _| 0.0);
+    // Snapped: rows and columns are straight.
+    let (points, triangles) = relief(10, 0.2, |_, _| 0.0);
     let places = [DVec3::ZERO, DVec3::X * apart];
     let meshes = places.map(|place| points.iter().map(|&p| p * 0.05 + place).collect::<Vec<_>>());
     for (name, mesh) in ["a.ply", "b.ply"].iter().zip(&meshes) {
@@ -245,7 +245,7 @@ fn info_tells_the_resolution_and_render_warns_of_lost_edges() {
     assert_eq!(resolution["collapsed_edges"], json!(lost));
     assert_eq!(resolution["ulp"], json!(0.03125));
     let edge = resolution["shortest_edge"].as_f64().unwrap();
-    assert!((0.0095..0.01).contains(&edge), "{edge}");
+    assert!((edge - 0.01).abs() < 1e-6, "{edge}");
     assert_eq!(resolution["meshes"].as_array().unwrap().len(), 2);
     let text = scratch.run(&["info", "s.json"]);
     let line = text.stdout();
