@@ -251,13 +251,17 @@ fn info_tells_the_resolution_and_render_warns_of_lost_edges() {
     let line = text.stdout();
     let line = line.lines().find(|l| l.contains("resolution of the scene")).unwrap().to_string();
     assert!(line.contains("3.12e-2") && line.contains(&format!("{lost} edges collapse")), "{line}");
-    for command in [&["info", "s.json"][..], &["render", "s.json", "-o", "out"]] {
-        let done = scratch.run(command);
-        assert_eq!(done.code(), 0);
-        let warned = done.stderr();
-        let warnings: Vec<&str> = warned.lines().filter(|l| l.contains("collapse")).collect();
-        assert_eq!(warnings.len(), 2, "{warned}");
-    }
+    // They count in different ways: info before rounding, render after it.
+    let [info, render] =
+        [&["info", "s.json"][..], &["render", "s.json", "-o", "out"]].map(|args| {
+            let done = scratch.run(args);
+            assert_eq!(done.code(), 0);
+            let warned = done.stderr();
+            let warnings = warned.lines().filter(|line| line.contains("collapse"));
+            warnings.map(str::to_string).collect::<Vec<_>>()
+        });
+    assert_eq!(info.len(), 2, "{info:?}");
+    assert_eq!(info, render);
 }
 
 #[test]
@@ -271,4 +275,49 @@ fn where_no_edge_is_lost_nothing_is_said() {
     let done = scratch.run(&["render", "s.json", "-o", "out"]);
     assert_eq!(done.code(), 0);
     assert!(!done.stderr().contains("collapse"), "{}", done.stderr());
+}
+
+/// A file of floats, made so small and put so far away that its corners fall together.
+#[test]
+fn render_warns_of_lost_edges_in_files_of_floats() {
+    let scratch = Scratch::new();
+    scratch.write("p.ply", program::PYRAMID);
+    let scene = |size: f64| {
+        json!({
+            "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 45,
+                "position": [0, 0, 9000], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+            "scene": { "accelerator": "bvh", "shapes": [
+                { "type": "trimesh", "path": "p.ply", "size": size, "center": [4000, 0, 0],
+                  "material": {} },
+                { "type": "plane", "v0": [-4096, -1, 4096], "v1": [4096, -1, 4096],
+                  "v2": [4096, -1, -4096], "v3": [-4096, -1, -4096], "material": {} }] }
+        })
+    };
+    // Around 4000 f32 has steps of 2^-12 = 2.4e-4.
+    for (size, lost) in [(1.0, 0), (3e-5, 3)] {
+        scratch.write("s.json", &scene(size).to_string());
+        let info = scratch.run(&["info", "--json", "s.json"]);
+        let value: Value = serde_json::from_str(&info.stdout()).unwrap();
+        let collapsed = value["resolution"]["collapsed_edges"].as_u64().unwrap();
+        assert_eq!(collapsed > 0, lost > 0, "{value}");
+        assert!(collapsed >= lost, "{collapsed} edges");
+        let done = scratch.run(&["render", "s.json", "-o", "out"]);
+        assert_eq!(done.code(), 0);
+        assert_eq!(done.stderr().contains("collapse"), lost > 0, "{}", done.stderr());
+    }
+}
+
+#[test]
+fn info_tells_the_resolution_of_a_mesh_file_around_its_own_middle() {
+    let scratch = Scratch::new();
+    let (points, triangles) = relief(8, 0.0, hills);
+    let points: Vec<DVec3> = points.into_iter().map(|p| p * 4.0 + MAP).collect();
+    scratch.write("far.ply", &ply(&points, &triangles));
+    let info = scratch.run(&["info", "--json", "far.ply"]);
+    let value: Value = serde_json::from_str(&info.stdout()).unwrap();
+    // Eight units across: the farthest coordinate is about 4, whose neighbours are 2^-22 to 2^-21 apart.
+    let ulp = value["resolution"]["ulp"].as_f64().unwrap();
+    assert!(ulp == 1.0 / f64::from(1 << 22) || ulp == 1.0 / f64::from(1 << 21), "{ulp:e}");
+    assert_eq!(value["resolution"]["collapsed_edges"], json!(0));
+    assert!(scratch.run(&["info", "far.ply"]).stdout().contains("resolution around its middle"));
 }

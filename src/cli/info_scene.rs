@@ -14,7 +14,11 @@ use crate::{
     world::{LoadOptions, World},
 };
 
-use super::{memory, report::Report, units};
+use super::{
+    memory,
+    report::{Extent, Report},
+    units,
+};
 
 /// Checks a scene and says what is in it.
 pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
@@ -62,39 +66,32 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
 
 /// The steps of single precision around the scene's origin against the shortest edges.
 fn resolution(world: &World, report: &mut Report) {
-    let all = &world.resolutions;
-    let Some(coarsest) = all.iter().map(|r| r.ulp).reduce(f64::max) else { return };
-    let shortest = all.iter().map(|r| r.shortest_edge).fold(f64::INFINITY, f64::min);
-    let collapsed: u64 = all.iter().map(|r| r.collapsed_edges).sum();
-    let line = |name: &str, ulp: f64, edge: f64, collapsed: u64| {
-        let lost = match collapsed {
-            0 => String::new(),
-            n => format!("; {} edges collapse", units::count(n)),
-        };
-        format!(
-            "resolution{name}: {ulp:.2e} at the farthest vertex, shortest edge {edge:.2e}{lost}"
-        )
-    };
-    let values = |ulp: f64, edge: f64, collapsed: u64| {
-        // A mesh without triangles has no shortest edge: null.
-        json!({ "ulp": ulp, "shortest_edge": edge, "collapsed_edges": collapsed })
-    };
+    let extents: Vec<Extent> = world
+        .resolutions
+        .iter()
+        .map(|r| Extent { ulp: r.ulp, edge: r.shortest_edge, collapsed: r.collapsed_edges })
+        .collect();
+    let worst = extents.iter().copied().reduce(|a, b| Extent {
+        ulp: a.ulp.max(b.ulp),
+        edge: a.edge.min(b.edge),
+        collapsed: a.collapsed + b.collapsed,
+    });
+    let Some(worst) = worst else { return };
     let mut meshes = Vec::new();
-    for one in all {
-        let mut value = values(one.ulp, one.shortest_edge, one.collapsed_edges);
+    let mut lines = Vec::new();
+    for (one, extent) in world.resolutions.iter().zip(&extents) {
+        let mut value = extent.json();
         value["place"] = json!(one.place);
         value["path"] = json!(one.path.display().to_string());
         meshes.push(value);
+        lines.push(extent.line(&format!(" of {}", one.path.display())));
     }
-    let mut value = values(coarsest, shortest, collapsed);
+    let mut value = worst.json();
     value["origin"] = json!(world.geometry.origin.to_array());
     value["meshes"] = json!(meshes);
-    report.add("resolution", value, line(" of the scene", coarsest, shortest, collapsed));
-    if all.len() > 1 || collapsed > 0 {
-        for one in all {
-            let name = format!(" of {}", one.path.display());
-            report.lines.push(line(&name, one.ulp, one.shortest_edge, one.collapsed_edges));
-        }
+    report.add("resolution", value, worst.line(" of the scene"));
+    if extents.len() > 1 {
+        report.lines.append(&mut lines);
     }
 }
 

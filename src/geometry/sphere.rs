@@ -31,7 +31,7 @@ impl Sphere {
     /// without cancellation. Where f64 would lose too much of them - a ray near the outline, an
     /// origin near the surface of a large sphere, a tiny sphere far away - they are computed again
     /// with twice the bits: hit and miss are told apart up to some 2^-98 of the squared distance,
-    /// and a root is right to 2^-24 of itself at worst. A zero or non-finite direction misses.
+    /// and roots are right to single precision. A zero or non-finite direction misses.
     #[inline(always)]
     pub fn intersect(
         &self,

@@ -32,7 +32,8 @@ pub struct LoadOptions {
     pub ready: Vec<(PathBuf, Mesh)>,
     /// The most that all textures may take, decoding included; without it each may take 4 GiB.
     pub texture_bytes: Option<u64>,
-    /// Measure the resolution of every mesh, not only of those whose edges may have collapsed.
+    /// Measure the [`Resolution`] of every mesh. Without it edges that collapsed are looked for
+    /// where there may be any.
     pub resolutions: bool,
 }
 
@@ -73,7 +74,7 @@ pub struct World {
     pub falloff: Falloff,
     /// Alpha is coverage.
     pub transparent: bool,
-    /// What single precision leaves of the meshes, as far as it was measured.
+    /// What single precision leaves of the meshes, if [`LoadOptions::resolutions`] asked.
     pub resolutions: Vec<Resolution>,
 }
 
@@ -117,11 +118,20 @@ impl World {
         let (textures, materials) = looks.unwrap_or_default();
         check_size(bounds, &mut warnings)?;
         let origin = bounds.origin();
-        let measured = meshes.iter().filter(|(_, m)| options.resolutions || m.in_doubt(origin));
-        let resolutions: Vec<Resolution> = measured.map(|(_, m)| m.resolution(origin)).collect();
-        warnings.extend(resolutions.iter().filter_map(Resolution::warning));
+        let (mut resolutions, mut doubts) = (Vec::new(), Vec::new());
+        if options.resolutions {
+            resolutions.extend(meshes.iter().map(|(_, mesh)| mesh.resolution(origin)));
+            warnings.extend(resolutions.iter().filter_map(Resolution::warning));
+        } else {
+            doubts.extend(meshes.iter().map(|(_, mesh)| mesh.doubt(origin)));
+        }
         let (geometry, shapes) = gather(scene, meshes, origin)?;
         let shapes = Shapes { materials, textures, ..shapes };
+        let settled = doubts.iter().zip(&geometry.meshes).filter_map(|(doubt, mesh)| {
+            let doubt = doubt.as_ref()?;
+            doubt.settle(mesh)
+        });
+        warnings.extend(settled);
         let world = Self {
             geometry,
             shapes,

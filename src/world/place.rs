@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::bounds::Bounds;
-use super::resolution::{Resolution, ulp};
+use super::resolution::{Doubt, Resolution, ulp};
 use crate::error::{Error, Problem, Result};
 use crate::geometry::TriangleMesh;
 use crate::mesh::{self, Colors, Mesh, Positions, Uvs};
@@ -98,16 +98,19 @@ impl PlacedMesh {
         }
     }
 
-    /// Whether edges may have collapsed around `origin`, from the box alone: where the file has
-    /// doubles, or where f32 around `origin` is more than two bits coarser than the file's own.
-    pub fn in_doubt(&self, origin: DVec3) -> bool {
+    /// Whether edges may collapse around `origin`, from the box alone: where the file has doubles, or
+    /// where f32 around `origin` is more than two bits coarser than the file's own.
+    pub fn doubt(&self, origin: DVec3) -> Option<Doubt> {
+        let Trimesh { place, path, center, .. } = &self.spec;
         let scale = self.linear.x_axis.length();
         // The file's largest coordinate, in world units.
-        let own = self.reach(self.spec.center - self.linear * self.middle);
-        match self.mesh.positions {
+        let own = self.reach(*center - self.linear * self.middle);
+        let ulp_there = ulp(self.reach(origin));
+        let doubtful = match self.mesh.positions {
             Positions::F64(_) => true,
-            Positions::F32(_) => ulp(self.reach(origin)) > 4.0 * scale * ulp(own / scale),
-        }
+            Positions::F32(_) => ulp_there > 4.0 * scale * ulp(own / scale),
+        };
+        doubtful.then(|| Doubt { place: place.clone(), path: path.clone(), ulp: ulp_there })
     }
 
     /// Vertices relative to `origin`, and the vertex data that `shape` needs.

@@ -1,11 +1,12 @@
 //! How much detail of a mesh is left once its vertices are f32 around the scene's origin.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::Problem;
+use crate::geometry::TriangleMesh;
 
 /// What single precision around the scene's origin leaves of a mesh.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,27 +44,74 @@ impl Resolution {
                 }
                 all
             });
-        let Edges { shortest_squared, mut collapsed } = found.reduce(Edges::default, Edges::with);
-        // Triangles share their edges.
-        collapsed.par_sort_unstable();
-        collapsed.dedup();
-        (shortest_squared.sqrt() * scale, collapsed.len() as u64)
+        let Edges { shortest_squared, collapsed } = found.reduce(Edges::default, Edges::with);
+        (shortest_squared.sqrt() * scale, count_once(collapsed))
     }
 
     /// What there is to say about lost edges.
     pub fn warning(&self) -> Option<Problem> {
-        let count = self.collapsed_edges;
-        let message = format!(
-            "{count} edges of {} collapse: their ends, apart in the file, are one point in single \
-             precision around the middle of the scene (there coordinates are {:.2e} apart, the \
-             shortest edge is {:.2e})",
-            self.path.display(),
-            self.ulp,
-            self.shortest_edge,
-        );
-        let help = "bring the shapes of the scene closer together, or render them apart";
-        (count > 0).then(|| Problem::new(&self.place, message).help(help))
+        warning(&self.place, &self.path, self.ulp, self.collapsed_edges)
     }
+}
+
+/// A mesh whose edges may have collapsed.
+#[derive(Debug)]
+pub struct Doubt {
+    /// Where the scene names it.
+    pub place: String,
+    /// The file.
+    pub path: PathBuf,
+    /// As in [`Resolution`].
+    pub ulp: f64,
+}
+
+impl Doubt {
+    /// Looks for collapsed edges.
+    pub fn settle(&self, mesh: &TriangleMesh) -> Option<Problem> {
+        warning(&self.place, &self.path, self.ulp, collapsed_edges(mesh))
+    }
+}
+
+/// What there is to say about `collapsed` edges of a mesh; nothing if there are none.
+fn warning(place: &str, path: &Path, ulp: f64, collapsed: u64) -> Option<Problem> {
+    let message = format!(
+        "{collapsed} edges of {} collapse: their ends, apart in the file, are one point in single \
+         precision around the middle of the scene, which is {ulp:.2e} coarse there",
+        path.display(),
+    );
+    let help = "bring the shapes of the scene closer together, or render them apart";
+    (collapsed > 0).then(|| Problem::new(place, message).help(help))
+}
+
+/// Edges of a mesh as rays see it whose ends are one point. Such an edge had two ends in its file:
+/// triangles without area are dropped when it is read.
+fn collapsed_edges(mesh: &TriangleMesh) -> u64 {
+    const CHUNK: usize = 1 << 15;
+    let vertices = mesh.vertices();
+    let in_chunk = |triangles: &[[u32; 3]]| {
+        let mut found = Vec::new();
+        for &[a, b, c] in triangles {
+            let [p, q, r] = [a, b, c].map(|i| vertices[i as usize]);
+            if (p == q) | (q == r) | (r == p) {
+                let sides = [(p == q, a, b), (q == r, b, c), (r == p, c, a)];
+                let lost = sides.into_iter().filter(|side| side.0);
+                found.extend(lost.map(|(_, i, j)| [i.min(j), i.max(j)]));
+            }
+        }
+        found
+    };
+    let chunks = mesh.triangles().par_chunks(CHUNK).map(in_chunk);
+    count_once(chunks.reduce(Vec::new, |mut all, mut more| {
+        all.append(&mut more);
+        all
+    }))
+}
+
+/// Triangles share their edges.
+fn count_once(mut edges: Vec<[u32; 2]>) -> u64 {
+    edges.par_sort_unstable();
+    edges.dedup();
+    edges.len() as u64
 }
 
 struct Edges {
@@ -118,6 +166,9 @@ mod tests {
         let triangles = [[0, 1, 2], [2, 1, 3], [0, 1, 3]];
         let (shortest, collapsed) = Resolution::edges(&triangles, 2.0, exact, coarse);
         assert_eq!((shortest, collapsed), (2e-3, 1));
+        let seen = at.map(|p| coarse(p.into())).to_vec();
+        let mesh = TriangleMesh::new(seen, triangles.to_vec(), false);
+        assert_eq!(collapsed_edges(&mesh), 2, "all that have no length");
         let fine = |p: DVec3| p.as_vec3().to_array();
         assert_eq!(Resolution::edges(&triangles, 1.0, exact, fine), (1e-3, 0));
     }
