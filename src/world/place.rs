@@ -1,7 +1,7 @@
 //! A mesh file -> its place in the world: fit, rotate, size, center; then the scene's origin.
 //!
-//! Differences first: what is far from the origin of the world, in the file or by its `center`, is
-//! made small exactly before it is turned, scaled and rounded.
+//! Differences first: what is far from the origin of the world is made small exactly before it is
+//! turned, scaled and rounded.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -51,7 +51,8 @@ impl PlacedMesh {
             None => Bounds::EMPTY,
         };
         let (linear, middle) = placement(spec, own);
-        let bounds = bounds(&mesh, &used, |p| linear * (p - middle) + spec.center);
+        let offset = spec.center - linear * middle;
+        let bounds = bounds(&mesh, &used, |p| linear * p + offset);
         let furthest = bounds.min.abs().max(bounds.max.abs()).max_element();
         if !(furthest < LARGEST) {
             return Err(Error::invalid(
@@ -70,8 +71,17 @@ impl PlacedMesh {
         self.bounds
     }
 
-    /// What becomes of the file's vertices around `origin`.
+    /// What becomes of the vertices of a file of floats around `origin`.
+    #[inline(always)]
     fn placed(&self, origin: DVec3) -> impl Fn(DVec3) -> [f32; 3] + Sync + use<> {
+        let linear = self.linear;
+        let offset = (self.spec.center - origin) - linear * self.middle;
+        move |p| (linear * p + offset).as_vec3().to_array()
+    }
+
+    /// The same of a file of doubles: what is far away in the file is made small exactly first.
+    #[inline(always)]
+    fn placed_exactly(&self, origin: DVec3) -> impl Fn(DVec3) -> [f32; 3] + Sync + use<> {
         let (linear, middle, center) = (self.linear, self.middle, self.spec.center - origin);
         move |p| (linear * (p - middle) + center).as_vec3().to_array()
     }
@@ -87,8 +97,14 @@ impl PlacedMesh {
         let (mesh, spec) = (&self.mesh, &self.spec);
         let scale = self.linear.x_axis.length();
         let exact = |i: u32| mesh.positions.get(i as usize);
-        let (shortest_edge, collapsed_edges) =
-            Resolution::edges(&mesh.triangles, scale, exact, self.placed(origin));
+        let (shortest_edge, collapsed_edges) = match mesh.positions {
+            Positions::F32(_) => {
+                Resolution::edges(&mesh.triangles, scale, exact, self.placed(origin))
+            }
+            Positions::F64(_) => {
+                Resolution::edges(&mesh.triangles, scale, exact, self.placed_exactly(origin))
+            }
+        };
         Resolution {
             place: spec.place.clone(),
             path: spec.path.clone(),
@@ -115,7 +131,7 @@ impl PlacedMesh {
 
     /// Vertices relative to `origin`, and the vertex data that `shape` needs.
     pub fn finish(self, origin: DVec3, shape: &mut Shape) -> TriangleMesh {
-        let placed = self.placed(origin);
+        let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
         let Self { mesh, spec, linear, .. } = self;
         let vertices = match mesh.positions {
             Positions::F32(mut all) => {
@@ -125,7 +141,7 @@ impl PlacedMesh {
             Positions::F64(all) => {
                 // Room for the unused vertex that `TriangleMesh` adds.
                 let mut rounded = Vec::with_capacity(all.len() + 1);
-                let each = all.par_iter().map(|&p| placed(DVec3::from(p)));
+                let each = all.par_iter().map(|&p| placed_exactly(DVec3::from(p)));
                 each.collect_into_vec(&mut rounded);
                 rounded
             }
