@@ -5,27 +5,27 @@ use glam::{DVec3, Vec3};
 use crate::sampler::disk;
 use crate::scene;
 
-/// A camera in the scene's recentred f32 space.
+/// A camera relative to the scene's origin. f64, rounded once into each ray: within half an ulp.
 #[derive(Debug, Clone, Copy)]
 pub struct Camera {
     /// Relative to the scene's origin.
-    position: Vec3,
+    position: DVec3,
     /// Direction to the top left corner of the frame, before normalisation.
-    corner: Vec3,
+    corner: DVec3,
     /// Change of that direction per pixel to the right.
-    right: Vec3,
+    right: DVec3,
     /// Change of that direction per pixel down.
-    down: Vec3,
+    down: DVec3,
     lens: Option<Lens>,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Lens {
     /// Half the aperture along X.
-    x: Vec3,
+    x: DVec3,
     /// Half the aperture along Y.
-    y: Vec3,
-    focal_distance: f32,
+    y: DVec3,
+    focal_distance: f64,
 }
 
 /// The camera's axes: X right, Y up, Z forward, unit length.
@@ -44,15 +44,15 @@ impl Camera {
         let half_width = width / height * tan;
         // An aperture of 0 is a pinhole, bit for bit.
         let lens = camera.lens.filter(|lens| lens.aperture > 0.0).map(|lens| Lens {
-            x: (x * (lens.aperture / 2.0)).as_vec3(),
-            y: (y * (lens.aperture / 2.0)).as_vec3(),
-            focal_distance: lens.focal_distance as f32,
+            x: x * (lens.aperture / 2.0),
+            y: y * (lens.aperture / 2.0),
+            focal_distance: lens.focal_distance,
         });
         Self {
-            position: (camera.position - origin).as_vec3(),
-            corner: (z - x * half_width + y * tan).as_vec3(),
-            right: (x * (2.0 * half_width / width)).as_vec3(),
-            down: (y * (-2.0 * tan / height)).as_vec3(),
+            position: camera.position - origin,
+            corner: z - x * half_width + y * tan,
+            right: x * (2.0 * half_width / width),
+            down: y * (-2.0 * tan / height),
             lens,
         }
     }
@@ -71,8 +71,9 @@ impl Camera {
             Some(l) => {
                 let direction = self.towards(x, y);
                 let [lx, ly] = disk(lens);
-                let offset = l.x * lx + l.y * ly;
-                (self.position + offset, unit(direction * l.focal_distance - offset))
+                let offset = l.x * f64::from(lx) + l.y * f64::from(ly);
+                let origin = (self.position + offset).as_vec3();
+                (origin, unit(direction * l.focal_distance - offset))
             }
         }
     }
@@ -82,18 +83,18 @@ impl Camera {
     /// [`Camera::ray`] of a camera without a lens.
     #[inline(always)]
     pub fn pinhole_ray(&self, x: f32, y: f32) -> (Vec3, Vec3) {
-        (self.position, unit(self.towards(x, y)))
+        (self.position.as_vec3(), unit(self.towards(x, y)))
     }
 
     #[inline(always)]
-    fn towards(&self, x: f32, y: f32) -> Vec3 {
-        self.corner + self.right * x + self.down * y
+    fn towards(&self, x: f32, y: f32) -> DVec3 {
+        self.corner + self.right * f64::from(x) + self.down * f64::from(y)
     }
 }
 
 #[inline(always)]
-fn unit(v: Vec3) -> Vec3 {
-    v * (1.0 / v.dot(v).sqrt())
+fn unit(v: DVec3) -> Vec3 {
+    (v * (1.0 / v.dot(v).sqrt())).as_vec3()
 }
 
 #[cfg(test)]
@@ -122,6 +123,27 @@ mod tests {
         assert!((ray(0.0, 0.0) - expect).length() < 1e-6);
         let expect = Vec3::new(-2.0, -1.0, 1.0).normalize();
         assert!((ray(400.0, 200.0) - expect).length() < 1e-6);
+    }
+
+    #[test]
+    fn directions_of_a_telescope_are_rounded_once() {
+        let spec = scene::Camera { fov_deg: 1e-3, ..camera(None) };
+        let spec = scene::Camera { lookat: DVec3::new(0.3, -0.8, 0.5), ..spec };
+        let c = Camera::new(&spec, DVec3::ZERO);
+        let [x, y, z] = axes(&spec);
+        let tan = (0.5e-3f64).to_radians().tan();
+        for (i, j) in [(0, 0), (1, 0), (399, 199), (17, 180), (200, 100)] {
+            let (sx, sy) = (f64::from(i) + 0.5, f64::from(j) + 0.5);
+            let (px, py) = ((2.0 * sx / 400.0 - 1.0) * 2.0 * tan, (1.0 - 2.0 * sy / 200.0) * tan);
+            let exact = (x * px + y * py + z).normalize();
+            let (_, direction) = c.pinhole_ray(i as f32 + 0.5, j as f32 + 0.5);
+            for axis in 0..3 {
+                let component = direction[axis];
+                let half = f64::from(component.abs() * f32::EPSILON) / 2.0;
+                let error = (f64::from(component) - exact[axis]).abs();
+                assert!(error <= half * 1.0001, "{error:e} of {component} at ({i}, {j})");
+            }
+        }
     }
 
     #[test]

@@ -237,12 +237,11 @@ fn sphere_hit(ray: &PreparedRay, sphere: &Sphere, leaving: bool) -> Option<f64> 
     let a = direction.dot(direction);
     let b = 2.0 * direction.dot(from_center);
     let c = from_center.dot(from_center) - sphere.radius * sphere.radius;
-    // One root of a ray that leaves the sphere is its origin, t = 0; their sum is -b / a.
-    let roots = if leaving {
-        [f64::NAN, -b / a]
-    } else {
-        let root = (b * b - 4.0 * a * c).sqrt();
-        [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)]
+    let root = (b * b - 4.0 * a * c).sqrt();
+    // The root of a ray that leaves the sphere at its origin, the smaller one, does not count.
+    let roots = match leaving {
+        true => [f64::NAN, (-b + root.copysign(-b)) / (2.0 * a)],
+        false => [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)],
     };
     let bounds = Bounds::of_sphere(sphere);
     roots.into_iter().find(|&t| t > tnear && ray.reaches(&bounds, t))

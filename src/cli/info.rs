@@ -15,14 +15,14 @@ use serde_json::{Map, Value, json};
 use crate::{
     error::{Error, Kind, Problem, Result},
     mesh,
-    world::Bounds,
+    world::{Bounds, Resolution, ulp},
 };
 
 use super::{
     args::InfoArgs,
     info_scene,
     meshes::{self, Points},
-    report::Report,
+    report::{Extent, Report},
     units,
 };
 
@@ -103,7 +103,19 @@ fn ply(path: &Path, report: &mut Report) -> Result<()> {
     let size = high - low;
     let line = format!("bounds of what the triangles use: {low} to {high}, size {size}");
     report.add("bounds", json!([low.to_array(), high.to_array()]), line);
+    resolution(&mesh, Bounds { min: low, max: high }, report);
     Ok(())
+}
+
+/// What single precision around the middle of the mesh leaves of it.
+fn resolution(mesh: &mesh::Mesh, bounds: Bounds, report: &mut Report) {
+    let origin = bounds.origin();
+    let exact = |i: u32| mesh.positions.get(i as usize);
+    let rounded = |p: glam::DVec3| (p - origin).as_vec3().to_array();
+    let (edge, collapsed) = Resolution::edges(&mesh.triangles, 1.0, exact, rounded);
+    let farthest = (bounds.min - origin).abs().max((bounds.max - origin).abs()).max_element();
+    let one = Extent { ulp: ulp(farthest), edge, collapsed };
+    report.add("resolution", one.json(), one.line(" around its middle"));
 }
 
 fn notes(notes: &mesh::Notes, report: &mut Report) {

@@ -14,14 +14,19 @@ use crate::{
     world::{LoadOptions, World},
 };
 
-use super::{memory, report::Report, units};
+use super::{
+    memory,
+    report::{Extent, Report},
+    units,
+};
 
 /// Checks a scene and says what is in it.
 pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    let (world, more) = World::load(scene, LoadOptions::default(), &Monitor::default())?;
+    let options = LoadOptions { resolutions: true, ..LoadOptions::default() };
+    let (world, more) = World::load(scene, options, &Monitor::default())?;
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
     let footprint = Footprint::of(scene.backend, rayon::current_num_threads(), false);
     report.add("type", json!("scene"), "scene");
@@ -38,6 +43,7 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     let triangles = world.triangles();
     let line = format!("{} triangles", units::count(triangles));
     report.add("triangles", json!(triangles), line);
+    resolution(&world, report);
     let mut warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
     match footprint {
         Ok(footprint) => prediction = prediction.with(&footprint),
@@ -56,6 +62,37 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     }
     report.add("warnings", json!(texts), "");
     Ok(())
+}
+
+/// The steps of single precision around the scene's origin against the shortest edges.
+fn resolution(world: &World, report: &mut Report) {
+    let extents: Vec<Extent> = world
+        .resolutions
+        .iter()
+        .map(|r| Extent { ulp: r.ulp, edge: r.shortest_edge, collapsed: r.collapsed_edges })
+        .collect();
+    let worst = extents.iter().copied().reduce(|a, b| Extent {
+        ulp: a.ulp.max(b.ulp),
+        edge: a.edge.min(b.edge),
+        collapsed: a.collapsed + b.collapsed,
+    });
+    let Some(worst) = worst else { return };
+    let mut meshes = Vec::new();
+    let mut lines = Vec::new();
+    for (one, extent) in world.resolutions.iter().zip(&extents) {
+        let mut value = extent.json();
+        value["place"] = json!(one.place);
+        value["path"] = json!(one.path.display().to_string());
+        meshes.push(value);
+        lines.push(extent.line(&format!(" of {}", one.path.display())));
+    }
+    let mut value = worst.json();
+    value["origin"] = json!(world.geometry.origin.to_array());
+    value["meshes"] = json!(meshes);
+    report.add("resolution", value, worst.line(" of the scene"));
+    if extents.len() > 1 {
+        report.lines.append(&mut lines);
+    }
 }
 
 fn contents(scene: &Scene, report: &mut Report) {

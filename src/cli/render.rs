@@ -148,6 +148,7 @@ impl Run<'_> {
             repair: self.args.mesh.repair,
             ready,
             texture_bytes: budget.map(Budget::for_textures),
+            ..LoadOptions::default()
         };
         let (world, warnings) = World::load(scene, options, self.monitor)?;
         self.warn(&warnings);

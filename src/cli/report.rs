@@ -2,7 +2,38 @@
 
 use std::path::Path;
 
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
+
+use super::units;
+
+/// The steps of single precision against the shortest edge, world units.
+#[derive(Debug, Clone, Copy)]
+pub struct Extent {
+    /// At the farthest coordinate.
+    pub ulp: f64,
+    /// Infinite without triangles; JSON has null for it.
+    pub edge: f64,
+    /// Edges whose ends become one point.
+    pub collapsed: u64,
+}
+
+impl Extent {
+    /// For people; `of` says of what.
+    pub fn line(&self, of: &str) -> String {
+        let Self { ulp, edge, collapsed } = self;
+        let lost = match collapsed {
+            0 => String::new(),
+            n => format!("; {} edges collapse", units::count(*n)),
+        };
+        format!("resolution{of}: {ulp:.2e} at the farthest vertex, shortest edge {edge:.2e}{lost}")
+    }
+
+    /// For programs.
+    pub fn json(&self) -> Value {
+        let Self { ulp, edge, collapsed } = self;
+        json!({ "ulp": ulp, "shortest_edge": edge, "collapsed_edges": collapsed })
+    }
+}
 
 /// What was found out: a line per fact for people, and the same for programs.
 #[derive(Debug, Default)]

@@ -3,12 +3,13 @@
 mod sphere;
 mod surface;
 mod triangle;
+mod twofold;
 
 use glam::DVec3;
 
 pub use crate::ray::NONE;
 pub use sphere::Sphere;
-pub use surface::{Surfaces, prefetch_indices, prefetch_vertices, refine};
+pub use surface::{Surfaces, prefetch_indices, prefetch_vertices, refine, round_towards};
 pub use triangle::clamp_barycentrics;
 
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`].

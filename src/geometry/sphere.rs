@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use super::twofold::Twofold;
+
 /// A sphere relative to the scene's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {
@@ -21,12 +23,15 @@ impl Sphere {
     }
 
     /// The closest parameter t in (`tnear`, `tfar`) at which `origin + t direction` meets the
-    /// surface, or NaN. `leaving`: the ray starts on this sphere, so the root at its origin is
-    /// the origin itself and does not count.
+    /// surface, or NaN. `leaving`: the ray starts on this sphere up to rounding, so the root at its
+    /// origin, the smaller in magnitude, does not count.
     ///
     /// The quadratic of Haines et al. 2019, Ray Tracing Gems ch. 7 (eqs. 5 to 10): the
     /// discriminant from the vector between the centre and the ray's closest point, the roots
-    /// without cancellation. A zero or non-finite direction misses.
+    /// without cancellation. Where f64 would lose too much of them - a ray near the outline, an
+    /// origin near the surface of a large sphere, a tiny sphere far away - they are computed again
+    /// with twice the bits: hit and miss are told apart up to some 2^-98 of the squared distance,
+    /// and roots are right to single precision. A zero or non-finite direction misses.
     #[inline(always)]
     pub fn intersect(
         &self,
@@ -38,25 +43,23 @@ impl Sphere {
     ) -> f64 {
         let f = origin - self.center;
         let a = direction.length_squared();
-        let b = -f.dot(direction);
+        let mut b = -f.dot(direction);
         let closest = f + direction * (b / a);
-        let discriminant = self.radius * self.radius - closest.length_squared();
-        let q = b + b.signum() * (a * discriminant).sqrt();
-        let (mut t0, mut t1) = if leaving {
-            // One root is the origin, t = 0; their sum is 2 b / a.
-            (f64::NAN, 2.0 * b / a)
-        } else {
-            let c = f.length_squared() - self.radius * self.radius;
-            (c / q, q / a)
-        };
+        let (f2, r2) = (f.length_squared(), self.radius * self.radius);
+        let (mut c, squared) = (f2 - r2, r2 - closest.length_squared());
+        let mut discriminant = a * squared;
+        let scale = f2.max(r2);
+        if squared.abs() < NEAR_OUTLINE * scale || (!leaving && c.abs() < NEAR_SURFACE * scale) {
+            (b, c, discriminant) = self.carefully(origin, direction);
+        }
+        let q = b + b.signum() * discriminant.sqrt();
+        let (mut t0, mut t1) = (if leaving { f64::NAN } else { c / q }, q / a);
         if t0 > t1 {
             (t0, t1) = (t1, t0);
         }
         let hit = |t: f64| t > tnear && t < tfar;
-        // A NaN root fails both comparisons and is no hit.
-        if !(discriminant >= 0.0 || leaving) {
-            f64::NAN
-        } else if hit(t0) {
+        // A NaN root, of a negative discriminant too, fails both comparisons and is no hit.
+        if hit(t0) {
             t0
         } else if hit(t1) {
             t1
@@ -64,7 +67,28 @@ impl Sphere {
             f64::NAN
         }
     }
+
+    /// b, c and the discriminant b^2 - a c of a t^2 - 2 b t + c = 0, with twice the bits.
+    #[cold]
+    #[inline(never)]
+    fn carefully(&self, origin: DVec3, direction: DVec3) -> (f64, f64, f64) {
+        let d = direction.to_array().map(|x| Twofold::sum(x, 0.0));
+        let [fx, fy, fz] = [0, 1, 2].map(|k| Twofold::sum(origin[k], -self.center[k]));
+        let [dx, dy, dz] = d;
+        let a = dx * dx + dy * dy + dz * dz;
+        let minus_b = fx * dx + fy * dy + fz * dz;
+        let c = fx * fx + fy * fy + fz * fz - Twofold::product(self.radius, self.radius);
+        let discriminant = minus_b * minus_b - a * c;
+        (-minus_b.value(), c.value(), discriminant.value())
+    }
 }
+
+/// Below this fraction of the larger of squared distance and squared radius f64's discriminant,
+/// which is right to some 2^-50 of that, has too few digits left.
+const NEAR_OUTLINE: f64 = 1.0 / (1u64 << 32) as f64;
+
+/// The same for the squared distance minus the squared radius.
+const NEAR_SURFACE: f64 = 1.0 / (1u64 << 20) as f64;
 
 #[cfg(test)]
 mod tests {
@@ -107,5 +131,24 @@ mod tests {
         assert!(out.is_nan());
         let across = sphere.intersect(DVec3::Z, -DVec3::Z, 0.0, FAR, true);
         assert_eq!(across, 2.0);
+    }
+
+    #[test]
+    fn an_origin_that_rounding_moved_off_the_sphere_does_not_meet_it() {
+        // Where f32 is coarser than the sphere the origin may lie radii away from it; a ray that
+        // rises from the tangent plane must not be thought to enter.
+        let sphere = Sphere { center: DVec3::ZERO, radius: 1.0 };
+        let (origin, direction) = (DVec3::new(2.0, 0.0, 1.0), DVec3::new(-1.0, 0.0, 0.1));
+        assert!(sphere.intersect(origin, direction, 0.0, FAR, true).is_nan());
+    }
+
+    #[test]
+    fn a_step_above_a_huge_sphere_is_not_lost() {
+        let sphere = Sphere { center: DVec3::new(0.0, -1e7, 0.0), radius: 1e7 };
+        for height in [1.0, 1e-3, 1e-6, 1e-9] {
+            let origin = DVec3::new(0.0, height, 0.0);
+            let t = sphere.intersect(origin, -DVec3::Y, 0.0, FAR, false);
+            assert!((t / height - 1.0).abs() < 1e-7, "{t:e} for {height:e}");
+        }
     }
 }

@@ -208,7 +208,7 @@ fn store(out: &mut Surfaces, i: usize, position: DVec3, normal: DVec3, direction
 /// `exact` has the sign of `towards` or is zero, so that over three axes the dot product with the
 /// normal is never negative.
 #[inline(always)]
-fn round_towards(exact: f64, rounded: f32, towards: f64) -> f32 {
+pub fn round_towards(exact: f64, rounded: f32, towards: f64) -> f32 {
     let wrong = (f64::from(rounded) - exact) * towards < 0.0;
     let step = if (rounded > 0.0) == (towards > 0.0) { 1 } else { -1 };
     let next = f32::from_bits((rounded.to_bits() as i32).wrapping_add(step) as u32);

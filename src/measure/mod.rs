@@ -3,6 +3,7 @@
 pub mod ab;
 pub mod answers;
 pub mod bench;
+pub mod contact;
 pub mod cross_check;
 pub mod growth;
 pub mod judge;

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec2, Vec3};
 
 use super::points::{Points, lane, set_lane};
 use super::texture::Texture;
-use crate::geometry::{Geometry, GeometryKind, Surfaces};
+use crate::geometry::{Geometry, GeometryKind, Surfaces, round_towards};
 use crate::mesh::Colors;
 use crate::ray::{LANES, RayPacket};
 use crate::scene::{ColorSpace, Filter, Wrap};
@@ -270,7 +270,9 @@ fn sphere_point(geometry: &Geometry, surfaces: &Surfaces, prim: u32, i: usize) -
 /// Interpolated normal, and the shadow origin lifted off the facets.
 ///
 /// Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II ch. 4:
-/// P' = P - sum w_i min(0, (P - V_i).N_i) N_i. Corner normals are negated where N is.
+/// P' = P - sum w_i min(0, (P - V_i).N_i) N_i. Corner normals are negated where N is; one that then
+/// faces away from Ng would push the origin under the facet, so it lifts nothing. Where the normals
+/// cancel, or there are none, N = Ng and P' = P.
 fn smooth(corners: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 3], i: usize, out: &mut Points) {
     let ng = lane(&out.at.ng, i);
     let Some(n) = weighted(weights, normals).try_normalize() else {
@@ -284,11 +286,16 @@ fn smooth(corners: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 3], i: usize, o
     };
     let lift = (0..3).fold(Vec3::ZERO, |lift, c| {
         let normal = normals[c] * side;
-        lift - normal * (weights[c] * point(c).dot(normal).min(0.0))
+        let weight = if normal.dot(ng) > 0.0 { weights[c] } else { 0.0 };
+        lift - normal * (weight * point(c).dot(normal).min(0.0))
     });
     if lift != Vec3::ZERO {
-        let origin = lane(&out.at.origin, i) + lift;
-        set_lane(&mut out.at.origin, i, origin);
+        let origin = lane(&out.at.origin, i).as_dvec3() + lift.as_dvec3();
+        for axis in 0..3 {
+            let rounded = origin[axis] as f32;
+            let outside = round_towards(origin[axis], rounded, f64::from(ng[axis]));
+            out.at.origin[axis][i] = outside;
+        }
         out.at.lifted.0[i] = -1;
     }
 }
@@ -378,5 +385,34 @@ mod tests {
         assert!(lane(&points.at.origin, 0).z > 0.0);
         assert_eq!(points.at.lifted.0[0], -1);
         assert!(lane(&points.at.n, 0).z > 0.99);
+    }
+
+    #[test]
+    fn normals_that_face_away_never_push_the_shadow_origin_under_the_facet() {
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let away =
+            [Vec3::new(-1.0, -1.0, -0.5), Vec3::new(1.0, 0.0, 3.0), Vec3::new(0.0, 1.0, 3.0)];
+        let away = away.map(Vec3::normalize);
+        for (normals, turned) in [(away, 1.0), (away.map(|n| -n), -1.0)] {
+            let mut points = Points::EMPTY;
+            set_lane(&mut points.at.ng, 0, Vec3::Z);
+            smooth(corners, normals, [1.0 / 3.0; 3], 0, &mut points);
+            assert!(lane(&points.at.origin, 0).z >= 0.0);
+            let mean = (normals[0] + normals[1] + normals[2]).normalize() * turned;
+            assert!((lane(&points.at.n, 0) - mean).length() < 1e-6, "turned to the viewer's side");
+        }
+    }
+
+    #[test]
+    fn normals_that_cancel_or_are_missing_leave_the_facet_flat() {
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        for normals in [[Vec3::ZERO; 3], [Vec3::Z, -Vec3::Z, Vec3::ZERO]] {
+            let mut points = Points::EMPTY;
+            set_lane(&mut points.at.ng, 0, Vec3::Z);
+            set_lane(&mut points.at.n, 0, Vec3::Z);
+            smooth(corners, normals, [0.5, 0.5, 0.0], 0, &mut points);
+            assert_eq!(lane(&points.at.n, 0), Vec3::Z);
+            assert_eq!(points.at.lifted.0[0], 0);
+        }
     }
 }

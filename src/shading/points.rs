@@ -116,9 +116,13 @@ impl Points {
     };
 }
 
+/// R.Ng of a mirrored ray at least: what rounding may take away, twice.
+const LEAST_RISE: f32 = 8.0 * f32::EPSILON;
+
 /// Turns `rays` into the mirrored rays of the points with kr > 0; returns those lanes.
 ///
-/// R = reflect(D, N); where that goes below the surface (R.Ng <= 0) R is mirrored at Ng's plane.
+/// R = reflect(D, N); where that goes below the surface (R.Ng <= 0) R is mirrored at Ng's plane. It
+/// then rises by at least [`LEAST_RISE`], so that its rounding does not take it into its own surface.
 #[inline(always)]
 pub fn reflect(points: &Points, outside: &Lanes3, rays: &mut Rays) -> Mask {
     let mut active = Mask::NONE;
@@ -128,6 +132,7 @@ pub fn reflect(points: &Points, outside: &Lanes3, rays: &mut Rays) -> Mask {
         let r = d - n * (2.0 * d.dot(n));
         let below = r.dot(ng).min(0.0);
         let r = r - ng * (2.0 * below);
+        let r = r + ng * (LEAST_RISE - r.dot(ng)).max(0.0);
         let r = r * (1.0 / r.dot(r).sqrt());
         set_lane(&mut rays.org, i, lane(outside, i));
         set_lane(&mut rays.dir, i, r);

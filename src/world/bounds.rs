@@ -63,6 +63,22 @@ impl Bounds {
         }
     }
 
+    /// The point that the scene's coordinates are taken relative to: the lower corner and half of
+    /// each side, in steps of 2^-16 of the longest half. So few bits that a box which moves exactly
+    /// in f64 takes it along exactly, and all that is relative to it stays the same, bit for bit.
+    pub fn origin(self) -> DVec3 {
+        let half = (self.max - self.min) / 2.0;
+        let longest = half.max_element();
+        // The power of two at or below the longest half.
+        let power = f64::from_bits(longest.to_bits() & (0x7ff << 52));
+        let step = power / 65536.0;
+        if step.is_normal() && longest > 0.0 {
+            self.min + (half / step).round() * step
+        } else {
+            self.center()
+        }
+    }
+
     /// Longest side.
     pub fn longest_side(self) -> f64 {
         (self.max - self.min).max_element()
@@ -83,5 +99,26 @@ impl Bounds {
             )
         };
         planes.iter().any(|n| (0..8).all(|i| n.dot(corner(i) - camera.position) < 0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_origin_moves_with_the_box_bit_for_bit() {
+        let min = DVec3::new(-0.731, 0.1, 5.0).as_vec3().as_dvec3();
+        let max = DVec3::new(1.377, 0.1, 5.000_001).as_vec3().as_dvec3();
+        let still = Bounds { min, max };
+        let shift = DVec3::new(4_500_000.0, 500_000.0, 120.0);
+        let moved = Bounds { min: min + shift, max: max + shift };
+        assert_eq!((moved.min - shift, moved.max - shift), (min, max), "the shift is exact");
+        assert_eq!(moved.origin() - shift, still.origin());
+        assert!((still.origin() - still.center()).abs().max_element() < 2e-5);
+        let square = Bounds { min: DVec3::NEG_ONE, max: DVec3::ONE };
+        assert_eq!(square.origin(), DVec3::ZERO);
+        let point = Bounds { min: DVec3::ONE, max: DVec3::ONE };
+        assert_eq!([point.origin(), Bounds::EMPTY.origin()], [DVec3::ONE, DVec3::ZERO]);
     }
 }

@@ -2,6 +2,7 @@
 
 mod bounds;
 mod place;
+mod resolution;
 mod textures;
 
 use std::path::{Path, PathBuf};
@@ -20,6 +21,7 @@ use self::place::{LARGEST, PlacedMesh};
 
 pub use self::bounds::Bounds;
 pub use self::place::placement;
+pub use self::resolution::{Resolution, ulp};
 
 /// How files are read.
 #[derive(Debug, Default)]
@@ -30,6 +32,9 @@ pub struct LoadOptions {
     pub ready: Vec<(PathBuf, Mesh)>,
     /// The most that all textures may take, decoding included; without it each may take 4 GiB.
     pub texture_bytes: Option<u64>,
+    /// Measure the [`Resolution`] of every mesh. Without it edges that collapsed are looked for
+    /// where there may be any.
+    pub resolutions: bool,
 }
 
 impl LoadOptions {
@@ -69,6 +74,8 @@ pub struct World {
     pub falloff: Falloff,
     /// Alpha is coverage.
     pub transparent: bool,
+    /// What single precision leaves of the meshes, if [`LoadOptions::resolutions`] asked.
+    pub resolutions: Vec<Resolution>,
 }
 
 impl World {
@@ -110,9 +117,21 @@ impl World {
         failures.check()?;
         let (textures, materials) = looks.unwrap_or_default();
         check_size(bounds, &mut warnings)?;
-        let origin = bounds.center();
+        let origin = bounds.origin();
+        let (mut resolutions, mut doubts) = (Vec::new(), Vec::new());
+        if options.resolutions {
+            resolutions.extend(meshes.iter().map(|(_, mesh)| mesh.resolution(origin)));
+            warnings.extend(resolutions.iter().filter_map(Resolution::warning));
+        } else {
+            doubts.extend(meshes.iter().map(|(_, mesh)| mesh.doubt(origin)));
+        }
         let (geometry, shapes) = gather(scene, meshes, origin)?;
         let shapes = Shapes { materials, textures, ..shapes };
+        let settled = doubts.iter().zip(&geometry.meshes).filter_map(|(doubt, mesh)| {
+            let doubt = doubt.as_ref()?;
+            doubt.settle(mesh)
+        });
+        warnings.extend(settled);
         let world = Self {
             geometry,
             shapes,
@@ -126,6 +145,7 @@ impl World {
             ambient: scene.ambient,
             falloff: scene.falloff,
             transparent: scene.transparent,
+            resolutions,
         };
         Ok((world, warnings))
     }

@@ -1,9 +1,13 @@
 //! A mesh file -> its place in the world: fit, rotate, size, center; then the scene's origin.
+//!
+//! Differences first: what is far from the origin of the world is made small exactly before it is
+//! turned, scaled and rounded.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::bounds::Bounds;
+use super::resolution::{Doubt, Resolution, ulp};
 use crate::error::{Error, Problem, Result};
 use crate::geometry::TriangleMesh;
 use crate::mesh::{self, Colors, Mesh, Positions, Uvs};
@@ -13,12 +17,12 @@ use crate::shading::{Shape, UvSource, VertexColors};
 /// Embree silently drops primitives beyond this (its `FLT_LARGE`); so does f32's square.
 pub(super) const LARGEST: f64 = 1.844e18;
 
-/// A mesh with its transform: `linear p + offset`.
+/// A mesh with its transform: `linear (p - middle) + center`.
 pub struct PlacedMesh {
     mesh: Mesh,
     spec: Trimesh,
     linear: DMat3,
-    offset: DVec3,
+    middle: DVec3,
     bounds: Bounds,
 }
 
@@ -43,12 +47,12 @@ impl PlacedMesh {
         }
         let used = mesh.used_vertices();
         let own = match spec.fit {
-            Some(_) => bounds(&mesh, &used, DMat3::IDENTITY, DVec3::ZERO),
+            Some(_) => bounds(&mesh, &used, |p| p),
             None => Bounds::EMPTY,
         };
         let (linear, middle) = placement(spec, own);
         let offset = spec.center - linear * middle;
-        let bounds = bounds(&mesh, &used, linear, offset);
+        let bounds = bounds(&mesh, &used, |p| linear * p + offset);
         let furthest = bounds.min.abs().max(bounds.max.abs()).max_element();
         if !(furthest < LARGEST) {
             return Err(Error::invalid(
@@ -59,7 +63,7 @@ impl PlacedMesh {
                 ),
             ));
         }
-        Ok(Self { mesh, spec: spec.clone(), linear, offset, bounds })
+        Ok(Self { mesh, spec: spec.clone(), linear, middle, bounds })
     }
 
     /// The box over all used vertices, in world space.
@@ -67,11 +71,68 @@ impl PlacedMesh {
         self.bounds
     }
 
+    /// What becomes of the vertices of a file of floats around `origin`.
+    #[inline(always)]
+    fn placed(&self, origin: DVec3) -> impl Fn(DVec3) -> [f32; 3] + Sync + use<> {
+        let linear = self.linear;
+        let offset = (self.spec.center - origin) - linear * self.middle;
+        move |p| (linear * p + offset).as_vec3().to_array()
+    }
+
+    /// The same of a file of doubles: what is far away in the file is made small exactly first.
+    #[inline(always)]
+    fn placed_exactly(&self, origin: DVec3) -> impl Fn(DVec3) -> [f32; 3] + Sync + use<> {
+        let (linear, middle, center) = (self.linear, self.middle, self.spec.center - origin);
+        move |p| (linear * (p - middle) + center).as_vec3().to_array()
+    }
+
+    /// The largest coordinate around `origin`.
+    fn reach(&self, origin: DVec3) -> f64 {
+        let Bounds { min, max } = self.bounds;
+        (min - origin).abs().max((max - origin).abs()).max_element()
+    }
+
+    /// What single precision around `origin` leaves of the mesh.
+    pub fn resolution(&self, origin: DVec3) -> Resolution {
+        let (mesh, spec) = (&self.mesh, &self.spec);
+        let scale = self.linear.x_axis.length();
+        let exact = |i: u32| mesh.positions.get(i as usize);
+        let (shortest_edge, collapsed_edges) = match mesh.positions {
+            Positions::F32(_) => {
+                Resolution::edges(&mesh.triangles, scale, exact, self.placed(origin))
+            }
+            Positions::F64(_) => {
+                Resolution::edges(&mesh.triangles, scale, exact, self.placed_exactly(origin))
+            }
+        };
+        Resolution {
+            place: spec.place.clone(),
+            path: spec.path.clone(),
+            ulp: ulp(self.reach(origin)),
+            shortest_edge,
+            collapsed_edges,
+        }
+    }
+
+    /// Whether edges may collapse around `origin`, from the box alone: where the file has doubles, or
+    /// where f32 around `origin` is more than two bits coarser than the file's own.
+    pub fn doubt(&self, origin: DVec3) -> Option<Doubt> {
+        let Trimesh { place, path, center, .. } = &self.spec;
+        let scale = self.linear.x_axis.length();
+        // The file's largest coordinate, in world units.
+        let own = self.reach(*center - self.linear * self.middle);
+        let ulp_there = ulp(self.reach(origin));
+        let doubtful = match self.mesh.positions {
+            Positions::F64(_) => true,
+            Positions::F32(_) => ulp_there > 4.0 * scale * ulp(own / scale),
+        };
+        doubtful.then(|| Doubt { place: place.clone(), path: path.clone(), ulp: ulp_there })
+    }
+
     /// Vertices relative to `origin`, and the vertex data that `shape` needs.
     pub fn finish(self, origin: DVec3, shape: &mut Shape) -> TriangleMesh {
-        let Self { mesh, spec, linear, offset, .. } = self;
-        let offset = offset - origin;
-        let placed = |p: DVec3| (linear * p + offset).as_vec3().to_array();
+        let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
+        let Self { mesh, spec, linear, .. } = self;
         let vertices = match mesh.positions {
             Positions::F32(mut all) => {
                 all.par_iter_mut().for_each(|p| *p = placed(DVec3::from(p.map(f64::from))));
@@ -80,7 +141,7 @@ impl PlacedMesh {
             Positions::F64(all) => {
                 // Room for the unused vertex that `TriangleMesh` adds.
                 let mut rounded = Vec::with_capacity(all.len() + 1);
-                let each = all.par_iter().map(|&p| placed(DVec3::from(p)));
+                let each = all.par_iter().map(|&p| placed_exactly(DVec3::from(p)));
                 each.collect_into_vec(&mut rounded);
                 rounded
             }
@@ -142,9 +203,8 @@ pub fn placement(spec: &Trimesh, own: Bounds) -> (DMat3, DVec3) {
     }
 }
 
-fn bounds(mesh: &Mesh, used: &[bool], linear: DMat3, offset: DVec3) -> Bounds {
-    let point = |i: usize| used[i].then(|| linear * mesh.positions.get(i) + offset);
-    Bounds::of_points(used.len(), point)
+fn bounds(mesh: &Mesh, used: &[bool], place: impl Fn(DVec3) -> DVec3 + Sync) -> Bounds {
+    Bounds::of_points(used.len(), |i: usize| used[i].then(|| place(mesh.positions.get(i))))
 }
 
 fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {

@@ -190,7 +190,8 @@ fn facing(normal: DVec3, toward: DVec3) -> DVec3 {
 }
 
 /// N and P' of a smooth mesh: the interpolated unit normal on Ng's side, and the point
-/// `P - sum over the corners i of w_i min(0, (P - V_i).N_i) N_i` (Hanika 2021).
+/// `P - sum over the corners i of w_i min(0, (P - V_i).N_i) N_i` (Hanika 2021), without corners whose
+/// normal faces away from Ng.
 fn smooth(
     point: DVec3,
     ng: DVec3,
@@ -202,7 +203,8 @@ fn smooth(
     let sign = if raw.dot(ng) < 0.0 { -1.0 } else { 1.0 };
     let shift = |i: usize| {
         let n = sign * normals[i];
-        weights[i] * (point - corners[i]).dot(n).min(0.0) * n
+        let weight = if n.dot(ng) > 0.0 { weights[i] } else { 0.0 };
+        weight * (point - corners[i]).dot(n).min(0.0) * n
     };
     (sign * raw.normalize(), point - (0..3).map(shift).sum::<DVec3>())
 }

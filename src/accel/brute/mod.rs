@@ -3,9 +3,8 @@
 //! A triangle is closed: its edges and corners belong to it, so a closed mesh has no holes. One
 //! that has no area as seen along the ray is never hit. Which hit is nearest is decided exactly as
 //! well; of equal ones the lowest primitive number wins. A quad is its two triangles. A sphere is
-//! not exact: its quadratic is solved in f64 ([`crate::geometry::Sphere::intersect`]), which tells
-//! hit from miss unless the ray passes the outline within some 2^-48 of its distance from the
-//! centre.
+//! not exact: its quadratic is solved with some 106 bits where f64 is not enough
+//! ([`crate::geometry::Sphere::intersect`]); `tests/spheres.rs` holds it against integers.
 
 mod blocks;
 mod exact;

@@ -1,0 +1,81 @@
+//! Sums and products of f64 with some 106 bits, for differences that f64 loses.
+//!
+//! Dekker 1971, "A floating-point technique for extending the available precision"; the algorithms
+//! and their bounds as in Joldes, Muller and Popescu 2017, "Tight and rigorous error bounds for
+//! basic building blocks of double-word arithmetic".
+
+use std::ops::{Add, Mul, Sub};
+
+/// `hi + lo`, |lo| <= ulp(hi) / 2.
+#[derive(Debug, Clone, Copy)]
+pub struct Twofold {
+    hi: f64,
+    lo: f64,
+}
+
+impl Twofold {
+    /// a + b, exactly (Knuth's TwoSum).
+    pub fn sum(a: f64, b: f64) -> Self {
+        let hi = a + b;
+        let shadow = hi - a;
+        Self { hi, lo: (a - (hi - shadow)) + (b - shadow) }
+    }
+
+    /// a b, exactly unless it underflows.
+    pub fn product(a: f64, b: f64) -> Self {
+        let hi = a * b;
+        Self { hi, lo: a.mul_add(b, -hi) }
+    }
+
+    /// To the nearest f64, nearly.
+    pub fn value(self) -> f64 {
+        self.hi
+    }
+}
+
+impl Add for Twofold {
+    type Output = Self;
+    /// Relative error below 3 * 2^-106 (AccurateDWPlusDW).
+    fn add(self, other: Self) -> Self {
+        let (s, t) = (Self::sum(self.hi, other.hi), Self::sum(self.lo, other.lo));
+        let v = quick(s.hi, s.lo + t.hi);
+        quick(v.hi, t.lo + v.lo)
+    }
+}
+
+impl Sub for Twofold {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self + Self { hi: -other.hi, lo: -other.lo }
+    }
+}
+
+impl Mul for Twofold {
+    type Output = Self;
+    /// Relative error below 8 * 2^-106 (DWTimesDW).
+    fn mul(self, other: Self) -> Self {
+        let high = Self::product(self.hi, other.hi);
+        quick(high.hi, high.lo + (self.hi * other.lo + self.lo * other.hi))
+    }
+}
+
+/// a + b, exactly for |a| >= |b|.
+fn quick(a: f64, b: f64) -> Twofold {
+    let hi = a + b;
+    Twofold { hi, lo: b - (hi - a) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_f64_loses_is_kept() {
+        let big = Twofold::sum(1e16, 0.25);
+        assert_eq!((big - Twofold::sum(1e16, 0.0)).value(), 0.25);
+        // (1 + 2^-40)^2 - 1 - 2^-39 = 2^-80
+        let x = 1.0 + 2f64.powi(-40);
+        let square = Twofold::sum(x, 0.0) * Twofold::sum(x, 0.0);
+        assert_eq!((square - Twofold::sum(1.0, 2f64.powi(-39))).value(), 2f64.powi(-80));
+    }
+}

@@ -1,0 +1,175 @@
+//! How much detail of a mesh is left once its vertices are f32 around the scene's origin.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::error::Problem;
+use crate::geometry::TriangleMesh;
+
+/// What single precision around the scene's origin leaves of a mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Resolution {
+    /// Where the scene names the mesh.
+    pub place: String,
+    /// The file.
+    pub path: PathBuf,
+    /// Distance between neighbours in f32 at the mesh's farthest coordinate, in world units.
+    pub ulp: f64,
+    /// The shortest edge as the file has it, in world units; infinite without triangles.
+    pub shortest_edge: f64,
+    /// Edges whose ends differ in the file and no longer do.
+    pub collapsed_edges: u64,
+}
+
+impl Resolution {
+    /// Measures the edges of `triangles`: `exact` is a vertex in any space where lengths are `1 /
+    /// scale` of the world's, `rounded` the same vertex as rays will see it. In parallel.
+    pub fn edges(
+        triangles: &[[u32; 3]],
+        scale: f64,
+        exact: impl Fn(u32) -> DVec3 + Sync,
+        rounded: impl Fn(DVec3) -> [f32; 3] + Sync,
+    ) -> (f64, u64) {
+        let found =
+            triangles.par_iter().with_min_len(1 << 14).fold(Edges::default, |mut all, t| {
+                let at = t.map(&exact);
+                let seen = at.map(&rounded);
+                for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                    all.see(at[i].distance_squared(at[j]));
+                    if seen[i] == seen[j] && at[i] != at[j] {
+                        all.collapsed.push([t[i].min(t[j]), t[i].max(t[j])]);
+                    }
+                }
+                all
+            });
+        let Edges { shortest_squared, collapsed } = found.reduce(Edges::default, Edges::with);
+        (shortest_squared.sqrt() * scale, count_once(collapsed))
+    }
+
+    /// What there is to say about lost edges.
+    pub fn warning(&self) -> Option<Problem> {
+        warning(&self.place, &self.path, self.ulp, self.collapsed_edges)
+    }
+}
+
+/// A mesh whose edges may have collapsed.
+#[derive(Debug)]
+pub struct Doubt {
+    /// Where the scene names it.
+    pub place: String,
+    /// The file.
+    pub path: PathBuf,
+    /// As in [`Resolution`].
+    pub ulp: f64,
+}
+
+impl Doubt {
+    /// Looks for collapsed edges.
+    pub fn settle(&self, mesh: &TriangleMesh) -> Option<Problem> {
+        warning(&self.place, &self.path, self.ulp, collapsed_edges(mesh))
+    }
+}
+
+/// What there is to say about `collapsed` edges of a mesh; nothing if there are none.
+fn warning(place: &str, path: &Path, ulp: f64, collapsed: u64) -> Option<Problem> {
+    let message = format!(
+        "{collapsed} edges of {} collapse: their ends, apart in the file, are one point in single \
+         precision around the middle of the scene, which is {ulp:.2e} coarse there",
+        path.display(),
+    );
+    let help = "bring the shapes of the scene closer together, or render them apart";
+    (collapsed > 0).then(|| Problem::new(place, message).help(help))
+}
+
+/// Edges of a mesh as rays see it whose ends are one point. Such an edge had two ends in its file:
+/// triangles without area are dropped when it is read.
+fn collapsed_edges(mesh: &TriangleMesh) -> u64 {
+    const CHUNK: usize = 1 << 15;
+    let vertices = mesh.vertices();
+    let in_chunk = |triangles: &[[u32; 3]]| {
+        let mut found = Vec::new();
+        for &[a, b, c] in triangles {
+            let [p, q, r] = [a, b, c].map(|i| vertices[i as usize]);
+            if (p == q) | (q == r) | (r == p) {
+                let sides = [(p == q, a, b), (q == r, b, c), (r == p, c, a)];
+                let lost = sides.into_iter().filter(|side| side.0);
+                found.extend(lost.map(|(_, i, j)| [i.min(j), i.max(j)]));
+            }
+        }
+        found
+    };
+    let chunks = mesh.triangles().par_chunks(CHUNK).map(in_chunk);
+    count_once(chunks.reduce(Vec::new, |mut all, mut more| {
+        all.append(&mut more);
+        all
+    }))
+}
+
+/// Triangles share their edges.
+fn count_once(mut edges: Vec<[u32; 2]>) -> u64 {
+    edges.par_sort_unstable();
+    edges.dedup();
+    edges.len() as u64
+}
+
+struct Edges {
+    shortest_squared: f64,
+    collapsed: Vec<[u32; 2]>,
+}
+
+impl Default for Edges {
+    fn default() -> Self {
+        Self { shortest_squared: f64::INFINITY, collapsed: Vec::new() }
+    }
+}
+
+impl Edges {
+    /// Takes note of an edge; one without length in the file is none.
+    fn see(&mut self, squared: f64) {
+        if squared > 0.0 && squared < self.shortest_squared {
+            self.shortest_squared = squared;
+        }
+    }
+
+    fn with(mut self, mut other: Self) -> Self {
+        self.see(other.shortest_squared);
+        self.collapsed.append(&mut other.collapsed);
+        self
+    }
+}
+
+/// Distance from |x| to the next larger f32.
+pub fn ulp(x: f64) -> f64 {
+    let x = (x.abs() as f32).max(f32::MIN_POSITIVE);
+    f64::from(f32::from_bits(x.to_bits() + 1)) - f64::from(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ulps_of_known_numbers() {
+        assert_eq!(ulp(1.0), f64::from(f32::EPSILON));
+        assert_eq!(ulp(-500_000.0), 0.03125);
+        assert_eq!(ulp(0.0), f64::from(f32::from_bits(1)));
+    }
+
+    #[test]
+    fn shared_edges_count_once_and_only_where_the_ends_differ() {
+        let at = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1e-3, 0.0], [0.0, 0.0, 0.0]];
+        let exact = |i: u32| DVec3::from(at[i as usize]);
+        // In steps of a quarter vertex 2 falls onto vertex 1; vertices 0 and 3 always were one.
+        let coarse = |p: DVec3| ((p * 4.0).round() / 4.0).as_vec3().to_array();
+        let triangles = [[0, 1, 2], [2, 1, 3], [0, 1, 3]];
+        let (shortest, collapsed) = Resolution::edges(&triangles, 2.0, exact, coarse);
+        assert_eq!((shortest, collapsed), (2e-3, 1));
+        let seen = at.map(|p| coarse(p.into())).to_vec();
+        let mesh = TriangleMesh::new(seen, triangles.to_vec(), false);
+        assert_eq!(collapsed_edges(&mesh), 2, "all that have no length");
+        let fine = |p: DVec3| p.as_vec3().to_array();
+        assert_eq!(Resolution::edges(&triangles, 1.0, exact, fine), (1e-3, 0));
+    }
+}

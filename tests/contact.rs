@@ -1,0 +1,95 @@
+//! Rays that leave a surface, at sizes from 1e-6 to 1e6 and up to 1e7 times the size away from the
+//! scene's origin: no surface shadows itself or mirrors itself, and what lies four ulp above it
+//! shadows it. The coursework's fixed offset, beside it, fails both ways.
+
+use lightpath::accel::{BuildOptions, build};
+use lightpath::measure::contact::{self, Count, Origin, Row};
+use lightpath::monitor::Monitor;
+use lightpath::scene::Backend;
+use lightpath::simd::Isa;
+
+/// The coursework's offset.
+const FIXED: f32 = 1e-4;
+
+/// The counts of a backend; `None` where it cannot run here.
+fn measure(
+    backend: Backend,
+    fast: bool,
+    isa: Isa,
+    origin: Origin,
+    rays: usize,
+) -> Option<Vec<Row>> {
+    let options = BuildOptions { threads: 1, fast, isa, max_bytes: None };
+    let monitor = Monitor::default();
+    let rows = contact::measure(&|g| build(g, backend, &options, &monitor), origin, rays, 7);
+    match rows {
+        Err(error) if backend == Backend::Embree => {
+            eprintln!("skipped: {error}");
+            None
+        }
+        rows => Some(rows.unwrap()),
+    }
+}
+
+fn sum(rows: &[Row], of: impl Fn(&Row) -> Count) -> Count {
+    rows.iter().map(of).fold(Count::default(), |a, b| Count {
+        rays: a.rays + b.rays,
+        failures: a.failures + b.failures,
+    })
+}
+
+/// Every row's failures that are not allowed, and how much was looked at.
+fn check(backend: Backend, fast: bool, isa: Isa) {
+    let Some(rows) = measure(backend, fast, isa, Origin::Rounded, 128) else { return };
+    let bad = |row: &&Row| {
+        row.self_shadow.failures + row.self_reflection.failures + row.leak.failures > 0
+    };
+    let failed: Vec<String> = rows.iter().filter(bad).map(Row::to_string).collect();
+    let near = sum(&rows, |r| r.near);
+    println!("{backend:?} nearer than {} ulp: {near:?}", contact::CLEAR);
+    assert!(failed.is_empty(), "{} rows:\n{}", failed.len(), failed.join("\n"));
+    for row in &rows {
+        // No row may pass because nothing was asked.
+        let asked = [row.self_shadow, row.self_reflection, row.leak].map(|count| count.rays);
+        assert!(asked.iter().all(|&rays| rays >= 16), "hardly any rays: {row}");
+    }
+}
+
+#[test]
+fn embree() {
+    check(Backend::Embree, false, Isa::Portable);
+}
+
+#[test]
+fn embree_fast() {
+    check(Backend::Embree, true, Isa::Portable);
+}
+
+#[test]
+fn bvh() {
+    for isa in Isa::available() {
+        check(Backend::Bvh, false, isa);
+    }
+}
+
+#[test]
+fn coursework() {
+    check(Backend::Coursework, false, Isa::Portable);
+}
+
+#[test]
+fn brute() {
+    check(Backend::Brute, false, Isa::Portable);
+}
+
+#[test]
+fn a_fixed_offset_fails_at_both_ends() {
+    let rows = measure(Backend::Brute, false, Isa::Portable, Origin::Fixed(FIXED), 64).unwrap();
+    let small: Vec<Row> = rows.iter().copied().filter(|r| r.scale <= 1e-4).collect();
+    let large: Vec<Row> = rows.iter().copied().filter(|r| r.scale >= 1e4).collect();
+    let leaks = sum(&small, |r| r.leak);
+    let acne = sum(&large, |r| r.self_shadow);
+    println!("small: leaks {leaks:?}; large: self-shadow {acne:?}");
+    assert!(leaks.failures * 4 > leaks.rays, "{leaks:?}");
+    assert!(acne.failures * 20 > acne.rays, "{acne:?}");
+}

@@ -1,0 +1,280 @@
+//! Spheres where f64 runs out: tiny and far, huge and near, rays from within, from the surface and
+//! along the outline, against an oracle in integers.
+
+use glam::DVec3;
+use lightpath::accel::{BuildOptions, build};
+use lightpath::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
+use lightpath::monitor::Monitor;
+use lightpath::ray::{Coherence, LANES, Mask, RayPacket};
+use lightpath::scene::Backend;
+use lightpath::simd::Isa;
+use num_bigint::BigInt;
+
+/// Inputs are integers in units of 2^-SCALE.
+const SCALE: i32 = 260;
+
+/// Bits of a root behind the point.
+const FRACTION: u32 = 220;
+
+/// `x 2^SCALE`, exactly.
+fn whole(x: f64) -> BigInt {
+    if x == 0.0 {
+        return BigInt::from(0);
+    }
+    let bits = x.to_bits();
+    let exponent = ((bits >> 52) & 0x7ff) as i32;
+    let mantissa = (bits & ((1 << 52) - 1)) | if exponent > 0 { 1 << 52 } else { 0 };
+    let shift = exponent.max(1) - 1075 + SCALE;
+    assert!(shift >= 0 || mantissa.trailing_zeros() as i32 >= -shift, "{x:e} is too small");
+    let value = BigInt::from(mantissa);
+    let value = if shift >= 0 { value << shift as u32 } else { value >> (-shift) as u32 };
+    if x < 0.0 { -value } else { value }
+}
+
+fn dot(a: &[BigInt; 3], b: &[BigInt; 3]) -> BigInt {
+    &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
+}
+
+/// The roots in front of the origin, in order, to 2^-FRACTION: none, one or two.
+fn roots(sphere: &Sphere, origin: DVec3, direction: DVec3) -> Vec<f64> {
+    let whole3 = |v: DVec3| v.to_array().map(whole);
+    let (o, d, center) = (whole3(origin), whole3(direction), whole3(sphere.center));
+    let f: [BigInt; 3] = std::array::from_fn(|k| &o[k] - &center[k]);
+    let r = whole(sphere.radius);
+    let (a, b, c) = (dot(&d, &d), -dot(&f, &d), dot(&f, &f) - &r * &r);
+    let discriminant = &b * &b - &a * &c;
+    let zero = BigInt::from(0);
+    if discriminant < zero {
+        return vec![];
+    }
+    let root = (discriminant << (2 * FRACTION)).sqrt();
+    let b = b << FRACTION;
+    let in_front = [(&b - &root) / &a, (&b + &root) / &a].into_iter().filter(|t| *t > zero);
+    // Through decimals: they are rounded correctly.
+    let value = |t: BigInt| t.to_string().parse::<f64>().unwrap() / 2f64.powi(FRACTION as i32);
+    in_front.map(value).collect()
+}
+
+/// SplitMix64 (Steele et al. 2014).
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn direction(&mut self) -> DVec3 {
+        let z = 2.0 * self.unit() - 1.0;
+        let angle = self.unit() * std::f64::consts::TAU;
+        let r = (1.0 - z * z).sqrt();
+        DVec3::new(r * angle.cos(), r * angle.sin(), z)
+    }
+
+    /// A direction across `d`.
+    fn across(&mut self, d: DVec3) -> DVec3 {
+        d.cross(self.direction()).normalize()
+    }
+}
+
+/// A sphere and a ray in f32.
+struct Case {
+    what: &'static str,
+    sphere: Sphere,
+    origin: DVec3,
+    direction: DVec3,
+}
+
+/// Rays first, in f32; spheres are put where the rays make them hard.
+fn cases(each: usize) -> Vec<Case> {
+    let mut random = Random(11);
+    let mut cases = Vec::new();
+    for _ in 0..each {
+        let r = &mut random;
+        let direction = r.direction().as_vec3().as_dvec3();
+        let origin = (r.direction() * 100.0 * r.unit()).as_vec3().as_dvec3();
+        let aside = r.across(direction);
+        let mut add = |what, center, radius| {
+            cases.push(Case { what, sphere: Sphere { center, radius }, origin, direction });
+        };
+        // Past the centre at `impact` radii, `t` along the ray.
+        let passing =
+            |t: f64, radius: f64, impact: f64| origin + direction * t + aside * (radius * impact);
+        let any = 1.2 * r.unit();
+        let graze = 1.0 + (r.unit() - 0.5) * 2e-7;
+        add("tiny and far", passing(1e5, 1e-3, any), 1e-3);
+        add("tiny, far, grazing", passing(1e5, 1e-3, graze), 1e-3);
+        add("grazing", passing(3.0, 1.0, graze), 1.0);
+        add("huge, grazing, 1 above", passing(4472.0, 1e7, graze), 1e7);
+        add("grazing, behind", passing(-3.0, 1.0, graze), 1.0);
+        let (up, inward) = (r.direction(), r.unit());
+        for height in [1.0, 1e-3, 1e-6] {
+            add("huge, near above", origin - up * (1e7 + height), 1e7);
+            add("huge, near below", origin - up * (1e7 - height), 1e7);
+        }
+        add("huge, on it", origin - up * 1e7, 1e7);
+        add("on it", origin - up, 1.0);
+        add("tiny, on it", origin - up * 1e-3, 1e-3);
+        add("inside", origin + up * inward, 1.0);
+        add("at the centre", origin, 1.0);
+        add("huge, from far inside", origin + up * (1e7 * inward), 1e7);
+    }
+    cases
+}
+
+/// A packet of one ray 16 times.
+fn packet(case: &Case) -> RayPacket {
+    let mut packet = RayPacket::EMPTY;
+    for axis in 0..3 {
+        packet.rays.org[axis] = [case.origin[axis] as f32; LANES];
+        packet.rays.dir[axis] = [case.direction[axis] as f32; LANES];
+    }
+    packet
+}
+
+/// f32 neighbours between the answer and the exact value.
+fn ulps(found: f32, exact: f64) -> f64 {
+    let nearest = exact as f32;
+    let step = f64::from(f32::from_bits(nearest.to_bits() + 1)) - f64::from(nearest);
+    (f64::from(found) - exact).abs() / step
+}
+
+/// What a backend gets wrong.
+#[derive(Debug, Default)]
+struct Wrong {
+    rays: u64,
+    hits: u64,
+    /// Hit for miss or miss for hit.
+    seen: u64,
+    /// Shadow rays that disagree.
+    shadows: u64,
+    /// Of t, in ulp of f32.
+    worst: f64,
+    /// Surface points further than an ulp per coordinate from the sphere.
+    points: u64,
+    first: Option<String>,
+}
+
+impl Wrong {
+    fn note(&mut self, case: &Case, what: String) {
+        let place = format!("{}: {:?} from {:?}", case.what, case.sphere, case.origin);
+        self.first.get_or_insert(format!("{place} along {:?}: {what}", case.direction));
+    }
+}
+
+fn judge(backend: Backend, isa: Isa) -> Option<Wrong> {
+    let (all, monitor) = (Mask([-1; LANES]), Monitor::default());
+    let options = BuildOptions { threads: 1, fast: false, isa, max_bytes: None };
+    let mut wrong = Wrong::default();
+    for case in cases(64) {
+        let exact = roots(&case.sphere, case.origin, case.direction);
+        let geometry = Geometry::new(DVec3::ZERO, vec![], vec![], vec![case.sphere]).unwrap();
+        let accelerator = match build(&geometry, backend, &options, &monitor) {
+            Err(error) if backend == Backend::Embree => {
+                eprintln!("skipped: {error}");
+                return None;
+            }
+            built => built.unwrap(),
+        };
+        for coherence in [Coherence::Coherent, Coherence::Single] {
+            let mut found = packet(&case);
+            accelerator.closest(&all, &mut found, coherence);
+            wrong.rays += 1;
+            let hit = found.hits.geom[7] != NONE;
+            if hit == exact.is_empty() {
+                wrong.seen += 1;
+                wrong.note(&case, format!("hit: {hit}, expected {exact:?}"));
+                continue;
+            }
+            // Shadow rays that end before the first root, between the roots, and behind both; an
+            // f32 end is within 1e-7 of where it should be.
+            let middle = exact.iter().sum::<f64>() / exact.len().max(1) as f64;
+            let first = exact.first().copied().unwrap_or(f64::INFINITY);
+            for (end, blocked) in [
+                (first * (1.0 - 1e-6), false),
+                (middle.max(first * (1.0 + 1e-6)), true),
+                (f64::INFINITY, !exact.is_empty()),
+            ] {
+                if exact.is_empty() && end.is_nan() || (end as f32) < f32::MIN_POSITIVE {
+                    continue;
+                }
+                let mut rays = packet(&case).rays;
+                rays.tfar = [end as f32; LANES];
+                accelerator.occluded(&all, &mut rays, coherence);
+                let seen = rays.tfar[3] == f32::NEG_INFINITY;
+                if seen != (blocked && !exact.is_empty()) {
+                    wrong.shadows += 1;
+                    wrong.note(&case, format!("to {end:e}: occluded {seen}, roots {exact:?}"));
+                }
+            }
+            if let Some(&t) = exact.first() {
+                wrong.hits += 1;
+                let off = ulps(found.rays.tfar[7], t);
+                if off > 2.0 {
+                    wrong.note(&case, format!("t {} for {t:e}", found.rays.tfar[7]));
+                }
+                wrong.worst = wrong.worst.max(off);
+                wrong.points += u64::from(!on_sphere(&case, &geometry, &found, t));
+            }
+        }
+    }
+    println!("{backend:?} {isa}: {wrong:?}");
+    Some(wrong)
+}
+
+/// Whether the refined point is where the exact root is, and on the sphere, up to its rounding.
+fn on_sphere(case: &Case, geometry: &Geometry, found: &RayPacket, t: f64) -> bool {
+    let mut surfaces = Surfaces::EMPTY;
+    refine(geometry, &Mask([-1; LANES]), found, &mut surfaces);
+    let point = DVec3::from(surfaces.position.map(|lanes| f64::from(lanes[7])));
+    let rounding = point.abs().max_element() * f64::from(f32::EPSILON);
+    let exact = case.origin + case.direction * t;
+    let radial = ((point - case.sphere.center).length() - case.sphere.radius).abs();
+    // Along a grazing ray the root itself moves by its f32 error.
+    let along = t * 4.0 * f64::from(f32::EPSILON);
+    radial <= rounding && point.distance(exact) <= rounding + along
+}
+
+fn passes(backend: Backend, isa: Isa) {
+    let Some(wrong) = judge(backend, isa) else { return };
+    let first = wrong.first.as_deref().unwrap_or_default();
+    assert_eq!((wrong.seen, wrong.shadows, wrong.points), (0, 0, 0), "{first}");
+    assert!(wrong.worst <= 2.0, "{} ulp: {first}", wrong.worst);
+    assert!(wrong.hits > 1000 && wrong.rays > wrong.hits + 200, "both must occur: {wrong:?}");
+}
+
+#[test]
+fn embree() {
+    passes(Backend::Embree, Isa::Portable);
+}
+
+#[test]
+fn bvh() {
+    Isa::available().for_each(|isa| passes(Backend::Bvh, isa));
+}
+
+#[test]
+fn brute() {
+    passes(Backend::Brute, Isa::Portable);
+}
+
+/// The coursework's quadratic, as schools teach it, claims no more than f64 gives: it is right away
+/// from the outline and the surface, and fails near them. Its failures show that the cases are hard.
+#[test]
+fn coursework_fails_where_it_should() {
+    let wrong = judge(Backend::Coursework, Isa::Portable).unwrap();
+    assert!(wrong.seen > 0 && wrong.worst > 8.0, "{wrong:?}");
+}
+
+#[test]
+fn the_oracle_knows_simple_roots() {
+    let sphere = Sphere { center: DVec3::ZERO, radius: 1.0 };
+    let z = DVec3::Z;
+    assert_eq!(roots(&sphere, -3.0 * z, z), [2.0, 4.0]);
+    assert_eq!(roots(&sphere, DVec3::ZERO, 2.0 * z), [0.5]);
+    assert!(roots(&sphere, 3.0 * z, z).is_empty());
+    assert_eq!(roots(&sphere, DVec3::X - 3.0 * z, z), [3.0, 3.0]);
+    assert!(roots(&sphere, DVec3::X * (1.0 + f64::EPSILON) - 3.0 * z, z).is_empty());
+}
