@@ -10,17 +10,20 @@ use glam::{DVec2, DVec3};
 /// in all and decides what it then sees exactly; this allows four times as much, as `crosscheck` does.
 ///
 /// Embree's ROBUST test works in space: with A, B the corners of an edge, the sign of
-/// ((B - A) x (A + B)) . D. Differences, sum, products and the two sums of products round to at most
-/// 8u |B - A| |A + B| |D|, where the exact value is the ray's distance from the edge times
-/// 2 |(B - A) x D|: so the ray seems moved by at most 4u |A + B| / sin(angle between edge and ray),
-/// and its slack of 2^-23 |U + V + W| adds less than 2u of the height. That is within the 24u of here
-/// for edges at more than some 20 degrees from the ray. Closer to the ray it grows without limit, and
-/// nothing in the test or in its t keeps it near the triangle: those are the false hits. Beyond 24u they are
-/// discarded.
+/// ((B - A) x (A + B)) . D, to a slack of 2^-23 |U + V + W|. Differences, sums and products of one term
+/// round seven times in all, and a permanent is at most 1.16 times the product of its rows' lengths
+/// (6 / 27^0.5): the value is off by at most 9u |B - A| |A + B| |D|. The exact one is the ray's distance from
+/// the edge's line times 2 |(B - A) x D|, so the ray seems to be elsewhere by at most 9u of the farther
+/// corner's distance over the sine of the angle between edge and ray. For edges across the ray that is
+/// within 24u but for a diagonal ray whose errors all add up. For edges along the ray it grows without
+/// limit, and so does the error of t: those are the false hits. Moeller and Trumbore's test (`--fast`) has
+/// the same terms with one corner for their sum.
 ///
-/// This opens no leak at an edge or a corner that a ray is aimed at, however the edge lies: there the
-/// distance is that of the ray's own rounding, 2u at most, well within 24u, so no triangle of the fan is
-/// discarded that Embree offers. Every other discarded hit is on a triangle that the ray does not meet.
+/// What discarding beyond 24u can and cannot lose: a triangle that the exact ray meets is never
+/// discarded, nor one with an edge or a corner that a ray is aimed at, as the rounding of such a ray is 2u at
+/// most, so the fan around it stays as closed as Embree sees it. A ray could be lost only where Embree puts it
+/// on the wrong side of an edge by more than 24u, where its hit is on the wrong triangle:
+/// `tests/true_hits` looks for such rays along the edges of needles and plates.
 const REACH: f64 = 24.0 / (1u64 << 24) as f64;
 
 /// Where a ray passes a triangle within that reach.

@@ -103,12 +103,7 @@ const T_SLACK: f64 = 1.0 / (1u64 << 20) as f64;
 /// a ray on different sides, and at a small angle t is hard to tell.
 #[cold]
 #[inline(never)]
-fn doubt(
-    unsure: &Mask,
-    corners: &[[[f32; LANES]; 3]; 3],
-    packet: &RayPacket,
-    out: &mut Surfaces,
-) {
+fn doubt(unsure: &Mask, corners: &[[[f32; LANES]; 3]; 3], packet: &RayPacket, out: &mut Surfaces) {
     for i in (0..LANES).filter(|&i| unsure.0[i] != 0) {
         let (origin, direction) = ray(packet, i);
         let triangle = [dvec(&corners[0], i), dvec(&corners[1], i), dvec(&corners[2], i)];

@@ -84,8 +84,7 @@ fn leaks(backend: Backend, stretch: DVec3, packets: usize) -> [u64; 3] {
 }
 
 /// A ball, a needle whose long edges rays run nearly along, and a plate.
-const STRETCHES: [DVec3; 3] =
-    [DVec3::ONE, DVec3::new(1.0, 300.0, 1.0), DVec3::new(1.0, 1e-3, 1.0)];
+const STRETCHES: [DVec3; 3] = [DVec3::ONE, DVec3::new(1.0, 300.0, 1.0), DVec3::new(1.0, 1e-3, 1.0)];
 
 #[cfg(feature = "embree")]
 #[test]

@@ -2,9 +2,9 @@
 //! ray is lost by that, and what is refined is right to the last digits.
 
 mod leaks;
-mod refined;
-#[cfg(feature = "embree")]
-mod slivers;
 #[path = "../bvh/random.rs"]
 mod random;
+mod refined;
 mod setup;
+#[cfg(feature = "embree")]
+mod slivers;

@@ -71,7 +71,9 @@ impl<'g> Truth<'g> {
             Some(Found { passing, corners, turned })
         };
         let found = match self.geometry.kind(candidate.geom) {
-            GeometryKind::Mesh(mesh) => at(self.geometry.meshes[mesh].corners(candidate.prim), false),
+            GeometryKind::Mesh(mesh) => {
+                at(self.geometry.meshes[mesh].corners(candidate.prim), false)
+            }
             GeometryKind::Quads => {
                 let [v0, v1, v2, v3] = self.geometry.quads[candidate.prim as usize];
                 match (at([v0, v1, v3], false), at([v2, v3, v1], true)) {

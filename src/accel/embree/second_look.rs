@@ -64,7 +64,8 @@ impl Embree<'_> {
         // Spheres ask no filter.
         let mut hit = single.hit;
         let mut end = f64::from(single.ray.tfar);
-        let triangle = look.best.get().filter(|(found, _)| hit.geom_id == NONE || found.passing.t < end);
+        let triangle =
+            look.best.get().filter(|(found, _)| hit.geom_id == NONE || found.passing.t < end);
         if let Some((found, candidate)) = triangle {
             end = found.passing.t;
             (hit.geom_id, hit.prim_id) = (candidate.geom, candidate.prim);
