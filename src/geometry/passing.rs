@@ -53,6 +53,11 @@ pub fn passing(corners: [DVec3; 3], origin: DVec3, direction: DVec3) -> Option<P
     let seen = corners.map(|corner| corner - origin);
     let flat = seen.map(|a| DVec2::new(a[across[0]], a[across[1]]) - shear * a[along]);
     let moved = seen.iter().fold(0.0, |most: f64, a| most.max(a.abs().max_element())) * REACH;
+    // Seen edge-on the sides tell nothing: all are 0, or noise, beyond the ends as well.
+    let (least, most) = (flat[0].min(flat[1]).min(flat[2]), flat[0].max(flat[1]).max(flat[2]));
+    if least.max_element() > moved || most.min_element() < -moved {
+        return None;
+    }
     let edges = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (flat[i], flat[j]));
     let sides = edges.map(|(p, q)| p.perp_dot(q));
     let inside = sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0);

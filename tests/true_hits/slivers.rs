@@ -133,6 +133,7 @@ fn no_false_hit_is_left() {
         for quads in [false, true] {
             let [candidates, closest, shadow] = survey(degrees, quads, false);
             native += candidates.false_hits;
+            assert!(closest.leaks <= candidates.leaks, "{closest:?} {candidates:?}");
             for left in [closest, shadow] {
                 assert_eq!((left.false_hits, left.primitives, left.distances), (0, 0, 0));
             }
