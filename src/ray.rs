@@ -63,7 +63,7 @@ pub struct Rays {
     pub tnear: [f32; LANES],
     /// Directions: x, y, z.
     pub dir: [[f32; LANES]; 3],
-    /// Unused (0).
+    /// Room for a backend.
     pub time: [f32; LANES],
     /// End of the segment; a hit puts its t here.
     pub tfar: [f32; LANES],

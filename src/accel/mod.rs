@@ -66,6 +66,20 @@ pub trait Accelerator: Send + Sync {
     /// side of a sphere.
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence);
 
+    /// As [`Accelerator::closest`], but a hit may be one that the ray does not come near, where the
+    /// backend's own test reports such: for callers that refine their hits anyhow. What
+    /// [`crate::geometry::refine`] then finds doubtful they ask [`Accelerator::closest`] for, with
+    /// `tfar` as it was.
+    fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+        self.closest(active, packet, coherence);
+    }
+
+    /// Candidate hits discarded since the build, as the ray passes the primitive by more than the
+    /// backend's test may be off.
+    fn false_hits(&self) -> u64 {
+        0
+    }
+
     /// Sets `tfar` to -inf in every active lane that meets anything in (`tnear`, `tfar`).
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence);
 

@@ -177,8 +177,12 @@ impl Run<'_> {
         stats.triangles = world.triangles();
         stats.memory.mesh_bytes = world.mesh_bytes();
         stats.memory.texture_bytes = world.texture_bytes();
-        stats.rays =
-            Rays { primary: counts.primary, shadow: counts.shadow, reflection: counts.reflection };
+        stats.rays = Rays {
+            primary: counts.primary,
+            shadow: counts.shadow,
+            reflection: counts.reflection,
+            false_hits: accelerator.false_hits(),
+        };
         stats.seconds = Seconds {
             load: loaded,
             build: built - loaded,

@@ -57,6 +57,8 @@ pub struct Rays {
     pub shadow: u64,
     /// Mirror bounces.
     pub reflection: u64,
+    /// Hits that the backend's test in f32 offered and f64 discarded.
+    pub false_hits: u64,
 }
 
 /// Bytes.
@@ -83,7 +85,7 @@ impl Stats {
         format!(
             "{} triangles, {} ({}), {} threads\n\
              load {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s, total {}\n\
-             rays: {} primary, {} shadow, {} reflection; {rate:.1} Mray/s\n\
+             rays: {} primary, {} shadow, {} reflection; {rate:.1} Mray/s{}\n\
              peak memory {} (accelerator {}, meshes {}, textures {})",
             units::count(self.triangles),
             self.backend,
@@ -97,6 +99,10 @@ impl Stats {
             units::count(self.rays.primary),
             units::count(self.rays.shadow),
             units::count(self.rays.reflection),
+            match self.rays.false_hits {
+                0 => String::new(),
+                n => format!("; {} false hits discarded", units::count(n)),
+            },
             units::bytes(self.memory.peak_bytes),
             units::bytes(self.memory.accelerator_bytes),
             units::bytes(self.memory.mesh_bytes),

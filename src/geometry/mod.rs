@@ -1,5 +1,6 @@
 //! All primitives of a scene, relative to one f64 origin, as every accelerator sees them.
 
+mod passing;
 mod sphere;
 mod surface;
 mod triangle;
@@ -8,9 +9,10 @@ mod twofold;
 use glam::DVec3;
 
 pub use crate::ray::NONE;
+pub use passing::{Passing, passing};
 pub use sphere::Sphere;
 pub use surface::{Surfaces, prefetch_indices, prefetch_vertices, refine, round_towards};
-pub use triangle::clamp_barycentrics;
+pub use triangle::{clamp_barycentrics, refine_triangle};
 
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`].
 #[derive(Debug, Default)]

@@ -4,7 +4,9 @@
 
 use glam::DVec3;
 
-use super::{Geometry, GeometryKind, NONE, triangle::refine_triangle};
+use super::passing::passing;
+use super::triangle::refine_triangle;
+use super::{Geometry, GeometryKind, NONE, Sphere};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::simd::prefetch;
 
@@ -17,6 +19,12 @@ pub struct Surfaces {
     /// Position rounded away from the surface, to the side that the ray came from: at most 1.5 ulp
     /// per coordinate from the exact point and never behind the surface's tangent plane.
     pub outside: [[f32; LANES]; 3],
+    /// How far `position` may be from where the exact ray meets the exact primitive, if it does, by
+    /// the larger coordinate: its own rounding, and what that of f64 comes to along a surface that the
+    /// ray meets at a small angle.
+    pub error: [f32; LANES],
+    /// Where on the ray: rounded once from f64, in units of the ray's direction.
+    pub t: [f32; LANES],
     /// Unit geometric normal, turned to the ray's origin.
     pub ng: [[f32; LANES]; 3],
     /// Barycentric weight of the second corner (of the half of a quad), in [0, 1].
@@ -27,6 +35,9 @@ pub struct Surfaces {
     pub primitive: [u32; LANES],
     /// Which lanes hit anything.
     pub hit: Mask,
+    /// Hits of triangles and quads that are false, for all that the test of a backend in f32 may be
+    /// off ([`passing`]), or whose reported t is: what is nearest must be found again.
+    pub doubtful: Mask,
 }
 
 impl Surfaces {
@@ -34,11 +45,14 @@ impl Surfaces {
     pub const EMPTY: Self = Self {
         position: [[0.0; LANES]; 3],
         outside: [[0.0; LANES]; 3],
+        error: [0.0; LANES],
+        t: [0.0; LANES],
         ng: [[0.0; LANES]; 3],
         u: [0.0; LANES],
         v: [0.0; LANES],
         primitive: [NONE; LANES],
         hit: Mask::NONE,
+        doubtful: Mask::NONE,
     };
 }
 
@@ -51,10 +65,11 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
     let spheres = match one_mesh(geometry, &out.hit, packet) {
         Some(geom) => {
             gather_mesh(geometry, geom, packet, &mut corners, &mut out.primitive);
-            false
+            Mask::NONE
         }
         None => gather(geometry, packet, &mut corners, &mut weights, out),
     };
+    let mut unsure = Mask::NONE;
     for i in 0..LANES {
         let (origin, direction) = ray(packet, i);
         let triangle = [dvec(&corners[0], i), dvec(&corners[1], i), dvec(&corners[2], i)];
@@ -62,10 +77,42 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
         let point = refine_triangle(triangle, origin, direction, weights);
         out.u[i] = point.u as f32;
         out.v[i] = point.v as f32;
+        out.t[i] = point.t as f32;
+        out.error[i] = point.error as f32;
+        let off = (point.t - f64::from(packet.rays.tfar[i])).abs();
+        let sure = point.met & (off <= point.t * T_SLACK);
+        unsure.0[i] = out.hit.0[i] & !spheres.0[i] & -i32::from(!sure);
         store(out, i, point.position, point.normal, direction);
     }
-    if spheres {
-        refine_spheres(geometry, packet, out);
+    out.doubtful = Mask::NONE;
+    if unsure.any() {
+        doubt(&unsure, &corners, packet, out);
+    }
+    if spheres.any() {
+        refine_spheres(geometry, &spheres, packet, out);
+    }
+}
+
+/// 2^-24, and what this sum itself rounds off.
+const HALF_ULP: f32 = 0.5001 * f32::EPSILON;
+
+/// By how much, relatively, a backend's t may differ from f64's without a closer look.
+const T_SLACK: f64 = 1.0 / (1u64 << 20) as f64;
+
+/// Looks closer at the lanes of triangles that f64 alone is not sure of: at an edge f32 and f64 may see
+/// a ray on different sides, and at a small angle t is hard to tell.
+#[cold]
+#[inline(never)]
+fn doubt(unsure: &Mask, corners: &[[[f32; LANES]; 3]; 3], packet: &RayPacket, out: &mut Surfaces) {
+    for i in (0..LANES).filter(|&i| unsure.0[i] != 0) {
+        let (origin, direction) = ray(packet, i);
+        let triangle = [dvec(&corners[0], i), dvec(&corners[1], i), dvec(&corners[2], i)];
+        let reported = f64::from(packet.rays.tfar[i]);
+        let passing = passing(triangle, origin, direction);
+        match passing.filter(|passing| passing.explains(reported)) {
+            Some(passing) => out.t[i] = passing.t as f32,
+            None => out.doubtful.0[i] = -1,
+        }
     }
 }
 
@@ -129,7 +176,7 @@ pub fn prefetch_vertices(geometry: &Geometry, packet: &RayPacket) {
     }
 }
 
-/// Corners of whatever each lane hit; a sphere's are left as they are. Whether there are any.
+/// Corners of whatever each lane hit; a sphere's are left as they are. Which lanes hit spheres.
 #[inline(never)]
 fn gather(
     geometry: &Geometry,
@@ -137,8 +184,8 @@ fn gather(
     corners: &mut [[[f32; LANES]; 3]; 3],
     weights: &mut [[f32; LANES]; 2],
     out: &mut Surfaces,
-) -> bool {
-    let mut spheres = false;
+) -> Mask {
+    let mut spheres = Mask::NONE;
     for i in (0..LANES).filter(|&i| out.hit.0[i] != 0) {
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
         out.primitive[i] = geometry.primitive(geom, prim);
@@ -150,7 +197,7 @@ fn gather(
                 half.0
             }
             GeometryKind::Spheres => {
-                spheres = true;
+                spheres.0[i] = -1;
                 continue;
             }
         };
@@ -164,21 +211,30 @@ fn gather(
 }
 
 #[inline(never)]
-fn refine_spheres(geometry: &Geometry, packet: &RayPacket, out: &mut Surfaces) {
-    for i in 0..LANES {
-        if out.hit.0[i] == 0 || packet.hits.geom[i] != geometry.spheres_id() {
-            continue;
-        }
+fn refine_spheres(geometry: &Geometry, lanes: &Mask, packet: &RayPacket, out: &mut Surfaces) {
+    for i in (0..LANES).filter(|&i| lanes.0[i] != 0) {
         let sphere = geometry.spheres[packet.hits.prim[i] as usize];
         let (origin, direction) = ray(packet, i);
         // The backend's t names the root; the root itself is found again in f64.
         let reported = f64::from(packet.rays.tfar[i]);
         let slack = reported.abs() * 1e-6;
         let root = sphere.intersect(origin, direction, reported - slack, reported + slack, false);
-        let near = origin + direction * if root.is_nan() { reported } else { root };
+        let t = if root.is_nan() { reported } else { root };
+        let near = origin + direction * t;
+        out.t[i] = t as f32;
+        out.error[i] = sphere_error(&sphere, origin, direction, t) as f32;
         let normal = (near - sphere.center).normalize_or(DVec3::Z);
         store(out, i, sphere.center + normal * sphere.radius, normal, direction);
     }
+}
+
+/// How far the point of a root in f64 may be from the exact one: the discriminant is off by some 64u
+/// (u = 2^-53) of what it is the difference of, its root by no more than the root of that.
+fn sphere_error(sphere: &Sphere, origin: DVec3, direction: DVec3, t: f64) -> f64 {
+    let f = origin - sphere.center;
+    let off = 32.0 * f64::EPSILON * (f.length_squared() + sphere.radius * sphere.radius);
+    let half_chord = (f + direction * t).dot(direction).abs() / direction.length();
+    off.sqrt().min(off / half_chord) + 4.0 * f64::EPSILON * f.length()
 }
 
 #[inline(always)]
@@ -195,6 +251,7 @@ fn dvec(v: &[[f32; LANES]; 3], i: usize) -> DVec3 {
 #[inline(always)]
 fn store(out: &mut Surfaces, i: usize, position: DVec3, normal: DVec3, direction: DVec3) {
     let turn = if normal.dot(direction) > 0.0 { -1.0 } else { 1.0 };
+    out.error[i] += HALF_ULP * position.abs().max_element() as f32;
     let (p, n) = (position.to_array(), (normal * turn).to_array());
     for axis in 0..3 {
         let rounded = p[axis] as f32;

@@ -13,6 +13,12 @@ pub struct TrianglePoint {
     pub u: f64,
     /// Weight of v2, in [0, 1].
     pub v: f64,
+    /// Where the ray meets the plane; not finite for a ray along it.
+    pub t: f64,
+    /// How far `position` may be from there, by the larger coordinate, if the ray meets the triangle.
+    pub error: f64,
+    /// Whether the ray's line meets the triangle, to f64 rounding.
+    pub met: bool,
 }
 
 /// Moves barycentric weights into the triangle: u, v >= 0, u + v <= 1. NaN becomes 0.
@@ -33,6 +39,11 @@ pub fn clamp_barycentrics(u: f64, v: f64) -> (f64, f64) {
 /// however the ray came, and in the triangle's box even where the corners differ by many orders of
 /// magnitude (sums of edges would cancel there). Where the ray lies in the plane the backend's
 /// (u, v) decide.
+///
+/// `error`: each triple product of to_v0, direction and a side is off by at most 8u times its
+/// permanent (u = 2^-53), which is at most the product of the sums of their coordinates' magnitudes; so
+/// are det and, moved by u times the sides, what the weights multiply. Three such errors over det move
+/// the weights, and the weights move the position by a side each: 64u leaves room for the rest.
 #[inline(always)]
 pub fn refine_triangle(
     [v0, v1, v2]: [DVec3; 3],
@@ -48,11 +59,23 @@ pub fn refine_triangle(
     let r = to_v0.cross(direction);
     let inverse = 1.0 / det;
     let (ru, rv) = (r.dot(e2) * inverse, -r.dot(e1) * inverse);
+    let t = normal.dot(to_v0) * inverse;
+    let met = (ru >= 0.0) & (rv >= 0.0) & (ru + rv <= 1.0);
     let sound = ru.is_finite() & rv.is_finite();
     let (u, v) = if sound { (ru, rv) } else { (u, v) };
     let (u, v) = clamp_barycentrics(u, v);
     let position = v0 * (1.0 - u - v).max(0.0) + v1 * u + v2 * v;
-    TrianglePoint { position, normal: normal * (1.0 / normal.length()), u, v }
+    let spread = sum(to_v0) * sum(direction) * sum(e1) * sum(e2) * inverse.abs();
+    // Both points lie on the triangle; `min` returns the other operand for a NaN.
+    let error = (32.0 * f64::EPSILON * spread).min(sum(e1) + sum(e2));
+    let error = error + 4.0 * f64::EPSILON * (sum(v0) + sum(v1) + sum(v2));
+    TrianglePoint { position, normal: normal * (1.0 / normal.length()), u, v, t, error, met }
+}
+
+/// Sum of the coordinates' magnitudes.
+#[inline(always)]
+fn sum(v: DVec3) -> f64 {
+    v.x.abs() + v.y.abs() + v.z.abs()
 }
 
 #[cfg(test)]

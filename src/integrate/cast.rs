@@ -7,7 +7,7 @@ use super::slot::Slot;
 use crate::accel::Accelerator;
 use crate::geometry::{Surfaces, refine};
 use crate::monitor::Monitor;
-use crate::ray::{Coherence, LANES, Mask, Rays};
+use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::sampler::Sampler;
 use crate::shading::{
     Emitter, Lanes3, Light, Lit, Points, ShadowPoints, lane, light_rays, reflect, set_lane,
@@ -75,7 +75,7 @@ impl<'a> Cast<'a> {
                     break;
                 }
             }
-            let hit = slot.packet.hit(&active);
+            let hit = self.refine(slot, &active);
             if bounce == 0 {
                 first_hit = hit;
             }
@@ -85,7 +85,6 @@ impl<'a> Cast<'a> {
             if !hit.any() {
                 break;
             }
-            refine(&world.geometry, &hit, &slot.packet, &mut self.surfaces);
             let points = &mut self.points;
             world.shapes.look(&world.geometry, &slot.packet, &self.surfaces, points);
             if world.ambient != Vec3::ZERO {
@@ -94,6 +93,36 @@ impl<'a> Cast<'a> {
             self.lights(slot, bounce, counts);
         }
         first_hit
+    }
+
+    /// The surface points of a traced packet; returns the lanes that have one.
+    #[inline(always)]
+    fn refine(&mut self, slot: &mut Slot, active: &Mask) -> Mask {
+        let hit = slot.packet.hit(active);
+        if !hit.any() {
+            return hit;
+        }
+        refine(&self.world.geometry, &hit, &slot.packet, &mut self.surfaces);
+        if self.surfaces.doubtful.any() {
+            self.look_again(slot);
+            let hit = slot.packet.hit(active);
+            refine(&self.world.geometry, &hit, &slot.packet, &mut self.surfaces);
+            return hit;
+        }
+        hit
+    }
+
+    /// Traces the lanes again whose hits are doubtful.
+    #[cold]
+    #[inline(never)]
+    fn look_again(&mut self, slot: &mut Slot) {
+        let doubtful = self.surfaces.doubtful;
+        for i in (0..LANES).filter(|&i| doubtful.0[i] != 0) {
+            // No camera ray and no mirrored ray ends.
+            slot.packet.rays.tfar[i] = f32::INFINITY;
+            slot.packet.hits.geom[i] = NONE;
+        }
+        self.accelerator.closest(&doubtful, &mut slot.packet, Coherence::Incoherent);
     }
 
     /// Traces the mirrored rays of the last points; returns the lanes that have one.
@@ -108,7 +137,7 @@ impl<'a> Cast<'a> {
             counts.reflection += u64::from(active.count());
             let coherence = coherence(&active, rays);
             slot.packet.clear_hits();
-            self.accelerator.closest(&active, &mut slot.packet, coherence);
+            self.accelerator.closest_candidates(&active, &mut slot.packet, coherence);
         }
         active
     }

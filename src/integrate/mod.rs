@@ -89,7 +89,8 @@ impl Kernel for TileKernel<'_, '_, '_> {
             if let Some((corner, first)) = unit {
                 slot.aim(world, &sampler, &pattern, corner, first);
                 counts.primary += u64::from(slot.active.count());
-                accelerator.closest(&slot.active, &mut slot.packet, Coherence::Coherent);
+                let (active, packet) = (&slot.active, &mut slot.packet);
+                accelerator.closest_candidates(active, packet, Coherence::Coherent);
                 prefetch_indices(&world.geometry, &slot.packet);
             }
             if traced > 0 {

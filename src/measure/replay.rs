@@ -111,7 +111,7 @@ impl Replay<'_> {
                         }
                         let started = Instant::now();
                         for (to, packet) in scratch.iter_mut().zip(batch) {
-                            accelerator.closest(&packet.active, to, coherence);
+                            accelerator.closest_candidates(&packet.active, to, coherence);
                         }
                         let spent = started.elapsed();
                         black_box(&scratch);

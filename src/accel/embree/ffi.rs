@@ -84,13 +84,15 @@ pub struct Bounds {
     pub align1: f32,
 }
 
-/// `RTCRayQueryContext`, and behind it what our filter needs.
+/// `RTCRayQueryContext`, and behind it what our filters need.
 #[repr(C)]
 pub struct QueryContext {
     pub inst_id: c_uint,
     pub inst_prim_id: c_uint,
     /// First primitive number of each geometry.
     pub bases: *const u32,
+    /// What [`super::filter`] tests candidates with.
+    pub filter: *const c_void,
 }
 
 /// `RTCIntersectArguments` and `RTCOccludedArguments`, which have the same layout.

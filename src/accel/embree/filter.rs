@@ -1,30 +1,211 @@
-//! A ray that leaves a planar primitive cannot meet it again: the filter says so to Embree.
+//! Which of Embree's candidates do not count: argument filters, called for candidates that passed the
+//! intersection test only.
+//!
+//! A ray that leaves a planar primitive cannot meet it again. And a candidate that the ray passes by
+//! more than the test may be off ([`passing`]) is none; Embree goes on behind it by itself.
+
+use std::ffi::c_void;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::DVec3;
 
 use super::ffi::FilterArguments;
+use super::second_look::Look;
+use crate::geometry::{Geometry, GeometryKind, Passing, passing, refine_triangle};
+
+/// What tells true candidates.
+pub struct Truth<'g> {
+    pub geometry: &'g Geometry,
+    /// Touched where a candidate is false only.
+    false_hits: AtomicU64,
+}
+
+/// Which candidates count.
+#[derive(Clone, Copy)]
+pub enum Filter<'a> {
+    /// Those of primitives that the ray does not leave.
+    Leaving,
+    /// Those of them that are true.
+    True(&'a Truth<'a>),
+    /// None: the true ones are noted, in whatever order they come.
+    Look(&'a Look<'a>),
+}
+
+impl Filter<'_> {
+    /// What Embree calls.
+    pub fn function(&self) -> unsafe extern "C" fn(*const FilterArguments) {
+        match self {
+            Self::Leaving => reject_leaving,
+            Self::True(_) => reject_false,
+            Self::Look(_) => note,
+        }
+    }
+
+    /// What the function gets through the query's context.
+    pub fn data(&self) -> *const c_void {
+        match *self {
+            Self::Leaving => std::ptr::null(),
+            Self::True(truth) => std::ptr::from_ref(truth).cast(),
+            Self::Look(look) => std::ptr::from_ref(look).cast(),
+        }
+    }
+}
+
+impl<'g> Truth<'g> {
+    pub fn new(geometry: &'g Geometry) -> Self {
+        Self { geometry, false_hits: AtomicU64::new(0) }
+    }
+
+    /// Candidates found to be false so far.
+    pub fn false_hits(&self) -> u64 {
+        self.false_hits.load(Ordering::Relaxed)
+    }
+
+    /// Where the ray passes a triangle or quad that Embree says it meets; `None`, and counted, if it
+    /// does not come near. Of a quad's halves the one that is passed first.
+    #[cold]
+    pub fn passing(&self, candidate: &Candidate) -> Option<Found> {
+        let at = |corners: [[f32; 3]; 3], turned: bool| {
+            let corners = corners.map(|v| DVec3::from(v.map(f64::from)));
+            let passing = passing(corners, candidate.origin, candidate.direction)?;
+            Some(Found { passing, corners, turned })
+        };
+        let found = match self.geometry.kind(candidate.geom) {
+            GeometryKind::Mesh(mesh) => {
+                at(self.geometry.meshes[mesh].corners(candidate.prim), false)
+            }
+            GeometryKind::Quads => {
+                let [v0, v1, v2, v3] = self.geometry.quads[candidate.prim as usize];
+                match (at([v0, v1, v3], false), at([v2, v3, v1], true)) {
+                    (Some(a), Some(b)) => Some(if b.passing.t < a.passing.t { b } else { a }),
+                    (a, b) => a.or(b),
+                }
+            }
+            // Decided by our own callback, which asks no filter.
+            GeometryKind::Spheres => None,
+        };
+        if found.is_none() {
+            self.false_hits.fetch_add(1, Ordering::Relaxed);
+        }
+        found
+    }
+
+    /// Whether an occluding candidate is true. f64 decides nearly all alone.
+    #[inline(always)]
+    fn holds(&self, candidate: &Candidate) -> bool {
+        let triangle = match self.geometry.kind(candidate.geom) {
+            GeometryKind::Mesh(mesh) => self.geometry.meshes[mesh].corners(candidate.prim),
+            _ => self.geometry.quad_half(candidate.prim, candidate.u, candidate.v).0,
+        };
+        let corners = triangle.map(|v| DVec3::from(v.map(f64::from)));
+        let Candidate { origin, direction, tnear, tfar, .. } = *candidate;
+        let point = refine_triangle(corners, origin, direction, (0.0, 0.0));
+        let within = |t: f64| (t > tnear) & (t < tfar);
+        if point.met & within(point.t) {
+            return true;
+        }
+        // At an end of the ray a candidate counts for all that its t may be off.
+        self.passing(candidate)
+            .is_some_and(|at| within(at.passing.t) || at.passing.explains(candidate.t))
+    }
+}
+
+/// Where a ray passes a triangle.
+#[derive(Debug, Clone, Copy)]
+pub struct Found {
+    pub passing: Passing,
+    /// In f64.
+    pub corners: [DVec3; 3],
+    /// The second half of a quad, which Embree counts u and v from the other end of.
+    pub turned: bool,
+}
+
+/// A lane of Embree's arguments.
+#[derive(Debug, Clone, Copy)]
+pub struct Candidate {
+    pub origin: DVec3,
+    pub direction: DVec3,
+    pub tnear: f64,
+    /// The ray's end before the query.
+    pub tfar: f64,
+    /// Where Embree says that it is.
+    pub t: f64,
+    pub u: f32,
+    pub v: f32,
+    pub prim: u32,
+    pub geom: u32,
+}
 
 /// Members of `RTCRayN` and `RTCHitN` in units of `n` lanes.
+const RAY_TNEAR: usize = 3;
+const RAY_DIRECTION: usize = 4;
+const RAY_TIME: usize = 7;
+const RAY_TFAR: usize = 8;
 const RAY_ID: usize = 10;
+const HIT_U: usize = 3;
+const HIT_V: usize = 4;
 const HIT_PRIM: usize = 5;
 const HIT_GEOM: usize = 6;
 
-/// Rejects hits of the primitive that the ray leaves. Embree calls it for candidates that passed
-/// the intersection test only, so rays that meet nothing pay nothing.
-pub unsafe extern "C" fn reject_leaving(args: *const FilterArguments) {
-    // SAFETY: Embree passes valid arguments with `n` lanes; the context is our `QueryContext`,
-    // whose `bases` has an entry for every attached geometry.
+/// Rejects the candidates of the primitive that the ray leaves, and those of which `counts` says so.
+///
+/// # Safety
+/// `args` is valid, and the context is our `QueryContext`, whose `bases` has an entry for every
+/// attached geometry.
+#[inline(always)]
+unsafe fn reject(args: &FilterArguments, mut counts: impl FnMut(Candidate) -> bool) {
+    // SAFETY: Embree passes `n` valid flags and `n` lanes of every member.
     unsafe {
-        let args = &*args;
         let n = args.n as usize;
         for lane in 0..n {
             if *args.valid.add(lane) == 0 {
                 continue;
             }
-            let leaving = (*args.ray.add(RAY_ID * n + lane)).to_bits();
-            let geom = (*args.hit.add(HIT_GEOM * n + lane)).to_bits();
-            let prim = (*args.hit.add(HIT_PRIM * n + lane)).to_bits();
-            if leaving == *(*args.context).bases.add(geom as usize) + prim {
+            let ray = |member: usize| *args.ray.add(member * n + lane);
+            let hit = |member: usize| *args.hit.add(member * n + lane);
+            let (geom, prim) = (hit(HIT_GEOM).to_bits(), hit(HIT_PRIM).to_bits());
+            let vector = |first: usize| {
+                DVec3::new(ray(first).into(), ray(first + 1).into(), ray(first + 2).into())
+            };
+            let candidate = Candidate {
+                origin: vector(0),
+                direction: vector(RAY_DIRECTION),
+                tnear: ray(RAY_TNEAR).into(),
+                tfar: ray(RAY_TIME).into(),
+                t: ray(RAY_TFAR).into(),
+                u: hit(HIT_U),
+                v: hit(HIT_V),
+                prim,
+                geom,
+            };
+            let leaving = ray(RAY_ID).to_bits();
+            if leaving == *(*args.context).bases.add(geom as usize) + prim || !counts(candidate) {
                 *args.valid.add(lane) = 0;
             }
         }
+    }
+}
+
+unsafe extern "C" fn reject_leaving(args: *const FilterArguments) {
+    // SAFETY: Embree passes valid arguments with our context.
+    unsafe { reject(&*args, |_| true) }
+}
+
+unsafe extern "C" fn reject_false(args: *const FilterArguments) {
+    // SAFETY: as above; the context's filter is the `Truth` of `Filter::True`.
+    unsafe {
+        let truth = &*(*(*args).context).filter.cast::<Truth>();
+        reject(&*args, |candidate| truth.holds(&candidate));
+    }
+}
+
+unsafe extern "C" fn note(args: *const FilterArguments) {
+    // SAFETY: as above; the context's filter is the `Look` of `Filter::Look`.
+    unsafe {
+        let look = &*(*(*args).context).filter.cast::<Look>();
+        reject(&*args, |candidate| {
+            look.note(&candidate);
+            false
+        });
     }
 }

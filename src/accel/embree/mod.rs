@@ -6,12 +6,14 @@ mod ffi;
 mod filter;
 mod fixed;
 mod scene;
+mod second_look;
 mod sphere;
 
 pub use self::ffi::{LAYOUTS, Layout};
 
 use self::device::Device;
 use self::ffi::{QueryArguments, QueryContext};
+use self::filter::{Filter, Truth};
 use super::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE};
@@ -24,7 +26,7 @@ const SINGLE_BELOW: u32 = 4;
 /// An Embree scene over the geometry's own arrays.
 pub struct Embree<'g> {
     scene: scene::Scene<'g>,
-    geometry: &'g Geometry,
+    truth: Truth<'g>,
 }
 
 impl<'g> Embree<'g> {
@@ -39,27 +41,36 @@ impl<'g> Embree<'g> {
     ) -> Result<Self> {
         let device = Device::new(device::load_library()?, options.threads, options.max_bytes)?;
         let scene = scene::Scene::build(device, geometry, options.fast, monitor)?;
-        Ok(Self { scene, geometry })
-    }
-
-    fn context(&self) -> QueryContext {
-        QueryContext { inst_id: NONE, inst_prim_id: NONE, bases: self.geometry.bases().as_ptr() }
+        Ok(Self { scene, truth: Truth::new(geometry) })
     }
 
     /// Runs `query` with the arguments that `coherence` and `filter` ask for.
     #[inline(always)]
-    fn query(&self, coherence: Coherence, filter: bool, query: impl FnOnce(*mut QueryArguments)) {
-        let mut context = self.context();
+    fn query(
+        &self,
+        coherence: Coherence,
+        filter: Option<Filter>,
+        query: impl FnOnce(*mut QueryArguments),
+    ) {
+        let mut context = QueryContext {
+            inst_id: NONE,
+            inst_prim_id: NONE,
+            bases: self.truth.geometry.bases().as_ptr(),
+            filter: filter.as_ref().map_or(std::ptr::null(), Filter::data),
+        };
         let coherent = match coherence {
             Coherence::Coherent => ffi::RTC_RAY_QUERY_FLAG_COHERENT,
             Coherence::Incoherent | Coherence::Single => 0,
         };
-        let invoke = if filter { ffi::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER } else { 0 };
+        let invoke = match filter {
+            Some(_) => ffi::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER,
+            None => 0,
+        };
         query(&mut QueryArguments {
             flags: coherent | invoke,
             feature_mask: u32::MAX,
             context: &mut context,
-            filter: filter.then_some(filter::reject_leaving),
+            filter: filter.as_ref().map(Filter::function),
             user_geometry: None,
         });
     }
@@ -76,7 +87,7 @@ fn ray(rays: &Rays, i: usize) -> ffi::Ray {
         org: [rays.org[0][i], rays.org[1][i], rays.org[2][i]],
         tnear: rays.tnear[i],
         dir: [rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]],
-        time: 0.0,
+        time: rays.tfar[i],
         tfar: rays.tfar[i],
         mask: u32::MAX,
         id: rays.leaving[i],
@@ -100,7 +111,17 @@ impl Accelerator for Embree<'_> {
     }
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-        let filter = any_leaving(active, &packet.rays);
+        let tfar = packet.rays.tfar;
+        self.closest_candidates(active, packet, coherence);
+        self.look_again(active, packet, &tfar);
+    }
+
+    fn false_hits(&self) -> u64 {
+        self.truth.false_hits()
+    }
+
+    fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+        let filter = any_leaving(active, &packet.rays).then_some(Filter::Leaving);
         let scene = self.scene.handle();
         if coherence != Coherence::Single && active.count() >= SINGLE_BELOW {
             // SAFETY: packet and mask are aligned to 64 bytes and laid out as Embree's.
@@ -124,7 +145,10 @@ impl Accelerator for Embree<'_> {
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-        let filter = any_leaving(active, rays);
+        // The time, which nothing reads in a scene that does not move, keeps the end of each ray:
+        // in a filter `tfar` is the candidate's t.
+        rays.time = rays.tfar;
+        let filter = Some(Filter::True(&self.truth));
         let scene = self.scene.handle();
         if coherence != Coherence::Single && active.count() >= SINGLE_BELOW {
             // SAFETY: rays and mask are aligned to 64 bytes and laid out as Embree's.

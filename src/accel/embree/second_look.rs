@@ -1,0 +1,90 @@
+//! The closest true hit, where the closest that Embree reports is not.
+//!
+//! All that Embree offers along the ray is looked at by a filter that rejects everything, so neither
+//! a false hit nor a t that is off hides what is behind.
+
+use std::cell::Cell;
+
+use super::filter::{Candidate, Filter, Found, Truth};
+use super::{Embree, NO_HIT, ffi, ray};
+use crate::geometry::{GeometryKind, NONE, Surfaces, refine, refine_triangle};
+use crate::ray::{Coherence, LANES, Mask, RayPacket};
+
+/// The closest true candidate of one ray.
+pub struct Look<'a> {
+    truth: &'a Truth<'a>,
+    best: Cell<Option<(Found, Candidate)>>,
+}
+
+impl Look<'_> {
+    /// Keeps a true candidate that is nearer than those before; of equal ones the first primitive.
+    pub fn note(&self, candidate: &Candidate) {
+        let Some(found) = self.truth.passing(candidate) else { return };
+        let t = found.passing.t;
+        let number = |c: &Candidate| (c.geom, c.prim);
+        let nearer = self.best.get().is_none_or(|(best_found, best)| {
+            let least = best_found.passing.t;
+            t < least || (t == least && number(candidate) < number(&best))
+        });
+        if nearer && t > candidate.tnear && t < candidate.tfar {
+            self.best.set(Some((found, *candidate)));
+        }
+    }
+}
+
+impl Embree<'_> {
+    /// Replaces false hits by what is behind them, and t by that of f64. `tfar`: the ends of the rays.
+    pub(super) fn look_again(&self, active: &Mask, packet: &mut RayPacket, tfar: &[f32; LANES]) {
+        let hit = packet.hit(active);
+        if !hit.any() {
+            return;
+        }
+        let mut surfaces = Surfaces::EMPTY;
+        refine(self.truth.geometry, &hit, packet, &mut surfaces);
+        for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
+            let end = std::mem::replace(&mut packet.rays.tfar[i], tfar[i]);
+            if surfaces.doubtful.0[i] != 0 {
+                self.look_again_at(packet, i);
+            } else if self.truth.geometry.kind(packet.hits.geom[i]) == GeometryKind::Spheres {
+                packet.rays.tfar[i] = end;
+            } else {
+                packet.rays.tfar[i] = surfaces.t[i].max(packet.rays.tnear[i]).min(tfar[i]);
+            }
+        }
+    }
+
+    #[cold]
+    fn look_again_at(&self, packet: &mut RayPacket, i: usize) {
+        let look = Look { truth: &self.truth, best: Cell::new(None) };
+        let mut single = ffi::RayHit { ray: ray(&packet.rays, i), hit: NO_HIT };
+        // SAFETY: aligned to 16 bytes and laid out as Embree's.
+        self.query(Coherence::Single, Some(Filter::Look(&look)), |args| unsafe {
+            (self.scene.api().intersect1)(self.scene.handle(), &mut single, args);
+        });
+        // Spheres ask no filter.
+        let mut hit = single.hit;
+        let mut end = f64::from(single.ray.tfar);
+        let triangle =
+            look.best.get().filter(|(found, _)| hit.geom_id == NONE || found.passing.t < end);
+        if let Some((found, candidate)) = triangle {
+            end = found.passing.t;
+            (hit.geom_id, hit.prim_id) = (candidate.geom, candidate.prim);
+            (hit.u, hit.v, hit.ng) = weights(&found, &candidate);
+        }
+        packet.rays.tfar[i] = end as f32;
+        (packet.hits.u[i], packet.hits.v[i]) = (hit.u, hit.v);
+        (packet.hits.prim[i], packet.hits.geom[i]) = (hit.prim_id, hit.geom_id);
+        for (lanes, n) in packet.hits.ng.iter_mut().zip(hit.ng) {
+            lanes[i] = n;
+        }
+    }
+}
+
+/// Embree's u, v and a unit normal.
+fn weights(found: &Found, candidate: &Candidate) -> (f32, f32, [f32; 3]) {
+    let turn = |u: f64| if found.turned { 1.0 - u } else { u };
+    let reported = (turn(candidate.u.into()), turn(candidate.v.into()));
+    let Candidate { origin, direction, .. } = *candidate;
+    let point = refine_triangle(found.corners, origin, direction, reported);
+    (turn(point.u) as f32, turn(point.v) as f32, point.normal.as_vec3().to_array())
+}

@@ -1,0 +1,144 @@
+//! Thin triangles and quads that rays run nearly along: where Embree's own test meets what is not
+//! there.
+
+use glam::DVec3;
+use lightpath::accel::Accelerator;
+use lightpath::accel::brute::Brute;
+use lightpath::accel::lane::Ray;
+use lightpath::geometry::Geometry;
+use lightpath::measure::cross_check::{Answer, Verdict, judge};
+use lightpath::ray::{Coherence, LANES, RayPacket, Rays};
+use lightpath::scene::Backend;
+
+use super::random::Random;
+use super::setup::{ALL, build, cube, geometry, oracle, packet, unit};
+
+/// Embree's bound in units of `bvh`'s, as `crosscheck` has it.
+const FACTOR: f64 = 4.0;
+
+/// Slivers at random, and rays nearly along them.
+struct Soup {
+    geometry: Geometry,
+    /// A corner, the long side, a direction across it in the plane.
+    frames: Vec<[DVec3; 3]>,
+}
+
+impl Soup {
+    /// Triangles, or quads, of an angle in degrees between their long sides.
+    fn new(degrees: f64, quads: bool, random: &mut Random) -> Self {
+        let (mut vertices, mut triangles, mut fours) = (Vec::new(), Vec::new(), Vec::new());
+        let mut frames = Vec::new();
+        for _ in 0..60 {
+            let corner = cube(random);
+            let long = unit(random) * 10f64.powf(random.within(-1.5, 0.5));
+            let across = unit(random).cross(long).normalize();
+            let wide = across * long.length() * degrees.to_radians();
+            let of = |v: DVec3| v.as_vec3().to_array();
+            frames.push([corner, long, across]);
+            if quads {
+                fours.push([corner, corner + long, corner + long + wide, corner + wide].map(of));
+            } else {
+                let first = vertices.len() as u32;
+                vertices.extend([corner, corner + long, corner + long + wide].map(of));
+                triangles.push([first, first + 1, first + 2]);
+            }
+        }
+        Self { geometry: geometry(vertices, triangles, fours), frames }
+    }
+
+    /// From somewhere near a sliver's plane, nearly along it, mostly past it.
+    fn ray(&self, random: &mut Random) -> (DVec3, DVec3) {
+        let [corner, long, across] = self.frames[random.below(self.frames.len())];
+        let length = long.length();
+        let mut off = || unit(random) * 10f64.powf(random.within(-9.0, -1.0));
+        let (shift, turn) = (off() * length, off());
+        let along = (long / length + across * turn.x + turn).normalize();
+        let target = corner + long * random.unit() + shift;
+        (target - along * length * random.within(0.1, 20.0), along)
+    }
+}
+
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+struct Wrong {
+    false_hits: u64,
+    primitives: u64,
+    distances: u64,
+    leaks: u64,
+}
+
+impl Wrong {
+    fn add(&mut self, verdict: Verdict) {
+        match verdict {
+            Verdict::FalseHit => self.false_hits += 1,
+            Verdict::WrongPrimitive => self.primitives += 1,
+            Verdict::WrongDistance => self.distances += 1,
+            Verdict::Leak => self.leaks += 1,
+            Verdict::Agree | Verdict::Tie | Verdict::Edge => {}
+        }
+    }
+}
+
+fn judged(oracle: &Brute, rays: &Rays, i: usize, shadow: bool, answer: Answer) -> Verdict {
+    let ray = Ray::of(rays, i);
+    judge(oracle, &ray, Answer::truth(oracle, &ray, shadow), answer, FACTOR)
+}
+
+/// What is wrong with the candidates, the closest hits and the shadows of a packet.
+fn wrong(oracle: &Brute, embree: &dyn Accelerator, rays: &Rays, how: Coherence) -> [Wrong; 3] {
+    let mut wrong = [Wrong::default(); 3];
+    let traced = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
+    let (mut native, mut closest, mut shadow) = (traced.clone(), traced, rays.clone());
+    embree.closest_candidates(&ALL, &mut native, how);
+    embree.closest(&ALL, &mut closest, how);
+    embree.occluded(&ALL, &mut shadow, how);
+    for i in 0..LANES {
+        wrong[0].add(judged(oracle, rays, i, false, Answer::closest(&native, i)));
+        wrong[1].add(judged(oracle, rays, i, false, Answer::closest(&closest, i)));
+        wrong[2].add(judged(oracle, rays, i, true, Answer::occluded(&shadow, i)));
+    }
+    wrong
+}
+
+/// Sums over soups of one kind.
+fn survey(degrees: f64, quads: bool, fast: bool) -> [Wrong; 3] {
+    let mut random = Random(degrees.to_bits() ^ u64::from(quads));
+    let mut sums = [Wrong::default(); 3];
+    let mut discarded = 0;
+    for _ in 0..8 {
+        let soup = Soup::new(degrees, quads, &mut random);
+        let (embree, oracle) =
+            (build(&soup.geometry, Backend::Embree, fast), oracle(&soup.geometry));
+        for k in 0..600 {
+            let rays = packet(|| soup.ray(&mut random)).rays;
+            let how = [Coherence::Coherent, Coherence::Incoherent, Coherence::Single][k % 3];
+            let more = wrong(&oracle, &*embree, &rays, how);
+            for (sum, more) in sums.iter_mut().zip(more) {
+                sum.false_hits += more.false_hits;
+                sum.primitives += more.primitives;
+                sum.distances += more.distances;
+                sum.leaks += more.leaks;
+            }
+        }
+        discarded += embree.false_hits();
+    }
+    println!("{degrees} quads {quads} fast {fast}: {sums:?}, {discarded} discarded");
+    assert!(discarded >= sums[0].false_hits);
+    sums
+}
+
+#[test]
+fn no_false_hit_is_left() {
+    let mut native = 0;
+    for degrees in [1.0, 0.1, 0.01, 1e-3] {
+        for quads in [false, true] {
+            let [candidates, closest, shadow] = survey(degrees, quads, false);
+            native += candidates.false_hits;
+            assert!(closest.leaks <= candidates.leaks, "{closest:?} {candidates:?}");
+            for left in [closest, shadow] {
+                assert_eq!((left.false_hits, left.primitives, left.distances), (0, 0, 0));
+            }
+        }
+    }
+    // Else these rays would show nothing.
+    assert!(native > 100, "{native}");
+}
