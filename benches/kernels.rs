@@ -130,7 +130,7 @@ fn terrain(rows: u32) -> Geometry {
 }
 
 fn bvh(geometry: &Geometry, isa: Isa) -> Bvh<'_> {
-    let options = BuildOptions { threads: 1, fast: false, isa, max_bytes: None };
+    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
     Bvh::build(geometry, &options, &Monitor::default()).expect("a tree")
 }
 

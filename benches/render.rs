@@ -67,7 +67,7 @@ mod with_embree {
         let read_s = started.elapsed().as_secs_f64();
         let options = BuildOptions {
             threads,
-            fast: false,
+            embree: Default::default(),
             isa: lightpath::simd::Isa::detect(),
             max_bytes: None,
         };

@@ -2,7 +2,7 @@
 //! scene's origin: no surface shadows itself or mirrors itself, and what lies four ulp above it
 //! shadows it. The coursework's fixed offset, beside it, fails both ways.
 
-use lightpath::accel::{BuildOptions, build};
+use lightpath::accel::{BuildOptions, EmbreeMode, build};
 use lightpath::measure::contact::{self, Count, Origin, Row};
 use lightpath::monitor::Monitor;
 use lightpath::scene::Backend;
@@ -14,12 +14,12 @@ const FIXED: f32 = 1e-4;
 /// The counts of a backend; `None` where it cannot run here.
 fn measure(
     backend: Backend,
-    fast: bool,
+    embree: EmbreeMode,
     isa: Isa,
     origin: Origin,
     rays: usize,
 ) -> Option<Vec<Row>> {
-    let options = BuildOptions { threads: 1, fast, isa, max_bytes: None };
+    let options = BuildOptions { threads: 1, embree, isa, max_bytes: None };
     let monitor = Monitor::default();
     let rows = contact::measure(&|g| build(g, backend, &options, &monitor), origin, rays, 7);
     match rows {
@@ -39,8 +39,8 @@ fn sum(rows: &[Row], of: impl Fn(&Row) -> Count) -> Count {
 }
 
 /// Every row's failures that are not allowed, and how much was looked at.
-fn check(backend: Backend, fast: bool, isa: Isa) {
-    let Some(rows) = measure(backend, fast, isa, Origin::Rounded, 128) else { return };
+fn check(backend: Backend, embree: EmbreeMode, isa: Isa) {
+    let Some(rows) = measure(backend, embree, isa, Origin::Rounded, 128) else { return };
     let bad = |row: &&Row| {
         row.self_shadow.failures + row.self_reflection.failures + row.leak.failures > 0
     };
@@ -57,34 +57,40 @@ fn check(backend: Backend, fast: bool, isa: Isa) {
 
 #[test]
 fn embree() {
-    check(Backend::Embree, false, Isa::Portable);
+    check(Backend::Embree, EmbreeMode::Robust, Isa::Portable);
 }
 
 #[test]
 fn embree_fast() {
-    check(Backend::Embree, true, Isa::Portable);
+    check(Backend::Embree, EmbreeMode::Fast, Isa::Portable);
+}
+
+#[test]
+fn embree_exact() {
+    check(Backend::Embree, EmbreeMode::Exact, Isa::detect());
 }
 
 #[test]
 fn bvh() {
     for isa in Isa::available() {
-        check(Backend::Bvh, false, isa);
+        check(Backend::Bvh, EmbreeMode::Robust, isa);
     }
 }
 
 #[test]
 fn coursework() {
-    check(Backend::Coursework, false, Isa::Portable);
+    check(Backend::Coursework, EmbreeMode::Robust, Isa::Portable);
 }
 
 #[test]
 fn brute() {
-    check(Backend::Brute, false, Isa::Portable);
+    check(Backend::Brute, EmbreeMode::Robust, Isa::Portable);
 }
 
 #[test]
 fn a_fixed_offset_fails_at_both_ends() {
-    let rows = measure(Backend::Brute, false, Isa::Portable, Origin::Fixed(FIXED), 64).unwrap();
+    let rows = measure(Backend::Brute, EmbreeMode::Robust, Isa::Portable, Origin::Fixed(FIXED), 64)
+        .unwrap();
     let small: Vec<Row> = rows.iter().copied().filter(|r| r.scale <= 1e-4).collect();
     let large: Vec<Row> = rows.iter().copied().filter(|r| r.scale >= 1e4).collect();
     let leaks = sum(&small, |r| r.leak);

@@ -28,7 +28,7 @@ fn film(scene: &Value, isa: Isa) -> Option<(Film, RayCounts)> {
     let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).unwrap();
     let options = BuildOptions {
         threads: 1,
-        fast: false,
+        embree: Default::default(),
         isa: lightpath::simd::Isa::detect(),
         max_bytes: None,
     };

@@ -102,7 +102,7 @@ fn load(scene: &Value, folder: &Path, resolutions: bool) -> (World, Vec<String>)
 /// The bits of all pixels; `None` where the backend cannot run here.
 fn render(world: &World, backend: Backend) -> Option<Vec<[u32; 4]>> {
     let (monitor, isa) = (Monitor::default(), Isa::detect());
-    let options = BuildOptions { threads: 1, fast: false, isa, max_bytes: None };
+    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
     let accelerator = match build(&world.geometry, backend, &options, &monitor) {
         Err(error) if backend == Backend::Embree => {
             eprintln!("skipped: {error}");

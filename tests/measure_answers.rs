@@ -86,7 +86,12 @@ fn in_lane_3(recording: &Recording, class: Class, mode: Mode, right: &dyn Accele
 #[test]
 fn what_is_wrong_is_counted_and_what_is_right_is_not() {
     let world = world();
-    let options = BuildOptions { threads: 1, fast: false, isa: Isa::detect(), max_bytes: None };
+    let options = BuildOptions {
+        threads: 1,
+        embree: Default::default(),
+        isa: Isa::detect(),
+        max_bytes: None,
+    };
     let monitor = Monitor::default();
     let embree = accel::build(&world.geometry, Backend::Embree, &options, &monitor).unwrap();
     let recording = record(&world, &*embree, usize::MAX >> 8, 1, &monitor).unwrap();

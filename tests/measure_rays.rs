@@ -32,7 +32,12 @@ const AREA: &str = r#"{"type": "arealight", "v0": [-2, 4, 0], "v1": [-1, 4, 0], 
     "id": [1, 1, 1], "samples": 4}"#;
 
 fn build(world: &World) -> Box<dyn Accelerator + '_> {
-    let options = BuildOptions { threads: 1, fast: false, isa: Isa::detect(), max_bytes: None };
+    let options = BuildOptions {
+        threads: 1,
+        embree: Default::default(),
+        isa: Isa::detect(),
+        max_bytes: None,
+    };
     accel::build(&world.geometry, Backend::Embree, &options, &Monitor::default()).unwrap()
 }
 

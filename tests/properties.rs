@@ -34,7 +34,7 @@ fn below(x: f32) -> f32 {
 fn embree(geometry: &Geometry) -> Option<Box<dyn Accelerator + '_>> {
     let options = BuildOptions {
         threads: 1,
-        fast: false,
+        embree: Default::default(),
         isa: lightpath::simd::Isa::detect(),
         max_bytes: None,
     };

@@ -166,7 +166,7 @@ impl Wrong {
 
 fn judge(backend: Backend, isa: Isa) -> Option<Wrong> {
     let (all, monitor) = (Mask([-1; LANES]), Monitor::default());
-    let options = BuildOptions { threads: 1, fast: false, isa, max_bytes: None };
+    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
     let mut wrong = Wrong::default();
     for case in cases(64) {
         let exact = roots(&case.sphere, case.origin, case.direction);

@@ -109,7 +109,12 @@ fn world(ply: &str) -> World {
 /// Runs `test` with each backend that can run here.
 fn with_backends(world: &World, mut test: impl FnMut(Backend, &dyn Accelerator)) {
     for backend in [Backend::Embree, Backend::Bvh] {
-        let options = BuildOptions { threads: 1, fast: false, isa: Isa::detect(), max_bytes: None };
+        let options = BuildOptions {
+            threads: 1,
+            embree: Default::default(),
+            isa: Isa::detect(),
+            max_bytes: None,
+        };
         match build(&world.geometry, backend, &options, &Monitor::default()) {
             Err(error) if backend == Backend::Embree => eprintln!("skipped: {error}"),
             built => test(backend, built.unwrap().as_ref()),

@@ -4,7 +4,7 @@
 //! says what each took, and a line through the two tells the rest. Bytes per triangle vary little
 //! from mesh to mesh (bunny, spot and generated meshes of 16 thousand to 18 million: 65 to 71).
 
-use super::{BuildInfo, BuildOptions};
+use super::{BuildInfo, BuildOptions, EmbreeMode};
 use crate::error::Result;
 use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::Monitor;
@@ -30,15 +30,15 @@ struct Line {
 }
 
 impl Footprint {
-    /// Of `backend` with `threads` build threads, in the caller's rayon pool; `fast` as in
+    /// Of `backend` with `threads` build threads, in the caller's rayon pool; `embree` as in
     /// [`BuildOptions`].
     ///
     /// # Errors
     /// `Unsupported` where the backend cannot run here.
-    pub fn of(backend: Backend, threads: usize, fast: bool) -> Result<Self> {
+    pub fn of(backend: Backend, threads: usize, embree: EmbreeMode) -> Result<Self> {
         match backend {
             Backend::Embree => {
-                let options = BuildOptions { threads, fast, isa: Isa::detect(), max_bytes: None };
+                let options = BuildOptions { threads, embree, isa: Isa::detect(), max_bytes: None };
                 let build = |geometry: &Geometry| {
                     let built = super::build(geometry, backend, &options, &Monitor::default())?;
                     Ok(built.info())

@@ -19,13 +19,26 @@ use crate::ray::{Coherence, Mask, RayPacket, Rays};
 use crate::scene::Backend;
 use crate::simd::Isa;
 
+/// How Embree is used.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum EmbreeMode {
+    /// Embree's own primitives and tests, with its ROBUST flag: rays at vertices of a closed mesh may
+    /// leak.
+    #[default]
+    Robust,
+    /// Embree's own primitives and tests without that flag: a little faster, more leaks.
+    Fast,
+    /// Our leaves and exact tests in Embree's tree: nothing leaks.
+    Exact,
+}
+
 /// How an accelerator is built.
 #[derive(Debug, Clone, Copy)]
 pub struct BuildOptions {
     /// Worker threads, >= 1.
     pub threads: usize,
-    /// Embree without its ROBUST flag.
-    pub fast: bool,
+    /// What Embree builds its tree over, and whose tests decide.
+    pub embree: EmbreeMode,
     /// Instruction set of our own kernels.
     pub isa: Isa,
     /// Stop the build cleanly once the accelerator would hold more bytes.
@@ -118,7 +131,12 @@ fn build_embree<'g>(
     options: &BuildOptions,
     monitor: &Monitor,
 ) -> Result<Box<dyn Accelerator + 'g>> {
-    Ok(Box::new(embree::Embree::build(geometry, options, monitor)?))
+    match options.embree {
+        EmbreeMode::Exact => Ok(Box::new(embree::Exact::build(geometry, options, monitor)?)),
+        EmbreeMode::Robust | EmbreeMode::Fast => {
+            Ok(Box::new(embree::Embree::build(geometry, options, monitor)?))
+        }
+    }
 }
 
 #[cfg(not(feature = "embree"))]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 
 use super::units::{parse_bytes, parse_size};
+use crate::accel::EmbreeMode;
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \
@@ -174,6 +175,11 @@ pub struct MachineArgs {
     #[arg(long)]
     pub fast: bool,
 
+    /// No ray slips between triangles that share an edge or a vertex: Embree finds, our exact tests
+    /// decide
+    #[arg(long, conflicts_with = "fast")]
+    pub exact: bool,
+
     /// Instruction set of our own kernels [default: the best of this machine]
     #[arg(long, value_name = "NAME")]
     pub isa: Option<IsaName>,
@@ -293,7 +299,7 @@ pub struct BenchArgs {
     #[arg(required = true, value_name = "SCENE|FILE.ply", value_hint = ValueHint::FilePath)]
     pub inputs: Vec<PathBuf>,
 
-    /// What is compared: embree, embree-fast, bvh, coursework, brute; bvh:TIER forces an
+    /// What is compared: embree, embree-exact, embree-fast, bvh, coursework, brute; bvh:TIER forces an
     /// instruction set (portable, avx2, avx512). The others are compared with the first
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_value = BENCH_BACKENDS)]
     pub backends: Vec<String>,
@@ -364,6 +370,17 @@ pub enum ToneName {
     Clamp,
     /// x / (1 + x)
     Reinhard,
+}
+
+impl MachineArgs {
+    /// How Embree is used.
+    pub fn embree(&self) -> EmbreeMode {
+        match (self.exact, self.fast) {
+            (true, _) => EmbreeMode::Exact,
+            (false, true) => EmbreeMode::Fast,
+            (false, false) => EmbreeMode::Robust,
+        }
+    }
 }
 
 /// Names of the backends.

@@ -8,6 +8,7 @@ use std::{
 
 use clap::ValueEnum;
 
+use crate::accel::EmbreeMode;
 use crate::{
     error::{Error, Failures, Kind, Problem, Result},
     measure::{
@@ -173,15 +174,17 @@ fn contestant(name: &str, isa: Isa) -> Result<Contestant> {
         Some((kind, forced)) => (kind, Some(forced)),
         None => (name, None),
     };
-    let (backend, fast) = match kind {
-        "embree" => (Backend::Embree, false),
-        "embree-fast" => (Backend::Embree, true),
-        "bvh" => (Backend::Bvh, false),
-        "coursework" => (Backend::Coursework, false),
-        "brute" => (Backend::Brute, false),
+    let (backend, embree) = match kind {
+        "embree" => (Backend::Embree, EmbreeMode::Robust),
+        "embree-exact" => (Backend::Embree, EmbreeMode::Exact),
+        "embree-fast" => (Backend::Embree, EmbreeMode::Fast),
+        "bvh" => (Backend::Bvh, EmbreeMode::Robust),
+        "coursework" => (Backend::Coursework, EmbreeMode::Robust),
+        "brute" => (Backend::Brute, EmbreeMode::Robust),
         _ => {
             let message = format!(
-                "found {name:?}, expected some of embree, embree-fast, bvh, coursework, brute"
+                "found {name:?}, expected some of embree, embree-exact, embree-fast, bvh, coursework, \
+                 brute"
             );
             return Err(Error::invalid("--backends", message));
         }
@@ -200,7 +203,7 @@ fn contestant(name: &str, isa: Isa) -> Result<Contestant> {
             return Err(Error::invalid("--backends", message));
         }
     };
-    Ok(Contestant { name: name.to_string(), backend, fast, isa })
+    Ok(Contestant { name: name.to_string(), backend, embree, isa })
 }
 
 fn machine(settings: &Settings) -> Machine {

@@ -111,7 +111,7 @@ impl<'g> Built<'g> {
         let all = [Backend::Embree, Backend::Bvh, Backend::Coursework, Backend::Brute];
         let skip = asked.is_none();
         let threads = rayon::current_num_threads();
-        let options = BuildOptions { threads, fast: false, isa, max_bytes: None };
+        let options = BuildOptions { threads, embree: Default::default(), isa, max_bytes: None };
         let geometry = &world.geometry;
         let oracle = Brute::build(geometry, &options, monitor)?;
         let (mut coursework, mut others, mut order) = (None, Vec::new(), Vec::new());

@@ -28,7 +28,7 @@ pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
     let options = LoadOptions { resolutions: true, ..LoadOptions::default() };
     let (world, more) = World::load(scene, options, &Monitor::default())?;
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
-    let footprint = Footprint::of(scene.backend, rayon::current_num_threads(), false);
+    let footprint = Footprint::of(scene.backend, rayon::current_num_threads(), EmbreeMode::Robust);
     report.add("type", json!("scene"), "scene");
     let picture = format!(
         "{width} x {height} pixels, {} spp, {} mirror bounces, backend {}",

@@ -132,6 +132,11 @@ fn finish(
         );
         return Err(Error::invalid("--fast", message).help("leave --fast out, or --backend embree"));
     }
+    if args.machine.exact && loaded.scene.backend == Backend::Coursework {
+        let message = "found with the backend `coursework`, which loses rays as the coursework did";
+        let help = "leave --exact out, or --backend embree, bvh or brute";
+        return Err(Error::invalid("--exact", message).help(help));
+    }
     if !loaded.scene.layers.is_empty() {
         let message = "has no effect: this version writes R, G, B, A and no other layers";
         warnings.push(Problem::new("output.layers", message));

@@ -6,7 +6,7 @@ use std::{collections::HashSet, path::Path};
 use serde::Serialize;
 
 use crate::{
-    accel::Footprint,
+    accel::{EmbreeMode, Footprint},
     error::{Error, Kind, Problem, Result},
     film::Window,
     scene::{Scene, ShapeKind},
@@ -164,11 +164,11 @@ impl Budget {
         scene: &Scene,
         window: Window,
         threads: usize,
-        fast: bool,
+        embree: EmbreeMode,
     ) -> Result<Self> {
         let prediction = predict(scene, window)?;
         prediction.check(limit)?;
-        let prediction = prediction.with(&Footprint::of(scene.backend, threads, fast)?);
+        let prediction = prediction.with(&Footprint::of(scene.backend, threads, embree)?);
         prediction.check(limit)?;
         Ok(Self { limit, prediction })
     }

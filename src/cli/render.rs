@@ -64,7 +64,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let ready = std::mem::take(&mut job.ready);
     let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
     let budget = args.machine.max_memory.map(|limit| {
-        pool.install(|| Budget::check(limit, &job.loaded.scene, window, threads, args.machine.fast))
+        pool.install(|| {
+            Budget::check(limit, &job.loaded.scene, window, threads, args.machine.embree())
+        })
     });
     let budget = budget.transpose()?;
     let help = "choose another name: -o PREFIX, --stats FILE, --write-scene FILE";
@@ -158,7 +160,7 @@ impl Run<'_> {
         let isa = self.isa;
         let options = BuildOptions {
             threads: self.threads,
-            fast: self.args.machine.fast,
+            embree: self.args.machine.embree(),
             isa,
             max_bytes: budget.map(|budget| budget.for_accelerator(world_bytes)),
         };

@@ -9,7 +9,7 @@ use super::answers::{self, Agreement};
 use super::rays::{Class, Recording, record};
 use super::replay::{Mode, Replay};
 use super::result::{BackendResult, PairResult, Row, What};
-use crate::accel::{self, Accelerator, BuildOptions};
+use crate::accel::{self, Accelerator, BuildOptions, EmbreeMode};
 use crate::error::{Error, Kind, Problem, Result};
 use crate::film::{Film, Window};
 use crate::monitor::Monitor;
@@ -26,8 +26,8 @@ pub struct Contestant {
     pub name: String,
     /// What finds the hits.
     pub backend: Backend,
-    /// Embree without its ROBUST flag.
-    pub fast: bool,
+    /// How Embree is used.
+    pub embree: EmbreeMode,
     /// Instruction set of our own kernels.
     pub isa: Isa,
 }
@@ -145,7 +145,7 @@ impl<'a> Bench<'a> {
     fn build(&self, contestant: &Contestant) -> Result<Box<dyn Accelerator + 'a>> {
         let options = BuildOptions {
             threads: rayon::current_num_threads(),
-            fast: contestant.fast,
+            embree: contestant.embree,
             isa: contestant.isa,
             max_bytes: None,
         };

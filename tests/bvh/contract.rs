@@ -43,7 +43,7 @@ fn along_z() -> Rays {
 #[test]
 fn segments_are_open_and_any_float_may_end_them() {
     let geometry = walls();
-    let tiers = Tiers::new(&geometry);
+    let tiers = Tiers::new(&geometry).with_embree();
     let next = |x: f32| f32::from_bits(x.to_bits() + 1);
     let last = |x: f32| f32::from_bits(x.to_bits() - 1);
     let far = f32::INFINITY;
@@ -86,7 +86,7 @@ fn segments_are_open_and_any_float_may_end_them() {
 #[test]
 fn directions_may_have_any_length() {
     let geometry = walls();
-    let tiers = Tiers::new(&geometry);
+    let tiers = Tiers::new(&geometry).with_embree();
     // The smallest sum of magnitudes that counts as a direction, and the largest.
     let tiny = f32::MIN_POSITIVE;
     let large = f32::MAX;
@@ -116,7 +116,7 @@ fn directions_may_have_any_length() {
 #[test]
 fn lanes_that_do_not_count_change_nothing() {
     let geometry = walls();
-    let tiers = Tiers::new(&geometry);
+    let tiers = Tiers::new(&geometry).with_embree();
     let clean = along_z();
     let expected = tiers.trace(&ALL, &clean);
     assert!(expected.iter().all(Option::is_some));
@@ -142,7 +142,7 @@ fn lanes_that_do_not_count_change_nothing() {
 #[test]
 fn what_a_ray_leaves_is_not_hit_but_for_the_far_side_of_a_sphere() {
     let geometry = walls();
-    let tiers = Tiers::new(&geometry);
+    let tiers = Tiers::new(&geometry).with_embree();
     let mut rays = along_z();
     let first = tiers.trace(&ALL, &rays);
     // From the front of the first wall, and from a little behind it, as rounding could have it.

@@ -195,7 +195,7 @@ proptest! {
     #[test]
     fn integers_are_answered_exactly(scene in scene(), packets in vec(shots(), 4)) {
         let exact = Exact::new(&scene);
-        let tiers = Tiers::new(&exact.geometry);
+        let tiers = Tiers::new(&exact.geometry).with_embree();
         for shots in packets {
             let mut rays = Rays::EMPTY;
             for (i, shot) in shots.iter().enumerate() {
@@ -224,7 +224,7 @@ fn boxes_and_their_diagonals_are_hit() {
     let scene =
         Scene { triangles: vec![], boxes: vec![[[2; 3], [4; 3]]], quads: vec![], spheres: vec![] };
     let exact = Exact::new(&scene);
-    let tiers = Tiers::new(&exact.geometry);
+    let tiers = Tiers::new(&exact.geometry).with_embree();
     let mut rays = Rays::EMPTY;
     for i in 0..LANES {
         put(&mut rays, i, [0.0; 3], [1.0; 3]);

@@ -21,7 +21,7 @@ pub struct Hit {
 }
 
 pub fn options(isa: Isa) -> BuildOptions {
-    BuildOptions { threads: 1, fast: false, isa, max_bytes: None }
+    BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None }
 }
 
 /// A tree that was found to be sound.
@@ -33,22 +33,37 @@ pub fn build(geometry: &Geometry, isa: Isa) -> Bvh<'_> {
     bvh
 }
 
+fn ours(geometry: &Geometry, isa: Isa) -> (String, Box<dyn Accelerator + '_>) {
+    (isa.to_string(), Box::new(build(geometry, isa)))
+}
+
 /// The trees of every tier that this machine runs.
 pub struct Tiers<'g> {
     geometry: &'g Geometry,
-    trees: Vec<(Isa, Bvh<'g>)>,
+    trees: Vec<(String, Box<dyn Accelerator + 'g>)>,
 }
 
 impl<'g> Tiers<'g> {
     pub fn new(geometry: &'g Geometry) -> Self {
-        let trees = Isa::available().map(|isa| (isa, build(geometry, isa))).collect();
-        Self { geometry, trees }
+        Self { geometry, trees: Isa::available().map(|isa| ours(geometry, isa)).collect() }
+    }
+
+    /// Embree's tree over the same leaves as well, which must make no difference.
+    pub fn with_embree(mut self) -> Self {
+        #[cfg(feature = "embree")]
+        for isa in Isa::available() {
+            use lightpath::accel::{EmbreeMode, embree::Exact};
+            let options = BuildOptions { embree: EmbreeMode::Exact, ..options(isa) };
+            let exact = Exact::build(self.geometry, &options, &Monitor::default()).expect("Embree");
+            self.trees.push((format!("Embree, {isa}"), Box::new(exact)));
+        }
+        self
     }
 
     /// The best tier alone.
     pub fn best(geometry: &'g Geometry) -> Self {
         let isa = Isa::detect();
-        Self { geometry, trees: vec![(isa, build(geometry, isa))] }
+        Self { geometry, trees: vec![ours(geometry, isa)] }
     }
 
     /// What the active rays hit.
@@ -58,13 +73,13 @@ impl<'g> Tiers<'g> {
     /// without a closest hit or the other way round, or if an inactive lane is written to.
     pub fn trace(&self, active: &Mask, rays: &Rays) -> [Option<Hit>; LANES] {
         let mut agreed = None;
-        for (isa, bvh) in &self.trees {
+        for (tree, bvh) in &self.trees {
             for way in WAYS {
-                let hits = self.closest(bvh, active, rays, way);
+                let hits = self.closest(bvh.as_ref(), active, rays, way);
                 let expected = *agreed.get_or_insert(hits);
                 for i in 0..LANES {
                     let (found, expected) = (hits[i], expected[i]);
-                    assert_eq!(found, expected, "{isa} {way:?} lane {i}: {}", ray(rays, i));
+                    assert_eq!(found, expected, "{tree} {way:?} lane {i}: {}", ray(rays, i));
                 }
                 let mut after = rays.clone();
                 bvh.occluded(active, &mut after, way);
@@ -74,7 +89,7 @@ impl<'g> Tiers<'g> {
                     assert_eq!(
                         after.tfar[i].to_bits(),
                         end.to_bits(),
-                        "{isa} {way:?} lane {i}, hit {:?}: {}",
+                        "{tree} {way:?} lane {i}, hit {:?}: {}",
                         hits[i],
                         ray(rays, i)
                     );
@@ -86,7 +101,7 @@ impl<'g> Tiers<'g> {
 
     fn closest(
         &self,
-        bvh: &Bvh,
+        bvh: &dyn Accelerator,
         active: &Mask,
         rays: &Rays,
         way: Coherence,

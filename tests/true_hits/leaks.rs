@@ -1,6 +1,7 @@
 //! Rays from within closed meshes, at their corners and edges and past them: discarding loses none.
 
 use glam::DVec3;
+use lightpath::accel::EmbreeMode;
 use lightpath::ray::{Coherence, LANES, NONE, RayPacket};
 use lightpath::scene::Backend;
 
@@ -58,16 +59,16 @@ impl Shell {
 }
 
 /// Rays that leave the shell: by the candidates, by the closest hits, by occlusion.
-fn leaks(backend: Backend, stretch: DVec3, packets: usize) -> [u64; 3] {
+fn leaks(backend: Backend, embree: EmbreeMode, stretch: DVec3, packets: usize) -> [u64; 3] {
     let shell = shell(24, stretch);
     let vertices = shell.vertices.iter().map(|v| v.as_vec3().to_array()).collect();
     let geometry = geometry(vertices, shell.triangles.clone(), vec![]);
-    let accelerator = build(&geometry, backend, false);
+    let accelerator = build(&geometry, backend, embree);
     let mut random = Random(1);
     let mut leaks = [0; 3];
     for k in 0..packets {
         let traced = packet(|| shell.ray(&mut random, stretch));
-        let how = [Coherence::Incoherent, Coherence::Single][k % 2];
+        let how = [Coherence::Incoherent, Coherence::Single, Coherence::Coherent][k % 3];
         let (mut native, mut closest): (RayPacket, RayPacket) = (traced.clone(), traced.clone());
         let mut shadow = traced.rays;
         accelerator.closest_candidates(&ALL, &mut native, how);
@@ -90,14 +91,23 @@ const STRETCHES: [DVec3; 3] = [DVec3::ONE, DVec3::new(1.0, 300.0, 1.0), DVec3::n
 #[test]
 fn discarding_opens_no_leak_in_embree() {
     for stretch in STRETCHES {
-        let [native, closest, shadow] = leaks(Backend::Embree, stretch, 60_000);
+        let [native, closest, shadow] = leaks(Backend::Embree, EmbreeMode::Robust, stretch, 60_000);
         assert!(closest <= native && shadow <= native, "{stretch}: {native} {closest} {shadow}");
+    }
+}
+
+#[cfg(feature = "embree")]
+#[test]
+fn exact_embree_leaks_nothing() {
+    for stretch in STRETCHES {
+        let leaked = leaks(Backend::Embree, EmbreeMode::Exact, stretch, 60_000);
+        assert_eq!(leaked, [0; 3], "{stretch}");
     }
 }
 
 #[test]
 fn bvh_leaks_nothing() {
     for stretch in STRETCHES {
-        assert_eq!(leaks(Backend::Bvh, stretch, 10_000), [0; 3], "{stretch}");
+        assert_eq!(leaks(Backend::Bvh, EmbreeMode::Robust, stretch, 10_000), [0; 3], "{stretch}");
     }
 }

@@ -1,6 +1,7 @@
 //! t, weights, position and its bound against the exact oracle, for every backend.
 
 use glam::DVec3;
+use lightpath::accel::EmbreeMode;
 use lightpath::accel::brute::Brute;
 use lightpath::accel::lane::{Hit, Ray};
 use lightpath::geometry::{Geometry, Surfaces, refine};
@@ -58,7 +59,8 @@ fn survey(backend: Backend) -> Seen {
     let mut seen = Seen::default();
     for _ in 0..6 {
         let geometry = soup(&mut random);
-        let (oracle, accelerator) = (oracle(&geometry), build(&geometry, backend, false));
+        let (oracle, accelerator) =
+            (oracle(&geometry), build(&geometry, backend, EmbreeMode::Robust));
         for _ in 0..1500 {
             let mut traced = packet(|| {
                 let origin = cube(&mut random) * 10f64.powf(random.within(-1.0, 2.0));

@@ -6,7 +6,7 @@ use crate::ray::LANES;
 use crate::simd::Isa;
 
 const OPTIONS: BuildOptions =
-    BuildOptions { threads: 1, fast: false, isa: Isa::Portable, max_bytes: None };
+    BuildOptions { threads: 1, embree: crate::accel::EmbreeMode::Robust, isa: Isa::Portable, max_bytes: None };
 
 fn build(geometry: &Geometry) -> Brute<'_> {
     Brute::build(geometry, &OPTIONS, &Monitor::default()).unwrap()

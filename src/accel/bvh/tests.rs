@@ -41,7 +41,7 @@ fn scene(rows: u32, others: u32) -> Geometry {
 }
 
 fn build(geometry: &Geometry, isa: Isa, threads: usize) -> Bvh<'_> {
-    let options = BuildOptions { threads, fast: false, isa, max_bytes: None };
+    let options = BuildOptions { threads, embree: Default::default(), isa, max_bytes: None };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
     pool.install(|| Bvh::build(geometry, &options, &Monitor::default())).expect("a tree")
 }

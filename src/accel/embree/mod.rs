@@ -1,7 +1,7 @@
 //! Intel Embree 4 as an accelerator. No raw pointer and no `unsafe` leaves this folder.
 
 mod device;
-pub mod exact;
+mod exact;
 mod ffi;
 mod filter;
 mod fixed;
@@ -9,6 +9,7 @@ mod scene;
 mod second_look;
 mod sphere;
 
+pub use self::exact::Exact;
 pub use self::ffi::{LAYOUTS, Layout};
 
 use self::device::Device;
@@ -40,7 +41,7 @@ impl<'g> Embree<'g> {
         monitor: &Monitor,
     ) -> Result<Self> {
         let device = Device::new(device::load_library()?, options.threads, options.max_bytes)?;
-        let scene = scene::Scene::build(device, geometry, options.fast, monitor)?;
+        let scene = scene::Scene::build(device, geometry, options.embree, monitor)?;
         Ok(Self { scene, truth: Truth::new(geometry) })
     }
 

@@ -9,8 +9,8 @@ use super::exact;
 use super::ffi::{self, Enum, GeometryHandle, SceneHandle};
 use super::fixed::Fixed;
 use super::sphere::{self, SphereSet};
-use crate::accel::BuildInfo;
 use crate::accel::bvh::leaves::Leaves;
+use crate::accel::{BuildInfo, EmbreeMode};
 use crate::error::Result;
 use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::Monitor;
@@ -32,16 +32,16 @@ unsafe impl Send for Scene<'_> {}
 unsafe impl Sync for Scene<'_> {}
 
 impl<'g> Scene<'g> {
-    /// Builds the scene; `fast` leaves out the ROBUST flag.
+    /// Builds the scene over Embree's own primitives.
     pub fn build(
         device: Device,
         geometry: &'g Geometry,
-        fast: bool,
+        mode: EmbreeMode,
         monitor: &Monitor,
     ) -> Result<Self> {
         let base = geometry.bases()[geometry.spheres_id() as usize];
         let spheres = SphereSet { spheres: &geometry.spheres, base };
-        let robust = if fast { 0 } else { ffi::RTC_SCENE_FLAG_ROBUST };
+        let robust = if mode == EmbreeMode::Fast { 0 } else { ffi::RTC_SCENE_FLAG_ROBUST };
         let flags = robust | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
         let scene = Self::new(device, flags, spheres, None)?;
         for (id, mesh) in geometry.meshes.iter().enumerate() {
