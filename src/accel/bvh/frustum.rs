@@ -115,8 +115,9 @@ impl Frustum {
     pub fn end(&self, tier: impl Tier, query: &Query, tfar: &[f32; LANES]) -> f32 {
         let mut minus = [0.0; LANES];
         for i in 0..LANES {
-            // Of a ray in the other direction: its end is -inf, whatever it is multiplied with.
-            minus[i] = -(self.forward * query.origin[2][i] + tfar[i] * query.along[i].abs());
+            let end = self.forward * query.origin[2][i] + tfar[i] * query.along[i].abs();
+            // A lane without a ray may hold anything.
+            minus[i] = if tfar[i] > f32::NEG_INFINITY { -end } else { f32::INFINITY };
         }
         min(self.slack - tier.least(&minus), self.scene_end)
     }
