@@ -12,6 +12,7 @@ mod exact;
 mod near;
 mod triangle;
 
+pub use self::exact::Fraction;
 pub use self::near::{Near, Outline};
 
 use std::cmp::Ordering;
