@@ -56,8 +56,8 @@ none, four times that; `brute` nothing). Where triangles share edges their corne
 bound explains no gap between them. Such answers are counted apart, as *within the bound*.
 
 **ulp** is the largest error of t in units of the last place of the exact t. **relative** is the largest
-distance of the refined point (f64 from the primitive, stored as f32) from the exact one, relative to the larger
-of its coordinates and its distance from the ray's origin. Both only for hits of the right primitive.
+distance of the refined point (f64 from the primitive, stored as f32) from the exact one, relative to the
+largest of its coordinates, those of the primitive, and its distance from the ray's origin. Both only for hits of the right primitive.
 ";
 
 /// Where it ran, in lines.
@@ -126,7 +126,11 @@ fn section(text: &mut String, report: &Report, group: &str) {
             let _ = write!(text, "| {} |", row.name);
             for entry in &row.entries {
                 let (u, r) = (table::ulp(entry.worst_ulp), table::relative(entry.worst_relative));
-                let _ = write!(text, " {u}, {r} |");
+                let coarse = match entry.beyond_8_ulp {
+                    0 => String::new(),
+                    n => format!(" ({} ppm beyond 8)", table::per_million(n, entry.measured)),
+                };
+                let _ = write!(text, " {u}{coarse}, {r} |");
             }
             text.push('\n');
         }

@@ -1,7 +1,7 @@
 //! What `accuracy` found out, as one page with pictures of the failures.
 
 use crate::{
-    measure::accuracy::{Entry, Kind, Report, Row},
+    measure::accuracy::{ColumnReport, Entry, Kind, Report, Row},
     report::{Bar, Bars, Cell, Group, Page, Section, picture},
 };
 
@@ -14,6 +14,7 @@ pub fn page(report: &Report) -> Page {
     let mut sections = vec![overview(report, &groups)];
     sections.extend(groups.iter().map(|group| section(report, group)));
     sections.push(columns(report));
+    sections.extend(groups.iter().filter_map(|group| pictures(report, group)));
     Page {
         title: "The truth about every ray".into(),
         intro: accuracy_markdown::machine(report),
@@ -58,15 +59,26 @@ fn vertices(report: &Report) -> String {
     let aimed = report.rows.iter().filter(|row| row.name.ends_with(", at vertices"));
     let groups = aimed.map(|row| Group {
         label: row.name.trim_end_matches(", at vertices").into(),
-        bars: row.entries.iter().map(bar).collect(),
+        bars: row
+            .entries
+            .iter()
+            .zip(&report.columns)
+            .filter(|(_, c)| is_fast(c))
+            .map(|(e, _)| bar(e))
+            .collect(),
     });
     Bars {
         title: "Rays at shared vertices of closed meshes that slip through".into(),
         unit: "per million, less is better".into(),
-        names: report.columns.iter().map(|column| column.name.clone()).collect(),
+        names: report.columns.iter().filter(|c| is_fast(c)).map(|c| c.name.clone()).collect(),
         groups: groups.collect(),
     }
     .svg()
+}
+
+/// Those with the most rays: few enough for a chart.
+fn is_fast(column: &ColumnReport) -> bool {
+    column.name.starts_with("embree") || column.name.starts_with("bvh")
 }
 
 fn bar(entry: &Entry) -> Bar {
@@ -94,7 +106,6 @@ fn section(report: &Report, group: &str) -> Section {
     let mut within = vec![head("within the bound of the backend's own test", report, &[])];
     let mut times = vec![head("seconds in the backend, all threads", report, &["whole case"])];
     let mut cases = vec![["case", "what"].map(Cell::from).to_vec()];
-    let mut charts = Vec::new();
     for row in of(report, group) {
         let cells = |of: &dyn Fn(&Entry) -> Cell| -> Vec<Cell> {
             [row.name.as_str().into()].into_iter().chain(row.entries.iter().map(of)).collect()
@@ -114,33 +125,11 @@ fn section(report: &Report, group: &str) -> Section {
         times.push(line);
         let note = row.note.as_ref().map_or(String::new(), |note| format!("; {note}"));
         cases.push(vec![row.name.as_str().into(), format!("{}{note}", row.what).into()]);
-        for shown in &row.pictures {
-            let kinds = row.entries[shown.column].failures.iter();
-            let kinds: Vec<String> = kinds.map(|(kind, n)| format!("{n} {kind}")).collect();
-            let caption = format!("{}; {}: {}", row.name, shown.name, kinds.join(", "));
-            charts.push(picture(&shown.png, &caption));
-        }
-    }
-    let mut findings = Vec::new();
-    if !charts.is_empty() {
-        let colors = [
-            (Kind::Leak, "red"),
-            (Kind::FalseHit, "orange"),
-            (Kind::WrongPrimitive, "violet"),
-            (Kind::WrongDistance, "blue"),
-            (Kind::Crossings, "green"),
-            (Kind::SelfShadow, "pink"),
-            (Kind::Pixel, "yellow"),
-        ];
-        let colors: Vec<String> =
-            colors.iter().map(|(kind, color)| format!("{color}: {}", kind.name())).collect();
-        let text = format!("Dots mark the first 400 failures of each: {}.", colors.join(", "));
-        findings.push((text, false));
     }
     Section {
         title: group.into(),
-        findings,
-        charts,
+        findings: Vec::new(),
+        charts: Vec::new(),
         tables: vec![
             ("Failures".into(), failures),
             ("Worst error of t, in f32 ulp".into(), ulps),
@@ -150,6 +139,43 @@ fn section(report: &Report, group: &str) -> Section {
             ("What is traced".into(), cases),
         ],
     }
+}
+
+/// Where the failures of a group are.
+fn pictures(report: &Report, group: &str) -> Option<Section> {
+    let mut charts = Vec::new();
+    for row in of(report, group) {
+        for shown in &row.pictures {
+            let kinds = row.entries[shown.column].failures.iter();
+            let kinds: Vec<String> = kinds.map(|(kind, n)| format!("{n} {kind}")).collect();
+            let caption = format!("{}; {}: {}", row.name, shown.name, kinds.join(", "));
+            charts.push(picture(&shown.png, &caption));
+        }
+    }
+    if charts.is_empty() {
+        return None;
+    }
+    let colors = [
+        (Kind::Leak, "red"),
+        (Kind::FalseHit, "orange"),
+        (Kind::WrongPrimitive, "violet"),
+        (Kind::WrongDistance, "blue"),
+        (Kind::Crossings, "green"),
+        (Kind::SelfShadow, "pink"),
+        (Kind::Pixel, "yellow"),
+    ];
+    let colors: Vec<String> =
+        colors.iter().map(|(kind, color)| format!("{color} {}", kind.name())).collect();
+    let text = format!(
+        "Dots mark what the rays that fail were aimed at, at most 400: {}.",
+        colors.join(", ")
+    );
+    Some(Section {
+        title: format!("{group}: where it fails"),
+        findings: vec![(text, false)],
+        charts,
+        tables: Vec::new(),
+    })
 }
 
 fn columns(report: &Report) -> Section {

@@ -1,4 +1,4 @@
-//! Rays nearly in the plane of what they meet: skinny triangles at 1, 0.1 and 0.01 degrees.
+//! Rays nearly in the plane of what they meet: skinny triangles at 1 to 0.0001 degrees.
 
 use glam::DVec3;
 
@@ -11,14 +11,14 @@ use crate::ray::LANES;
 
 const GROUP: &str = "nearly parallel";
 
-/// Strips 1:1000 whose planes differ slightly, side by side and one above the other.
-fn strips(random: &mut Random) -> TriangleMesh {
+/// Strips of length 1 whose planes differ slightly, side by side and one above the other.
+fn strips(random: &mut Random, width: f64) -> TriangleMesh {
     let mut triangles = Vec::new();
     for _ in 0..400 {
         let at = random.cube() * DVec3::new(1.0, 1.0, 0.05);
         let angle = random.within(0.0, std::f64::consts::TAU);
         let along = DVec3::new(angle.cos(), angle.sin(), random.within(-1e-3, 1e-3));
-        let across = DVec3::new(-angle.sin(), angle.cos(), random.within(-0.5, 0.5)) * 1e-3;
+        let across = DVec3::new(-angle.sin(), angle.cos(), random.within(-0.5, 0.5)) * width;
         triangles.push([at, at + along, at + along * random.unit() + across]);
     }
     soup(&triangles)
@@ -44,14 +44,15 @@ fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> Shot {
 
 /// Rows of this group.
 pub fn cases() -> Vec<Case> {
-    [1.0, 0.1, 0.01]
+    [(1.0, 1e-3), (0.1, 1e-3), (0.01, 1e-3), (1e-4, 1e-6)]
         .into_iter()
-        .map(|degrees| {
-            let name = format!("{degrees} degrees to skinny triangles");
-            let what = format!("strips 1:1000, rays at {degrees} degrees to their planes");
+        .map(|(degrees, width)| {
+            let name = format!("{degrees:?} degrees to triangles 1:{:e}", 1.0 / width);
+            let what =
+                format!("strips of width {width:e}, rays at {degrees:?} degrees to their planes");
             Case::new(GROUP, name, what, Mark::Exact, move |run| {
-                let geometry = scene(strips(&mut run.random(u64::MAX)));
-                let amount = Amount { packets: 500, slow: 4, truth: 1 };
+                let geometry = scene(strips(&mut run.random(u64::MAX), width));
+                let amount = Amount { packets: 200, slow: 4, truth: 1 };
                 run.shoot(&geometry, amount, |random| aim(random, &geometry.meshes[0], degrees))
             })
         })

@@ -253,6 +253,21 @@ fn crossings(accelerator: &dyn Accelerator, geometry: &Geometry, rays: &Rays, i:
     MOST_CROSSINGS
 }
 
+/// The largest coordinate of a primitive.
+fn size(geometry: &Geometry, hit: &Hit) -> f64 {
+    let largest = |corners: &[[f32; 3]]| {
+        corners.iter().flatten().fold(f32::MIN_POSITIVE, |most, x| most.max(x.abs())).into()
+    };
+    match geometry.kind(hit.geom) {
+        GeometryKind::Mesh(mesh) => largest(&geometry.meshes[mesh].corners(hit.prim)),
+        GeometryKind::Quads => largest(&geometry.quads[hit.prim as usize]),
+        GeometryKind::Spheres => {
+            let sphere = &geometry.spheres[hit.prim as usize];
+            sphere.center.abs().max_element() + sphere.radius
+        }
+    }
+}
+
 /// Holds hits of the right primitive against the exact ones: t, and the refined point and weights.
 pub fn measure_hits(
     geometry: &Geometry,
@@ -277,7 +292,7 @@ pub fn measure_hits(
         let way = ray.direction * exact.t;
         let point = ray.origin + way;
         let refined = DVec3::from([0, 1, 2].map(|k| f64::from(surfaces.position[k][i])));
-        let scale = point.abs().max_element().max(way.length()).max(f64::from(f32::MIN_POSITIVE));
+        let scale = point.abs().max_element().max(way.length()).max(size(geometry, &exact));
         let relative = (refined - point).abs().max_element() / scale;
         if relative.is_finite() {
             tally.worst_relative = tally.worst_relative.max(relative);

@@ -21,6 +21,8 @@ mod report;
 mod shadow;
 mod spheres;
 mod tally;
+#[cfg(test)]
+mod tests;
 mod watertight;
 
 pub use self::case::{Case, Mark, Run, Settings};

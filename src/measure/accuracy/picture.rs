@@ -9,7 +9,7 @@ use super::tally::Kind;
 use crate::accel::bvh::Bvh;
 use crate::accel::{Accelerator, BuildOptions};
 use crate::error::Result;
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, Surfaces, refine};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket};
 use crate::simd::Isa;
@@ -70,11 +70,12 @@ impl View {
         let distance = forward.abs().dot(half) * 2.0;
         let options = BuildOptions { threads: 1, fast: false, isa: Isa::Portable, max_bytes: None };
         let tree = Bvh::build(geometry, &options, monitor)?;
-        view.shade(&tree, distance);
+        view.shade(geometry, &tree, distance);
         Ok(view)
     }
 
-    fn shade(&mut self, tree: &Bvh, distance: f64) {
+    fn shade(&mut self, geometry: &Geometry, tree: &Bvh, distance: f64) {
+        let mut surfaces = Surfaces::EMPTY;
         let [right, down, forward] = self.axes;
         for first in (0..SIZE[0] * SIZE[1]).step_by(LANES) {
             let mut packet = RayPacket::EMPTY;
@@ -91,10 +92,14 @@ impl View {
             }
             let active = packet.rays.possible(&Mask([-1; LANES]));
             tree.closest(&active, &mut packet, Coherence::Coherent);
+            refine(geometry, &packet.hit(&active), &packet, &mut surfaces);
             for i in 0..LANES {
                 let [x, y] = pixel(i);
                 let seen = packet.hits.geom[i] != NONE;
-                let shade = if seen { shade(&packet, i) } else { 250 };
+                let normal = DVec3::from([0, 1, 2].map(|k| f64::from(surfaces.ng[k][i])));
+                // Lit from above and a little from the right.
+                let light = normal.dot((right * 0.35 - down * 0.6 - forward * 0.75).normalize());
+                let shade = if seen { shade(light) } else { 250 };
                 self.ground.put_pixel(x, y, Rgb([shade; 3]));
             }
         }
@@ -123,14 +128,10 @@ impl View {
     }
 }
 
-/// Grey by the angle of the surface; a tree's normal is read from its primitive's side.
-fn shade(packet: &RayPacket, i: usize) -> u8 {
-    // Weights vary over a triangle: they show where one ends, and t shows the form.
-    let edge =
-        packet.hits.u[i].min(packet.hits.v[i]).min(1.0 - packet.hits.u[i] - packet.hits.v[i]);
-    let grey = 0.55 + 0.35 * f64::from(edge.clamp(0.0, 0.33));
-    let steps = (grey * SHADES).round() / SHADES;
-    (steps * 235.0) as u8
+/// Grey by the cosine of the light.
+fn shade(light: f64) -> u8 {
+    let grey = 0.4 + 0.55 * light.clamp(0.0, 1.0);
+    ((grey * SHADES).round() / SHADES * 240.0) as u8
 }
 
 fn bounds(geometry: &Geometry) -> (DVec3, DVec3) {

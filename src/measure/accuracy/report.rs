@@ -91,8 +91,8 @@ pub struct Entry {
     pub beyond_8_ulp: u64,
     /// Largest error of t; `None` where none was measured.
     pub worst_ulp: Option<f64>,
-    /// Largest distance of the refined point from the exact one, relative to the larger of its
-    /// coordinates and its distance from the ray's origin.
+    /// Largest distance of the refined point from the exact one, relative to the largest of
+    /// its coordinates, those of the primitive, and its distance from the ray's origin.
     pub worst_relative: Option<f64>,
     /// Largest error of a refined barycentric weight.
     pub worst_weight: Option<f64>,

@@ -21,7 +21,7 @@ use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 const GROUP: &str = "spheres";
 
 /// Packets in the quick run.
-const PACKETS: u64 = 250;
+const PACKETS: u64 = 150;
 
 /// Slow columns trace every so many-th packet.
 const SLOW: u64 = 2;

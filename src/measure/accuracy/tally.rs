@@ -111,8 +111,8 @@ pub struct Tally {
     pub beyond_8: u64,
     /// Largest error of t, in f32 ulp of the exact t.
     pub worst_ulp: f64,
-    /// Largest distance of the refined point from the exact one, relative to the larger of its
-    /// coordinates and its distance from the ray's origin.
+    /// Largest distance of the refined point from the exact one, relative to the largest of
+    /// its coordinates, those of the primitive, and its distance from the ray's origin.
     pub worst_relative: f64,
     /// Largest error of a refined barycentric weight.
     pub worst_weight: f64,

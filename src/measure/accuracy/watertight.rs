@@ -11,7 +11,7 @@ use crate::ray::LANES;
 
 const GROUP: &str = "watertight";
 
-const AMOUNT: Amount = Amount { packets: 1200, slow: 12, truth: 12 };
+const AMOUNT: Amount = Amount { packets: 700, slow: 14, truth: 14 };
 
 /// What a ray is aimed at.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,7 +142,7 @@ fn crossings(name: &str, shape: fn() -> Shape) -> Case {
     Case::new(GROUP, format!("{name}, crossings along lines"), what, mark, move |run| {
         let at = place(&shape(), DVec3::ZERO, 1.0);
         let geometry = scene(place(&shape(), DVec3::ZERO, 1.0).mesh);
-        let amount = Amount { packets: 250, slow: 4, truth: 1 };
+        let amount = Amount { packets: 80, slow: 4, truth: 1 };
         run.shoot(&geometry, amount, |random| {
             let mut shot = Shot::new(Expect::Crossings);
             let count = at.mesh.triangles().len() as u32;
