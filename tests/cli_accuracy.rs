@@ -50,7 +50,8 @@ fn the_quick_catalogue_holds_and_is_documented() {
     }
     // The rows can fail: `coursework` does where its offset is too large and where it is too small.
     let coursework = columns.iter().position(|column| column == "coursework").unwrap();
-    for name in ["occluder in contact, scale 1e-6", "self-intersection, scale 1e6", "tiny and far"] {
+    for name in ["occluder in contact, scale 1e-6", "self-intersection, scale 1e6", "tiny and far"]
+    {
         let row = rows.iter().find(|row| row["name"] == name).unwrap();
         assert!(row["entries"][coursework]["failed"].as_u64().unwrap() > 0, "{name}");
     }

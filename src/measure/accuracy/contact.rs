@@ -415,11 +415,11 @@ pub fn cases() -> Vec<Case> {
     let mut cases: Vec<Case> = SCALES.into_iter().map(self_shadow).collect();
     cases.extend(SCALES.into_iter().map(|scale| {
         let what = format!(
-            "an occluder 4 ulp of the largest coordinate and 1000 ulp above a triangle, a quad, a sphere \
+            "an occluder 4, 8 and 1000 ulp of the largest coordinate above a triangle, a quad, a sphere \
              of size {scale:e}, at 0, 1e3 and 1e7 times that from the world's origin: it must shadow \
              them. `coursework` with its offset of 1e-4"
         );
-        contact(format!("occluder in contact, scale {scale:e}"), what, vec![scale], vec![4.01, 1000.0])
+        contact(format!("occluder in contact, scale {scale:e}"), what, vec![scale], vec![4.01, 8.0, 1000.0])
     }));
     let what = "the same at 0.5 to 3 ulp, size 1: light that comes through is counted".to_string();
     cases.push(contact(

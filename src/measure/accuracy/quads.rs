@@ -71,7 +71,7 @@ fn at_angle(random: &mut Random, quad: &Quad, angle: f64, shot: &mut Shot, i: us
 
 /// Rows of this group.
 pub fn cases() -> Vec<Case> {
-    let seen_edge_on = Mark::Zero("seen edge-on, t lies anywhere on the quad");
+    let seen_edge_on = Mark::Coarse(0.01, "seen edge-on, t may be that of the other half");
     vec![
         case(
             "parallel",

@@ -140,6 +140,10 @@ fn marks_allow_what_they_say() {
     assert_eq!(Mark::Rate(3e-6, "why").missed(&tally), None);
     assert!(Mark::Rate(2e-6, "why").missed(&tally).is_some());
     assert!(Mark::Exact.missed(&Tally::default()).is_some(), "no rays, no mark");
+    let coarse = Tally { rays: 1000, measured: 1000, beyond_2: 5, ..Tally::default() };
+    assert!(Mark::Exact.missed(&coarse).is_some());
+    assert!(Mark::Coarse(0.004, "why").missed(&coarse).is_some());
+    assert_eq!(Mark::Coarse(0.005, "why").missed(&coarse), None);
     let heavy = Tally { rays: 1, worst_weight: 2e-6, ..Tally::default() };
     assert!(Mark::Exact.missed(&heavy).is_some());
 }
