@@ -50,6 +50,9 @@ pub enum Command {
     /// Judge every backend's answers, ray by ray, by an exact oracle
     #[command(after_help = EXIT_CODES)]
     Crosscheck(Box<CrosscheckArgs>),
+    /// Run the hard cases on every backend, against answers that are known
+    #[command(after_help = EXIT_CODES)]
+    Accuracy(Box<AccuracyArgs>),
     /// Print the JSON Schema of scene files
     Schema,
     /// Print a shell completion script
@@ -355,6 +358,55 @@ pub struct BenchArgs {
     /// Compare with an earlier run
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub baseline: Option<PathBuf>,
+
+    /// Only errors on stderr
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// `lightpath accuracy`
+#[derive(Debug, Args)]
+pub struct AccuracyArgs {
+    /// What is measured: embree, embree-exact, embree-fast, bvh (each instruction set of this machine),
+    /// bvh:portable, bvh:avx2, bvh:avx512, coursework, brute [default: all that can run here]
+    #[arg(long, visible_alias = "backends", value_name = "NAME,...", value_delimiter = ',')]
+    pub backend: Vec<String>,
+
+    /// Less than a minute; the default
+    #[arg(long)]
+    pub quick: bool,
+
+    /// Some 10^8 rays: 400 times those of --quick
+    #[arg(long, conflicts_with = "quick")]
+    pub full: bool,
+
+    /// N times the rays of --quick
+    #[arg(long, value_name = "N", conflicts_with_all = ["quick", "full"], value_parser = clap::value_parser!(u64).range(1..=4000))]
+    pub times: Option<u64>,
+
+    /// Only cases whose group or name contains TEXT
+    #[arg(long, value_name = "TEXT")]
+    pub case: Option<String>,
+
+    /// Of all random rays
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+
+    /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// Write everything as JSON
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub json: Option<PathBuf>,
+
+    /// Write one page with the table and pictures of failures
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub html: Option<PathBuf>,
+
+    /// Write the table as a page of documentation
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub markdown: Option<PathBuf>,
 
     /// Only errors on stderr
     #[arg(long)]

@@ -48,7 +48,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let files = Files::create(args)?;
     let mut report = Report {
         version: result::VERSION,
-        machine: machine(&settings),
+        machine: machine(settings.isa),
         scenes: Vec::with_capacity(args.inputs.len()),
     };
     for input in &args.inputs {
@@ -121,7 +121,7 @@ fn settings(args: &BenchArgs) -> Result<Settings> {
     let isa = machine::isa(args.isa)?;
     let mut contestants: Vec<Contestant> = Vec::new();
     for name in &args.backends {
-        let contestant = contestant(name, isa)?;
+        let contestant = contestant("--backends", name, isa)?;
         if contestants.contains(&contestant) {
             let message = format!("found {name} twice, expected each backend once");
             return Err(Error::invalid("--backends", message));
@@ -168,8 +168,8 @@ fn settings(args: &BenchArgs) -> Result<Settings> {
     })
 }
 
-/// `bvh:avx2` and the like.
-fn contestant(name: &str, isa: Isa) -> Result<Contestant> {
+/// `bvh:avx2` and the like, of a flag.
+pub fn contestant(flag: &str, name: &str, isa: Isa) -> Result<Contestant> {
     let (kind, forced) = match name.split_once(':') {
         Some((kind, forced)) => (kind, Some(forced)),
         None => (name, None),
@@ -186,7 +186,7 @@ fn contestant(name: &str, isa: Isa) -> Result<Contestant> {
                 "found {name:?}, expected some of embree, embree-exact, embree-fast, bvh, coursework, \
                  brute"
             );
-            return Err(Error::invalid("--backends", message));
+            return Err(Error::invalid(flag, message));
         }
     };
     let isa = match forced {
@@ -194,25 +194,26 @@ fn contestant(name: &str, isa: Isa) -> Result<Contestant> {
         Some(forced) if backend == Backend::Bvh => {
             let name = IsaName::from_str(forced, false).map_err(|_| {
                 let message = format!("found {forced:?}, expected portable, avx2 or avx512");
-                Error::invalid("--backends", message)
+                Error::invalid(flag, message)
             })?;
-            machine::tier("--backends", name)?
+            machine::tier(flag, name)?
         }
         Some(_) => {
             let message = format!("found {name:?}, expected an instruction set only after bvh");
-            return Err(Error::invalid("--backends", message));
+            return Err(Error::invalid(flag, message));
         }
     };
     Ok(Contestant { name: name.to_string(), backend, embree, isa })
 }
 
-fn machine(settings: &Settings) -> Machine {
+/// This machine, its best tier or the one that is forced.
+pub fn machine(isa: Isa) -> Machine {
     let mut versions = version::versions("");
     versions.remove("backend");
     Machine {
         cpu: stats::cpu(),
         cores: std::thread::available_parallelism().map_or(1, usize::from),
-        isa: settings.isa.to_string(),
+        isa: isa.to_string(),
         versions,
     }
 }

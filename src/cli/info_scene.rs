@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::json;
 
 use crate::{
-    accel::Footprint,
+    accel::{EmbreeMode, Footprint},
     error::{Problem, Result},
     film::Window,
     monitor::Monitor,

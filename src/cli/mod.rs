@@ -4,6 +4,10 @@
 //! error into an exit code. A flag that changes the scene becomes a `--set` override, so that flags
 //! and overrides pass the same checks (`overrides`).
 
+mod accuracy;
+mod accuracy_markdown;
+mod accuracy_page;
+mod accuracy_table;
 mod args;
 mod bench;
 mod bench_page;
@@ -71,6 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Info(args)) => info::run(args),
         Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Crosscheck(args)) => crosscheck::run(args),
+        Some(Command::Accuracy(args)) => accuracy::run(args),
         Some(Command::Schema) => schema::run(),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),

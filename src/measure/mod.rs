@@ -1,12 +1,14 @@
 //! Clocks and comparisons: what the measuring commands stand on.
 
 pub mod ab;
+pub mod accuracy;
 pub mod answers;
 pub mod bench;
 pub mod contact;
 pub mod cross_check;
 pub mod growth;
 pub mod judge;
+pub mod random;
 pub mod rays;
 pub mod replay;
 pub mod result;

@@ -3,10 +3,12 @@
 mod bars;
 mod lines;
 mod page;
+mod picture;
 mod ratios;
 mod svg;
 
 pub use bars::{Bar, Bars, Group};
 pub use lines::{Line, Lines};
 pub use page::{Cell, Page, Section};
+pub use picture::picture;
 pub use ratios::{Ratio, Ratios};

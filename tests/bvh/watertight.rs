@@ -1,120 +1,12 @@
 //! Closed convex meshes have no gap: rays at their vertices, edges and faces, from inside and outside.
 
-use std::collections::HashMap;
-
 use glam::{DVec3, Vec3};
 use lightpath::geometry::{Geometry, TriangleMesh};
+use lightpath::measure::accuracy::meshes::{Shape, cube, icosphere};
 use lightpath::ray::{LANES, Rays};
 
 use super::random::Random;
 use super::tiers::{ALL, Tiers, put, ray};
-
-/// Vertices around the origin and triangles of a closed convex mesh.
-struct Shape {
-    vertices: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
-}
-
-/// Vertices that are looked up by their coordinates.
-#[derive(Default)]
-struct Welded {
-    shape: Vec<DVec3>,
-    known: HashMap<[u64; 3], u32>,
-}
-
-impl Welded {
-    fn index(&mut self, v: DVec3) -> u32 {
-        let next = self.shape.len() as u32;
-        let index = *self.known.entry(v.to_array().map(f64::to_bits)).or_insert(next);
-        if index == next {
-            self.shape.push(v);
-        }
-        index
-    }
-}
-
-/// 20 * 4^levels triangles.
-fn icosphere(levels: usize) -> Shape {
-    let mut vertices = Welded::default();
-    let phi = (1.0 + 5f64.sqrt()) / 2.0;
-    let mut faces: Vec<[DVec3; 3]> = Vec::new();
-    let corners: Vec<DVec3> = (0..3)
-        .flat_map(|axis| {
-            [(1.0, phi), (1.0, -phi), (-1.0, phi), (-1.0, -phi)].map(|(a, b)| {
-                let mut v = [0.0; 3];
-                (v[axis], v[(axis + 1) % 3]) = (a, b);
-                DVec3::from(v).normalize()
-            })
-        })
-        .collect();
-    // Edges of the icosahedron are its shortest distances.
-    let edge = 2.0 / (phi * phi + 1.0).sqrt() * 1.01;
-    for a in 0..12 {
-        for b in a + 1..12 {
-            for c in b + 1..12 {
-                let near = |i: usize, j: usize| corners[i].distance(corners[j]) < edge;
-                if near(a, b) && near(b, c) && near(a, c) {
-                    faces.push([corners[a], corners[b], corners[c]]);
-                }
-            }
-        }
-    }
-    assert_eq!(faces.len(), 20);
-    for _ in 0..levels {
-        let half = |p: DVec3, q: DVec3| (p + q).normalize();
-        faces = faces
-            .iter()
-            .flat_map(|&[a, b, c]| {
-                let (ab, bc, ca) = (half(a, b), half(b, c), half(c, a));
-                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-            })
-            .collect();
-    }
-    let triangles = faces.iter().map(|face| face.map(|v| vertices.index(v))).collect();
-    Shape { vertices: vertices.shape, triangles }
-}
-
-/// A cube from -1 to 1 whose sides have 2 n^2 triangles.
-fn cube(n: u32) -> Shape {
-    let mut vertices = Welded::default();
-    let mut triangles = Vec::new();
-    for axis in 0..3 {
-        for end in [-1.0, 1.0] {
-            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-                let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(di, dj)| {
-                    let mut v = [end; 3];
-                    v[(axis + 1) % 3] = f64::from(i + di) / f64::from(n) * 2.0 - 1.0;
-                    v[(axis + 2) % 3] = f64::from(j + dj) / f64::from(n) * 2.0 - 1.0;
-                    vertices.index(DVec3::from(v))
-                });
-                triangles.extend(if (i + j) % 2 == 0 {
-                    [[a, b, c], [a, c, d]]
-                } else {
-                    [[a, b, d], [b, c, d]]
-                });
-            }
-        }
-    }
-    Shape { vertices: vertices.shape, triangles }
-}
-
-impl Shape {
-    fn squashed(mut self, by: DVec3) -> Self {
-        self.vertices.iter_mut().for_each(|v| *v *= by);
-        self
-    }
-
-    /// Every edge has a triangle on either side.
-    fn is_closed(&self) -> bool {
-        let mut edges: HashMap<[u32; 2], u32> = HashMap::new();
-        for &[a, b, c] in &self.triangles {
-            for (p, q) in [(a, b), (b, c), (c, a)] {
-                *edges.entry([p.min(q), p.max(q)]).or_default() += 1;
-            }
-        }
-        edges.values().all(|&n| n == 2)
-    }
-}
 
 /// A placed shape.
 struct Place {
@@ -124,8 +16,7 @@ struct Place {
 }
 
 fn place(shape: &Shape, center: DVec3, scale: f64) -> Place {
-    let vertices = shape.vertices.iter().map(|&v| (center + v * scale).as_vec3().to_array());
-    let mesh = TriangleMesh::new(vertices.collect(), shape.triangles.clone(), false);
+    let mesh = shape.placed(center, scale);
     let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).expect("few enough");
     Place { geometry, center, scale }
 }

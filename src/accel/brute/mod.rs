@@ -11,6 +11,7 @@ mod exact;
 mod near;
 mod triangle;
 
+pub use self::exact::Fraction;
 pub use self::near::{Near, Outline, near_primitive};
 
 use std::cmp::Ordering;

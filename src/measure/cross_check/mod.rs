@@ -74,14 +74,19 @@ pub struct Contender<'a> {
     pub accelerator: &'a dyn Accelerator,
 }
 
+/// The bound of a backend's own test, in units of the shear's.
+pub fn factor(backend: Backend) -> f64 {
+    match backend {
+        Backend::Embree => 4.0,
+        Backend::Bvh | Backend::Coursework => 1.0,
+        Backend::Brute => 0.0,
+    }
+}
+
 impl Contender<'_> {
     /// The bound of its own test, in units of the shear's.
     pub fn factor(&self) -> f64 {
-        match self.backend {
-            Backend::Embree => 4.0,
-            Backend::Bvh | Backend::Coursework => 1.0,
-            Backend::Brute => 0.0,
-        }
+        factor(self.backend)
     }
 
     /// The ways in which its answers may differ.

@@ -1,8 +1,9 @@
 //! Which rays are checked: the scene's own and the aimed ones, in equal shares.
 
-use super::aimed::{Aim, Random};
+use super::aimed::Aim;
 use super::{Case, Check};
 use crate::error::Result;
+use crate::measure::random::Random;
 use crate::measure::rays::{Class, Recorded, record};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES};

@@ -24,8 +24,12 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-const OPTIONS: BuildOptions =
-    BuildOptions { threads: 1, embree: crate::accel::EmbreeMode::Robust, isa: Isa::Portable, max_bytes: None };
+const OPTIONS: BuildOptions = BuildOptions {
+    threads: 1,
+    embree: crate::accel::EmbreeMode::Robust,
+    isa: Isa::Portable,
+    max_bytes: None,
+};
 
 fn world() -> World {
     let source = SceneSource::Text { name: "test", text: SCENE.as_bytes(), folder: Path::new("") };

@@ -1,0 +1,151 @@
+//! `lightpath accuracy`: the hard cases on every backend, then a table, JSON, pages.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    measure::accuracy::{self, Case, Column, Report, Settings},
+    monitor::Monitor,
+    output::atomic::TextFile,
+    simd::Isa,
+};
+
+use super::{
+    accuracy_markdown, accuracy_page, accuracy_table, args::AccuracyArgs, bench, machine, paths,
+    signals,
+};
+
+/// Times the rays of `--quick` that `--full` traces.
+const FULL: u64 = 400;
+
+/// Runs the catalogue.
+pub fn run(args: &AccuracyArgs) -> Result<()> {
+    let cases = cases(args.case.as_deref())?;
+    not_twice(args)?;
+    let monitor = Arc::new(Monitor::default());
+    let settings = settings(args, &monitor)?;
+    signals::watch(&monitor)?;
+    let files = Files::create(args)?;
+    let mut report = machine::pool(args.threads)?.install(|| {
+        super::print(&accuracy_table::heading(&settings))?;
+        let count = cases.len();
+        let begun = |index: usize, case: &Case| {
+            if settings.times > 1 && !args.quiet {
+                super::note(&format!("{} of {count}: {}, {}", index + 1, case.group, case.name));
+            }
+        };
+        let mut group = String::new();
+        accuracy::run(&cases, &settings, &monitor, &begun, &mut |row| {
+            let first = std::mem::replace(&mut group, row.group.clone()) != row.group;
+            super::print(&accuracy_table::line(&settings, row, first))
+        })
+    })?;
+    report.machine = Some(bench::machine(Isa::detect()));
+    super::print(&accuracy_table::summary(&report))?;
+    files.finish(&report)?;
+    let failures = report.failures();
+    if failures.is_empty() {
+        return Ok(());
+    }
+    let problems = failures.into_iter().map(|failure| Problem::new("accuracy", failure)).collect();
+    Err(Error { kind: Kind::Check, problems })
+}
+
+/// The catalogue, or what of it is asked for.
+fn cases(text: Option<&str>) -> Result<Vec<Case>> {
+    let mut cases = accuracy::catalogue();
+    if let Some(text) = text {
+        let lower = text.to_lowercase();
+        cases.retain(|case| {
+            format!("{}, {}", case.group, case.name).to_lowercase().contains(&lower)
+        });
+        if cases.is_empty() {
+            let mut groups: Vec<&str> =
+                accuracy::catalogue().iter().map(|case| case.group).collect();
+            groups.dedup();
+            let message = format!("found {text:?}, which is part of no case");
+            let help = format!("groups: {}", groups.join(", "));
+            return Err(Error::invalid("--case", message).help(help));
+        }
+    }
+    Ok(cases)
+}
+
+fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
+    let mut columns: Vec<Column> = Vec::new();
+    for name in &args.backend {
+        let named = match name.as_str() {
+            "bvh" => Column::tiers(),
+            _ => vec![Column { contestant: bench::contestant("--backend", name, Isa::detect())? }],
+        };
+        for column in named {
+            if columns.contains(&column) {
+                let message = format!("found {} twice, expected each backend once", column.name());
+                return Err(Error::invalid("--backend", message));
+            }
+            columns.push(column);
+        }
+    }
+    if columns.is_empty() {
+        let (available, without) = accuracy::available(Column::all(), monitor)?;
+        without.iter().for_each(|line| super::note(line));
+        columns = available;
+    }
+    let times = match args.full {
+        true => FULL,
+        false => args.times.unwrap_or(1),
+    };
+    Ok(Settings { columns, seed: args.seed, times, pictures: args.html.is_some() })
+}
+
+/// Refuses outputs that would replace each other.
+fn not_twice(args: &AccuracyArgs) -> Result<()> {
+    let mut taken: Vec<PathBuf> = Vec::new();
+    for path in [&args.json, &args.html, &args.markdown].into_iter().flatten() {
+        let identity = paths::identity(path);
+        if taken.contains(&identity) && !identity.starts_with("/dev") {
+            return Err(Error::invalid(path.display().to_string(), "would be written twice")
+                .help("choose another name: --json FILE, --html FILE, --markdown FILE"));
+        }
+        taken.push(identity);
+    }
+    Ok(())
+}
+
+/// What is written, made sure of before the long work.
+struct Files {
+    json: Option<TextFile>,
+    html: Option<TextFile>,
+    markdown: Option<TextFile>,
+}
+
+impl Files {
+    fn create(args: &AccuracyArgs) -> Result<Self> {
+        let create = |path: &Option<PathBuf>| path.as_deref().map(TextFile::create).transpose();
+        Ok(Self {
+            json: create(&args.json)?,
+            html: create(&args.html)?,
+            markdown: create(&args.markdown)?,
+        })
+    }
+
+    fn finish(self, report: &Report) -> Result<()> {
+        let mut written = Vec::new();
+        if let Some(file) = self.json {
+            let json = serde_json::to_string_pretty(report).unwrap_or_default();
+            written.push(file.finish(&(json + "\n"))?);
+        }
+        if let Some(file) = self.html {
+            written.push(file.finish(&accuracy_page::page(report).html())?);
+        }
+        if let Some(file) = self.markdown {
+            written.push(file.finish(&accuracy_markdown::page(report))?);
+        }
+        let lines = written.iter().filter(|path| path.as_path() != Path::new("/dev/stdout"));
+        let lines: Vec<String> = lines.map(|path| format!("{}\n", path.display())).collect();
+        super::print(&lines.concat())
+    }
+}

@@ -1,0 +1,166 @@
+//! What `accuracy` found out, as a page of the documentation.
+
+use std::fmt::Write;
+
+use crate::measure::accuracy::{Entry, Report, Row};
+
+use super::{accuracy_table as table, units};
+
+/// The page.
+pub fn page(report: &Report) -> String {
+    let mut text = String::from(
+        "# Accuracy\n\nWritten by `lightpath accuracy --markdown`; do not edit. Rays that are hard to \
+         answer, on every backend,\nagainst answers that are known. Numbers are wrong answers unless \
+         something else is said.\n\n",
+    );
+    for line in machine(report) {
+        let _ = writeln!(text, "- {line}");
+    }
+    text += "\n## What the columns are\n\n| column | what it is | version | instructions |\n|---|---|---|---|\n";
+    for column in &report.columns {
+        let (name, what) = (&column.name, meaning(&column.name));
+        let _ = writeln!(text, "| `{name}` | {what} | {} | {} |", column.version, column.isa);
+    }
+    text += HOW;
+    let mut groups: Vec<&str> = report.rows.iter().map(|row| row.group.as_str()).collect();
+    groups.dedup();
+    text += "\n## Overview\n\nWrong answers per million.\n\n";
+    head(&mut text, report, &["group"], &[]);
+    for group in &groups {
+        let _ = write!(text, "| {group} |");
+        for index in 0..report.columns.len() {
+            let rows = report.rows.iter().filter(|row| row.group == *group);
+            let sum = |of: fn(&Entry) -> u64| rows.clone().map(|row| of(&row.entries[index])).sum();
+            let _ = write!(text, " {} |", table::per_million(sum(|e| e.failed), sum(|e| e.rays)));
+        }
+        text.push('\n');
+    }
+    for group in &groups {
+        section(&mut text, report, group);
+    }
+    text
+}
+
+const HOW: &str = "
+A packet is traced as a packet and again ray by ray, so each ray counts twice; one packet in four asks for
+occlusion. `coursework` and `brute` get a part of the rays, because they take long.
+
+**The truth.** Hit or miss, and which hit is nearest, are decided without rounding: determinants in f64 with a
+proved bound, integers where that does not decide. The vertices and the ray are the f32 numbers that every
+backend gets. t is known to a relative 2^-40. A closed mesh needs no oracle: what is aimed at it from within
+must hit. Spheres are held against roots computed in integers.
+
+**Wrong.** A test that moves corners by its rounding may see an outline elsewhere; that is no failure as long
+as the bound of that test explains it (`bvh` and `coursework` 6u max|v - o|, u = 2^-24; Embree, which publishes
+none, four times that; `brute` nothing). Where triangles share edges their corners move together, so that the
+bound explains no gap between them. Such answers are counted apart, as *within the bound*.
+
+**ulp** is the largest error of t in units of the last place of the exact t. **relative** is the largest
+distance of the refined point (f64 from the primitive, stored as f32) from the exact one, relative to the
+largest of its coordinates, those of the primitive, and its distance from the ray's origin. Both only for hits of the right primitive.
+";
+
+/// Where it ran, in lines.
+pub fn machine(report: &Report) -> Vec<String> {
+    let mut lines = Vec::new();
+    if let Some(m) = &report.machine {
+        let versions = m.versions.iter().filter(|(name, _)| *name != "commit");
+        let versions: Vec<String> = versions.map(|(name, v)| format!("{name} {v}")).collect();
+        lines.push(format!(
+            "{}, {} processors, best tier {}; {}",
+            m.cpu,
+            m.cores,
+            m.isa,
+            versions.join(", ")
+        ));
+    }
+    let answers: u64 =
+        report.rows.iter().flat_map(|row| &row.entries).map(|entry| entry.rays).sum();
+    let (cases, times, seed) = (report.rows.len(), report.times, report.seed);
+    lines.push(format!(
+        "{cases} cases, {} answers judged: {times} times the rays of `--quick`, seed {seed}",
+        units::count(answers)
+    ));
+    lines
+}
+
+/// A column in plain words.
+pub fn meaning(name: &str) -> &'static str {
+    match name {
+        "embree" => "Intel Embree with `RTC_SCENE_FLAG_ROBUST`, packets of 16 and single rays",
+        "embree-fast" => "the same without that flag: Embree's default, `--fast` here",
+        "embree-exact" => "Embree's tree over our leaves with our exact tests: `--exact`",
+        "coursework" => "the report's tree and tests in f64; its fixed offset of 1e-4 in `contact`",
+        "brute" => "every primitive by exact predicates: the oracle itself, t rounded to f32",
+        name if name.starts_with("bvh") => {
+            "lightpath's own tree, exactly watertight, in one instruction set"
+        }
+        _ => "a backend",
+    }
+}
+
+fn head(text: &mut String, report: &Report, first: &[&str], last: &[&str]) {
+    let names = report.columns.iter().map(|column| format!("`{}`", column.name));
+    let first = first.iter().map(ToString::to_string);
+    let cells: Vec<String> =
+        first.chain(names).chain(last.iter().map(ToString::to_string)).collect();
+    let _ = writeln!(text, "| {} |\n|{}", cells.join(" | "), "---|".repeat(cells.len()));
+}
+
+fn section(text: &mut String, report: &Report, group: &str) {
+    let rows: Vec<&Row> = report.rows.iter().filter(|row| row.group == group).collect();
+    let _ = writeln!(text, "\n## {}\n", capital(group));
+    head(text, report, &["case", "answers"], &["mark of `bvh`, `brute`"]);
+    for row in &rows {
+        let _ = write!(text, "| {} | {} |", row.name, units::count(row.rays));
+        for entry in &row.entries {
+            let _ = write!(text, " {} |", failures(entry));
+        }
+        let _ = writeln!(text, " {} |", row.mark);
+    }
+    if rows.iter().any(|row| row.entries.iter().any(|entry| entry.measured > 0)) {
+        text.push_str(
+            "\nWorst error of t in ulp, and worst relative distance of the refined point:\n\n",
+        );
+        head(text, report, &["case"], &[]);
+        for row in rows.iter().filter(|row| row.entries.iter().any(|e| e.measured > 0)) {
+            let _ = write!(text, "| {} |", row.name);
+            for entry in &row.entries {
+                let (u, r) = (table::ulp(entry.worst_ulp), table::relative(entry.worst_relative));
+                let coarse = match entry.beyond_8_ulp {
+                    0 => String::new(),
+                    n => format!(" ({} ppm beyond 8)", table::per_million(n, entry.measured)),
+                };
+                let _ = write!(text, " {u}{coarse}, {r} |");
+            }
+            text.push('\n');
+        }
+    }
+    text.push('\n');
+    for row in rows {
+        let _ = write!(text, "- **{}**: {}.", row.name, row.what);
+        if let Some(note) = &row.note {
+            let _ = write!(text, " {}.", capital(note));
+        }
+        text.push('\n');
+    }
+}
+
+/// Wrong answers by number and kind.
+fn failures(entry: &Entry) -> String {
+    let total = table::failures(entry);
+    let rate = match entry.failed {
+        0 => String::new(),
+        failed => format!(" ({} ppm)", table::per_million(failed, entry.rays)),
+    };
+    let counted = match entry.counted {
+        0 => String::new(),
+        n => format!("; {} counted", units::count(n)),
+    };
+    format!("{total}{rate}{counted}")
+}
+
+fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or(String::new(), |first| first.to_uppercase().chain(chars).collect())
+}

@@ -1,0 +1,290 @@
+//! A row of the catalogue, and what its work is given.
+
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::column::Column;
+use super::judge::{Judge, Shot};
+use super::picture;
+use super::report::{Entry, Picture, Row};
+use super::tally::Tally;
+use crate::accel::Accelerator;
+use crate::accel::BuildOptions;
+use crate::accel::brute::Brute;
+use crate::error::Result;
+use crate::geometry::Geometry;
+use crate::measure::random::Random;
+use crate::monitor::Monitor;
+use crate::ray::LANES;
+use crate::simd::Isa;
+
+/// Packets between two looks at the monitor.
+const PORTION: u64 = 2048;
+
+/// Share of the hits that may be more than 2 ulp off.
+const COARSE: f64 = 1e-4;
+
+/// Largest error of a barycentric weight.
+const WEIGHT: f64 = 1e-6;
+
+/// What a row asks of the columns that must hold.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Mark {
+    /// No failure; t within 2 ulp for 99.99% of the hits and 8 always, weights within 1e-6.
+    Exact,
+    /// No failure; the reason why t is not held to a bound.
+    Zero(&'static str),
+    /// No failure; t more than 2 ulp off for at most this share of the hits; the reason.
+    Coarse(f64, &'static str),
+    /// At most this share of the rays fails; the reason.
+    Rate(f64, &'static str),
+}
+
+impl Mark {
+    /// For the table.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Exact => "0; t within 2 ulp, 8 at worst".into(),
+            Self::Zero(why) => format!("0 ({why})"),
+            Self::Coarse(share, why) => {
+                format!("0; t within 2 ulp for {}% ({why})", 100.0 - share * 100.0)
+            }
+            Self::Rate(share, why) => {
+                format!("at most {} failures per million ({why})", share * 1e6)
+            }
+        }
+    }
+
+    /// Why a tally misses it.
+    pub fn missed(&self, tally: &Tally) -> Option<String> {
+        let (failed, rays) = (tally.failed(), tally.rays);
+        let allowed = match self {
+            Self::Rate(share, _) => (share * rays as f64) as u64,
+            _ => 0,
+        };
+        if failed > allowed {
+            return Some(format!("{failed} of {rays} answers fail, expected at most {allowed}"));
+        }
+        if rays == 0 {
+            return Some("no ray was traced".into());
+        }
+        let share = match self {
+            Self::Exact => COARSE,
+            Self::Coarse(share, _) => *share,
+            Self::Zero(_) | Self::Rate(..) => return None,
+        };
+        let (coarse, hits) = (tally.beyond_2, tally.measured);
+        if *self == Self::Exact && tally.beyond_8 > 0 {
+            return Some(format!("t is off by {:.1} ulp, expected at most 8", tally.worst_ulp));
+        }
+        if coarse as f64 > share * hits as f64 {
+            return Some(format!("{coarse} of {hits} hits have t more than 2 ulp off"));
+        }
+        let weight = tally.worst_weight;
+        (weight > WEIGHT).then(|| format!("a weight is off by {weight:.1e}, expected 1e-6"))
+    }
+}
+
+/// What is measured, and how much.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// The columns, in order.
+    pub columns: Vec<Column>,
+    /// Of all random rays.
+    pub seed: u64,
+    /// How many times the rays of the quick run.
+    pub times: u64,
+    /// Whether pictures are made of failures.
+    pub pictures: bool,
+}
+
+/// The work of a case.
+type Work = Box<dyn Fn(&mut Run) -> Result<()> + Send + Sync>;
+
+/// A row of the catalogue.
+pub struct Case {
+    /// The part of the catalogue.
+    pub group: &'static str,
+    /// Its name; unique.
+    pub name: String,
+    /// What is traced and what must come out.
+    pub what: String,
+    /// What passes.
+    pub mark: Mark,
+    /// What it does.
+    work: Work,
+}
+
+impl Case {
+    /// A case that does `work`.
+    pub fn new(
+        group: &'static str,
+        name: impl Into<String>,
+        what: impl Into<String>,
+        mark: Mark,
+        work: impl Fn(&mut Run) -> Result<()> + Send + Sync + 'static,
+    ) -> Self {
+        Self { group, name: name.into(), what: what.into(), mark, work: Box::new(work) }
+    }
+
+    /// Runs it.
+    pub(super) fn run(&self, settings: &Settings, monitor: &Monitor) -> Result<Row> {
+        let started = Instant::now();
+        // The name decides the rays, not the place in the catalogue.
+        let salt = self.name.bytes().fold(settings.seed, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+        let columns = &settings.columns;
+        let tallies = vec![Tally::default(); columns.len()];
+        let mut run = Run { settings, monitor, salt, tallies, pictures: vec![], note: None };
+        (self.work)(&mut run)?;
+        let Run { tallies, pictures, note, .. } = run;
+        let entries = columns.iter().zip(&tallies).map(|(column, tally)| {
+            Entry::new(tally, self.mark.missed(tally).filter(|_| column.must_hold()))
+        });
+        Ok(Row {
+            group: self.group.into(),
+            name: self.name.clone(),
+            what: self.what.clone(),
+            mark: self.mark.text(),
+            note,
+            rays: tallies.iter().map(|tally| tally.rays).max().unwrap_or(0),
+            entries: entries.collect(),
+            seconds: started.elapsed().as_secs_f64(),
+            pictures,
+        })
+    }
+}
+
+/// All columns over one geometry, and the oracle.
+pub struct Built<'g> {
+    /// What they are built over.
+    pub geometry: &'g Geometry,
+    /// In the order of the settings.
+    pub columns: Vec<(&'g Column, Box<dyn Accelerator + 'g>)>,
+    /// Knows the exact answers.
+    pub oracle: Brute<'g>,
+}
+
+/// A case at work.
+pub struct Run<'a> {
+    /// What is measured.
+    pub settings: &'a Settings,
+    /// Asks to stop.
+    pub monitor: &'a Monitor,
+    /// Of this case's random numbers.
+    salt: u64,
+    /// By column.
+    pub tallies: Vec<Tally>,
+    /// Of failures.
+    pictures: Vec<Picture>,
+    /// What else there is to say.
+    pub note: Option<String>,
+}
+
+/// How many packets.
+#[derive(Debug, Clone, Copy)]
+pub struct Amount {
+    /// In the quick run.
+    pub packets: u64,
+    /// Slow columns get every so many-th packet.
+    pub slow: u64,
+    /// The exact answer is asked for at every so many-th packet.
+    pub truth: u64,
+}
+
+impl Run<'_> {
+    /// Random numbers of this case.
+    pub fn random(&self, index: u64) -> Random {
+        Random::new(self.salt, index)
+    }
+
+    /// Every column over a geometry. Small ones are built with one thread, which is quicker.
+    ///
+    /// # Errors
+    /// Where one cannot be built.
+    pub fn build<'g>(&'g self, geometry: &'g Geometry) -> Result<Built<'g>> {
+        let small = *geometry.bases().last().unwrap_or(&0) < 1000;
+        let threads = if small { 1 } else { rayon::current_num_threads() };
+        let build =
+            |column: &'g Column| Ok((column, column.build(geometry, threads, self.monitor)?));
+        let columns = self.settings.columns.iter().map(build).collect::<Result<_>>()?;
+        Ok(Built { geometry, columns, oracle: oracle(geometry, self.monitor)? })
+    }
+
+    /// Aims packets at a geometry, has every column trace them, and judges.
+    ///
+    /// # Errors
+    /// Where a column cannot be built; `Interrupted` after a signal.
+    pub fn shoot(
+        &mut self,
+        geometry: &Geometry,
+        amount: Amount,
+        aim: impl Fn(&mut Random) -> Shot + Sync,
+    ) -> Result<()> {
+        let mut sums = vec![Tally::default(); self.tallies.len()];
+        {
+            let run = &*self;
+            let built = run.build(geometry)?;
+            let judge = Judge { built: &built };
+            let times = run.settings.times;
+            let packets = amount.packets * times;
+            // In a long run the slow ones trace at most 16 times the rays of the quick one.
+            let slow = amount.slow * times.div_ceil(16);
+            for first in (0..packets).step_by(PORTION as usize) {
+                let last = packets.min(first + PORTION);
+                let portion: Vec<Vec<Tally>> = (first..last)
+                    .into_par_iter()
+                    .filter(|_| !run.monitor.stopped())
+                    .map(|index| {
+                        let shot = aim(&mut run.random(index));
+                        let known = index % amount.truth == 0;
+                        judge.shot(&shot, index, known, index % slow == 0)
+                    })
+                    .collect();
+                run.monitor.check()?;
+                for tallies in &portion {
+                    sums.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
+                }
+                let rays = (last - first) * LANES as u64;
+                run.monitor.rays.fetch_add(rays, Relaxed);
+            }
+        }
+        self.keep(geometry, sums)
+    }
+
+    /// Adds what was counted over a geometry, with pictures of what failed.
+    ///
+    /// # Errors
+    /// Where what the pictures need cannot be built.
+    pub fn keep(&mut self, geometry: &Geometry, sums: Vec<Tally>) -> Result<()> {
+        if self.settings.pictures && sums.iter().any(|sum| !sum.places.is_empty()) {
+            let view = picture::View::new(geometry, self.monitor)?;
+            for (index, sum) in sums.iter().enumerate() {
+                let seen = self.pictures.iter().any(|picture| picture.column == index);
+                if sum.places.is_empty() || seen {
+                    continue;
+                }
+                let name = self.settings.columns[index].name().to_string();
+                self.pictures.push(Picture { column: index, name, png: view.png(&sum.places) });
+            }
+        }
+        for (tally, sum) in self.tallies.iter_mut().zip(&sums) {
+            tally.add(sum);
+        }
+        Ok(())
+    }
+}
+
+/// The oracle over a geometry.
+pub fn oracle<'g>(geometry: &'g Geometry, monitor: &Monitor) -> Result<Brute<'g>> {
+    let options = BuildOptions {
+        threads: 1,
+        embree: crate::accel::EmbreeMode::Robust,
+        isa: Isa::detect(),
+        max_bytes: None,
+    };
+    Brute::build(geometry, &options, monitor)
+}

@@ -1,0 +1,100 @@
+//! What is measured: a backend in one mode and instruction set, one column of the table.
+
+use crate::accel::{self, Accelerator, BuildOptions, EmbreeMode};
+use crate::error::Result;
+use crate::geometry::Geometry;
+use crate::measure::bench::Contestant;
+use crate::measure::cross_check;
+use crate::monitor::Monitor;
+use crate::ray::Coherence;
+use crate::scene::Backend;
+use crate::simd::Isa;
+
+/// A backend in one mode.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Column {
+    /// Its name, mode and instruction set.
+    pub contestant: Contestant,
+}
+
+impl Column {
+    /// All there are: Embree fast, robust and exact, `bvh` in each tier of this machine, `coursework`,
+    /// `brute`.
+    pub fn all() -> Vec<Self> {
+        let best = Isa::detect();
+        let one = |name: &str, backend, embree, isa| Self {
+            contestant: Contestant { name: name.into(), backend, embree, isa },
+        };
+        let mut all = vec![
+            one("embree-fast", Backend::Embree, EmbreeMode::Fast, best),
+            one("embree", Backend::Embree, EmbreeMode::Robust, best),
+            one("embree-exact", Backend::Embree, EmbreeMode::Exact, best),
+        ];
+        all.extend(Self::tiers());
+        all.push(one("coursework", Backend::Coursework, EmbreeMode::Robust, best));
+        all.push(one("brute", Backend::Brute, EmbreeMode::Robust, best));
+        all
+    }
+
+    /// `bvh` in each tier that this machine runs.
+    pub fn tiers() -> Vec<Self> {
+        let tier = |isa: Isa| {
+            let name = match isa {
+                Isa::Portable => "bvh:portable",
+                Isa::Avx2 => "bvh:avx2",
+                Isa::Avx512 => "bvh:avx512",
+            };
+            let (backend, embree) = (Backend::Bvh, EmbreeMode::Robust);
+            Self { contestant: Contestant { name: name.into(), backend, embree, isa } }
+        };
+        Isa::available().map(tier).collect()
+    }
+
+    /// As the table has it.
+    pub fn name(&self) -> &str {
+        &self.contestant.name
+    }
+
+    /// What finds the hits.
+    pub fn backend(&self) -> Backend {
+        self.contestant.backend
+    }
+
+    /// Whether it fails the run where it misses a row's mark; others are published.
+    pub fn must_hold(&self) -> bool {
+        matches!(self.backend(), Backend::Bvh | Backend::Brute)
+    }
+
+    /// Whether it traces fewer rays because each takes long.
+    pub fn slow(&self) -> bool {
+        matches!(self.backend(), Backend::Coursework | Backend::Brute)
+    }
+
+    /// The bound of its own test, in units of the shear's: what [`cross_check`] grants it.
+    pub fn factor(&self) -> f64 {
+        cross_check::factor(self.backend())
+    }
+
+    /// The ways to ask whose answers may differ; `packets` is how packets are announced.
+    pub fn ways(&self, packets: Coherence) -> Vec<Coherence> {
+        match self.slow() {
+            true => vec![packets],
+            false => vec![packets, Coherence::Single],
+        }
+    }
+
+    /// Builds it.
+    ///
+    /// # Errors
+    /// See [`accel::build`].
+    pub fn build<'g>(
+        &self,
+        geometry: &'g Geometry,
+        threads: usize,
+        monitor: &Monitor,
+    ) -> Result<Box<dyn Accelerator + 'g>> {
+        let Contestant { backend, embree, isa, .. } = self.contestant;
+        let options = BuildOptions { threads, embree, isa, max_bytes: None };
+        accel::build(geometry, backend, &options, monitor)
+    }
+}

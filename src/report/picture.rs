@@ -1,0 +1,27 @@
+//! A picture within a page.
+
+use base64::{Engine, engine::general_purpose::STANDARD};
+
+use super::svg::escape;
+
+/// A PNG file with its caption, as a part of the page itself.
+pub fn picture(png: &[u8], caption: &str) -> String {
+    let (data, caption) = (STANDARD.encode(png), escape(caption));
+    format!(
+        "<figure style=\"margin:0;width:192px\"><img width=\"192\" alt=\"{caption}\" \
+         style=\"border:1px solid #e3e6ea;display:block\" src=\"data:image/png;base64,{data}\">\
+         <figcaption style=\"font-size:12px;color:#555d66\">{caption}</figcaption></figure>"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_is_in_the_page_and_its_caption_is_safe() {
+        let html = picture(&[1, 2, 3], "a<b");
+        assert!(html.contains("data:image/png;base64,AQID\"") && html.contains("a&lt;b"));
+        assert!(!html.contains("a<b"));
+    }
+}

@@ -1,0 +1,127 @@
+//! `accuracy` through the program: the whole quick catalogue holds, what it writes, its exit codes.
+
+mod program;
+
+use std::collections::BTreeSet;
+
+use program::Scratch;
+use serde_json::Value;
+
+fn json(scratch: &Scratch, name: &str) -> Value {
+    serde_json::from_slice(&scratch.read(name)).unwrap()
+}
+
+fn names(report: &Value, list: &str) -> Vec<String> {
+    let list = report[list].as_array().unwrap();
+    list.iter().map(|entry| entry["name"].as_str().unwrap().to_string()).collect()
+}
+
+#[test]
+fn the_quick_catalogue_holds_and_is_documented() {
+    let scratch = Scratch::new();
+    let files = ["--json", "a.json", "--html", "a.html", "--markdown", "a.md"];
+    let done = scratch.run(&[&["accuracy", "--quick"], &files[..]].concat());
+    assert_eq!(done.code(), 0, "{}\n{}", done.stdout(), done.stderr());
+    assert_eq!(scratch.names(), ["a.html", "a.json", "a.md"]);
+    let report = json(&scratch, "a.json");
+
+    // Every backend of this machine, every tier.
+    let columns = names(&report, "columns");
+    for name in ["bvh:portable", "coursework", "brute"] {
+        assert!(columns.iter().any(|column| column == name), "{columns:?}");
+    }
+    assert_eq!(report["version"], 1);
+    assert!(report["machine"]["versions"]["lightpath"].is_string());
+
+    // Those that must hold were asked, and hold.
+    let rows = report["rows"].as_array().unwrap();
+    assert!(rows.len() >= 60, "{}", rows.len());
+    for row in rows {
+        let entries = row["entries"].as_array().unwrap();
+        assert_eq!(entries.len(), columns.len());
+        for (column, entry) in columns.iter().zip(entries) {
+            let place = format!("{}, {column}", row["name"]);
+            assert!(entry["rays"].as_u64().unwrap() > 0, "{place}");
+            if column.starts_with("bvh") || column == "brute" {
+                assert_eq!(entry["failed"], 0, "{place}");
+                assert_eq!(entry["missed"], Value::Null, "{place}");
+            }
+        }
+    }
+    // The rows can fail: `coursework` does where its offset is too large and where it is too small.
+    let coursework = columns.iter().position(|column| column == "coursework").unwrap();
+    for name in ["occluder in contact, scale 1e-6", "self-intersection, scale 1e6", "tiny and far"]
+    {
+        let row = rows.iter().find(|row| row["name"] == name).unwrap();
+        assert!(row["entries"][coursework]["failed"].as_u64().unwrap() > 0, "{name}");
+    }
+
+    // The page of documentation has the same rows.
+    let text = |path: &str| std::fs::read_to_string(path).unwrap();
+    let committed = text(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/accuracy.md"));
+    let made = String::from_utf8(scratch.read("a.md")).unwrap();
+    let listed = |page: &str| -> BTreeSet<String> {
+        let lines = page.lines().filter_map(|line| line.strip_prefix("- **"));
+        lines.filter_map(|line| Some(line.split_once("**")?.0.to_string())).collect()
+    };
+    let expected: BTreeSet<String> = names(&report, "rows").into_iter().collect();
+    assert_eq!(listed(&made), expected);
+    assert_eq!(listed(&committed), expected, "docs/accuracy.md: run `accuracy --markdown`");
+
+    // The HTML page is whole and refers to nothing outside of it.
+    let html = String::from_utf8(scratch.read("a.html")).unwrap();
+    assert!(html.ends_with("</html>\n") && html.contains("every mark holds"));
+    assert!(html.contains("src=\"data:image/png;base64,iVBOR"), "no picture");
+    for outside in ["src=\"http", "href=", "@import"] {
+        assert!(!html.contains(outside), "{outside}");
+    }
+}
+
+#[test]
+fn some_cases_some_backends_and_the_same_rays_for_any_number_of_threads() {
+    let scratch = Scratch::new();
+    let counts = |threads: &str, seed: &str| {
+        let flags = ["--case", "grazing", "--backend", "bvh,coursework", "--json", "a.json"];
+        let more = ["--threads", threads, "--seed", seed, "--quiet"];
+        let done = scratch.run(&[&["accuracy"], &flags[..], &more[..]].concat());
+        assert_eq!((done.code(), done.stderr().as_str()), (0, ""));
+        let report = json(&scratch, "a.json");
+        assert!(report["rows"].as_array().unwrap().len() > 1);
+        let last = names(&report, "columns").pop();
+        assert_eq!(last.as_deref(), Some("coursework"));
+        let mut counts = Vec::new();
+        for row in report["rows"].as_array().unwrap() {
+            for entry in row["entries"].as_array().unwrap() {
+                let of = |key: &str| entry[key].to_string();
+                counts.push(["rays", "measured", "within_bound", "worst_ulp", "failed"].map(of));
+            }
+        }
+        counts
+    };
+    assert_eq!(counts("1", "7"), counts("2", "7"));
+    assert_ne!(counts("2", "7"), counts("2", "8"));
+}
+
+#[test]
+fn bad_use_exits_2_before_the_work() {
+    let scratch = Scratch::new();
+    let cases: &[(&[&str], &str)] = &[
+        (&["accuracy", "--quick", "--full"], "cannot be used with"),
+        (&["accuracy", "--times", "0"], "--times"),
+        (&["accuracy", "--times", "3", "--full"], "cannot be used with"),
+        (&["accuracy", "--backend", "gpu"], "expected some of embree"),
+        (&["accuracy", "--backend", "bvh,bvh:portable"], "twice"),
+        (&["accuracy", "--backend", "bvh:sse9"], "portable, avx2 or avx512"),
+        (&["accuracy", "--case", "no such case"], "groups: watertight"),
+        (&["accuracy", "--json", "a", "--html", "a"], "written twice"),
+        (&["accuracy", "--json", "missing/a.json"], "no such folder"),
+        (&["accuracy", "--threads", "0"], "--threads"),
+    ];
+    for (args, expected) in cases {
+        let done = scratch.run(args);
+        assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
+        assert!(done.stderr().contains(expected), "{args:?}: {}", done.stderr());
+        assert_eq!(done.stdout(), "", "{args:?}");
+    }
+    assert!(scratch.names().is_empty());
+}
