@@ -46,6 +46,8 @@ fn usage_errors_exit_2_and_say_why() {
         (&["render", "s.json", "--set", "camera/fov=3"], "leading `/`"),
         (&["render", "s.json", "--set", "/camera/fovv=3"], "fov"),
         (&["render", "s.json", "--fast", "--backend", "brute"], "no fast mode"),
+        (&["render", "s.json", "--exact", "--backend", "coursework"], "leave --exact out"),
+        (&["render", "s.json", "--exact", "--fast"], "cannot be used with"),
         (&["render", "s.json", "--template", "s.json"], "--template"),
         (&["render", "s.json", "--up", "z"], "--up"),
         (&["render", "s.json", "--quiet", "--progress", "json"], "cannot be used with"),

@@ -178,8 +178,8 @@ pub struct MachineArgs {
     #[arg(long)]
     pub fast: bool,
 
-    /// No ray slips between triangles that share an edge or a vertex: Embree finds, our exact tests
-    /// decide
+    /// No ray slips between triangles that share an edge or a vertex: by `bvh`, or by the backend
+    /// that --backend names
     #[arg(long, conflicts_with = "fast")]
     pub exact: bool,
 

@@ -165,8 +165,13 @@ fn triangle(
     Some((t, t_error, Outline::Triangle { corners, sheared, moved }))
 }
 
-/// Whether the origin lies in the triangle, to f64 rounding.
+/// Whether the origin lies in the triangle, to f64 rounding. Seen edge-on all sides are 0, beyond the
+/// ends as well: so its box decides, too.
 fn contains(p: &[DVec2; 3]) -> bool {
+    let (least, most) = (p[0].min(p[1]).min(p[2]), p[0].max(p[1]).max(p[2]));
+    if least.max_element() > 0.0 || most.min_element() < 0.0 {
+        return false;
+    }
     let sides = [p[0].perp_dot(p[1]), p[1].perp_dot(p[2]), p[2].perp_dot(p[0])];
     sides.iter().all(|&side| side >= 0.0) || sides.iter().all(|&side| side <= 0.0)
 }

@@ -3,7 +3,7 @@
 use crate::ray::{LANES, Mask};
 
 use super::Bounds3;
-use super::query::Query;
+use super::query::{Query, max, min};
 use super::simd::Tier;
 
 /// A plane `x = a + b z` across one of the axes after the dominant one, z along that one.
@@ -147,14 +147,4 @@ fn greatest(tier: impl Tier, active: &Mask, v: &[f32; LANES]) -> f32 {
         minus[i] = if active.0[i] != 0 { -v[i] } else { f32::INFINITY };
     }
     -tier.least(&minus)
-}
-
-#[inline(always)]
-fn min(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn max(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
 }

@@ -31,13 +31,14 @@ pub struct Leaves<'g> {
 
 /// What tests the leaves that a search finds.
 pub trait Visitor {
-    /// Tests a leaf for the rays of `lanes`, by bit; the ends of all 16 segments, in units of the
-    /// directions and rounded up: where the closest hit is, -inf for a shadow ray that was stopped.
+    /// Tests a leaf for the rays of `lanes`, by bit; the ends of all 16 segments, rounded up: where
+    /// the closest hit is, -inf for a shadow ray that was stopped.
     fn visit(&mut self, leaf: usize, lanes: u32) -> &[f32; LANES];
 }
 
 /// A tree that finds leaves: it shows the visitor every leaf whose box, grown by
-/// [`Leaves::margin`], a ray meets before its end, in any order.
+/// [`Leaves::margin`], a ray meets before its end, in any order. Its rays are scaled so that the
+/// largest component of each direction is in [1, 2).
 pub trait Search {
     /// The active rays; may overwrite them.
     fn closest(&self, active: &Mask, packet: &mut RayPacket, visitor: &mut dyn Visitor);
@@ -186,13 +187,14 @@ impl<T: Tier, S: Search> Kernel for Closest<'_, T, S> {
         let rays = packet.rays.clone();
         let query = Query::new(&rays, &leaves.tree.bounds);
         let mut found = Found::nothing(&rays);
+        scale(&query, &mut packet.rays);
         let mut rest = *active;
         while rest.any() {
             let part = part(&query, &rest, coherence);
             rest = rest.without(&part);
             if coherence == Coherence::Coherent && part.count() >= LEAST_TOGETHER {
                 let together = Packet::new(tier, scene, (&query, &rays), &part);
-                let (found, ends) = (&mut found, rays.tfar);
+                let (found, ends) = (&mut found, query.tfar);
                 let mut visitor = ClosestTogether { leaves, together, found, ends };
                 search.closest(&part, packet, &mut visitor);
                 continue;
@@ -204,14 +206,31 @@ impl<T: Tier, S: Search> Kernel for Closest<'_, T, S> {
                     let single = Single::new(tier, scene, lane, ray, rays.leaving[i]);
                     let best = single.nothing();
                     let mut visitor =
-                        ClosestAlone { tier, leaves, single, best, i, ends: rays.tfar };
-                    search.closest_alone(&rays, i, &mut visitor);
+                        ClosestAlone { tier, leaves, single, best, i, ends: query.tfar };
+                    search.closest_alone(&packet.rays, i, &mut visitor);
                     visitor.best.store(&mut found, i);
                 }
             }
         }
         packet.rays = rays;
         found.store(leaves.geometry, packet);
+    }
+}
+
+/// What pays for the rounding of an end.
+const LONGER: f32 = 1.0 + 2.0 * f32::EPSILON;
+
+/// Makes the largest component of each direction one in [1, 2): exactly, but for components so small
+/// that the ray does not notice.
+#[inline(always)]
+fn scale(query: &Query, rays: &mut Rays) {
+    for i in 0..LANES {
+        let down = 1.0 / query.scale[i];
+        for axis in 0..3 {
+            rays.dir[axis][i] *= down;
+        }
+        rays.tnear[i] = query.tnear[i];
+        rays.tfar[i] = query.tfar[i];
     }
 }
 
@@ -248,8 +267,9 @@ impl<T: Tier> Kernel for InLeaf<'_, ClosestTogether<'_, '_, T>> {
         let Self { visitor, leaf, lanes } = self;
         let child = visitor.leaves.child(leaf);
         visitor.together.closest_in_leaf(child, lanes, visitor.found);
+        let tfar = visitor.together.tfar();
         for i in 0..LANES {
-            visitor.ends[i] = round_up(visitor.found.t[i]);
+            visitor.ends[i] = tfar[i] * LONGER;
         }
     }
 }
@@ -276,7 +296,7 @@ impl<T: Tier> Kernel for InLeaf<'_, ClosestAlone<'_, T>> {
     fn run(self) {
         let Self { visitor, leaf, .. } = self;
         visitor.single.closest_in_leaf(visitor.leaves.child(leaf), &mut visitor.best);
-        visitor.ends[visitor.i % LANES] = round_up(visitor.best.t);
+        visitor.ends[visitor.i % LANES] = visitor.best.tfar * LONGER;
     }
 }
 
@@ -296,18 +316,20 @@ impl<T: Tier, S: Search> Kernel for Occluded<'_, T, S> {
         let Self { tier, leaves, active, rays, coherence, search } = self;
         let scene = (&leaves.tree, leaves.geometry);
         let query = Query::new(rays, &leaves.tree.bounds);
-        let mut searched = rays.clone();
+        let mut scaled = rays.clone();
+        scale(&query, &mut scaled);
+        let mut stopped = [0; LANES];
         let mut rest = *active;
         while rest.any() {
             let part = part(&query, &rest, coherence);
             rest = rest.without(&part);
             if coherence == Coherence::Coherent && part.count() >= LEAST_TOGETHER {
                 let together = Packet::new(tier, scene, (&query, &*rays), &part);
-                let (stopped, ends) = ([0; LANES], rays.tfar);
+                let ends = query.tfar;
                 let mut visitor = AnyTogether { leaves, together, stopped, ends };
+                let mut searched = scaled.clone();
                 search.occluded(&part, &mut searched, &mut visitor);
-                let ends = visitor.ends;
-                rays.tfar = ends;
+                stopped = visitor.stopped;
                 continue;
             }
             for i in 0..LANES {
@@ -315,12 +337,14 @@ impl<T: Tier, S: Search> Kernel for Occluded<'_, T, S> {
                     let lane = query.lane(i);
                     let ray = Ray64::new(rays, i, lane.axes[2]);
                     let single = Single::new(tier, scene, lane, ray, rays.leaving[i]);
-                    let mut visitor = AnyAlone { tier, leaves, single, i, ends: rays.tfar };
-                    search.occluded_alone(rays, i, &mut visitor);
-                    let ends = visitor.ends;
-                    rays.tfar = ends;
+                    let mut visitor = AnyAlone { tier, leaves, single, i, ends: query.tfar };
+                    search.occluded_alone(&scaled, i, &mut visitor);
+                    stopped[i] |= -i32::from(visitor.ends[i] == f32::NEG_INFINITY);
                 }
             }
+        }
+        for i in 0..LANES {
+            rays.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { rays.tfar[i] };
         }
     }
 }
@@ -377,11 +401,4 @@ impl<T: Tier> Kernel for InLeaf<'_, AnyAlone<'_, T>> {
             visitor.ends[visitor.i % LANES] = f32::NEG_INFINITY;
         }
     }
-}
-
-/// The least f32 that is not below `t` >= 0.
-#[inline(always)]
-fn round_up(t: f64) -> f32 {
-    let nearest = t as f32;
-    f32::from_bits(nearest.to_bits() + u32::from(f64::from(nearest) < t))
 }

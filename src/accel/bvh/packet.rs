@@ -11,7 +11,7 @@ use super::exact::{DEPTH_SLACK, Plane, Ray64, Sheared};
 use super::found::Found;
 use super::frustum::Frustum;
 use super::node::{Block, Child, Kind, Node};
-use super::query::Query;
+use super::query::{Query, max, min};
 use super::simd::{EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use super::single::{Best, Single};
 use crate::geometry::Geometry;
@@ -120,6 +120,12 @@ impl<'a, T: Tier> Packet<'a, T> {
     #[inline(always)]
     pub fn tier(&self) -> T {
         self.tier
+    }
+
+    /// Ends of the segments as the boxes see them.
+    #[inline(always)]
+    pub fn tfar(&self) -> &[f32; LANES] {
+        &self.tfar
     }
 
     /// Updates the closest hits.
@@ -460,14 +466,4 @@ fn spread(bits: u32) -> [i32; LANES] {
         lanes[i] = -(((bits >> i) & 1) as i32);
     }
     lanes
-}
-
-#[inline(always)]
-fn min(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn max(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
 }

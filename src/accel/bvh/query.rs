@@ -200,9 +200,15 @@ pub struct Slabs {
     pub leave: [usize; 3],
 }
 
+/// The lesser; the second where one is NaN.
+#[inline(always)]
+pub fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 /// The greater; the second where one is NaN.
 #[inline(always)]
-fn max(a: f32, b: f32) -> f32 {
+pub fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
