@@ -27,12 +27,19 @@ pub struct Promise {
     pub triangles: u64,
 }
 
+/// Bytes that one byte of gzip data can stand for; more for zstd, but not of a mesh.
+const MOST_PACKED: u64 = 1032;
+
 /// Reads the header alone.
 pub fn promise(path: &Path) -> Result<Promise> {
     let summary = mesh::inspect_ply(path)?;
     // The reader refuses a header that promises more rows than the file has bytes; a prediction
     // must not choke on it first.
-    let lies = summary.triangles.max(summary.vertices) > summary.file_bytes;
+    let most = match summary.packed {
+        None => summary.file_bytes,
+        Some(_) => summary.file_bytes.saturating_mul(MOST_PACKED),
+    };
+    let lies = summary.triangles.max(summary.vertices) > most;
     Ok(match lies {
         true => Promise::default(),
         false => Promise {
