@@ -17,11 +17,12 @@ use crate::{
 use super::{memory, report::Report, units};
 
 /// Checks a scene and says what is in it.
-pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
+pub fn describe(path: &Path, no_mmap: bool, report: &mut Report) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    let (world, more) = World::load(scene, LoadOptions::default(), &Monitor::default())?;
+    let options = LoadOptions { no_mmap, ..LoadOptions::default() };
+    let (world, more) = World::load(scene, options, &Monitor::default())?;
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
     let footprint = Footprint::of(scene.backend, rayon::current_num_threads(), false);
     report.add("type", json!("scene"), "scene");

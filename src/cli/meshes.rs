@@ -11,9 +11,9 @@ use crate::{
     world::Bounds,
 };
 
-/// Reads a file.
-pub fn read(path: &Path, repair: bool) -> Result<Mesh> {
-    mesh::read_ply(path, mesh::ReadOptions::default().repair(repair))
+/// Reads a file; `no_mmap`: without mapping it into memory.
+pub fn read(path: &Path, repair: bool, no_mmap: bool) -> Result<Mesh> {
+    mesh::read_ply(path, mesh::ReadOptions::default().repair(repair).mmap(!no_mmap))
 }
 
 /// What a header promises, within what the file's size allows.

@@ -140,6 +140,7 @@ struct Part<'a, P> {
     uvs: Vec<[[f32; 2]; 3]>,
     any_uvs: bool,
     /// The face being read.
+    texture: Option<i64>,
     corners: Vec<Option<u32>>,
     texcoords: Vec<f32>,
     points: Vec<[f64; 3]>,
@@ -155,6 +156,7 @@ impl<'a, P: Point> Part<'a, P> {
             triangles: Vec::new(),
             uvs: Vec::new(),
             any_uvs: false,
+            texture: None,
             corners: Vec::new(),
             texcoords: Vec::new(),
             points: Vec::new(),
@@ -225,6 +227,9 @@ impl<'a, P: Point> Part<'a, P> {
             return;
         };
         self.triangles.push(triangle);
+        if let Some(number) = self.texture {
+            *self.checker.tally.textures.entry(number).or_default() += 1;
+        }
         if self.plan.texcoords {
             let uv = |c: u32| {
                 let at = 2 * c as usize;
@@ -288,6 +293,7 @@ impl<P: Point> Sink for Part<'_, P> {
                         self.texcoords.push(values.number(item)? as f32);
                     }
                 }
+                Step::Texnumber(kind) => self.texture = Some(values.number(kind)? as i64),
                 Step::Skip(kind) | Step::Value(kind, _) => values.skip(kind, 1)?,
                 Step::SkipList { count, item } => {
                     let count = values.count(count)?;

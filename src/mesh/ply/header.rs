@@ -93,8 +93,8 @@ impl Element {
 pub(super) struct Header {
     pub(super) format: Format,
     pub(super) elements: Vec<Element>,
-    /// `comment TextureFile NAME`, the first one.
-    pub(super) texture_file: Option<String>,
+    /// Every `comment TextureFile NAME`, in order.
+    pub(super) texture_files: Vec<String>,
     /// Where the data starts.
     pub(super) data_start: usize,
     /// Lines of the header: the data of an ASCII file starts on the next one.
@@ -111,7 +111,7 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
     let mut header = Header {
         format: Format::Ascii,
         elements: Vec::new(),
-        texture_file: None,
+        texture_files: Vec::new(),
         data_start: 0,
         lines: 0,
     };
@@ -199,8 +199,8 @@ fn comment(line: &[u8], header: &mut Header) {
     let Some(file) = text.strip_prefix(b"TextureFile") else {
         return;
     };
-    if file.first().is_some_and(u8::is_ascii_whitespace) && header.texture_file.is_none() {
-        header.texture_file = Some(String::from_utf8_lossy(file.trim_ascii()).into_owned());
+    if file.first().is_some_and(u8::is_ascii_whitespace) {
+        header.texture_files.push(String::from_utf8_lossy(file.trim_ascii()).into_owned());
     }
 }
 

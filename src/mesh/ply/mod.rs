@@ -8,6 +8,7 @@
 
 mod block;
 mod check;
+mod duplicates;
 mod face;
 mod header;
 mod job;
@@ -43,6 +44,9 @@ use crate::monitor::Monitor;
 pub use scalar::Scalar;
 pub use summary::{ElementSummary, PlySummary, PropertySummary, TriangleCount, inspect};
 
+/// What fits into the caches, and is worth all threads.
+const WINDOW: usize = 1 << 23;
+
 /// How to read a mesh file.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
@@ -51,13 +55,15 @@ pub struct ReadOptions<'a> {
     pub repair: bool,
     /// Map the file into memory; off, it is read through a window of fixed size.
     pub mmap: bool,
+    /// Bytes of an unmapped file that are looked at together; longer rows take more.
+    pub window: usize,
     /// Told by others when to stop: reading then ends with `Interrupted`.
     pub monitor: Option<&'a Monitor>,
 }
 
 impl Default for ReadOptions<'_> {
     fn default() -> Self {
-        Self { repair: false, mmap: true, monitor: None }
+        Self { repair: false, mmap: true, window: WINDOW, monitor: None }
     }
 }
 
@@ -70,6 +76,11 @@ impl<'a> ReadOptions<'a> {
     /// Options with `mmap` as given.
     pub fn mmap(self, mmap: bool) -> Self {
         Self { mmap, ..self }
+    }
+
+    /// Options with `window` as given.
+    pub fn window(self, window: usize) -> Self {
+        Self { window, ..self }
     }
 
     /// Options with `monitor` as given.
@@ -102,7 +113,7 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
         None => whole(bytes, &job, options),
         Some(packing) => {
             let failed = |e: &std::io::Error| source::failed(name.as_ref(), Some(packing), e);
-            stream::read(packing.open(bytes), None, &failed, &job, options)
+            stream::read_here(packing.open(bytes), &failed, &job, options)
         }
     }
 }
@@ -148,7 +159,9 @@ struct Found {
 
 /// The mesh, if nothing is wrong with it.
 fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
-    let Found { header, plan, vertices, faces, trailing_bytes } = found;
+    let Found { header, plan, vertices, mut faces, trailing_bytes } = found;
+    let vertex_count = vertices.positions.len();
+    let duplicates = duplicates::drop(&mut faces, vertex_count, job)?;
     let Faces { triangles, uvs, mut tally } = faces;
     if !options.repair {
         match &vertices.positions {
@@ -174,15 +187,23 @@ fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
         ..Notes::default()
     };
     tally.write(&mut notes);
-    Ok(Mesh {
+    notes.duplicates_dropped = duplicates;
+    let number = tally.main_texture().and_then(|n| usize::try_from(n).ok());
+    let named = number.and_then(|n| header.texture_files.get(n)).or(header.texture_files.first());
+    let texture_file = named.cloned();
+    let mut mesh = Mesh {
         positions: vertices.positions,
         triangles,
         normals: vertices.normals,
         uvs: uvs.map(Uvs::PerCorner).or(vertices.uvs.map(Uvs::PerVertex)),
         colors: vertices.colors,
-        texture_file: header.texture_file,
+        texture_file,
         notes,
-    })
+    };
+    let used = mesh.used_vertices();
+    mesh.notes.vertices_unused = used.iter().filter(|used| !**used).count() as u64;
+    job.check()?;
+    Ok(mesh)
 }
 
 /// Reads over the rows of an element.

@@ -6,7 +6,8 @@
 //! come before its vertices is read to its end first.
 
 use std::io::Read;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::Duration;
 
 use super::block::{Span, too_short};
 use super::face::{self, Faces};
@@ -25,41 +26,80 @@ use crate::mesh::{Mesh, Positions};
 const CHUNK: usize = 1 << 21;
 /// Chunks that wait to be taken.
 const AHEAD: usize = 2;
-/// Bytes in which rows are looked for at first; rows of more bytes make it grow.
-const WINDOW: usize = 1 << 23;
+/// How often a stream that brings nothing is asked whether to stop.
+const PATIENCE: Duration = Duration::from_millis(100);
 /// Most rows that are believed in before they have been seen.
 const UNSEEN: u64 = 1 << 16;
 
 /// Why a stream ended early.
-type Failed<'a> = &'a (dyn Fn(&std::io::Error) -> Error + Sync);
+type Failed<'a> = &'a dyn Fn(&std::io::Error) -> Error;
 
-/// Reads a mesh from `bytes`, of which there are `length` if that is known.
+/// Reads a mesh from a file, of which there are `length` bytes if that is known.
 pub(super) fn read(
-    bytes: impl Read + Send,
+    mut bytes: Box<dyn Read + Send>,
     length: Option<u64>,
     failed: Failed,
     job: &Job,
     options: ReadOptions,
 ) -> Result<Mesh> {
-    std::thread::scope(|scope| {
-        let (sender, chunks) = sync_channel(AHEAD);
-        scope.spawn(move || pump(bytes, &sender));
-        let window = Window { bytes: Vec::new(), at: 0, taken: 0, chunks, ended: false, failed };
-        // Returning drops the receiver, which ends the thread.
-        mesh(window, length, job, options)
-    })
+    let (sender, chunks) = sync_channel(AHEAD);
+    let size = options.window.min(CHUNK);
+    // Ends when the receiver is dropped. Nobody waits for it: a pipe may never say anything.
+    let thread = std::thread::Builder::new().name("ply".into());
+    thread.spawn(move || pump(&mut bytes, size, &sender)).map_err(|error| failed(&error))?;
+    Window::new(Chunks::Ahead(chunks), options, failed).mesh(length, job, options)
+}
+
+/// The same of bytes that are in memory, packed.
+pub(super) fn read_here<'a>(
+    bytes: Box<dyn Read + Send + 'a>,
+    failed: Failed<'a>,
+    job: &Job,
+    options: ReadOptions,
+) -> Result<Mesh> {
+    Window::new(Chunks::Here(bytes), options, failed).mesh(None, job, options)
 }
 
 type Chunk = std::io::Result<Vec<u8>>;
 
+/// The next `size` bytes, fewer only at the end.
+fn chunk(bytes: &mut dyn Read, size: usize) -> Chunk {
+    let mut chunk = Vec::with_capacity(size);
+    bytes.take(size as u64).read_to_end(&mut chunk)?;
+    Ok(chunk)
+}
+
 /// Sends all of `bytes`, then an empty chunk.
-fn pump(mut bytes: impl Read, sender: &SyncSender<Chunk>) {
+fn pump(bytes: &mut dyn Read, size: usize, sender: &SyncSender<Chunk>) {
     loop {
-        let mut chunk = Vec::with_capacity(CHUNK);
-        let read = bytes.by_ref().take(CHUNK as u64).read_to_end(&mut chunk);
-        let last = !matches!(read, Ok(1..));
-        if sender.send(read.map(|_| chunk)).is_err() || last {
+        let next = chunk(bytes, size);
+        let last = next.as_ref().map_or(true, Vec::is_empty);
+        if sender.send(next).is_err() || last {
             return;
+        }
+    }
+}
+
+/// Where the window's bytes come from.
+enum Chunks<'a> {
+    Ahead(Receiver<Chunk>),
+    Here(Box<dyn Read + Send + 'a>),
+}
+
+impl Chunks<'_> {
+    fn next(&mut self, size: usize, job: &Job) -> Result<Chunk> {
+        let receiver = match self {
+            Self::Ahead(receiver) => receiver,
+            Self::Here(bytes) => return job.check().map(|()| chunk(bytes, size)),
+        };
+        loop {
+            job.check()?;
+            match receiver.recv_timeout(PATIENCE) {
+                Ok(chunk) => return Ok(chunk),
+                Err(RecvTimeoutError::Timeout) => {}
+                // It sends an empty chunk or an error before it ends.
+                Err(RecvTimeoutError::Disconnected) => return Ok(Ok(Vec::new())),
+            }
         }
     }
 }
@@ -71,12 +111,19 @@ struct Window<'a> {
     at: usize,
     /// Bytes taken so far.
     taken: u64,
-    chunks: Receiver<Chunk>,
+    chunks: Chunks<'a>,
     ended: bool,
     failed: Failed<'a>,
+    /// Bytes in which rows are looked for at first; longer rows make it grow.
+    size: usize,
 }
 
-impl Window<'_> {
+impl<'a> Window<'a> {
+    fn new(chunks: Chunks<'a>, options: ReadOptions, failed: Failed<'a>) -> Self {
+        let size = options.window.max(1);
+        Self { bytes: Vec::new(), at: 0, taken: 0, chunks, ended: false, failed, size }
+    }
+
     fn data(&self) -> &[u8] {
         &self.bytes[self.at..]
     }
@@ -93,9 +140,7 @@ impl Window<'_> {
             self.at = 0;
         }
         while !self.ended && self.data().len() < bytes {
-            job.check()?;
-            // The thread sends an empty chunk or an error before it ends.
-            let chunk = self.chunks.recv().unwrap_or_else(|_| Ok(Vec::new()));
+            let chunk = self.chunks.next(self.size.min(CHUNK), job)?;
             let chunk = chunk.map_err(|error| (self.failed)(&error))?;
             self.ended = chunk.is_empty();
             match self.bytes.is_empty() {
@@ -105,54 +150,68 @@ impl Window<'_> {
         }
         Ok(())
     }
-}
 
-fn mesh(
-    mut window: Window,
-    length: Option<u64>,
-    job: &Job,
-    options: ReadOptions,
-) -> Result<Mesh> {
-    window.fill(1, job)?;
-    while !has_header(window.data()) && !window.ended && window.data().len() <= MAX_HEADER {
-        window.fill(2 * window.data().len(), job)?;
-    }
-    let header = header::parse(window.data(), job.name)?;
-    let plan = plan::plan(&header, job.name)?;
-    if plan.faces.iter().any(|face| face.element < plan.vertex.element) {
-        // Faces are checked against the vertices.
-        window.fill(usize::MAX, job)?;
-        return whole(window.data(), job, options);
-    }
-    window.take(header.data_start);
-    let mut parts = Parts { vertices: none(&header, &plan, job)?, faces: Faces::default() };
-    let mut line = header.lines;
-    for (index, element) in header.elements.iter().enumerate() {
-        let mut row = 0;
-        let mut need = WINDOW;
-        while row < element.count {
-            window.fill(need, job)?;
-            let data = window.data();
-            let (span, end) = next_rows(data, window.ended, &header, element, row, &mut line, job)?;
-            let rows = span.rows;
-            let big = header.format.is_big();
-            let table = Table { data, big, span: &span, element, job: *job };
-            parts.read(&table, index, &plan, &header, length)?;
-            row += rows;
-            window.take(end);
-            if rows == 0 && row < element.count {
-                if window.ended {
-                    let have = format!("the data ends after {} bytes", window.taken);
-                    return Err(too_short(element, row, &have, job));
+    /// Reads everything.
+    fn mesh(mut self, length: Option<u64>, job: &Job, options: ReadOptions) -> Result<Mesh> {
+        self.fill(1, job)?;
+        while !has_header(self.data()) && !self.ended && self.data().len() <= MAX_HEADER {
+            self.fill(2 * self.data().len(), job)?;
+        }
+        let header = header::parse(self.data(), job.name)?;
+        let plan = plan::plan(&header, job.name)?;
+        if plan.faces.iter().any(|face| face.element < plan.vertex.element) {
+            // Faces are checked against the vertices.
+            self.fill(usize::MAX, job)?;
+            return whole(self.data(), job, options);
+        }
+        self.take(header.data_start);
+        let mut parts = Parts { vertices: none(&header, &plan, job)?, faces: Faces::default() };
+        let mut line = header.lines;
+        for (index, element) in header.elements.iter().enumerate() {
+            let mut row = 0;
+            let mut need = self.size;
+            while row < element.count {
+                self.fill(need, job)?;
+                let data = self.data();
+                let (span, end) = next_rows(data, self.ended, &header, element, row, &mut line, job)?;
+                let rows = span.rows;
+                let big = header.format.is_big();
+                let table = Table { data, big, span: &span, element, job: *job };
+                parts.read(&table, index, &plan, &header, length)?;
+                row += rows;
+                self.take(end);
+                if rows == 0 && row < element.count {
+                    if self.ended {
+                        let have = format!("the data ends after {} bytes", self.taken);
+                        return Err(too_short(element, row, &have, job));
+                    }
+                    // A row that is longer than the self.
+                    need = 2 * self.data().len().max(self.size);
                 }
-                // A row that is longer than the window.
-                need = 2 * window.data().len().max(WINDOW);
             }
         }
+        let trailing_bytes = self.trailing(header.format, job)?;
+        let Parts { vertices, faces } = parts;
+        finish(Found { header, plan, vertices, faces, trailing_bytes }, job, options)
     }
-    let trailing_bytes = trailing(&mut window, header.format, job)?;
-    let Parts { vertices, faces } = parts;
-    finish(Found { header, plan, vertices, faces, trailing_bytes }, job, options)
+
+    /// Bytes after the last row; blank lines of text do not count.
+    fn trailing(&mut self, format: Format, job: &Job) -> Result<u64> {
+        let mut trailing = 0u64;
+        loop {
+            let data = self.data();
+            let blank = match (format, trailing) {
+                (Format::Ascii, 0) => data.iter().take_while(|b| b.is_ascii_whitespace()).count(),
+                _ => 0,
+            };
+            trailing += (data.len() - blank) as u64;
+            self.take(data.len());
+            if self.ended {
+                return Ok(trailing);
+            }
+            self.fill(1, job)?;
+        }
+    }
 }
 
 /// The complete rows of `element` from the beginning of `data`, from row number `row` on, and where
@@ -179,24 +238,6 @@ fn next_rows(
     let (end, after) = lines.position();
     *line = after;
     Ok((span, end))
-}
-
-/// Bytes after the last row; blank lines of text do not count.
-fn trailing(window: &mut Window, format: Format, job: &Job) -> Result<u64> {
-    let mut trailing = 0u64;
-    loop {
-        let data = window.data();
-        let blank = match (format, trailing) {
-            (Format::Ascii, 0) => data.iter().take_while(|b| b.is_ascii_whitespace()).count(),
-            _ => 0,
-        };
-        trailing += (data.len() - blank) as u64;
-        window.take(data.len());
-        if window.ended {
-            return Ok(trailing);
-        }
-        window.fill(1, job)?;
-    }
 }
 
 /// What has been read so far.

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::header::{self, Format, Header, MAX_HEADER, Shape};
-use super::plan::{self, ColorType, Plan};
+use super::plan::{self, ColorType, Plan, VertexPlan};
 use super::scalar::Scalar;
 use super::source::Head;
 use super::unpack::Packing;
@@ -74,7 +74,9 @@ pub struct PlySummary {
     pub uvs: Option<&'static str>,
     /// `uchar`, `ushort` or `float`, if there are vertex colours.
     pub colors: Option<&'static str>,
-    /// `comment TextureFile NAME`.
+    /// What a mesh could have and this one has not: `normals`, `texture coordinates`, `colours`.
+    pub missing: Vec<&'static str>,
+    /// `comment TextureFile NAME`, the first one.
     pub texture_file: Option<String>,
     /// Bytes of the arrays of the mesh, by the numbers above.
     pub array_bytes: u64,
@@ -118,11 +120,21 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
             ColorType::U16 => "ushort",
             ColorType::F32 => "float",
         }),
+        missing: missing(&plan.vertex, corner_uvs),
+        texture_file: header.texture_files.into_iter().next(),
         used: plan.used,
         ignored: plan.ignored,
-        texture_file: header.texture_file,
         array_bytes,
     })
+}
+
+fn missing(vertex: &VertexPlan, corner_uvs: bool) -> Vec<&'static str> {
+    let parts = [
+        ("normals", vertex.normals),
+        ("texture coordinates", vertex.uvs || corner_uvs),
+        ("colours", vertex.colors.is_some()),
+    ];
+    parts.into_iter().filter(|(_, there)| !there).map(|(name, _)| name).collect()
 }
 
 fn property(property: &header::Property) -> PropertySummary {

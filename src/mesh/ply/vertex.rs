@@ -220,7 +220,7 @@ impl Sink for Part<'_> {
         for step in &self.plan.steps {
             match *step {
                 Step::Value(kind, role) => roles[role] = values.number(kind)?,
-                Step::Skip(kind) => values.skip(kind, 1)?,
+                Step::Skip(kind) | Step::Texnumber(kind) => values.skip(kind, 1)?,
                 Step::SkipList { count, item }
                 | Step::Corners { count, item }
                 | Step::Texcoords { count, item } => {
