@@ -1,7 +1,10 @@
 #!/usr/bin/env python3
 """Measures how long PLY readers take from a file in the page cache to ready arrays.
 
-usage: ply_readers.py [--rounds N] [--json OUT.json] [--only NAME,...] FILE.ply...
+usage: ply_readers.py [--rounds N] [--json OUT.json] [--only NAME,...] [--make] FILE.ply...
+
+--make writes the files of these names first: sheet-N.ply of N triangles, sheet-N-ascii.ply, and mixed-N.ply of N
+faces with three to eight corners (N as 70k or 10M).
 
 Every reader is a process of its own that reads the file whenever it is told to, and takes the time itself;
 they are told in turns, forwards and backwards (A B C C B A), so that what else the machine does meets all of
@@ -133,6 +136,47 @@ def table(found):
         print(f'{name:18} left out: {why}')
 
 
+def make(path):
+    """A rippled sheet in the layout that the name asks for."""
+    import numpy as np
+    words = os.path.basename(path).removesuffix('.ply').split('-')
+    count = int(float(words[1].replace('k', 'e3').replace('M', 'e6')))
+    mixed = words[0] == 'mixed'
+    side = int((count if mixed else count / 2) ** 0.5)
+    x, y = np.meshgrid(np.arange(side + 1, dtype=np.float32), np.arange(side + 1, dtype=np.float32))
+    points = np.stack([x, y, np.sin(x / 9) * np.cos(y / 7)], 2).reshape(-1, 3).astype('<f4')
+    a = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
+    if mixed:
+        # One regular polygon in each cell.
+        sizes = np.resize([3, 4, 5, 4, 6, 4, 3, 8, 4, 4], len(a))
+        t = np.arange(8)[None, :] * 2 * np.pi / sizes[:, None]
+        centre = points[a] + np.float32(0.5)
+        ring = np.stack([np.cos(t), np.sin(t), 0 * t], 2) * 0.45 + centre[:, None, :]
+        used = np.arange(8)[None, :] < sizes[:, None]
+        points = ring[used].astype('<f4')
+        starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+        faces = b''.join(np.uint8(n).tobytes() + np.arange(s, s + n, dtype='<i4').tobytes()
+                         for n, s in zip(sizes, starts))
+        number = len(sizes)
+    else:
+        cells = np.stack([a, a + 1, a + side + 2, a, a + side + 2, a + side + 1], 1).reshape(-1, 3)
+        rows = np.empty(len(cells), [('n', 'u1'), ('i', '<i4', 3)])
+        rows['n'], rows['i'] = 3, cells
+        faces, number = rows.tobytes(), len(cells)
+    text = words[-1] == 'ascii'
+    form = 'ascii' if text else 'binary_little_endian'
+    with open(path, 'wb') as out:
+        out.write(f'ply\nformat {form} 1.0\nelement vertex {len(points)}\nproperty float x\nproperty float y\n'
+                  f'property float z\nelement face {number}\nproperty list uchar int vertex_indices\n'
+                  'end_header\n'.encode())
+        if text:
+            np.savetxt(out, points, '%.7g')
+            np.savetxt(out, np.insert(cells, 0, 3, 1), '%d')
+        else:
+            out.write(points.tobytes())
+            out.write(faces)
+
+
 def main():
     if sys.argv[1:2] == ['--serve']:
         return serve(*sys.argv[2:])
@@ -141,9 +185,13 @@ def main():
     parser.add_argument('--rounds', type=int, default=5, help='turns of A B .. B A')
     parser.add_argument('--json', metavar='OUT.json', help='every sample')
     parser.add_argument('--only', metavar='NAME,...', default=','.join(RUST + PYTHON))
+    parser.add_argument('--make', action='store_true', help='write the files first')
     arguments = parser.parse_args()
+    for path in arguments.files:
+        if arguments.make:
+            make(path)
     build = ['cargo', 'build', '--release', '--quiet', '--manifest-path', f'{HERE}/ply_readers/Cargo.toml']
-    subprocess.run(build, check=True)
+    os.environ.get("PLY_READERS_BUILT") or subprocess.run(build, check=True)
     target = os.environ.get('CARGO_TARGET_DIR', f'{HERE}/ply_readers/target')
     results = []
     for path in arguments.files:

@@ -131,7 +131,8 @@ fn what_ends_early_says_where() {
     let bytes = sheet(30, true).write(Encoding::Little);
     let cut = gzip(&bytes[..bytes.len() - 5]);
     let error = read_ply_bytes(&cut, "a.ply", ReadOptions::default()).unwrap_err().to_string();
-    let expected = "the header declares 1800 faces, but only 1799 are in the file: the data ends after";
+    let expected =
+        "the header declares 1800 faces, but only 1799 are in the file: the data ends after";
     assert!(error.contains(expected), "{error}");
 }
 
@@ -140,13 +141,16 @@ fn packed_meshes_render_under_their_own_name() {
     let scratch = program::Scratch::new();
     let bytes = Ply::new().curve(4).faces(&[&[0, 1, 2], &[1, 2, 3]]).write(Encoding::Little);
     fs::write(scratch.path("scan.ply.gz"), gzip(&bytes)).unwrap();
-    let args = ["render", "scan.ply.gz", "--size", "8x8", "--spp", "1", "--backend", "bvh", "--quiet"];
+    let args =
+        ["render", "scan.ply.gz", "--size", "8x8", "--spp", "1", "--backend", "bvh", "--quiet"];
     let done = scratch.run(&args);
     assert_eq!(done.code(), 0, "{}", done.stderr());
     assert_eq!(scratch.names(), ["scan.exr", "scan.ply.gz", "scan.png"]);
     let info = scratch.run(&["info", "scan.ply.gz", "--no-mmap"]);
     let said = info.stdout();
-    for expected in ["packed with gzip", "2 triangles", "missing: normals, texture", "memory in the"] {
+    for expected in
+        ["packed with gzip", "2 triangles", "missing: normals, texture", "memory in the"]
+    {
         assert!(said.contains(expected), "{said}");
     }
 }

@@ -121,7 +121,14 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     let triangles = mesh.triangles.len() as u64;
     report.add("triangles", json!(triangles), format!("{} triangles", units::count(triangles)));
     notes(&mesh.notes, report);
-    let Bounds { min: low, max: high } = Points::of(&mesh).bounds(|p| p);
+    let points = Points::of(&mesh);
+    let unused = points.unused();
+    let line = match unused {
+        0 => String::new(),
+        _ => format!("{} vertices that no triangle uses", units::count(unused)),
+    };
+    report.add("vertices_unused", json!(unused), line);
+    let Bounds { min: low, max: high } = points.bounds(|p| p);
     let size = high - low;
     let line = format!("bounds of what the triangles use: {low} to {high}, size {size}");
     report.add("bounds", json!([low.to_array(), high.to_array()]), line);
@@ -148,8 +155,11 @@ fn notes(notes: &mesh::Notes, report: &mut Report) {
         ("faces_too_small", notes.faces_too_small, "faces with fewer than three corners skipped"),
         ("degenerate_dropped", notes.degenerate_dropped, "triangles without area dropped"),
         ("duplicates_dropped", notes.duplicates_dropped, "duplicate triangles dropped"),
-        ("vertices_unused", notes.vertices_unused, "vertices that no triangle uses"),
-        ("textures", notes.textures.saturating_sub(1), "more textures named by texnumber, not shown"),
+        (
+            "textures",
+            notes.textures.saturating_sub(1),
+            "more textures named by texnumber, not shown",
+        ),
         ("trailing_bytes", notes.trailing_bytes, "bytes after the last declared row"),
     ];
     for (key, count, what) in facts {

@@ -69,6 +69,11 @@ impl<'m> Points<'m> {
         Self { mesh, used: mesh.used_vertices() }
     }
 
+    /// How many vertices there are beside them.
+    pub fn unused(&self) -> u64 {
+        self.used.iter().filter(|used| !**used).count() as u64
+    }
+
     /// All of them, again and again.
     pub fn iter(&self) -> impl Iterator<Item = DVec3> + '_ {
         let used = self.used.iter().enumerate().filter(|(_, used)| **used);

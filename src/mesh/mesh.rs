@@ -85,7 +85,9 @@ pub struct Mesh {
 impl Mesh {
     /// Which vertices triangles use.
     pub fn used_vertices(&self) -> Vec<bool> {
-        let used: Vec<AtomicBool> = unset(self.positions.len());
+        let count = self.positions.len();
+        let used: Vec<AtomicBool> =
+            (0..count).into_par_iter().with_min_len(1 << 16).map(|_| false.into()).collect();
         self.triangles.par_iter().with_min_len(1 << 14).for_each(|triangle| {
             for &vertex in triangle {
                 used[vertex as usize].store(true, Relaxed);
@@ -93,11 +95,6 @@ impl Mesh {
         });
         used.into_iter().map(AtomicBool::into_inner).collect()
     }
-}
-
-/// `count` values of zero that threads can share.
-pub(super) fn unset<T: Default + Send>(count: usize) -> Vec<T> {
-    (0..count).into_par_iter().with_min_len(1 << 16).map(|_| T::default()).collect()
 }
 
 /// What reading a mesh file did beyond copying.
@@ -117,8 +114,6 @@ pub struct Notes {
     pub duplicates_dropped: u64,
     /// Triangles dropped by `--repair` because they use a missing or non-finite vertex.
     pub repaired_dropped: u64,
-    /// Vertices that no triangle uses; they stay in the arrays.
-    pub vertices_unused: u64,
     /// Different values of `texnumber`: textures that the faces want.
     pub textures: u64,
     /// Bytes after the last row: the header may declare too few.

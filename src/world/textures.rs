@@ -65,12 +65,7 @@ pub fn load(
 pub type Own = (usize, PathBuf);
 
 /// The image that the mesh at `path` names, if it can be shown; its material has none.
-pub fn own(
-    mesh: &Mesh,
-    shape: usize,
-    path: &Path,
-    warnings: &mut Vec<Problem>,
-) -> Option<Own> {
+pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) -> Option<Own> {
     let name = mesh.texture_file.as_ref().filter(|_| mesh.uvs.is_some())?;
     let image = path.parent().unwrap_or(Path::new("")).join(name);
     if image.is_file() {

@@ -1,22 +1,26 @@
 //! Triangles that a file has more than once: the first one stays.
 //!
 //! Two triangles over the same three vertices, in whatever order, are the same surface; both sides
-//! of it are shaded. To find them among millions without a table of all, every triangle sets one of
-//! 16 bits that its lowest vertex has; neighbours in the file have neighbouring vertices, so this
-//! stays in the caches. Only triangles that share a bit are looked at again, with other bits, and
-//! what is left after some rounds is sorted.
+//! of it are shaded. The triangles are dealt out by their lowest vertex, so that each task has its
+//! own stretch of vertices and needs no atomics; as neighbours in a file have neighbouring vertices,
+//! it passes over most blocks of triangles. Every triangle sets one of 32 bits that its lowest
+//! vertex has. Only triangles that share a bit are looked at again, with other bits, and what is
+//! left after some rounds is sorted.
 
-use std::sync::atomic::{AtomicU16, Ordering::Relaxed};
+use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
 use super::face::Faces;
 use super::job::Job;
 use crate::error::Result;
-use crate::mesh::mesh::unset;
 
-/// Triangles that one task looks at.
-const GRAIN: usize = 1 << 14;
+/// Triangles of a block, of which the range of lowest vertices is known.
+const BLOCK: usize = 1 << 14;
+/// Tasks for each thread; four bytes a vertex are needed for the tasks that run.
+const TASKS: usize = 4;
+/// Fewest vertices that are worth a task.
+const GRAIN: usize = 1 << 12;
 
 /// Odd multipliers for the second and third vertex: the bits of each round.
 const ROUNDS: [[u32; 2]; 3] =
@@ -25,30 +29,19 @@ const ROUNDS: [[u32; 2]; 3] =
 /// Drops all triangles over the same vertices as an earlier one, and counts them.
 pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &Job) -> Result<u64> {
     // A scene cannot hold more primitives than that.
-    let Ok(count) = u32::try_from(faces.triangles.len()) else {
+    if u32::try_from(faces.triangles.len()).is_err() {
         return Ok(0);
-    };
-    let triangles = &faces.triangles;
-    let bits: Vec<AtomicU16> = unset(vertices);
-    let mut suspects = None;
-    for round in ROUNDS {
-        job.check()?;
-        suspects = Some(match suspects {
-            None => sharing(&bits, triangles, (0..count).into_par_iter(), round),
-            Some(some) => {
-                let some: Vec<u32> = some;
-                sharing(&bits, triangles, some.into_par_iter(), round)
-            }
-        });
     }
-    std::mem::drop(bits);
-    let mut suspects = suspects.unwrap_or_default();
-    suspects.par_sort_unstable_by_key(|&t| (sorted(triangles[t as usize]), t));
-    let repeats = |pair: &[u32]| {
-        let [a, b] = [pair[0], pair[1]].map(|t| sorted(triangles[t as usize]));
-        (a == b).then_some(pair[1])
+    let all = Triangles::new(&faces.triangles);
+    let size = vertices.div_ceil(TASKS * rayon::current_num_threads()).max(GRAIN);
+    let firsts: Vec<usize> = (0..vertices).step_by(size).collect();
+    let repeated = |first: usize| match job.stopped() {
+        true => Vec::new(),
+        false => all.repeated(first as u32, size.min(vertices - first)),
     };
-    let mut repeated: Vec<u32> = suspects.windows(2).filter_map(repeats).collect();
+    let repeated: Vec<Vec<u32>> = firsts.into_par_iter().map(repeated).collect();
+    job.check()?;
+    let mut repeated = repeated.concat();
     repeated.sort_unstable();
     remove(&mut faces.triangles, &repeated);
     if let Some(uvs) = &mut faces.uvs {
@@ -57,33 +50,95 @@ pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &Job) -> Result<u64>
     Ok(repeated.len() as u64)
 }
 
-/// Those of `among` that share a bit with another of them.
-fn sharing<I>(bits: &[AtomicU16], triangles: &[[u32; 3]], among: I, round: [u32; 2]) -> Vec<u32>
-where
-    I: IndexedParallelIterator<Item = u32> + Clone,
-{
-    let bit = |t: u32| {
-        let [a, b, c] = sorted(triangles[t as usize]);
-        let hash = b.wrapping_mul(round[0]) ^ c.wrapping_mul(round[1]);
-        (a as usize, 1u16 << (hash.wrapping_mul(0x9e37_79b1) >> 28))
-    };
-    let clear = || bits.par_iter().with_min_len(1 << 16).for_each(|b| b.store(0, Relaxed));
-    clear();
-    let second = |t: &u32| {
-        let (vertex, bit) = bit(*t);
-        bits[vertex].fetch_or(bit, Relaxed) & bit != 0
-    };
-    let seconds: Vec<u32> = among.clone().with_min_len(GRAIN).filter(second).collect();
-    clear();
-    seconds.into_par_iter().with_min_len(GRAIN).for_each(|t| {
-        let (vertex, bit) = bit(t);
-        bits[vertex].fetch_or(bit, Relaxed);
-    });
-    let shared = |t: &u32| {
-        let (vertex, bit) = bit(*t);
-        bits[vertex].load(Relaxed) & bit != 0
-    };
-    among.with_min_len(GRAIN).filter(shared).collect()
+struct Triangles<'a> {
+    all: &'a [[u32; 3]],
+    /// The lowest vertices of each block.
+    lowest: Vec<RangeInclusive<u32>>,
+}
+
+impl<'a> Triangles<'a> {
+    fn new(all: &'a [[u32; 3]]) -> Self {
+        let range = |block: &[[u32; 3]]| {
+            let (mut low, mut high) = (u32::MAX, 0);
+            for &[a, b, c] in block {
+                let lowest = a.min(b).min(c);
+                (low, high) = (low.min(lowest), high.max(lowest));
+            }
+            low..=high
+        };
+        Self { all, lowest: all.par_chunks(BLOCK).map(range).collect() }
+    }
+
+    /// Those whose lowest vertex is one of `count` from `first` on and that repeat an earlier one.
+    fn repeated(&self, first: u32, count: usize) -> Vec<u32> {
+        let mut bits = vec![0u32; count];
+        let mut suspects: Option<Vec<u32>> = None;
+        for [second, third] in ROUNDS {
+            let place = |[a, b, c]: [u32; 3]| {
+                let hash = b.wrapping_mul(second) ^ c.wrapping_mul(third);
+                ((a - first) as usize, 1 << (hash.wrapping_mul(0x9e37_79b1) >> 27))
+            };
+            let mut later = Vec::new();
+            self.visit(first, count, suspects.as_deref(), |t, corners| {
+                let (vertex, bit) = place(corners);
+                if bits[vertex] & bit != 0 {
+                    later.push(t);
+                }
+                bits[vertex] |= bit;
+            });
+            bits.fill(0);
+            for t in later {
+                let (vertex, bit) = place(sorted(self.all[t as usize]));
+                bits[vertex] |= bit;
+            }
+            let mut sharing = Vec::new();
+            self.visit(first, count, suspects.as_deref(), |t, corners| {
+                let (vertex, bit) = place(corners);
+                if bits[vertex] & bit != 0 {
+                    sharing.push(t);
+                }
+            });
+            bits.fill(0);
+            suspects = Some(sharing);
+        }
+        let mut suspects = suspects.unwrap_or_default();
+        suspects.sort_unstable_by_key(|&t| (sorted(self.all[t as usize]), t));
+        let repeats = |pair: &[u32]| {
+            let [a, b] = [pair[0], pair[1]].map(|t| sorted(self.all[t as usize]));
+            (a == b).then_some(pair[1])
+        };
+        suspects.windows(2).filter_map(repeats).collect()
+    }
+
+    /// Shows `visit` the number and the sorted corners of `some` triangles, or of all whose lowest
+    /// vertex is one of `count` from `first` on.
+    #[inline(always)]
+    fn visit(
+        &self,
+        first: u32,
+        count: usize,
+        some: Option<&[u32]>,
+        mut visit: impl FnMut(u32, [u32; 3]),
+    ) {
+        if let Some(some) = some {
+            return some.iter().for_each(|&t| visit(t, sorted(self.all[t as usize])));
+        }
+        for (block, lowest) in self.lowest.iter().enumerate() {
+            let misses =
+                *lowest.end() < first || (*lowest.start() as usize) >= first as usize + count;
+            if misses {
+                continue;
+            }
+            let start = block * BLOCK;
+            let end = self.all.len().min(start + BLOCK);
+            for (i, triangle) in self.all[start..end].iter().enumerate() {
+                let corners = sorted(*triangle);
+                if (corners[0].wrapping_sub(first) as usize) < count {
+                    visit((start + i) as u32, corners);
+                }
+            }
+        }
+    }
 }
 
 #[inline(always)]

@@ -191,7 +191,7 @@ fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
     let number = tally.main_texture().and_then(|n| usize::try_from(n).ok());
     let named = number.and_then(|n| header.texture_files.get(n)).or(header.texture_files.first());
     let texture_file = named.cloned();
-    let mut mesh = Mesh {
+    Ok(Mesh {
         positions: vertices.positions,
         triangles,
         normals: vertices.normals,
@@ -199,11 +199,7 @@ fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
         colors: vertices.colors,
         texture_file,
         notes,
-    };
-    let used = mesh.used_vertices();
-    mesh.notes.vertices_unused = used.iter().filter(|used| !**used).count() as u64;
-    job.check()?;
-    Ok(mesh)
+    })
 }
 
 /// Reads over the rows of an element.

@@ -274,11 +274,7 @@ mod guard {
     }
 
     /// Async-signal-safe: atomics, `mmap` and `sigaction` only.
-    extern "C" fn on_fault(
-        signal: libc::c_int,
-        info: *mut libc::siginfo_t,
-        _: *mut libc::c_void,
-    ) {
+    extern "C" fn on_fault(signal: libc::c_int, info: *mut libc::siginfo_t, _: *mut libc::c_void) {
         let Some(Some(installed)) = INSTALLED.get() else { return };
         // SAFETY: the kernel passes a valid siginfo with SA_SIGINFO.
         let at = unsafe { (*info).si_addr() } as usize;

@@ -173,7 +173,8 @@ impl<'a> Window<'a> {
             while row < element.count {
                 self.fill(need, job)?;
                 let data = self.data();
-                let (span, end) = next_rows(data, self.ended, &header, element, row, &mut line, job)?;
+                let (span, end) =
+                    next_rows(data, self.ended, &header, element, row, &mut line, job)?;
                 let rows = span.rows;
                 let big = header.format.is_big();
                 let table = Table { data, big, span: &span, element, job: *job };
@@ -265,6 +266,8 @@ impl Parts {
                 Positions::F64(positions) => face::read(table, part, positions)?,
             };
             if self.faces.triangles.is_empty() && !part.strips {
+                // A triangle has three items of at least a byte.
+                let length = length.map(|length| length / 2);
                 self.faces.triangles.reserve_exact(believable(table.element, length));
             }
             self.faces.append(next);

@@ -65,9 +65,10 @@ impl<R: Read> Frames<R> {
                     self.open = true;
                     return Ok(true);
                 }
-                Err(FrameDecoderError::ReadFrameHeaderError(
-                    ReadFrameHeaderError::SkipFrame { length, .. },
-                )) => {
+                Err(FrameDecoderError::ReadFrameHeaderError(ReadFrameHeaderError::SkipFrame {
+                    length,
+                    ..
+                })) => {
                     let mut skipped = self.packed.by_ref().take(u64::from(length));
                     copy(&mut skipped, &mut sink())?;
                 }
