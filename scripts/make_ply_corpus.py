@@ -46,13 +46,14 @@ def cube():
 
 
 def house():
-    """A prism over an L (concave hexagons) with a convex pentagon beside it, a quad and a triangle."""
+    """A prism over an L (concave hexagons) with a convex pentagon and a triangle beside it."""
     flat = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
     points = [[float(x), float(y), float(z)] for z in (0, 1) for x, y in flat]
     faces = [[5, 4, 3, 2, 1, 0], [6, 7, 8, 9, 10, 11]]
     faces += [[i, (i + 1) % 6, 6 + (i + 1) % 6, 6 + i] for i in range(6)]
     points += [[4.0, 0.0, 0.0], [6.0, 0.0, 0.0], [6.5, 1.0, 0.0], [5.0, 2.0, 0.0], [3.5, 1.0, 0.0]]
-    faces += [[12, 13, 14, 15, 16], [12, 14, 15]]
+    points += [[7.0, 0.0, 0.0], [8.0, 0.0, 0.0], [7.0, 1.0, 0.0]]
+    faces += [[12, 13, 14, 15, 16], [17, 18, 19]]
     return points, faces
 
 
@@ -192,7 +193,6 @@ def with_pymeshlab():
                              save_vertex_color=False, save_vertex_quality=False, save_vertex_normal=False)
         write(f'{name}-wedge', writer, (points, faces), uvs='corner')
     points, faces = house()
-    quads = [f for f in faces if len(f) < 5]
     ms = pymeshlab.MeshSet()
     ms.add_mesh(pymeshlab.Mesh(np.array(points), face_list_of_indices=[np.array(f) for f in faces]))
     ms.save_current_mesh('valid/meshlab-polygons.ply', save_vertex_color=False, save_vertex_quality=False,
