@@ -290,8 +290,9 @@ def with_plyfile():
              obj_info=['num_cols 512'])
         write(f'plyfile-{tag}-extra', writer, (points, faces), colors='ushort', uvs='vertex',
               texture='my picture.png')
+        # One byte: plyfile writes single numbers beside lists in the machine's order.
         rows = [(np.array(f, 'i4'), np.array([0.5, 0.25] * len(f), 'f4'), 1) for f in faces]
-        element = lists(rows, [('vertex_indices', 'O'), ('texcoord', 'O'), ('texnumber', 'i4')],
+        element = lists(rows, [('vertex_indices', 'O'), ('texcoord', 'O'), ('texnumber', 'u1')],
                         kinds={'vertex_indices': 'i4', 'texcoord': 'f4'})
         save(f'plyfile-{tag}-texnumber', [vertices(points), element], order=order,
              comments=['TextureFile a.png', 'TextureFile b.png'])
