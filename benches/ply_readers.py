@@ -42,6 +42,9 @@ def reader(name):
                     words = line.split()
                     if words[0] == b'element':
                         counts[words[1]] = int(words[2])
+                size = file.tell() + 12 * counts[b'vertex'] + 13 * counts[b'face']
+                if os.path.getsize(path) != size:
+                    raise ValueError('only for binary triangles')
                 vertices = np.fromfile(file, np.dtype((np.float32, 3)), counts[b'vertex'])
                 faces = np.fromfile(file, np.dtype([('n', 'u1'), ('i', '<i4', 3)]), counts[b'face'])
                 return len(np.ascontiguousarray(faces['i'])) + 0 * len(vertices)

@@ -68,11 +68,12 @@ fn floor(path: &Path) -> Arrays {
     let number = |bytes: &[u8], i: usize| {
         [bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]]
     };
+    assert_eq!(faces.len(), 13 * count("face"), "only for binary triangles");
     let grain = 1 << 14;
     let point = |row: &[u8]| [0, 1, 2].map(|i| f32::from_le_bytes(number(row, i)));
     let vertices = vertices.par_chunks_exact(12).with_min_len(grain).map(point).collect();
     let corner = |row: &[u8]| [0, 1, 2].map(|i| u32::from_le_bytes(number(&row[1..], i)));
-    let faces = faces[..13 * count("face")].par_chunks_exact(13).with_min_len(grain);
+    let faces = faces.par_chunks_exact(13).with_min_len(grain);
     Arrays::Plain(vertices, faces.map(corner).collect())
 }
 

@@ -3,7 +3,7 @@
 //! Two triangles over the same three vertices, in whatever order, are the same surface; both sides
 //! of it are shaded. The triangles are dealt out by their lowest vertex, so that each task has its
 //! own stretch of vertices and needs no atomics; as neighbours in a file have neighbouring vertices,
-//! it passes over most blocks of triangles. Every triangle sets one of 32 bits that its lowest
+//! it passes over most blocks of triangles. Every triangle sets one of 16 bits that its lowest
 //! vertex has. Only triangles that share a bit are looked at again, with other bits, and what is
 //! left after some rounds is sorted.
 
@@ -17,8 +17,6 @@ use crate::error::Result;
 
 /// Triangles of a block, of which the range of lowest vertices is known.
 const BLOCK: usize = 1 << 14;
-/// Tasks for each thread; four bytes a vertex are needed for the tasks that run.
-const TASKS: usize = 4;
 /// Fewest vertices that are worth a task.
 const GRAIN: usize = 1 << 12;
 
@@ -33,7 +31,7 @@ pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &Job) -> Result<u64>
         return Ok(0);
     }
     let all = Triangles::new(&faces.triangles);
-    let size = vertices.div_ceil(TASKS * rayon::current_num_threads()).max(GRAIN);
+    let size = vertices.div_ceil(rayon::current_num_threads()).max(GRAIN);
     let firsts: Vec<usize> = (0..vertices).step_by(size).collect();
     let repeated = |first: usize| match job.stopped() {
         true => Vec::new(),
@@ -71,12 +69,12 @@ impl<'a> Triangles<'a> {
 
     /// Those whose lowest vertex is one of `count` from `first` on and that repeat an earlier one.
     fn repeated(&self, first: u32, count: usize) -> Vec<u32> {
-        let mut bits = vec![0u32; count];
+        let mut bits = vec![0u16; count];
         let mut suspects: Option<Vec<u32>> = None;
         for [second, third] in ROUNDS {
             let place = |[a, b, c]: [u32; 3]| {
                 let hash = b.wrapping_mul(second) ^ c.wrapping_mul(third);
-                ((a - first) as usize, 1 << (hash.wrapping_mul(0x9e37_79b1) >> 27))
+                ((a - first) as usize, 1u16 << (hash.wrapping_mul(0x9e37_79b1) >> 28))
             };
             let mut later = Vec::new();
             self.visit(first, count, suspects.as_deref(), |t, corners| {
