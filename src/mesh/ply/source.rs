@@ -125,7 +125,7 @@ impl Opened {
                 .help("the program that wrote it may have failed"));
         }
         let packing = Packing::of(&start);
-        let length = meta.is_file().then(|| meta.len());
+        let length = meta.is_file().then_some(meta.len());
         Ok(Self { file, start, length, packing })
     }
 
