@@ -56,7 +56,11 @@ fn not_ply_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
     let not = "t.ply: is not a PLY file: its first line is not 'ply'";
     vec![
         ("another file", b"\x89PNG\r\n\x1a\n".to_vec(), not),
-        ("gzip data", b"\x1f\x8b\x08\x00".to_vec(), not),
+        (
+            "gzip data that ends early",
+            b"\x1f\x8b\x08\x00".to_vec(),
+            "t.ply: cannot unpack the gzip data: unexpected end of file",
+        ),
         ("lines that end in CR alone", b"ply\rformat ascii 1.0\r".to_vec(), not),
         (
             "header without its end",

@@ -27,7 +27,7 @@ fn every_count_and_index_type_and_alias() {
         for item in counts {
             for (name, faces) in [
                 ("vertex_indices", vec![&[0, 1, 2][..], &[1, 2, 3]]),
-                ("vertex_index", vec![&[0, 1, 2][..], &[0, 1, 2, 3]]),
+                ("vertex_index", vec![&[0, 1, 2][..], &[3, 2, 1, 0]]),
             ] {
                 let property = format!("list {count} {item} {name}");
                 let ply = Ply::new().curve(4).element("face", &[&property], lists(&faces));
@@ -90,16 +90,18 @@ fn polygons_are_split() {
     let l_shape =
         [[0., 0., 0.], [2., 0., 0.], [2., 1., 0.], [1., 1., 0.], [1., 2., 0.], [0., 2., 0.]];
     let xyz = ["float x", "float y", "float z"];
-    let ply = |faces: &[&[i64]]| Ply::new().element("vertex", &xyz, numbers(&l_shape)).faces(faces);
+    // Three times, so that no triangle is there twice.
+    let points = [l_shape; 3].concat();
+    let ply = |faces: &[&[i64]]| Ply::new().element("vertex", &xyz, numbers(&points)).faces(faces);
     // Quads alone, then mixed with a convex pentagon, a concave hexagon, and faces without area.
     let quads = read_all(&ply(&[&[0, 1, 2, 3], &[3, 2, 1, 0]]));
     assert_eq!(quads.triangles, [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]);
     assert_eq!(quads.notes.polygons_split, 2);
-    let mixed =
-        read_all(&ply(&[&[0, 1, 2], &[0, 1, 2, 4, 5], &[0, 1, 2, 3, 4, 5], &[], &[1], &[2, 99]]));
-    assert_eq!(mixed.triangles[..4], [[0, 1, 2], [0, 1, 2], [0, 2, 4], [0, 4, 5]]);
+    let hexagon = &[12, 13, 14, 15, 16, 17][..];
+    let mixed = read_all(&ply(&[&[6, 7, 8], &[0, 1, 2, 4, 5], hexagon, &[], &[1], &[2, 99]]));
+    assert_eq!(mixed.triangles[..4], [[6, 7, 8], [0, 1, 2], [0, 2, 4], [0, 4, 5]]);
     let area = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|i| l_shape[i as usize]);
+        let [a, b, c] = t.map(|i| points[i as usize]);
         ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2.0
     };
     assert!(mixed.triangles[4..].iter().all(|t| area(t) > 0.0));
@@ -116,13 +118,51 @@ fn triangles_without_area_are_dropped_and_counted() {
     for extra in [&[0i64, 1, 3, 3][..], &[0, 1, 3]] {
         let faces = [&[0, 1, 2][..], &[0, 1, 3], &[0, 4, 3], &[1, 1, 3], extra];
         let mesh = read_all(&vertices().faces(&faces));
-        assert_eq!(mesh.triangles, [[0, 1, 3], [0, 1, 3]]);
+        assert_eq!(mesh.triangles, [[0, 1, 3]]);
+        assert_eq!(mesh.notes.duplicates_dropped, 1);
         assert_eq!(mesh.notes.degenerate_dropped, 3 + u64::from(extra.len() == 4));
     }
     // Tiny is not degenerate.
     let tiny = [[0., 0., 0.], [1e-30, 0., 0.], [0., 1e-30, 0.]];
     let mesh = read_all(&Ply::new().element("vertex", &xyz, numbers(&tiny)).faces(&[&[0, 1, 2]]));
     assert_eq!(mesh.triangles.len(), 1);
+}
+
+#[test]
+fn triangles_that_are_there_twice_are_dropped_and_counted() {
+    // The same corners turned, and turned over; of a quad, too. The vertices stay.
+    let faces = [&[0, 1, 2][..], &[3, 1, 2], &[1, 2, 0], &[2, 1, 0], &[3, 2, 4, 1], &[0, 1, 4]];
+    let mesh = read_all(&Ply::new().curve(7).faces(&faces));
+    assert_eq!(mesh.triangles, [[0, 1, 2], [3, 1, 2], [3, 2, 4], [3, 4, 1], [0, 1, 4]]);
+    assert_eq!(mesh.notes.duplicates_dropped, 2);
+    assert_eq!(mesh.used_vertices(), [true, true, true, true, true, false, false]);
+}
+
+#[test]
+fn the_texture_of_most_triangles_is_the_one_that_is_named() {
+    let face = |corners: [f64; 3], number: f64| {
+        vec![V::L(corners.to_vec()), V::L(vec![0.5; 6]), V::N(number)]
+    };
+    let properties =
+        ["list uchar int vertex_indices", "list uchar float texcoord", "int texnumber"];
+    let ply = |numbers: [f64; 3]| {
+        let corners = [[0., 1., 2.], [1., 2., 3.], [2., 3., 4.]];
+        let rows = corners.into_iter().zip(numbers).map(|(c, n)| face(c, n)).collect();
+        let names = [&b"comment TextureFile a.png"[..], b"comment TextureFile b.png"];
+        let named = names.into_iter().fold(Ply::new().curve(5), |ply, name| ply.comment(name));
+        read_all(&named.element("face", &properties, rows))
+    };
+    for (numbers, name, textures) in [
+        ([0., 0., 0.], "a.png", 1),
+        ([1., 1., 1.], "b.png", 1),
+        ([1., 0., 1.], "b.png", 2),
+        ([-1., 7., 7.], "a.png", 2),
+    ] {
+        let mesh = ply(numbers);
+        assert_eq!(mesh.texture_file.as_deref(), Some(name));
+        assert_eq!(mesh.notes.textures, textures);
+        assert!(mesh.notes.used.contains(&"face.texnumber".to_string()));
+    }
 }
 
 #[test]
@@ -175,7 +215,7 @@ fn texture_coordinates_per_face() {
         other => panic!("{other:?}"),
     }
     assert_eq!(mesh.texture_file.as_deref(), Some("my texture.png"));
-    assert_eq!(mesh.notes.ignored, ["face.flags", "face.texnumber"]);
+    assert_eq!(mesh.notes.ignored, ["face.flags"]);
     // Only empty lists: as if there were none.
     let bare = Ply::new().curve(4).element("face", &properties, vec![face(&[1, 2, 3], &[])]);
     assert!(read_all(&bare).uvs.is_none());
@@ -237,17 +277,17 @@ fn other_elements_orders_and_properties() {
         .element(
             "face",
             &["double quality", "list uchar uint vertex_indices", "list char short tags"],
-            vec![face(2.0, &[0., 1., 2.]), face(0.0, &[2., 1., 0.])],
+            vec![face(2.0, &[0., 1., 2.]), face(0.0, &[2., 1., 3.])],
         )
         .element(
             "vertex",
             &["list uint uchar junk", "float x", "float y", "float z"],
-            vec![vertex(1., &[]), vertex(2., &[1., 2.]), vertex(3., &[3.])],
+            vec![vertex(1., &[]), vertex(2., &[1., 2.]), vertex(3., &[3.]), vertex(4., &[])],
         )
         .element("tail", &["list int8 float64 b"], vec![vec![V::L(vec![1.0; 3])]]);
     let mesh = read_all(&ply);
     assert_eq!(points(&mesh)[2], [3.0, 9.0, 0.0]);
-    assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 0]]);
+    assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 3]]);
     assert_eq!(
         mesh.notes.ignored,
         ["edge.a", "edge.b", "face.quality", "face.tags", "vertex.junk", "tail.b"]

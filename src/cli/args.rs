@@ -164,6 +164,10 @@ pub struct MeshArgs {
     /// Drop triangles that use missing or non-finite vertices instead of refusing the mesh
     #[arg(long)]
     pub repair: bool,
+
+    /// Read mesh files instead of mapping them into memory
+    #[arg(long)]
+    pub no_mmap: bool,
 }
 
 /// Flags for resources.
@@ -290,6 +294,10 @@ pub struct InfoArgs {
     /// One JSON object per file and line
     #[arg(long)]
     pub json: bool,
+
+    /// Read mesh files instead of mapping them into memory
+    #[arg(long)]
+    pub no_mmap: bool,
 }
 
 /// What this build has to compare.

@@ -13,7 +13,9 @@ use ::exr::meta::{MetaData, attribute::AttributeValue, header::Header};
 use serde_json::{Map, Value, json};
 
 use crate::{
+    accel::{EmbreeMode, Footprint},
     error::{Error, Kind, Problem, Result},
+    film::Window,
     mesh,
     world::{Bounds, Resolution, ulp},
 };
@@ -21,9 +23,10 @@ use crate::{
 use super::{
     args::InfoArgs,
     info_scene,
+    memory::{self, Prediction},
     meshes::{self, Points},
     report::{Extent, Report},
-    units,
+    studio, units,
 };
 
 /// Describes every file.
@@ -31,7 +34,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     let mut kind = None;
     let mut problems: Vec<Problem> = Vec::new();
     for path in &args.files {
-        match describe(path) {
+        match describe(path, args) {
             Ok(report) => super::print(&report.text(path, args.json))?,
             Err(error) => {
                 if args.json {
@@ -54,7 +57,7 @@ fn complaint(path: &Path, error: &Error) -> Value {
     json!({ "file": path.display().to_string(), "ok": false, "errors": errors })
 }
 
-fn describe(path: &Path) -> Result<Report> {
+fn describe(path: &Path, args: &InfoArgs) -> Result<Report> {
     let mut start = Vec::new();
     let opened = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
     let mut report = Report::default();
@@ -68,17 +71,21 @@ fn describe(path: &Path) -> Result<Report> {
         _ => {}
     }
     match start.as_slice() {
-        b"ply\n" | b"ply\r" => ply(path, &mut report)?,
+        b"ply\n" | b"ply\r" => ply(path, args, &mut report)?,
         [0x76, 0x2f, 0x31, 0x01] => exr(path, &mut report)?,
-        _ if meshes::is_mesh(path) => ply(path, &mut report)?,
-        _ => info_scene::describe(path, &mut report)?,
+        _ if meshes::is_mesh(path) => ply(path, args, &mut report)?,
+        _ => info_scene::describe(path, args.no_mmap, &mut report)?,
     }
     Ok(report)
 }
 
-fn ply(path: &Path, report: &mut Report) -> Result<()> {
+/// A mesh of more bytes is announced before it is read.
+const LARGE: u64 = 256 << 20;
+
+fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     let summary = mesh::inspect_ply(path)?;
-    report.add("type", json!("ply"), format!("PLY, {}", summary.format));
+    let packed = summary.packed.map_or(String::new(), |packing| format!(", packed with {packing}"));
+    report.add("type", json!("ply"), format!("PLY, {}{packed}", summary.format));
     let elements = summary.elements.iter().map(|element| {
         let names = element.properties.iter().map(|p| p.name.as_str());
         let names: Vec<&str> = names.collect();
@@ -92,14 +99,36 @@ fn ply(path: &Path, report: &mut Report) -> Result<()> {
     };
     report.add("used", json!(summary.used), format!("used: {}", list(&summary.used)));
     report.add("ignored", json!(summary.ignored), format!("ignored: {}", list(&summary.ignored)));
+    let missing = match summary.missing.is_empty() {
+        true => "nothing".to_string(),
+        false => summary.missing.join(", "),
+    };
+    report.add("missing", json!(summary.missing), format!("missing: {missing}"));
     if let Some(texture) = &summary.texture_file {
         report.add("texture_file", json!(texture), format!("texture: {texture}"));
     }
-    let mesh = meshes::read(path, false)?;
+    if let Some(prediction) = prediction(path) {
+        let line = format!(
+            "memory in the studio: about {} at most: {prediction}",
+            units::bytes(prediction.peak_bytes)
+        );
+        report.add("memory", json!(prediction), line);
+    }
+    if summary.array_bytes > LARGE && !args.json {
+        super::print(&report.begin(path))?;
+    }
+    let mesh = meshes::read(path, false, args.no_mmap)?;
     let triangles = mesh.triangles.len() as u64;
     report.add("triangles", json!(triangles), format!("{} triangles", units::count(triangles)));
     notes(&mesh.notes, report);
-    let Bounds { min: low, max: high } = Points::of(&mesh).bounds(|p| p);
+    let points = Points::of(&mesh);
+    let unused = points.unused();
+    let line = match unused {
+        0 => String::new(),
+        _ => format!("{} vertices that no triangle uses", units::count(unused)),
+    };
+    report.add("vertices_unused", json!(unused), line);
+    let Bounds { min: low, max: high } = points.bounds(|p| p);
     let size = high - low;
     let line = format!("bounds of what the triangles use: {low} to {high}, size {size}");
     report.add("bounds", json!([low.to_array(), high.to_array()]), line);
@@ -118,12 +147,33 @@ fn resolution(mesh: &mesh::Mesh, bounds: Bounds, report: &mut Report) {
     report.add("resolution", one.json(), one.line(" around its middle"));
 }
 
+/// What a render in the built-in studio would take, by the header alone.
+fn prediction(path: &Path) -> Option<Prediction> {
+    let loaded = studio::unframed(path).ok()?;
+    let camera = &loaded.scene.camera;
+    let window = Window::full(camera.width, camera.height);
+    let prediction = memory::predict(&loaded.scene, window).ok()?;
+    let footprint =
+        Footprint::of(loaded.scene.backend, rayon::current_num_threads(), EmbreeMode::Robust);
+    Some(match footprint {
+        Ok(footprint) => prediction.with(&footprint),
+        Err(_) => prediction,
+    })
+}
+
 fn notes(notes: &mesh::Notes, report: &mut Report) {
     let facts = [
         ("faces", notes.faces, "faces"),
         ("polygons_split", notes.polygons_split, "polygons split into triangles"),
         ("faces_too_small", notes.faces_too_small, "faces with fewer than three corners skipped"),
         ("degenerate_dropped", notes.degenerate_dropped, "triangles without area dropped"),
+        ("duplicates_dropped", notes.duplicates_dropped, "duplicate triangles dropped"),
+        (
+            "textures",
+            notes.textures.saturating_sub(1),
+            "more textures named by texnumber, not shown",
+        ),
+        ("trailing_bytes", notes.trailing_bytes, "bytes after the last declared row"),
     ];
     for (key, count, what) in facts {
         let line = match count {

@@ -21,11 +21,11 @@ use super::{
 };
 
 /// Checks a scene and says what is in it.
-pub fn describe(path: &Path, report: &mut Report) -> Result<()> {
+pub fn describe(path: &Path, no_mmap: bool, report: &mut Report) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    let options = LoadOptions { resolutions: true, ..LoadOptions::default() };
+    let options = LoadOptions { resolutions: true, no_mmap, ..LoadOptions::default() };
     let (world, more) = World::load(scene, options, &Monitor::default())?;
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
     let footprint = Footprint::of(scene.backend, rayon::current_num_threads(), EmbreeMode::Robust);

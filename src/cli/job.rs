@@ -72,6 +72,7 @@ pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
             path: &args.input,
             up: args.mesh.up,
             repair: args.mesh.repair,
+            no_mmap: args.mesh.no_mmap,
             builtin: args.mesh.template.is_none(),
         };
         let (ours, mesh) = studio::furnish(&subject, &origin, &overrides, &mut warnings)?;

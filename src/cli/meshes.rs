@@ -11,9 +11,9 @@ use crate::{
     world::Bounds,
 };
 
-/// Reads a file.
-pub fn read(path: &Path, repair: bool) -> Result<Mesh> {
-    mesh::read_ply(path, mesh::ReadOptions::default().repair(repair))
+/// Reads a file; `no_mmap`: without mapping it into memory.
+pub fn read(path: &Path, repair: bool, no_mmap: bool) -> Result<Mesh> {
+    mesh::read_ply(path, mesh::ReadOptions::default().repair(repair).mmap(!no_mmap))
 }
 
 /// What a header promises, within what the file's size allows.
@@ -27,12 +27,19 @@ pub struct Promise {
     pub triangles: u64,
 }
 
+/// Bytes that one byte of gzip data can stand for; more for zstd, but not of a mesh.
+const MOST_PACKED: u64 = 1032;
+
 /// Reads the header alone.
 pub fn promise(path: &Path) -> Result<Promise> {
     let summary = mesh::inspect_ply(path)?;
     // The reader refuses a header that promises more rows than the file has bytes; a prediction
     // must not choke on it first.
-    let lies = summary.triangles.max(summary.vertices) > summary.file_bytes;
+    let most = match summary.packed {
+        None => summary.file_bytes,
+        Some(_) => summary.file_bytes.saturating_mul(MOST_PACKED),
+    };
+    let lies = summary.triangles.max(summary.vertices) > most;
     Ok(match lies {
         true => Promise::default(),
         false => Promise {
@@ -60,6 +67,11 @@ impl<'m> Points<'m> {
     /// Finds the used ones.
     pub fn of(mesh: &'m Mesh) -> Self {
         Self { mesh, used: mesh.used_vertices() }
+    }
+
+    /// How many vertices there are beside them.
+    pub fn unused(&self) -> u64 {
+        self.used.iter().filter(|used| !**used).count() as u64
     }
 
     /// All of them, again and again.

@@ -148,6 +148,7 @@ impl Run<'_> {
         let budget = self.budget.as_ref();
         let options = LoadOptions {
             repair: self.args.mesh.repair,
+            no_mmap: self.args.mesh.no_mmap,
             ready,
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()

@@ -41,6 +41,8 @@ pub struct Report {
     /// For people.
     pub lines: Vec<String>,
     json: Map<String, Value>,
+    /// The file's name has been taken with the first lines.
+    begun: bool,
 }
 
 impl Report {
@@ -53,12 +55,21 @@ impl Report {
         }
     }
 
+    /// The lines so far, to be shown before the rest is known.
+    pub fn begin(&mut self, path: &Path) -> String {
+        let lines = std::mem::take(&mut self.lines);
+        let name = match std::mem::replace(&mut self.begun, true) {
+            true => String::new(),
+            false => format!("{}\n", path.display()),
+        };
+        lines.iter().fold(name, |text, line| text + "  " + line + "\n")
+    }
+
     /// All of it, as lines under the file's name or as one line of JSON.
-    pub fn text(self, path: &Path, json: bool) -> String {
+    pub fn text(mut self, path: &Path, json: bool) -> String {
         if json {
             return format!("{}\n", Value::Object(self.json));
         }
-        let lines = self.lines.iter().map(|line| format!("  {line}\n"));
-        format!("{}\n{}", path.display(), lines.collect::<String>())
+        self.begin(path)
     }
 }

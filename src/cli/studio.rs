@@ -45,6 +45,8 @@ pub struct Subject<'a> {
     pub up: Option<Axis>,
     /// Drop triangles with bad vertices.
     pub repair: bool,
+    /// Read the file instead of mapping it.
+    pub no_mmap: bool,
     /// The template is the built-in studio.
     pub builtin: bool,
 }
@@ -57,7 +59,7 @@ pub fn furnish(
     user: &Overrides,
     warnings: &mut Vec<Problem>,
 ) -> Result<(Overrides, (PathBuf, Mesh))> {
-    let mesh = meshes::read(subject.path, subject.repair)?;
+    let mesh = meshes::read(subject.path, subject.repair, subject.no_mmap)?;
     let shape = first_trimesh(template)?;
     let mut ours = Overrides::default();
     let path = match template.folder.as_os_str().is_empty() {
@@ -78,6 +80,16 @@ pub fn furnish(
     place(subject.path, &mesh, &loaded, &shape, &mut ours)?;
     let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
     Ok((ours, (path, mesh)))
+}
+
+/// The built-in studio with the mesh in it, where it happens to stand: what it needs can be
+/// predicted before the mesh is read.
+pub fn unframed(path: &Path) -> Result<Loaded> {
+    let template =
+        Origin { name: "<studio>".to_string(), text: STUDIO.into(), folder: PathBuf::new() };
+    let mut ours = Overrides::default();
+    ours.flag("FILE.ply", &format!("{}/path", first_trimesh(&template)?), Some(named(path)?));
+    load(&template, &ours, &Overrides::default())
 }
 
 fn load(template: &Origin, ours: &Overrides, user: &Overrides) -> Result<Loaded> {

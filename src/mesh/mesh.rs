@@ -1,6 +1,9 @@
 //! A mesh as its file has it: arrays in file units, indices checked, nothing transformed.
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Vertex positions in the precision of the file.
 #[derive(Debug, Clone)]
@@ -72,7 +75,8 @@ pub struct Mesh {
     pub uvs: Option<Uvs>,
     /// Vertex colours.
     pub colors: Option<Colors>,
-    /// `comment TextureFile NAME`.
+    /// `comment TextureFile NAME`: of several the one that most triangles want by `texnumber`, or
+    /// the first.
     pub texture_file: Option<String>,
     /// What was used, ignored, split and dropped on the way in.
     pub notes: Notes,
@@ -81,11 +85,15 @@ pub struct Mesh {
 impl Mesh {
     /// Which vertices triangles use.
     pub fn used_vertices(&self) -> Vec<bool> {
-        let mut used = vec![false; self.positions.len()];
-        for &vertex in self.triangles.as_flattened() {
-            used[vertex as usize] = true;
-        }
-        used
+        let count = self.positions.len();
+        let used: Vec<AtomicBool> =
+            (0..count).into_par_iter().with_min_len(1 << 16).map(|_| false.into()).collect();
+        self.triangles.par_iter().with_min_len(1 << 14).for_each(|triangle| {
+            for &vertex in triangle {
+                used[vertex as usize].store(true, Relaxed);
+            }
+        });
+        used.into_iter().map(AtomicBool::into_inner).collect()
     }
 }
 
@@ -102,8 +110,12 @@ pub struct Notes {
     pub faces_too_small: u64,
     /// Triangles that repeat a vertex or have zero area, dropped.
     pub degenerate_dropped: u64,
+    /// Triangles over the same three vertices as an earlier one, in whatever order, dropped.
+    pub duplicates_dropped: u64,
     /// Triangles dropped by `--repair` because they use a missing or non-finite vertex.
     pub repaired_dropped: u64,
+    /// Different values of `texnumber`: textures that the faces want.
+    pub textures: u64,
     /// Bytes after the last row: the header may declare too few.
     pub trailing_bytes: u64,
     /// `element.property` names that were used, in file order.

@@ -28,6 +28,8 @@ pub use self::resolution::{Resolution, ulp};
 pub struct LoadOptions {
     /// Drop triangles that use bad vertices instead of refusing the mesh.
     pub repair: bool,
+    /// Read meshes through a window instead of mapping their files into memory.
+    pub no_mmap: bool,
     /// Meshes that have been read already, by the path that the scene names.
     pub ready: Vec<(PathBuf, Mesh)>,
     /// The most that all textures may take, decoding included; without it each may take 4 GiB.
@@ -38,10 +40,13 @@ pub struct LoadOptions {
 }
 
 impl LoadOptions {
-    fn mesh(&mut self, path: &Path) -> Result<Mesh> {
+    fn mesh(&mut self, path: &Path, monitor: &Monitor) -> Result<Mesh> {
         match self.ready.iter().position(|(ready, _)| ready == path) {
             Some(index) => Ok(self.ready.swap_remove(index).1),
-            None => mesh::read_ply(path, mesh::ReadOptions::default().repair(self.repair)),
+            None => {
+                let options = mesh::ReadOptions::default().repair(self.repair);
+                mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))
+            }
         }
     }
 }
@@ -95,10 +100,15 @@ impl World {
         let looks = failures.keep(textures::load(scene, options.texture_bytes, &mut warnings));
         let mut bounds = Bounds::EMPTY;
         let mut meshes = Vec::new();
+        let mut own_textures = Vec::new();
         for (index, shape) in scene.shapes.iter().enumerate() {
             if let ShapeKind::Trimesh(spec) = &shape.kind {
                 let textured = scene.materials[shape.material].texture.is_some();
-                let mesh = options.mesh(&spec.path);
+                let mesh = options.mesh(&spec.path, monitor);
+                monitor.check()?;
+                if let (Ok(mesh), false) = (&mesh, textured) {
+                    own_textures.extend(textures::own(mesh, index, &spec.path, &mut warnings));
+                }
                 let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut warnings));
                 let Some(mesh) = failures.keep(mesh) else { continue };
                 bounds = bounds.union(mesh.bounds());
@@ -115,7 +125,10 @@ impl World {
             monitor.check()?;
         }
         failures.check()?;
-        let (textures, materials) = looks.unwrap_or_default();
+        let mut looks = looks.unwrap_or_default();
+        let left = options.texture_bytes;
+        let own = textures::load_own(&own_textures, scene, left, &mut looks)?;
+        let (textures, materials) = looks;
         check_size(bounds, &mut warnings)?;
         let origin = bounds.origin();
         let (mut resolutions, mut doubts) = (Vec::new(), Vec::new());
@@ -126,7 +139,11 @@ impl World {
             doubts.extend(meshes.iter().map(|(_, mesh)| mesh.doubt(origin)));
         }
         let (geometry, shapes) = gather(scene, meshes, origin)?;
-        let shapes = Shapes { materials, textures, ..shapes };
+        let mut shapes = Shapes { materials, textures, ..shapes };
+        for (shape, material) in own {
+            shapes.shapes[shape].material = material;
+        }
+        monitor.check()?;
         let settled = doubts.iter().zip(&geometry.meshes).filter_map(|(doubt, mesh)| {
             let doubt = doubt.as_ref()?;
             doubt.settle(mesh)

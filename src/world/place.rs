@@ -211,10 +211,18 @@ fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {
     let notes = &mesh.notes;
     let dropped = [
         (notes.degenerate_dropped, "degenerate triangles (zero area) were dropped"),
+        (notes.duplicates_dropped, "duplicate triangles were dropped"),
         (notes.repaired_dropped, "triangles with bad vertices were dropped (--repair)"),
         (notes.faces_too_small, "faces with fewer than three corners were skipped"),
     ];
     let path = spec.path.display().to_string();
+    if notes.textures > 1 {
+        let message = format!(
+            "its faces name {} textures (texnumber), of which one is shown on all",
+            notes.textures
+        );
+        warnings.push(Problem::new(&path, message).help("one mesh file per texture shows all"));
+    }
     for (count, what) in dropped.into_iter().filter(|(count, _)| *count > 0) {
         warnings.push(Problem::new(&path, format!("{count} {what}")));
     }

@@ -1,8 +1,10 @@
 //! Materials and the images they name; each image is opened once.
 
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 use crate::error::{Failures, Problem, Result};
+use crate::mesh::Mesh;
 use crate::scene::{Filter, Scene, TextureUse};
 use crate::shading::{DEFAULT_MAX_BYTES, Material, Texture};
 
@@ -57,6 +59,49 @@ pub fn load(
     }
     failures.check()?;
     Ok((textures, materials))
+}
+
+/// An image that a mesh file names, for the shape of this number.
+pub type Own = (usize, PathBuf);
+
+/// The image that the mesh at `path` names, if it can be shown; its material has none.
+pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) -> Option<Own> {
+    let name = mesh.texture_file.as_ref().filter(|_| mesh.uvs.is_some())?;
+    let image = path.parent().unwrap_or(Path::new("")).join(name);
+    if image.is_file() {
+        return Some((shape, image));
+    }
+    let place = path.display().to_string();
+    let reason = format!("there is no file {}", image.display());
+    let message = format!("found the texture {name:?}, which is not used: {reason}");
+    warnings.push(Problem::new(place, message));
+    None
+}
+
+/// Opens them, and gives each shape a material of its own with its image: pairs of shape and
+/// material. All textures together take at most `budget` bytes.
+pub fn load_own(
+    own: &[Own],
+    scene: &Scene,
+    budget: Option<u64>,
+    looks: &mut (Vec<Texture>, Vec<Material>),
+) -> Result<Vec<(usize, u32)>> {
+    let (textures, materials) = looks;
+    let mut failures = Failures::default();
+    let mut given = Vec::new();
+    for (shape, path) in own {
+        let taken: u64 = textures.iter().map(Texture::bytes).sum();
+        let left = budget.map_or(DEFAULT_MAX_BYTES, |budget| budget.saturating_sub(taken));
+        let texture = Texture::load_within(path, None, left.min(DEFAULT_MAX_BYTES));
+        let Some(texture) = failures.keep(texture) else { continue };
+        let plain = &materials[scene.shapes[*shape].material];
+        let material = Material { texture: Some(textures.len() as u32), ..plain.clone() };
+        textures.push(texture);
+        given.push((*shape, materials.len() as u32));
+        materials.push(material);
+    }
+    failures.check()?;
+    Ok(given)
 }
 
 fn warn(spec: &TextureUse, texture: &Texture, warnings: &mut Vec<Problem>) {

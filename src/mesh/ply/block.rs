@@ -1,6 +1,7 @@
 //! Where rows are, and what to say of those that are not there.
 
 use super::header::{Element, Shape};
+use super::job::Job;
 use crate::error::Error;
 
 /// Some rows of an element.
@@ -26,18 +27,21 @@ pub(super) struct Uniform {
     pub(super) lengths: Vec<u64>,
 }
 
-/// The rows of one element.
+/// Rows of one element that follow each other.
 #[derive(Debug, Default)]
 pub(super) struct Span {
+    /// The number of the first row.
+    pub(super) first: u64,
+    pub(super) rows: u64,
     pub(super) uniform: Option<Uniform>,
     pub(super) blocks: Vec<Block>,
 }
 
 /// "the file is cut short": `found` rows of `element` are there.
-pub(super) fn too_short(element: &Element, found: u64, have: &str, name: &str) -> Error {
+pub(super) fn too_short(element: &Element, found: u64, have: &str, job: &Job) -> Error {
     let declared = element.rows(element.count);
     Error::invalid(
-        name,
+        job.name,
         format!("the header declares {declared}, but only {found} are in the file: {have}"),
     )
     .help("the file is cut short or its header is wrong: write it again")

@@ -1,5 +1,8 @@
 //! What makes a triangle fit for the mesh, and the count of what was not.
 
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
 use crate::error::{Error, Kind, Problem, Result};
 use crate::mesh::Notes;
 use crate::mesh::normals::{Point, cross, sub};
@@ -16,6 +19,8 @@ pub(super) struct Tally {
     pub(super) degenerate: u64,
     /// Triangles that use a bad index or vertex.
     pub(super) unusable: u64,
+    /// Triangles of each `texnumber`.
+    pub(super) textures: BTreeMap<i64, u64>,
     bad_indices: u64,
     first_bad_index: Option<(Face, i64)>,
     /// Non-finite vertices that triangles use, with repeats.
@@ -31,13 +36,23 @@ impl Tally {
         self.split += next.split;
         self.degenerate += next.degenerate;
         self.unusable += next.unusable;
+        for (number, triangles) in next.textures {
+            *self.textures.entry(number).or_default() += triangles;
+        }
         self.bad_indices += next.bad_indices;
         self.first_bad_index = self.first_bad_index.or(next.first_bad_index);
         self.bad_vertices.extend(next.bad_vertices);
         self.first_bad_vertex = self.first_bad_vertex.or(next.first_bad_vertex);
     }
 
+    /// The `texnumber` of the most triangles.
+    pub(super) fn main_texture(&self) -> Option<i64> {
+        let most = self.textures.iter().max_by_key(|(number, count)| (**count, Reverse(**number)));
+        most.map(|(number, _)| *number)
+    }
+
     pub(super) fn write(&self, notes: &mut Notes) {
+        notes.textures = self.textures.len() as u64;
         notes.faces = self.faces;
         notes.faces_too_small = self.too_small;
         notes.polygons_split = self.split;

@@ -9,7 +9,7 @@ use super::plan::{FacePlan, Step};
 use super::polygon;
 use super::row::{Fault, Row, Values};
 use super::scalar::{Native, Scalar};
-use super::table::{Sink, Table};
+use super::table::{Reader, Sink, Table};
 use crate::error::Result;
 use crate::mesh::normals::Point;
 
@@ -32,32 +32,24 @@ pub(super) struct Faces {
 pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) -> Result<Faces> {
     if let (Some(uniform), Some(big), false) = (&table.span.uniform, table.big, plan.strips) {
         if uniform.lengths[plan.corners] == 3 && !plan.texcoords {
-            return Ok(all_triangles(table, plan, uniform, big, positions));
+            let faces = all_triangles(table, plan, uniform, big, positions);
+            return table.job.check().map(|()| faces);
         }
     }
-    let parts = table.blocks(|reader| {
+    let mut all = Faces::default();
+    let read = |reader: &mut Reader| {
         let mut part = Part::new(plan, positions);
         reader.feed(&mut part)?;
         Ok(part.finish())
-    })?;
-    Ok(join(parts))
-}
-
-/// One list of triangles from those of the blocks.
-fn join(parts: Vec<Faces>) -> Faces {
-    let mut all = Faces::default();
-    let any_uvs = parts.iter().any(|part| part.uvs.is_some());
-    all.triangles.reserve_exact(parts.iter().map(|part| part.triangles.len()).sum());
-    for part in parts {
-        all.append(part, any_uvs);
-    }
-    all
+    };
+    table.blocks(read, |part| all.append(part))?;
+    Ok(all)
 }
 
 impl Faces {
     /// Adds the triangles that follow in the file; missing texture coordinates are zero.
-    pub(super) fn append(&mut self, next: Faces, with_uvs: bool) {
-        if with_uvs {
+    pub(super) fn append(&mut self, next: Faces) {
+        if self.uvs.is_some() || next.uvs.is_some() {
             let uvs = self.uvs.get_or_insert_default();
             uvs.resize(self.triangles.len(), Default::default());
             uvs.extend(next.uvs.unwrap_or_default());
@@ -103,7 +95,7 @@ fn copy<T: Native + Into<i64>, P: Point>(
     positions: &[P],
 ) -> Faces {
     // The rows have been found in the file.
-    let count = table.element.count as usize;
+    let count = table.span.rows as usize;
     let stride = uniform.stride;
     let rows = &table.data[uniform.start..uniform.start + count * stride];
     let mut triangles = vec![[0u32; 3]; count];
@@ -113,6 +105,10 @@ fn copy<T: Native + Into<i64>, P: Point>(
         .enumerate()
         .map(|(block, (triangles, rows))| {
             let mut checker = Checker::new(positions, "face");
+            if table.job.stopped() {
+                return checker.tally;
+            }
+            let first = table.span.first + (block * GRAIN) as u64;
             for (i, (triangle, bytes)) in
                 triangles.iter_mut().zip(rows.chunks_exact(stride)).enumerate()
             {
@@ -121,7 +117,7 @@ fn copy<T: Native + Into<i64>, P: Point>(
                 let corners = [corner(0), corner(1), corner(2)];
                 *triangle = match checker.good(corners) {
                     Some(good) => good,
-                    None => checker.explain((block * GRAIN + i) as u64, corners).unwrap_or(DROPPED),
+                    None => checker.explain(first + i as u64, corners).unwrap_or(DROPPED),
                 };
             }
             checker.tally
@@ -144,6 +140,7 @@ struct Part<'a, P> {
     uvs: Vec<[[f32; 2]; 3]>,
     any_uvs: bool,
     /// The face being read.
+    texture: Option<i64>,
     corners: Vec<Option<u32>>,
     texcoords: Vec<f32>,
     points: Vec<[f64; 3]>,
@@ -159,6 +156,7 @@ impl<'a, P: Point> Part<'a, P> {
             triangles: Vec::new(),
             uvs: Vec::new(),
             any_uvs: false,
+            texture: None,
             corners: Vec::new(),
             texcoords: Vec::new(),
             points: Vec::new(),
@@ -229,6 +227,9 @@ impl<'a, P: Point> Part<'a, P> {
             return;
         };
         self.triangles.push(triangle);
+        if let Some(number) = self.texture {
+            *self.checker.tally.textures.entry(number).or_default() += 1;
+        }
         if self.plan.texcoords {
             let uv = |c: u32| {
                 let at = 2 * c as usize;
@@ -292,6 +293,7 @@ impl<P: Point> Sink for Part<'_, P> {
                         self.texcoords.push(values.number(item)? as f32);
                     }
                 }
+                Step::Texnumber(kind) => self.texture = Some(values.number(kind)? as i64),
                 Step::Skip(kind) | Step::Value(kind, _) => values.skip(kind, 1)?,
                 Step::SkipList { count, item } => {
                     let count = values.count(count)?;

@@ -31,11 +31,31 @@ impl Format {
     }
 }
 
+impl Format {
+    /// The byte order of a binary format; `None`: text.
+    pub(super) fn is_big(self) -> Option<bool> {
+        match self {
+            Self::Ascii => None,
+            Self::Little => Some(false),
+            Self::Big => Some(true),
+        }
+    }
+}
+
 /// One number or a counted list of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Shape {
     Single(Scalar),
     List { count: Scalar, item: Scalar },
+}
+
+impl Shape {
+    /// Bytes that a value takes at least, in a binary file.
+    pub(super) fn least_bytes(self) -> u64 {
+        match self {
+            Self::Single(kind) | Self::List { count: kind, .. } => kind.size() as u64,
+        }
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -73,8 +93,8 @@ impl Element {
 pub(super) struct Header {
     pub(super) format: Format,
     pub(super) elements: Vec<Element>,
-    /// `comment TextureFile NAME`, the first one.
-    pub(super) texture_file: Option<String>,
+    /// Every `comment TextureFile NAME`, in order.
+    pub(super) texture_files: Vec<String>,
     /// Where the data starts.
     pub(super) data_start: usize,
     /// Lines of the header: the data of an ASCII file starts on the next one.
@@ -91,7 +111,7 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
     let mut header = Header {
         format: Format::Ascii,
         elements: Vec::new(),
-        texture_file: None,
+        texture_files: Vec::new(),
         data_start: 0,
         lines: 0,
     };
@@ -179,8 +199,8 @@ fn comment(line: &[u8], header: &mut Header) {
     let Some(file) = text.strip_prefix(b"TextureFile") else {
         return;
     };
-    if file.first().is_some_and(u8::is_ascii_whitespace) && header.texture_file.is_none() {
-        header.texture_file = Some(String::from_utf8_lossy(file.trim_ascii()).into_owned());
+    if file.first().is_some_and(u8::is_ascii_whitespace) {
+        header.texture_files.push(String::from_utf8_lossy(file.trim_ascii()).into_owned());
     }
 }
 
@@ -273,8 +293,8 @@ pub(super) fn show(bytes: &[u8]) -> String {
 /// What the file is instead, where its first bytes tell.
 fn not_a_ply(bytes: &[u8], name: &str) -> Error {
     let known: [(&[u8], &str); 10] = [
-        (b"\x1f\x8b", "it is gzip data: unpack it first (gunzip)"),
-        (b"\x28\xb5\x2f\xfd", "it is zstd data: unpack it first (unzstd)"),
+        (b"\x1f\x8b", "it is gzip data inside of other data: unpack it first (gunzip)"),
+        (b"\x28\xb5\x2f\xfd", "it is zstd data inside of other data: unpack it first (unzstd)"),
         (b"PK\x03\x04", "it is a zip archive: unpack it first"),
         (b"version https://git-lfs", "it is a Git LFS pointer: run `git lfs pull`"),
         (b"\xef\xbb\xbfply", "it starts with a UTF-8 byte order mark: remove its first 3 bytes"),

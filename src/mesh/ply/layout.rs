@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::block::{Block, Span, Uniform, too_short};
 use super::header::{Element, Format, Header, Shape};
+use super::job::Job;
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 
@@ -15,55 +16,74 @@ use crate::error::{Error, Result};
 const ROWS: u64 = 1 << 14;
 
 /// Finds the rows of every element; the second value is the bytes after the last row.
-pub(super) fn locate(data: &[u8], header: &Header, name: &str) -> Result<(Vec<Span>, u64)> {
+pub(super) fn locate(data: &[u8], header: &Header, job: &Job) -> Result<(Vec<Span>, u64)> {
     if header.format == Format::Ascii {
-        return super::lines::locate(data, header, name);
+        return super::lines::locate(data, header, job);
     }
     let big = header.format == Format::Big;
     let mut at = 0;
     let mut spans = Vec::with_capacity(header.elements.len());
     for element in &header.elements {
-        let (span, end) = find(data, at, element, big, name)?;
+        let (mut span, mut end) = rows(data, at, element, big, 0, element.count, job)?;
+        if span.rows < element.count && !is_fixed(element) {
+            // The rest of the bytes may hold shorter rows.
+            (span, end) = walk(data, at, element, big, 0, element.count, job)?;
+        }
+        if span.rows < element.count {
+            let left = data.len() - at;
+            let stride = span.uniform.filter(|_| is_fixed(element)).map(|u| u.stride as u64);
+            let have = match stride.map(|stride| (element.count.checked_mul(stride), stride)) {
+                Some((Some(need), _)) => format!("they need {need} bytes, {left} are left"),
+                Some((None, stride)) => {
+                    format!("they need {stride} bytes each, {left} bytes are left")
+                }
+                None => format!("{left} bytes of data were left for them"),
+            };
+            return Err(too_short(element, span.rows, &have, job));
+        }
         spans.push(span);
         at = end;
     }
     Ok((spans, (data.len() - at) as u64))
 }
 
-fn find(
+/// Every row has the same size, whatever is in it.
+fn is_fixed(element: &Element) -> bool {
+    element.properties.iter().all(|p| matches!(p.shape, Shape::Single(_)))
+}
+
+/// Finds rows of `element` from byte `start` on, where row number `first` begins: at most `wanted`,
+/// fewer where the data ends first; and where they end.
+pub(super) fn rows(
     data: &[u8],
     start: usize,
     element: &Element,
     big: bool,
-    name: &str,
+    first: u64,
+    wanted: u64,
+    job: &Job,
 ) -> Result<(Span, usize)> {
-    let left = (data.len() - start) as u64;
-    let fixed = element.properties.iter().all(|p| matches!(p.shape, Shape::Single(_)));
-    if element.count == 0 || element.properties.is_empty() {
-        return Ok((Span::default(), start));
+    if wanted == 0 || element.properties.is_empty() {
+        return Ok((Span { first, rows: wanted, ..Span::default() }, start));
     }
+    let fixed = is_fixed(element);
     if let Some(uniform) = first_row(data, start, element, big) {
         let stride = uniform.stride as u64;
-        let total = element.count.checked_mul(stride).filter(|total| *total <= left);
-        if let Some(total) = total.filter(|_| fixed || all_alike(data, &uniform, element, big)) {
-            let blocks = (0..element.count.div_ceil(ROWS)).map(|block| {
+        let rows = wanted.min((data.len() - start) as u64 / stride);
+        if fixed || rows > 0 && all_alike(data, &uniform, rows, element, big, job) {
+            let blocks = (0..rows.div_ceil(ROWS)).map(|block| {
                 let row = block * ROWS;
-                let rows = ROWS.min(element.count - row);
+                let rows = ROWS.min(rows - row);
                 let begin = start + (row * stride) as usize;
-                Block { start: begin, end: begin + (rows * stride) as usize, row, rows, line: 0 }
+                let end = begin + (rows * stride) as usize;
+                Block { start: begin, end, row: first + row, rows, line: 0 }
             });
             let blocks = blocks.collect();
-            return Ok((Span { uniform: Some(uniform), blocks }, start + total as usize));
-        }
-        if fixed {
-            let have = match element.count.checked_mul(stride) {
-                Some(need) => format!("they need {need} bytes, {left} are left"),
-                None => format!("they need {stride} bytes each, {left} bytes are left"),
-            };
-            return Err(too_short(element, left / stride, &have, name));
+            let end = start + (rows * stride) as usize;
+            return Ok((Span { first, rows, uniform: Some(uniform), blocks }, end));
         }
     }
-    walk(data, start, element, big, name)
+    walk(data, start, element, big, first, wanted, job)
 }
 
 /// The layout of the first row, if it is all there.
@@ -101,7 +121,14 @@ fn count_at(data: &[u8], at: usize, kind: Scalar, big: bool) -> Option<i64> {
 
 /// Whether every row's lists are as long as the first row's. By induction: if rows 0 to n - 1
 /// are, row n starts where the stride says.
-fn all_alike(data: &[u8], uniform: &Uniform, element: &Element, big: bool) -> bool {
+fn all_alike(
+    data: &[u8],
+    uniform: &Uniform,
+    rows: u64,
+    element: &Element,
+    big: bool,
+    job: &Job,
+) -> bool {
     let lists: Vec<(usize, Scalar, i64)> = element
         .properties
         .iter()
@@ -111,13 +138,13 @@ fn all_alike(data: &[u8], uniform: &Uniform, element: &Element, big: bool) -> bo
             Shape::Single(_) => None,
         })
         .collect();
-    let rows = &data[uniform.start..uniform.start + element.count as usize * uniform.stride];
+    let rows = &data[uniform.start..uniform.start + rows as usize * uniform.stride];
     let alike = |row: &[u8]| match lists[..] {
         [(at, Scalar::U8, length)] => row[at] as i64 == length,
         _ => lists.iter().all(|&(at, kind, length)| count_at(row, at, kind, big) == Some(length)),
     };
     rows.par_chunks(uniform.stride * ROWS as usize)
-        .all(|rows| rows.chunks_exact(uniform.stride).all(alike))
+        .all(|rows| !job.stopped() && rows.chunks_exact(uniform.stride).all(alike))
 }
 
 /// Goes through the rows of `element` list by list.
@@ -126,35 +153,55 @@ fn walk(
     start: usize,
     element: &Element,
     big: bool,
-    name: &str,
+    first: u64,
+    wanted: u64,
+    job: &Job,
 ) -> Result<(Span, usize)> {
     let mut blocks: Vec<Block> = Vec::new();
     let mut at = start;
-    for row in 0..element.count {
-        let begin = at;
-        for property in &element.properties {
-            at = match skip(data, at, property.shape, big) {
-                Ok(Some(end)) => end,
-                Ok(None) => {
-                    let have = format!("{} bytes of data were left for them", data.len() - start);
-                    return Err(too_short(element, row, &have, name));
-                }
-                Err(length) => {
-                    let place = format!("{name}: {} {row}", element.name);
-                    let message = format!("the list '{}' has {length} values", property.name);
-                    return Err(Error::invalid(place, message));
-                }
-            };
-        }
+    let mut rows = 0;
+    while rows < wanted {
+        let Some(end) = walk_row(data, at, element, big, first + rows, job)? else {
+            break;
+        };
         match blocks.last_mut() {
             Some(block) if block.rows < ROWS => {
                 block.rows += 1;
-                block.end = at;
+                block.end = end;
             }
-            _ => blocks.push(Block { start: begin, end: at, row, rows: 1, line: 0 }),
+            _ => {
+                job.check()?;
+                blocks.push(Block { start: at, end, row: first + rows, rows: 1, line: 0 });
+            }
+        }
+        at = end;
+        rows += 1;
+    }
+    Ok((Span { first, rows, uniform: None, blocks }, at))
+}
+
+/// Where the row that starts at `at` ends; `None` if the data ends first.
+#[inline]
+fn walk_row(
+    data: &[u8],
+    mut at: usize,
+    element: &Element,
+    big: bool,
+    row: u64,
+    job: &Job,
+) -> Result<Option<usize>> {
+    for property in &element.properties {
+        match skip(data, at, property.shape, big) {
+            Ok(Some(end)) => at = end,
+            Ok(None) => return Ok(None),
+            Err(length) => {
+                let place = format!("{}: {} {row}", job.name, element.name);
+                let message = format!("the list '{}' has {length} values", property.name);
+                return Err(Error::invalid(place, message));
+            }
         }
     }
-    Ok((Span { uniform: None, blocks }, at))
+    Ok(Some(at))
 }
 
 /// Where the property that starts at `at` ends; `None` behind the end of the data, an error for a

@@ -6,7 +6,8 @@
 use rayon::prelude::*;
 
 use super::block::{Block, Span, too_short};
-use super::header::{Header, show};
+use super::header::{Element, Header, show};
+use super::job::Job;
 use super::row::{Fault, Row, Values};
 use super::scalar::Scalar;
 use crate::error::Result;
@@ -24,26 +25,22 @@ struct Chunk {
 }
 
 /// Finds the rows of every element; the second value is the bytes after the last row.
-pub(super) fn locate(data: &[u8], header: &Header, name: &str) -> Result<(Vec<Span>, u64)> {
-    let chunks = chunks(data);
-    let available: u64 = chunks.iter().map(|c| c.rows).sum();
-    let mut cursor = Cursor { data, chunks: &chunks, chunk: 0, block: None, line: header.lines };
+pub(super) fn locate(data: &[u8], header: &Header, job: &Job) -> Result<(Vec<Span>, u64)> {
+    let mut lines = Lines::new(data, header.lines, job)?;
     let mut spans = Vec::with_capacity(header.elements.len());
-    let mut used = 0;
     for element in &header.elements {
-        // An element without properties has nothing to write on its lines.
-        let rows = if element.properties.is_empty() { 0 } else { element.count };
-        if rows > available - used {
-            let have = format!("{} lines of data in all", available);
-            return Err(too_short(element, available - used, &have, name));
+        let left = lines.left;
+        let span = lines.take(element, 0, element.count);
+        if span.rows < element.count {
+            let have = format!("{} lines of data in all", lines.all);
+            return Err(too_short(element, left, &have, job));
         }
-        used += rows;
-        spans.push(Span { uniform: None, blocks: cursor.take(rows) });
+        spans.push(span);
     }
-    Ok((spans, cursor.rest()))
+    Ok((spans, lines.rest()))
 }
 
-fn chunks(data: &[u8]) -> Vec<Chunk> {
+fn chunks(data: &[u8], job: &Job) -> Result<Vec<Chunk>> {
     let mut bounds = vec![0];
     let mut at = CHUNK;
     while at < data.len() {
@@ -54,7 +51,8 @@ fn chunks(data: &[u8]) -> Vec<Chunk> {
         at += end + 1 + CHUNK;
     }
     bounds.push(data.len());
-    bounds.par_windows(2).map(|pair| count(data, pair[0], pair[1])).collect()
+    let count = |pair: &[usize]| job.check().map(|()| count(data, pair[0], pair[1]));
+    bounds.par_windows(2).map(count).collect()
 }
 
 fn count(data: &[u8], start: usize, end: usize) -> Chunk {
@@ -74,26 +72,50 @@ fn count(data: &[u8], start: usize, end: usize) -> Chunk {
     Chunk { start, end, rows, lines }
 }
 
-/// Walks the chunks in order, cutting them where one element ends and the next begins.
-struct Cursor<'a> {
+/// Lines of text, given out in order: the chunks are cut where one element ends and the next
+/// begins.
+pub(super) struct Lines<'a> {
     data: &'a [u8],
-    chunks: &'a [Chunk],
+    chunks: Vec<Chunk>,
     /// The next chunk to open.
     chunk: usize,
     /// What is left of the open chunk.
     block: Option<Block>,
     /// The line number where the next chunk starts.
     line: u64,
+    /// Lines with anything on them.
+    all: u64,
+    /// Those that have not been taken.
+    left: u64,
 }
 
-impl Cursor<'_> {
+impl<'a> Lines<'a> {
+    /// `data` after `line` other lines.
+    pub(super) fn new(data: &'a [u8], line: u64, job: &Job) -> Result<Self> {
+        let chunks = chunks(data, job)?;
+        let all = chunks.iter().map(|c| c.rows).sum();
+        Ok(Self { data, chunks, chunk: 0, block: None, line, all, left: all })
+    }
+
+    /// The next rows of `element`, from row number `first` on: at most `wanted`, fewer where the
+    /// lines end.
+    pub(super) fn take(&mut self, element: &Element, first: u64, wanted: u64) -> Span {
+        // An element without properties has nothing to write on its lines.
+        if element.properties.is_empty() {
+            return Span { first, rows: wanted, ..Span::default() };
+        }
+        let rows = wanted.min(self.left);
+        self.left -= rows;
+        Span { first, rows, uniform: None, blocks: self.blocks(first, rows) }
+    }
+
     /// The blocks of the next `rows` rows, which exist.
-    fn take(&mut self, rows: u64) -> Vec<Block> {
+    fn blocks(&mut self, first: u64, rows: u64) -> Vec<Block> {
         let (mut blocks, mut taken) = (Vec::new(), 0);
         while taken < rows {
             let Some(open) = self.open() else { break };
             let count = open.rows.min(rows - taken);
-            let block = Block { row: taken, rows: count, ..open };
+            let block = Block { row: first + taken, rows: count, ..open };
             if count == open.rows {
                 self.block = None;
             } else {
@@ -105,6 +127,15 @@ impl Cursor<'_> {
             }
         }
         blocks
+    }
+
+    /// Where the next row is looked for, and the lines before it.
+    pub(super) fn position(&self) -> (usize, u64) {
+        match (self.block, self.chunks.get(self.chunk)) {
+            (Some(block), _) => (block.start, block.line),
+            (None, Some(chunk)) => (chunk.start, self.line),
+            (None, None) => (self.data.len(), self.line),
+        }
     }
 
     fn open(&mut self) -> Option<Block> {

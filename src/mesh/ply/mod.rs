@@ -8,8 +8,10 @@
 
 mod block;
 mod check;
+mod duplicates;
 mod face;
 mod header;
+mod job;
 mod layout;
 mod lines;
 mod number;
@@ -18,78 +20,165 @@ mod polygon;
 mod row;
 mod scalar;
 mod source;
+mod stream;
 mod summary;
 mod table;
+mod unpack;
 mod vertex;
 
 use std::path::Path;
 
-use self::block::Span;
-use self::check::Tally;
 use self::face::Faces;
 use self::header::{Element, Format, Header, Shape};
+use self::job::Job;
 use self::plan::Plan;
 use self::row::{Row, Values};
-use self::source::Source;
+use self::source::{Source, Stream};
 use self::table::{Sink, Table};
-use super::normals::Point;
+use self::unpack::Packing;
+use self::vertex::Vertices;
 use super::{Mesh, Notes, Positions, Uvs};
 use crate::error::{Error, Result};
+use crate::monitor::Monitor;
 
 pub use scalar::Scalar;
 pub use summary::{ElementSummary, PlySummary, PropertySummary, TriangleCount, inspect};
 
+/// What fits into the caches, and is worth all threads.
+const WINDOW: usize = 1 << 23;
+
 /// How to read a mesh file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
-pub struct ReadOptions {
+pub struct ReadOptions<'a> {
     /// Drop triangles that use a missing or non-finite vertex instead of failing.
     pub repair: bool,
-    /// Map the file into memory; off, it is read (safe where another program may cut the file
-    /// short meanwhile, at the cost of its size in memory).
+    /// Map the file into memory; off, it is read through a window of fixed size.
     pub mmap: bool,
+    /// Bytes of an unmapped file that are looked at together; longer rows take more.
+    pub window: usize,
+    /// Told by others when to stop: reading then ends with `Interrupted`.
+    pub monitor: Option<&'a Monitor>,
 }
 
-impl Default for ReadOptions {
+impl Default for ReadOptions<'_> {
     fn default() -> Self {
-        Self { repair: false, mmap: true }
+        Self { repair: false, mmap: true, window: WINDOW, monitor: None }
     }
 }
 
-impl ReadOptions {
+impl<'a> ReadOptions<'a> {
     /// Options with `repair` as given.
-    pub fn repair(mut self, repair: bool) -> Self {
-        self.repair = repair;
-        self
+    pub fn repair(self, repair: bool) -> Self {
+        Self { repair, ..self }
     }
 
     /// Options with `mmap` as given.
-    pub fn mmap(mut self, mmap: bool) -> Self {
-        self.mmap = mmap;
-        self
+    pub fn mmap(self, mmap: bool) -> Self {
+        Self { mmap, ..self }
+    }
+
+    /// Options with `window` as given.
+    pub fn window(self, window: usize) -> Self {
+        Self { window, ..self }
+    }
+
+    /// Options with `monitor` as given.
+    pub fn monitor(self, monitor: &'a Monitor) -> Self {
+        Self { monitor: Some(monitor), ..self }
     }
 }
 
-/// Reads the PLY file at `path`, in the caller's rayon pool.
+/// Reads the PLY file at `path`, packed with gzip or zstd or not, in the caller's rayon pool.
 pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
-    let source = Source::open(path, options.mmap)?;
-    read_bytes(source.bytes(), &path.display().to_string(), options)
+    let name = path.display().to_string();
+    let job = Job { name: &name, monitor: options.monitor };
+    match Source::open(path, options.mmap)? {
+        Source::Mapped(map) => {
+            let mesh = whole(map.bytes(), &job, options);
+            map.intact(path)?;
+            mesh
+        }
+        Source::Stream(Stream { bytes, length, packing }) => {
+            let failed = |error: &std::io::Error| source::failed(path, packing, error);
+            stream::read(bytes, length, &failed, &job, options)
+        }
+    }
 }
 
-/// Reads a PLY file that is in memory; messages call it `name`.
+/// Reads a PLY file that is in memory, packed or not; messages call it `name`.
 pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh> {
-    let header = header::parse(bytes, name)?;
-    let plan = plan::plan(&header, name)?;
+    let job = Job { name, monitor: options.monitor };
+    match Packing::of(bytes) {
+        None => whole(bytes, &job, options),
+        Some(packing) => {
+            let failed = |e: &std::io::Error| source::failed(name.as_ref(), Some(packing), e);
+            stream::read_here(packing.open(bytes), &failed, &job, options)
+        }
+    }
+}
+
+/// Reads a file that is all there.
+fn whole(bytes: &[u8], job: &Job, options: ReadOptions) -> Result<Mesh> {
+    let header = header::parse(bytes, job.name)?;
+    let plan = plan::plan(&header, job.name)?;
     let data = &bytes[header.data_start..];
-    let (spans, trailing_bytes) = layout::locate(data, &header, name)?;
-    let file = Body { header: &header, data, spans: &spans, name };
-    file.check_unread(&plan)?;
-    let vertices = vertex::read(&file.table(plan.vertex.element), &plan.vertex)?;
-    let (faces, tally) = match &vertices.positions {
-        Positions::F32(positions) => faces(&file, &plan, positions, options)?,
-        Positions::F64(positions) => faces(&file, &plan, positions, options)?,
+    let (spans, trailing_bytes) = layout::locate(data, &header, job)?;
+    let table = |at: usize| Table {
+        data,
+        big: header.format.is_big(),
+        span: &spans[at],
+        element: &header.elements[at],
+        job: *job,
     };
-    let uvs = faces.uvs.map(Uvs::PerCorner).or(vertices.uvs.map(Uvs::PerVertex));
+    // Finding rows of text did not look inside them: elements that nobody reads may be cut short.
+    let read = |at| at == plan.vertex.element || plan.faces.iter().any(|face| face.element == at);
+    let text = header.format == Format::Ascii;
+    for table in (0..spans.len()).filter(|at| text && !read(*at)).map(table) {
+        table.blocks(|reader| reader.feed(&mut Unread(table.element)), |()| {})?;
+    }
+    let vertices = vertex::read(&table(plan.vertex.element), &plan.vertex)?;
+    let mut faces = Faces::default();
+    for part in &plan.faces {
+        faces.append(match &vertices.positions {
+            Positions::F32(positions) => face::read(&table(part.element), part, positions)?,
+            Positions::F64(positions) => face::read(&table(part.element), part, positions)?,
+        });
+    }
+    finish(Found { header, plan, vertices, faces, trailing_bytes }, job, options)
+}
+
+/// All that a file held.
+struct Found {
+    header: Header,
+    plan: Plan,
+    vertices: Vertices,
+    faces: Faces,
+    trailing_bytes: u64,
+}
+
+/// The mesh, if nothing is wrong with it.
+fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
+    let Found { header, plan, vertices, mut faces, trailing_bytes } = found;
+    let vertex_count = vertices.positions.len();
+    let duplicates = duplicates::drop(&mut faces, vertex_count, job)?;
+    let Faces { triangles, uvs, mut tally } = faces;
+    if !options.repair {
+        match &vertices.positions {
+            Positions::F32(positions) => tally.verdict(positions, job.name)?,
+            Positions::F64(positions) => tally.verdict(positions, job.name)?,
+        }
+    }
+    if triangles.is_empty() {
+        return Err(Error::invalid(
+            job.name,
+            format!(
+                "no triangle is left of {} faces: {} have fewer than 3 corners, {} triangles have no \
+                 area or repeat a vertex, {} use missing or non-finite vertices",
+                tally.faces, tally.too_small, tally.degenerate, tally.unusable
+            ),
+        ));
+    }
     let mut notes = Notes {
         format: header.format.name(),
         trailing_bytes,
@@ -98,52 +187,19 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
         ..Notes::default()
     };
     tally.write(&mut notes);
+    notes.duplicates_dropped = duplicates;
+    let number = tally.main_texture().and_then(|n| usize::try_from(n).ok());
+    let named = number.and_then(|n| header.texture_files.get(n)).or(header.texture_files.first());
+    let texture_file = named.cloned();
     Ok(Mesh {
         positions: vertices.positions,
-        triangles: faces.triangles,
+        triangles,
         normals: vertices.normals,
-        uvs,
+        uvs: uvs.map(Uvs::PerCorner).or(vertices.uvs.map(Uvs::PerVertex)),
         colors: vertices.colors,
-        texture_file: header.texture_file,
+        texture_file,
         notes,
     })
-}
-
-/// A file whose rows have been found.
-struct Body<'a> {
-    header: &'a Header,
-    data: &'a [u8],
-    spans: &'a [Span],
-    name: &'a str,
-}
-
-impl Body<'_> {
-    fn table(&self, element: usize) -> Table<'_> {
-        Table {
-            data: self.data,
-            big: match self.header.format {
-                Format::Ascii => None,
-                format => Some(format == Format::Big),
-            },
-            span: &self.spans[element],
-            element: &self.header.elements[element],
-            name: self.name,
-        }
-    }
-
-    /// Checks the lines of elements that nobody reads: finding rows of text did not look inside
-    /// them, and the last one may be cut short.
-    fn check_unread(&self, plan: &Plan) -> Result<()> {
-        let read = |at: usize| {
-            at == plan.vertex.element || plan.faces.iter().any(|face| face.element == at)
-        };
-        let text = self.header.format == Format::Ascii;
-        for at in (0..self.header.elements.len()).filter(|at| text && !read(*at)) {
-            let table = self.table(at);
-            table.blocks(|reader| reader.feed(&mut Unread(table.element)))?;
-        }
-        Ok(())
-    }
 }
 
 /// Reads over the rows of an element.
@@ -162,34 +218,4 @@ impl Sink for Unread<'_> {
         }
         Ok(())
     }
-}
-
-/// The triangles of all elements that have any.
-fn faces<P: Point>(
-    file: &Body,
-    plan: &Plan,
-    positions: &[P],
-    options: ReadOptions,
-) -> Result<(Faces, Tally)> {
-    let mut all = Faces::default();
-    for part in &plan.faces {
-        let next = face::read(&file.table(part.element), part, positions)?;
-        let with_uvs = all.uvs.is_some() || next.uvs.is_some();
-        all.append(next, with_uvs);
-    }
-    let mut tally = std::mem::take(&mut all.tally);
-    if !options.repair {
-        tally.verdict(positions, file.name)?;
-    }
-    if all.triangles.is_empty() {
-        return Err(Error::invalid(
-            file.name,
-            format!(
-                "no triangle is left of {} faces: {} have fewer than 3 corners, {} triangles have no \
-                 area or repeat a vertex, {} use missing or non-finite vertices",
-                tally.faces, tally.too_small, tally.degenerate, tally.unusable
-            ),
-        ));
-    }
-    Ok((all, tally))
 }

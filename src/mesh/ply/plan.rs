@@ -1,6 +1,6 @@
 //! Which properties of a header become which array, and which are read over.
 
-use super::header::{Element, Header, Shape};
+use super::header::{Element, Header, Property, Shape};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 
@@ -39,6 +39,8 @@ pub(super) enum Step {
         count: Scalar,
         item: Scalar,
     },
+    /// Which of the file's textures a face has.
+    Texnumber(Scalar),
     Skip(Scalar),
     SkipList {
         count: Scalar,
@@ -215,14 +217,15 @@ fn face_plan(header: &Header, which: &str, strips: bool, name: &str) -> Result<O
             format!("element {which} has no list of integers 'vertex_indices' or 'vertex_index'"),
         ));
     };
-    let mut texcoords = false;
+    let has_texcoords = |p: &Property| matches!(p.shape, Shape::List { item, .. } if p.name == "texcoord" && !item.is_integer());
+    let texcoords = !strips && element.properties.iter().any(has_texcoords);
     let steps = element.properties.iter().enumerate().map(|(at, property)| match property.shape {
         Shape::List { count, item } if at == corners => Step::Corners { count, item },
-        Shape::List { count, item }
-            if property.name == "texcoord" && !strips && !item.is_integer() =>
-        {
-            texcoords = true;
+        Shape::List { count, item } if texcoords && has_texcoords(property) => {
             Step::Texcoords { count, item }
+        }
+        Shape::Single(kind) if texcoords && property.name == "texnumber" && kind.is_integer() => {
+            Step::Texnumber(kind)
         }
         shape => skip(shape),
     });

@@ -5,9 +5,10 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::header::{self, Format, Header, MAX_HEADER, Shape};
-use super::plan::{self, ColorType, Plan};
+use super::plan::{self, ColorType, Plan, VertexPlan};
 use super::scalar::Scalar;
-use super::source::Source;
+use super::source::Head;
+use super::unpack::Packing;
 use crate::error::Result;
 
 /// How sure a number of triangles is.
@@ -51,6 +52,8 @@ pub struct PlySummary {
     pub format: &'static str,
     /// Size of the file.
     pub file_bytes: u64,
+    /// `gzip` or `zstd`, if it is packed.
+    pub packed: Option<&'static str>,
     /// All elements, in the order of the file.
     pub elements: Vec<ElementSummary>,
     /// `element.property` names that would be used.
@@ -71,7 +74,9 @@ pub struct PlySummary {
     pub uvs: Option<&'static str>,
     /// `uchar`, `ushort` or `float`, if there are vertex colours.
     pub colors: Option<&'static str>,
-    /// `comment TextureFile NAME`.
+    /// What a mesh could have and this one has not: `normals`, `texture coordinates`, `colours`.
+    pub missing: Vec<&'static str>,
+    /// `comment TextureFile NAME`, the first one.
     pub texture_file: Option<String>,
     /// Bytes of the arrays of the mesh, by the numbers above.
     pub array_bytes: u64,
@@ -81,12 +86,15 @@ pub struct PlySummary {
 /// for reasons that the header shows.
 pub fn inspect(path: &Path) -> Result<PlySummary> {
     let name = path.display().to_string();
-    let (source, file_bytes) = Source::head(path, MAX_HEADER as u64)?;
-    let header = header::parse(source.bytes(), &name)?;
+    let Head { bytes, file_bytes, packing } = Head::read(path, MAX_HEADER as u64)?;
+    let header = header::parse(&bytes, &name)?;
     let plan = plan::plan(&header, &name)?;
     let data_bytes = file_bytes.saturating_sub(header.data_start as u64);
     let vertices = header.elements[plan.vertex.element].count;
-    let (triangles, triangles_are) = triangles(&header, &plan, data_bytes);
+    let (triangles, triangles_are) = match packing {
+        None => triangles(&header, &plan, data_bytes),
+        Some(_) => (faces(&header, &plan), TriangleCount::Estimate),
+    };
     let corner_uvs = plan.faces.iter().any(|face| face.texcoords);
     let array_bytes = vertices
         .saturating_mul(vertex_bytes(&plan, corner_uvs))
@@ -99,6 +107,7 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
     Ok(PlySummary {
         format: header.format.name(),
         file_bytes,
+        packed: packing.map(Packing::name),
         elements: elements.collect(),
         vertices,
         triangles,
@@ -111,11 +120,21 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
             ColorType::U16 => "ushort",
             ColorType::F32 => "float",
         }),
+        missing: missing(&plan.vertex, corner_uvs),
+        texture_file: header.texture_files.into_iter().next(),
         used: plan.used,
         ignored: plan.ignored,
-        texture_file: header.texture_file,
         array_bytes,
     })
+}
+
+fn missing(vertex: &VertexPlan, corner_uvs: bool) -> Vec<&'static str> {
+    let parts = [
+        ("normals", vertex.normals),
+        ("texture coordinates", vertex.uvs || corner_uvs),
+        ("colours", vertex.colors.is_some()),
+    ];
+    parts.into_iter().filter(|(_, there)| !there).map(|(name, _)| name).collect()
 }
 
 fn property(property: &header::Property) -> PropertySummary {
@@ -140,10 +159,16 @@ fn vertex_bytes(plan: &Plan, corner_uvs: bool) -> u64 {
     position + normal + uv + color
 }
 
+/// Declared faces and strips.
+fn faces(header: &Header, plan: &Plan) -> u64 {
+    let counts = plan.faces.iter().map(|f| header.elements[f.element].count);
+    counts.fold(0, u64::saturating_add)
+}
+
 /// The number of triangles: where one element has the only list of a binary file, the bytes
 /// that are not of fixed size are its corners.
 fn triangles(header: &Header, plan: &Plan, data_bytes: u64) -> (u64, TriangleCount) {
-    let faces: u64 = plan.faces.iter().map(|f| header.elements[f.element].count).sum();
+    let faces = faces(header, plan);
     let rows = || header.elements.iter().flat_map(|e| e.properties.iter().map(|p| (e.count, p)));
     let lists: Vec<_> = rows()
         .filter_map(|(count, property)| match property.shape {
@@ -156,11 +181,7 @@ fn triangles(header: &Header, plan: &Plan, data_bytes: u64) -> (u64, TriangleCou
         return (faces, TriangleCount::Estimate);
     };
     let fixed = rows().fold(0u64, |sum, (count, property)| {
-        let size = match property.shape {
-            Shape::Single(kind) => kind.size(),
-            Shape::List { count, .. } => count.size(),
-        };
-        sum.saturating_add(count.saturating_mul(size as u64))
+        sum.saturating_add(count.saturating_mul(property.shape.least_bytes()))
     });
     let corners = data_bytes.saturating_sub(fixed) / item.size() as u64;
     let triangles = corners.saturating_sub(faces.saturating_mul(2));

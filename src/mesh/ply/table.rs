@@ -4,9 +4,14 @@ use rayon::prelude::*;
 
 use super::block::{Block, Span, expected, too_short};
 use super::header::Element;
+use super::job::Job;
 use super::lines::Text;
 use super::row::{Binary, Fault, Row, Values};
 use crate::error::{Error, Result};
+
+/// Blocks that are in memory twice at the same time, in their own arrays and joined: some
+/// megabytes.
+const LEAST_BATCH: usize = 32;
 
 /// Where the rows of one element are, for reading and for messages.
 pub(super) struct Table<'a> {
@@ -15,32 +20,37 @@ pub(super) struct Table<'a> {
     pub(super) big: Option<bool>,
     pub(super) span: &'a Span,
     pub(super) element: &'a Element,
-    pub(super) name: &'a str,
+    pub(super) job: Job<'a>,
 }
 
 impl Table<'_> {
-    /// Runs `read` over all blocks in parallel; the results in order, or the first error in the
-    /// order of the file, whatever the threads do.
+    /// Runs `read` over all blocks in parallel and gives the results to `take` in order, some
+    /// blocks at a time; stops at the first error in the order of the file, whatever the threads
+    /// do.
     pub(super) fn blocks<T: Send>(
         &self,
         read: impl Fn(&mut Reader<'_, '_>) -> Result<T> + Sync,
-    ) -> Result<Vec<T>> {
-        let results: Vec<Result<T>> = self
-            .span
-            .blocks
-            .par_iter()
-            .map(|block| read(&mut Reader { table: self, block }))
-            .collect();
-        results.into_iter().collect()
+        mut take: impl FnMut(T),
+    ) -> Result<()> {
+        let batch = LEAST_BATCH.max(8 * rayon::current_num_threads());
+        for blocks in self.span.blocks.chunks(batch) {
+            self.job.check()?;
+            let read = |block| read(&mut Reader { table: self, block });
+            let results: Vec<Result<T>> = blocks.par_iter().map(read).collect();
+            for result in results {
+                take(result?);
+            }
+        }
+        Ok(())
     }
 
     /// An error in row `row`.
     pub(super) fn fault(&self, row: u64, line: Option<u64>, fault: Fault) -> Error {
-        let (name, element) = (self.name, &self.element.name);
+        let (name, element) = (self.job.name, &self.element.name);
         match (fault, line) {
             (Fault::Short { at_end: true }, _) => {
                 let have = "its last line is incomplete";
-                too_short(self.element, row, have, name)
+                too_short(self.element, row, have, &self.job)
             }
             (fault, Some(line)) => {
                 let values = expected(self.element);

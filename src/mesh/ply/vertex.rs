@@ -7,7 +7,7 @@ use super::header::Shape;
 use super::plan::{ColorType, ROLES, Step, VertexPlan};
 use super::row::{Row, Values};
 use super::scalar::{Native, Scalar};
-use super::table::{Sink, Table};
+use super::table::{Reader, Sink, Table};
 use crate::error::Result;
 use crate::mesh::{Colors, Positions};
 
@@ -25,10 +25,59 @@ pub(super) struct Vertices {
     pub(super) colors: Option<Colors>,
 }
 
+impl Vertices {
+    /// Makes room for `count` vertices in all.
+    pub(super) fn reserve(&mut self, count: usize) {
+        fn room<T>(all: &mut Vec<T>, count: usize) {
+            all.reserve_exact((count + SPARE).saturating_sub(all.len()));
+        }
+        match &mut self.positions {
+            Positions::F32(all) => room(all, count),
+            Positions::F64(all) => room(all, count),
+        }
+        if let Some(all) = &mut self.normals {
+            room(all, count);
+        }
+        if let Some(all) = &mut self.uvs {
+            room(all, count);
+        }
+        match &mut self.colors {
+            Some(Colors::U8(all)) => room(all, count),
+            Some(Colors::U16(all)) => room(all, count),
+            Some(Colors::F32(all)) => room(all, count),
+            None => {}
+        }
+    }
+
+    /// Adds vertices that follow in the file, read by the same plan.
+    pub(super) fn append(&mut self, next: Vertices) {
+        match (&mut self.positions, next.positions) {
+            (Positions::F32(all), Positions::F32(next)) => all.extend(next),
+            (Positions::F64(all), Positions::F64(next)) => all.extend(next),
+            _ => unreachable!("one plan, one type"),
+        }
+        if let (Some(all), Some(next)) = (&mut self.normals, next.normals) {
+            all.extend(next);
+        }
+        if let (Some(all), Some(next)) = (&mut self.uvs, next.uvs) {
+            all.extend(next);
+        }
+        match (&mut self.colors, next.colors) {
+            (Some(Colors::U8(all)), Some(Colors::U8(next))) => all.extend(next),
+            (Some(Colors::U16(all)), Some(Colors::U16(next))) => all.extend(next),
+            (Some(Colors::F32(all)), Some(Colors::F32(next))) => all.extend(next),
+            _ => {}
+        }
+    }
+}
+
 /// Reads the arrays that `plan` asks for.
 pub(super) fn read(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     match (&table.span.uniform, table.big) {
-        (Some(uniform), Some(big)) => Ok(in_bulk(table, plan, uniform, big)),
+        (Some(uniform), Some(big)) => {
+            let vertices = in_bulk(table, plan, uniform, big);
+            table.job.check().map(|()| vertices)
+        }
         _ => row_by_row(table, plan),
     }
 }
@@ -43,7 +92,7 @@ struct Records<'a> {
 }
 
 fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Vertices {
-    let length = table.element.count as usize * uniform.stride;
+    let length = table.span.rows as usize * uniform.stride;
     let roles = plan.columns.map(|column| {
         let Some(at) = column else {
             return (Scalar::U8, 0);
@@ -96,7 +145,8 @@ impl Records<'_> {
 }
 
 fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
-    let parts = table.blocks(|reader| {
+    let mut all = Arrays::new(plan, table.span.rows as usize);
+    let read = |reader: &mut Reader| {
         let mut part = Part { plan, points: Vec::new(), others: Vec::new() };
         // The rows are in the file: as many as its bytes allow.
         let rows = reader.rows() as usize;
@@ -106,24 +156,54 @@ fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
         }
         reader.feed(&mut part)?;
         Ok(part)
-    })?;
-    let count = table.element.count as usize;
-    Ok(Vertices {
-        positions: if plan.double {
-            Positions::F64(join(&parts, count, |part| part.points.iter().copied()))
-        } else {
-            Positions::F32(join(&parts, count, |p| p.points.iter().map(|v| v.map(|c| c as f32))))
-        },
-        normals: plan
-            .normals
-            .then(|| join(&parts, count, |p| p.others.iter().map(|v| [v[0], v[1], v[2]]))),
-        uvs: plan.uvs.then(|| join(&parts, count, |p| p.others.iter().map(|v| [v[3], v[4]]))),
-        colors: plan.colors.map(|kind| match kind {
-            ColorType::U8 => Colors::U8(colors(&parts, count, |c| c as u8)),
-            ColorType::U16 => Colors::U16(colors(&parts, count, |c| c as u16)),
-            ColorType::F32 => Colors::F32(colors(&parts, count, |c| c)),
-        }),
-    })
+    };
+    table.blocks(read, |part| all.append(&part))?;
+    Ok(all.0)
+}
+
+/// The arrays that blocks are added to.
+struct Arrays(Vertices);
+
+impl Arrays {
+    fn new(plan: &VertexPlan, count: usize) -> Self {
+        let mut vertices = Vertices {
+            positions: match plan.double {
+                true => Positions::F64(Vec::new()),
+                false => Positions::F32(Vec::new()),
+            },
+            normals: plan.normals.then(Vec::new),
+            uvs: plan.uvs.then(Vec::new),
+            colors: plan.colors.map(|kind| match kind {
+                ColorType::U8 => Colors::U8(Vec::new()),
+                ColorType::U16 => Colors::U16(Vec::new()),
+                ColorType::F32 => Colors::F32(Vec::new()),
+            }),
+        };
+        vertices.reserve(count);
+        Self(vertices)
+    }
+
+    fn append(&mut self, part: &Part) {
+        let Vertices { positions, normals, uvs, colors } = &mut self.0;
+        match positions {
+            Positions::F32(all) => all.extend(part.points.iter().map(|p| p.map(|c| c as f32))),
+            Positions::F64(all) => all.extend_from_slice(&part.points),
+        }
+        let others = part.others.iter();
+        if let Some(all) = normals {
+            all.extend(others.clone().map(|v| [v[0], v[1], v[2]]));
+        }
+        if let Some(all) = uvs {
+            all.extend(others.clone().map(|v| [v[3], v[4]]));
+        }
+        let colour = others.map(|v| [v[5], v[6], v[7]]);
+        match colors {
+            Some(Colors::U8(all)) => all.extend(colour.map(|v| v.map(|c| c as u8))),
+            Some(Colors::U16(all)) => all.extend(colour.map(|v| v.map(|c| c as u16))),
+            Some(Colors::F32(all)) => all.extend(colour),
+            None => {}
+        }
+    }
 }
 
 /// The vertices of one block of rows.
@@ -140,7 +220,7 @@ impl Sink for Part<'_> {
         for step in &self.plan.steps {
             match *step {
                 Step::Value(kind, role) => roles[role] = values.number(kind)?,
-                Step::Skip(kind) => values.skip(kind, 1)?,
+                Step::Skip(kind) | Step::Texnumber(kind) => values.skip(kind, 1)?,
                 Step::SkipList { count, item }
                 | Step::Corners { count, item }
                 | Step::Texcoords { count, item } => {
@@ -155,20 +235,4 @@ impl Sink for Part<'_> {
         }
         Ok(())
     }
-}
-
-fn join<'a, T, I: Iterator<Item = T>>(
-    parts: &'a [Part<'a>],
-    count: usize,
-    values: impl Fn(&'a Part<'a>) -> I,
-) -> Vec<T> {
-    let mut all = Vec::with_capacity(count + SPARE);
-    for part in parts {
-        all.extend(values(part));
-    }
-    all
-}
-
-fn colors<T>(parts: &[Part], count: usize, convert: impl Fn(f32) -> T + Copy) -> Vec<[T; 3]> {
-    join(parts, count, |p| p.others.iter().map(move |v| [v[5], v[6], v[7]].map(convert)))
 }

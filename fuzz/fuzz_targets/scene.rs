@@ -1,0 +1,25 @@
+//! Bytes -> the scene parser and its checks: an error with a place, or a scene that can be written
+//! and read again as the same scene. Files it names are looked for, but not read.
+#![no_main]
+
+use std::path::Path;
+
+use lightpath::scene::{Source, load};
+
+libfuzzer_sys::fuzz_target!(|text: &[u8]| {
+    let folder = Path::new("nowhere");
+    let source = Source::Text { name: "f.json", text, folder };
+    match load(source, &[]) {
+        Err(error) => {
+            assert!(!error.problems.is_empty());
+            assert!(!error.to_string().is_empty());
+        }
+        Ok(loaded) => {
+            let text = loaded.description.to_text();
+            let again = load(Source::Text { name: "g.json", text: text.as_bytes(), folder }, &[]);
+            let again = again.unwrap_or_else(|error| panic!("{error}\n{text}"));
+            assert_eq!(again.description.to_text(), text);
+            assert_eq!(again.hash, loaded.hash);
+        }
+    }
+});

@@ -1,0 +1,198 @@
+//! Triangles that a file has more than once: the first one stays.
+//!
+//! Two triangles over the same three vertices, in whatever order, are the same surface; both sides
+//! of it are shaded. The triangles are dealt out by their lowest vertex, so that each task has its
+//! own stretch of vertices and needs no atomics; as neighbours in a file have neighbouring vertices,
+//! it passes over most blocks of triangles. Every triangle sets one of 16 bits that its lowest
+//! vertex has. Only triangles that share a bit are looked at again, with other bits, and what is
+//! left after some rounds is sorted.
+
+use std::ops::RangeInclusive;
+
+use rayon::prelude::*;
+
+use super::face::Faces;
+use super::job::Job;
+use crate::error::Result;
+
+/// Triangles of a block, of which the range of lowest vertices is known.
+const BLOCK: usize = 1 << 14;
+/// Fewest vertices that are worth a task.
+const GRAIN: usize = 1 << 12;
+
+/// Odd multipliers for the second and third vertex: the bits of each round.
+const ROUNDS: [[u32; 2]; 3] =
+    [[0x9e37_79b1, 0x85eb_ca77], [0xc2b2_ae3d, 0x27d4_eb2f], [0x1656_67b1, 0xd3a2_646d]];
+
+/// Drops all triangles over the same vertices as an earlier one, and counts them.
+pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &Job) -> Result<u64> {
+    // A scene cannot hold more primitives than that.
+    if u32::try_from(faces.triangles.len()).is_err() {
+        return Ok(0);
+    }
+    let all = Triangles::new(&faces.triangles);
+    let size = vertices.div_ceil(rayon::current_num_threads()).max(GRAIN);
+    let firsts: Vec<usize> = (0..vertices).step_by(size).collect();
+    let repeated = |first: usize| match job.stopped() {
+        true => Vec::new(),
+        false => all.repeated(first as u32, size.min(vertices - first)),
+    };
+    let repeated: Vec<Vec<u32>> = firsts.into_par_iter().map(repeated).collect();
+    job.check()?;
+    let mut repeated = repeated.concat();
+    repeated.sort_unstable();
+    remove(&mut faces.triangles, &repeated);
+    if let Some(uvs) = &mut faces.uvs {
+        remove(uvs, &repeated);
+    }
+    Ok(repeated.len() as u64)
+}
+
+struct Triangles<'a> {
+    all: &'a [[u32; 3]],
+    /// The lowest vertices of each block.
+    lowest: Vec<RangeInclusive<u32>>,
+}
+
+impl<'a> Triangles<'a> {
+    fn new(all: &'a [[u32; 3]]) -> Self {
+        let range = |block: &[[u32; 3]]| {
+            let (mut low, mut high) = (u32::MAX, 0);
+            for &[a, b, c] in block {
+                let lowest = a.min(b).min(c);
+                (low, high) = (low.min(lowest), high.max(lowest));
+            }
+            low..=high
+        };
+        Self { all, lowest: all.par_chunks(BLOCK).map(range).collect() }
+    }
+
+    /// Those whose lowest vertex is one of `count` from `first` on and that repeat an earlier one.
+    fn repeated(&self, first: u32, count: usize) -> Vec<u32> {
+        let mut bits = vec![0u16; count];
+        let mut suspects: Option<Vec<u32>> = None;
+        for [second, third] in ROUNDS {
+            let place = |[a, b, c]: [u32; 3]| {
+                let hash = b.wrapping_mul(second) ^ c.wrapping_mul(third);
+                ((a - first) as usize, 1u16 << (hash.wrapping_mul(0x9e37_79b1) >> 28))
+            };
+            let mut later = Vec::new();
+            self.visit(first, count, suspects.as_deref(), |t, corners| {
+                let (vertex, bit) = place(corners);
+                if bits[vertex] & bit != 0 {
+                    later.push(t);
+                }
+                bits[vertex] |= bit;
+            });
+            bits.fill(0);
+            for t in later {
+                let (vertex, bit) = place(sorted(self.all[t as usize]));
+                bits[vertex] |= bit;
+            }
+            let mut sharing = Vec::new();
+            self.visit(first, count, suspects.as_deref(), |t, corners| {
+                let (vertex, bit) = place(corners);
+                if bits[vertex] & bit != 0 {
+                    sharing.push(t);
+                }
+            });
+            bits.fill(0);
+            suspects = Some(sharing);
+        }
+        let mut suspects = suspects.unwrap_or_default();
+        suspects.sort_unstable_by_key(|&t| (sorted(self.all[t as usize]), t));
+        let repeats = |pair: &[u32]| {
+            let [a, b] = [pair[0], pair[1]].map(|t| sorted(self.all[t as usize]));
+            (a == b).then_some(pair[1])
+        };
+        suspects.windows(2).filter_map(repeats).collect()
+    }
+
+    /// Shows `visit` the number and the sorted corners of `some` triangles, or of all whose lowest
+    /// vertex is one of `count` from `first` on.
+    #[inline(always)]
+    fn visit(
+        &self,
+        first: u32,
+        count: usize,
+        some: Option<&[u32]>,
+        mut visit: impl FnMut(u32, [u32; 3]),
+    ) {
+        if let Some(some) = some {
+            return some.iter().for_each(|&t| visit(t, sorted(self.all[t as usize])));
+        }
+        for (block, lowest) in self.lowest.iter().enumerate() {
+            let misses =
+                *lowest.end() < first || (*lowest.start() as usize) >= first as usize + count;
+            if misses {
+                continue;
+            }
+            let start = block * BLOCK;
+            let end = self.all.len().min(start + BLOCK);
+            for (i, triangle) in self.all[start..end].iter().enumerate() {
+                let corners = sorted(*triangle);
+                if (corners[0].wrapping_sub(first) as usize) < count {
+                    visit((start + i) as u32, corners);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn sorted([a, b, c]: [u32; 3]) -> [u32; 3] {
+    let (low, high) = (a.min(b), a.max(b));
+    [low.min(c), low.max(c.min(high)), high.max(c)]
+}
+
+/// Takes out the elements at `places`, which ascend.
+fn remove<T>(all: &mut Vec<T>, places: &[u32]) {
+    if places.is_empty() {
+        return;
+    }
+    let (mut at, mut places) = (0u32, places.iter().peekable());
+    all.retain(|_| {
+        let gone = places.next_if_eq(&&at).is_some();
+        at += 1;
+        !gone
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+
+    #[test]
+    fn exactly_the_repeated_ones_go() {
+        let job = Job { name: "", monitor: None };
+        let mut seed = 1u64;
+        let mut random = move |below: u32| {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (seed >> 33) as u32 % below
+        };
+        for (vertices, count) in [(4, 40), (60, 3000), (3000, 40_000), (50_000, 100_000)] {
+            let triangles: Vec<[u32; 3]> = (0..count)
+                .map(|_| [random(vertices), random(vertices), random(vertices)])
+                .filter(|[a, b, c]| a != b && b != c && c != a)
+                .collect();
+            let mut seen = HashSet::new();
+            let mut key = |t: &[u32; 3]| {
+                let mut key = *t;
+                key.sort_unstable();
+                assert_eq!(key, sorted(*t));
+                seen.insert(key)
+            };
+            let expected: Vec<[u32; 3]> = triangles.iter().copied().filter(|t| key(t)).collect();
+            let uvs = triangles.iter().map(|t| t.map(|v| [v as f32; 2])).collect();
+            let mut faces = Faces { triangles, uvs: Some(uvs), ..Faces::default() };
+            let before = faces.triangles.len();
+            let dropped = drop(&mut faces, vertices as usize, &job).unwrap();
+            assert_eq!(dropped as usize, before - expected.len());
+            assert!(faces.triangles == expected);
+            let uvs = faces.uvs.unwrap();
+            assert!(expected.iter().zip(&uvs).all(|(t, uv)| t.map(|v| [v as f32; 2]) == *uv));
+        }
+    }
+}
