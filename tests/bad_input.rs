@@ -246,8 +246,13 @@ fn polygons(faces: usize, corners: usize) -> String {
         let (sin, cos) = (i as f64 / corners as f64 * std::f64::consts::TAU).sin_cos();
         text += &format!("{cos} {sin} 0\n");
     }
-    let indices: Vec<String> = (0..corners).map(|i| i.to_string()).collect();
-    text + &format!("{corners} {}\n", indices.join(" ")).repeat(faces)
+    // Each begins at another corner: no triangle is there twice.
+    for face in 0..faces {
+        let indices: Vec<String> =
+            (0..corners).map(|i| ((face + i) % corners).to_string()).collect();
+        text += &format!("{corners} {}\n", indices.join(" "));
+    }
+    text
 }
 
 #[test]
