@@ -4,7 +4,6 @@ pub mod ab;
 pub mod accuracy;
 pub mod answers;
 pub mod bench;
-pub mod contact;
 pub mod cross_check;
 pub mod growth;
 pub mod judge;

@@ -49,14 +49,20 @@ impl<'g> Tiers<'g> {
     }
 
     /// Embree's tree over the same leaves as well, which must make no difference.
+    #[cfg(feature = "embree")]
     pub fn with_embree(mut self) -> Self {
-        #[cfg(feature = "embree")]
         for isa in Isa::available() {
             use lightpath::accel::{EmbreeMode, embree::Exact};
             let options = BuildOptions { embree: EmbreeMode::Exact, ..options(isa) };
             let exact = Exact::build(self.geometry, &options, &Monitor::default()).expect("Embree");
             self.trees.push((format!("Embree, {isa}"), Box::new(exact)));
         }
+        self
+    }
+
+    /// There is none.
+    #[cfg(not(feature = "embree"))]
+    pub fn with_embree(self) -> Self {
         self
     }
 

@@ -69,7 +69,7 @@ impl<'g> Leaves<'g> {
     }
 
     /// How many.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.tree.blocks.len() + self.tree.spheres.len()
     }
 

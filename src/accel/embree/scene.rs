@@ -59,7 +59,7 @@ impl<'g> Scene<'g> {
 
     /// Builds the scene of the exact mode, over leaves alone.
     pub fn build_exact(device: Device, leaves: Leaves<'g>, monitor: &Monitor) -> Result<Self> {
-        let count = leaves.len() as c_uint;
+        let count = leaves.count() as c_uint;
         let spheres = SphereSet { spheres: &[], base: 0 };
         let leaves = Fixed::new(leaves);
         let data = leaves.user_data();

@@ -9,12 +9,12 @@ use std::fmt;
 
 use glam::DVec3;
 
-use crate::accel::Accelerator;
-use crate::error::Result;
-use crate::geometry::{Geometry, NONE, Sphere, Surfaces, TriangleMesh, refine};
-use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
-use crate::shading::{Falloff, Lit, Points, lane, light_rays, reflect, set_lane};
-use crate::world::ulp;
+use lightpath::accel::Accelerator;
+use lightpath::error::Result;
+use lightpath::geometry::{Geometry, NONE, Sphere, Surfaces, TriangleMesh, refine};
+use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+use lightpath::shading::{Falloff, Lit, Points, lane, light_rays, reflect, set_lane};
+use lightpath::world::ulp;
 
 /// Where rays that leave a surface start.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,11 +2,14 @@
 //! scene's origin: no surface shadows itself or mirrors itself, and what lies four ulp above it
 //! shadows it. The coursework's fixed offset, beside it, fails both ways.
 
+mod measure;
+
 use lightpath::accel::{BuildOptions, EmbreeMode, build};
-use lightpath::measure::contact::{self, Count, Origin, Row};
 use lightpath::monitor::Monitor;
 use lightpath::scene::Backend;
 use lightpath::simd::Isa;
+
+use measure::{CLEAR, Count, Origin, Row};
 
 /// The coursework's offset.
 const FIXED: f32 = 1e-4;
@@ -21,7 +24,7 @@ fn measure(
 ) -> Option<Vec<Row>> {
     let options = BuildOptions { threads: 1, embree, isa, max_bytes: None };
     let monitor = Monitor::default();
-    let rows = contact::measure(&|g| build(g, backend, &options, &monitor), origin, rays, 7);
+    let rows = measure::measure(&|g| build(g, backend, &options, &monitor), origin, rays, 7);
     match rows {
         Err(error) if backend == Backend::Embree => {
             eprintln!("skipped: {error}");
@@ -46,7 +49,7 @@ fn check(backend: Backend, embree: EmbreeMode, isa: Isa) {
     };
     let failed: Vec<String> = rows.iter().filter(bad).map(Row::to_string).collect();
     let near = sum(&rows, |r| r.near);
-    println!("{backend:?} nearer than {} ulp: {near:?}", contact::CLEAR);
+    println!("{backend:?} nearer than {} ulp: {near:?}", CLEAR);
     assert!(failed.is_empty(), "{} rows:\n{}", failed.len(), failed.join("\n"));
     for row in &rows {
         // No row may pass because nothing was asked.
