@@ -122,7 +122,7 @@ const LEAST_RISE: f32 = 8.0 * f32::EPSILON;
 /// Turns `rays` into the mirrored rays of the points with kr > 0; returns those lanes.
 ///
 /// R = reflect(D, N); where that goes below the surface (R.Ng <= 0) R is mirrored at Ng's plane. It
-/// then rises by at least [`LEAST_RISE`], so that its rounding does not take it into its own surface.
+/// then rises by at least `LEAST_RISE`, so that its rounding does not take it into its own surface.
 #[inline(always)]
 pub fn reflect(points: &Points, outside: &Lanes3, rays: &mut Rays) -> Mask {
     let mut active = Mask::NONE;

@@ -27,7 +27,7 @@ mod found;
 mod frustum;
 #[doc(hidden)]
 pub mod kernels;
-pub mod leaves;
+pub(super) mod leaves;
 mod node;
 
 mod packet;
