@@ -112,7 +112,7 @@ fn head(text: &mut String, report: &Report, first: &[&str], last: &[&str]) {
 fn section(text: &mut String, report: &Report, group: &str) {
     let rows: Vec<&Row> = report.rows.iter().filter(|row| row.group == group).collect();
     let _ = writeln!(text, "\n## {}\n", capital(group));
-    head(text, report, &["case", "answers"], &["mark of `bvh`, `brute`"]);
+    head(text, report, &["case", "answers"], &["mark of `bvh`, `brute`, `embree-exact`"]);
     for row in &rows {
         let _ = write!(text, "| {} | {} |", row.name, units::count(row.rays));
         for entry in &row.entries {

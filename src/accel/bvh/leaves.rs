@@ -6,7 +6,7 @@ use super::exact::Ray64;
 use super::found::Found;
 use super::node::{Block, Child, SphereLeaf};
 use super::packet::Packet;
-use super::query::Query;
+use super::query::{LEAST, Query};
 use super::simd::Tier;
 use super::single::{Best, Single};
 use super::{LEAST_TOGETHER, simd};
@@ -220,14 +220,16 @@ impl<T: Tier, S: Search> Kernel for Closest<'_, T, S> {
 /// What pays for the rounding of an end.
 const LONGER: f32 = 1.0 + 2.0 * f32::EPSILON;
 
-/// Makes the largest component of each direction one in [1, 2): exactly, but for components so small
-/// that the ray does not notice.
+/// Makes the largest component of each direction one in [1, 2), exactly; components that are nothing
+/// beside it become 0, as for our own boxes they become [`LEAST`]: Embree replaces what is below 1e-18
+/// by that, of whatever sign it was.
 #[inline(always)]
 fn scale(query: &Query, rays: &mut Rays) {
     for i in 0..LANES {
         let down = 1.0 / query.scale[i];
         for axis in 0..3 {
-            rays.dir[axis][i] *= down;
+            let d = rays.dir[axis][i] * down;
+            rays.dir[axis][i] = if d.abs() < 2.0 * LEAST { 0.0 } else { d };
         }
         rays.tnear[i] = query.tnear[i];
         rays.tfar[i] = query.tfar[i];

@@ -9,7 +9,7 @@ const U: f32 = f32::EPSILON / 2.0;
 
 /// Smallest magnitude of a direction component, relative to the largest: keeps 1/d and o/d
 /// finite, so that no 0 * inf arises.
-const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
+pub const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
 
 /// 16 rays against boxes and against triangles.
 ///

@@ -142,7 +142,8 @@ impl Case {
         (self.work)(&mut run)?;
         let Run { tallies, pictures, note, .. } = run;
         let entries = columns.iter().zip(&tallies).map(|(column, tally)| {
-            Entry::new(tally, self.mark.missed(tally).filter(|_| column.must_hold()))
+            let missed = self.mark.missed(tally).filter(|_| column.must_hold());
+            Entry::new(tally, missed.or_else(|| tally.has_any(column.forbidden())))
         });
         Ok(Row {
             group: self.group.into(),

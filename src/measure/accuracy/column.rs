@@ -1,5 +1,6 @@
 //! What is measured: a backend in one mode and instruction set, one column of the table.
 
+use super::tally::Kind;
 use crate::accel::{self, Accelerator, BuildOptions, EmbreeMode};
 use crate::error::Result;
 use crate::geometry::Geometry;
@@ -63,6 +64,15 @@ impl Column {
     /// Whether it fails the run where it misses a row's mark; others are published.
     pub fn must_hold(&self) -> bool {
         matches!(self.backend(), Backend::Bvh | Backend::Brute)
+            || (self.backend(), self.contestant.embree) == (Backend::Embree, EmbreeMode::Exact)
+    }
+
+    /// What must not happen to what renders by default, although its leaks are published only.
+    pub fn forbidden(&self) -> &'static [Kind] {
+        match (self.backend(), self.contestant.embree) {
+            (Backend::Embree, EmbreeMode::Robust) => &[Kind::FalseHit, Kind::SelfShadow],
+            _ => &[],
+        }
     }
 
     /// Whether it traces fewer rays because each takes long.
@@ -72,7 +82,9 @@ impl Column {
 
     /// The bound of its own test, in units of the shear's: what [`cross_check`] grants it.
     pub fn factor(&self) -> f64 {
-        cross_check::factor(self.backend())
+        // Our leaves decide, whatever finds them.
+        let exact = self.contestant.embree == EmbreeMode::Exact;
+        cross_check::factor(if exact { Backend::Bvh } else { self.backend() })
     }
 
     /// The ways to ask whose answers may differ; `packets` is how packets are announced.

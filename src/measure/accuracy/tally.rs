@@ -123,6 +123,13 @@ pub struct Tally {
 }
 
 impl Tally {
+    /// Which of these failures there are.
+    pub fn has_any(&self, kinds: &[Kind]) -> Option<String> {
+        let count = |kind: &Kind| self.failures.get(kind).copied().unwrap_or(0);
+        let found = kinds.iter().find(|kind| count(kind) > 0)?;
+        Some(format!("{} answers are a {}, expected none", count(found), found.name()))
+    }
+
     /// Counts a wrong answer to a ray that was aimed at `place`.
     pub fn fail(&mut self, kind: Kind, place: DVec3) {
         *self.failures.entry(kind).or_default() += 1;

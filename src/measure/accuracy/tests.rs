@@ -158,6 +158,18 @@ fn names_are_unique_and_every_part_of_the_catalogue_is_there() {
 }
 
 #[test]
+fn the_default_may_leak_but_not_hit_what_is_not_there() {
+    let column = |name: &str| Column::all().into_iter().find(|c| c.name() == name).unwrap();
+    let tally = |kind| Tally { rays: 9, failures: [(kind, 1)].into(), ..Tally::default() };
+    let forbidden = column("embree").forbidden();
+    assert!(tally(Kind::FalseHit).has_any(forbidden).is_some_and(|why| why.contains("false hit")));
+    assert!(tally(Kind::SelfShadow).has_any(forbidden).is_some());
+    assert_eq!(tally(Kind::Leak).has_any(forbidden), None);
+    assert_eq!(tally(Kind::FalseHit).has_any(column("embree-fast").forbidden()), None);
+    assert!(column("embree-exact").must_hold() && !column("embree").must_hold());
+}
+
+#[test]
 fn a_case_counts_the_same_for_any_number_of_threads() {
     let columns: Vec<Column> = Column::all().into_iter().filter(Column::must_hold).collect();
     let settings = Settings { columns, seed: 5, times: 1, pictures: false };
