@@ -108,6 +108,10 @@ pub struct FileArgs {
     #[arg(long, value_name = "NAME")]
     pub compression: Option<CompressionName>,
 
+    /// Show layers that are written as pictures: PREFIX.NAME.png each; all for every one
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub png_layer: Vec<String>,
+
     /// Write the names of cryptomattes to PREFIX.CryptoObject.json and PREFIX.CryptoMaterial.json
     /// in place of the EXR's header
     #[arg(long)]

@@ -1,16 +1,18 @@
-//! What a render says about its layers: header attributes, the manifests of cryptomattes.
+//! What a render says about its layers: header attributes, the manifests of cryptomattes, previews.
 
 use std::path::PathBuf;
 
 use crate::{
     camera,
     error::{Error, Result},
+    film::Film,
     layers::{Mattes, Plan},
     output::{
-        atomic::TextFile,
+        atomic::{Part, TextFile},
         exr::{Compression, View},
+        png, preview,
     },
-    scene::{Camera, Scene},
+    scene::{Camera, Layer, Scene},
 };
 
 use super::{
@@ -75,6 +77,68 @@ pub fn write_sidecars(plan: &Plan, sidecars: Vec<Sidecar>) -> Result<Vec<PathBuf
         sidecar.file.finish(&(manifest + "\n"))
     };
     sidecars.into_iter().map(write).collect()
+}
+
+/// The layers that `--png-layer` shows, and where.
+///
+/// # Errors
+/// Layers that are not written.
+pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, PathBuf)>> {
+    let prefix = paths::prefix(args.output.as_deref(), &args.input);
+    let written: Vec<String> =
+        scene.layers.iter().map(|layer| layer.name(&scene.light_groups)).collect();
+    let mut shown = Vec::new();
+    for name in &args.files.png_layer {
+        let named = match Layer::named(name, &scene.light_groups) {
+            Some(_) if name == "all" => written.clone(),
+            Some(layers) => layers.iter().map(|layer| layer.name(&scene.light_groups)).collect(),
+            None => {
+                let message = format!("found the unknown layer {name:?}");
+                let help = Layer::help(name, &scene.light_groups);
+                return Err(Error::invalid("--png-layer", message).help(help));
+            }
+        };
+        for name in named {
+            if !written.contains(&name) {
+                let message = format!("found the layer `{name}`, which the EXR does not have");
+                let help = format!("ask for it: --aov {name}");
+                return Err(Error::invalid("--png-layer", message).help(help));
+            }
+            if !shown.contains(&name) {
+                shown.push(name);
+            }
+        }
+    }
+    let named = shown.into_iter().map(|name| {
+        let mut path = prefix.as_os_str().to_owned();
+        path.push(format!(".{name}.png"));
+        (name, PathBuf::from(path))
+    });
+    Ok(named.collect())
+}
+
+/// Makes sure that the pictures of layers can be written.
+///
+/// # Errors
+/// Those of [`Part::create`].
+pub fn create_previews(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Part)>> {
+    let paths = preview_paths(args, scene)?;
+    paths.into_iter().map(|(name, path)| Ok((name, Part::create(&path)?))).collect()
+}
+
+/// Writes the pictures of layers.
+///
+/// # Errors
+/// `Retry` for a full disk.
+pub fn write_previews(film: &Film, previews: Vec<(String, Part)>) -> Result<Vec<PathBuf>> {
+    let write = |(name, mut part): (String, Part)| {
+        let path = part.target().to_owned();
+        let bytes = preview::bytes(film, &name).unwrap_or_default();
+        png::encode(film, &bytes, false, true, part.file(), &path)?;
+        part.sync()?;
+        part.commit()
+    };
+    previews.into_iter().map(write).collect()
 }
 
 /// Header attributes of the layers.

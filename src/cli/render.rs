@@ -15,7 +15,11 @@ use crate::{
     layers::Plan,
     mesh::Mesh,
     monitor::Monitor,
-    output::{Oddities, Outputs, WriteOptions, atomic::TextFile, exr},
+    output::{
+        Oddities, Outputs, WriteOptions,
+        atomic::{Part, TextFile},
+        exr,
+    },
     render as renderer,
     scene::ShapeKind,
     simd::Isa,
@@ -39,6 +43,7 @@ use super::{
 struct Files {
     outputs: Outputs,
     sidecars: Vec<Sidecar>,
+    previews: Vec<(String, Part)>,
     stats: Option<TextFile>,
     scene: Option<(PathBuf, TextFile)>,
 }
@@ -51,6 +56,7 @@ impl Files {
         Ok(Self {
             outputs: Outputs::create(&prefix)?,
             sidecars: layers::create_sidecars(args, &job.loaded.scene)?,
+            previews: layers::create_previews(args, &job.loaded.scene)?,
             stats: args.report.stats.as_ref().map(text).transpose()?,
             scene: scene.map(|path| Ok((path.clone(), text(path)?))).transpose()?,
         })
@@ -74,7 +80,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     });
     let budget = budget.transpose()?;
     let help = "choose another name: -o PREFIX, --stats FILE, --write-scene FILE";
-    not_over_inputs(args, &job, &outputs(args, &job), help)?;
+    not_over_inputs(args, &job, &outputs(args, &job)?, help)?;
     // Until here a signal ends the program at once: there is nothing to tidy up.
     signals::watch(&monitor)?;
     let files = Files::create(args, &job)?;
@@ -106,11 +112,14 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 }
 
 /// Everything that will be written.
-fn outputs(args: &RenderArgs, job: &Job) -> Vec<PathBuf> {
+fn outputs(args: &RenderArgs, job: &Job) -> Result<Vec<PathBuf>> {
     let prefix = paths::prefix(args.output.as_deref(), &args.input);
     let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
     let sidecars = layers::sidecar_paths(args, &job.loaded.scene);
-    Outputs::names(&prefix).into_iter().chain(sidecars).chain(others).collect()
+    let previews =
+        layers::preview_paths(args, &job.loaded.scene)?.into_iter().map(|(_, path)| path);
+    let pictures = Outputs::names(&prefix).into_iter();
+    Ok(pictures.chain(sidecars).chain(previews).chain(others).collect())
 }
 
 /// Refuses outputs that would replace what the scene is made of, or each other.
@@ -264,6 +273,7 @@ impl Run<'_> {
         self.warn(&odd(&oddities));
         let mut paths = paths.to_vec();
         paths.extend(sidecars);
+        paths.extend(layers::write_previews(film, files.previews)?);
         if let Some((target, file)) = files.scene {
             paths.push(file.finish(&job::saved(self.job, &target)?)?);
         }

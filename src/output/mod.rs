@@ -8,6 +8,7 @@ pub mod atomic;
 pub mod exr;
 mod exr_header;
 pub mod png;
+pub mod preview;
 pub mod tonemap;
 
 use std::path::{Path, PathBuf};
