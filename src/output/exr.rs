@@ -24,7 +24,7 @@ use exr::{
         header::{Header, ImageAttributes, LayerAttributes},
     },
 };
-use half::f16;
+use half::{f16, slice::HalfFloatSliceExt};
 use rayon::prelude::*;
 
 use crate::{
@@ -221,18 +221,37 @@ fn bytes(film: &Film, sources: &[Source], block: &BlockIndex) -> Vec<u8> {
     bytes
 }
 
-fn append(bytes: &mut Vec<u8>, kind: ChannelKind, words: impl Iterator<Item = u32>) {
-    let float = f32::from_bits;
+/// Appends a row of one channel.
+fn append(bytes: &mut Vec<u8>, kind: ChannelKind, words: impl ExactSizeIterator<Item = u32>) {
+    let start = bytes.len();
+    let size = if kind == ChannelKind::Half { 2 } else { 4 };
+    bytes.resize(start + size * words.len(), 0);
+    let to = &mut bytes[start..];
     match kind {
-        ChannelKind::Half => bytes.extend(words.flat_map(|w| to_half(float(w)).to_ne_bytes())),
-        ChannelKind::Float => bytes.extend(words.flat_map(|w| finite(float(w)).to_ne_bytes())),
-        ChannelKind::Uint => bytes.extend(words.flat_map(u32::to_ne_bytes)),
+        ChannelKind::Half => {
+            let floats: Vec<f32> = words.map(|word| within_half(f32::from_bits(word))).collect();
+            let mut halves = vec![f16::ZERO; floats.len()];
+            halves.convert_from_f32_slice(&floats);
+            for (to, half) in to.chunks_exact_mut(2).zip(halves) {
+                to.copy_from_slice(&half.to_ne_bytes());
+            }
+        }
+        ChannelKind::Float => {
+            for (to, word) in to.chunks_exact_mut(4).zip(words) {
+                to.copy_from_slice(&finite(f32::from_bits(word)).to_ne_bytes());
+            }
+        }
+        ChannelKind::Uint => {
+            for (to, word) in to.chunks_exact_mut(4).zip(words) {
+                to.copy_from_slice(&word.to_ne_bytes());
+            }
+        }
     }
 }
 
-/// The nearest half; finite for every input.
-fn to_half(value: f32) -> f16 {
-    f16::from_f32(finite(value).clamp(-HALF_MAX, HALF_MAX))
+/// What a half can hold; finite for every input.
+fn within_half(value: f32) -> f32 {
+    finite(value).clamp(-HALF_MAX, HALF_MAX)
 }
 
 /// Sorts the attributes of the header in place; its length and the offsets behind it stay.
