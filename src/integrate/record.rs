@@ -10,7 +10,7 @@ use crate::world::World;
 
 use super::slot::Pattern;
 
-/// Watches [`super::cast::Cast`] at work.
+/// Watches the light of packets being gathered.
 pub trait Record {
     /// Whether anything is kept.
     const ON: bool;
