@@ -16,6 +16,8 @@ pub struct Camera {
     right: DVec3,
     /// Change of that direction per pixel down.
     down: DVec3,
+    /// Unit direction of the view.
+    forward: DVec3,
     lens: Option<Lens>,
 }
 
@@ -33,6 +35,33 @@ pub fn axes(camera: &scene::Camera) -> [DVec3; 3] {
     let z = camera.lookat.normalize();
     let x = z.cross(camera.up).normalize();
     [x, x.cross(z), z]
+}
+
+/// The frame's width and height at distance 1 from the camera.
+fn frame_at_one(camera: &scene::Camera) -> [f64; 2] {
+    let height = 2.0 * (camera.fov_deg.to_radians() / 2.0).tan();
+    [f64::from(camera.width) / f64::from(camera.height) * height, height]
+}
+
+/// Width of the frame at distance 1: OpenEXR's `screenWindowWidth`.
+pub fn screen_window_width(camera: &scene::Camera) -> f64 {
+    frame_at_one(camera)[0]
+}
+
+/// OpenEXR's `worldToCamera`: row vector times matrix, row by row; x right, y up, z forward.
+pub fn world_to_camera(camera: &scene::Camera) -> [[f64; 4]; 4] {
+    let axes = axes(camera);
+    let at = |row: usize| [axes[0][row], axes[1][row], axes[2][row], 0.0];
+    let [x, y, z] = axes.map(|axis| -camera.position.dot(axis));
+    [at(0), at(1), at(2), [x, y, z, 1.0]]
+}
+
+/// OpenEXR's `worldToNDC`: after the division by w, x and y run from 0 at the top left to 1 at the
+/// bottom right of the frame, and z is 0 at distance 1 and 1 at infinity, as no distance is cut off.
+pub fn world_to_ndc(camera: &scene::Camera) -> [[f64; 4]; 4] {
+    let [width, height] = frame_at_one(camera);
+    world_to_camera(camera)
+        .map(|[x, y, z, w]| [x / width + 0.5 * z, -y / height + 0.5 * z, z - w, z])
 }
 
 impl Camera {
@@ -53,8 +82,15 @@ impl Camera {
             corner: z - x * half_width + y * tan,
             right: x * (2.0 * half_width / width),
             down: y * (-2.0 * tan / height),
+            forward: z,
             lens,
         }
+    }
+
+    /// How far a point, relative to the scene's origin, lies in front of the camera: along its axis,
+    /// not along the ray.
+    pub fn depth(&self, point: DVec3) -> f64 {
+        (point - self.position).dot(self.forward)
     }
 
     /// Whether rays need lens samples.

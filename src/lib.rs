@@ -11,6 +11,7 @@ pub mod error;
 pub mod film;
 pub mod geometry;
 pub mod integrate;
+pub mod layers;
 pub mod math;
 pub mod measure;
 pub mod mesh;

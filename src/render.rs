@@ -6,9 +6,10 @@ use rayon::prelude::*;
 
 use crate::accel::Accelerator;
 use crate::error::Result;
-use crate::film::{Film, Window};
+use crate::film::{Film, Planes, Window};
 pub use crate::integrate::RayCounts;
-use crate::integrate::{Integrator, TILE, TileKernel};
+use crate::integrate::{Beauty, Integrator, Layers, Record, TILE, TileKernel};
+use crate::layers::Plan;
 use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
 use crate::world::World;
@@ -25,6 +26,37 @@ pub fn render(
     film: &mut Film,
     monitor: &Monitor,
 ) -> Result<RayCounts> {
+    film.planes = Planes::default();
+    render_with(world, accelerator, isa, film, || Beauty, monitor)
+}
+
+/// [`render`], and the layers of a plan with it; the beauty is the same bit for bit. The film's
+/// planes are those of the plan.
+///
+/// # Errors
+/// `Interrupted` after a signal; the film is then unfinished.
+pub fn render_layers(
+    world: &World,
+    accelerator: &dyn Accelerator,
+    isa: Isa,
+    film: &mut Film,
+    plan: &Plan,
+    monitor: &Monitor,
+) -> Result<RayCounts> {
+    if plan.is_empty() {
+        return render(world, accelerator, isa, film, monitor);
+    }
+    render_with(world, accelerator, isa, film, || Layers::new(plan), monitor)
+}
+
+fn render_with<R: Record>(
+    world: &World,
+    accelerator: &dyn Accelerator,
+    isa: Isa,
+    film: &mut Film,
+    record: impl Fn() -> R + Sync,
+    monitor: &Monitor,
+) -> Result<RayCounts> {
     let pixels = |w: Window| u64::from(w.width()) * u64::from(w.height());
     monitor.begin(Phase::Render, pixels(film.window));
     let integrator = Integrator { world, accelerator, monitor };
@@ -34,7 +66,13 @@ pub fn render(
             if monitor.stopped() {
                 return RayCounts::default();
             }
-            let kernel = TileKernel { integrator, window: tile.window, rows: &mut tile.rows };
+            let kernel = TileKernel {
+                integrator,
+                window: tile.window,
+                rows: &mut tile.rows,
+                record: record(),
+                words: &mut tile.words,
+            };
             let counts = simd::dispatch(isa, kernel);
             monitor.done.fetch_add(pixels(tile.window), Relaxed);
             monitor.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
@@ -49,6 +87,7 @@ pub fn render(
 struct Tile<'f> {
     window: Window,
     rows: Vec<&'f mut [[f32; 4]]>,
+    words: Vec<&'f mut [u32]>,
 }
 
 /// Cuts the film along the frame's absolute tile grid.
@@ -59,15 +98,26 @@ fn tiles(film: &mut Film) -> Vec<Tile<'_>> {
     };
     let mut tiles = Vec::new();
     let mut rows = film.pixels.chunks_mut(window.width() as usize);
+    let stride = film.planes.channels.len();
+    let mut words = film.planes.words.chunks_mut((window.width() as usize * stride).max(1));
     for (y0, y1) in cuts(window.y0, window.y1) {
         let first = tiles.len();
         for (x0, x1) in cuts(window.x0, window.x1) {
-            tiles.push(Tile { window: Window { x0, y0, x1, y1 }, rows: Vec::new() });
+            let window = Window { x0, y0, x1, y1 };
+            tiles.push(Tile { window, rows: Vec::new(), words: Vec::new() });
         }
         for mut row in rows.by_ref().take((y1 - y0) as usize) {
             for tile in &mut tiles[first..] {
                 let (piece, rest) = row.split_at_mut(tile.window.width() as usize);
                 tile.rows.push(piece);
+                row = rest;
+            }
+        }
+        // None of these without layers.
+        for mut row in words.by_ref().take((y1 - y0) as usize) {
+            for tile in &mut tiles[first..] {
+                let (piece, rest) = row.split_at_mut(tile.window.width() as usize * stride);
+                tile.words.push(piece);
                 row = rest;
             }
         }

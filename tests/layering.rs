@@ -20,6 +20,7 @@ const FLOORS: &[(&str, u32)] = &[
     ("shading", 4),   // texture, material, light: nothing of accelerators
     ("output", 3),    // EXR, PNG
     ("geometry", 3),  // formulas of the primitives
+    ("layers", 3),    // which channels stand beside the beauty
     ("camera", 3),
     ("film", 2),
     ("mesh", 2),

@@ -111,7 +111,7 @@ fn render(world: &World, backend: Backend) -> Option<Vec<[u32; 4]>> {
         built => built.unwrap(),
     };
     let [width, height] = world.frame;
-    let mut film = Blank::new(world.frame, Window::full(width, height)).unwrap().film();
+    let mut film = Blank::new(world.frame, Window::full(width, height), Vec::new()).unwrap().film();
     lightpath::render::render(world, accelerator.as_ref(), isa, &mut film, &monitor).unwrap();
     Some(film.pixels.iter().map(|p| p.map(f32::to_bits)).collect())
 }

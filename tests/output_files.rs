@@ -7,7 +7,7 @@ use lightpath::{
     error::Kind,
     film::{Film, Window},
     monitor::Monitor,
-    output::{Oddities, Outputs, WriteOptions, atomic::Part, atomic::TextFile, exr, png},
+    output::{Oddities, Outputs, Spot, WriteOptions, atomic::Part, atomic::TextFile, exr, png},
     scene::{ToneOperator, Tonemap},
 };
 
@@ -30,7 +30,9 @@ fn attributes() -> Vec<(String, String)> {
 
 fn exr_bytes(film: &Film) -> Vec<u8> {
     let mut file = Cursor::new(Vec::new());
-    exr::write(film, &attributes(), &mut file, Path::new("x.exr")).unwrap();
+    let attributes = attributes();
+    let options = exr::Options { attributes: &attributes, ..Default::default() };
+    exr::write(film, &options, &mut file, Path::new("x.exr")).unwrap();
     file.into_inner()
 }
 
@@ -136,15 +138,18 @@ fn what_half_cannot_hold_is_clamped_and_counted() {
     assert_eq!(row[1], [65504.0, 0.0, -65504.0, 1.0]);
     assert_eq!(row[2], [0.0, 65504.0, -65504.0, 1.0]);
     assert_eq!(row[4], [65504.0, 0.0, 0.0, 1.0]);
+    let spot = |pixel, channel: &str| Some(Spot { pixel, channel: channel.to_string() });
     let expected = Oddities {
         non_finite: 2,
-        first_non_finite: Some([5, 3]),
+        first_non_finite: spot([5, 3], "R"),
         clamped: 1,
-        first_clamped: Some([4, 3]),
+        first_clamped: spot([4, 3], "R"),
     };
-    assert_eq!(Oddities::of(&film), expected);
+    assert_eq!(Oddities::of(&film, false), expected);
+    let as_float = Oddities { clamped: 0, first_clamped: None, ..expected };
+    assert_eq!(Oddities::of(&film, true), as_float);
     film.pixels.fill([65504.0, 0.0, 1.0, 1.0]);
-    assert_eq!(Oddities::of(&film), Oddities::default());
+    assert_eq!(Oddities::of(&film, false), Oddities::default());
 }
 
 fn read_png(bytes: &[u8]) -> (::png::Info<'static>, Vec<u8>) {
@@ -199,7 +204,9 @@ fn both_files_appear_and_nothing_else() {
     let outputs = Outputs::create(&prefix).unwrap();
     assert_eq!(names_in(folder.path()).len(), 2);
     assert!(names_in(folder.path()).iter().all(|n| n.ends_with(".part")));
-    let options = WriteOptions { tonemap: &CLAMP, transparent: false, attributes: &attributes() };
+    let attributes = attributes();
+    let exr = exr::Options { attributes: &attributes, ..Default::default() };
+    let options = WriteOptions { tonemap: &CLAMP, transparent: false, exr };
     let (paths, odd) = outputs.write(&film(), &options, &Monitor::default()).unwrap();
     assert_eq!(odd, Oddities::default());
     assert_eq!(names_in(folder.path()), ["frame.0001.exr", "frame.0001.png"]);
@@ -213,7 +220,7 @@ fn a_signal_before_the_renames_leaves_nothing() {
     let prefix = folder.path().join("x");
     let monitor = Monitor::default();
     monitor.signal.store(15, std::sync::atomic::Ordering::Relaxed);
-    let options = WriteOptions { tonemap: &CLAMP, transparent: false, attributes: &[] };
+    let options = WriteOptions { tonemap: &CLAMP, transparent: false, exr: Default::default() };
     let outputs = Outputs::create(&prefix).unwrap();
     let error = outputs.write(&film(), &options, &monitor).unwrap_err();
     assert_eq!(error.exit_code(), 143);

@@ -83,6 +83,10 @@ pub struct RenderArgs {
     #[command(flatten)]
     pub mesh: MeshArgs,
 
+    /// How files are written.
+    #[command(flatten)]
+    pub files: FileArgs,
+
     /// Resources.
     #[command(flatten)]
     pub machine: MachineArgs,
@@ -90,6 +94,49 @@ pub struct RenderArgs {
     /// What is told.
     #[command(flatten)]
     pub report: ReportArgs,
+}
+
+/// Flags for the files.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Files")]
+pub struct FileArgs {
+    /// 32-bit floats in the EXR in place of halves
+    #[arg(long)]
+    pub float: bool,
+
+    /// Compression of the EXR; dwaa is lossy
+    #[arg(long, value_name = "NAME")]
+    pub compression: Option<CompressionName>,
+
+    /// Show layers that are written as pictures: PREFIX.NAME.png each; all for every one
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub png_layer: Vec<String>,
+
+    /// Write the names of cryptomattes to PREFIX.CryptoObject.json and PREFIX.CryptoMaterial.json
+    /// in place of the EXR's header
+    #[arg(long)]
+    pub crypto_sidecar: bool,
+
+    /// Fail (exit code 1) where a pixel was NaN or infinite; the files are written all the same
+    #[arg(long)]
+    pub strict: bool,
+}
+
+/// Names of compressions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum CompressionName {
+    /// zlib over 16 lines
+    Zip,
+    /// zlib over single lines
+    Zips,
+    /// Wavelets: good for grain
+    Piz,
+    /// Run lengths
+    Rle,
+    /// Not at all
+    None,
+    /// Lossy, small
+    Dwaa,
 }
 
 /// Flags that change the scene.
@@ -135,6 +182,12 @@ pub struct SceneArgs {
     /// Alpha is coverage instead of 1: no background
     #[arg(long)]
     pub transparent: bool,
+
+    /// Layers of the EXR: Z, P, N, Ng, albedo, uv, diffuse, specular, ambient, reflection,
+    /// background, light_GROUP, shadow_GROUP, variance, samples, primid, objectid, cryptomatte... or
+    /// all
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub aov: Option<Vec<String>>,
 
     /// Set any value of the scene; VALUE is JSON, or else a string; repeatable, wins over flags
     #[arg(long, value_name = "/json/pointer=VALUE")]

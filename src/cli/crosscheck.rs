@@ -24,7 +24,10 @@ use crate::{
 };
 
 use super::{
-    args::{BackendName, CrosscheckArgs, MachineArgs, MeshArgs, RenderArgs, ReportArgs, SceneArgs},
+    args::{
+        BackendName, CrosscheckArgs, FileArgs, MachineArgs, MeshArgs, RenderArgs, ReportArgs,
+        SceneArgs,
+    },
     crosscheck_text as text, job, machine, render, signals,
 };
 
@@ -87,6 +90,7 @@ fn as_render(args: &CrosscheckArgs, input: &Path) -> RenderArgs {
             ..SceneArgs::default()
         },
         mesh: MeshArgs::default(),
+        files: FileArgs::default(),
         machine: MachineArgs { threads: args.threads, ..MachineArgs::default() },
         report: ReportArgs::default(),
     }

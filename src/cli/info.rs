@@ -226,6 +226,25 @@ fn part(header: &Header, report: &mut Report) -> Value {
     if let Some(software) = &header.own_attributes.software_name {
         attributes.insert("software".into(), software.to_string().into());
     }
+    let mut numbers = |name: &str, values: &[f32]| {
+        let values: Vec<String> = values.iter().map(f32::to_string).collect();
+        attributes.insert(name.into(), values.join(" ").into());
+    };
+    if let Some(c) = &header.shared_attributes.chromaticities {
+        let [r, g, b, w] = [c.red, c.green, c.blue, c.white].map(|c| [c.x(), c.y()]);
+        numbers("chromaticities", [r, g, b, w].as_flattened());
+    }
+    let own = &header.own_attributes;
+    numbers("pixelAspectRatio", &[header.shared_attributes.pixel_aspect]);
+    let center = own.screen_window_center;
+    numbers("screenWindowCenter", &[center.x(), center.y()]);
+    numbers("screenWindowWidth", &[own.screen_window_width]);
+    if let Some(matrix) = &own.world_to_camera {
+        numbers("worldToCamera", matrix);
+    }
+    if let Some(matrix) = &own.world_to_normalized_device {
+        numbers("worldToNDC", matrix);
+    }
     let mut others: Vec<_> = header.own_attributes.other.iter().collect();
     others.sort_by_key(|(name, _)| name.to_string());
     for (name, value) in others {

@@ -6,11 +6,11 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
     mesh::Mesh,
-    scene::{self, Backend, Description, Loaded, Scene, ShapeKind, Source, written},
+    scene::{self, Backend, Description, Layer, Loaded, Scene, ShapeKind, Source, written},
 };
 
 use super::{
-    args::RenderArgs,
+    args::{CompressionName, RenderArgs},
     memory, meshes,
     origin::Origin,
     overrides::Overrides,
@@ -144,9 +144,12 @@ fn finish(
         let help = "leave --exact out, or --backend embree, bvh or brute";
         return Err(Error::invalid("--exact", message).help(help));
     }
-    if !loaded.scene.layers.is_empty() {
-        let message = "has no effect: this version writes R, G, B, A and no other layers";
-        warnings.push(Problem::new("output.layers", message));
+    let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
+    let lossy = args.files.compression == Some(CompressionName::Dwaa);
+    if lossy && loaded.scene.layers.iter().any(mattes) {
+        let message =
+            "found dwaa with cryptomatte: its losses change the ids, and no matte is found again";
+        return Err(Error::invalid("--compression", message).help("zip, zips, piz, rle or none"));
     }
     warnings.append(&mut loaded.warnings);
     Ok(Job { loaded, folder, warnings, ready: Vec::new() })

@@ -9,6 +9,7 @@ use crate::{
     accel::{EmbreeMode, Footprint},
     error::{Error, Kind, Problem, Result},
     film::Window,
+    layers::Plan,
     scene::{Scene, ShapeKind},
     shading::Texture,
 };
@@ -48,8 +49,9 @@ pub struct Prediction {
 /// Headers that cannot be read.
 pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
     let pixels = u64::from(window.width()) * u64::from(window.height());
-    let mut sum =
-        Prediction { film_bytes: pixels * (FILM_BYTES + PNG_BYTES), ..Prediction::default() };
+    let words = Plan::new(scene).channels.len() as u64;
+    let film_bytes = pixels.saturating_mul(FILM_BYTES + PNG_BYTES + 4 * words);
+    let mut sum = Prediction { film_bytes, ..Prediction::default() };
     let mut problems = Vec::new();
     for shape in &scene.shapes {
         match &shape.kind {

@@ -18,6 +18,7 @@ mod framing;
 mod info;
 mod info_scene;
 mod job;
+mod layers;
 mod machine;
 mod memory;
 mod meshes;

@@ -42,6 +42,7 @@ impl Overrides {
         all.flag("--backend", "/scene/accelerator", backend);
         let transparent = args.transparent.then_some(true);
         all.flag("--transparent", "/output/transparent", transparent);
+        all.flag("--aov", "/output/layers", args.aov.clone());
         for set in &args.set {
             let pointer = set.split_once('=').map_or(set.as_str(), |(pointer, _)| pointer);
             all.list.push((None, pointer.to_string(), set.clone()));

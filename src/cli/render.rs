@@ -10,11 +10,16 @@ use serde_json::json;
 
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
-    error::{Error, Problem, Result},
+    error::{Error, Kind, Problem, Result},
     film::{Blank, Film, Window},
+    layers::Plan,
     mesh::Mesh,
     monitor::Monitor,
-    output::{Oddities, Outputs, WriteOptions, atomic::TextFile},
+    output::{
+        Oddities, Outputs, WriteOptions,
+        atomic::{Part, TextFile},
+        exr,
+    },
     render as renderer,
     scene::ShapeKind,
     simd::Isa,
@@ -24,6 +29,7 @@ use crate::{
 use super::{
     args::{ProgressMode, RenderArgs},
     job::{self, Job},
+    layers::{self, Sidecar},
     machine,
     memory::Budget,
     paths,
@@ -36,17 +42,21 @@ use super::{
 /// Everything that is written, made sure of before the long work.
 struct Files {
     outputs: Outputs,
+    sidecars: Vec<Sidecar>,
+    previews: Vec<(String, Part)>,
     stats: Option<TextFile>,
     scene: Option<(PathBuf, TextFile)>,
 }
 
 impl Files {
-    fn create(args: &RenderArgs) -> Result<Self> {
+    fn create(args: &RenderArgs, job: &Job) -> Result<Self> {
         let prefix = paths::prefix(args.output.as_deref(), &args.input);
         let text = |path: &PathBuf| TextFile::create(path);
         let scene = args.mesh.write_scene.as_ref();
         Ok(Self {
             outputs: Outputs::create(&prefix)?,
+            sidecars: layers::create_sidecars(args, &job.loaded.scene)?,
+            previews: layers::create_previews(args, &job.loaded.scene)?,
             stats: args.report.stats.as_ref().map(text).transpose()?,
             scene: scene.map(|path| Ok((path.clone(), text(path)?))).transpose()?,
         })
@@ -70,10 +80,10 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     });
     let budget = budget.transpose()?;
     let help = "choose another name: -o PREFIX, --stats FILE, --write-scene FILE";
-    not_over_inputs(args, &job, &outputs(args), help)?;
+    not_over_inputs(args, &job, &outputs(args, &job)?, help)?;
     // Until here a signal ends the program at once: there is nothing to tidy up.
     signals::watch(&monitor)?;
-    let files = Files::create(args)?;
+    let files = Files::create(args, &job)?;
     let mode = match args.report.quiet {
         true => ProgressMode::Off,
         false => args.report.progress.unwrap_or(ProgressMode::Auto),
@@ -89,15 +99,27 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         progress: Progress::start(mode, &monitor),
         start,
     };
-    let (stats, paths) = pool.install(|| run.all(files, ready))?;
-    report(args, &stats, &paths)
+    let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
+    report(args, &stats, &paths)?;
+    match &oddities.first_non_finite {
+        Some(spot) if args.files.strict => {
+            let message =
+                format!("{} pixels are NaN or infinite, the first {spot}", oddities.non_finite);
+            Err(Error::new(Kind::Check, Problem::new("--strict", message)))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Everything that will be written.
-fn outputs(args: &RenderArgs) -> Vec<PathBuf> {
+fn outputs(args: &RenderArgs, job: &Job) -> Result<Vec<PathBuf>> {
     let prefix = paths::prefix(args.output.as_deref(), &args.input);
     let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
-    Outputs::names(&prefix).into_iter().chain(others).collect()
+    let sidecars = layers::sidecar_paths(args, &job.loaded.scene);
+    let previews =
+        layers::preview_paths(args, &job.loaded.scene)?.into_iter().map(|(_, path)| path);
+    let pictures = Outputs::names(&prefix).into_iter();
+    Ok(pictures.chain(sidecars).chain(previews).chain(others).collect())
 }
 
 /// Refuses outputs that would replace what the scene is made of, or each other.
@@ -141,10 +163,16 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    fn all(&self, files: Files, ready: Vec<(PathBuf, Mesh)>) -> Result<(Stats, Vec<PathBuf>)> {
+    fn all(
+        &self,
+        files: Files,
+        ready: Vec<(PathBuf, Mesh)>,
+    ) -> Result<(Stats, Vec<PathBuf>, Oddities)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
-        let blank = Blank::new([scene.camera.width, scene.camera.height], self.window)?;
+        let plan = Plan::new(scene);
+        let frame = [scene.camera.width, scene.camera.height];
+        let blank = Blank::new(frame, self.window, plan.channels.clone())?;
         let budget = self.budget.as_ref();
         let options = LoadOptions {
             repair: self.args.mesh.repair,
@@ -173,7 +201,9 @@ impl Run<'_> {
         let mut film = blank.film();
         let built = self.start.elapsed().as_secs_f64();
 
-        let counts = renderer::render(&world, accelerator.as_ref(), isa, &mut film, self.monitor)?;
+        let accelerator = accelerator.as_ref();
+        let counts =
+            renderer::render_layers(&world, accelerator, isa, &mut film, &plan, self.monitor)?;
         let rendered = self.start.elapsed().as_secs_f64();
 
         let mut stats = self.stats(&info);
@@ -192,8 +222,8 @@ impl Run<'_> {
             render: rendered - built,
             ..Seconds::default()
         };
-        let paths = self.write(files, &film, &info, &mut stats)?;
-        Ok((stats, paths))
+        let (paths, oddities) = self.write(files, &film, &plan, &info, &mut stats)?;
+        Ok((stats, paths, oddities))
     }
 
     /// What is known before the first ray.
@@ -220,20 +250,31 @@ impl Run<'_> {
         &self,
         files: Files,
         film: &Film,
+        plan: &Plan,
         info: &BuildInfo,
         stats: &mut Stats,
-    ) -> Result<Vec<PathBuf>> {
+    ) -> Result<(Vec<PathBuf>, Oddities)> {
         let started = Instant::now();
         let scene = &self.job.loaded.scene;
-        let attributes = self.attributes(info);
+        let mut attributes = self.attributes(info);
+        attributes.extend(layers::attributes(plan, &files.sidecars));
         let options = WriteOptions {
             tonemap: &scene.tonemap,
             transparent: scene.transparent,
-            attributes: &attributes,
+            exr: exr::Options {
+                attributes: &attributes,
+                view: Some(layers::view(&scene.camera)),
+                float: self.args.files.float,
+                compression: layers::compression(self.args.files.compression),
+            },
         };
+        // Before the EXR that names them.
+        let sidecars = layers::write_sidecars(plan, files.sidecars)?;
         let (paths, oddities) = files.outputs.write(film, &options, self.monitor)?;
         self.warn(&odd(&oddities));
         let mut paths = paths.to_vec();
+        paths.extend(sidecars);
+        paths.extend(layers::write_previews(film, files.previews)?);
         if let Some((target, file)) = files.scene {
             paths.push(file.finish(&job::saved(self.job, &target)?)?);
         }
@@ -244,7 +285,7 @@ impl Run<'_> {
             let text = serde_json::to_string_pretty(stats).unwrap_or_default();
             paths.push(file.finish(&(text + "\n"))?);
         }
-        Ok(paths)
+        Ok((paths, oddities))
     }
 
     /// What the EXR says about its origin: nothing that differs between two equal pictures.
@@ -274,19 +315,19 @@ impl Run<'_> {
 /// What the files could not hold.
 fn odd(oddities: &Oddities) -> Vec<Problem> {
     let mut warnings = Vec::new();
-    if let Some([x, y]) = oddities.first_non_finite {
+    if let Some(spot) = &oddities.first_non_finite {
         let message = format!(
-            "{} pixels with a NaN or infinite value were written as 0 or 65504, the first at x {x}, y {y}",
+            "{} pixels with a NaN or infinite value were written as 0 or 65504, the first at {spot}",
             oddities.non_finite
         );
         warnings.push(Problem::new("", message).help("please report this with the scene"));
     }
-    if let Some([x, y]) = oddities.first_clamped {
+    if let Some(spot) = &oddities.first_clamped {
         let message = format!(
-            "{} pixels are brighter than a half can hold and were clamped to 65504 in the EXR, the first at x {x}, y {y}",
+            "{} pixels are brighter than a half can hold and were clamped to 65504 in the EXR, the first at {spot}",
             oddities.clamped
         );
-        warnings.push(Problem::new("", message).help("make the lights weaker"));
+        warnings.push(Problem::new("", message).help("make the lights weaker, or write --float"));
     }
     warnings
 }

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::RayCounts;
+use super::record::{Record, Split};
 use super::slot::Slot;
 use crate::accel::Accelerator;
 use crate::geometry::{Surfaces, refine};
@@ -59,7 +60,12 @@ impl<'a> Cast<'a> {
 
     /// Fills `radiance` for a slot whose camera rays are traced; returns the lanes that hit.
     #[inline(always)]
-    pub fn run(&mut self, slot: &mut Slot, counts: &mut RayCounts) -> Mask {
+    pub fn run<R: Record>(
+        &mut self,
+        slot: &mut Slot,
+        counts: &mut RayCounts,
+        record: &mut R,
+    ) -> Mask {
         let world = self.world;
         let mut active = slot.active;
         let mut first_hit = Mask::NONE;
@@ -80,17 +86,20 @@ impl<'a> Cast<'a> {
                 first_hit = hit;
             }
             if !(bounce == 0 && world.transparent) {
-                self.background(&active, &hit);
+                self.background(&active, &hit, bounce, record);
             }
             if !hit.any() {
                 break;
             }
             let points = &mut self.points;
             world.shapes.look(&world.geometry, &slot.packet, &self.surfaces, points);
-            if world.ambient != Vec3::ZERO {
-                self.ambient(&hit);
+            if R::ON && bounce == 0 {
+                record.surface(world, &slot.packet, &self.surfaces, &self.points);
             }
-            self.lights(slot, bounce, counts);
+            if world.ambient != Vec3::ZERO {
+                self.ambient(&hit, bounce, record);
+            }
+            self.lights(slot, bounce, counts, record);
         }
         first_hit
     }
@@ -143,21 +152,41 @@ impl<'a> Cast<'a> {
     }
 
     #[inline(always)]
-    fn lights(&mut self, slot: &Slot, bounce: u32, counts: &mut RayCounts) {
+    fn lights<R: Record>(
+        &mut self,
+        slot: &Slot,
+        bounce: u32,
+        counts: &mut RayCounts,
+        record: &mut R,
+    ) {
         let at = &self.points.at;
         let glossy = (0..LANES).fold(false, |any, i| any | ((at.hit.0[i] != 0) & (at.ks[i] > 0.0)));
         for (index, light) in self.world.lights.iter().enumerate() {
+            let index = index as u32;
             match &light.emitter {
-                Emitter::Point(q) => self.point_light(light, *q, glossy, counts),
+                Emitter::Point(q) => {
+                    let mut split = Split::NONE;
+                    self.point_light::<R>(light, *q, glossy, counts, &mut split);
+                    if R::ON {
+                        record.light(index, bounce, &self.points.base, &self.throughput, &split);
+                    }
+                }
                 Emitter::Area { .. } => {
-                    self.area_light(light, slot, index as u32, bounce, glossy, counts);
+                    self.area_light(light, slot, index, bounce, glossy, counts, record);
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn point_light(&mut self, light: &Light, q: Vec3, glossy: bool, counts: &mut RayCounts) {
+    fn point_light<R: Record>(
+        &mut self,
+        light: &Light,
+        q: Vec3,
+        glossy: bool,
+        counts: &mut RayCounts,
+        split: &mut Split,
+    ) {
         let q = q.to_array().map(|x| [x; LANES]);
         let (points, rays, lit) = (&self.points.at, &mut self.shadow, &mut self.lit);
         let active = light_rays(points, &q, None, self.world.falloff, glossy, rays, lit);
@@ -167,6 +196,11 @@ impl<'a> Cast<'a> {
         counts.shadow += u64::from(active.count());
         self.accelerator.occluded(&active, rays, Coherence::Coherent);
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
+        if R::ON {
+            for i in (0..LANES).filter(|&i| active.0[i] != 0 && rays.tfar[i] >= 0.0) {
+                split.add(i, light, lit.diffuse[i], lit.specular[i]);
+            }
+        }
         for axis in 0..3 {
             for i in 0..LANES {
                 let visible = (active.0[i] != 0) & (rays.tfar[i] >= 0.0);
@@ -179,7 +213,8 @@ impl<'a> Cast<'a> {
 
     /// All samples of one area light for all lanes: (lane, sample) pairs in order, 16 a packet.
     #[inline(never)]
-    fn area_light(
+    #[allow(clippy::too_many_arguments)] // All of them change from call to call.
+    fn area_light<R: Record>(
         &mut self,
         light: &Light,
         slot: &Slot,
@@ -187,12 +222,14 @@ impl<'a> Cast<'a> {
         bounce: u32,
         glossy: bool,
         counts: &mut RayCounts,
+        record: &mut R,
     ) {
         let Emitter::Area { corner, edge, height, normal, samples } = light.emitter else {
             return;
         };
         let hit = self.points.at.hit;
         self.sums = [[0.0; 3]; LANES];
+        let mut split = Split::NONE;
         let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
         let mut pairs = lanes.flat_map(|lane| (0..samples).map(move |sample| (lane, sample)));
         loop {
@@ -222,9 +259,16 @@ impl<'a> Cast<'a> {
                 for (sum, sent) in self.sums[from[j]].iter_mut().zip(sent.to_array()) {
                     *sum += f64::from(sent);
                 }
+                if R::ON {
+                    split.add(from[j], light, lit.diffuse[j], lit.specular[j]);
+                }
             }
         }
         let share = 1.0 / f64::from(samples);
+        if R::ON {
+            split.scale(share);
+            record.light(index, bounce, &self.points.base, &self.throughput, &split);
+        }
         for axis in 0..3 {
             for i in 0..LANES {
                 let light = (self.sums[i][axis] * share) as f32;
@@ -236,26 +280,34 @@ impl<'a> Cast<'a> {
 
     /// Adds the background to the active lanes that missed.
     #[inline(always)]
-    fn background(&mut self, active: &Mask, hit: &Mask) {
+    fn background<R: Record>(&mut self, active: &Mask, hit: &Mask, bounce: u32, record: &mut R) {
         let color = self.world.background.to_array();
         for axis in 0..3 {
             for i in 0..LANES {
                 let missed = (active.0[i] & !hit.0[i]) != 0;
                 let sent = color[axis] * self.throughput[i];
-                self.radiance[axis][i] += if missed { sent } else { 0.0 };
+                let sent = if missed { sent } else { 0.0 };
+                self.radiance[axis][i] += sent;
+                if R::ON {
+                    record.background(axis, i, bounce, sent);
+                }
             }
         }
     }
 
     /// Adds ka * ambient * base to the lanes that hit.
     #[inline(always)]
-    fn ambient(&mut self, hit: &Mask) {
+    fn ambient<R: Record>(&mut self, hit: &Mask, bounce: u32, record: &mut R) {
         let color = self.world.ambient.to_array();
         for axis in 0..3 {
             for i in 0..LANES {
                 let sent = self.points.ka[i] * color[axis] * self.points.base[axis][i];
                 let sent = sent * self.throughput[i];
-                self.radiance[axis][i] += if hit.0[i] != 0 { sent } else { 0.0 };
+                let sent = if hit.0[i] != 0 { sent } else { 0.0 };
+                self.radiance[axis][i] += sent;
+                if R::ON {
+                    record.ambient(axis, i, bounce, sent);
+                }
             }
         }
     }

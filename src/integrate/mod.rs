@@ -4,6 +4,7 @@
 //! of the render is the render of the crop, whatever a backend does inside a packet.
 
 mod cast;
+mod record;
 mod slot;
 
 use crate::accel::Accelerator;
@@ -16,6 +17,7 @@ use crate::simd::Kernel;
 use crate::world::World;
 
 use self::cast::Cast;
+pub use self::record::{Beauty, Layers, Record};
 pub use self::slot::Pattern;
 
 use self::slot::Slot;
@@ -57,16 +59,31 @@ pub struct Integrator<'a> {
 }
 
 /// Rendering one tile.
-pub struct TileKernel<'a, 'r, 'f> {
+pub struct TileKernel<'a, 'r, 'f, R> {
     /// What does not change.
     pub integrator: Integrator<'a>,
     /// The kept pixels of this tile: all within one square of the frame's tile grid.
     pub window: Window,
     /// Their R, G, B, A, row by row.
     pub rows: &'r mut [&'f mut [[f32; 4]]],
+    /// What is kept beside them: [`Beauty`] keeps nothing.
+    pub record: R,
+    /// The words of the kept pixels' layers, row by row.
+    pub words: &'r mut [&'f mut [u32]],
 }
 
-impl Kernel for TileKernel<'_, '_, '_> {
+impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty> {
+    /// Without layers.
+    pub fn beauty(
+        integrator: Integrator<'a>,
+        window: Window,
+        rows: &'r mut [&'f mut [[f32; 4]]],
+    ) -> Self {
+        Self { integrator, window, rows, record: Beauty, words: &mut [] }
+    }
+}
+
+impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
     type Output = RayCounts;
 
     /// Traces packet k, finishes packet k - 1, and so on: while one packet is traced, the memory
@@ -105,7 +122,7 @@ impl Kernel for TileKernel<'_, '_, '_> {
     }
 }
 
-impl TileKernel<'_, '_, '_> {
+impl<R: Record> TileKernel<'_, '_, '_, R> {
     /// Shades a traced packet, adds it to its pixels' sums and, after the last sample, writes the
     /// pixels.
     #[inline(always)]
@@ -118,9 +135,18 @@ impl TileKernel<'_, '_, '_> {
         counts: &mut RayCounts,
     ) {
         let world = self.integrator.world;
-        let hit = cast.run(slot, counts);
+        if R::ON && slot.first == 0 {
+            self.record.begin();
+        }
+        let hit = cast.run(slot, counts, &mut self.record);
         if slot.first == 0 {
             *sums = [[0.0; 4]; LANES];
+        }
+        if R::ON {
+            self.record.radiance(&slot.active, &cast.radiance);
+            if slot.first.saturating_add(pattern.samples) >= world.spp {
+                self.write_words(slot.corner, pattern);
+            }
         }
         let alpha = alpha(&hit, world.transparent);
         let (block, [r, g, b]) = (pattern.block, &cast.radiance);
@@ -139,6 +165,20 @@ impl TileKernel<'_, '_, '_> {
         if slot.first.saturating_add(pattern.samples) >= world.spp {
             let n = f64::from(world.spp);
             self.write(slot.corner, block, |i| sums[i].map(|sum| (sum / n) as f32));
+        }
+    }
+
+    /// Writes the layers of a block's pixels, those that are kept.
+    #[inline(never)]
+    fn write_words(&mut self, [x, y]: [u32; 2], pattern: &Pattern) {
+        let (w, spp) = (self.window, self.integrator.world.spp);
+        let [width, height] = pattern.block;
+        for row in y.max(w.y0)..(y + height).min(w.y1) {
+            for column in x.max(w.x0)..(x + width).min(w.x1) {
+                let index = (row - y) * width + column - x;
+                let words = &mut self.words[(row - w.y0) as usize];
+                self.record.write(pattern, index as usize, spp, (column - w.x0) as usize, words);
+            }
         }
     }
 

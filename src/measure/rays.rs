@@ -131,7 +131,7 @@ pub fn record(
         let mut pixels = vec![[0.0; 4]; width * window.height() as usize];
         let mut rows: Vec<_> = pixels.chunks_mut(width).collect();
         let integrator = Integrator { world, accelerator: &recorder, monitor };
-        simd::dispatch(Isa::detect(), TileKernel { integrator, window, rows: &mut rows });
+        simd::dispatch(Isa::detect(), TileKernel::beauty(integrator, window, &mut rows));
     }
     monitor.check()?;
     let state = recorder.state.into_inner().unwrap_or_else(PoisonError::into_inner);

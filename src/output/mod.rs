@@ -1,4 +1,4 @@
-//! [`Film`] -> files: a linear half-float EXR and an 8-bit PNG.
+//! [`Film`] -> files: a linear EXR with its layers and an 8-bit PNG.
 //!
 //! Nothing appears under a final name before it is complete: both files grow beside their targets
 //! as `.part` and are renamed together at the end ([`atomic`]). They are created before the long
@@ -8,6 +8,7 @@ pub mod atomic;
 pub mod exr;
 mod exr_header;
 pub mod png;
+pub mod preview;
 pub mod tonemap;
 
 use std::path::{Path, PathBuf};
@@ -16,7 +17,7 @@ use rayon::prelude::*;
 
 use crate::{
     error::Result,
-    film::Film,
+    film::{ChannelKind, Film},
     monitor::{Monitor, Phase},
     scene::Tonemap,
 };
@@ -26,43 +27,89 @@ use atomic::Part;
 /// Largest finite half-float.
 pub const HALF_MAX: f32 = 65504.0;
 
+/// A value in a film.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Spot {
+    /// Pixel of the frame, `[x, y]` from the top left.
+    pub pixel: [u32; 2],
+    /// Channel.
+    pub channel: String,
+}
+
+impl std::fmt::Display for Spot {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [x, y] = self.pixel;
+        write!(f, "x {x}, y {y} in {}", self.channel)
+    }
+}
+
 /// What the files cannot hold, counted instead of written.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Oddities {
     /// Pixels with a NaN or an infinite channel; NaN becomes 0, infinities the largest half.
     pub non_finite: u64,
-    /// The first such pixel of the frame, `[x, y]` from the top left.
-    pub first_non_finite: Option<[u32; 2]>,
-    /// Pixels with a finite channel beyond the range of half, clamped in the EXR.
+    /// The first such value.
+    pub first_non_finite: Option<Spot>,
+    /// Pixels with finite values alone, some of them beyond the range of half where half is written.
     pub clamped: u64,
-    /// The first such pixel.
-    pub first_clamped: Option<[u32; 2]>,
+    /// The first such value.
+    pub first_clamped: Option<Spot>,
 }
 
 impl Oddities {
-    /// Looks at every pixel of a film, on the threads of the caller's rayon pool.
-    pub fn of(film: &Film) -> Self {
+    /// Looks at every pixel of a film, on the threads of the caller's rayon pool. `float`: nothing
+    /// is written as half.
+    pub fn of(film: &Film, float: bool) -> Self {
         let width = film.window.width().max(1) as usize;
         let rows = film.pixels.par_chunks(width).enumerate().with_min_len(16);
+        let largest = |kind| match kind {
+            ChannelKind::Half if !float => HALF_MAX,
+            _ => f32::MAX,
+        };
+        let beauty = largest(ChannelKind::Half);
+        let kinds = film.planes.channels.iter().enumerate();
+        let floats: Vec<(usize, f32)> = kinds
+            .filter(|(_, channel)| channel.kind != ChannelKind::Uint)
+            .map(|(i, channel)| (i, largest(channel.kind)))
+            .collect();
         let found = rows.map(|(row, pixels)| {
             let mut found = Self::default();
             for (column, pixel) in pixels.iter().enumerate() {
+                let index = row * width + column;
                 // NaN fails the comparison, so the common case is one test per channel.
-                if pixel.iter().all(|c| c.abs() <= HALF_MAX) {
+                if pixel.iter().all(|c| c.abs() <= beauty)
+                    && floats.iter().all(|&(i, most)| film.planes.float(i, index).abs() <= most)
+                {
                     continue;
                 }
-                let at = [film.window.x0 + column as u32, film.window.y0 + row as u32];
-                if pixel.iter().all(|c| c.is_finite()) {
-                    found.clamped += 1;
-                    found.first_clamped.get_or_insert(at);
-                } else {
-                    found.non_finite += 1;
-                    found.first_non_finite.get_or_insert(at);
-                }
+                let names = ["R", "G", "B", "A"].into_iter().zip(*pixel).zip([beauty; 4]);
+                let planes = floats.iter().map(|&(i, most)| {
+                    let name = film.planes.channels[i].name.as_str();
+                    ((name, film.planes.float(i, index)), most)
+                });
+                let pixel = [film.window.x0 + column as u32, film.window.y0 + row as u32];
+                found.add(pixel, names.chain(planes));
             }
             found
         });
         found.reduce(Self::default, Self::then)
+    }
+
+    /// Looks at the values of one pixel, each with its name and the most that it may be.
+    fn add<'a>(
+        &mut self,
+        pixel: [u32; 2],
+        values: impl Iterator<Item = ((&'a str, f32), f32)> + Clone,
+    ) {
+        let spot = |name: &str| Spot { pixel, channel: name.to_string() };
+        let infinite = values.clone().find(|((_, value), _)| !value.is_finite());
+        if let Some(((name, _), _)) = infinite {
+            self.non_finite += 1;
+            self.first_non_finite.get_or_insert_with(|| spot(name));
+        } else if let Some(((name, _), _)) = values.clone().find(|((_, v), most)| v.abs() > *most) {
+            self.clamped += 1;
+            self.first_clamped.get_or_insert_with(|| spot(name));
+        }
     }
 
     /// Of these pixels and those after them.
@@ -101,8 +148,8 @@ pub struct WriteOptions<'a> {
     pub tonemap: &'a Tonemap,
     /// The PNG gets an alpha channel.
     pub transparent: bool,
-    /// Custom EXR attributes, `lightpath:NAME` and value, sorted by name.
-    pub attributes: &'a [(String, String)],
+    /// What the EXR says and how it is stored.
+    pub exr: exr::Options<'a>,
 }
 
 impl Outputs {
@@ -139,7 +186,7 @@ impl Outputs {
         let (exr, png) = rayon::join(
             || {
                 let path = self.exr.target().to_owned();
-                exr::write(film, options.attributes, self.exr.file(), &path)?;
+                exr::write(film, &options.exr, self.exr.file(), &path)?;
                 self.exr.sync()
             },
             || {
@@ -153,6 +200,6 @@ impl Outputs {
         png?;
         monitor.check()?;
         let paths = [self.exr.commit()?, self.png.commit()?];
-        Ok((paths, Oddities::of(film)))
+        Ok((paths, Oddities::of(film, options.exr.float)))
     }
 }

@@ -30,20 +30,35 @@ pub fn write(
     path: &Path,
 ) -> Result<()> {
     let bytes = tonemap::to_bytes(&film.pixels, tonemap, transparent);
+    encode(film, &bytes, transparent, tonemap.srgb, file, path)
+}
+
+/// Writes 8-bit pixels of the film's data window: R, G, B and with `alpha` A; `srgb` or linear.
+///
+/// # Errors
+/// As [`write`].
+pub fn encode(
+    film: &Film,
+    bytes: &[u8],
+    alpha: bool,
+    srgb: bool,
+    file: &mut impl Write,
+    path: &Path,
+) -> Result<()> {
     let mut buffered = BufWriter::new(file);
     let (width, height) = (film.window.width(), film.window.height());
     let mut encoder = Encoder::new(&mut buffered, width, height);
     encoder.set_depth(BitDepth::Eight);
-    encoder.set_color(match transparent {
+    encoder.set_color(match alpha {
         true => ColorType::Rgba,
         false => ColorType::Rgb,
     });
-    match tonemap.srgb {
+    match srgb {
         true => encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric),
         false => encoder.set_source_gamma(ScaledFloat::new(1.0)),
     }
     let written = encoder.write_header().and_then(|mut writer| {
-        writer.write_image_data(&bytes)?;
+        writer.write_image_data(bytes)?;
         writer.finish()
     });
     written.map_err(|error| png_error(path, error))?;

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use glam::{DVec3, Vec2, Vec3};
 
+use super::layers::{Layer, LightGroups};
+
 /// What a scene file means. World units, right-handed; colours linear BT.709, unbounded.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -32,8 +34,10 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Of the PNG only.
     pub tonemap: Tonemap,
-    /// EXR layers asked for by name.
-    pub layers: Vec<String>,
+    /// EXR layers beside the beauty, each once, in the order of [`Layer`].
+    pub layers: Vec<Layer>,
+    /// How its lights are grouped in layers.
+    pub light_groups: LightGroups,
     /// Alpha is coverage instead of 1.
     pub transparent: bool,
 }
@@ -214,6 +218,8 @@ pub enum ColorSpace {
 /// Blinn-Phong coefficients.
 #[derive(Debug, Clone)]
 pub struct Material {
+    /// Its key under `materials`; an inline one has none.
+    pub name: Option<String>,
     /// Diffuse.
     pub kd: f32,
     /// Specular.

@@ -12,6 +12,7 @@ mod document;
 mod expected;
 #[cfg(test)]
 mod hostile_tests;
+mod layers;
 mod nearest;
 mod node;
 mod overrides;
@@ -28,6 +29,7 @@ pub use check::begins_as_ply;
 pub use checked::*;
 pub use description::Description;
 pub use document::Document;
+pub use layers::{Layer, LightGroups};
 pub use nearest::{did_you_mean, list, nearest};
 pub use node::{Member, Node, NodeKind, Place};
 pub use schema::{schema, schema_of};

@@ -36,7 +36,7 @@ pub(super) fn everything() -> Value {
             } }
         },
         "tonemap": { "operator": "reinhard", "exposure": -1.5, "transfer": "linear" },
-        "output": { "layers": ["normal"], "transparent": true }
+        "output": { "layers": ["N", "Z"], "transparent": true }
     })
 }
 
@@ -102,7 +102,8 @@ fn everything_is_understood() {
     let texture = scene.materials[0].texture.as_ref().unwrap();
     assert_eq!((texture.filter, texture.wrap), (Filter::Nearest, Some(Wrap::Clamp)));
     assert_eq!(scene.tonemap.operator, ToneOperator::Reinhard);
-    assert_eq!((scene.layers[0].as_str(), scene.transparent), ("normal", true));
+    assert_eq!(scene.layers, [Layer::Depth, Layer::Normal]);
+    assert!(scene.transparent);
 }
 
 /// A scene of things that state only what they must.
@@ -197,14 +198,14 @@ fn overrides_apply_in_order_and_create() {
         r#"/scene/shapes/-={"type":"sphere","center":[0,9,0],"radius":1,"material":"red/blue"}"#,
         "/scene/shapes/0/radius=2",
         "/output/layers=[]",
-        "/output/layers/-=depth",
+        "/output/layers/-=Z",
         "/comment=ignored",
     ];
     let loaded = load_value(&least(), &set).unwrap();
     assert_eq!(loaded.scene.camera.fov_deg, 31.0);
     assert_eq!(loaded.scene.tonemap.exposure, 1.0);
     assert!(matches!(loaded.scene.shapes[0].kind, ShapeKind::Sphere { radius: 2.0, .. }));
-    assert_eq!(loaded.scene.layers, ["depth"]);
+    assert_eq!(loaded.scene.layers, [Layer::Depth]);
 }
 
 #[test]
@@ -247,4 +248,34 @@ fn other_files_are_read_with_the_same_checks() {
     let bad = Document::parse("j", br#"{"frame": 3}"#).unwrap();
     let error = read_as::<Job>(&bad).unwrap_err();
     assert_eq!(error.problems.len(), 2, "{error}");
+}
+
+/// The names of the light groups of lights with these `group` and `name`, and the lights that collide.
+fn groups(lights: &[(Option<&str>, Option<&str>)]) -> (Vec<String>, Vec<usize>) {
+    let light = |&(group, name): &(Option<&str>, Option<&str>)| Light {
+        group: group.map(String::from),
+        name: name.map(String::from),
+        diffuse: glam::Vec3::ONE,
+        specular: glam::Vec3::ONE,
+        kind: LightKind::Point { position: glam::DVec3::ZERO },
+    };
+    let (groups, collisions) = LightGroups::new(&lights.iter().map(light).collect::<Vec<_>>());
+    (groups.names, collisions.into_iter().map(|(light, _)| light).collect())
+}
+
+#[test]
+fn light_groups_are_named_by_group_then_name_then_number() {
+    let (names, collisions) =
+        groups(&[(Some("a b"), Some("x")), (None, Some("x")), (None, None), (Some("a b"), None)]);
+    assert_eq!(names, ["a_b", "x", "3"]);
+    assert!(collisions.is_empty());
+}
+
+#[test]
+fn light_groups_that_would_share_a_layer_collide() {
+    assert_eq!(groups(&[(Some("a b"), None), (Some("a_b"), None)]).1, [1]);
+    assert_eq!(groups(&[(None, Some("x")), (None, Some("x"))]).1, [1]);
+    assert_eq!(groups(&[(Some("x"), None), (None, Some("x"))]).1, [1]);
+    assert_eq!(groups(&[(None, Some("2")), (None, None)]).1, [1]);
+    assert_eq!(groups(&[(Some("ambient"), None)]).1, [0]);
 }

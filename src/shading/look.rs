@@ -144,6 +144,33 @@ impl Shapes {
         }
     }
 
+    /// The shape that a hit's primitive belongs to: its index in file order.
+    #[inline(always)]
+    pub fn shape(&self, geom: u32, prim: u32) -> u32 {
+        self.owners[geom as usize].shape(prim)
+    }
+
+    /// Texture coordinates under lane `i`, v running down, before any `tScale`; `None` for a mesh
+    /// whose file has none.
+    pub fn uv(
+        &self,
+        geometry: &Geometry,
+        packet: &RayPacket,
+        surfaces: &Surfaces,
+        i: usize,
+    ) -> Option<Vec2> {
+        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+        let corners = match geometry.kind(geom) {
+            GeometryKind::Mesh(mesh) => Some(geometry.meshes[mesh].triangles()[prim as usize]),
+            _ => None,
+        };
+        let (u, v) = (surfaces.u[i], surfaces.v[i]);
+        let half = packet.hits.u[i] + packet.hits.v[i];
+        let sphere = || sphere_point(geometry, surfaces, prim, i);
+        let shape = &self.shapes[self.shape(geom, prim) as usize];
+        shape.uv.at(prim, corners, [1.0 - u - v, u, v], half, sphere)
+    }
+
     /// Bytes of vertex data: normals, texture coordinates, colours.
     pub fn vertex_bytes(&self) -> u64 {
         let shapes = self.shapes.iter().map(|shape| {

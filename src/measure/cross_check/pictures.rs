@@ -149,7 +149,7 @@ fn explain(
     let mut rows = [&mut pixel[..]];
     let integrator = Integrator { world, accelerator: &witness, monitor };
     let window = Window { x0: x, y0: y, x1: x + 1, y1: y + 1 };
-    simd::dispatch(isa, TileKernel { integrator, window, rows: &mut rows });
+    simd::dispatch(isa, TileKernel::beauty(integrator, window, &mut rows));
     witness.reason.into_inner().unwrap_or(Reason::None)
 }
 

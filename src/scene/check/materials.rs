@@ -34,7 +34,7 @@ impl Check<'_, '_> {
             let pointer = join("/scene/materials", &member.key);
             // A broken material keeps its name, or every use of it would be an error too.
             let written = self.part(&pointer).unwrap_or_default();
-            let material = self.material(&pointer, &written);
+            let material = self.material(&pointer, Some(&member.key), &written);
             materials.names.insert(member.key.clone(), (materials.all.len(), false));
             materials.all.push(material);
         }
@@ -56,7 +56,7 @@ impl Check<'_, '_> {
         let pointer = format!("{shape}/material");
         match self.part::<MaterialUse>(&pointer)? {
             MaterialUse::Inline(material) => {
-                let material = self.material(&pointer, &material);
+                let material = self.material(&pointer, None, &material);
                 materials.all.push(material);
                 Some(materials.all.len() - 1)
             }
@@ -80,8 +80,14 @@ impl Check<'_, '_> {
         }
     }
 
-    fn material(&mut self, pointer: &str, written: &description::Material) -> Material {
+    fn material(
+        &mut self,
+        pointer: &str,
+        name: Option<&String>,
+        written: &description::Material,
+    ) -> Material {
         Material {
+            name: name.cloned(),
             kd: written.kd as f32,
             ks: written.ks as f32,
             ka: written.ka as f32,

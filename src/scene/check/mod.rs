@@ -5,6 +5,7 @@
 mod camera;
 mod files;
 mod geometry;
+mod layers;
 mod lights;
 mod materials;
 mod overview;
@@ -45,7 +46,7 @@ pub fn check(
     let mut materials = check.named_materials();
     let shapes = check.shapes(&mut materials);
     check.unused(&materials);
-    check.layers();
+    let (layers, light_groups) = check.layers(&lights);
     let description: Option<Description> = check.part("");
     let (camera, description) = (camera?, description?);
     let scene = Scene {
@@ -70,7 +71,8 @@ pub fn check(
         shapes,
         materials: materials.all,
         tonemap: tonemap(&description),
-        layers: description.output.layers.iter().map(|l| l.0.clone()).collect(),
+        layers,
+        light_groups,
         transparent: description.output.transparent,
     };
     check.look_over(&scene);
@@ -137,16 +139,5 @@ impl Check<'_, '_> {
             self.problems.error(pointer, message, None);
         }
         Some(name.clone())
-    }
-
-    fn layers(&mut self) {
-        let layers: Vec<Name> = self.part("/output/layers").unwrap_or_default();
-        for (i, layer) in layers.iter().enumerate() {
-            if layers[..i].contains(layer) {
-                let message =
-                    format!("found the layer {:?} a second time; it is written once", layer.0);
-                self.problems.warn(&format!("/output/layers/{i}"), message, None);
-            }
-        }
     }
 }

@@ -1,4 +1,8 @@
-//! The picture in memory: linear radiance per pixel, before any file format.
+//! The picture in memory: linear radiance per pixel and the layers beside it, before any file format.
+
+mod planes;
+
+pub use self::planes::{Channel, ChannelKind, Planes};
 
 use crate::error::{Error, Kind, Problem, Result};
 
@@ -41,6 +45,8 @@ pub struct Film {
     pub window: Window,
     /// `window.width() * window.height()` pixels of R, G, B, A.
     pub pixels: Vec<[f32; 4]>,
+    /// The layers that were asked for; mostly none.
+    pub planes: Planes,
 }
 
 impl Film {
@@ -50,7 +56,7 @@ impl Film {
     /// # Errors
     /// `Retry` if there is no memory for it.
     pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
-        Ok(Blank::new(frame, window)?.film())
+        Ok(Blank::new(frame, window, Vec::new())?.film())
     }
 }
 
@@ -61,28 +67,35 @@ pub struct Blank {
     frame: [u32; 2],
     window: Window,
     pixels: Vec<[f32; 4]>,
+    planes: Planes,
 }
 
 impl Blank {
-    /// Sets the addresses aside.
+    /// Sets the addresses aside for R, G, B, A and `channels` beside them.
     ///
     /// # Errors
     /// `Retry` if the system refuses so much.
-    pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
+    pub fn new(frame: [u32; 2], window: Window, channels: Vec<Channel>) -> Result<Self> {
         let count = window.width() as usize * window.height() as usize;
+        let words = count.saturating_mul(channels.len());
         let mut pixels = Vec::new();
-        pixels.try_reserve_exact(count).map_err(|_| {
+        let mut planes = Planes { channels, words: Vec::new() };
+        let reserved = pixels.try_reserve_exact(count);
+        reserved.and_then(|()| planes.words.try_reserve_exact(words)).map_err(|_| {
             let bytes = count.saturating_mul(size_of::<[f32; 4]>());
+            let bytes = bytes.saturating_add(words.saturating_mul(size_of::<u32>()));
             let message = format!("no memory for {count} pixels of together {bytes} bytes");
             Error::new(Kind::Retry, Problem::new("film", message))
         })?;
-        Ok(Self { frame, window, pixels })
+        Ok(Self { frame, window, pixels, planes })
     }
 
     /// The film, all of its memory touched: no page faults are left to the render.
     pub fn film(self) -> Film {
-        let Self { frame, window, mut pixels } = self;
-        pixels.resize(window.width() as usize * window.height() as usize, [0.0; 4]);
-        Film { frame, window, pixels }
+        let Self { frame, window, mut pixels, mut planes } = self;
+        let count = window.width() as usize * window.height() as usize;
+        pixels.resize(count, [0.0; 4]);
+        planes.words.resize(count * planes.channels.len(), 0);
+        Film { frame, window, pixels, planes }
     }
 }

@@ -1,0 +1,186 @@
+//! What a render says about its layers: header attributes, the manifests of cryptomattes, previews.
+
+use std::path::PathBuf;
+
+use crate::{
+    camera,
+    error::{Error, Result},
+    film::Film,
+    layers::{Mattes, Plan},
+    output::{
+        atomic::{Part, TextFile},
+        exr::{Compression, View},
+        png, preview,
+    },
+    scene::{Camera, Layer, Scene},
+};
+
+use super::{
+    args::{CompressionName, RenderArgs},
+    paths,
+};
+
+/// A manifest beside the picture.
+#[derive(Debug)]
+pub struct Sidecar {
+    /// What its mattes are called.
+    kind: &'static str,
+    /// Its name within the folder.
+    name: String,
+    file: TextFile,
+}
+
+/// Where manifests are written, by the kind of their mattes.
+fn sidecars(args: &RenderArgs, scene: &Scene) -> Vec<(&'static str, PathBuf)> {
+    if !args.files.crypto_sidecar {
+        return Vec::new();
+    }
+    let prefix = paths::prefix(args.output.as_deref(), &args.input);
+    let kinds = Plan::new(scene).mattes.into_iter().map(|mattes| mattes.kind);
+    let named = kinds.map(|kind| {
+        let mut name = prefix.as_os_str().to_owned();
+        name.push(format!(".{kind}.json"));
+        (kind, PathBuf::from(name))
+    });
+    named.collect()
+}
+
+/// The files that `--crypto-sidecar` writes.
+pub fn sidecar_paths(args: &RenderArgs, scene: &Scene) -> Vec<PathBuf> {
+    sidecars(args, scene).into_iter().map(|(_, path)| path).collect()
+}
+
+/// Makes sure that they can be written.
+///
+/// # Errors
+/// Those of [`TextFile::create`]; a name that no EXR attribute can hold.
+pub fn create_sidecars(args: &RenderArgs, scene: &Scene) -> Result<Vec<Sidecar>> {
+    let create = |(kind, path): (&'static str, PathBuf)| {
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+            let message = "found a name that is not UTF-8, which the EXR cannot hold";
+            return Err(Error::invalid(path.display().to_string(), message)
+                .help("choose another name: -o PREFIX"));
+        };
+        Ok(Sidecar { kind, name: name.to_string(), file: TextFile::create(&path)? })
+    };
+    sidecars(args, scene).into_iter().map(create).collect()
+}
+
+/// Writes the manifests.
+///
+/// # Errors
+/// `Retry` for a full disk.
+pub fn write_sidecars(plan: &Plan, sidecars: Vec<Sidecar>) -> Result<Vec<PathBuf>> {
+    let of = |kind: &str| plan.mattes.iter().find(|mattes| mattes.kind == kind);
+    let write = |sidecar: Sidecar| {
+        let manifest = of(sidecar.kind).map(Mattes::manifest).unwrap_or_default();
+        sidecar.file.finish(&(manifest + "\n"))
+    };
+    sidecars.into_iter().map(write).collect()
+}
+
+/// The layers that `--png-layer` shows, and where.
+///
+/// # Errors
+/// Layers that are not written.
+pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, PathBuf)>> {
+    let prefix = paths::prefix(args.output.as_deref(), &args.input);
+    let written: Vec<String> =
+        scene.layers.iter().map(|layer| layer.name(&scene.light_groups)).collect();
+    let mut shown = Vec::new();
+    for name in &args.files.png_layer {
+        let named = match Layer::named(name, &scene.light_groups) {
+            Some(_) if name == "all" => written.clone(),
+            Some(layers) => layers.iter().map(|layer| layer.name(&scene.light_groups)).collect(),
+            None => {
+                let message = format!("found the unknown layer {name:?}");
+                let help = Layer::help(name, &scene.light_groups);
+                return Err(Error::invalid("--png-layer", message).help(help));
+            }
+        };
+        for name in named {
+            if !written.contains(&name) {
+                let message = format!("found the layer `{name}`, which the EXR does not have");
+                let help = format!("ask for it: --aov {name}");
+                return Err(Error::invalid("--png-layer", message).help(help));
+            }
+            if !shown.contains(&name) {
+                shown.push(name);
+            }
+        }
+    }
+    let named = shown.into_iter().map(|name| {
+        let mut path = prefix.as_os_str().to_owned();
+        path.push(format!(".{name}.png"));
+        (name, PathBuf::from(path))
+    });
+    Ok(named.collect())
+}
+
+/// Makes sure that the pictures of layers can be written.
+///
+/// # Errors
+/// Those of [`Part::create`].
+pub fn create_previews(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Part)>> {
+    let paths = preview_paths(args, scene)?;
+    paths.into_iter().map(|(name, path)| Ok((name, Part::create(&path)?))).collect()
+}
+
+/// Writes the pictures of layers.
+///
+/// # Errors
+/// `Retry` for a full disk.
+pub fn write_previews(film: &Film, previews: Vec<(String, Part)>) -> Result<Vec<PathBuf>> {
+    let write = |(name, mut part): (String, Part)| {
+        let path = part.target().to_owned();
+        let bytes = preview::bytes(film, &name).unwrap_or_default();
+        png::encode(film, &bytes, false, true, part.file(), &path)?;
+        part.sync()?;
+        part.commit()
+    };
+    previews.into_iter().map(write).collect()
+}
+
+/// Header attributes of the layers.
+pub fn attributes(plan: &Plan, sidecars: &[Sidecar]) -> Vec<(String, String)> {
+    let mut attributes = Vec::new();
+    for mattes in &plan.mattes {
+        let sidecar = sidecars.iter().find(|sidecar| sidecar.kind == mattes.kind);
+        attributes.extend(mattes.attributes(sidecar.map(|sidecar| sidecar.name.as_str())));
+    }
+    let mut say = |name: &str, text: &str| {
+        attributes.push((format!("lightpath:{name}"), text.to_string()));
+    };
+    if plan.depth.is_some() {
+        say("Z", "camera-space depth, not distance; 1e30 where nothing is hit; nearest sample");
+    }
+    if plan.position.is_some() {
+        say("P", "world space; 0 where nothing is hit; nearest sample");
+    }
+    if plan.normal.is_some() || plan.geometric_normal.is_some() {
+        say("N", "world space, turned to the camera");
+    }
+    attributes
+}
+
+/// Where the picture was taken from.
+pub fn view(camera: &Camera) -> View {
+    let rounded = |matrix: [[f64; 4]; 4]| std::array::from_fn(|i| matrix[i / 4][i % 4] as f32);
+    View {
+        world_to_camera: rounded(camera::world_to_camera(camera)),
+        world_to_ndc: rounded(camera::world_to_ndc(camera)),
+        screen_window_width: camera::screen_window_width(camera) as f32,
+    }
+}
+
+/// ZIP if nothing is said.
+pub fn compression(name: Option<CompressionName>) -> Compression {
+    match name {
+        None | Some(CompressionName::Zip) => Compression::Zip,
+        Some(CompressionName::Zips) => Compression::Zips,
+        Some(CompressionName::Piz) => Compression::Piz,
+        Some(CompressionName::Rle) => Compression::Rle,
+        Some(CompressionName::None) => Compression::None,
+        Some(CompressionName::Dwaa) => Compression::Dwaa,
+    }
+}

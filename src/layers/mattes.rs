@@ -1,0 +1,118 @@
+//! Cryptomatte 1.2.0 (Friedman and Jones, "Fully automatic ID mattes with support for motion blur and
+//! transparency", 2015): per pixel, what covers it and how much of it, by hashes of names.
+
+use std::collections::HashSet;
+
+use crate::film::{Channel, ChannelKind};
+use crate::scene::Scene;
+
+use super::names;
+
+/// Things that a pixel can hold by default.
+pub const RANKS: usize = 6;
+
+/// Mattes of one kind of thing.
+#[derive(Debug, Clone)]
+pub struct Mattes {
+    /// What the kind is called in channels and attributes.
+    pub kind: &'static str,
+    /// Things per pixel; two stand in each layer.
+    pub ranks: usize,
+    /// Their first channel among a pixel's words.
+    pub first: usize,
+    /// Id of each shape.
+    ids: Vec<u32>,
+    /// Names and their ids, in the order of the scene.
+    named: Vec<(String, u32)>,
+}
+
+impl Mattes {
+    /// `CryptoObject`: one matte per shape.
+    pub fn objects(scene: &Scene) -> Self {
+        let names = names::shapes(scene);
+        Self::new("CryptoObject", names.clone(), &names)
+    }
+
+    /// `CryptoMaterial`: one matte per material.
+    pub fn materials(scene: &Scene) -> Self {
+        let names = names::materials(scene);
+        let of_shapes = scene.shapes.iter().map(|shape| names[shape.material].clone()).collect();
+        Self::new("CryptoMaterial", of_shapes, &names)
+    }
+
+    fn new(kind: &'static str, of_shapes: Vec<String>, names: &[String]) -> Self {
+        let ids = of_shapes.iter().map(|name| id(name)).collect();
+        let mut used: HashSet<&String> = of_shapes.iter().collect();
+        let named = names.iter().filter(|name| used.remove(name));
+        let named = named.map(|name| (name.clone(), id(name))).collect();
+        Self { kind, ranks: RANKS, first: 0, ids, named }
+    }
+
+    /// Its channels: ids and coverages in turn, two ranks a layer, all 32-bit float.
+    pub fn channels(&self) -> impl Iterator<Item = Channel> + use<> {
+        let kind = self.kind;
+        (0..2 * self.ranks).map(move |i| {
+            let name = format!("{kind}{:02}.{}", i / 4, ["R", "G", "B", "A"][i % 4]);
+            Channel { name, kind: ChannelKind::Float }
+        })
+    }
+
+    /// Fills a pixel's words from how many of its `samples` met each shape: the most covered first,
+    /// of equals the one that was met first; what has no rank left is dropped.
+    pub fn rank(&self, shapes: &[(u32, u32)], samples: u32, words: &mut [u32]) {
+        let words = &mut words[self.first..self.first + 2 * self.ranks];
+        words.fill(0);
+        let mut ids: Vec<(u32, u32)> = Vec::new();
+        for &(shape, count) in shapes {
+            let id = self.ids[shape as usize];
+            match ids.iter_mut().find(|(known, _)| *known == id) {
+                Some((_, sum)) => *sum += count,
+                None => ids.push((id, count)),
+            }
+        }
+        ids.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        for (pair, (id, count)) in words.chunks_exact_mut(2).zip(ids) {
+            let coverage = (f64::from(count) / f64::from(samples)) as f32;
+            pair.copy_from_slice(&[id, coverage.to_bits()]);
+        }
+    }
+
+    /// Header attributes: what a reader needs to find mattes by name. The manifest stands in
+    /// `sidecar`, a file beside the picture, if there is one.
+    pub fn attributes(&self, sidecar: Option<&str>) -> Vec<(String, String)> {
+        // The key is the first 7 digits of the kind's own hash.
+        let key = format!("{:08x}", id(self.kind));
+        let name = |what: &str| format!("cryptomatte/{}/{what}", &key[..7]);
+        let manifest = match sidecar {
+            Some(file) => (name("manif_file"), file.to_string()),
+            None => (name("manifest"), self.manifest()),
+        };
+        vec![
+            (name("conversion"), "uint32_to_float32".to_string()),
+            (name("hash"), "MurmurHash3_32".to_string()),
+            manifest,
+            (name("name"), self.kind.to_string()),
+        ]
+    }
+
+    /// Names and ids as a JSON object.
+    pub fn manifest(&self) -> String {
+        let pairs = self.named.iter().map(|(name, id)| {
+            let name = serde_json::Value::from(name.as_str());
+            format!("{name}:\"{id:08x}\"")
+        });
+        format!("{{{}}}", pairs.collect::<Vec<_>>().join(","))
+    }
+}
+
+/// The bits of a name's id: MurmurHash3_x86_32 of its UTF-8, seed 0, with one bit of the exponent
+/// turned where they would be a denormal, an infinity or a NaN as a float.
+pub fn id(name: &str) -> u32 {
+    let mut bytes = name.as_bytes();
+    // Reading from memory does not fail.
+    let hash = murmur3::murmur3_32(&mut bytes, 0).unwrap_or_default();
+    match (hash >> 23) & 255 {
+        0 | 255 => hash ^ (1 << 23),
+        _ => hash,
+    }
+}

@@ -1,0 +1,167 @@
+//! The layers of a scene: which channels stand beside the beauty, and where in a pixel's words.
+
+mod mattes;
+mod names;
+
+pub use self::mattes::{Mattes, RANKS};
+
+use crate::film::{Channel, ChannelKind};
+use crate::scene::{Layer, Scene};
+
+/// Depth where a camera ray meets nothing.
+pub const FAR: f32 = 1e30;
+
+/// Where each layer stands among a pixel's words; the first channel of those with several.
+///
+/// The first [`Plan::filtered`] words are means over the camera samples (the beauty's box filter);
+/// the others are never blended.
+#[derive(Debug, Clone, Default)]
+pub struct Plan {
+    /// All channels, as they stand in a pixel's words.
+    pub channels: Vec<Channel>,
+    /// How many of them are means over samples.
+    pub filtered: usize,
+    /// Shading normal, 3.
+    pub normal: Option<usize>,
+    /// Geometric normal, 3.
+    pub geometric_normal: Option<usize>,
+    /// Base colour, 3.
+    pub albedo: Option<usize>,
+    /// Texture coordinates, 2.
+    pub uv: Option<usize>,
+    /// 3 each.
+    pub diffuse: Option<usize>,
+    /// 3.
+    pub specular: Option<usize>,
+    /// 3.
+    pub ambient: Option<usize>,
+    /// 3.
+    pub reflection: Option<usize>,
+    /// 3.
+    pub background: Option<usize>,
+    /// By light: the 3 channels of its group.
+    pub lights: Vec<Option<usize>>,
+    /// 3.
+    pub light_ambient: Option<usize>,
+    /// 3.
+    pub light_background: Option<usize>,
+    /// By light: the channel of its group's visibility, and the light's share of the group.
+    pub shadows: Vec<Option<(usize, f32)>>,
+    /// 1, of the nearest sample.
+    pub depth: Option<usize>,
+    /// 3, of the nearest sample.
+    pub position: Option<usize>,
+    /// 1, of the nearest sample.
+    pub primitive: Option<usize>,
+    /// 1, of the nearest sample.
+    pub object: Option<usize>,
+    /// 3.
+    pub variance: Option<usize>,
+    /// 1.
+    pub samples: Option<usize>,
+    /// Mattes of shapes and of materials.
+    pub mattes: Vec<Mattes>,
+}
+
+impl Plan {
+    /// The plan for the layers that a scene asks for.
+    pub fn new(scene: &Scene) -> Self {
+        let groups = &scene.light_groups;
+        let mut plan = Self::default();
+        let mut light = vec![None; groups.names.len()];
+        let mut shadow = vec![None; groups.names.len()];
+        // Means first.
+        let (means, others): (Vec<Layer>, Vec<Layer>) =
+            scene.layers.iter().partition(|layer| is_mean(**layer));
+        for layer in means {
+            let first = Some(plan.channels.len());
+            plan.add(&layer.name(groups), suffixes(layer), kind(layer));
+            match layer {
+                Layer::Normal => plan.normal = first,
+                Layer::GeometricNormal => plan.geometric_normal = first,
+                Layer::Albedo => plan.albedo = first,
+                Layer::Uv => plan.uv = first,
+                Layer::Diffuse => plan.diffuse = first,
+                Layer::Specular => plan.specular = first,
+                Layer::Ambient => plan.ambient = first,
+                Layer::Reflection => plan.reflection = first,
+                Layer::Background => plan.background = first,
+                Layer::LightAmbient => plan.light_ambient = first,
+                Layer::LightBackground => plan.light_background = first,
+                Layer::Light(group) => light[group] = first,
+                Layer::Shadow(group) => shadow[group] = first,
+                _ => {}
+            }
+        }
+        plan.filtered = plan.channels.len();
+        plan.lights = groups.of.iter().map(|&group| light[group]).collect();
+        let members = |group: usize| groups.of.iter().filter(|&&g| g == group).count();
+        let shares = groups.of.iter().map(|&g| Some((shadow[g]?, 1.0 / members(g) as f32)));
+        plan.shadows = shares.collect();
+        for layer in others {
+            let first = Some(plan.channels.len());
+            match layer {
+                Layer::CryptoObject => plan.mattes.push(Mattes::objects(scene)),
+                Layer::CryptoMaterial => plan.mattes.push(Mattes::materials(scene)),
+                Layer::Depth => plan.depth = first,
+                Layer::Position => plan.position = first,
+                Layer::Primitive => plan.primitive = first,
+                Layer::Object => plan.object = first,
+                Layer::Variance => plan.variance = first,
+                Layer::Samples => plan.samples = first,
+                _ => {}
+            }
+            match layer {
+                Layer::CryptoObject | Layer::CryptoMaterial => {}
+                Layer::Depth => plan.add("", &["Z"], ChannelKind::Float),
+                layer => plan.add(&layer.name(groups), suffixes(layer), kind(layer)),
+            }
+        }
+        for mattes in &mut plan.mattes {
+            mattes.first = plan.channels.len();
+            plan.channels.extend(mattes.channels());
+        }
+        plan
+    }
+
+    /// Whether there is anything beside the beauty.
+    pub fn is_empty(&self) -> bool {
+        self.channels.is_empty()
+    }
+
+    fn add(&mut self, layer: &str, suffixes: &[&str], kind: ChannelKind) {
+        for suffix in suffixes {
+            let name = match layer {
+                "" => (*suffix).to_string(),
+                layer => format!("{layer}.{suffix}"),
+            };
+            self.channels.push(Channel { name, kind });
+        }
+    }
+}
+
+/// Layers that are means over a pixel's camera samples.
+fn is_mean(layer: Layer) -> bool {
+    (Layer::Normal..=Layer::Shadow(usize::MAX)).contains(&layer)
+}
+
+fn suffixes(layer: Layer) -> &'static [&'static str] {
+    match layer {
+        Layer::Position | Layer::Normal | Layer::GeometricNormal => &["X", "Y", "Z"],
+        Layer::Uv => &["U", "V"],
+        Layer::Shadow(_) | Layer::Samples => &["Y"],
+        Layer::Primitive | Layer::Object => &["id"],
+        _ => &["R", "G", "B"],
+    }
+}
+
+fn kind(layer: Layer) -> ChannelKind {
+    match layer {
+        Layer::Primitive | Layer::Object => ChannelKind::Uint,
+        Layer::Position | Layer::Uv | Layer::Variance | Layer::Samples => ChannelKind::Float,
+        _ => ChannelKind::Half,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,111 @@
+use std::path::Path;
+
+use super::mattes::id;
+use super::*;
+use crate::scene::{self, Source};
+
+fn scene(layers: &str) -> Scene {
+    let text = format!(
+        r#"{{ "camera": {{ "type": "pinhole", "width": 4, "height": 4, "fov": 45,
+               "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] }},
+             "output": {{ "layers": {layers} }},
+             "scene": {{
+               "lightsources": [
+                 {{ "type": "pointlight", "position": [0, 5, 0], "id": [1, 1, 1], "group": "key light" }},
+                 {{ "type": "pointlight", "position": [0, 5, 1], "id": [1, 1, 1] }},
+                 {{ "type": "pointlight", "position": [0, 5, 2], "id": [1, 1, 1], "group": "key light" }}],
+               "materials": {{ "gold": {{}} }},
+               "shapes": [
+                 {{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": "gold" }},
+                 {{ "type": "sphere", "center": [0, 0, 2], "radius": 1, "material": {{}} }},
+                 {{ "type": "sphere", "center": [0, 0, 4], "radius": 1, "material": "gold", "name": "sphere.2" }}]
+             }} }}"#
+    );
+    let source = Source::Text { name: "s", text: text.as_bytes(), folder: Path::new("") };
+    scene::load(source, &[]).unwrap().scene
+}
+
+#[test]
+fn ids_are_those_of_the_specification() {
+    assert_eq!(id("bunny"), 0x1385_1a76);
+    assert_eq!(id("default"), 0x42c9_679f);
+    assert_eq!(id("torus"), 4_053_562_365);
+    assert_eq!(id("равнина"), 2_518_896_926);
+}
+
+#[test]
+fn no_layers_no_channels() {
+    assert!(Plan::new(&scene("[]")).is_empty());
+}
+
+#[test]
+fn channels_have_the_field_s_names_and_types() {
+    let plan = Plan::new(&scene(r#"["Z", "N", "P", "objectid", "light", "uv"]"#));
+    let names: Vec<&str> = plan.channels.iter().map(|c| c.name.as_str()).collect();
+    let expected = [
+        "N.X",
+        "N.Y",
+        "N.Z",
+        "uv.U",
+        "uv.V",
+        "light_key_light.R",
+        "light_key_light.G",
+        "light_key_light.B",
+        "light_2.R",
+        "light_2.G",
+        "light_2.B",
+        "light_ambient.R",
+        "light_ambient.G",
+        "light_ambient.B",
+        "light_background.R",
+        "light_background.G",
+        "light_background.B",
+        "Z",
+        "P.X",
+        "P.Y",
+        "P.Z",
+        "objectid.id",
+    ];
+    assert_eq!(names, expected);
+    let of = |name: &str| plan.channels.iter().find(|c| c.name == name).unwrap().kind;
+    assert_eq!(of("N.X"), ChannelKind::Half);
+    assert_eq!(of("Z"), ChannelKind::Float);
+    assert_eq!(of("objectid.id"), ChannelKind::Uint);
+    assert_eq!(plan.lights, [Some(5), Some(8), Some(5)]);
+    assert_eq!(plan.filtered, 17);
+}
+
+#[test]
+fn every_layer_once_in_all() {
+    let plan = Plan::new(&scene(r#"["all", "Z"]"#));
+    let mut names: Vec<&str> = plan.channels.iter().map(|c| c.name.as_str()).collect();
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), count);
+    assert_eq!(plan.shadows[0].unwrap().1, 0.5);
+    assert_eq!(plan.shadows[1].unwrap().1, 1.0);
+}
+
+#[test]
+fn names_that_nobody_gave_are_unique() {
+    let scene = scene("[]");
+    assert_eq!(names::shapes(&scene), ["sphere", "sphere.3", "sphere.2"]);
+    assert_eq!(names::materials(&scene), ["gold", "material.sphere.3"]);
+    let manifest = Mattes::materials(&scene).manifest();
+    let expected = format!("{{\"gold\":\"{:08x}\",", id("gold"));
+    assert!(manifest.starts_with(&expected), "{manifest}");
+}
+
+#[test]
+fn ranks_are_sorted_by_coverage() {
+    let mut mattes = Mattes::materials(&scene("[]"));
+    mattes.ranks = 2;
+    let mut words = [7; 4];
+    // Both spheres of gold count together.
+    mattes.rank(&[(0, 1), (1, 2), (2, 2)], 8, &mut words);
+    let ids = [id("gold"), id("material.sphere.3")];
+    assert_eq!(words, [ids[0], 0.375f32.to_bits(), ids[1], 0.25f32.to_bits()]);
+    mattes.rank(&[], 8, &mut words);
+    assert_eq!(words, [0; 4]);
+}

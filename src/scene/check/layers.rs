@@ -1,0 +1,43 @@
+//! Layers: known names, light groups that can be told apart.
+
+use crate::scene::{
+    checked::Light,
+    description::Name,
+    layers::{Layer, LightGroups},
+};
+
+use super::Check;
+
+impl Check<'_, '_> {
+    /// Checks `/output/layers`.
+    pub(super) fn layers(&mut self, lights: &[Light]) -> (Vec<Layer>, LightGroups) {
+        let (groups, collisions) = LightGroups::new(lights);
+        let words: Vec<Name> = self.part("/output/layers").unwrap_or_default();
+        let mut layers = Vec::new();
+        for (i, Name(word)) in words.iter().enumerate() {
+            let pointer = format!("/output/layers/{i}");
+            if words[..i].iter().any(|Name(before)| before == word) {
+                let message = format!("found the layer {word:?} a second time; it is written once");
+                self.problems.warn(&pointer, message, None);
+            }
+            match Layer::named(word, &groups) {
+                Some(named) => layers.extend(named),
+                None => {
+                    let message = format!("found the unknown layer {word:?}");
+                    self.problems.error(&pointer, message, Some(Layer::help(word, &groups)));
+                }
+            }
+        }
+        layers.sort();
+        layers.dedup();
+        if layers.iter().any(|layer| layer.of_lights()) {
+            for (light, label) in collisions {
+                let pointer = format!("/scene/lightsources/{light}");
+                let message = format!("found a second layer `light_{label}`");
+                let help = "choose another `name`, or give lights that belong together one `group`";
+                self.problems.error(&pointer, message, Some(help.to_string()));
+            }
+        }
+        (layers, groups)
+    }
+}

@@ -1,0 +1,152 @@
+//! Layers through the program: names, files, refusals.
+
+mod program;
+
+use std::collections::BTreeMap;
+
+use program::{Done, Scratch};
+
+const SCENE: &str = r#"{
+  "spp": 4,
+  "camera": { "type": "pinhole", "width": 40, "height": 24, "fov": 40,
+              "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+  "scene": {
+    "accelerator": "bvh", "backgroundcolor": [0.1, 0.2, 0.3],
+    "lightsources": [
+      { "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3], "name": "sun" },
+      { "type": "pointlight", "position": [-2, 3, 4], "id": [1, 1, 1], "name": "sun" }],
+    "materials": { "chalk": {} },
+    "shapes": [{ "type": "sphere", "name": "ball", "center": [0, 0, 0], "radius": 1, "material": "chalk" }]
+  }
+}"#;
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    scratch
+}
+
+fn render(scratch: &Scratch, flags: &[&str]) -> Done {
+    scratch.run(&[&["render", "s.json", "--quiet"], flags].concat())
+}
+
+fn channels(scratch: &Scratch, file: &str) -> BTreeMap<String, String> {
+    let done = scratch.run(&["info", "--json", file]);
+    let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+    let channels = value["parts"][0]["channels"].as_array().unwrap();
+    let text = |value: &serde_json::Value| value.as_str().unwrap().to_string();
+    channels.iter().map(|pair| (text(&pair[0]), text(&pair[1]))).collect()
+}
+
+#[test]
+fn a_flag_and_the_scene_ask_for_the_same() {
+    let scratch = scratch();
+    assert_eq!(render(&scratch, &["--aov", "Z,N,primid", "-o", "a"]).code(), 0);
+    let set = r#"/output/layers=["primid","N","Z"]"#;
+    assert_eq!(render(&scratch, &["--set", set, "-o", "b", "--threads", "2"]).code(), 0);
+    let expected = [
+        ("A", "f16"),
+        ("B", "f16"),
+        ("G", "f16"),
+        ("N.X", "f16"),
+        ("N.Y", "f16"),
+        ("N.Z", "f16"),
+        ("R", "f16"),
+        ("Z", "f32"),
+        ("primid.id", "u32"),
+    ];
+    let found = channels(&scratch, "a.exr");
+    assert_eq!(found, expected.map(|(a, b)| (a.to_string(), b.to_string())).into());
+    assert_eq!(scratch.read("a.png"), scratch.read("b.png"));
+    assert_eq!(found, channels(&scratch, "b.exr"));
+    // The same request twice: the same bytes, whatever the threads.
+    assert_eq!(render(&scratch, &["--aov", "Z,N,primid", "-o", "c", "--threads", "2"]).code(), 0);
+    assert_eq!(scratch.read("a.exr"), scratch.read("c.exr"));
+}
+
+#[test]
+fn unknown_layers_are_refused_with_the_nearest() {
+    let scratch = scratch();
+    let done = render(&scratch, &["--aov", "Z,albeod,depth"]);
+    assert_eq!(done.code(), 2);
+    for text in ["--aov", "\"albeod\"", "`albedo`", "`Z`"] {
+        assert!(done.stderr().contains(text), "{}", done.stderr());
+    }
+    assert_eq!(scratch.names(), ["s.json"]);
+}
+
+#[test]
+fn lights_that_share_a_name_are_told_apart_only_where_it_matters() {
+    let scratch = scratch();
+    let done = render(&scratch, &["--aov", "light"]);
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("light_sun"), "{}", done.stderr());
+    assert!(done.stderr().contains("`group`"), "{}", done.stderr());
+    assert_eq!(render(&scratch, &["--aov", "components"]).code(), 0);
+}
+
+#[test]
+fn lossy_compression_and_mattes_exclude_each_other() {
+    let scratch = scratch();
+    let done = render(&scratch, &["--aov", "cryptomatte", "--compression", "dwaa"]);
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("ids"), "{}", done.stderr());
+    for name in ["zip", "zips", "piz", "rle", "none"] {
+        let done = render(&scratch, &["--aov", "cryptomatte", "--compression", name, "-o", name]);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    }
+    assert_eq!(render(&scratch, &["--compression", "dwaa", "-o", "d"]).code(), 0);
+}
+
+#[test]
+fn a_sidecar_holds_the_names() {
+    let scratch = scratch();
+    let flags = ["--aov", "cryptomatte", "-o", "x", "--crypto-sidecar"];
+    let done = render(&scratch, &flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let text = String::from_utf8(scratch.read("x.CryptoObject.json")).unwrap();
+    let names: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(names.as_object().unwrap().keys().collect::<Vec<_>>(), ["ball"]);
+    let info = scratch.run(&["info", "x.exr"]).stdout();
+    assert!(info.contains("manif_file: x.CryptoMaterial.json"), "{info}");
+    assert!(!info.contains("/manifest"), "{info}");
+    let expected = ["s.json", "x.CryptoMaterial.json", "x.CryptoObject.json", "x.exr", "x.png"];
+    assert_eq!(scratch.names(), expected);
+}
+
+#[test]
+fn layers_as_pictures() {
+    let scratch = scratch();
+    let done = render(&scratch, &["--aov", "Z,CryptoObject", "-o", "x", "--png-layer", "all"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert_eq!(scratch.names(), ["s.json", "x.CryptoObject.png", "x.Z.png", "x.exr", "x.png"]);
+    let done = render(&scratch, &["--aov", "Z", "--png-layer", "N"]);
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("--aov N"), "{}", done.stderr());
+}
+
+#[test]
+fn what_no_file_holds_is_reported_and_fails_if_asked() {
+    let scratch = scratch();
+    // Finite light, infinite product.
+    let set = "/scene/lightsources/0/id=[1e18, 1, 1]";
+    let more = r#"/scene/materials/chalk={"kd": 1e6, "diffusecolor": [1e18, 1, 1]}"#;
+    let flags = ["render", "s.json", "--set", set, "--set", more, "--aov", "diffuse", "-o", "x"];
+    let done = scratch.run(&flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert!(done.stderr().contains("NaN or infinite"), "{}", done.stderr());
+    assert!(done.stderr().contains(" in R"), "{}", done.stderr());
+    let done = scratch.run(&[&flags[..], &["--strict"]].concat());
+    assert_eq!(done.code(), 1, "{}", done.stderr());
+    assert!(done.stderr().contains("--strict"), "{}", done.stderr());
+    assert_eq!(scratch.names(), ["s.json", "x.exr", "x.png"]);
+
+    let set = "/scene/lightsources/0/id=[1e6, 1, 1]";
+    let flags = ["render", "s.json", "--set", set, "--aov", "diffuse", "-o", "x", "--strict"];
+    let done = scratch.run(&flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert!(done.stderr().contains("clamped to 65504"), "{}", done.stderr());
+    let done = scratch.run(&[&flags[..], &["--float"]].concat());
+    assert!(!done.stderr().contains("clamped"), "{}", done.stderr());
+    assert!(channels(&scratch, "x.exr").values().all(|kind| kind == "f32"));
+}
