@@ -40,7 +40,8 @@ mod tests {
 
     #[test]
     fn the_floor_is_what_rounding_does() {
-        let values: Vec<f32> = (0..40_000).map(|i| (i as f32 * 0.618_034).fract() * 3.0).collect();
+        let values: Vec<f32> =
+            (0..40_000).map(|i| ((f64::from(i) * 0.618_033_988_7).fract() * 3.0) as f32).collect();
         let rounded: Vec<f32> = values.iter().map(|v| f16::from_f32(*v).to_f32()).collect();
         let errors = Errors::of(&rounded, &values);
         let floor = Floor::of(&values, 1);
