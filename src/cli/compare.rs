@@ -5,7 +5,7 @@ use std::{io::Write, path::PathBuf};
 use crate::{
     error::{Error, Failures, Kind, Problem, Result},
     measure::{
-        compare::{self, Compared, Comparison, Settings, file::Picture, map},
+        compare::{self, Compared, Comparison, Settings, file::Picture},
         metrics::Metric,
     },
     output::atomic::{Part, TextFile},
@@ -191,10 +191,4 @@ impl Files {
         }
         Ok(written)
     }
-}
-
-/// Ends of the error maps' scale, for people.
-pub fn scale() -> String {
-    let [low, high] = map::RANGE;
-    format!("{low:e} to {high}, logarithmic")
 }

@@ -8,7 +8,7 @@ use crate::{
     report::{Cell, Page, Scale, Section, picture_of_width},
 };
 
-use super::{args::CompareArgs, compare, compare_text as text};
+use super::{args::CompareArgs, compare_text as text};
 
 /// The page.
 pub fn page(args: &CompareArgs, found: &Comparison, failed: &[String]) -> Page {
@@ -58,9 +58,10 @@ fn section(args: &CompareArgs, layer: &Compared, failed: &[String]) -> Section {
     }
 }
 
+/// Two in a row: the pictures; the maps, each with its scale.
 fn charts(args: &CompareArgs, layer: &Compared) -> Vec<String> {
     let width = layer.test.size[0];
-    let shown = (width as u32).clamp(360, 600);
+    let shown = (width as u32).clamp(480, 590);
     let mut charts = Vec::new();
     if let Some(pictures) = &layer.pictures {
         let paths = [&args.test, &args.reference];
@@ -69,31 +70,23 @@ fn charts(args: &CompareArgs, layer: &Compared) -> Vec<String> {
             charts.push(picture_of_width(&map::png(pixels, width), &caption, shown));
         }
     }
-    let caption = format!("error of each pixel, {}", compare::scale());
-    charts.push(picture_of_width(&error_map(layer), &caption, shown));
+    let picture = picture_of_width(&error_map(layer), "error of each pixel", shown);
+    charts.push(picture + &error_scale().svg());
     if let Some(flip) = &layer.flip {
         let pixels: Vec<[u8; 3]> = flip.iter().map(|value| map::color(*value)).collect();
-        let caption = "FLIP of each pixel, 0 to 1";
-        charts.push(picture_of_width(&map::png(&pixels, width), caption, shown));
-    }
-    charts.push(error_scale().svg());
-    if layer.flip.is_some() {
-        charts.push(
-            scale("FLIP", vec![(0.0, "0".into()), (0.5, "0.5".into()), (1.0, "1".into())]).svg(),
-        );
+        let picture = picture_of_width(&map::png(&pixels, width), "FLIP of each pixel", shown);
+        let ticks = [0.0, 0.5, 1.0].map(|value| (value, value.to_string()));
+        charts.push(picture + &scale("FLIP", ticks.to_vec()).svg());
     }
     charts
 }
 
 fn error_scale() -> Scale {
     let [low, high] = map::RANGE;
-    let mut ticks = Vec::new();
-    let mut value = low;
-    while value <= high * 1.001 {
-        ticks.push((map::position(value), format!("{:.0e}", value)));
-        value *= 10.0;
-    }
-    scale("relative error; light blue: not finite", ticks)
+    let decades = (high / low).log10().round() as i32;
+    let values = (0..=decades).map(|i| low * 10f64.powi(i));
+    let ticks = values.map(|value| (map::position(value), format!("{value:.0e}")));
+    scale("relative error; light blue: not finite", ticks.collect())
 }
 
 fn scale(title: &str, ticks: Vec<(f64, String)>) -> Scale {

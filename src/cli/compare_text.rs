@@ -84,7 +84,7 @@ pub fn floor(args: &CompareArgs, layer: &Compared) -> Option<String> {
         [false, _] => format!("{} holds", args.reference.display()),
     };
     Some(format!(
-        "{who} half floats: their rounding alone gives about rmse {:.1e}, relmse {:.1e}",
+        "{who} half floats: their rounding alone may give rmse {:.1e}, relmse {:.1e}",
         floor.rmse, floor.relmse
     ))
 }

@@ -24,8 +24,8 @@ impl Scale {
         let step = (WIDTH - 2.0 * EDGE) / self.colors.len().max(1) as f64;
         for (i, [r, g, b]) in self.colors.iter().enumerate() {
             let fill = format!("#{r:02x}{g:02x}{b:02x}");
-            // A little wider, so that no gap shows.
-            svg.rect([EDGE + i as f64 * step, 22.0, step + 0.6, 14.0], &fill);
+            // Wider, so that no gap shows.
+            svg.rect([EDGE + i as f64 * step, 22.0, step + 1.5, 14.0], &fill);
         }
         for (place, text) in &self.ticks {
             let x = EDGE + place * (WIDTH - 2.0 * EDGE);
