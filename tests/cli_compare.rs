@@ -5,7 +5,8 @@ mod program;
 use std::path::Path;
 
 use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage,
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, ImageAttributes, Layer,
+    LayerAttributes, Text, WritableImage,
 };
 use half::f16;
 use program::{Done, Scratch};
@@ -180,6 +181,60 @@ fn layers_are_matched_by_name() {
     let done = scratch.run(&["compare", "a.exr", "b.exr", "--fail-above", "max=0.4"]);
     assert!(done.stderr().contains("Z: max is 5.0000e-1, above 0.4"), "{}", done.stderr());
     assert_eq!(done.code(), 1);
+}
+
+#[test]
+fn the_name_of_a_part_is_that_of_its_layer() {
+    let scratch = Scratch::new();
+    let part = |name: &str, channels: &[(&str, FlatSamples)]| {
+        let list = channels.iter().map(|(name, data)| AnyChannel::new(*name, data.clone()));
+        let attributes = LayerAttributes::named(name);
+        let channels = AnyChannels::sort(list.collect());
+        Layer::new((2, 1), attributes, Encoding::SMALL_LOSSLESS, channels)
+    };
+    let image = Image::empty(ImageAttributes::with_size((2, 1)))
+        .with_layer(part("rgba", &light([0.5; 6])))
+        .with_layer(part("albedo", &light([0.25; 6])))
+        .with_layer(part("data", &[("data.Z", floats(&[1.0; 2])), ("key.A", floats(&[1.0; 2]))]));
+    image.write().non_parallel().to_file(scratch.path("parts.exr")).unwrap();
+    let mut all = light([0.5; 6]);
+    all.extend(["albedo.R", "albedo.G", "albedo.B"].map(|name| (name, floats(&[0.5; 2]))));
+    all.extend(["data.Z", "data.key.A"].map(|name| (name, floats(&[1.0; 2]))));
+    write_exr(&scratch.path("one.exr"), [2, 1], &all);
+    let report = json(&scratch.run(&["compare", "parts.exr", "one.exr", "--json"]));
+    let layers = report["layers"].as_array().unwrap();
+    let facts: Vec<_> =
+        layers.iter().map(|l| (l["name"].as_str().unwrap(), metric(l, "differ"))).collect();
+    let expected = [("beauty", 0.0), ("albedo", 1.0), ("data.Z", 0.0), ("data.key.A", 0.0)];
+    assert_eq!(facts, expected);
+    for alone in ["only_in_image", "only_in_reference"] {
+        assert_eq!(report[alone], serde_json::json!([]));
+    }
+}
+
+#[test]
+fn cryptomattes_are_ids() {
+    let scratch = Scratch::new();
+    // The second id is a NaN as a number.
+    let ids = |last: u32| floats(&[f32::from_bits(0x1385_1a76), f32::from_bits(last)]);
+    let write = |name: &str, last: u32| {
+        let mut attributes = LayerAttributes::default();
+        let text = |text: &str| Text::new_or_none(text).unwrap();
+        let value = AttributeValue::Text(text("crypto_object"));
+        attributes.other.insert(text("cryptomatte/542cafa/name"), value);
+        let channels =
+            AnyChannels::sort(vec![AnyChannel::new("crypto_object00.R", ids(last))].into());
+        let layer = Layer::new((2, 1), attributes, Encoding::SMALL_LOSSLESS, channels);
+        Image::from_layer(layer).write().non_parallel().to_file(scratch.path(name)).unwrap();
+    };
+    write("a.exr", 0x7fc0_0001);
+    write("b.exr", 0x7fc0_0002);
+    let report = json(&scratch.run(&["compare", "a.exr", "b.exr", "--json"]));
+    let layer = &report["layers"][0];
+    assert_eq!((&layer["meaning"], metric(layer, "differ")), (&"ids".into(), 0.5));
+    assert_eq!(layer["non_finite"], Value::Null);
+    assert_eq!(scratch.run(&["compare", "a.exr", "a.exr", "--fail-above", "differ=0"]).code(), 0);
+    assert_eq!(scratch.run(&["compare", "a.exr", "b.exr", "--fail-above", "differ=0"]).code(), 1);
 }
 
 #[test]

@@ -161,6 +161,9 @@ fn exr_layers(path: &Path) -> Result<Vec<Layer>> {
     let mut layers: BTreeMap<(String, bool), Layer> = BTreeMap::new();
     for part in image.layer_data {
         let ids = cryptomattes(&part);
+        if part.size.0 == 0 || part.size.1 == 0 {
+            return Err(Error::invalid(path.display().to_string(), "found a layer without pixels"));
+        }
         let Part { channel_data, attributes, size, .. } = part;
         let own = attributes.layer_name.map(|name| name.to_string()).unwrap_or_default();
         let own = if single || is_beauty(&own) { String::new() } else { own };
