@@ -53,6 +53,9 @@ pub enum Command {
     /// Run the hard cases on every backend, against answers that are known
     #[command(after_help = EXIT_CODES)]
     Accuracy(Box<AccuracyArgs>),
+    /// How far a picture is from a reference: metrics, error maps, thresholds
+    #[command(after_help = EXIT_CODES)]
+    Compare(Box<CompareArgs>),
     /// Print the JSON Schema of scene files
     Schema,
     /// Print a shell completion script
@@ -472,6 +475,55 @@ pub struct AccuracyArgs {
     /// Only errors on stderr
     #[arg(long)]
     pub quiet: bool,
+}
+
+/// `lightpath compare`
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// The picture: EXR or PNG
+    #[arg(value_name = "A", value_hint = ValueHint::FilePath)]
+    pub test: PathBuf,
+
+    /// The reference
+    #[arg(value_name = "B", value_hint = ValueHint::FilePath)]
+    pub reference: PathBuf,
+
+    /// Only this layer; `beauty` is the picture itself; repeatable [default: all that both have]
+    #[arg(long, value_name = "NAME")]
+    pub layer: Vec<String>,
+
+    /// Exit 1 if a layer's error is above VALUE, e.g. relmse=1e-3; repeatable
+    #[arg(long, value_name = "METRIC=VALUE")]
+    pub fail_above: Vec<String>,
+
+    /// Exit 1 if a layer's psnr or ssim is below VALUE; repeatable
+    #[arg(long, value_name = "METRIC=VALUE")]
+    pub fail_below: Vec<String>,
+
+    /// Tone curve of the 8-bit pictures for psnr, ssim and flip [default: max by B's largest value;
+    /// clamp if a file is a PNG]
+    #[arg(long, value_name = "OP")]
+    pub tonemap: Option<ToneName>,
+
+    /// Its exposure in stops
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true, default_value_t = 0.0)]
+    pub exposure: f32,
+
+    /// Write the first layer's error map in false colour
+    #[arg(long, value_name = "FILE.png", value_hint = ValueHint::FilePath)]
+    pub out: Option<PathBuf>,
+
+    /// Write one page with the pictures, their error maps and all numbers
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub html: Option<PathBuf>,
+
+    /// Print the result as one JSON object
+    #[arg(long)]
+    pub json: bool,
+
+    /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
 }
 
 /// Names of the tone curves.

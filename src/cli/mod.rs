@@ -12,6 +12,9 @@ mod args;
 mod bench;
 mod bench_page;
 mod bench_table;
+mod compare;
+mod compare_page;
+mod compare_text;
 mod crosscheck;
 mod crosscheck_text;
 mod framing;
@@ -77,6 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Crosscheck(args)) => crosscheck::run(args),
         Some(Command::Accuracy(args)) => accuracy::run(args),
+        Some(Command::Compare(args)) => compare::run(args),
         Some(Command::Schema) => schema::run(),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),

@@ -232,13 +232,18 @@ impl<'a> Cast<'a> {
         let mut split = Split::NONE;
         let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
         let mut pairs = lanes.flat_map(|lane| (0..samples).map(move |sample| (lane, sample)));
+        // Most jobs are of the pixel of the job before.
+        let mut drawn = self.sampler.light_points(slot.pixel(0), index, bounce);
         loop {
             let mut from = [0; LANES];
             let mut q = [[0.0; LANES]; 3];
             let mut count = 0;
             for (lane, sample) in pairs.by_ref().take(LANES) {
                 let all = slot.sample[lane].wrapping_mul(samples).wrapping_add(sample);
-                let [s, t] = self.sampler.light(slot.pixel(lane), all, index, bounce);
+                if slot.pixel(lane) != drawn.pixel {
+                    drawn = self.sampler.light_points(slot.pixel(lane), index, bounce);
+                }
+                let [s, t] = drawn.at(all);
                 set_lane(&mut q, count, corner + edge * s + height * t);
                 from[count] = lane;
                 count += 1;

@@ -114,8 +114,18 @@ impl Slot {
 
     #[inline(never)]
     fn aim_sampled(&mut self, world: &World, sampler: &Sampler) {
+        let mut offsets = sampler.pixel_points(self.pixel(0));
         for i in 0..LANES {
-            let [x, y, s, t] = sampler.camera(self.pixel(i), self.sample[i]);
+            if self.pixel(i) != offsets.pixel {
+                offsets = sampler.pixel_points(self.pixel(i));
+            }
+            let [x, y, s, t] = match world.camera.has_lens() {
+                true => sampler.camera(self.pixel(i), self.sample[i]),
+                false => {
+                    let [x, y] = offsets.at(self.sample[i]);
+                    [x, y, 0.5, 0.5]
+                }
+            };
             let [dx, dy] = if world.spp > 1 { [x, y] } else { [0.5; 2] };
             let (x, y) = (self.x[i] as f32 + dx, self.y[i] as f32 + dy);
             let (origin, direction) = world.camera.ray(x, y, [s, t]);

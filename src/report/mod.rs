@@ -5,10 +5,12 @@ mod lines;
 mod page;
 mod picture;
 mod ratios;
+mod scale;
 mod svg;
 
 pub use bars::{Bar, Bars, Group};
 pub use lines::{Line, Lines};
 pub use page::{Cell, Page, Section};
-pub use picture::picture;
+pub use picture::{picture, picture_of_width};
 pub use ratios::{Ratio, Ratios};
+pub use scale::Scale;

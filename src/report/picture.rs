@@ -6,10 +6,15 @@ use super::svg::escape;
 
 /// A PNG file with its caption, as a part of the page itself.
 pub fn picture(png: &[u8], caption: &str) -> String {
+    picture_of_width(png, caption, 192)
+}
+
+/// The same, `width` CSS pixels wide; pixels that are enlarged stay squares.
+pub fn picture_of_width(png: &[u8], caption: &str, width: u32) -> String {
     let (data, caption) = (STANDARD.encode(png), escape(caption));
     format!(
-        "<figure style=\"margin:0;width:192px\"><img width=\"192\" alt=\"{caption}\" \
-         style=\"border:1px solid #e3e6ea;display:block\" src=\"data:image/png;base64,{data}\">\
+        "<figure style=\"margin:0;width:{width}px\"><img width=\"{width}\" alt=\"{caption}\" \
+         style=\"border:1px solid #e3e6ea;display:block;image-rendering:pixelated\" src=\"data:image/png;base64,{data}\">\
          <figcaption style=\"font-size:12px;color:#555d66\">{caption}</figcaption></figure>"
     )
 }

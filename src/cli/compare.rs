@@ -1,0 +1,194 @@
+//! `lightpath compare`: how far a picture is from a reference, as numbers, maps and an exit code.
+
+use std::{io::Write, path::PathBuf};
+
+use crate::{
+    error::{Error, Failures, Kind, Problem, Result},
+    measure::{
+        compare::{self, Compared, Comparison, Settings, file::Picture},
+        metrics::Metric,
+    },
+    output::atomic::{Part, TextFile},
+    scene::{ToneOperator, did_you_mean, list},
+};
+
+use super::{
+    args::{CompareArgs, ToneName},
+    compare_page, compare_text as text, machine, paths,
+};
+
+/// Compares two files.
+pub fn run(args: &CompareArgs) -> Result<()> {
+    let limits = limits(args)?;
+    not_over_inputs(args)?;
+    let pool = machine::pool(args.threads)?;
+    let files = Files::create(args)?;
+    let mut failures = Failures::default();
+    let test = failures.keep(Picture::read(&args.test));
+    let reference = failures.keep(Picture::read(&args.reference));
+    failures.check()?;
+    let (Some(test), Some(reference)) = (test, reference) else { return Ok(()) };
+    let settings = settings(args, [&test, &reference])?;
+    let found = pool.install(|| compare::compare(test, reference, &settings))?;
+    let failed = failed(args, &found, &limits)?;
+    let written = files.finish(args, &found, &failed)?;
+    if args.json {
+        super::print(&format!("{}\n", text::json(args, &found, &failed, &written)))?;
+    } else {
+        let paths = written.iter().map(|path| format!("{}\n", path.display()));
+        super::print(&(text::text(args, &found) + &paths.collect::<String>()))?;
+    }
+    if failed.is_empty() {
+        return Ok(());
+    }
+    let problems = failed.into_iter().map(|failure| Problem::new("compare", failure)).collect();
+    Err(Error { kind: Kind::Check, problems })
+}
+
+/// What a metric must not pass.
+struct Limit {
+    metric: Metric,
+    value: f64,
+}
+
+/// The thresholds of both flags.
+fn limits(args: &CompareArgs) -> Result<Vec<Limit>> {
+    let mut failures = Failures::default();
+    let above = args.fail_above.iter().map(|text| limit("--fail-above", text, false));
+    let below = args.fail_below.iter().map(|text| limit("--fail-below", text, true));
+    let limits: Vec<Limit> = above.chain(below).filter_map(|limit| failures.keep(limit)).collect();
+    failures.check()?;
+    Ok(limits)
+}
+
+fn limit(flag: &str, text: &str, below: bool) -> Result<Limit> {
+    let names =
+        || Metric::ALL.into_iter().filter(|m| m.more_is_better() == below).map(Metric::name);
+    let (name, value) = text.split_once('=').ok_or_else(|| {
+        let message = format!("found `{text}`, expected METRIC=VALUE");
+        Error::invalid(flag, message).help(format!("{flag} {}=0.001", names().next().unwrap_or("")))
+    })?;
+    let metric = Metric::named(name).filter(|m| m.more_is_better() == below);
+    let metric = metric.ok_or_else(|| {
+        let message = format!("found `{name}`, expected {}", list(names()));
+        let other = if below { "--fail-above" } else { "--fail-below" };
+        let help = match Metric::named(name) {
+            Some(_) => Some(format!("{other} {text}")),
+            None => did_you_mean(name, names()),
+        };
+        let error = Error::invalid(flag, message);
+        help.into_iter().fold(error, Error::help)
+    })?;
+    match value.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(Limit { metric, value }),
+        _ => {
+            let message = format!("found `{value}`, expected a number of at least 0, such as 1e-3");
+            Err(Error::invalid(format!("{flag} {name}"), message))
+        }
+    }
+}
+
+fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<Settings> {
+    if !args.exposure.is_finite() {
+        let message = format!("found {}, expected a finite number of stops", args.exposure);
+        return Err(Error::invalid("--exposure", message));
+    }
+    let known = || files.into_iter().flat_map(|file| &file.layers).map(|layer| layer.shown());
+    for name in &args.layer {
+        if !known().any(|other| other == name) {
+            let mut all: Vec<&str> = known().collect();
+            all.sort_unstable();
+            all.dedup();
+            let message = format!("found `{name}`, expected {}", list(all));
+            let error = Error::invalid("--layer", message);
+            return Err(did_you_mean(name, known()).into_iter().fold(error, Error::help));
+        }
+    }
+    let tonemap = args.tonemap.map(|name| match name {
+        ToneName::Max => ToneOperator::Max,
+        ToneName::Clamp => ToneOperator::Clamp,
+        ToneName::Reinhard => ToneOperator::Reinhard,
+    });
+    Ok(Settings { layers: args.layer.clone(), tonemap, exposure: args.exposure })
+}
+
+/// Why the check fails: pixels that are not finite, and limits that are passed.
+fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Vec<String>> {
+    let mut failed = Vec::new();
+    for layer in &found.layers {
+        failed.extend(layer.non_finite.map(|_| text::non_finite(args, layer)));
+    }
+    for Limit { metric, value } in limits {
+        let name = metric.name();
+        let of = |layer: &Compared| layer.values.get(*metric);
+        let unknown = found.layers.iter().all(|layer| of(layer).is_none());
+        if unknown && failed.is_empty() {
+            let message = format!("no layer that was compared has a `{name}`");
+            let help = "flip, psnr and ssim (11 x 11 pixels) are of light, hdrflip is of two EXRs";
+            return Err(Error::invalid("--fail-above, --fail-below", message).help(help));
+        }
+        for layer in &found.layers {
+            let Some(measured) = of(layer) else { continue };
+            let (passed, word) = match metric.more_is_better() {
+                true => (measured < *value, "below"),
+                false => (measured.abs() > *value, "above"),
+            };
+            if passed {
+                let shown = text::number(*metric, measured);
+                failed.push(format!("{}: {name} is {shown}, {word} {value}", layer.test.shown()));
+            }
+        }
+    }
+    Ok(failed)
+}
+
+/// Refuses outputs that would replace inputs or each other.
+fn not_over_inputs(args: &CompareArgs) -> Result<()> {
+    let inputs = [&args.test, &args.reference];
+    let mut taken: Vec<PathBuf> = inputs.iter().map(|path| paths::identity(path)).collect();
+    for path in [&args.out, &args.html].into_iter().flatten() {
+        let identity = paths::identity(path);
+        if taken.contains(&identity) && !identity.starts_with("/dev") {
+            let message = "would be written over what is compared, or twice";
+            return Err(Error::invalid(path.display().to_string(), message)
+                .help("choose another name: --out FILE.png, --html FILE"));
+        }
+        taken.push(identity);
+    }
+    Ok(())
+}
+
+/// What is written, made sure of before the work.
+struct Files {
+    out: Option<Part>,
+    html: Option<TextFile>,
+}
+
+impl Files {
+    fn create(args: &CompareArgs) -> Result<Self> {
+        Ok(Self {
+            out: args.out.as_deref().map(Part::create).transpose()?,
+            html: args.html.as_deref().map(TextFile::create).transpose()?,
+        })
+    }
+
+    fn finish(
+        self,
+        args: &CompareArgs,
+        found: &Comparison,
+        failed: &[String],
+    ) -> Result<Vec<PathBuf>> {
+        let mut written = Vec::new();
+        if let (Some(mut part), Some(layer)) = (self.out, found.layers.first()) {
+            let png = compare_page::error_map(layer);
+            let wrote = part.file().write_all(&png);
+            wrote.map_err(|error| Error::io(part.target(), "write", &error))?;
+            part.sync()?;
+            written.push(part.commit()?);
+        }
+        if let Some(file) = self.html {
+            written.push(file.finish(&compare_page::page(args, found, failed).html())?);
+        }
+        Ok(written)
+    }
+}

@@ -1,0 +1,153 @@
+//! What `compare` found out, for people and as JSON.
+
+use std::{fmt::Write, path::PathBuf};
+
+use serde_json::{Map, Value, json};
+
+use crate::{
+    measure::{
+        compare::{Compared, Comparison, NonFinite},
+        metrics::Metric,
+    },
+    scene::ToneOperator,
+};
+
+use super::args::CompareArgs;
+
+/// All of it.
+pub fn text(args: &CompareArgs, found: &Comparison) -> String {
+    let mut out = format!("{}\n", legend(args, found));
+    for layer in &found.layers {
+        let _ = writeln!(out, "\n{}", heading(layer));
+        for (metric, value) in layer.values.iter() {
+            let value = number(metric, value);
+            let _ = writeln!(out, "  {:<8}{value:>13}  {}", metric.name(), metric.formula());
+        }
+        let notes = [floor(args, layer), layer.non_finite.map(|_| non_finite(args, layer))];
+        for note in notes.into_iter().flatten() {
+            let _ = writeln!(out, "  {note}");
+        }
+    }
+    let alone = alone(args, found);
+    if !alone.is_empty() {
+        let _ = writeln!(out, "\n{}", alone.join("\n"));
+    }
+    out
+}
+
+/// What x, r and d are, and how pictures are made.
+pub fn legend(args: &CompareArgs, found: &Comparison) -> String {
+    let [a, b] = [&args.test, &args.reference].map(|path| path.display().to_string());
+    format!(
+        "x: {a}, r: {b} (the reference), d = x - r; over all pixels and channels, in linear light. \
+         8-bit pictures: sRGB, {}",
+        curve(found)
+    )
+}
+
+fn curve(found: &Comparison) -> String {
+    let operator = match found.tonemap.operator {
+        ToneOperator::Max => "divided by the reference's largest value",
+        ToneOperator::Clamp => "clipped at 1",
+        ToneOperator::Reinhard => "x / (1 + x)",
+    };
+    match found.tonemap.exposure {
+        0.0 => operator.to_string(),
+        stops => format!("{operator}, exposure {stops}"),
+    }
+}
+
+/// The layer's name, channels and size.
+pub fn heading(layer: &Compared) -> String {
+    let test = &layer.test;
+    let [width, height] = test.size;
+    format!("{}: {}, {width} x {height} pixels", test.shown(), test.channels.join(" "))
+}
+
+/// Five digits; decibels and similarities as they are usually given.
+pub fn number(metric: Metric, value: f64) -> String {
+    match metric {
+        _ if value == 0.0 => "0".into(),
+        _ if !value.is_finite() => "inf".into(),
+        Metric::Psnr => format!("{value:.2}"),
+        Metric::Ssim | Metric::Flip | Metric::HdrFlip => format!("{value:.6}"),
+        _ => format!("{value:.4e}"),
+    }
+}
+
+/// What half floats alone may do.
+pub fn floor(args: &CompareArgs, layer: &Compared) -> Option<String> {
+    let floor = layer.floor?;
+    let who = match layer.half {
+        [true, true] => "both files hold".to_string(),
+        [true, false] => format!("{} holds", args.test.display()),
+        [false, _] => format!("{} holds", args.reference.display()),
+    };
+    Some(format!(
+        "{who} half floats: their rounding alone may give rmse {:.1e}, relmse {:.1e}",
+        floor.rmse, floor.relmse
+    ))
+}
+
+/// Where pixels are not finite; empty if none are.
+pub fn non_finite(args: &CompareArgs, layer: &Compared) -> String {
+    let Some(NonFinite { pixels: [a, b], first: [x, y] }) = layer.non_finite else {
+        return String::new();
+    };
+    format!(
+        "{}: {a} pixels of {} and {b} of {} are not finite, the first at {x}, {y}",
+        layer.test.shown(),
+        args.test.display(),
+        args.reference.display()
+    )
+}
+
+/// Layers without a counterpart, a line for each file that has any.
+pub fn alone(args: &CompareArgs, found: &Comparison) -> Vec<String> {
+    let files = [&args.test, &args.reference].into_iter().zip(&found.alone);
+    let files = files.filter(|(_, names)| !names.is_empty());
+    files.map(|(path, names)| format!("only in {}: {}", path.display(), names.join(", "))).collect()
+}
+
+/// For programs.
+pub fn json(
+    args: &CompareArgs,
+    found: &Comparison,
+    failed: &[String],
+    written: &[PathBuf],
+) -> Value {
+    let path = |path: &PathBuf| path.display().to_string();
+    let [alone, missing] = &found.alone;
+    json!({
+        "image": path(&args.test),
+        "reference": path(&args.reference),
+        "tonemap": { "operator": curve(found), "exposure": found.tonemap.exposure },
+        "layers": found.layers.iter().map(layer).collect::<Vec<_>>(),
+        "only_in_image": alone,
+        "only_in_reference": missing,
+        "failures": failed,
+        "files": written.iter().map(path).collect::<Vec<_>>(),
+    })
+}
+
+fn layer(layer: &Compared) -> Value {
+    let mut metrics = Map::new();
+    for (metric, value) in layer.values.iter() {
+        // JSON has no infinity: null is the PSNR of equal pictures.
+        metrics
+            .insert(metric.name().into(), json!({ "value": value, "formula": metric.formula() }));
+    }
+    let non_finite = layer
+        .non_finite
+        .map(|n| json!({ "image": n.pixels[0], "reference": n.pixels[1], "first": n.first }));
+    let floor = layer.floor.map(|floor| json!({ "rmse": floor.rmse, "relmse": floor.relmse }));
+    json!({
+        "name": layer.test.shown(),
+        "meaning": layer.test.meaning.name(),
+        "channels": layer.test.channels,
+        "size": layer.test.size,
+        "metrics": metrics,
+        "non_finite": non_finite,
+        "half": { "image": layer.half[0], "reference": layer.half[1], "floor": floor },
+    })
+}

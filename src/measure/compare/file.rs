@@ -1,0 +1,279 @@
+//! Pictures from files, as layers of channels that can be compared.
+//!
+//! EXR: `R G B` (or `Y`) of a layer are its light; its `X Y Z` are one layer of data, and every other
+//! channel is a layer of its own: `A`, `Z`, `albedo.A`. A part's name is the layer's name where its
+//! channels have none. Integers and cryptomattes are ids. PNG: decoded to linear light, premultiplied.
+//! Refused: deep data, subsampled channels, parts and PNGs of more than 4 GiB.
+
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::{BufReader, Read},
+    path::Path,
+};
+
+use exr::{
+    error::Error as ExrError,
+    image::{
+        AnyChannel, AnyChannels, FlatSamples, Layer as Part,
+        read::{image::ReadLayers, layers::ReadChannels, read},
+    },
+    meta::{MetaData, attribute::AttributeValue},
+};
+
+use crate::error::{Error, Kind, Problem, Result};
+
+use super::png;
+
+/// Most bytes that a file's pixels may take.
+pub const MAX_BYTES: u64 = 4 << 30;
+
+/// What the numbers of a layer are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Meaning {
+    /// Linear BT.709 light, R G B.
+    Light,
+    /// Anything else that can be subtracted.
+    Data,
+    /// Numbers that are only equal or not.
+    Ids,
+}
+
+impl Meaning {
+    /// In JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Light => "light",
+            Self::Data => "data",
+            Self::Ids => "ids",
+        }
+    }
+}
+
+/// One layer.
+#[derive(Debug, Clone)]
+pub struct Layer {
+    /// Empty for the picture itself.
+    pub name: String,
+    /// What its numbers are.
+    pub meaning: Meaning,
+    /// Pixels across and down.
+    pub size: [usize; 2],
+    /// Where the top left pixel lies in the frame.
+    pub origin: [i32; 2],
+    /// Names of the channels, without the layer's.
+    pub channels: Vec<String>,
+    /// All channels of a pixel together, rows from the top.
+    pub values: Vec<f32>,
+    /// Stored in 16 bits.
+    pub half: bool,
+}
+
+impl Layer {
+    /// The name for people.
+    pub fn shown(&self) -> &str {
+        if self.name.is_empty() { "beauty" } else { &self.name }
+    }
+}
+
+/// What a file is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// OpenEXR.
+    Exr,
+    /// PNG.
+    Png,
+}
+
+/// A file's layers, the picture itself first.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    /// Where it comes from.
+    pub path: String,
+    /// What it is.
+    pub format: Format,
+    /// At least one.
+    pub layers: Vec<Layer>,
+}
+
+impl Picture {
+    /// Reads an EXR or a PNG; the first bytes decide which.
+    ///
+    /// # Errors
+    /// Where the file is missing, neither, cut short or too large.
+    pub fn read(path: &Path) -> Result<Self> {
+        let opened = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
+        let mut start = Vec::new();
+        let mut file = BufReader::new(opened);
+        let read = file.by_ref().take(4).read_to_end(&mut start);
+        read.map_err(|error| Error::io(path, "read", &error))?;
+        let (format, mut layers) = match start.as_slice() {
+            [0x76, 0x2f, 0x31, 0x01] => (Format::Exr, exr_layers(path)?),
+            [0x89, b'P', b'N', b'G'] => (Format::Png, png::layers(path)?),
+            _ => {
+                let message = "found neither an EXR nor a PNG, expected one of them";
+                return Err(Error::invalid(path.display().to_string(), message));
+            }
+        };
+        layers.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(Self { path: path.display().to_string(), format, layers })
+    }
+}
+
+/// `Limit` for more bytes than [`MAX_BYTES`].
+pub fn fits(path: &Path, bytes: u64) -> Result<()> {
+    if bytes <= MAX_BYTES {
+        return Ok(());
+    }
+    let message = format!("found {bytes} bytes of pixels, the limit is {MAX_BYTES}");
+    Err(Error::new(Kind::Limit, Problem::new(path.display().to_string(), message)))
+}
+
+fn exr_error(path: &Path, error: ExrError) -> Error {
+    let (kind, message) = match error {
+        ExrError::Io(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => {
+            return Error::io(path, "read", &error);
+        }
+        ExrError::NotSupported(what) => {
+            (Kind::Unsupported, format!("cannot read this EXR: {what}"))
+        }
+        other => (Kind::Invalid, format!("cannot read the EXR: {other}")),
+    };
+    Error::new(kind, Problem::new(path.display().to_string(), message))
+}
+
+fn exr_layers(path: &Path) -> Result<Vec<Layer>> {
+    let failed = |error| exr_error(path, error);
+    let meta = MetaData::read_from_file(path, true).map_err(failed)?;
+    let bytes = meta.headers.iter().map(|header| header.total_pixel_bytes() as u64);
+    fits(path, bytes.fold(0, u64::saturating_add))?;
+    let image = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .non_parallel()
+        .pedantic()
+        .from_file(path)
+        .map_err(failed)?;
+    let single = image.layer_data.len() == 1;
+    let mut layers: BTreeMap<(String, bool), Layer> = BTreeMap::new();
+    for part in image.layer_data {
+        let ids = cryptomattes(&part);
+        if part.size.0 == 0 || part.size.1 == 0 {
+            return Err(Error::invalid(path.display().to_string(), "found a layer without pixels"));
+        }
+        let Part { channel_data, attributes, size, .. } = part;
+        let own = attributes.layer_name.map(|name| name.to_string()).unwrap_or_default();
+        let own = if single || is_beauty(&own) { String::new() } else { own };
+        let shape = ([size.0, size.1], [attributes.layer_position.0, attributes.layer_position.1]);
+        for layer in of_part(path, channel_data, &own, shape, &ids)? {
+            let key = (layer.name.clone(), layer.meaning == Meaning::Light);
+            if layers.insert(key, layer).is_some() {
+                let message = "found two layers of one name";
+                return Err(Error::invalid(path.display().to_string(), message));
+            }
+        }
+    }
+    if layers.is_empty() {
+        return Err(Error::invalid(path.display().to_string(), "found no channel"));
+    }
+    Ok(layers.into_values().collect())
+}
+
+/// Names that people give to the part which is the picture itself.
+fn is_beauty(name: &str) -> bool {
+    ["", "rgb", "rgba", "beauty"].iter().any(|known| name.eq_ignore_ascii_case(known))
+}
+
+/// Names of the cryptomattes of a part, from its header.
+fn cryptomattes(part: &Part<AnyChannels<FlatSamples>>) -> Vec<String> {
+    let named = |name: &str| name.starts_with("cryptomatte/") && name.ends_with("/name");
+    let attributes = part.attributes.other.iter();
+    let found = attributes.filter_map(|(name, value)| match value {
+        AttributeValue::Text(text) if named(&name.to_string()) => Some(text.to_string()),
+        _ => None,
+    });
+    found.collect()
+}
+
+type Shape = ([usize; 2], [i32; 2]);
+
+fn of_part(
+    path: &Path,
+    channels: AnyChannels<FlatSamples>,
+    own: &str,
+    (size, origin): Shape,
+    ids: &[String],
+) -> Result<Vec<Layer>> {
+    // By layer, the channels that the file has.
+    let mut groups: BTreeMap<String, BTreeMap<String, AnyChannel<FlatSamples>>> = BTreeMap::new();
+    for channel in channels.list {
+        let name = channel.name.to_string();
+        if channel.sampling.0 != 1 || channel.sampling.1 != 1 {
+            let message = format!("cannot compare the subsampled channel `{name}`");
+            let problem = Problem::new(path.display().to_string(), message);
+            return Err(Error::new(Kind::Unsupported, problem));
+        }
+        let (prefix, last) = name.rsplit_once('.').unwrap_or(("", &name));
+        let group = match prefix {
+            "" => own.to_string(),
+            _ if own.is_empty() || prefix == own || prefix.starts_with(&format!("{own}.")) => {
+                prefix.to_string()
+            }
+            _ => format!("{own}.{prefix}"),
+        };
+        groups.entry(group).or_default().insert(last.to_string(), channel);
+    }
+    let mut layers = Vec::new();
+    for (group, mut channels) in groups {
+        let is_ids = |name: &str| ids.iter().any(|id| name.starts_with(id.as_str()));
+        let is_float = |c: &AnyChannel<FlatSamples>| !matches!(c.sample_data, FlatSamples::U32(_));
+        let mut take = |names: &[&str], meaning: Meaning| {
+            if !names.iter().all(|name| channels.get(*name).is_some_and(is_float)) {
+                return;
+            }
+            let taken: Vec<_> = names.iter().filter_map(|n| channels.remove(*n)).collect();
+            layers.push(layer(group.clone(), meaning, names, &taken, (size, origin)));
+        };
+        if !is_ids(&group) {
+            take(&["R", "G", "B"], Meaning::Light);
+            take(&["X", "Y", "Z"], Meaning::Data);
+            take(&["Y"], Meaning::Light);
+        }
+        for (name, channel) in channels {
+            let meaning = match is_float(&channel) && !is_ids(&group) {
+                true => Meaning::Data,
+                false => Meaning::Ids,
+            };
+            let full = if group.is_empty() { name.clone() } else { format!("{group}.{name}") };
+            layers.push(layer(full, meaning, &[name.as_str()], &[channel], (size, origin)));
+        }
+    }
+    Ok(layers)
+}
+
+fn layer(
+    name: String,
+    meaning: Meaning,
+    names: &[&str],
+    channels: &[AnyChannel<FlatSamples>],
+    (size, origin): Shape,
+) -> Layer {
+    let floats = channels.iter().map(|channel| match &channel.sample_data {
+        FlatSamples::F16(values) => values.iter().map(|v| v.to_f32()).collect(),
+        FlatSamples::F32(values) => values.clone(),
+        FlatSamples::U32(values) => values.iter().map(|v| f32::from_bits(*v)).collect(),
+    });
+    let mut floats: Vec<Vec<f32>> = floats.collect();
+    // Grey light is light of three equal channels.
+    if meaning == Meaning::Light && floats.len() == 1 {
+        floats = vec![floats[0].clone(), floats[0].clone(), floats.remove(0)];
+    }
+    let pixels = 0..size[0] * size[1];
+    let values = pixels.flat_map(|i| floats.iter().map(move |channel| channel[i])).collect();
+    let half = channels.iter().any(|c| matches!(c.sample_data, FlatSamples::F16(_)));
+    let channels = names.iter().map(|name| name.to_string()).collect();
+    Layer { name, meaning, size, origin, channels, values, half }
+}

@@ -1,0 +1,214 @@
+//! Two picture files against each other, layer by layer.
+
+pub mod file;
+pub mod half;
+pub mod map;
+mod png;
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    output::tonemap,
+    scene::{ToneOperator, Tonemap},
+};
+
+use super::metrics::{self, Metric, Values, flip};
+use file::{Format, Layer, Meaning, Picture};
+use half::Floor;
+
+/// What is compared, and how light becomes 8-bit pictures.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Only these layers; all that both files have if empty.
+    pub layers: Vec<String>,
+    /// The curve; by default [`Settings::default_tonemap`]. `Max` divides by the largest value of the
+    /// reference, for both.
+    pub tonemap: Option<ToneOperator>,
+    /// Stops.
+    pub exposure: f32,
+}
+
+impl Settings {
+    /// What `render` does by default, or nothing to pictures that are tone mapped already.
+    pub fn default_tonemap(files: [&Picture; 2]) -> ToneOperator {
+        match files.iter().any(|file| file.format == Format::Png) {
+            true => ToneOperator::Clamp,
+            false => ToneOperator::Max,
+        }
+    }
+}
+
+/// Pixels that are not finite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NonFinite {
+    /// In the picture and in the reference.
+    pub pixels: [u64; 2],
+    /// The first of either in the frame.
+    pub first: [i64; 2],
+}
+
+/// One layer of both files.
+#[derive(Debug)]
+pub struct Compared {
+    /// The picture's.
+    pub test: Layer,
+    /// The reference's.
+    pub reference: Layer,
+    /// Empty where pixels are not finite.
+    pub values: Values,
+    /// If any are not.
+    pub non_finite: Option<NonFinite>,
+    /// Which of the two are stored as half floats.
+    pub half: [bool; 2],
+    /// What that alone may do.
+    pub floor: Option<Floor>,
+    /// The 8-bit pictures of light.
+    pub pictures: Option<[Vec<[u8; 3]>; 2]>,
+    /// FLIP per pixel, of light: HDR-FLIP of two EXRs, else LDR-FLIP.
+    pub flip: Option<Vec<f64>>,
+}
+
+/// What was found out.
+#[derive(Debug)]
+pub struct Comparison {
+    /// At least one.
+    pub layers: Vec<Compared>,
+    /// Names of layers that only the picture has, that only the reference has.
+    pub alone: [Vec<String>; 2],
+    /// How light was tone mapped.
+    pub tonemap: Tonemap,
+}
+
+/// Compares all layers of the same name.
+///
+/// # Errors
+/// Where no layer has a counterpart, or one has it in another size or at another place.
+pub fn compare(test: Picture, reference: Picture, settings: &Settings) -> Result<Comparison> {
+    let operator = settings.tonemap;
+    let operator = operator.unwrap_or_else(|| Settings::default_tonemap([&test, &reference]));
+    let tonemap = Tonemap { operator, exposure: settings.exposure, srgb: true };
+    let both_exr = test.format == Format::Exr && reference.format == Format::Exr;
+    let names = |p: &Picture| p.layers.iter().map(|l| l.shown().to_string()).collect::<Vec<_>>();
+    let (own, other) = (names(&test), names(&reference));
+    let missing = |a: &[String], b: &[String]| -> Vec<String> {
+        a.iter().filter(|name| !b.contains(name)).cloned().collect()
+    };
+    let alone = [missing(&own, &other), missing(&other, &own)];
+    let chosen = |layer: &Layer| {
+        settings.layers.is_empty() || settings.layers.iter().any(|name| name == layer.shown())
+    };
+    let (test_path, reference_path) = (test.path.clone(), reference.path.clone());
+    let mut others = reference.layers;
+    let mut layers = Vec::new();
+    for layer in test.layers.into_iter().filter(chosen) {
+        if let Some(at) = others.iter().position(|other| other.name == layer.name) {
+            let other = others.swap_remove(at);
+            fit([&test_path, &reference_path], &layer, &other)?;
+            layers.push(compare_layer(layer, other, &tonemap, both_exr));
+        }
+    }
+    if layers.is_empty() {
+        let list = |names: &[String]| names.join(", ");
+        let message = format!("found the layers {}; none of them is to be compared", list(&own));
+        return Err(Error::invalid(test_path, message)
+            .help(format!("{reference_path} has {}", list(&other))));
+    }
+    Ok(Comparison { layers, alone, tonemap })
+}
+
+/// Refuses layers that do not lie on each other.
+fn fit([test, reference]: [&str; 2], own: &Layer, other: &Layer) -> Result<()> {
+    let window = |l: &Layer| {
+        let at = match l.origin {
+            [0, 0] => String::new(),
+            [x, y] => format!(" at {x}, {y}"),
+        };
+        format!("{} x {} pixels{at}", l.size[0], l.size[1])
+    };
+    let what = match (own.size == other.size && own.origin == other.origin, own.meaning) {
+        (false, _) => [window(own), window(other)],
+        (true, meaning) if meaning == other.meaning => return Ok(()),
+        (true, meaning) => [meaning.name().to_string(), other.meaning.name().to_string()],
+    };
+    let [found, expected] = what;
+    let message = format!(
+        "found {found} in the layer {}, expected {expected} as in {reference}",
+        own.shown()
+    );
+    Err(Error::new(Kind::Invalid, Problem::new(test, message)))
+}
+
+fn compare_layer(test: Layer, reference: Layer, tonemap: &Tonemap, both_exr: bool) -> Compared {
+    let width = test.size[0];
+    let half = [test.half, reference.half];
+    let files = half.iter().filter(|half| **half).count() as u32;
+    let floor = (files > 0 && test.meaning != Meaning::Ids)
+        .then(|| Floor::of(&reference.values, files))
+        .filter(|floor| floor.rmse.is_finite());
+    let non_finite = non_finite(&test, &reference);
+    let mut compared = Compared {
+        values: Values::default(),
+        non_finite,
+        half,
+        floor,
+        pictures: None,
+        flip: None,
+        test,
+        reference,
+    };
+    let (x, r) = (&compared.test.values, &compared.reference.values);
+    if compared.test.meaning == Meaning::Light {
+        compared.pictures = Some(pictures(x, r, tonemap));
+    }
+    if compared.non_finite.is_some() {
+        return compared;
+    }
+    let mut values = match compared.test.meaning {
+        Meaning::Light => Values::of_light(x, r),
+        Meaning::Data => Values::of_data(x, r),
+        Meaning::Ids => Values::of_ids(x, r),
+    };
+    if let Some([a, b]) = &compared.pictures {
+        let (more, map) = Values::of_pictures(a, b, width);
+        values.extend(more.iter());
+        compared.flip = Some(map);
+        if both_exr {
+            let map = flip::hdr(&pixels(x), &pixels(r), width);
+            values.extend([(Metric::HdrFlip, metrics::mean(&map))]);
+            compared.flip = Some(map);
+        }
+    }
+    compared.values = values;
+    compared
+}
+
+fn pixels(values: &[f32]) -> Vec<[f32; 3]> {
+    values.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect()
+}
+
+/// Both through the curve that is made for the reference.
+fn pictures(test: &[f32], reference: &[f32], tonemap: &Tonemap) -> [Vec<[u8; 3]>; 2] {
+    let opaque = |values: &[f32]| -> Vec<[f32; 4]> {
+        values.chunks_exact(3).map(|p| [p[0], p[1], p[2], 1.0]).collect()
+    };
+    let curve = tonemap::Curve::new(&opaque(reference), tonemap, false);
+    [test, reference].map(|values| {
+        let byte = |v: f32| curve.to_byte(if v.is_nan() { 0.0 } else { f64::from(v) });
+        values.chunks_exact(3).map(|p| [byte(p[0]), byte(p[1]), byte(p[2])]).collect()
+    })
+}
+
+fn non_finite(test: &Layer, reference: &Layer) -> Option<NonFinite> {
+    if test.meaning == Meaning::Ids {
+        return None;
+    }
+    let of = |layer: &Layer| {
+        let channels = layer.values.len() / (layer.size[0] * layer.size[1]).max(1);
+        metrics::non_finite(&layer.values, channels)
+    };
+    let ((a, first_a), (b, first_b)) = (of(test), of(reference));
+    let first = [first_a, first_b].into_iter().flatten().min()?;
+    let [width, _] = test.size;
+    let at = [first % width, first / width];
+    let first = [0, 1].map(|i| i64::from(test.origin[i]) + at[i] as i64);
+    Some(NonFinite { pixels: [a, b], first })
+}

@@ -1,0 +1,102 @@
+//! The exposures at which HDR-FLIP looks.
+
+use glam::DVec3;
+
+/// What the tone curve maps to this is bright, not yet white.
+const BRIGHT: f64 = 0.85;
+
+/// Of the ACES curve (a x^2 + b x) / (c x^2 + d x + e), Narkowicz 2016 with his exposure of 0.6 undone.
+const ACES: [f64; 5] = [0.36 * 2.51, 0.6 * 0.03, 0.36 * 2.43, 0.6 * 0.59, 0.14];
+
+/// Tone mapped and clamped to [0, 1]; negative light is none.
+pub fn aces(light: DVec3) -> DVec3 {
+    let [a, b, c, d, e] = ACES;
+    let x = light.max(DVec3::ZERO);
+    ((x * x * a + x * b) / (x * x * c + x * d + DVec3::splat(e))).clamp(DVec3::ZERO, DVec3::ONE)
+}
+
+/// Stops, from the one that makes the brightest pixel bright to the one that does so with the median.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exposures {
+    start: f64,
+    stop: f64,
+    count: u32,
+}
+
+impl Exposures {
+    /// For a reference in linear RGB. Where half of it or more is black, the median is that of the rest;
+    /// an all black one is looked at as it is. (The authors' code has no answer there.)
+    pub fn of(reference: &[[f32; 3]]) -> Self {
+        let luminance = |[r, g, b]: &[f32; 3]| {
+            0.2126 * f64::from(*r) + 0.7152 * f64::from(*g) + 0.0722 * f64::from(*b)
+        };
+        let mut all: Vec<f64> = reference.iter().map(luminance).collect();
+        let Some((most, median)) = extremes(&mut all).or_else(|| {
+            all.retain(|y| *y > 0.0);
+            extremes(&mut all)
+        }) else {
+            return Self { start: 0.0, stop: 0.0, count: 1 };
+        };
+        let bright = inverse_aces(BRIGHT);
+        let (start, stop) = ((bright / most).log2(), (bright / median).log2());
+        Self { start, stop, count: (stop - start).ceil().max(2.0) as u32 }
+    }
+
+    /// Factors on the light.
+    pub fn gains(self) -> impl Iterator<Item = f64> {
+        let step = (self.stop - self.start) / f64::from(self.count.max(2) - 1);
+        (0..self.count).map(move |i| (self.start + f64::from(i) * step).exp2())
+    }
+}
+
+/// The largest and the middle one, if that is above 0.
+fn extremes(luminances: &mut [f64]) -> Option<(f64, f64)> {
+    let most = luminances.iter().copied().fold(0.0, f64::max);
+    let middle = luminances.len() / 2;
+    if middle >= luminances.len() {
+        return None;
+    }
+    let median = *luminances.select_nth_unstable_by(middle, f64::total_cmp).1;
+    (median > 0.0).then_some((most, median))
+}
+
+/// The light that the curve maps to `t`.
+fn inverse_aces(t: f64) -> f64 {
+    let [a, b, c, d, e] = ACES;
+    let (a, b, c) = (a - t * c, b - t * d, -t * e);
+    let half = -0.5 * b / a;
+    half + (half * half - c / a).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_and_its_inverse() {
+        let x = inverse_aces(BRIGHT);
+        assert!((aces(DVec3::splat(x)).x - BRIGHT).abs() < 1e-12);
+        assert_eq!(aces(DVec3::splat(-1.0)), DVec3::ZERO);
+        assert_eq!(aces(DVec3::splat(1e6)), DVec3::ONE);
+    }
+
+    #[test]
+    fn from_the_brightest_to_the_median() {
+        let gray = |v: f32| [v; 3];
+        let exposures = Exposures::of(&[gray(16.0), gray(1.0), gray(0.25)]);
+        let gains: Vec<f64> = exposures.gains().collect();
+        assert_eq!(gains.len(), 4);
+        assert!((gains[3] / gains[0] - 16.0).abs() < 1e-6);
+        assert!((gains[0] * 16.0 - inverse_aces(BRIGHT)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn black_references_have_exposures_too() {
+        let half = [[0.0; 3], [0.0; 3], [0.0; 3], [4.0; 3], [1.0; 3]];
+        let gains: Vec<f64> = Exposures::of(&half).gains().collect();
+        assert!(gains.iter().all(|g| g.is_finite() && *g > 0.0), "{gains:?}");
+        assert_eq!(Exposures::of(&[[0.0; 3]; 4]).gains().collect::<Vec<_>>(), [1.0]);
+        assert_eq!(Exposures::of(&[]).gains().count(), 1);
+        assert_eq!(Exposures::of(&[[0.5; 3]; 4]).gains().count(), 2);
+    }
+}

@@ -1,0 +1,257 @@
+//! How far one picture is from another: every metric under one name, with its formula.
+//!
+//! x is a value of the picture, r of the reference, d = x - r; means run over all pixels and channels.
+//! Names mean different things to different people (the relative error of pbrt and of tev differ by a
+//! factor of 100 where the reference is black), so no number is shown without its formula. Pictures
+//! with NaN or infinities have no error; whoever asks finds out first ([`non_finite`]).
+
+mod errors;
+pub mod flip;
+mod plane;
+mod ssim;
+
+pub use errors::Errors;
+pub use ssim::ssim;
+
+/// A metric.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Metric {
+    /// Mean squared error.
+    Mse,
+    /// Its root.
+    Rmse,
+    /// Mean absolute error.
+    Mae,
+    /// Relative squared error, epsilon outside of the square.
+    Relmse,
+    /// Relative squared error, epsilon inside of the square.
+    Mrse,
+    /// Symmetric absolute error.
+    Smape,
+    /// Mean signed difference.
+    Bias,
+    /// Largest difference.
+    Max,
+    /// 99th percentile of the differences.
+    P99,
+    /// Share of values that are not equal.
+    Differ,
+    /// Peak signal-to-noise ratio of the 8-bit pictures.
+    Psnr,
+    /// Structural similarity of the 8-bit pictures.
+    Ssim,
+    /// LDR-FLIP of the 8-bit pictures.
+    Flip,
+    /// HDR-FLIP.
+    HdrFlip,
+}
+
+impl Metric {
+    /// All of them, in the order of tables.
+    pub const ALL: [Self; 14] = [
+        Self::Mse,
+        Self::Rmse,
+        Self::Mae,
+        Self::Relmse,
+        Self::Mrse,
+        Self::Smape,
+        Self::Bias,
+        Self::Max,
+        Self::P99,
+        Self::Differ,
+        Self::Psnr,
+        Self::Ssim,
+        Self::Flip,
+        Self::HdrFlip,
+    ];
+
+    /// As flags and JSON have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mse => "mse",
+            Self::Rmse => "rmse",
+            Self::Mae => "mae",
+            Self::Relmse => "relmse",
+            Self::Mrse => "mrse",
+            Self::Smape => "smape",
+            Self::Bias => "bias",
+            Self::Max => "max",
+            Self::P99 => "p99",
+            Self::Differ => "differ",
+            Self::Psnr => "psnr",
+            Self::Ssim => "ssim",
+            Self::Flip => "flip",
+            Self::HdrFlip => "hdrflip",
+        }
+    }
+
+    /// What is computed.
+    pub fn formula(self) -> &'static str {
+        match self {
+            Self::Mse => "mean d^2",
+            Self::Rmse => "sqrt(mean d^2)",
+            Self::Mae => "mean |d|",
+            Self::Relmse => "mean d^2 / (r^2 + 0.01)",
+            Self::Mrse => "mean d^2 / (|r| + 0.01)^2",
+            Self::Smape => "mean |d| / (|x| + |r| + 0.01)",
+            Self::Bias => "mean d",
+            Self::Max => "max |d|",
+            Self::P99 => "the least |d| that 99% of all |d| do not exceed",
+            Self::Differ => "fraction of values with d != 0",
+            Self::Psnr => "10 log10(1 / mean d^2) dB of the 8-bit pictures in [0, 1]",
+            Self::Ssim => {
+                "11x11 Gaussian, sigma 1.5, K 0.01 0.03, BT.709 luma of the 8-bit pictures"
+            }
+            Self::Flip => "mean LDR-FLIP of the 8-bit pictures, 67 pixels per degree",
+            Self::HdrFlip => {
+                "mean of the largest LDR-FLIP over exposures, ACES, 67 pixels per degree"
+            }
+        }
+    }
+
+    /// Whether a larger value is a better one.
+    pub fn more_is_better(self) -> bool {
+        matches!(self, Self::Psnr | Self::Ssim)
+    }
+
+    /// The one of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|metric| metric.name() == name)
+    }
+}
+
+/// Metrics with their values; a metric that has no meaning for what is compared is not there.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Values(Vec<(Metric, f64)>);
+
+impl Values {
+    /// The value of one.
+    pub fn get(&self, metric: Metric) -> Option<f64> {
+        self.0.iter().find(|(other, _)| *other == metric).map(|(_, value)| *value)
+    }
+
+    /// All, in the order of [`Metric::ALL`]. PSNR is infinite for equal pictures.
+    pub fn iter(&self) -> impl Iterator<Item = (Metric, f64)> {
+        self.0.iter().copied()
+    }
+
+    /// Adds some.
+    pub fn extend(&mut self, values: impl IntoIterator<Item = (Metric, f64)>) {
+        self.0.extend(values);
+    }
+
+    /// The share of values that are not equal, for numbers that mean nothing but themselves (ids).
+    pub fn of_ids(test: &[f32], reference: &[f32]) -> Self {
+        let pairs = test.iter().zip(reference);
+        let differ = pairs.filter(|(a, b)| a.to_bits() != b.to_bits()).count();
+        Self(vec![(Metric::Differ, differ as f64 / test.len().max(1) as f64)])
+    }
+
+    /// Errors of data (depths, normals), for which errors relative to light mean nothing.
+    pub fn of_data(test: &[f32], reference: &[f32]) -> Self {
+        let e = Errors::of(test, reference);
+        Self(vec![
+            (Metric::Mse, e.mse),
+            (Metric::Rmse, e.mse.sqrt()),
+            (Metric::Mae, e.mae),
+            (Metric::Bias, e.bias),
+            (Metric::Max, e.max),
+            (Metric::P99, e.p99),
+            (Metric::Differ, e.differ),
+        ])
+    }
+
+    /// Errors of linear light.
+    pub fn of_light(test: &[f32], reference: &[f32]) -> Self {
+        let e = Errors::of(test, reference);
+        Self(vec![
+            (Metric::Mse, e.mse),
+            (Metric::Rmse, e.mse.sqrt()),
+            (Metric::Mae, e.mae),
+            (Metric::Relmse, e.relmse),
+            (Metric::Mrse, e.mrse),
+            (Metric::Smape, e.smape),
+            (Metric::Bias, e.bias),
+            (Metric::Max, e.max),
+            (Metric::P99, e.p99),
+            (Metric::Differ, e.differ),
+        ])
+    }
+
+    /// Errors of 8-bit sRGB pictures, and LDR-FLIP per pixel.
+    pub fn of_pictures(test: &[[u8; 3]], reference: &[[u8; 3]], width: usize) -> (Self, Vec<f64>) {
+        let bytes = test.as_flattened().iter().zip(reference.as_flattened());
+        let squares = bytes.map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2)).sum::<u64>();
+        let mse = squares as f64 / (255.0 * 255.0 * (3 * test.len()).max(1) as f64);
+        let mut values = vec![(Metric::Psnr, -10.0 * mse.log10())];
+        values.extend(ssim(test, reference, width).map(|value| (Metric::Ssim, value)));
+        let linear = |pixels: &[[u8; 3]]| -> Vec<[f32; 3]> {
+            pixels
+                .iter()
+                .map(|p| p.map(|byte| linear_from_srgb(f64::from(byte) / 255.0) as f32))
+                .collect()
+        };
+        let map = flip::ldr(&linear(test), &linear(reference), width);
+        values.push((Metric::Flip, mean(&map)));
+        (Self(values), map)
+    }
+}
+
+/// IEC 61966-2-1, for [0, 1].
+pub fn linear_from_srgb(x: f64) -> f64 {
+    if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
+/// 0 of none.
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// How many pixels of `channels` values each hold a NaN or an infinity, and the first of them.
+pub fn non_finite(values: &[f32], channels: usize) -> (u64, Option<usize>) {
+    let pixels = values.chunks(channels.max(1)).enumerate();
+    let mut bad = pixels.filter(|(_, p)| p.iter().any(|v| !v.is_finite())).map(|(i, _)| i);
+    let first = bad.next();
+    (bad.count() as u64 + u64::from(first.is_some()), first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_found_and_unique() {
+        for metric in Metric::ALL {
+            assert_eq!(Metric::named(metric.name()), Some(metric));
+        }
+        assert_eq!(Metric::named("relMSE"), None);
+    }
+
+    #[test]
+    fn psnr_in_closed_form() {
+        // One byte of 12 is off by 51 = 0.2.
+        let (mut a, b) = ([[0; 3]; 4], [[0; 3]; 4]);
+        a[2][1] = 51;
+        let (values, map) = Values::of_pictures(&a, &b, 2);
+        let expected = 10.0 * (12.0f64 / 0.04).log10();
+        assert!((values.get(Metric::Psnr).unwrap() - expected).abs() < 1e-12);
+        assert_eq!((values.get(Metric::Ssim), map.len()), (None, 4));
+        let (same, _) = Values::of_pictures(&b, &b, 2);
+        assert_eq!(same.get(Metric::Psnr), Some(f64::INFINITY));
+        assert_eq!(same.get(Metric::Flip), Some(0.0));
+    }
+
+    #[test]
+    fn values_that_are_not_finite_are_found() {
+        let values = [0.0, 1.0, f32::NAN, 0.0, 2.0, f32::INFINITY];
+        assert_eq!(non_finite(&values, 2), (2, Some(1)));
+        assert_eq!(non_finite(&values, 3), (2, Some(0)));
+        assert_eq!(non_finite(&values[..2], 2), (0, None));
+    }
+
+    #[test]
+    fn ids_are_compared_as_bits() {
+        let nan = f32::NAN;
+        assert_eq!(Values::of_ids(&[nan, 1.0], &[nan, 2.0]).get(Metric::Differ), Some(0.5));
+    }
+}
