@@ -4,7 +4,12 @@ use crate::ray::{LANES, Mask};
 
 use super::Bounds3;
 use super::query::{Query, max, min};
-use super::simd::Tier;
+
+/// What finds the least of 16 numbers, none of them NaN.
+pub trait Least: Copy {
+    /// That number.
+    fn least(self, v: &[f32; LANES]) -> f32;
+}
 
 /// A plane `x = a + b z` across one of the axes after the dominant one, z along that one.
 #[derive(Debug, Clone, Copy)]
@@ -57,7 +62,7 @@ impl Frustum {
     /// `scene`; `tfar` holds the ends of their segments as boxes see them.
     #[inline(always)]
     pub fn new(
-        tier: impl Tier,
+        tier: impl Least,
         query: &Query,
         active: &Mask,
         tfar: &[f32; LANES],
@@ -112,7 +117,7 @@ impl Frustum {
 
     /// Where the last ray ends, in units of `forward` z; -inf if all `tfar` are.
     #[inline(always)]
-    pub fn end(&self, tier: impl Tier, query: &Query, tfar: &[f32; LANES]) -> f32 {
+    pub fn end(&self, tier: impl Least, query: &Query, tfar: &[f32; LANES]) -> f32 {
         let mut minus = [0.0; LANES];
         for i in 0..LANES {
             let end = self.forward * query.origin[2][i] + tfar[i] * query.along[i].abs();
@@ -131,7 +136,7 @@ fn slope(b: f32) -> f32 {
 
 /// The least value of the active lanes.
 #[inline(always)]
-fn least(tier: impl Tier, active: &Mask, v: &[f32; LANES]) -> f32 {
+fn least(tier: impl Least, active: &Mask, v: &[f32; LANES]) -> f32 {
     let mut selected = [f32::INFINITY; LANES];
     for i in 0..LANES {
         selected[i] = if active.0[i] != 0 { v[i] } else { f32::INFINITY };
@@ -141,7 +146,7 @@ fn least(tier: impl Tier, active: &Mask, v: &[f32; LANES]) -> f32 {
 
 /// The greatest value of the active lanes.
 #[inline(always)]
-fn greatest(tier: impl Tier, active: &Mask, v: &[f32; LANES]) -> f32 {
+fn greatest(tier: impl Least, active: &Mask, v: &[f32; LANES]) -> f32 {
     let mut minus = [f32::INFINITY; LANES];
     for i in 0..LANES {
         minus[i] = if active.0[i] != 0 { -v[i] } else { f32::INFINITY };

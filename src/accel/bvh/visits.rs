@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use super::frustum::Frustum;
+use super::frustum::{Frustum, Least};
 use super::node::{Block, Node, WIDTH};
 use super::query::Lane;
 use super::simd::{Candidates, Stack, Tier};
@@ -41,6 +41,12 @@ pub struct Counting<'c, T> {
     pub counts: &'c Counts,
 }
 
+impl<T: Tier> Least for Counting<'_, T> {
+    fn least(self, v: &[f32; WIDTH]) -> f32 {
+        self.tier.least(v)
+    }
+}
+
 impl<T: Tier> Tier for Counting<'_, T> {
     const FUSED: bool = T::FUSED;
 
@@ -70,10 +76,6 @@ impl<T: Tier> Tier for Counting<'_, T> {
 
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32 {
         self.tier.at_most(a, b)
-    }
-
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
-        self.tier.least(v)
     }
 
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {

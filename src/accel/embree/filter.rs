@@ -4,13 +4,13 @@
 //! A ray that leaves a planar primitive cannot meet it again. And a candidate that the ray passes by
 //! more than the test may be off ([`passing`]) is none; Embree goes on behind it by itself.
 
+use std::cell::Cell;
 use std::ffi::c_void;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::DVec3;
 
 use super::ffi::FilterArguments;
-use super::second_look::Look;
 use crate::geometry::{Geometry, GeometryKind, Passing, passing, refine_triangle};
 
 /// What tells true candidates.
@@ -134,6 +134,38 @@ pub struct Candidate {
     pub v: f32,
     pub prim: u32,
     pub geom: u32,
+}
+
+/// The closest true candidate of one ray.
+pub struct Look<'a> {
+    truth: &'a Truth<'a>,
+    best: Cell<Option<(Found, Candidate)>>,
+}
+
+impl<'a> Look<'a> {
+    /// Nothing noted yet.
+    pub fn new(truth: &'a Truth<'a>) -> Self {
+        Self { truth, best: Cell::new(None) }
+    }
+
+    /// What was noted.
+    pub fn best(&self) -> Option<(Found, Candidate)> {
+        self.best.get()
+    }
+
+    /// Keeps a true candidate that is nearer than those before; of equal ones the first primitive.
+    pub fn note(&self, candidate: &Candidate) {
+        let Some(found) = self.truth.passing(candidate) else { return };
+        let t = found.passing.t;
+        let number = |c: &Candidate| (c.geom, c.prim);
+        let nearer = self.best.get().is_none_or(|(best_found, best)| {
+            let least = best_found.passing.t;
+            t < least || (t == least && number(candidate) < number(&best))
+        });
+        if nearer && t > candidate.tnear && t < candidate.tfar {
+            self.best.set(Some((found, *candidate)));
+        }
+    }
 }
 
 /// Members of `RTCRayN` and `RTCHitN` in units of `n` lanes.

@@ -5,6 +5,7 @@ mod exact;
 mod ffi;
 mod filter;
 mod fixed;
+mod leaf;
 mod scene;
 mod second_look;
 mod sphere;

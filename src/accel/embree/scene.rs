@@ -5,9 +5,9 @@ use std::ptr::NonNull;
 use std::sync::atomic::{AtomicI64, Ordering};
 
 use super::device::Device;
-use super::exact;
 use super::ffi::{self, Enum, GeometryHandle, SceneHandle};
 use super::fixed::Fixed;
+use super::leaf;
 use super::sphere::{self, SphereSet};
 use crate::accel::bvh::leaves::Leaves;
 use crate::accel::{BuildInfo, EmbreeMode};
@@ -65,7 +65,7 @@ impl<'g> Scene<'g> {
         let data = leaves.user_data();
         let scene = Self::new(device, ffi::RTC_SCENE_FLAG_ROBUST, spheres, Some(leaves))?;
         if count > 0 {
-            let callbacks = (exact::bounds as _, exact::visit as _, exact::visit as _);
+            let callbacks = (leaf::bounds as _, leaf::visit as _, leaf::visit as _);
             scene.attach_user(0, count, data, callbacks)?;
         }
         scene.commit(monitor)?;

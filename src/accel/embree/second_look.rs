@@ -3,34 +3,10 @@
 //! All that Embree offers along the ray is looked at by a filter that rejects everything, so neither
 //! a false hit nor a t that is off hides what is behind.
 
-use std::cell::Cell;
-
-use super::filter::{Candidate, Filter, Found, Truth};
+use super::filter::{Candidate, Filter, Found, Look};
 use super::{Embree, NO_HIT, ffi, ray};
 use crate::geometry::{GeometryKind, NONE, Surfaces, refine, refine_triangle};
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
-
-/// The closest true candidate of one ray.
-pub struct Look<'a> {
-    truth: &'a Truth<'a>,
-    best: Cell<Option<(Found, Candidate)>>,
-}
-
-impl Look<'_> {
-    /// Keeps a true candidate that is nearer than those before; of equal ones the first primitive.
-    pub fn note(&self, candidate: &Candidate) {
-        let Some(found) = self.truth.passing(candidate) else { return };
-        let t = found.passing.t;
-        let number = |c: &Candidate| (c.geom, c.prim);
-        let nearer = self.best.get().is_none_or(|(best_found, best)| {
-            let least = best_found.passing.t;
-            t < least || (t == least && number(candidate) < number(&best))
-        });
-        if nearer && t > candidate.tnear && t < candidate.tfar {
-            self.best.set(Some((found, *candidate)));
-        }
-    }
-}
 
 impl Embree<'_> {
     /// Replaces false hits by what is behind them, and t by that of f64. `tfar`: the ends of the rays.
@@ -55,7 +31,7 @@ impl Embree<'_> {
 
     #[cold]
     fn look_again_at(&self, packet: &mut RayPacket, i: usize) {
-        let look = Look { truth: &self.truth, best: Cell::new(None) };
+        let look = Look::new(&self.truth);
         let mut single = ffi::RayHit { ray: ray(&packet.rays, i), hit: NO_HIT };
         // SAFETY: aligned to 16 bytes and laid out as Embree's.
         self.query(Coherence::Single, Some(Filter::Look(&look)), |args| unsafe {
@@ -65,7 +41,7 @@ impl Embree<'_> {
         let mut hit = single.hit;
         let mut end = f64::from(single.ray.tfar);
         let triangle =
-            look.best.get().filter(|(found, _)| hit.geom_id == NONE || found.passing.t < end);
+            look.best().filter(|(found, _)| hit.geom_id == NONE || found.passing.t < end);
         if let Some((found, candidate)) = triangle {
             end = found.passing.t;
             (hit.geom_id, hit.prim_id) = (candidate.geom, candidate.prim);

@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::super::frustum::{Frustum, Side};
+use super::super::frustum::{Frustum, Least, Side};
 use super::super::node::{Block, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
@@ -395,6 +395,20 @@ unsafe fn edges(block: &Block, x: Pair, y: Pair, half: usize) -> (u32, u32) {
     }
 }
 
+impl Least for Avx2 {
+    #[inline(always)]
+    fn least(self, v: &[f32; WIDTH]) -> f32 {
+        // SAFETY: `self` proves AVX2; 16 f32.
+        unsafe {
+            let low = _mm256_loadu_ps(v.as_ptr());
+            let v = _mm256_min_ps(low, _mm256_loadu_ps(v.as_ptr().add(HALF)));
+            let v = _mm_min_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
+            let v = _mm_min_ps(v, _mm_movehl_ps(v, v));
+            _mm_cvtss_f32(_mm_min_ss(v, _mm_movehdup_ps(v)))
+        }
+    }
+}
+
 impl Tier for Avx2 {
     const FUSED: bool = true;
 
@@ -479,18 +493,6 @@ impl Tier for Avx2 {
             }
         }
         lanes
-    }
-
-    #[inline(always)]
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
-        // SAFETY: `self` proves AVX2; 16 f32.
-        unsafe {
-            let low = _mm256_loadu_ps(v.as_ptr());
-            let v = _mm256_min_ps(low, _mm256_loadu_ps(v.as_ptr().add(HALF)));
-            let v = _mm_min_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
-            let v = _mm_min_ps(v, _mm_movehl_ps(v, v));
-            _mm_cvtss_f32(_mm_min_ss(v, _mm_movehdup_ps(v)))
-        }
     }
 
     #[inline(always)]

@@ -5,7 +5,7 @@
 
 use std::arch::x86_64::*;
 
-use super::super::frustum::{Frustum, Side};
+use super::super::frustum::{Frustum, Least, Side};
 use super::super::node::{Block, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
@@ -202,6 +202,14 @@ unsafe fn push(stack: &mut Stack, mask: __mmask16, children: __m512i, near: __m5
     }
 }
 
+impl Least for Avx512 {
+    #[inline(always)]
+    fn least(self, v: &[f32; WIDTH]) -> f32 {
+        // SAFETY: `self` proves AVX-512; 16 f32.
+        unsafe { _mm512_reduce_min_ps(_mm512_loadu_ps(v.as_ptr())) }
+    }
+}
+
 impl Tier for Avx512 {
     const FUSED: bool = true;
 
@@ -304,12 +312,6 @@ impl Tier for Avx512 {
             let (a, b) = (_mm512_loadu_ps(a.as_ptr()), _mm512_loadu_ps(b.as_ptr()));
             _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b).into()
         }
-    }
-
-    #[inline(always)]
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
-        // SAFETY: `self` proves AVX-512; 16 f32.
-        unsafe { _mm512_reduce_min_ps(_mm512_loadu_ps(v.as_ptr())) }
     }
 
     #[inline(always)]

@@ -14,7 +14,7 @@ mod tests;
 
 pub use self::stack::{MAX_DEPTH, Stack};
 
-use super::frustum::Frustum;
+use super::frustum::{Frustum, Least};
 use super::node::{Block, Node, WIDTH};
 use super::query::Lane;
 use crate::simd::Kernel;
@@ -37,7 +37,7 @@ pub struct Candidates {
 }
 
 /// The kernels of one tier.
-pub trait Tier: Copy {
+pub trait Tier: Least {
     /// Whether the tier has fused multiply-add.
     const FUSED: bool;
 
@@ -66,9 +66,6 @@ pub trait Tier: Copy {
 
     /// The lanes where `a` is at most `b`, by bit.
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32;
-
-    /// The least of 16 numbers, none of them NaN.
-    fn least(self, v: &[f32; WIDTH]) -> f32;
 
     /// The triangles of a leaf that [`super::exact`] has to look at.
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates;

@@ -1,6 +1,6 @@
 //! Plain loops: what every target runs, and what the other tiers are held against.
 
-use super::super::frustum::{Frustum, Side};
+use super::super::frustum::{Frustum, Least, Side};
 use super::super::node::{Block, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
@@ -25,6 +25,19 @@ fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
         }
     }
     (near, far)
+}
+
+impl Least for Portable {
+    #[inline(always)]
+    fn least(self, v: &[f32; WIDTH]) -> f32 {
+        let mut v = *v;
+        for half in [8, 4, 2, 1] {
+            for i in 0..half {
+                v[i] = if v[i + half] < v[i] { v[i + half] } else { v[i] };
+            }
+        }
+        v[0]
+    }
 }
 
 impl Tier for Portable {
@@ -107,17 +120,6 @@ impl Tier for Portable {
             lanes |= u32::from(a[i] <= b[i]) << i;
         }
         lanes
-    }
-
-    #[inline(always)]
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
-        let mut v = *v;
-        for half in [8, 4, 2, 1] {
-            for i in 0..half {
-                v[i] = if v[i + half] < v[i] { v[i + half] } else { v[i] };
-            }
-        }
-        v[0]
     }
 
     #[inline(always)]
