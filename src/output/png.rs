@@ -36,7 +36,7 @@ pub fn write(
 /// Writes 8-bit pixels of the film's data window: R, G, B and with `alpha` A; `srgb` or linear.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn encode(
     film: &Film,
     bytes: &[u8],

@@ -27,6 +27,8 @@ mod found;
 mod frustum;
 #[doc(hidden)]
 pub mod kernels;
+// For Embree's tree.
+#[cfg_attr(not(feature = "embree"), allow(dead_code))]
 pub(super) mod leaves;
 mod node;
 
