@@ -61,6 +61,8 @@ fn visit(nodes: u64, primitives: u64) -> Visits {
 
 #[test]
 fn the_octahedron() {
+    // The octahedron is symmetric: which boxes a ray through its middle planes meets depends on the last bits
+    // of the coordinates, hence on the point that they are relative to.
     let found = visits("fig12-octahedron.json");
     assert_eq!(found, [visit(39_880, 14_712), visit(60_691, 8_490), visit(10_800, 64_800)]);
 }

@@ -50,7 +50,7 @@ pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
     }
     let mut overrides = Overrides::new(&args.scene);
     if args.machine.exact && args.scene.backend.is_none() {
-        // The fastest of those that lose no ray: docs/performance.md has the numbers.
+        // The fastest of those that lose no ray: docs/bvh.md has the numbers.
         let mut fastest = Overrides::default();
         fastest.flag("--exact", "/scene/accelerator", Some("bvh"));
         overrides.prepend(fastest);

@@ -105,6 +105,37 @@ fn exact_embree_leaks_nothing() {
     }
 }
 
+/// Beyond the reach of the leaves' boxes another tree answers, which is made while many threads ask.
+#[cfg(feature = "embree")]
+#[test]
+fn exact_embree_answers_as_bvh_from_any_distance() {
+    use rayon::prelude::*;
+    let shell = shell(24, DVec3::ONE);
+    let vertices = shell.vertices.iter().map(|v| v.as_vec3().to_array()).collect();
+    let geometry = geometry(vertices, shell.triangles.clone(), vec![]);
+    let exact = build(&geometry, Backend::Embree, EmbreeMode::Exact);
+    let bvh = build(&geometry, Backend::Bvh, EmbreeMode::Robust);
+    let hits: u64 = (0..2000u64)
+        .into_par_iter()
+        .map(|k| {
+            let mut random = Random(k);
+            let sizes = [10.0, 120.0, 140.0, 1e5][k as usize % 4];
+            let from = cube(&mut random).normalize() * sizes;
+            let traced = packet(|| {
+                let (_, direction) = shell.ray(&mut random, DVec3::ZERO);
+                ((from).as_vec3().as_dvec3(), direction - from)
+            });
+            let (mut a, mut b) = (traced.clone(), traced);
+            exact.closest(&ALL, &mut a, Coherence::Coherent);
+            bvh.closest(&ALL, &mut b, Coherence::Coherent);
+            assert_eq!((a.hits.geom, a.hits.prim), (b.hits.geom, b.hits.prim), "{sizes}");
+            assert_eq!(a.rays.tfar.map(f32::to_bits), b.rays.tfar.map(f32::to_bits), "{sizes}");
+            (0..LANES).filter(|&i| a.hits.geom[i] != NONE).count() as u64
+        })
+        .sum();
+    assert!(hits > 10_000, "{hits}");
+}
+
 #[test]
 fn bvh_leaks_nothing() {
     for stretch in STRETCHES {

@@ -48,13 +48,23 @@ impl<'g> Exact<'g> {
         self.scene.leaves()
     }
 
-    /// The tree for rays that start too far away for the leaves' boxes.
+    /// The tree for rays that start too far away for the leaves' boxes. Built by a thread and a pool of
+    /// its own: a worker of the caller's pool that waited for its own pool would take up other work
+    /// there, which may want this tree as well.
     #[cold]
     fn far(&self) -> &Bvh<'g> {
         self.far.get_or_init(|| {
             let options = BuildOptions { max_bytes: None, ..self.options };
-            Bvh::build(self.geometry, &options, &Monitor::default())
-                .unwrap_or_else(|error| unreachable!("the same leaves were built before: {error}"))
+            let build = || Bvh::build(self.geometry, &options, &Monitor::default());
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
+            let built = std::thread::scope(|scope| {
+                let alone = || pool.map(|pool| pool.install(build));
+                scope.spawn(alone).join()
+            });
+            let Ok(Ok(Ok(bvh))) = built else {
+                panic!("no threads or memory for the tree of rays from afar");
+            };
+            bvh
         })
     }
 
