@@ -1,6 +1,5 @@
 //! Names of layers: what a scene may ask for in `output.layers`, and the light groups it has.
 
-use super::checked::Light;
 use super::nearest::nearest;
 
 /// A layer of the EXR beside the beauty.
@@ -86,16 +85,18 @@ pub struct LightGroups {
 }
 
 impl LightGroups {
-    /// The groups of `lights`; a light without group and name is called by its number from 1. Also
-    /// the lights, by index, whose names collide with others', and why.
-    pub fn new(lights: &[Light]) -> (Self, Vec<(usize, String)>) {
+    /// The groups of lights with these groups and names; a light without either is called by its number
+    /// from 1. Also the lights, by index, whose names collide with others', and why.
+    pub fn new<'a>(
+        lights: impl IntoIterator<Item = (Option<&'a str>, Option<&'a str>)>,
+    ) -> (Self, Vec<(usize, String)>) {
         let mut groups = Self::default();
         let mut sources: Vec<(bool, &str)> = Vec::new();
         let mut collisions = Vec::new();
-        for (i, light) in lights.iter().enumerate() {
-            let source = match (&light.group, &light.name) {
-                (Some(group), _) => (true, group.as_str()),
-                (None, Some(name)) => (false, name.as_str()),
+        for (i, called) in lights.into_iter().enumerate() {
+            let source = match called {
+                (Some(group), _) => (true, group),
+                (None, Some(name)) => (false, name),
                 (None, None) => (false, ""),
             };
             let label = match source.1 {

@@ -252,14 +252,7 @@ fn other_files_are_read_with_the_same_checks() {
 
 /// The names of the light groups of lights with these `group` and `name`, and the lights that collide.
 fn groups(lights: &[(Option<&str>, Option<&str>)]) -> (Vec<String>, Vec<usize>) {
-    let light = |&(group, name): &(Option<&str>, Option<&str>)| Light {
-        group: group.map(String::from),
-        name: name.map(String::from),
-        diffuse: glam::Vec3::ONE,
-        specular: glam::Vec3::ONE,
-        kind: LightKind::Point { position: glam::DVec3::ZERO },
-    };
-    let (groups, collisions) = LightGroups::new(&lights.iter().map(light).collect::<Vec<_>>());
+    let (groups, collisions) = LightGroups::new(lights.iter().copied());
     (groups.names, collisions.into_iter().map(|(light, _)| light).collect())
 }
 

@@ -5,12 +5,11 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::column::Column;
+use super::column::{Built, Column, Settings};
 use super::judge::{Judge, Shot};
 use super::picture;
 use super::report::{Entry, Picture, Row};
 use super::tally::Tally;
-use crate::accel::Accelerator;
 use crate::accel::BuildOptions;
 use crate::accel::brute::Brute;
 use crate::error::Result;
@@ -87,19 +86,6 @@ impl Mark {
     }
 }
 
-/// What is measured, and how much.
-#[derive(Debug, Clone)]
-pub struct Settings {
-    /// The columns, in order.
-    pub columns: Vec<Column>,
-    /// Of all random rays.
-    pub seed: u64,
-    /// How many times the rays of the quick run.
-    pub times: u64,
-    /// Whether pictures are made of failures.
-    pub pictures: bool,
-}
-
 /// The work of a case.
 type Work = Box<dyn Fn(&mut Run) -> Result<()> + Send + Sync>;
 
@@ -157,16 +143,6 @@ impl Case {
             pictures,
         })
     }
-}
-
-/// All columns over one geometry, and the oracle.
-pub struct Built<'g> {
-    /// What they are built over.
-    pub geometry: &'g Geometry,
-    /// In the order of the settings.
-    pub columns: Vec<(&'g Column, Box<dyn Accelerator + 'g>)>,
-    /// Knows the exact answers.
-    pub oracle: Brute<'g>,
 }
 
 /// A case at work.

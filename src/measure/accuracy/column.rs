@@ -1,6 +1,7 @@
-//! What is measured: a backend in one mode and instruction set, one column of the table.
+//! What is measured: backends in one mode and instruction set each, the columns of the table.
 
 use super::tally::Kind;
+use crate::accel::brute::Brute;
 use crate::accel::{self, Accelerator, BuildOptions, EmbreeMode};
 use crate::error::Result;
 use crate::geometry::Geometry;
@@ -109,4 +110,27 @@ impl Column {
         let options = BuildOptions { threads, embree, isa, max_bytes: None };
         accel::build(geometry, backend, &options, monitor)
     }
+}
+
+/// What is measured, and how much.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// The columns, in order.
+    pub columns: Vec<Column>,
+    /// Of all random rays.
+    pub seed: u64,
+    /// How many times the rays of the quick run.
+    pub times: u64,
+    /// Whether pictures are made of failures.
+    pub pictures: bool,
+}
+
+/// All columns over one geometry, and the oracle.
+pub struct Built<'g> {
+    /// What they are built over.
+    pub geometry: &'g Geometry,
+    /// In the order of the settings.
+    pub columns: Vec<(&'g Column, Box<dyn Accelerator + 'g>)>,
+    /// Knows the exact answers.
+    pub oracle: Brute<'g>,
 }

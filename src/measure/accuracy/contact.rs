@@ -7,7 +7,8 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::case::{Built, Case, Mark, Run};
+use super::case::{Case, Mark, Run};
+use super::column::Built;
 use super::judge::trace;
 use super::shadow::Points;
 use super::tally::{Kind, Tally, ulp};

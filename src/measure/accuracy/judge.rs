@@ -4,8 +4,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::case::Built;
-use super::column::Column;
+use super::column::{Built, Column};
 use super::tally::{Kind, Tally, kind_of, ulp};
 use crate::accel::Accelerator;
 use crate::accel::brute::Brute;

@@ -25,8 +25,8 @@ mod tally;
 mod tests;
 mod watertight;
 
-pub use self::case::{Case, Mark, Run, Settings};
-pub use self::column::Column;
+pub use self::case::{Case, Mark, Run};
+pub use self::column::{Column, Settings};
 pub use self::report::{ColumnReport, Entry, Picture, Report, Row, VERSION, available};
 pub use self::tally::{Kind, Tally};
 

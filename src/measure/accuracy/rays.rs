@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::case::{Amount, Built, Case, Mark, Run};
+use super::case::{Amount, Case, Mark, Run};
+use super::column::Built;
 use super::judge::{Expect, Shot, trace};
 use super::meshes::{corners, inside, scan, scene};
 use super::tally::{Kind, Tally};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::case::Settings;
+use super::column::Settings;
 use super::tally::Tally;
 use crate::error::{Kind, Result};
 use crate::measure::accuracy::Column;

@@ -7,7 +7,8 @@ use glam::DVec3;
 use num_bigint::BigInt;
 use rayon::prelude::*;
 
-use super::case::{Built, Case, Mark, Run};
+use super::case::{Case, Mark, Run};
+use super::column::Built;
 use super::judge::trace;
 use super::meshes::geometry;
 use super::tally::{Kind, Tally, ulp};

@@ -4,8 +4,8 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
-use super::case::{Built, Mark, oracle};
-use super::column::Column;
+use super::case::{Mark, oracle};
+use super::column::{Built, Column};
 use super::judge::{Expect, Judge, Shot};
 use super::meshes::{corners, icosphere, inside, scene};
 use super::tally::{Kind, Tally};

@@ -9,7 +9,7 @@ use image::{ImageFormat, RgbImage};
 
 use crate::measure::metrics::Errors;
 
-use super::file::{Layer, Meaning};
+use super::layer::{Layer, Meaning};
 
 /// Errors at the dark and at the bright end of the logarithmic scale.
 pub const RANGE: [f64; 2] = [1e-4, 1.0];

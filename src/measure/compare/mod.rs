@@ -2,6 +2,7 @@
 
 pub mod file;
 pub mod half;
+pub mod layer;
 pub mod map;
 mod png;
 
@@ -12,8 +13,9 @@ use crate::{
 };
 
 use super::metrics::{self, Metric, Values, flip};
-use file::{Format, Layer, Meaning, Picture};
+use file::{Format, Picture};
 use half::Floor;
+use layer::{Layer, Meaning};
 
 /// What is compared, and how light becomes 8-bit pictures.
 #[derive(Debug, Clone)]

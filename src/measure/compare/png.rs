@@ -9,7 +9,7 @@ use crate::{
     measure::metrics::linear_from_srgb,
 };
 
-use super::file::{Layer, MAX_BYTES, Meaning, fits};
+use super::layer::{Layer, MAX_BYTES, Meaning, fits};
 
 /// The light of a PNG, and its alpha if it has any.
 pub fn layers(path: &Path) -> Result<Vec<Layer>> {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::plan::Source;
+use super::source::Source;
 use crate::geometry::{Geometry, GeometryKind};
 use crate::measure::random::Random;
 use crate::measure::rays::Recorded;

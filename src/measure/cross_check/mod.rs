@@ -11,12 +11,13 @@ mod known;
 mod pictures;
 mod plan;
 mod report;
+mod source;
 mod verdict;
 
 pub use self::cover::{Layer, layers};
 pub use self::pictures::{PictureReport, compare_pictures};
-pub use self::plan::Source;
 pub use self::report::{BackendReport, Finding, PlainLoop, Report, SavedRay, Tally};
+pub use self::source::Source;
 pub use self::verdict::{Answer, MOST_NEAR, Verdict, judge};
 
 use rayon::prelude::*;

@@ -11,7 +11,8 @@ use super::Check;
 impl Check<'_, '_> {
     /// Checks `/output/layers`.
     pub(super) fn layers(&mut self, lights: &[Light]) -> (Vec<Layer>, LightGroups) {
-        let (groups, collisions) = LightGroups::new(lights);
+        let called = lights.iter().map(|light| (light.group.as_deref(), light.name.as_deref()));
+        let (groups, collisions) = LightGroups::new(called);
         let words: Vec<Name> = self.part("/output/layers").unwrap_or_default();
         let mut layers = Vec::new();
         for (i, Name(word)) in words.iter().enumerate() {
