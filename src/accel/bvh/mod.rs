@@ -34,6 +34,8 @@ mod node;
 
 mod packet;
 mod query;
+#[cfg_attr(not(feature = "embree"), allow(dead_code))]
+pub(super) mod search;
 mod simd;
 mod single;
 #[cfg(test)]

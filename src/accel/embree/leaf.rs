@@ -3,7 +3,8 @@
 use std::ffi::c_uint;
 
 use super::ffi::{Bounds, BoundsArguments, UserArguments};
-use crate::accel::bvh::leaves::{Leaves, Visitor};
+use crate::accel::bvh::leaves::Leaves;
+use crate::accel::bvh::search::Visitor;
 use crate::geometry::NONE;
 use crate::ray::LANES;
 
