@@ -98,10 +98,12 @@ mod with_embree {
         let counts = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
         let rays = (counts.primary + counts.shadow) as f64;
         let plan = Plan { rounds: ROUNDS, budget: Duration::ZERO };
-        let samples = interleave(2, plan, &monitor, |side| {
+        let unchecked = Unchecked(&*embree);
+        let samples = interleave(3, plan, &monitor, |side| {
             let started = Instant::now();
-            if side == 0 {
-                let again = render(&world, &*embree, isa, &mut film, &monitor)?;
+            if side != 1 {
+                let by: &dyn Accelerator = if side == 0 { &*embree } else { &unchecked };
+                let again = render(&world, by, isa, &mut film, &monitor)?;
                 let seconds = started.elapsed().as_secs_f64();
                 assert_eq!(again, counts);
                 return Ok(seconds);
@@ -115,11 +117,36 @@ mod with_embree {
             Ok(seconds)
         });
         let samples = samples.expect("no signal");
-        let (ours, bare) = (&samples[0], &samples[1]);
+        let [ours, bare, unchecked] = &samples[..] else { unreachable!("three sides") };
         report("renderer", rays, ours);
         report("bare Embree", rays, bare);
-        let Estimate { value, low, high } = paired_ratio(bare, ours);
-        println!("renderer / bare: {value:.3} [{low:.3}, {high:.3}] (median of pairs, 95 %)\n");
+        report("occluders unchecked", rays, unchecked);
+        ratio("renderer / bare", bare, ours);
+        ratio("renderer's time / with occluders unchecked", ours, unchecked);
+        println!();
+    }
+
+    fn ratio(name: &str, a: &[f64], b: &[f64]) {
+        let Estimate { value, low, high } = paired_ratio(a, b);
+        println!("{name}: {value:.3} [{low:.3}, {high:.3}] (median of pairs, 95 %)");
+    }
+
+    /// Takes Embree's word for what occludes.
+    struct Unchecked<'a>(&'a dyn Accelerator);
+
+    impl Accelerator for Unchecked<'_> {
+        fn info(&self) -> BuildInfo {
+            self.0.info()
+        }
+        fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+            self.0.closest(active, packet, coherence);
+        }
+        fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+            self.0.closest_candidates(active, packet, coherence);
+        }
+        fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+            self.0.occluded_candidates(active, rays, coherence);
+        }
     }
 
     fn report(name: &str, rays: f64, seconds: &[f64]) {
@@ -257,7 +284,7 @@ mod with_embree {
                             }
                             packet.rays.tfar[i] = f32::INFINITY;
                         }
-                        self.embree.closest(&all, &mut packet, Coherence::Coherent);
+                        self.embree.closest_candidates(&all, &mut packet, Coherence::Coherent);
                         found[0] += hits(&packet);
                     }
                     Query::Shadow(shadow) => {
@@ -269,7 +296,11 @@ mod with_embree {
                         }
                         rays.tfar = shadow.tfar;
                         rays.leaving = shadow.leaving;
-                        self.embree.occluded(&shadow.active, &mut rays, Coherence::Coherent);
+                        self.embree.occluded_candidates(
+                            &shadow.active,
+                            &mut rays,
+                            Coherence::Coherent,
+                        );
                         found[1] += occlusions(&shadow.active, &rays);
                     }
                 }

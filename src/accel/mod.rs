@@ -96,6 +96,12 @@ pub trait Accelerator: Send + Sync {
     /// Sets `tfar` to -inf in every active lane that meets anything in (`tnear`, `tfar`).
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence);
 
+    /// As [`Accelerator::occluded`], but what a ray does not come near may occlude it, where the
+    /// backend's own test reports such: what the bare backend costs, for measurements.
+    fn occluded_candidates(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+        self.occluded(active, rays, coherence);
+    }
+
     /// What [`Accelerator::closest`], or [`Accelerator::occluded`] if `shadow`, looks at for these
     /// rays, summed over them; `None` where the backend cannot tell. May be slow.
     fn visits(&self, _: &Mask, _: &Rays, _shadow: bool, _: Coherence) -> Option<Visits> {

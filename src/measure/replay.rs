@@ -76,7 +76,8 @@ impl Replay<'_> {
     }
 
     /// Seconds of all queries on the threads of the current rayon pool: what the threads spent in
-    /// them, divided by the number of threads. Copying the rays is not in it.
+    /// them, divided by the number of threads. Copying the rays is not in it; neither is what a
+    /// renderer adds to a backend's own answer ([`Accelerator::closest_candidates`]).
     pub fn seconds(&self, accelerator: &dyn Accelerator) -> f64 {
         let coherence = self.coherence();
         let spent: Duration = match self.class.is_shadow() {
@@ -91,7 +92,7 @@ impl Replay<'_> {
                         }
                         let started = Instant::now();
                         for (rays, packet) in scratch.iter_mut().zip(batch) {
-                            accelerator.occluded(&packet.active, rays, coherence);
+                            accelerator.occluded_candidates(&packet.active, rays, coherence);
                         }
                         let spent = started.elapsed();
                         black_box(&scratch);

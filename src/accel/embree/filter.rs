@@ -10,12 +10,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::DVec3;
 
+use super::candidate::Candidate;
+use super::extent::Extent;
 use super::ffi::FilterArguments;
 use crate::geometry::{Geometry, GeometryKind, Passing, passing, refine_triangle};
 
 /// What tells true candidates.
 pub struct Truth<'g> {
     pub geometry: &'g Geometry,
+    /// Of every mesh.
+    extents: Vec<Extent>,
     /// Touched where a candidate is false only.
     false_hits: AtomicU64,
 }
@@ -53,7 +57,8 @@ impl Filter<'_> {
 
 impl<'g> Truth<'g> {
     pub fn new(geometry: &'g Geometry) -> Self {
-        Self { geometry, false_hits: AtomicU64::new(0) }
+        let extents = geometry.meshes.iter().map(Extent::new).collect();
+        Self { geometry, extents, false_hits: AtomicU64::new(0) }
     }
 
     /// Candidates found to be false so far.
@@ -90,9 +95,15 @@ impl<'g> Truth<'g> {
         found
     }
 
-    /// Whether an occluding candidate is true. f64 decides nearly all alone.
+    /// Whether an occluding candidate is true.
     #[inline(always)]
     fn holds(&self, candidate: &Candidate) -> bool {
+        let extent = self.extents.get(candidate.geom as usize);
+        extent.is_some_and(|extent| extent.sure(candidate)) || self.confirms(candidate)
+    }
+
+    /// The same by the triangle itself; f64 decides nearly all alone.
+    fn confirms(&self, candidate: &Candidate) -> bool {
         let triangle = match self.geometry.kind(candidate.geom) {
             GeometryKind::Mesh(mesh) => self.geometry.meshes[mesh].corners(candidate.prim),
             _ => self.geometry.quad_half(candidate.prim, candidate.u, candidate.v).0,
@@ -118,22 +129,6 @@ pub struct Found {
     pub corners: [DVec3; 3],
     /// The second half of a quad, which Embree counts u and v from the other end of.
     pub turned: bool,
-}
-
-/// A lane of Embree's arguments.
-#[derive(Debug, Clone, Copy)]
-pub struct Candidate {
-    pub origin: DVec3,
-    pub direction: DVec3,
-    pub tnear: f64,
-    /// The ray's end before the query.
-    pub tfar: f64,
-    /// Where Embree says that it is.
-    pub t: f64,
-    pub u: f32,
-    pub v: f32,
-    pub prim: u32,
-    pub geom: u32,
 }
 
 /// The closest true candidate of one ray.
@@ -202,6 +197,7 @@ unsafe fn reject(args: &FilterArguments, mut counts: impl FnMut(Candidate) -> bo
             let candidate = Candidate {
                 origin: vector(0),
                 direction: vector(RAY_DIRECTION),
+                normal: DVec3::new(hit(0).into(), hit(1).into(), hit(2).into()),
                 tnear: ray(RAY_TNEAR).into(),
                 tfar: ray(RAY_TIME).into(),
                 t: ray(RAY_TFAR).into(),

@@ -1,7 +1,9 @@
 //! Intel Embree 4 as an accelerator. No raw pointer and no `unsafe` leaves this folder.
 
+mod candidate;
 mod device;
 mod exact;
+mod extent;
 mod ffi;
 mod filter;
 mod fixed;
@@ -75,6 +77,32 @@ impl<'g> Embree<'g> {
             filter: filter.as_ref().map(Filter::function),
             user_geometry: None,
         });
+    }
+
+    /// Occlusion by what `filter` lets pass.
+    #[inline(always)]
+    fn any_hit(
+        &self,
+        active: &Mask,
+        rays: &mut Rays,
+        coherence: Coherence,
+        filter: Option<Filter>,
+    ) {
+        let scene = self.scene.handle();
+        if coherence != Coherence::Single && active.count() >= SINGLE_BELOW {
+            // SAFETY: rays and mask are aligned to 64 bytes and laid out as Embree's.
+            return self.query(coherence, filter, |args| unsafe {
+                (self.scene.api().occluded16)(active, scene, rays, args);
+            });
+        }
+        for i in (0..LANES).filter(|&i| active.0[i] != 0) {
+            let mut single = ray(rays, i);
+            // SAFETY: aligned to 16 bytes and laid out as Embree's.
+            self.query(coherence, filter, |args| unsafe {
+                (self.scene.api().occluded1)(scene, &mut single, args);
+            });
+            rays.tfar[i] = single.tfar;
+        }
     }
 }
 
@@ -150,22 +178,12 @@ impl Accelerator for Embree<'_> {
         // The time, which nothing reads in a scene that does not move, keeps the end of each ray:
         // in a filter `tfar` is the candidate's t.
         rays.time = rays.tfar;
-        let filter = Some(Filter::True(&self.truth));
-        let scene = self.scene.handle();
-        if coherence != Coherence::Single && active.count() >= SINGLE_BELOW {
-            // SAFETY: rays and mask are aligned to 64 bytes and laid out as Embree's.
-            return self.query(coherence, filter, |args| unsafe {
-                (self.scene.api().occluded16)(active, scene, rays, args);
-            });
-        }
-        for i in (0..LANES).filter(|&i| active.0[i] != 0) {
-            let mut single = ray(rays, i);
-            // SAFETY: aligned to 16 bytes and laid out as Embree's.
-            self.query(coherence, filter, |args| unsafe {
-                (self.scene.api().occluded1)(scene, &mut single, args);
-            });
-            rays.tfar[i] = single.tfar;
-        }
+        self.any_hit(active, rays, coherence, Some(Filter::True(&self.truth)));
+    }
+
+    fn occluded_candidates(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+        let filter = any_leaving(active, rays).then_some(Filter::Leaving);
+        self.any_hit(active, rays, coherence, filter);
     }
 }
 

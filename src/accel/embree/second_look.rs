@@ -3,7 +3,8 @@
 //! All that Embree offers along the ray is looked at by a filter that rejects everything, so neither
 //! a false hit nor a t that is off hides what is behind.
 
-use super::filter::{Candidate, Filter, Found, Look};
+use super::candidate::Candidate;
+use super::filter::{Filter, Found, Look};
 use super::{Embree, NO_HIT, ffi, ray};
 use crate::geometry::{GeometryKind, NONE, Surfaces, refine, refine_triangle};
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
