@@ -94,7 +94,7 @@ impl Scalar {
             Self::F32 | Self::F64 => return true,
         };
         // NaN fails both comparisons: it does not fit an integer.
-        value >= low && value <= high && value.fract() == 0.0
+        value >= low && value <= high && (value as i64) as f64 == value
     }
 
     /// The value that starts at byte `at`; the caller has checked that it ends inside `bytes`.
