@@ -150,3 +150,83 @@ fn what_no_file_holds_is_reported_and_fails_if_asked() {
     assert!(!done.stderr().contains("clamped"), "{}", done.stderr());
     assert!(channels(&scratch, "x.exr").values().all(|kind| kind == "f32"));
 }
+
+/// What `info` says about a part.
+fn part(scratch: &Scratch, file: &str, index: usize) -> serde_json::Value {
+    let done = scratch.run(&["info", "--json", file]);
+    let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+    value["parts"][index].clone()
+}
+
+#[test]
+fn a_part_for_every_layer() {
+    let scratch = scratch();
+    let flags = ["--aov", "Z,N,light_ambient,cryptomatte", "-o", "x", "--multipart"];
+    assert_eq!(render(&scratch, &flags).code(), 0);
+    let names = |i: usize| part(&scratch, "x.exr", i)["name"].clone();
+    let expected = ["rgba", "N", "light_ambient", "Z", "CryptoObject", "CryptoMaterial"];
+    for (i, name) in expected.into_iter().enumerate() {
+        assert_eq!(names(i), name);
+        let attributes = &part(&scratch, "x.exr", i)["attributes"];
+        assert_eq!(attributes["lightpath:spp"], "4", "every part says it all");
+    }
+    assert!(names(6).is_null());
+    assert_eq!(part(&scratch, "x.exr", 3)["channels"], serde_json::json!([["Z", "f32"]]));
+    let ranks = part(&scratch, "x.exr", 4)["channels"].as_array().unwrap().len();
+    assert_eq!(ranks, 12);
+    // The same bytes again, with other threads.
+    let again = [&flags[..4], &["y", "--multipart", "--threads", "2"]].concat();
+    assert_eq!(render(&scratch, &again).code(), 0);
+    assert_eq!(scratch.read("x.exr"), scratch.read("y.exr"));
+}
+
+#[test]
+fn overscan_is_data_beside_the_frame() {
+    let scratch = scratch();
+    assert_eq!(render(&scratch, &["-o", "x", "--overscan", "5"]).code(), 0);
+    let x = part(&scratch, "x.exr", 0);
+    assert_eq!(x["display_window"], serde_json::json!([0, 0, 40, 24]));
+    assert_eq!(x["data_window"], serde_json::json!([-5, -5, 50, 34]));
+    let done = render(&scratch, &["--overscan", "5", "--crop", "0", "0", "1", "1"]);
+    assert_eq!(done.code(), 2);
+    let done = render(&scratch, &["--overscan", "60000", "--size", "2147400000x1"]);
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("--overscan"), "{}", done.stderr());
+}
+
+#[test]
+fn the_header_says_where_a_picture_comes_from() {
+    let scratch = scratch();
+    let flags = ["-o", "x", "--frame", "-7", "--fps", "23.976"];
+    assert_eq!(render(&scratch, &flags).code(), 0);
+    let attributes = part(&scratch, "x.exr", 0)["attributes"].clone();
+    assert_eq!(attributes["imageCounter"], "-7");
+    assert_eq!(attributes["framesPerSecond"], "24000/1001");
+    assert_eq!(attributes["lightpath:seed"], "0");
+    assert_eq!(attributes["lightpath:version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(attributes["lightpath:sceneHash"].as_str().unwrap().len(), 64);
+    for name in ["software", "chromaticities", "lightpath:backend", "lightpath:isa"] {
+        assert!(attributes[name].is_string(), "{name}");
+    }
+    assert!(attributes["renderTimeSeconds"].is_null());
+    assert_eq!(render(&scratch, &["-o", "y", "--record-time"]).code(), 0);
+    let attributes = part(&scratch, "y.exr", 0)["attributes"].clone();
+    let seconds: f64 = attributes["renderTimeSeconds"].as_str().unwrap().parse().unwrap();
+    assert!((0.0..600.0).contains(&seconds), "{seconds}");
+    assert!(attributes["imageCounter"].is_null());
+    assert_eq!(render(&scratch, &["--fps", "fast"]).code(), 2);
+}
+
+#[test]
+fn pngs_of_sixteen_bits() {
+    let scratch = scratch();
+    let depth = |name: &str| {
+        let bytes = scratch.read(name);
+        // Of the IHDR, which comes first.
+        bytes[24]
+    };
+    assert_eq!(render(&scratch, &["-o", "x", "--png-bits", "16"]).code(), 0);
+    assert_eq!(render(&scratch, &["-o", "y"]).code(), 0);
+    assert_eq!([depth("x.png"), depth("y.png")], [16, 8]);
+    assert_eq!(render(&scratch, &["--png-bits", "12"]).code(), 2);
+}

@@ -177,7 +177,7 @@ fn a_crop_has_its_size() {
     assert_eq!(size_of_png(&scratch.read("s.png")), (6, 10));
     let info = scratch.run(&["info", "s.exr"]).stdout();
     assert!(info.contains("frame 20 x 12, data 6 x 10 at 3, 2"), "{info}");
-    assert!(info.contains("lightpath:scene_hash"), "{info}");
+    assert!(info.contains("lightpath:sceneHash"), "{info}");
 }
 
 #[test]

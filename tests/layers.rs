@@ -58,12 +58,23 @@ struct Rendered {
 }
 
 fn rendered(scene: &Value, window: Option<Window>, threads: usize, isa: Isa) -> Rendered {
+    with_margin(scene, 0, window, threads, isa)
+}
+
+fn with_margin(
+    scene: &Value,
+    margin: u32,
+    window: Option<Window>,
+    threads: usize,
+    isa: Isa,
+) -> Rendered {
     let scene = checked(scene);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
         let monitor = Monitor::default();
         let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).unwrap();
         let options = BuildOptions { threads, embree: Default::default(), isa, max_bytes: None };
+        let world = world.with_margin(margin);
         let accelerator = accel::build(&world.geometry, scene.backend, &options, &monitor).unwrap();
         let plan = Plan::new(&scene);
         let [width, height] = world.frame;
@@ -175,6 +186,41 @@ fn the_same_bits_for_any_threads_tiers_and_crops() {
             let row = &crop.film.planes.words[y * width..(y + 1) * width];
             assert_eq!(row, &full.film.planes.words[from..from + width]);
         }
+    }
+}
+
+#[test]
+fn overscan_leaves_the_frame_as_it_is_and_goes_on_beside_it() {
+    for spp in [1, 4, 16] {
+        let scene = stage(spp);
+        let full = all_of(&scene);
+        // 60 x 40 and 9 more pixels on every side; whole tiles of margin.
+        let window = Window { x0: 32 - 9, y0: 32 - 9, x1: 32 + 60 + 9, y1: 32 + 40 + 9 };
+        let wide = with_margin(&scene, 32, Some(window), 2, Isa::detect());
+        let stride = full.plan.channels.len();
+        for y in 0..40 {
+            let (from, to) = (y * 60, (y + 9) * 78 + 9);
+            assert_eq!(wide.film.pixels[to..to + 60], full.film.pixels[from..from + 60]);
+            let words = |rendered: &Rendered, first: usize| {
+                rendered.film.planes.words[first * stride..(first + 60) * stride].to_vec()
+            };
+            assert_eq!(words(&wide, to), words(&full, from));
+        }
+        // The points of the margin project into its pixels, too.
+        let to_ndc = camera::world_to_ndc(&checked(&scene).camera);
+        let mut beside = 0;
+        for pixel in (0..wide.pixels()).filter(|&pixel| wide.float("Z", pixel) < FAR) {
+            let p = ["P.X", "P.Y", "P.Z"].map(|c| f64::from(wide.float(c, pixel)));
+            let p = [p[0], p[1], p[2], 1.0];
+            let [x, y, _, w]: [f64; 4] =
+                std::array::from_fn(|c| (0..4).map(|r| p[r] * to_ndc[r][c]).sum());
+            let column = (pixel % 78) as f64 - 9.0;
+            let row = (pixel / 78) as f64 - 9.0;
+            let (x, y) = (x / w * 60.0 - column, y / w * 40.0 - row);
+            assert!((-0.01..1.01).contains(&x) && (-0.01..1.01).contains(&y), "{pixel}: {x} {y}");
+            beside += u32::from(column < 0.0 || row < 0.0 || column >= 60.0 || row >= 40.0);
+        }
+        assert!(beside > 500, "{beside}");
     }
 }
 

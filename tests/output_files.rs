@@ -5,9 +5,12 @@ use std::{fs, io::Cursor, path::Path};
 
 use lightpath::{
     error::Kind,
-    film::{Film, Window},
+    film::{Blank, Channel, ChannelKind, Film, Window},
     monitor::Monitor,
-    output::{Oddities, Outputs, Spot, WriteOptions, atomic::Part, atomic::TextFile, exr, png},
+    output::{
+        Oddities, Outputs, Spot, WriteOptions, atomic::Part, atomic::TextFile, exr, png,
+        tonemap::Depth,
+    },
     scene::{ToneOperator, Tonemap},
 };
 
@@ -161,7 +164,7 @@ fn read_png(bytes: &[u8]) -> (::png::Info<'static>, Vec<u8>) {
 
 fn png_bytes(film: &Film, tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
     let mut file = Vec::new();
-    png::write(film, tonemap, transparent, &mut file, Path::new("x.png")).unwrap();
+    png::write(film, tonemap, transparent, Depth::Eight, &mut file, Path::new("x.png")).unwrap();
     file
 }
 
@@ -198,6 +201,100 @@ fn transparent_png_has_straight_alpha() {
 }
 
 #[test]
+fn sixteen_bits_hold_more_and_mean_the_same() {
+    let mut film = film();
+    film.pixels[0] = [0.25, 0.1, 0.0, 0.5];
+    film.pixels[1] = [0.5, 2.0, f32::NAN, 1.0];
+    for srgb in [false, true] {
+        let tonemap = Tonemap { srgb, ..CLAMP };
+        let mut file = Vec::new();
+        png::write(&film, &tonemap, true, Depth::Sixteen, &mut file, Path::new("x.png")).unwrap();
+        let (info, wide) = read_png(&file);
+        assert_eq!(
+            (info.bit_depth, info.color_type),
+            (::png::BitDepth::Sixteen, ::png::ColorType::Rgba)
+        );
+        let wide: Vec<u16> = wide.chunks(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect();
+        if !srgb {
+            assert_eq!(wide[..8], [32768, 13107, 0, 32768, 32768, 65535, 0, 65535]);
+        }
+        let (_, narrow) = read_png(&png_bytes(&film, &tonemap, true));
+        for (wide, narrow) in wide.iter().zip(narrow) {
+            let off = f64::from(*wide) / 65535.0 - f64::from(narrow) / 255.0;
+            assert!(off.abs() <= 0.5 / 255.0 + 0.5 / 65535.0, "{wide} {narrow}");
+        }
+    }
+}
+
+/// Layers of every kind, 33 rows: three blocks of ZIP, the last one short.
+fn layered() -> Film {
+    let channels =
+        [("N.X", ChannelKind::Half), ("Z", ChannelKind::Float), ("id.id", ChannelKind::Uint)];
+    let channels = channels.map(|(name, kind)| Channel { name: name.to_string(), kind });
+    let window = Window { x0: 1, y0: 2, x1: 12, y1: 35 };
+    let mut film = Blank::new([20, 40], window, channels.to_vec()).unwrap().film();
+    for (i, pixel) in film.pixels.iter_mut().enumerate() {
+        *pixel = [i as f32 / 7.0, (i as f32).sin(), 1e-3, 1.0];
+    }
+    for (i, words) in film.planes.words.chunks_mut(3).enumerate() {
+        words.copy_from_slice(&[
+            (i as f32).cos().to_bits(),
+            (i as f32 * 1e6).to_bits(),
+            !(i as u32),
+        ]);
+    }
+    film
+}
+
+#[test]
+fn every_compression_and_part_holds_the_same_values() {
+    let film = layered();
+    for (compression, multipart) in
+        exr::Compression::ALL.iter().flat_map(|c| [(*c, false), (*c, true)])
+    {
+        if compression == exr::Compression::Dwaa {
+            continue; // is lossy
+        }
+        let write = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut file = Cursor::new(Vec::new());
+            let attributes = attributes();
+            let options = exr::Options {
+                attributes: &attributes,
+                compression,
+                multipart,
+                ..Default::default()
+            };
+            pool.install(|| exr::write(&film, &options, &mut file, Path::new("x.exr"))).unwrap();
+            file.into_inner()
+        };
+        let bytes = write(1);
+        assert_eq!(bytes, write(3), "{compression:?}");
+        use ::exr::prelude::{FlatSamples, ReadChannels, ReadLayers};
+        let reader = ::exr::prelude::read().no_deep_data().largest_resolution_level();
+        let reader = reader.all_channels().all_layers().all_attributes();
+        let image = reader.from_buffered(Cursor::new(&bytes)).unwrap();
+        assert_eq!(image.layer_data.len(), if multipart { 4 } else { 1 });
+        let channels = image.layer_data.iter().flat_map(|layer| &layer.channel_data.list);
+        for channel in channels {
+            let index = film.planes.index(&channel.name.to_string());
+            let axis = ["R", "G", "B", "A"].iter().position(|axis| channel.name.eq(axis));
+            let value = |i: usize| match (index, axis) {
+                (Some(index), _) => film.planes.float(index, i),
+                (None, axis) => film.pixels[i][axis.unwrap()],
+            };
+            match &channel.sample_data {
+                FlatSamples::F16(found) => {
+                    assert!((0..11 * 33).all(|i| found[i] == half::f16::from_f32(value(i))));
+                }
+                FlatSamples::F32(found) => assert!((0..11 * 33).all(|i| found[i] == value(i))),
+                FlatSamples::U32(found) => assert!((0..11 * 33).all(|i| found[i] == !(i as u32))),
+            }
+        }
+    }
+}
+
+#[test]
 fn both_files_appear_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let prefix = folder.path().join("frame.0001");
@@ -206,7 +303,7 @@ fn both_files_appear_and_nothing_else() {
     assert!(names_in(folder.path()).iter().all(|n| n.ends_with(".part")));
     let attributes = attributes();
     let exr = exr::Options { attributes: &attributes, ..Default::default() };
-    let options = WriteOptions { tonemap: &CLAMP, transparent: false, exr };
+    let options = WriteOptions { tonemap: &CLAMP, transparent: false, depth: Depth::Eight, exr };
     let (paths, odd) = outputs.write(&film(), &options, &Monitor::default()).unwrap();
     assert_eq!(odd, Oddities::default());
     assert_eq!(names_in(folder.path()), ["frame.0001.exr", "frame.0001.png"]);
@@ -220,7 +317,12 @@ fn a_signal_before_the_renames_leaves_nothing() {
     let prefix = folder.path().join("x");
     let monitor = Monitor::default();
     monitor.signal.store(15, std::sync::atomic::Ordering::Relaxed);
-    let options = WriteOptions { tonemap: &CLAMP, transparent: false, exr: Default::default() };
+    let options = WriteOptions {
+        tonemap: &CLAMP,
+        transparent: false,
+        depth: Depth::Eight,
+        exr: Default::default(),
+    };
     let outputs = Outputs::create(&prefix).unwrap();
     let error = outputs.write(&film(), &options, &monitor).unwrap_err();
     assert_eq!(error.exit_code(), 143);

@@ -4,11 +4,14 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueHint};
 
-use super::units::{parse_bytes, parse_size};
-use crate::accel::EmbreeMode;
+use super::units::{parse_bytes, parse_rate, parse_size};
+use crate::{
+    accel::EmbreeMode,
+    output::{exr::Compression, tonemap::Depth},
+};
 
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, CrosscheckArgs};
-pub use super::names::{Axis, BackendName, CompressionName, IsaName, ProgressMode, ToneName};
+pub use super::names::{Axis, BackendName, IsaName, ProgressMode, ToneName};
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \
@@ -106,13 +109,33 @@ pub struct RenderArgs {
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Files")]
 pub struct FileArgs {
+    /// A part of the EXR for every layer
+    #[arg(long)]
+    pub multipart: bool,
+
+    /// Number of the frame in a sequence, for the EXR's imageCounter
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub frame: Option<i32>,
+
+    /// Frames per second, for the EXR: 24 or 24000/1001
+    #[arg(long, value_name = "RATE", value_parser = parse_rate)]
+    pub fps: Option<(i32, u32)>,
+
+    /// Write the render's time into the EXR; two renders are no longer the same bytes
+    #[arg(long)]
+    pub record_time: bool,
+
     /// 32-bit floats in the EXR in place of halves
     #[arg(long)]
     pub float: bool,
 
     /// Compression of the EXR; dwaa is lossy
     #[arg(long, value_name = "NAME")]
-    pub compression: Option<CompressionName>,
+    pub compression: Option<Compression>,
+
+    /// Bits of the PNG's channels [default: 8]
+    #[arg(long, value_name = "BITS")]
+    pub png_bits: Option<Depth>,
 
     /// Show layers that are written as pictures: PREFIX.NAME.png each; all for every one
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
@@ -185,6 +208,10 @@ pub struct SceneArgs {
     /// Render only these pixels, from the top left; X1 and Y1 are excluded
     #[arg(long, num_args = 4, allow_negative_numbers = true, value_names = ["X0", "Y0", "X1", "Y1"])]
     pub crop: Option<Vec<u32>>,
+
+    /// Render so many pixels more on every side of the frame; the EXR's display window stays
+    #[arg(long, value_name = "PX", conflicts_with = "crop", value_parser = clap::value_parser!(u32).range(..=65536), default_value_t)]
+    pub overscan: u32,
 }
 
 /// Flags for meshes.

@@ -104,7 +104,7 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
         false => summary.missing.join(", "),
     };
     report.add("missing", json!(summary.missing), format!("missing: {missing}"));
-    if let Some(texture) = &summary.texture_file {
+    if let Some(texture) = summary.texture_files.first() {
         report.add("texture_file", json!(texture), format!("texture: {texture}"));
     }
     if let Some(prediction) = prediction(path) {
@@ -216,6 +216,9 @@ fn part(header: &Header, report: &mut Report) -> Value {
         header.compression,
         header.line_order
     ));
+    let own = &header.own_attributes;
+    let name = own.layer_name.as_ref().map(ToString::to_string);
+    report.lines.extend(name.as_ref().map(|name| format!("part {name}")));
     let channels = header.channels.list.iter();
     let channels: Vec<[String; 2]> = channels
         .map(|c| [c.name.to_string(), format!("{:?}", c.sample_type).to_lowercase()])
@@ -234,7 +237,6 @@ fn part(header: &Header, report: &mut Report) -> Value {
         let [r, g, b, w] = [c.red, c.green, c.blue, c.white].map(|c| [c.x(), c.y()]);
         numbers("chromaticities", [r, g, b, w].as_flattened());
     }
-    let own = &header.own_attributes;
     numbers("pixelAspectRatio", &[header.shared_attributes.pixel_aspect]);
     let center = own.screen_window_center;
     numbers("screenWindowCenter", &[center.x(), center.y()]);
@@ -245,11 +247,16 @@ fn part(header: &Header, report: &mut Report) -> Value {
     if let Some(matrix) = &own.world_to_normalized_device {
         numbers("worldToNDC", matrix);
     }
-    let mut others: Vec<_> = header.own_attributes.other.iter().collect();
+    if let Some((above, below)) = own.frames_per_second {
+        attributes.insert("framesPerSecond".into(), format!("{above}/{below}").into());
+    }
+    let mut others: Vec<_> = own.other.iter().collect();
     others.sort_by_key(|(name, _)| name.to_string());
     for (name, value) in others {
         let text = match value {
             AttributeValue::Text(text) => text.to_string(),
+            AttributeValue::I32(number) => number.to_string(),
+            AttributeValue::F32(number) => number.to_string(),
             other => format!("{other:?}"),
         };
         attributes.insert(name.to_string(), text.into());
@@ -258,6 +265,7 @@ fn part(header: &Header, report: &mut Report) -> Value {
         report.lines.push(format!("{name}: {}", value.as_str().unwrap_or_default()));
     }
     json!({
+        "name": name,
         "display_window": [display.position.x(), display.position.y(), display.size.x(), display.size.y()],
         "data_window": [data.x(), data.y(), size.x(), size.y()],
         "compression": header.compression.to_string(),

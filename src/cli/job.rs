@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
+    integrate::TILE,
     mesh::Mesh,
+    output::exr::Compression,
     scene::{self, Backend, Description, Layer, Loaded, Scene, ShapeKind, Source, written},
 };
 
 use super::{
-    args::{CompressionName, RenderArgs},
+    args::RenderArgs,
     memory, meshes,
     origin::Origin,
     overrides::Overrides,
@@ -145,7 +147,7 @@ fn finish(
         return Err(Error::invalid("--exact", message).help(help));
     }
     let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
-    let lossy = args.files.compression == Some(CompressionName::Dwaa);
+    let lossy = args.files.compression == Some(Compression::Dwaa);
     if lossy && loaded.scene.layers.iter().any(mattes) {
         let message =
             "found dwaa with cryptomatte: its losses change the ids, and no matte is found again";
@@ -173,6 +175,25 @@ pub fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
     Err(Error::new(Kind::Invalid, Problem::new("--crop", wrong)))
 }
 
+/// The margin around the frame that `pixels` of overscan need, and the window in its coordinates. Whole
+/// tiles: the frame's packets stay what they are.
+///
+/// # Errors
+/// Sides that cannot be counted.
+pub fn overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let margin = pixels.next_multiple_of(TILE);
+    let most = i32::MAX as u32 - 2 * margin;
+    if width.max(height) > most {
+        let message = format!("found {pixels} pixels around a frame of {width} x {height}");
+        let message = format!("{message}, expected sides of at most {most} for that");
+        return Err(Error::invalid("--overscan", message));
+    }
+    let [x0, y0] = [margin - pixels; 2];
+    let [x1, y1] = [width, height].map(|side| margin + side + pixels);
+    Ok((margin, Window { x0, y0, x1, y1 }))
+}
+
 /// The text of a scene saved as `target`: its paths seen from there.
 ///
 /// # Errors
@@ -190,16 +211,10 @@ pub fn saved(job: &Job, target: &Path) -> Result<String> {
     };
     description.scene.materials.values_mut().try_for_each(material)?;
     for shape in &mut description.scene.shapes {
-        let used = match shape {
-            written::Shape::Sphere(s) => &mut s.material,
-            written::Shape::Plane(s) => &mut s.material,
-            written::Shape::Triangle(s) => &mut s.material,
-            written::Shape::TriMesh(s) => {
-                move_path(&mut s.path.0)?;
-                &mut s.material
-            }
-        };
-        if let written::MaterialUse::Inline(inline) = used {
+        if let written::Shape::TriMesh(mesh) = shape {
+            move_path(&mut mesh.path.0)?;
+        }
+        if let written::MaterialUse::Inline(inline) = shape.material_mut() {
             material(inline)?;
         }
     }

@@ -9,16 +9,14 @@ use crate::{
     layers::{Mattes, Plan},
     output::{
         atomic::{Part, TextFile},
-        exr::{Compression, View},
+        exr::View,
         png, preview,
+        tonemap::Depth,
     },
     scene::{Camera, Layer, Scene},
 };
 
-use super::{
-    args::{CompressionName, RenderArgs},
-    paths,
-};
+use super::{args::RenderArgs, paths};
 
 /// A manifest beside the picture.
 #[derive(Debug)]
@@ -134,7 +132,8 @@ pub fn write_previews(film: &Film, previews: Vec<(String, Part)>) -> Result<Vec<
     let write = |(name, mut part): (String, Part)| {
         let path = part.target().to_owned();
         let bytes = preview::bytes(film, &name).unwrap_or_default();
-        png::encode(film, &bytes, false, true, part.file(), &path)?;
+        let color = png::Color { alpha: false, srgb: true, depth: Depth::Eight };
+        png::encode(film, &bytes, color, part.file(), &path)?;
         part.sync()?;
         part.commit()
     };
@@ -170,17 +169,5 @@ pub fn view(camera: &Camera) -> View {
         world_to_camera: rounded(camera::world_to_camera(camera)),
         world_to_ndc: rounded(camera::world_to_ndc(camera)),
         screen_window_width: camera::screen_window_width(camera) as f32,
-    }
-}
-
-/// ZIP if nothing is said.
-pub fn compression(name: Option<CompressionName>) -> Compression {
-    match name {
-        None | Some(CompressionName::Zip) => Compression::Zip,
-        Some(CompressionName::Zips) => Compression::Zips,
-        Some(CompressionName::Piz) => Compression::Piz,
-        Some(CompressionName::Rle) => Compression::Rle,
-        Some(CompressionName::None) => Compression::None,
-        Some(CompressionName::Dwaa) => Compression::Dwaa,
     }
 }

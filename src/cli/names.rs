@@ -1,22 +1,38 @@
 //! Words that flags take.
 
-use clap::ValueEnum;
+use clap::{ValueEnum, builder::PossibleValue};
 
-/// Names of compressions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum CompressionName {
-    /// zlib over 16 lines
-    Zip,
-    /// zlib over single lines
-    Zips,
-    /// Wavelets: good for grain
-    Piz,
-    /// Run lengths
-    Rle,
-    /// Not at all
-    None,
-    /// Lossy, small
-    Dwaa,
+use crate::output::{exr::Compression, tonemap::Depth};
+
+impl ValueEnum for Compression {
+    fn value_variants<'a>() -> &'a [Self] {
+        Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let help = match self {
+            Self::Zip => "zlib over 16 lines",
+            Self::Zips => "zlib over single lines",
+            Self::Piz => "Wavelets: good for grain",
+            Self::Rle => "Run lengths",
+            Self::None => "Not at all",
+            Self::Dwaa => "Lossy, small",
+        };
+        Some(PossibleValue::new(self.name()).help(help))
+    }
+}
+
+impl ValueEnum for Depth {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[Self::Eight, Self::Sixteen]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(match self {
+            Self::Eight => "8",
+            Self::Sixteen => "16",
+        }))
+    }
 }
 
 /// Names of the instruction sets.

@@ -21,9 +21,9 @@ use crate::{
         exr,
     },
     render as renderer,
-    scene::ShapeKind,
+    scene::{Backend, ShapeKind},
     simd::Isa,
-    world::{LoadOptions, World},
+    world::{Contents, LoadOptions, World, fingerprint},
 };
 
 use super::{
@@ -72,7 +72,10 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let isa = machine::isa(args.machine.isa)?;
     let mut job = pool.install(|| job::load(args))?;
     let ready = std::mem::take(&mut job.ready);
-    let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
+    let (margin, window) = match args.scene.overscan {
+        0 => (0, job::window(args.scene.crop.as_deref(), &job.loaded.scene)?),
+        pixels => job::overscan(pixels, &job.loaded.scene)?,
+    };
     let budget = args.machine.max_memory.map(|limit| {
         pool.install(|| {
             Budget::check(limit, &job.loaded.scene, window, threads, args.machine.embree())
@@ -91,6 +94,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let run = Run {
         args,
         job: &job,
+        margin,
         window,
         budget,
         threads,
@@ -153,6 +157,8 @@ pub fn not_over_inputs(
 struct Run<'a> {
     args: &'a RenderArgs,
     job: &'a Job,
+    /// Of overscan.
+    margin: u32,
     window: Window,
     budget: Option<Budget>,
     threads: usize,
@@ -181,7 +187,13 @@ impl Run<'_> {
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
-        let (world, warnings) = World::load(scene, options, self.monitor)?;
+        let (loaded, fingerprint) = rayon::join(
+            || World::load(scene, options, self.monitor),
+            || fingerprint(&self.job.loaded, self.args.mesh.repair, &mut Contents::default()),
+        );
+        let (world, warnings) = loaded?;
+        let world = world.with_margin(self.margin);
+        let fingerprint = fingerprint?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
 
@@ -199,6 +211,7 @@ impl Run<'_> {
             budget.check_film(world_bytes + info.bytes)?;
         }
         let mut film = blank.film();
+        film.margin = world.margin;
         let built = self.start.elapsed().as_secs_f64();
 
         let accelerator = accelerator.as_ref();
@@ -222,7 +235,8 @@ impl Run<'_> {
             render: rendered - built,
             ..Seconds::default()
         };
-        let (paths, oddities) = self.write(files, &film, &plan, &info, &mut stats)?;
+        let (paths, oddities) =
+            self.write(files, &film, &plan, &info, fingerprint.as_deref(), &mut stats)?;
         Ok((stats, paths, oddities))
     }
 
@@ -252,20 +266,29 @@ impl Run<'_> {
         film: &Film,
         plan: &Plan,
         info: &BuildInfo,
+        fingerprint: Option<&str>,
         stats: &mut Stats,
     ) -> Result<(Vec<PathBuf>, Oddities)> {
         let started = Instant::now();
+        let record_time = self.args.files.record_time;
         let scene = &self.job.loaded.scene;
-        let mut attributes = self.attributes(info);
+        let mut attributes = self.attributes(info, fingerprint);
         attributes.extend(layers::attributes(plan, &files.sidecars));
         let options = WriteOptions {
             tonemap: &scene.tonemap,
             transparent: scene.transparent,
+            depth: self.args.files.png_bits.unwrap_or_default(),
             exr: exr::Options {
                 attributes: &attributes,
                 view: Some(layers::view(&scene.camera)),
+                sequence: exr::Sequence {
+                    frame: self.args.files.frame,
+                    per_second: self.args.files.fps,
+                },
+                render_seconds: record_time.then_some(stats.seconds.render as f32),
                 float: self.args.files.float,
-                compression: layers::compression(self.args.files.compression),
+                compression: self.args.files.compression.unwrap_or_default(),
+                multipart: self.args.files.multipart,
             },
         };
         // Before the EXR that names them.
@@ -289,18 +312,24 @@ impl Run<'_> {
     }
 
     /// What the EXR says about its origin: nothing that differs between two equal pictures.
-    fn attributes(&self, info: &BuildInfo) -> Vec<(String, String)> {
-        let loaded = &self.job.loaded;
-        let name = loaded.scene.backend.name();
-        let backend = format!("{name} ({} {})", info.version, info.isa);
-        [
-            ("lightpath:backend", backend),
-            ("lightpath:scene_hash", loaded.hash.clone()),
-            ("lightpath:seed", loaded.scene.seed.to_string()),
-            ("lightpath:spp", loaded.scene.spp.to_string()),
-        ]
-        .map(|(name, value)| (name.to_string(), value))
-        .to_vec()
+    fn attributes(&self, info: &BuildInfo, fingerprint: Option<&str>) -> Vec<(String, String)> {
+        let scene = &self.job.loaded.scene;
+        let mode = match scene.backend {
+            Backend::Embree => format!(", {:?}", self.args.machine.embree()).to_lowercase(),
+            _ => String::new(),
+        };
+        let name = scene.backend.name();
+        let backend = format!("{name} ({} {}{mode})", info.version, info.isa);
+        let said = [
+            ("backend", Some(backend)),
+            ("isa", Some(self.isa.to_string())),
+            ("sceneHash", fingerprint.map(str::to_string)),
+            ("seed", Some(scene.seed.to_string())),
+            ("spp", Some(scene.spp.to_string())),
+            ("version", Some(env!("CARGO_PKG_VERSION").to_string())),
+        ];
+        let said = said.into_iter().filter_map(|(name, value)| Some((name, value?)));
+        said.map(|(name, value)| (format!("lightpath:{name}"), value)).collect()
     }
 
     fn warn(&self, warnings: &[Problem]) {

@@ -29,6 +29,26 @@ pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     Ok([side(width)?, side(height)?])
 }
 
+/// `24`, `24000/1001`, or television's rates as people write them, `23.976` -> a fraction.
+pub fn parse_rate(text: &str) -> Result<(i32, u32), String> {
+    let expected = || "expected frames per second, for example 24, 24000/1001 or 29.97".to_string();
+    let (above, below) = match text.split_once('/') {
+        Some((above, below)) => {
+            (above.parse().map_err(|_| expected())?, below.parse().map_err(|_| expected())?)
+        }
+        None => {
+            let rate: f64 = text.parse().map_err(|_| expected())?;
+            let whole = rate.round();
+            match (rate - whole).abs() < 1e-9 {
+                true => (whole as i32, 1),
+                false if (rate - whole / 1.001).abs() < 0.006 => (1000 * whole as i32, 1001),
+                false => return Err(expected()),
+            }
+        }
+    };
+    if above > 0 && below > 0 { Ok((above, below)) } else { Err(expected()) }
+}
+
 /// Bytes for people: `1.5 GiB`.
 pub fn bytes(count: u64) -> String {
     in_units(count, |tenths| tenths)
@@ -79,6 +99,18 @@ pub fn duration(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rates() {
+        assert_eq!(parse_rate("24"), Ok((24, 1)));
+        assert_eq!(parse_rate("24000/1001"), Ok((24000, 1001)));
+        assert_eq!(parse_rate("23.976"), Ok((24000, 1001)));
+        assert_eq!(parse_rate("29.97"), Ok((30000, 1001)));
+        assert_eq!(parse_rate("59.94"), Ok((60000, 1001)));
+        for bad in ["", "0", "-24", "24/0", "24.5", "nan", "inf", "1/-2", "fast"] {
+            assert!(parse_rate(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn sizes() {

@@ -41,6 +41,8 @@ impl Window {
 pub struct Film {
     /// Width and height of the full frame (the display window).
     pub frame: [u32; 2],
+    /// Pixels of overscan on every side of the frame: where its top left is in the window's coordinates.
+    pub margin: u32,
     /// What was rendered (the data window).
     pub window: Window,
     /// `window.width() * window.height()` pixels of R, G, B, A.
@@ -50,6 +52,11 @@ pub struct Film {
 }
 
 impl Film {
+    /// Left and top of the data window, seen from the frame's top left.
+    pub fn origin(&self) -> [i32; 2] {
+        [self.window.x0, self.window.y0].map(|side| side.wrapping_sub(self.margin) as i32)
+    }
+
     /// A black, transparent film whose memory is there: a machine without it says so now, not
     /// in the middle of a render.
     ///
@@ -96,6 +103,6 @@ impl Blank {
         let count = window.width() as usize * window.height() as usize;
         pixels.resize(count, [0.0; 4]);
         planes.words.resize(count * planes.channels.len(), 0);
-        Film { frame, window, pixels, planes }
+        Film { frame, margin: 0, window, pixels, planes }
     }
 }

@@ -49,13 +49,13 @@ pub struct Slot {
     pub packet: RayPacket,
     /// Lanes within the frame and within spp.
     pub active: Mask,
-    /// Pixel, by lane.
+    /// Pixel of the camera's frame, by lane; left of it and above it negative, as two's complement.
     pub x: [u32; LANES],
-    /// Pixel, by lane.
+    /// The same, downwards.
     pub y: [u32; LANES],
     /// Camera sample of that pixel, by lane.
     pub sample: [u32; LANES],
-    /// Top left pixel of the block.
+    /// Top left pixel of the block, in the window's coordinates.
     pub corner: [u32; 2],
     /// First sample of the packet.
     pub first: u32,
@@ -94,7 +94,9 @@ impl Slot {
         for i in 0..LANES {
             let (x, y) = (corner[0] + pattern.x[i], corner[1] + pattern.y[i]);
             let sample = first + pattern.sample[i];
-            (self.x[i], self.y[i], self.sample[i]) = (x, y, sample);
+            self.sample[i] = sample;
+            self.x[i] = x.wrapping_sub(world.margin);
+            self.y[i] = y.wrapping_sub(world.margin);
             self.active.0[i] = -i32::from((x < width) & (y < height) & (sample < world.spp));
         }
         self.packet.clear_hits();
@@ -105,7 +107,7 @@ impl Slot {
             return self.aim_sampled(world, sampler);
         }
         for i in 0..LANES {
-            let (x, y) = (self.x[i] as f32 + 0.5, self.y[i] as f32 + 0.5);
+            let (x, y) = (self.x[i] as i32 as f32 + 0.5, self.y[i] as i32 as f32 + 0.5);
             let (origin, direction) = world.camera.pinhole_ray(x, y);
             set_lane(&mut self.packet.rays.org, i, origin);
             set_lane(&mut self.packet.rays.dir, i, direction);
@@ -127,7 +129,7 @@ impl Slot {
                 }
             };
             let [dx, dy] = if world.spp > 1 { [x, y] } else { [0.5; 2] };
-            let (x, y) = (self.x[i] as f32 + dx, self.y[i] as f32 + dy);
+            let (x, y) = (self.x[i] as i32 as f32 + dx, self.y[i] as i32 as f32 + dy);
             let (origin, direction) = world.camera.ray(x, y, [s, t]);
             set_lane(&mut self.packet.rays.org, i, origin);
             set_lane(&mut self.packet.rays.dir, i, direction);

@@ -1,4 +1,4 @@
-//! [`Film`] -> files: a linear EXR with its layers and an 8-bit PNG.
+//! [`Film`] -> files: a linear EXR with its layers and a PNG.
 //!
 //! Nothing appears under a final name before it is complete: both files grow beside their targets
 //! as `.part` and are renamed together at the end ([`atomic`]). They are created before the long
@@ -6,7 +6,6 @@
 
 pub mod atomic;
 pub mod exr;
-mod exr_header;
 pub mod png;
 pub mod preview;
 pub mod tonemap;
@@ -31,7 +30,7 @@ pub const HALF_MAX: f32 = 65504.0;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Spot {
     /// Pixel of the frame, `[x, y]` from the top left.
-    pub pixel: [u32; 2],
+    pub pixel: [i32; 2],
     /// Channel.
     pub channel: String,
 }
@@ -87,7 +86,8 @@ impl Oddities {
                     let name = film.planes.channels[i].name.as_str();
                     ((name, film.planes.float(i, index)), most)
                 });
-                let pixel = [film.window.x0 + column as u32, film.window.y0 + row as u32];
+                let [left, top] = film.origin();
+                let pixel = [left + column as i32, top + row as i32];
                 found.add(pixel, names.chain(planes));
             }
             found
@@ -98,7 +98,7 @@ impl Oddities {
     /// Looks at the values of one pixel, each with its name and the most that it may be.
     fn add<'a>(
         &mut self,
-        pixel: [u32; 2],
+        pixel: [i32; 2],
         values: impl Iterator<Item = ((&'a str, f32), f32)> + Clone,
     ) {
         let spot = |name: &str| Spot { pixel, channel: name.to_string() };
@@ -144,10 +144,12 @@ pub struct Outputs {
 /// How a film becomes files.
 #[derive(Debug, Clone, Copy)]
 pub struct WriteOptions<'a> {
-    /// Radiance to 8-bit values; PNG only.
+    /// Radiance to what is shown; PNG only.
     pub tonemap: &'a Tonemap,
     /// The PNG gets an alpha channel.
     pub transparent: bool,
+    /// Bits of the PNG's channels.
+    pub depth: tonemap::Depth,
     /// What the EXR says and how it is stored.
     pub exr: exr::Options<'a>,
 }
@@ -191,8 +193,8 @@ impl Outputs {
             },
             || {
                 let path = self.png.target().to_owned();
-                let transparent = options.transparent;
-                png::write(film, options.tonemap, transparent, self.png.file(), &path)?;
+                let &WriteOptions { tonemap, transparent, depth, .. } = options;
+                png::write(film, tonemap, transparent, depth, self.png.file(), &path)?;
                 self.png.sync()
             },
         );

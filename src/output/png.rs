@@ -1,4 +1,4 @@
-//! The PNG: what people look at. 8 bits, tone mapped, straight alpha if there is any.
+//! The PNG: what people look at. 8 or 16 bits, tone mapped, straight alpha if there is any.
 //!
 //! The file says how its values are meant: an `sRGB` chunk for the sRGB curve, `gAMA` 1.0 for
 //! linear values, so that viewers need not guess.
@@ -16,7 +16,7 @@ use crate::{
     scene::Tonemap,
 };
 
-use super::tonemap;
+use super::tonemap::{self, Depth};
 
 /// Writes the film's data window. `path` is for messages.
 ///
@@ -26,34 +26,49 @@ pub fn write(
     film: &Film,
     tonemap: &Tonemap,
     transparent: bool,
+    depth: Depth,
     file: &mut impl Write,
     path: &Path,
 ) -> Result<()> {
-    let bytes = tonemap::to_bytes(&film.pixels, tonemap, transparent);
-    encode(film, &bytes, transparent, tonemap.srgb, file, path)
+    let bytes = tonemap::to_samples(&film.pixels, tonemap, transparent, depth);
+    let color = Color { alpha: transparent, srgb: tonemap.srgb, depth };
+    encode(film, &bytes, color, file, path)
 }
 
-/// Writes 8-bit pixels of the film's data window: R, G, B and with `alpha` A; `srgb` or linear.
+/// What the bytes of a pixel mean.
+#[derive(Debug, Clone, Copy)]
+pub struct Color {
+    /// R, G, B, A instead of R, G, B.
+    pub alpha: bool,
+    /// sRGB-encoded instead of linear.
+    pub srgb: bool,
+    /// Of each channel.
+    pub depth: Depth,
+}
+
+/// Writes the pixels of the film's data window.
 ///
 /// # Errors
 /// As [`write()`].
 pub fn encode(
     film: &Film,
     bytes: &[u8],
-    alpha: bool,
-    srgb: bool,
+    color: Color,
     file: &mut impl Write,
     path: &Path,
 ) -> Result<()> {
     let mut buffered = BufWriter::new(file);
     let (width, height) = (film.window.width(), film.window.height());
     let mut encoder = Encoder::new(&mut buffered, width, height);
-    encoder.set_depth(BitDepth::Eight);
-    encoder.set_color(match alpha {
+    encoder.set_depth(match color.depth {
+        Depth::Eight => BitDepth::Eight,
+        Depth::Sixteen => BitDepth::Sixteen,
+    });
+    encoder.set_color(match color.alpha {
         true => ColorType::Rgba,
         false => ColorType::Rgb,
     });
-    match srgb {
+    match color.srgb {
         true => encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric),
         false => encoder.set_source_gamma(ScaledFloat::new(1.0)),
     }

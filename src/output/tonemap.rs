@@ -1,4 +1,4 @@
-//! Radiance -> 8-bit values, for the PNG only. docs/scene-format.md, `tonemap`, is the contract.
+//! Radiance -> 8-bit or 16-bit values, for the PNG only. docs/scene-format.md, `tonemap`, is the contract.
 //!
 //! A transparent picture has straight alpha: colour is divided by alpha first, also for the
 //! maximum of the operator `max`. Values that no format holds count as `finite` says.
@@ -9,18 +9,46 @@ use crate::scene::{ToneOperator, Tonemap};
 
 use super::finite;
 
+/// Bits of a channel.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Depth {
+    /// One byte.
+    #[default]
+    Eight,
+    /// Two bytes, the higher one first.
+    Sixteen,
+}
+
 /// 8-bit pixels, row-major: 4 bytes each with `transparent`, else 3.
 pub fn to_bytes(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
+    to_samples(pixels, tonemap, transparent, Depth::Eight)
+}
+
+/// Pixels, row-major: 4 values each with `transparent`, else 3.
+pub fn to_samples(
+    pixels: &[[f32; 4]],
+    tonemap: &Tonemap,
+    transparent: bool,
+    depth: Depth,
+) -> Vec<u8> {
     let curve = Curve::new(pixels, tonemap, transparent);
     let channels = if transparent { 4 } else { 3 };
-    let mut bytes = vec![0; pixels.len() * channels];
-    bytes.par_chunks_mut(channels).with_min_len(1024).zip(pixels).for_each(|(to, pixel)| {
-        let colour = straight(pixel, transparent);
-        for (to, value) in to.iter_mut().zip(colour) {
-            *to = curve.to_byte(value);
-        }
-        if transparent {
-            to[3] = quantise(f64::from(finite(pixel[3])));
+    let size = match depth {
+        Depth::Eight => 1,
+        Depth::Sixteen => 2,
+    };
+    let mut bytes = vec![0; pixels.len() * channels * size];
+    let chunks = bytes.par_chunks_mut(channels * size).with_min_len(1024);
+    chunks.zip(pixels).for_each(|(to, pixel)| {
+        let [r, g, b] = straight(pixel, transparent).map(|value| curve.level(value));
+        let values = [r, g, b, f64::from(finite(pixel[3])).clamp(0.0, 1.0)];
+        for (to, value) in to.chunks_exact_mut(size).zip(values) {
+            match depth {
+                Depth::Eight => to[0] = quantise(value),
+                Depth::Sixteen => {
+                    to.copy_from_slice(&((65535.0 * value).round() as u16).to_be_bytes());
+                }
+            }
         }
     });
     bytes
@@ -49,8 +77,13 @@ impl Curve {
         Self { operator: tonemap.operator, scale, srgb: tonemap.srgb }
     }
 
-    /// One channel.
+    /// One channel as a byte.
     pub fn to_byte(&self, value: f64) -> u8 {
+        quantise(self.level(value))
+    }
+
+    /// One channel, 0 to 1.
+    fn level(&self, value: f64) -> f64 {
         let x = (value * self.scale).max(0.0);
         let x = match self.operator {
             ToneOperator::Max | ToneOperator::Clamp => x,
@@ -58,7 +91,7 @@ impl Curve {
         };
         // Clamping first is the same, as the transfer curve keeps [0, 1].
         let x = x.min(1.0);
-        quantise(if self.srgb { srgb_from_linear(x) } else { x })
+        if self.srgb { srgb_from_linear(x) } else { x }
     }
 }
 

@@ -1,6 +1,7 @@
 //! [`Scene`] -> [`World`]: meshes and textures loaded, everything relative to one f64 origin.
 
 mod bounds;
+mod fingerprint;
 mod place;
 mod resolution;
 mod textures;
@@ -20,6 +21,7 @@ use crate::shading::{Emitter, Light, Owner, Shape, Shapes, UvSource};
 use self::place::{LARGEST, PlacedMesh};
 
 pub use self::bounds::Bounds;
+pub use self::fingerprint::{Contents, fingerprint};
 pub use self::place::placement;
 pub use self::resolution::{Resolution, ulp};
 
@@ -63,8 +65,10 @@ pub struct World {
     pub lights: Vec<Light>,
     /// The camera.
     pub camera: Camera,
-    /// Pixels across and down.
+    /// Pixels across and down that can be rendered: the camera's frame and the margin around it.
     pub frame: [u32; 2],
+    /// Pixels of overscan on every side of the camera's frame.
+    pub margin: u32,
     /// Camera samples per pixel.
     pub spp: u32,
     /// Mirror bounces.
@@ -155,6 +159,7 @@ impl World {
             lights: scene.lights.iter().map(|light| recentre(light, origin)).collect(),
             camera: Camera::new(&scene.camera, origin),
             frame: [scene.camera.width, scene.camera.height],
+            margin: 0,
             spp: scene.spp,
             nbounces: scene.nbounces,
             seed: scene.seed,
@@ -165,6 +170,14 @@ impl World {
             resolutions,
         };
         Ok((world, warnings))
+    }
+
+    /// Lets `margin` more pixels be rendered on every side of the camera's frame, whose own pixels stay
+    /// what they are. Windows count from the margin's top left.
+    pub fn with_margin(mut self, margin: u32) -> Self {
+        self.frame = self.frame.map(|side| side - 2 * self.margin + 2 * margin);
+        self.margin = margin;
+        self
     }
 
     /// Triangles of all meshes and single triangles; a plane counts as two.

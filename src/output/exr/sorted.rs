@@ -10,25 +10,43 @@ use std::io::{BufReader, Error, ErrorKind, Read, Result};
 /// Magic number and version field.
 const PREAMBLE_BYTES: usize = 8;
 
-/// Flags of the version field that mean more than one header, or deep data.
-const MULTI_PART_OR_DEEP: u8 = 0x18;
+/// Flag of the version field's second byte: there are several headers.
+const MULTI_PART: u8 = 0x10;
 
-/// Reads the header of a single-part file from its first byte and returns it sorted: as many bytes
-/// as it takes in the file.
+/// Reads all headers from the first byte of the file and returns them sorted: as many bytes as they
+/// take in the file.
 pub fn read_sorted(file: &mut impl Read) -> Result<Vec<u8>> {
     let mut file = BufReader::new(file);
-    let mut header = vec![0; PREAMBLE_BYTES];
-    file.read_exact(&mut header)?;
-    if header[..4] != [0x76, 0x2f, 0x31, 0x01] || header[5] & MULTI_PART_OR_DEEP != 0 {
+    let mut sorted = vec![0; PREAMBLE_BYTES];
+    file.read_exact(&mut sorted)?;
+    if sorted[..4] != [0x76, 0x2f, 0x31, 0x01] {
         return Err(broken());
     }
-    let mut attributes: Vec<(Vec<u8>, Vec<u8>)> = Vec::new();
+    let multi_part = sorted[5] & MULTI_PART != 0;
     loop {
-        let name = read_text(&mut file)?;
-        if name.is_empty() {
-            break;
+        let mut attributes = attributes(&mut file)?;
+        attributes.sort();
+        let none = attributes.is_empty();
+        for (name, rest) in attributes {
+            sorted.extend([name.as_slice(), &[0], &rest].concat());
         }
-        let kind = read_text(&mut file)?;
+        sorted.push(0);
+        // Several headers end with an empty one.
+        if none || !multi_part {
+            return Ok(sorted);
+        }
+    }
+}
+
+/// The attributes of one header: names, and what stands behind them.
+fn attributes(file: &mut impl Read) -> Result<Vec<(Vec<u8>, Vec<u8>)>> {
+    let mut attributes = Vec::new();
+    loop {
+        let name = read_text(file)?;
+        if name.is_empty() {
+            return Ok(attributes);
+        }
+        let kind = read_text(file)?;
         let mut size = [0; 4];
         file.read_exact(&mut size)?;
         let count = u64::try_from(i32::from_le_bytes(size)).map_err(|_| broken())?;
@@ -40,12 +58,6 @@ pub fn read_sorted(file: &mut impl Read) -> Result<Vec<u8>> {
         }
         attributes.push((name, rest));
     }
-    attributes.sort();
-    for (name, rest) in attributes {
-        header.extend([name.as_slice(), &[0], &rest].concat());
-    }
-    header.push(0);
-    Ok(header)
 }
 
 /// Bytes up to a NUL, without it; at most 255, the format's longest name.
@@ -63,5 +75,5 @@ fn read_text(file: &mut impl Read) -> Result<Vec<u8>> {
 }
 
 fn broken() -> Error {
-    Error::new(ErrorKind::InvalidData, "the header is not a single-part EXR's")
+    Error::new(ErrorKind::InvalidData, "the header is not an EXR's")
 }

@@ -1,0 +1,84 @@
+//! The header of a part in the terms of the `exr` crate.
+
+use exr::{
+    compression::Compression as Method,
+    math::Vec2,
+    meta::{
+        BlockDescription,
+        attribute::{
+            AttributeValue, ChannelDescription, Chromaticities, IntegerBounds, LineOrder,
+            SampleType, Text,
+        },
+        header::{Header, ImageAttributes, LayerAttributes},
+    },
+};
+
+use crate::film::{ChannelKind, Film};
+
+use super::{Compression, Options, parts::Part};
+
+/// Rec. ITU-R BT.709 primaries and D65, as OpenEXR's own default states them.
+const BT709: Chromaticities = Chromaticities {
+    red: Vec2(0.64, 0.33),
+    green: Vec2(0.30, 0.60),
+    blue: Vec2(0.15, 0.06),
+    white: Vec2(0.3127, 0.3290),
+};
+
+/// `None` where the format cannot hold it. Every part says all that is known of the picture, whichever
+/// of them a reader looks at.
+pub fn header(film: &Film, options: &Options, part: &Part) -> Option<Header> {
+    let window = film.window;
+    let [left, top] = film.origin();
+    let size = Vec2(window.width() as usize, window.height() as usize);
+    let frame = film.frame.map(|side| i32::try_from(side).ok());
+    let frame = Vec2(frame[0]? as usize, frame[1]? as usize);
+    let mut own = LayerAttributes {
+        layer_name: if options.multipart { Some(Text::new_or_none(part.name)?) } else { None },
+        software_name: Text::new_or_none(format!("lightpath {}", env!("CARGO_PKG_VERSION"))),
+        layer_position: Vec2(left, top),
+        frames_per_second: options.sequence.per_second,
+        ..LayerAttributes::default()
+    };
+    if let Some(view) = options.view {
+        own.world_to_camera = Some(view.world_to_camera);
+        own.world_to_normalized_device = Some(view.world_to_ndc);
+        own.screen_window_width = view.screen_window_width;
+    }
+    for (name, value) in options.attributes {
+        let name = Text::new_or_none(name)?;
+        own.other.insert(name, AttributeValue::Text(Text::new_or_none(value)?));
+    }
+    if let Some(frame) = options.sequence.frame {
+        own.other.insert(Text::from("imageCounter"), AttributeValue::I32(frame));
+    }
+    if let Some(seconds) = options.render_seconds {
+        own.other.insert(Text::from("renderTimeSeconds"), AttributeValue::F32(seconds));
+    }
+    let channels = part.sources.iter().map(|source| {
+        let kind = match source.kind {
+            ChannelKind::Half => SampleType::F16,
+            ChannelKind::Float => SampleType::F32,
+            ChannelKind::Uint => SampleType::U32,
+        };
+        Some(ChannelDescription::new(Text::new_or_none(source.name)?, kind, false))
+    });
+    let channels: Option<_> = channels.collect();
+    let shared = ImageAttributes {
+        chromaticities: Some(BT709),
+        ..ImageAttributes::new(IntegerBounds::from_dimensions(frame))
+    };
+    let method = match options.compression {
+        Compression::Zip => Method::ZIP16,
+        Compression::Zips => Method::ZIP1,
+        Compression::Piz => Method::PIZ,
+        Compression::Rle => Method::RLE,
+        Compression::None => Method::Uncompressed,
+        Compression::Dwaa => Method::DWAA(None),
+    };
+    let header = Header::new(Text::from(""), size, channels?)
+        .with_encoding(method, BlockDescription::ScanLines, LineOrder::Increasing)
+        .with_attributes(own)
+        .with_shared_attributes(shared);
+    Some(header)
+}

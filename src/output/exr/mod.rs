@@ -1,0 +1,220 @@
+//! The EXR: linear BT.709 radiance as compositors expect it, and the layers beside it.
+//!
+//! Scanlines, ZIP, unnamed half `R G B A` premultiplied, display window = the whole frame, data
+//! window = what was rendered. The same film and options give the same bytes: the encoding is stated
+//! (the `exr` crate's default order depends on threads) and the header's attributes are sorted
+//! afterwards (the crate keeps them in a hash map).
+//!
+//! Blocks are compressed on the caller's rayon pool, some at a time, while those before them are
+//! written, so that nothing of the size of the film stands beside it.
+
+mod header;
+mod parts;
+mod rows;
+mod sorted;
+mod zip;
+
+use std::{
+    io::{BufWriter, Read, Seek, SeekFrom, Write},
+    path::Path,
+    sync::{Mutex, PoisonError},
+};
+
+use exr::{
+    block::{
+        BlockIndex, UncompressedBlock,
+        chunk::{Chunk, CompressedBlock, CompressedScanLineBlock},
+        writer::ChunksWriter,
+    },
+    error::{Error as ExrError, Result as ExrResult},
+    meta::header::Header,
+};
+use rayon::prelude::*;
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    film::Film,
+};
+
+use self::{parts::Part, zip::Zip};
+
+/// How blocks are compressed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Compression {
+    /// zlib over 16 lines.
+    #[default]
+    Zip,
+    /// zlib over single lines.
+    Zips,
+    /// Wavelets.
+    Piz,
+    /// Run lengths.
+    Rle,
+    /// Not at all.
+    None,
+    /// Lossy: DCT over 32 lines, of R, G, B, A.
+    Dwaa,
+}
+
+impl Compression {
+    /// All of them.
+    pub const ALL: &[Self] = &[Self::Zip, Self::Zips, Self::Piz, Self::Rle, Self::None, Self::Dwaa];
+
+    /// What users call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Zip => "zip",
+            Self::Zips => "zips",
+            Self::Piz => "piz",
+            Self::Rle => "rle",
+            Self::None => "none",
+            Self::Dwaa => "dwaa",
+        }
+    }
+}
+
+/// Where the picture was taken from, in OpenEXR's convention: row vectors times matrices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// World to camera space: x right, y up, z forward.
+    pub world_to_camera: [f32; 16],
+    /// World to (0, 0) top left, (1, 1) bottom right of the frame.
+    pub world_to_ndc: [f32; 16],
+    /// Width of the frame at distance 1.
+    pub screen_window_width: f32,
+}
+
+/// Where a picture stands in a sequence.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Sequence {
+    /// Number of the frame: `imageCounter`.
+    pub frame: Option<i32>,
+    /// Frames per second as a fraction, e.g. 24000 / 1001: `framesPerSecond`.
+    pub per_second: Option<(i32, u32)>,
+}
+
+/// What an EXR says and how it is stored.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options<'a> {
+    /// Custom strings by name.
+    pub attributes: &'a [(String, String)],
+    /// The camera.
+    pub view: Option<View>,
+    /// Which frame it is.
+    pub sequence: Sequence,
+    /// How long the render took: `renderTimeSeconds`. Differs from run to run.
+    pub render_seconds: Option<f32>,
+    /// 32-bit floats in place of halves.
+    pub float: bool,
+    /// How blocks are compressed.
+    pub compression: Compression,
+    /// A part for every layer.
+    pub multipart: bool,
+}
+
+/// Writes the film at the start of an empty `file`; `path` is for messages. NaN and infinities are
+/// never written ([`super::Oddities`] counts them).
+///
+/// # Errors
+/// `Retry` where the disk is full; `Limit` for more than 2^31 pixels a side or attributes that the
+/// format cannot hold.
+pub fn write<F: Read + Write + Seek + Send>(
+    film: &Film,
+    options: &Options,
+    file: &mut F,
+    path: &Path,
+) -> Result<()> {
+    let parts = parts::parts(film, options);
+    let headers: Option<_> = parts.iter().map(|part| header::header(film, options, part)).collect();
+    let headers = headers.ok_or_else(|| unwritable(path, "its size or attributes"))?;
+    let mut buffered = BufWriter::with_capacity(1 << 20, &mut *file);
+    let written = exr::block::write(&mut buffered, headers, true, |meta, writer| {
+        let blocks = Blocks { film, parts: &parts, options, headers: &meta.headers };
+        blocks.stream(writer)
+    });
+    written.map_err(|error| exr_error(path, error))?;
+    // Dropping a BufWriter would hide a full disk.
+    let flushed = buffered.flush();
+    drop(buffered);
+    flushed.and_then(|()| sort_header(file)).map_err(|error| Error::io(path, "write", &error))
+}
+
+/// What blocks are made from.
+struct Blocks<'a> {
+    film: &'a Film,
+    parts: &'a [Part<'a>],
+    options: &'a Options<'a>,
+    headers: &'a [Header],
+}
+
+impl Blocks<'_> {
+    /// Writes all blocks in the order of the file. While some are written the next ones are compressed.
+    fn stream(&self, writer: &mut (impl ChunksWriter + Send)) -> ExrResult<()> {
+        let blocks: Vec<(usize, BlockIndex)> =
+            exr::block::enumerate_ordered_header_block_indices(self.headers).collect();
+        let mut write = |ready: Vec<(usize, Chunk)>| {
+            ready.into_iter().try_for_each(|(position, chunk)| writer.write_chunk(position, chunk))
+        };
+        let threads = rayon::current_num_threads();
+        let zips: Vec<Mutex<Zip>> = (0..threads).map(|_| Mutex::new(Zip::new())).collect();
+        let chunk = |(position, index): &(usize, BlockIndex)| {
+            // Every thread has its own, so that nobody ever waits.
+            let zip = &zips[rayon::current_thread_index().unwrap_or(0)];
+            let mut zip = zip.lock().unwrap_or_else(PoisonError::into_inner);
+            Ok((*position, self.chunk(&mut zip, index)?))
+        };
+        let mut ready = Vec::new();
+        for some in blocks.chunks(2 * threads) {
+            let compress = || some.par_iter().map(chunk).collect::<ExrResult<Vec<_>>>();
+            let (written, next) = rayon::join(|| write(std::mem::take(&mut ready)), compress);
+            written?;
+            ready = next?;
+        }
+        write(ready)
+    }
+
+    /// A block as it stands in the file.
+    fn chunk(&self, zip: &mut Zip, index: &BlockIndex) -> ExrResult<Chunk> {
+        let (header, sources) = (&self.headers[index.layer], &self.parts[index.layer].sources);
+        let top = index.pixel_position.y();
+        let rows = top..top + index.pixel_size.height();
+        match self.options.compression {
+            Compression::Zip | Compression::Zips if cfg!(target_endian = "little") => {
+                rows::fill(&mut zip.raw, self.film, sources, rows);
+                let block = CompressedScanLineBlock {
+                    y_coordinate: header.own_attributes.layer_position.y() + top as i32,
+                    compressed_pixels_le: zip.compress(),
+                };
+                let compressed_block = CompressedBlock::ScanLine(block);
+                Ok(Chunk { layer_index: index.layer, compressed_block })
+            }
+            _ => {
+                let mut data = Vec::new();
+                rows::fill(&mut data, self.film, sources, rows);
+                UncompressedBlock { index: *index, data }.compress_to_chunk(self.headers)
+            }
+        }
+    }
+}
+
+/// Sorts the attributes of the header in place; its length and the offsets behind it stay.
+fn sort_header<F: Read + Write + Seek>(file: &mut F) -> std::io::Result<()> {
+    file.seek(SeekFrom::Start(0))?;
+    let header = sorted::read_sorted(file)?;
+    file.seek(SeekFrom::Start(0))?;
+    file.write_all(&header)?;
+    file.seek(SeekFrom::End(0))?;
+    file.flush()
+}
+
+fn unwritable(path: &Path, what: &str) -> Error {
+    let message = format!("cannot write: {what} do not fit into an EXR file");
+    Error::new(Kind::Limit, Problem::new(path.display().to_string(), message))
+}
+
+fn exr_error(path: &Path, error: ExrError) -> Error {
+    match error {
+        ExrError::Io(error) => Error::io(path, "write", &error),
+        other => unwritable(path, &other.to_string()),
+    }
+}
