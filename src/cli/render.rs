@@ -20,7 +20,7 @@ use crate::{
         atomic::{Part, TextFile},
         exr,
     },
-    render as renderer,
+    render::{self as renderer, Adaptive, Taken},
     scene::ShapeKind,
     simd::Isa,
     world::{LoadOptions, World},
@@ -34,8 +34,8 @@ use super::{
     memory::Budget,
     paths,
     progress::Progress,
-    signals,
-    stats::{self, Memory, Rays, Seconds, Stats},
+    sampling, signals,
+    stats::{self, Memory, Rays, Samples, Seconds, Stats},
     version,
 };
 
@@ -73,6 +73,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let mut job = pool.install(|| job::load(args))?;
     let ready = std::mem::take(&mut job.ready);
     let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
+    let adaptive = sampling::adaptive(&args.sampling, &job.loaded.scene)?;
+    job.warnings.extend(adaptive.as_ref().and_then(sampling::warning));
     let budget = args.machine.max_memory.map(|limit| {
         pool.install(|| {
             Budget::check(limit, &job.loaded.scene, window, threads, args.machine.embree())
@@ -92,6 +94,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         args,
         job: &job,
         window,
+        adaptive,
         budget,
         threads,
         isa,
@@ -154,6 +157,7 @@ struct Run<'a> {
     args: &'a RenderArgs,
     job: &'a Job,
     window: Window,
+    adaptive: Option<Adaptive>,
     budget: Option<Budget>,
     threads: usize,
     isa: Isa,
@@ -181,7 +185,7 @@ impl Run<'_> {
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
-        let (world, warnings) = World::load(scene, options, self.monitor)?;
+        let (mut world, warnings) = World::load(scene, options, self.monitor)?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
 
@@ -202,8 +206,27 @@ impl Run<'_> {
         let built = self.start.elapsed().as_secs_f64();
 
         let accelerator = accelerator.as_ref();
-        let counts =
-            renderer::render_layers(&world, accelerator, isa, &mut film, &plan, self.monitor)?;
+        let monitor = self.monitor;
+        let (counts, taken) = match self.adaptive {
+            None => {
+                let counts =
+                    renderer::render_layers(&world, accelerator, isa, &mut film, &plan, monitor)?;
+                (counts, None)
+            }
+            Some(adaptive) => {
+                world.spp = adaptive.most;
+                let (counts, taken) = renderer::render_adaptive(
+                    &world,
+                    accelerator,
+                    isa,
+                    &mut film,
+                    &plan,
+                    adaptive,
+                    monitor,
+                )?;
+                (counts, Some(taken))
+            }
+        };
         let rendered = self.start.elapsed().as_secs_f64();
 
         let mut stats = self.stats(&info);
@@ -216,6 +239,7 @@ impl Run<'_> {
             reflection: counts.reflection,
             false_hits: accelerator.false_hits(),
         };
+        stats.samples = taken.map(|Taken { least, most, mean }| Samples { least, most, mean });
         stats.seconds = Seconds {
             load: loaded,
             build: built - loaded,
@@ -258,6 +282,7 @@ impl Run<'_> {
         let scene = &self.job.loaded.scene;
         let mut attributes = self.attributes(info);
         attributes.extend(layers::attributes(plan, &files.sidecars));
+        attributes.extend(self.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
         let options = WriteOptions {
             tonemap: &scene.tonemap,
             transparent: scene.transparent,
@@ -297,7 +322,7 @@ impl Run<'_> {
             ("lightpath:backend", backend),
             ("lightpath:scene_hash", loaded.hash.clone()),
             ("lightpath:seed", loaded.scene.seed.to_string()),
-            ("lightpath:spp", loaded.scene.spp.to_string()),
+            ("lightpath:spp", sampling::spp(self.adaptive.as_ref(), &loaded.scene)),
         ]
         .map(|(name, value)| (name.to_string(), value))
         .to_vec()

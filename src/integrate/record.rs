@@ -19,6 +19,12 @@ pub trait Record {
     const ON: bool;
     /// Whether words are written for each pixel.
     const WORDS: bool;
+    /// What is kept of one pixel between passes over its samples.
+    type Held: Send;
+    /// That of a pixel without samples.
+    fn held(&self) -> Self::Held;
+    /// Exchanges what is kept of the block, which is one pixel, with another pixel's.
+    fn exchange(&mut self, held: &mut Self::Held);
     /// A new block of pixels begins.
     fn begin(&mut self);
     /// The first hits of a packet's camera rays.
@@ -43,6 +49,10 @@ pub struct Beauty;
 impl Record for Beauty {
     const ON: bool = false;
     const WORDS: bool = false;
+    type Held = ();
+    fn held(&self) {}
+    #[inline(always)]
+    fn exchange(&mut self, (): &mut ()) {}
     #[inline(always)]
     fn begin(&mut self) {}
     fn surface(&mut self, _: &World, _: &RayPacket, _: &Surfaces, _: &Points) {}
@@ -60,6 +70,10 @@ pub struct RawBeauty<'a>(pub &'a Raw);
 impl Record for RawBeauty<'_> {
     const ON: bool = false;
     const WORDS: bool = true;
+    type Held = ();
+    fn held(&self) {}
+    #[inline(always)]
+    fn exchange(&mut self, (): &mut ()) {}
     #[inline(always)]
     fn begin(&mut self) {}
     fn surface(&mut self, _: &World, _: &RayPacket, _: &Surfaces, _: &Points) {}
@@ -111,6 +125,14 @@ impl Split {
             self.visible[i] *= share;
         }
     }
+}
+
+/// The layers of one pixel between passes.
+#[derive(Debug)]
+pub struct Held {
+    sums: BlockSums,
+    nearest: Nearest,
+    mattes: Vec<Vec<(u32, u32)>>,
 }
 
 /// The layers of a plan, for one block of pixels at a time.
@@ -195,6 +217,21 @@ impl<'a> Layers<'a> {
 impl Record for Layers<'_> {
     const ON: bool = true;
     const WORDS: bool = true;
+    type Held = Held;
+
+    fn held(&self) -> Held {
+        Held {
+            sums: BlockSums::new(&self.pattern, self.recipe.summed()),
+            nearest: Nearest::NONE,
+            mattes: vec![Vec::new(); self.plan.mattes.len()],
+        }
+    }
+
+    fn exchange(&mut self, held: &mut Held) {
+        std::mem::swap(&mut self.sums, &mut held.sums);
+        std::mem::swap(&mut self.nearest[0], &mut held.nearest);
+        std::mem::swap(&mut self.mattes[0], &mut held.mattes);
+    }
 
     fn begin(&mut self) {
         self.lanes.fill([0.0; LANES]);
