@@ -148,6 +148,11 @@ pub struct SceneArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub light_samples: Option<u32>,
 
+    /// Trace a quarter of an area light's shadow rays first, the others only where these disagree, or
+    /// by chance: fewer rays, the same mean
+    #[arg(long)]
+    pub adaptive_shadows: bool,
+
     /// Mirror bounces after the primary ray
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub nbounces: Option<u32>,

@@ -9,6 +9,7 @@ mod noise;
 mod passes;
 mod pipeline;
 mod record;
+mod roulette;
 mod slot;
 
 use std::ops::Range;

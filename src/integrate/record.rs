@@ -104,14 +104,19 @@ impl Split {
     pub const NONE: Self =
         Self { diffuse: [[0.0; 3]; LANES], specular: [[0.0; 3]; LANES], visible: [0.0; LANES] };
 
-    /// Adds a light point that lane `i` sees, with the weights of [`crate::shading::Lit`].
+    /// Adds a light point to lane `i`, with the weights of [`crate::shading::Lit`], times `weight`.
     #[inline(always)]
-    pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32) {
+    pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32, weight: f64) {
         for axis in 0..3 {
-            self.diffuse[i][axis] += f64::from(light.diffuse[axis] * diffuse);
-            self.specular[i][axis] += f64::from(light.specular[axis] * specular);
+            self.diffuse[i][axis] += f64::from(light.diffuse[axis] * diffuse) * weight;
+            self.specular[i][axis] += f64::from(light.specular[axis] * specular) * weight;
         }
-        self.visible[i] += 1.0;
+        self.visible[i] += weight;
+    }
+
+    /// Whether anything reaches lane `i`.
+    fn any(&self, i: usize) -> bool {
+        self.diffuse[i] != [0.0; 3] || self.specular[i] != [0.0; 3]
     }
 
     /// Sums over light points -> their mean.
@@ -271,7 +276,7 @@ impl Record for Layers<'_> {
                 self.lanes[channel][i] += split.visible[i] * f64::from(share);
             }
         }
-        for i in (0..LANES).filter(|&i| split.visible[i] > 0.0) {
+        for i in (0..LANES).filter(|&i| split.any(i)) {
             for axis in 0..3 {
                 let carried = f64::from(base[axis][i]) * f64::from(throughput[i]);
                 let diffuse = split.diffuse[i][axis] * carried;
