@@ -1,15 +1,19 @@
 //! [`World`] and an accelerator -> [`Film`]: tiles over threads, progress, cancel.
 
+mod adaptive;
+
+use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
 
 use rayon::prelude::*;
 
+pub use self::adaptive::{Adaptive, Taken, render_adaptive};
 use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::film::{Film, Planes, Window};
 pub use crate::integrate::RayCounts;
-use crate::integrate::{Beauty, Integrator, Layers, Record, TILE, TileKernel};
-use crate::layers::Plan;
+use crate::integrate::{Beauty, Integrator, Layers, RawBeauty, Record, TILE, TileKernel};
+use crate::layers::{Plan, Raw, Recipe};
 use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
 use crate::world::World;
@@ -27,7 +31,7 @@ pub fn render(
     monitor: &Monitor,
 ) -> Result<RayCounts> {
     film.planes = Planes::default();
-    render_with(world, accelerator, isa, film, || Beauty, monitor)
+    render_with(world, accelerator, isa, film, 0..world.spp, || Beauty, monitor)
 }
 
 /// [`render`], and the layers of a plan with it; the beauty is the same bit for bit. The film's
@@ -46,7 +50,33 @@ pub fn render_layers(
     if plan.is_empty() {
         return render(world, accelerator, isa, film, monitor);
     }
-    render_with(world, accelerator, isa, film, || Layers::new(plan), monitor)
+    let recipe = Recipe::new(plan);
+    let record = || Layers::new(plan, &recipe, None, world.spp);
+    render_with(world, accelerator, isa, film, 0..world.spp, record, monitor)
+}
+
+/// Some of the samples of [`render_layers`]: the film's planes are the words of `raw`, made for the
+/// plan's recipe, from which a merge makes the bits of the whole; its pixels are the mean of these samples.
+///
+/// # Errors
+/// `Interrupted` after a signal; the film is then unfinished.
+pub fn render_samples(
+    world: &World,
+    accelerator: &dyn Accelerator,
+    isa: Isa,
+    film: &mut Film,
+    plan: &Plan,
+    raw: &Raw,
+    monitor: &Monitor,
+) -> Result<RayCounts> {
+    let samples = raw.samples();
+    if plan.is_empty() {
+        let record = || RawBeauty(raw);
+        return render_with(world, accelerator, isa, film, samples, record, monitor);
+    }
+    let recipe = Recipe::new(plan);
+    let record = || Layers::new(plan, &recipe, Some(raw), world.spp);
+    render_with(world, accelerator, isa, film, samples, record, monitor)
 }
 
 fn render_with<R: Record>(
@@ -54,10 +84,10 @@ fn render_with<R: Record>(
     accelerator: &dyn Accelerator,
     isa: Isa,
     film: &mut Film,
+    samples: Range<u32>,
     record: impl Fn() -> R + Sync,
     monitor: &Monitor,
 ) -> Result<RayCounts> {
-    let pixels = |w: Window| u64::from(w.width()) * u64::from(w.height());
     monitor.begin(Phase::Render, pixels(film.window));
     let integrator = Integrator { world, accelerator, monitor };
     let counts = tiles(film)
@@ -72,6 +102,7 @@ fn render_with<R: Record>(
                 rows: &mut tile.rows,
                 record: record(),
                 words: &mut tile.words,
+                samples: samples.clone(),
             };
             let counts = simd::dispatch(isa, kernel);
             monitor.done.fetch_add(pixels(tile.window), Relaxed);
@@ -81,6 +112,10 @@ fn render_with<R: Record>(
         .reduce(RayCounts::default, |a, b| a + b);
     monitor.check()?;
     Ok(counts)
+}
+
+fn pixels(w: Window) -> u64 {
+    u64::from(w.width()) * u64::from(w.height())
 }
 
 /// A tile's pixels: disjoint pieces of the film's rows.

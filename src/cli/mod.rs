@@ -33,6 +33,7 @@ mod paths;
 mod progress;
 mod render;
 mod report;
+mod sampling;
 mod schema;
 mod shell;
 mod signals;

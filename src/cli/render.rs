@@ -20,7 +20,7 @@ use crate::{
         atomic::{Part, TextFile},
         exr,
     },
-    render as renderer,
+    render::{self as renderer, Adaptive, Taken},
     scene::{Backend, ShapeKind},
     simd::Isa,
     world::{Contents, LoadOptions, World, fingerprint},
@@ -34,8 +34,8 @@ use super::{
     memory::Budget,
     paths,
     progress::Progress,
-    signals,
-    stats::{self, Memory, Rays, Seconds, Stats},
+    sampling, signals,
+    stats::{self, Memory, Rays, Samples, Seconds, Stats},
     version,
 };
 
@@ -76,6 +76,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         0 => (0, job::window(args.scene.crop.as_deref(), &job.loaded.scene)?),
         pixels => job::overscan(pixels, &job.loaded.scene)?,
     };
+    let adaptive = sampling::adaptive(&args.sampling, &job.loaded.scene)?;
+    job.warnings.extend(adaptive.as_ref().and_then(sampling::warning));
     let budget = args.machine.max_memory.map(|limit| {
         pool.install(|| {
             Budget::check(limit, &job.loaded.scene, window, threads, args.machine.embree())
@@ -96,6 +98,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         job: &job,
         margin,
         window,
+        adaptive,
         budget,
         threads,
         isa,
@@ -160,6 +163,7 @@ struct Run<'a> {
     /// Of overscan.
     margin: u32,
     window: Window,
+    adaptive: Option<Adaptive>,
     budget: Option<Budget>,
     threads: usize,
     isa: Isa,
@@ -192,7 +196,7 @@ impl Run<'_> {
             || fingerprint(&self.job.loaded, self.args.mesh.repair, &mut Contents::default()),
         );
         let (world, warnings) = loaded?;
-        let world = world.with_margin(self.margin);
+        let mut world = world.with_margin(self.margin);
         let fingerprint = fingerprint?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
@@ -215,8 +219,27 @@ impl Run<'_> {
         let built = self.start.elapsed().as_secs_f64();
 
         let accelerator = accelerator.as_ref();
-        let counts =
-            renderer::render_layers(&world, accelerator, isa, &mut film, &plan, self.monitor)?;
+        let monitor = self.monitor;
+        let (counts, taken) = match self.adaptive {
+            None => {
+                let counts =
+                    renderer::render_layers(&world, accelerator, isa, &mut film, &plan, monitor)?;
+                (counts, None)
+            }
+            Some(adaptive) => {
+                world.spp = adaptive.most;
+                let (counts, taken) = renderer::render_adaptive(
+                    &world,
+                    accelerator,
+                    isa,
+                    &mut film,
+                    &plan,
+                    adaptive,
+                    monitor,
+                )?;
+                (counts, Some(taken))
+            }
+        };
         let rendered = self.start.elapsed().as_secs_f64();
 
         let mut stats = self.stats(&info);
@@ -229,6 +252,7 @@ impl Run<'_> {
             reflection: counts.reflection,
             false_hits: accelerator.false_hits(),
         };
+        stats.samples = taken.map(|Taken { least, most, mean }| Samples { least, most, mean });
         stats.seconds = Seconds {
             load: loaded,
             build: built - loaded,
@@ -274,6 +298,7 @@ impl Run<'_> {
         let scene = &self.job.loaded.scene;
         let mut attributes = self.attributes(info, fingerprint);
         attributes.extend(layers::attributes(plan, &files.sidecars));
+        attributes.extend(self.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
         let options = WriteOptions {
             tonemap: &scene.tonemap,
             transparent: scene.transparent,
@@ -325,7 +350,7 @@ impl Run<'_> {
             ("isa", Some(self.isa.to_string())),
             ("sceneHash", fingerprint.map(str::to_string)),
             ("seed", Some(scene.seed.to_string())),
-            ("spp", Some(scene.spp.to_string())),
+            ("spp", Some(sampling::spp(self.adaptive.as_ref(), scene))),
             ("version", Some(env!("CARGO_PKG_VERSION").to_string())),
         ];
         let said = said.into_iter().filter_map(|(name, value)| Some((name, value?)));

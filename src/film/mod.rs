@@ -1,8 +1,10 @@
 //! The picture in memory: linear radiance per pixel and the layers beside it, before any file format.
 
 mod planes;
+mod sums;
 
 pub use self::planes::{Channel, ChannelKind, Planes};
+pub use self::sums::{Node, Sums};
 
 use crate::error::{Error, Kind, Problem, Result};
 

@@ -1,7 +1,10 @@
 //! What stands in a film beside R, G, B, A: channels of layers.
 
+use serde::{Deserialize, Serialize};
+
 /// How a channel is stored in a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum ChannelKind {
     /// 16-bit float: colours and normals.
     Half,
@@ -12,7 +15,7 @@ pub enum ChannelKind {
 }
 
 /// A channel by its name in the file.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channel {
     /// `LAYER.CHANNEL`, or a channel without a layer.
     pub name: String,

@@ -3,21 +3,30 @@
 //! Packets sit on the frame's absolute pixel and sample grid and are traced whole, so that a crop
 //! of the render is the render of the crop, whatever a backend does inside a packet.
 
+mod block;
 mod cast;
+mod noise;
+mod passes;
+mod pipeline;
 mod record;
+mod roulette;
 mod slot;
+
+use std::ops::Range;
 
 use crate::accel::Accelerator;
 use crate::film::Window;
-use crate::geometry::{prefetch_indices, prefetch_vertices};
 use crate::monitor::Monitor;
-use crate::ray::{Coherence, LANES, Mask};
-use crate::sampler::Sampler;
+use crate::ray::{LANES, Mask};
 use crate::simd::Kernel;
 use crate::world::World;
 
+use self::block::BlockSums;
 use self::cast::Cast;
-pub use self::record::{Beauty, Layers, Record};
+pub use self::noise::{Goal, Tally};
+pub use self::passes::{LEAST, PassKernel, Passes};
+use self::pipeline::{Finish, pipeline};
+pub use self::record::{Beauty, Layers, RawBeauty, Record};
 pub use self::slot::Pattern;
 
 use self::slot::Slot;
@@ -70,6 +79,8 @@ pub struct TileKernel<'a, 'r, 'f, R> {
     pub record: R,
     /// The words of the kept pixels' layers, row by row.
     pub words: &'r mut [&'f mut [u32]],
+    /// Which of the world's samples are taken.
+    pub samples: Range<u32>,
 }
 
 impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty> {
@@ -79,46 +90,44 @@ impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty> {
         window: Window,
         rows: &'r mut [&'f mut [[f32; 4]]],
     ) -> Self {
-        Self { integrator, window, rows, record: Beauty, words: &mut [] }
+        let samples = 0..integrator.world.spp;
+        Self { integrator, window, rows, record: Beauty, words: &mut [], samples }
     }
 }
 
 impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
     type Output = RayCounts;
 
-    /// Traces packet k, finishes packet k - 1, and so on: while one packet is traced, the memory
-    /// that the other needs for shading is on its way.
     #[inline(always)]
-    fn run(mut self) -> RayCounts {
-        let Integrator { world, accelerator, monitor } = self.integrator;
-        let sampler = Sampler::new(world.seed);
-        let pattern = Pattern::for_spp(world.spp);
-        let mut counts = RayCounts::default();
-        let mut cast = Cast::new(world, accelerator, sampler, monitor);
-        let mut slots = [Slot::EMPTY; 2];
-        let mut sums = [[0.0f64; 4]; LANES];
+    fn run(self) -> RayCounts {
+        let pattern = Pattern::for_spp(self.integrator.world.spp);
+        let samples = self.samples.clone();
+        let begin = samples.start / pattern.samples * pattern.samples;
         let units = corners(&pattern, self.window).flat_map(|corner| {
-            (0..world.spp).step_by(pattern.samples as usize).map(move |first| (corner, first))
+            (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
-        for (traced, unit) in units.map(Some).chain([None]).enumerate() {
-            let [even, odd] = &mut slots;
-            let (slot, before) = if traced % 2 == 0 { (even, odd) } else { (odd, even) };
-            if let Some((corner, first)) = unit {
-                slot.aim(world, &sampler, &pattern, corner, first);
-                counts.primary += u64::from(slot.active.count());
-                let (active, packet) = (&slot.active, &mut slot.packet);
-                accelerator.closest_candidates(active, packet, Coherence::Coherent);
-                prefetch_indices(&world.geometry, &slot.packet);
-            }
-            if traced > 0 {
-                self.finish(before, &pattern, &mut cast, &mut sums, &mut counts);
-            }
-            prefetch_vertices(&world.geometry, &slot.packet);
-            if monitor.stopped() {
-                break;
-            }
-        }
-        counts
+        let integrator = self.integrator;
+        let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4) };
+        pipeline(integrator, &pattern, &samples, units, &mut tile)
+    }
+}
+
+/// A tile, and the sums of the block that is being finished.
+struct Tile<'a, 'r, 'f, R> {
+    kernel: TileKernel<'a, 'r, 'f, R>,
+    sums: BlockSums,
+}
+
+impl<R: Record> Finish for Tile<'_, '_, '_, R> {
+    #[inline(always)]
+    fn finish(
+        &mut self,
+        slot: &mut Slot,
+        pattern: &Pattern,
+        cast: &mut Cast,
+        counts: &mut RayCounts,
+    ) {
+        self.kernel.finish(slot, pattern, cast, &mut self.sums, counts);
     }
 }
 
@@ -131,53 +140,45 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         slot: &mut Slot,
         pattern: &Pattern,
         cast: &mut Cast,
-        sums: &mut [[f64; 4]; LANES],
+        sums: &mut BlockSums,
         counts: &mut RayCounts,
     ) {
-        let world = self.integrator.world;
-        if R::ON && slot.first == 0 {
+        let (world, samples) = (self.integrator.world, self.samples.clone());
+        if slot.first <= samples.start {
+            sums.clear();
             self.record.begin();
         }
         let hit = cast.run(slot, counts, &mut self.record);
-        if slot.first == 0 {
-            *sums = [[0.0; 4]; LANES];
-        }
-        if R::ON {
-            self.record.radiance(&slot.active, &cast.radiance);
-            if slot.first.saturating_add(pattern.samples) >= world.spp {
-                self.write_words(slot.corner, pattern);
-            }
-        }
         let alpha = alpha(&hit, world.transparent);
         let (block, [r, g, b]) = (pattern.block, &cast.radiance);
-        if world.spp == 1 {
+        if world.spp == 1 && !R::WORDS {
             // A lane is a pixel.
             return self.write(slot.corner, block, |i| [r[i], g[i], b[i], alpha[i]]);
         }
-        for i in 0..LANES {
-            if slot.active.0[i] != 0 {
-                let sum = &mut sums[pattern.pixel[i] % LANES];
-                for (sum, sample) in sum.iter_mut().zip([r[i], g[i], b[i], alpha[i]]) {
-                    *sum += f64::from(sample);
-                }
-            }
+        if R::ON {
+            self.record.packet(slot, &samples, &cast.radiance);
         }
-        if slot.first.saturating_add(pattern.samples) >= world.spp {
-            let n = f64::from(world.spp);
-            self.write(slot.corner, block, |i| sums[i].map(|sum| (sum / n) as f32));
+        let lanes = [r, g, b, &alpha].map(doubles);
+        sums.add(pattern, slot.first, &samples, &lanes);
+        if slot.first.saturating_add(pattern.samples) >= samples.end {
+            if R::WORDS {
+                self.write_words(slot.corner, pattern, sums);
+            }
+            let n = f64::from(samples.end - samples.start);
+            self.write(slot.corner, block, |i| [0, 1, 2, 3].map(|c| (sums.total(i, c) / n) as f32));
         }
     }
 
     /// Writes the layers of a block's pixels, those that are kept.
     #[inline(never)]
-    fn write_words(&mut self, [x, y]: [u32; 2], pattern: &Pattern) {
-        let (w, spp) = (self.window, self.integrator.world.spp);
-        let [width, height] = pattern.block;
+    fn write_words(&mut self, [x, y]: [u32; 2], pattern: &Pattern, beauty: &BlockSums) {
+        let (w, [width, height]) = (self.window, pattern.block);
+        let n = self.samples.end - self.samples.start;
         for row in y.max(w.y0)..(y + height).min(w.y1) {
             for column in x.max(w.x0)..(x + width).min(w.x1) {
-                let index = (row - y) * width + column - x;
+                let pixel = ((row - y) * width + column - x) as usize;
                 let words = &mut self.words[(row - w.y0) as usize];
-                self.record.write(pattern, index as usize, spp, (column - w.x0) as usize, words);
+                self.record.write(pixel, n, beauty, (column - w.x0) as usize, words);
             }
         }
     }
@@ -201,6 +202,15 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
             }
         }
     }
+}
+
+#[inline(always)]
+fn doubles(values: &[f32; LANES]) -> [f64; LANES] {
+    let mut doubles = [0.0; LANES];
+    for i in 0..LANES {
+        doubles[i] = f64::from(values[i]);
+    }
+    doubles
 }
 
 #[inline(always)]

@@ -2,18 +2,29 @@
 //!
 //! [`Record::ON`] is a constant, so a render without layers is compiled without any of this.
 
+use std::ops::Range;
+
 use crate::geometry::Surfaces;
-use crate::layers::{FAR, Plan};
+use crate::layers::{BEAUTY, Nearest, Plan, Raw, Recipe, count};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::shading::{Lanes, Lanes3, Light, Points, lane};
 use crate::world::World;
 
-use super::slot::Pattern;
+use super::block::BlockSums;
+use super::slot::{Pattern, Slot};
 
 /// Watches the light of packets being gathered.
 pub trait Record {
-    /// Whether anything is kept.
+    /// Whether the light of packets is watched.
     const ON: bool;
+    /// Whether words are written for each pixel.
+    const WORDS: bool;
+    /// What is kept of one pixel between passes over its samples.
+    type Held: Send;
+    /// That of a pixel without samples.
+    fn held(&self) -> Self::Held;
+    /// Exchanges what is kept of the block, which is one pixel, with another pixel's.
+    fn exchange(&mut self, held: &mut Self::Held);
     /// A new block of pixels begins.
     fn begin(&mut self);
     /// The first hits of a packet's camera rays.
@@ -24,10 +35,11 @@ pub trait Record {
     fn ambient(&mut self, axis: usize, lane: usize, bounce: u32, sent: f32);
     /// Background of one lane.
     fn background(&mut self, axis: usize, lane: usize, bounce: u32, sent: f32);
-    /// The packet's final radiance.
-    fn radiance(&mut self, active: &Mask, radiance: &Lanes3);
-    /// Writes the words of one pixel of the block into a row, as pixel `column` of it.
-    fn write(&self, pattern: &Pattern, pixel: usize, spp: u32, column: usize, row: &mut [u32]);
+    /// The packet is done: its samples within `samples` count.
+    fn packet(&mut self, slot: &Slot, samples: &Range<u32>, radiance: &Lanes3);
+    /// Writes the words of one pixel of the block, of `n` samples, into a row, as pixel `column` of it.
+    /// `beauty` holds R, G, B, A.
+    fn write(&self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]);
 }
 
 /// The beauty alone.
@@ -36,13 +48,46 @@ pub struct Beauty;
 
 impl Record for Beauty {
     const ON: bool = false;
+    const WORDS: bool = false;
+    type Held = ();
+    fn held(&self) {}
+    #[inline(always)]
+    fn exchange(&mut self, (): &mut ()) {}
+    #[inline(always)]
     fn begin(&mut self) {}
     fn surface(&mut self, _: &World, _: &RayPacket, _: &Surfaces, _: &Points) {}
     fn light(&mut self, _: u32, _: u32, _: &Lanes3, _: &Lanes, _: &Split) {}
     fn ambient(&mut self, _: usize, _: usize, _: u32, _: f32) {}
     fn background(&mut self, _: usize, _: usize, _: u32, _: f32) {}
-    fn radiance(&mut self, _: &Mask, _: &Lanes3) {}
-    fn write(&self, _: &Pattern, _: usize, _: u32, _: usize, _: &mut [u32]) {}
+    fn packet(&mut self, _: &Slot, _: &Range<u32>, _: &Lanes3) {}
+    fn write(&self, _: usize, _: u32, _: &BlockSums, _: usize, _: &mut [u32]) {}
+}
+
+/// The beauty alone, of a part of the samples: its sums.
+#[derive(Debug, Clone, Copy)]
+pub struct RawBeauty<'a>(pub &'a Raw);
+
+impl Record for RawBeauty<'_> {
+    const ON: bool = false;
+    const WORDS: bool = true;
+    type Held = ();
+    fn held(&self) {}
+    #[inline(always)]
+    fn exchange(&mut self, (): &mut ()) {}
+    #[inline(always)]
+    fn begin(&mut self) {}
+    fn surface(&mut self, _: &World, _: &RayPacket, _: &Surfaces, _: &Points) {}
+    fn light(&mut self, _: u32, _: u32, _: &Lanes3, _: &Lanes, _: &Split) {}
+    fn ambient(&mut self, _: usize, _: usize, _: u32, _: f32) {}
+    fn background(&mut self, _: usize, _: usize, _: u32, _: f32) {}
+    fn packet(&mut self, _: &Slot, _: &Range<u32>, _: &Lanes3) {}
+
+    fn write(&self, pixel: usize, _: u32, beauty: &BlockSums, column: usize, row: &mut [u32]) {
+        let stride = self.0.words();
+        let words = &mut row[column * stride..(column + 1) * stride];
+        let sum = |node: usize, quantity: usize| beauty.value(node, pixel, quantity);
+        self.0.encode(sum, &Nearest::NONE, &[], words);
+    }
 }
 
 /// What one light brings to each lane, before the base colour: diffuse and specular apart.
@@ -59,14 +104,19 @@ impl Split {
     pub const NONE: Self =
         Self { diffuse: [[0.0; 3]; LANES], specular: [[0.0; 3]; LANES], visible: [0.0; LANES] };
 
-    /// Adds a light point that lane `i` sees, with the weights of [`crate::shading::Lit`].
+    /// Adds a light point to lane `i`, with the weights of [`crate::shading::Lit`], times `weight`.
     #[inline(always)]
-    pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32) {
+    pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32, weight: f64) {
         for axis in 0..3 {
-            self.diffuse[i][axis] += f64::from(light.diffuse[axis] * diffuse);
-            self.specular[i][axis] += f64::from(light.specular[axis] * specular);
+            self.diffuse[i][axis] += f64::from(light.diffuse[axis] * diffuse) * weight;
+            self.specular[i][axis] += f64::from(light.specular[axis] * specular) * weight;
         }
-        self.visible[i] += 1.0;
+        self.visible[i] += weight;
+    }
+
+    /// Whether anything reaches lane `i`.
+    fn any(&self, i: usize) -> bool {
+        self.diffuse[i] != [0.0; 3] || self.specular[i] != [0.0; 3]
     }
 
     /// Sums over light points -> their mean.
@@ -82,41 +132,45 @@ impl Split {
     }
 }
 
-/// The nearest hit among the samples that a lane took of its pixel.
-#[derive(Debug, Clone, Copy)]
-struct Nearest {
-    depth: f32,
-    position: [f32; 3],
-    primitive: u32,
-    object: u32,
+/// The layers of one pixel between passes.
+#[derive(Debug)]
+pub struct Held {
+    sums: BlockSums,
+    nearest: Nearest,
+    mattes: Vec<Vec<(u32, u32)>>,
 }
 
-impl Nearest {
-    const NONE: Self = Self { depth: FAR, position: [0.0; 3], primitive: 0, object: 0 };
-}
-
-/// The layers of a plan, for one block of pixels at a time: sums by lane, in f64.
+/// The layers of a plan, for one block of pixels at a time.
 #[derive(Debug)]
 pub struct Layers<'a> {
     plan: &'a Plan,
-    /// One row of lanes for each channel that is a mean.
-    sums: Vec<[f64; LANES]>,
+    recipe: &'a Recipe,
+    /// How a part of the samples is written; all of them are written as channels.
+    raw: Option<&'a Raw>,
+    pattern: Pattern,
+    /// One packet's values of each quantity of [`Recipe::summed`], in f64.
+    lanes: Vec<[f64; LANES]>,
+    /// Their sums over packets.
+    sums: BlockSums,
+    /// By pixel of the block.
     nearest: [Nearest; LANES],
-    /// Radiance and its square.
-    moments: [[[f64; LANES]; 3]; 2],
-    /// By lane: shapes that were hit and how often, in the order of their first hits.
-    shapes: [Vec<(u32, u32)>; LANES],
+    /// By pixel of the block and kind of mattes: ids and how often they were met.
+    mattes: [Vec<Vec<(u32, u32)>>; LANES],
 }
 
 impl<'a> Layers<'a> {
-    /// Room for the layers of `plan`.
-    pub fn new(plan: &'a Plan) -> Self {
+    /// Room for the layers of `plan`, whose recipe is `recipe`, of a world of `spp` samples a pixel.
+    pub fn new(plan: &'a Plan, recipe: &'a Recipe, raw: Option<&'a Raw>, spp: u32) -> Self {
+        let pattern = Pattern::for_spp(spp);
         Self {
             plan,
-            sums: vec![[0.0; LANES]; plan.filtered],
+            recipe,
+            raw,
+            pattern,
+            lanes: vec![[0.0; LANES]; recipe.summed()],
+            sums: BlockSums::new(&pattern, recipe.summed()),
             nearest: [Nearest::NONE; LANES],
-            moments: [[[0.0; LANES]; 3]; 2],
-            shapes: std::array::from_fn(|_| Vec::new()),
+            mattes: std::array::from_fn(|_| vec![Vec::new(); plan.mattes.len()]),
         }
     }
 
@@ -124,9 +178,9 @@ impl<'a> Layers<'a> {
     #[inline(always)]
     fn add3(&mut self, first: Option<usize>, hit: &Mask, values: &Lanes3) {
         let Some(first) = first else { return };
-        for (sums, values) in self.sums[first..first + 3].iter_mut().zip(values) {
+        for (lanes, values) in self.lanes[first..first + 3].iter_mut().zip(values) {
             for i in 0..LANES {
-                sums[i] += if hit.0[i] != 0 { f64::from(values[i]) } else { 0.0 };
+                lanes[i] += if hit.0[i] != 0 { f64::from(values[i]) } else { 0.0 };
             }
         }
     }
@@ -134,7 +188,7 @@ impl<'a> Layers<'a> {
     #[inline(always)]
     fn add(&mut self, first: Option<usize>, axis: usize, i: usize, sent: f32) {
         if let Some(first) = first {
-            self.sums[first + axis][i] += f64::from(sent);
+            self.lanes[first + axis][i] += f64::from(sent);
         }
     }
 
@@ -142,8 +196,9 @@ impl<'a> Layers<'a> {
         for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
             let local = lane(&surfaces.position, i).as_dvec3();
             let depth = world.camera.depth(local) as f32;
-            if depth < self.nearest[i].depth {
-                self.nearest[i] = Nearest {
+            let nearest = &mut self.nearest[self.pattern.pixel[i]];
+            if depth < nearest.depth {
+                *nearest = Nearest {
                     depth,
                     position: (local + world.geometry.origin).as_vec3().to_array(),
                     primitive: surfaces.primitive[i] + 1,
@@ -156,32 +211,38 @@ impl<'a> Layers<'a> {
     fn count_shapes(&mut self, world: &World, packet: &RayPacket, hit: &Mask) {
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             let shape = world.shapes.shape(packet.hits.geom[i], packet.hits.prim[i]);
-            count(&mut self.shapes[i], shape, 1);
+            let counts = &mut self.mattes[self.pattern.pixel[i]];
+            for (counts, mattes) in counts.iter_mut().zip(&self.plan.mattes) {
+                count(counts, mattes.id(shape), 1);
+            }
         }
-    }
-
-    fn variance(&self, lanes: std::ops::Range<usize>, axis: usize, n: f64) -> f32 {
-        let [sum, squares] =
-            [0, 1].map(|k| self.moments[k][axis][lanes.clone()].iter().sum::<f64>());
-        if n < 2.0 { 0.0 } else { ((squares - sum * sum / n) / (n - 1.0)).max(0.0) as f32 }
-    }
-}
-
-fn count(counts: &mut Vec<(u32, u32)>, shape: u32, times: u32) {
-    match counts.iter_mut().find(|(known, _)| *known == shape) {
-        Some((_, sum)) => *sum += times,
-        None => counts.push((shape, times)),
     }
 }
 
 impl Record for Layers<'_> {
     const ON: bool = true;
+    const WORDS: bool = true;
+    type Held = Held;
+
+    fn held(&self) -> Held {
+        Held {
+            sums: BlockSums::new(&self.pattern, self.recipe.summed()),
+            nearest: Nearest::NONE,
+            mattes: vec![Vec::new(); self.plan.mattes.len()],
+        }
+    }
+
+    fn exchange(&mut self, held: &mut Held) {
+        std::mem::swap(&mut self.sums, &mut held.sums);
+        std::mem::swap(&mut self.nearest[0], &mut held.nearest);
+        std::mem::swap(&mut self.mattes[0], &mut held.mattes);
+    }
 
     fn begin(&mut self) {
-        self.sums.fill([0.0; LANES]);
+        self.lanes.fill([0.0; LANES]);
+        self.sums.clear();
         self.nearest = [Nearest::NONE; LANES];
-        self.moments = [[[0.0; LANES]; 3]; 2];
-        self.shapes.iter_mut().for_each(Vec::clear);
+        self.mattes.iter_mut().flatten().for_each(Vec::clear);
     }
 
     #[inline(never)]
@@ -193,13 +254,12 @@ impl Record for Layers<'_> {
         if let Some(first) = plan.uv {
             for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
                 if let Some(uv) = world.shapes.uv(&world.geometry, packet, surfaces, i) {
-                    self.sums[first][i] += f64::from(uv.x);
-                    self.sums[first + 1][i] += f64::from(uv.y);
+                    self.lanes[first][i] += f64::from(uv.x);
+                    self.lanes[first + 1][i] += f64::from(uv.y);
                 }
             }
         }
-        let nearest = [plan.depth, plan.position, plan.primitive, plan.object];
-        if nearest.iter().any(Option::is_some) {
+        if self.recipe.has_nearest() {
             self.keep_nearest(world, packet, surfaces);
         }
         if !plan.mattes.is_empty() {
@@ -213,10 +273,10 @@ impl Record for Layers<'_> {
         let group = plan.lights[light as usize];
         if let (0, Some((channel, share))) = (bounce, plan.shadows[light as usize]) {
             for i in 0..LANES {
-                self.sums[channel][i] += split.visible[i] * f64::from(share);
+                self.lanes[channel][i] += split.visible[i] * f64::from(share);
             }
         }
-        for i in (0..LANES).filter(|&i| split.visible[i] > 0.0) {
+        for i in (0..LANES).filter(|&i| split.any(i)) {
             for axis in 0..3 {
                 let carried = f64::from(base[axis][i]) * f64::from(throughput[i]);
                 let diffuse = split.diffuse[i][axis] * carried;
@@ -227,11 +287,11 @@ impl Record for Layers<'_> {
                 };
                 for (first, sent) in parts {
                     if let Some(first) = first {
-                        self.sums[first + axis][i] += sent;
+                        self.lanes[first + axis][i] += sent;
                     }
                 }
                 if let Some(first) = group {
-                    self.sums[first + axis][i] += diffuse + specular;
+                    self.lanes[first + axis][i] += diffuse + specular;
                 }
             }
         }
@@ -252,53 +312,35 @@ impl Record for Layers<'_> {
     }
 
     #[inline(never)]
-    fn radiance(&mut self, active: &Mask, radiance: &Lanes3) {
-        if self.plan.variance.is_none() {
-            return;
-        }
-        for axis in 0..3 {
-            for i in 0..LANES {
-                let value = if active.0[i] != 0 { f64::from(radiance[axis][i]) } else { 0.0 };
-                self.moments[0][axis][i] += value;
-                self.moments[1][axis][i] += value * value;
+    fn packet(&mut self, slot: &Slot, samples: &Range<u32>, radiance: &Lanes3) {
+        if self.plan.variance.is_some() {
+            let moments = &mut self.lanes[self.recipe.filtered..];
+            for axis in 0..3 {
+                for i in 0..LANES {
+                    let value = f64::from(radiance[axis][i]);
+                    moments[axis][i] = value;
+                    moments[3 + axis][i] = value * value;
+                }
             }
         }
+        self.sums.add(&self.pattern, slot.first, samples, &self.lanes);
+        self.lanes.fill([0.0; LANES]);
     }
 
-    fn write(&self, pattern: &Pattern, pixel: usize, spp: u32, column: usize, row: &mut [u32]) {
-        let plan = self.plan;
-        let stride = plan.channels.len();
+    fn write(&self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]) {
+        let (nearest, mattes) = (&self.nearest[pixel], &self.mattes[pixel]);
+        if let Some(raw) = self.raw {
+            let stride = raw.words();
+            let words = &mut row[column * stride..(column + 1) * stride];
+            let sum = |node: usize, quantity: usize| match quantity.checked_sub(BEAUTY) {
+                Some(quantity) => self.sums.value(node, pixel, quantity),
+                None => beauty.value(node, pixel, quantity),
+            };
+            return raw.encode(sum, nearest, mattes, words);
+        }
+        let stride = self.recipe.channels.len();
         let words = &mut row[column * stride..(column + 1) * stride];
-        let samples = pattern.samples as usize;
-        let lanes = pixel * samples..(pixel + 1) * samples;
-        let n = f64::from(spp);
-        for (word, sums) in words.iter_mut().zip(&self.sums) {
-            let sum: f64 = sums[lanes.clone()].iter().sum();
-            *word = ((sum / n) as f32).to_bits();
-        }
-        let nearest = self.nearest[lanes.clone()]
-            .iter()
-            .fold(&Nearest::NONE, |near, one| if one.depth < near.depth { one } else { near });
-        let mut set = |first: Option<usize>, values: &[u32]| {
-            if let Some(first) = first {
-                words[first..first + values.len()].copy_from_slice(values);
-            }
-        };
-        set(plan.depth, &[nearest.depth.to_bits()]);
-        set(plan.position, &nearest.position.map(f32::to_bits));
-        set(plan.primitive, &[nearest.primitive]);
-        set(plan.object, &[nearest.object]);
-        set(plan.samples, &[(spp as f32).to_bits()]);
-        let variance = [0, 1, 2].map(|axis| self.variance(lanes.clone(), axis, n).to_bits());
-        set(plan.variance, &variance);
-        if !plan.mattes.is_empty() {
-            let mut counts: Vec<(u32, u32)> = Vec::new();
-            for &(shape, times) in self.shapes[lanes].iter().flatten() {
-                count(&mut counts, shape, times);
-            }
-            for mattes in &plan.mattes {
-                mattes.rank(&counts, spp, words);
-            }
-        }
+        let sum = |quantity: usize| self.sums.total(pixel, quantity);
+        self.recipe.fill(n, sum, nearest, mattes, words);
     }
 }

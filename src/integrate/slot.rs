@@ -1,5 +1,7 @@
 //! A packet of camera rays: which pixels and samples its lanes are.
 
+use std::ops::Range;
+
 use crate::ray::{LANES, Mask, NONE, RayPacket};
 use crate::sampler::Sampler;
 use crate::shading::set_lane;
@@ -47,7 +49,7 @@ impl Pattern {
 pub struct Slot {
     /// The rays and what they hit.
     pub packet: RayPacket,
-    /// Lanes within the frame and within spp.
+    /// Lanes within the frame and within the samples that are taken.
     pub active: Mask,
     /// Pixel of the camera's frame, by lane; left of it and above it negative, as two's complement.
     pub x: [u32; LANES],
@@ -79,7 +81,7 @@ impl Slot {
         [self.x[i], self.y[i]]
     }
 
-    /// Aims the camera rays of the block at `corner`, samples from `first` on.
+    /// Aims the camera rays of the block at `corner`, samples from `first` on, those within `samples`.
     #[inline(always)]
     pub fn aim(
         &mut self,
@@ -88,6 +90,7 @@ impl Slot {
         pattern: &Pattern,
         corner: [u32; 2],
         first: u32,
+        samples: &Range<u32>,
     ) {
         (self.corner, self.first) = (corner, first);
         let [width, height] = world.frame;
@@ -97,7 +100,8 @@ impl Slot {
             self.sample[i] = sample;
             self.x[i] = x.wrapping_sub(world.margin);
             self.y[i] = y.wrapping_sub(world.margin);
-            self.active.0[i] = -i32::from((x < width) & (y < height) & (sample < world.spp));
+            let taken = (sample >= samples.start) & (sample < samples.end);
+            self.active.0[i] = -i32::from((x < width) & (y < height) & taken);
         }
         self.packet.clear_hits();
         self.packet.rays.tnear = [0.0; LANES];

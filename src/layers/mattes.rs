@@ -57,24 +57,14 @@ impl Mattes {
         })
     }
 
-    /// Fills a pixel's words from how many of its `samples` met each shape: the most covered first,
-    /// of equals the one that was met first; what has no rank left is dropped.
-    pub fn rank(&self, shapes: &[(u32, u32)], samples: u32, words: &mut [u32]) {
-        let words = &mut words[self.first..self.first + 2 * self.ranks];
-        words.fill(0);
-        let mut ids: Vec<(u32, u32)> = Vec::new();
-        for &(shape, count) in shapes {
-            let id = self.ids[shape as usize];
-            match ids.iter_mut().find(|(known, _)| *known == id) {
-                Some((_, sum)) => *sum += count,
-                None => ids.push((id, count)),
-            }
-        }
-        ids.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-        for (pair, (id, count)) in words.chunks_exact_mut(2).zip(ids) {
-            let coverage = (f64::from(count) / f64::from(samples)) as f32;
-            pair.copy_from_slice(&[id, coverage.to_bits()]);
-        }
+    /// The id of a shape.
+    pub fn id(&self, shape: u32) -> u32 {
+        self.ids[shape as usize]
+    }
+
+    /// How many different ids a pixel can meet.
+    pub fn ids(&self) -> usize {
+        self.ids.iter().collect::<HashSet<_>>().len()
     }
 
     /// Header attributes: what a reader needs to find mattes by name. The manifest stands in
@@ -114,5 +104,17 @@ pub fn id(name: &str) -> u32 {
     match (hash >> 23) & 255 {
         0 | 255 => hash ^ (1 << 23),
         _ => hash,
+    }
+}
+
+/// Fills the words of one kind of mattes from how many of a pixel's `samples` met each id: the most covered
+/// first, of equals the one that was met first; what has no rank left is dropped.
+pub fn rank(ids: &[(u32, u32)], samples: u32, words: &mut [u32]) {
+    words.fill(0);
+    let mut ids = ids.to_vec();
+    ids.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    for (pair, (id, count)) in words.chunks_exact_mut(2).zip(ids) {
+        let coverage = (f64::from(count) / f64::from(samples)) as f32;
+        pair.copy_from_slice(&[id, coverage.to_bits()]);
     }
 }

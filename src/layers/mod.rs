@@ -2,8 +2,12 @@
 
 mod mattes;
 mod names;
+mod raw;
+mod recipe;
 
 pub use self::mattes::{Mattes, RANKS};
+pub use self::raw::{BEAUTY, Pixel, Raw};
+pub use self::recipe::{Nearest, Recipe, count};
 
 use crate::film::{Channel, ChannelKind};
 use crate::scene::{Layer, Scene};

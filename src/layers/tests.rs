@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use super::mattes::id;
+use super::mattes::{id, rank};
 use super::*;
 use crate::scene::{self, Source};
 
@@ -99,13 +99,17 @@ fn names_that_nobody_gave_are_unique() {
 
 #[test]
 fn ranks_are_sorted_by_coverage() {
-    let mut mattes = Mattes::materials(&scene("[]"));
-    mattes.ranks = 2;
-    let mut words = [7; 4];
+    let mattes = Mattes::materials(&scene("[]"));
+    let mut counts = Vec::new();
     // Both spheres of gold count together.
-    mattes.rank(&[(0, 1), (1, 2), (2, 2)], 8, &mut words);
+    for (shape, times) in [(0, 1), (1, 2), (2, 2)] {
+        count(&mut counts, mattes.id(shape), times);
+    }
+    let mut words = [7; 4];
+    rank(&counts, 8, &mut words);
     let ids = [id("gold"), id("material.sphere.3")];
     assert_eq!(words, [ids[0], 0.375f32.to_bits(), ids[1], 0.25f32.to_bits()]);
-    mattes.rank(&[], 8, &mut words);
+    assert_eq!(mattes.ids(), 2);
+    rank(&[], 8, &mut words);
     assert_eq!(words, [0; 4]);
 }

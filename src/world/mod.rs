@@ -69,7 +69,9 @@ pub struct World {
     pub frame: [u32; 2],
     /// Pixels of overscan on every side of the camera's frame.
     pub margin: u32,
-    /// Camera samples per pixel.
+    /// Shadow rays of area lights are traced where they are needed.
+    pub adaptive_shadows: bool,
+    /// Camera samples per pixel; of an adaptive render the most.
     pub spp: u32,
     /// Mirror bounces.
     pub nbounces: u32,
@@ -160,6 +162,7 @@ impl World {
             camera: Camera::new(&scene.camera, origin),
             frame: [scene.camera.width, scene.camera.height],
             margin: 0,
+            adaptive_shadows: scene.adaptive_shadows,
             spp: scene.spp,
             nbounces: scene.nbounces,
             seed: scene.seed,
