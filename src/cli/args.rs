@@ -8,7 +8,9 @@ use super::units::{parse_bytes, parse_size};
 use crate::accel::EmbreeMode;
 
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, CrosscheckArgs};
-pub use super::names::{Axis, BackendName, CompressionName, IsaName, ProgressMode, ToneName};
+pub use super::names::{
+    Axis, BackendName, CompressionName, IsaName, ProgressMode, SamplerName, ToneName,
+};
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \
@@ -151,6 +153,10 @@ pub struct SceneArgs {
     /// Seed of every random choice
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<i64>,
+
+    /// How sample points are chosen
+    #[arg(long, value_name = "NAME")]
+    pub sampler: Option<SamplerName>,
 
     /// Exposure of the PNG in stops
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]

@@ -171,8 +171,11 @@ impl<'a> Cast<'a> {
                         record.light(index, bounce, &self.points.base, &self.throughput, &split);
                     }
                 }
+                Emitter::Area { .. } if self.sampler.is_random() => {
+                    self.area_light::<R, true>(light, slot, index, bounce, glossy, counts, record);
+                }
                 Emitter::Area { .. } => {
-                    self.area_light(light, slot, index, bounce, glossy, counts, record);
+                    self.area_light::<R, false>(light, slot, index, bounce, glossy, counts, record);
                 }
             }
         }
@@ -214,7 +217,7 @@ impl<'a> Cast<'a> {
     /// All samples of one area light for all lanes: (lane, sample) pairs in order, 16 a packet.
     #[inline(never)]
     #[allow(clippy::too_many_arguments)] // All of them change from call to call.
-    fn area_light<R: Record>(
+    fn area_light<R: Record, const RANDOM: bool>(
         &mut self,
         light: &Light,
         slot: &Slot,
@@ -243,7 +246,7 @@ impl<'a> Cast<'a> {
                 if slot.pixel(lane) != drawn.pixel {
                     drawn = self.sampler.light_points(slot.pixel(lane), index, bounce);
                 }
-                let [s, t] = drawn.at(all);
+                let [s, t] = drawn.draw::<RANDOM>(all);
                 set_lane(&mut q, count, corner + edge * s + height * t);
                 from[count] = lane;
                 count += 1;

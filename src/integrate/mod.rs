@@ -91,7 +91,7 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
     #[inline(always)]
     fn run(mut self) -> RayCounts {
         let Integrator { world, accelerator, monitor } = self.integrator;
-        let sampler = Sampler::new(world.seed);
+        let sampler = Sampler::of(world.sampler, world.seed);
         let pattern = Pattern::for_spp(world.spp);
         let mut counts = RayCounts::default();
         let mut cast = Cast::new(world, accelerator, sampler, monitor);

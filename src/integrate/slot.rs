@@ -102,7 +102,10 @@ impl Slot {
         self.packet.rays.tfar = [f32::INFINITY; LANES];
         self.packet.rays.leaving = [NONE; LANES];
         if world.spp > 1 || world.camera.has_lens() {
-            return self.aim_sampled(world, sampler);
+            return match sampler.is_random() {
+                true => self.aim_sampled::<true>(world, sampler),
+                false => self.aim_sampled::<false>(world, sampler),
+            };
         }
         for i in 0..LANES {
             let (x, y) = (self.x[i] as f32 + 0.5, self.y[i] as f32 + 0.5);
@@ -113,7 +116,7 @@ impl Slot {
     }
 
     #[inline(never)]
-    fn aim_sampled(&mut self, world: &World, sampler: &Sampler) {
+    fn aim_sampled<const RANDOM: bool>(&mut self, world: &World, sampler: &Sampler) {
         let mut offsets = sampler.pixel_points(self.pixel(0));
         for i in 0..LANES {
             if self.pixel(i) != offsets.pixel {
@@ -122,7 +125,7 @@ impl Slot {
             let [x, y, s, t] = match world.camera.has_lens() {
                 true => sampler.camera(self.pixel(i), self.sample[i]),
                 false => {
-                    let [x, y] = offsets.at(self.sample[i]);
+                    let [x, y] = offsets.draw::<RANDOM>(self.sample[i]);
                     [x, y, 0.5, 0.5]
                 }
             };
