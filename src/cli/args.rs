@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueHint};
 use super::units::{parse_bytes, parse_size};
 use crate::accel::EmbreeMode;
 
-pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, CrosscheckArgs};
+pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, ConvergeArgs, CrosscheckArgs};
 pub use super::names::{
     Axis, BackendName, CompressionName, IsaName, ProgressMode, SamplerName, ToneName,
 };
@@ -61,6 +61,9 @@ pub enum Command {
     /// How far a picture is from a reference: metrics, error maps, thresholds
     #[command(after_help = EXIT_CODES)]
     Compare(Box<CompareArgs>),
+    /// Error against time: samplers, numbers of samples and backends against a reference
+    #[command(after_help = EXIT_CODES)]
+    Converge(Box<ConvergeArgs>),
     /// Print the JSON Schema of scene files
     Schema,
     /// Print a shell completion script
