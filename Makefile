@@ -4,6 +4,8 @@ SCENE  ?= scenes/still-life.json
 OUT    ?= out/$(basename $(notdir $(SCENE)))
 PREFIX ?= /usr/local
 ARGS   ?=
+# Of each study of `make report`.
+REPORT_SECONDS ?= 40
 
 CARGO_TARGET_DIR ?= target
 BINARY := $(CARGO_TARGET_DIR)/release/lightpath
@@ -12,7 +14,7 @@ FLAGS  := --locked --release
 # Where setup puts Rust when the system's own is too old.
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
 
-.PHONY: help setup build render test bench lint docs install clean
+.PHONY: help setup build render test bench report lint docs install clean
 
 help: ## this list
 	@echo 'make TARGET, where TARGET is'
@@ -35,6 +37,9 @@ test: setup ## all tests, and a build without Embree
 
 bench: setup ## the benchmarks
 	cargo bench --locked --benches $(ARGS)
+
+report: build ## measure the shipped scenes: docs/reports/, README's numbers (some 4 minutes; REPORT_SECONDS=300 for longer)
+	scripts/report.py --seconds $(REPORT_SECONDS) $(BINARY)
 
 lint: ## format, clippy with and without default features, shell scripts: no warnings
 	@scripts/setup.sh lint

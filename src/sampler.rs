@@ -1,4 +1,6 @@
-//! Sample points: Owen-scrambled Sobol, every number a function of (seed, pixel, sample, purpose).
+//! Sample points: every number a function of (seed, pixel, sample, purpose).
+//!
+//! Owen-scrambled Sobol, and beside it the coursework's independent points, as the baseline of reports.
 //!
 //! Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4), by the crate `sobol_burley`.
 //! Each purpose (pixel and lens; one per light and bounce) is a set of its own, scrambled and
@@ -14,17 +16,49 @@ const SEQUENCE: u32 = 1 << 16;
 /// Pairs of dimensions of the camera's sequence that are used: pixel, lens, then lights.
 const JOINT: u32 = 4;
 
+/// In place of the number of a Sobol sequence or pair of dimensions, of which there are fewer.
+const INDEPENDENT: u32 = u32::MAX;
+
+/// How the points of a set are chosen.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// Owen-scrambled Sobol: stratified.
+    #[default]
+    Sobol,
+    /// Each uniform in the square and independent of all others.
+    Random,
+}
+
+impl Kind {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Sobol, Self::Random];
+
+    /// As the scene format spells it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sobol => "sobol",
+            Self::Random => "random",
+        }
+    }
+}
+
 /// Source of all sample points of a render.
 #[derive(Debug, Clone, Copy)]
 pub struct Sampler {
     seed: u64,
+    kind: Kind,
 }
 
 impl Sampler {
     /// A sampler for the scene's seed.
     pub fn new(seed: i64) -> Self {
+        Self::of(Kind::Sobol, seed)
+    }
+
+    /// The same of a kind.
+    pub fn of(kind: Kind, seed: i64) -> Self {
         // The bits are what matters; a negative seed is as good as any.
-        Self { seed: u64::from_ne_bytes(seed.to_ne_bytes()) }
+        Self { seed: u64::from_ne_bytes(seed.to_ne_bytes()), kind }
     }
 
     /// Pixel offset x, y and lens coordinates, all in [0, 1), of camera sample `index`.
@@ -59,7 +93,7 @@ impl Sampler {
     ) -> Points {
         let mut points = self.light_points(pixel, light, bounce);
         let pair = light.saturating_add(1 + u32::from(lens));
-        if samples == 1 && bounce == 0 && pair < JOINT {
+        if samples == 1 && bounce == 0 && pair < JOINT && self.kind == Kind::Sobol {
             points.pair = pair;
         }
         points
@@ -78,14 +112,24 @@ impl Sampler {
     }
 
     fn point(&self, pixel: [u32; 2], index: u32, purpose: u64) -> [f32; 4] {
+        if self.kind == Kind::Random {
+            let [x, y] = Points::new(*self, pixel, purpose).independent(index);
+            let [s, t] = Points::new(*self, pixel, !purpose).independent(index);
+            return [x, y, s, t];
+        }
         let seed = self.seed_of(pixel, index / SEQUENCE, purpose);
         sobol_burley::sample_4d(index % SEQUENCE, 0, seed)
     }
 
     #[inline(always)]
-    fn seed_of(&self, [x, y]: [u32; 2], block: u32, purpose: u64) -> u32 {
+    fn seed_of(&self, pixel: [u32; 2], block: u32, purpose: u64) -> u32 {
+        self.key(pixel, block, purpose) as u32
+    }
+
+    #[inline(always)]
+    fn key(&self, [x, y]: [u32; 2], block: u32, purpose: u64) -> u64 {
         let pixel = (u64::from(y) << 32) | u64::from(x);
-        mix(mix(mix(self.seed ^ mix(u64::from(block))) ^ pixel) ^ purpose) as u32
+        mix(mix(mix(self.seed ^ mix(u64::from(block))) ^ pixel) ^ purpose)
     }
 }
 
@@ -96,7 +140,7 @@ pub struct Points {
     /// Whose points these are.
     pub pixel: [u32; 2],
     purpose: u64,
-    /// Which two dimensions of the camera's sequence these are; 0: none of them.
+    /// Which two dimensions of the camera's sequence these are; 0: none of them. Or [`INDEPENDENT`].
     pair: u32,
     /// Which `SEQUENCE` indices the rest is made for.
     block: u32,
@@ -107,8 +151,9 @@ pub struct Points {
 impl Points {
     #[inline(always)]
     fn new(sampler: Sampler, pixel: [u32; 2], purpose: u64) -> Self {
+        let pair = if sampler.kind == Kind::Random { INDEPENDENT } else { 0 };
         let mut points =
-            Self { sampler, pixel, purpose, pair: 0, block: 0, shuffle: 0, scramble: [0; 2] };
+            Self { sampler, pixel, purpose, pair, block: 0, shuffle: 0, scramble: [0; 2] };
         points.begin(0);
         points
     }
@@ -133,7 +178,7 @@ impl Points {
     #[inline(always)]
     pub fn at(&mut self, index: u32) -> [f32; 2] {
         if self.pair > 0 {
-            return self.joint(index);
+            return self.elsewhere(index);
         }
         if index / SEQUENCE != self.block {
             self.begin(index / SEQUENCE);
@@ -146,11 +191,23 @@ impl Points {
 }
 
 impl Points {
+    /// What is not of the set's own sequence.
     #[inline(never)]
-    fn joint(&self, index: u32) -> [f32; 2] {
+    fn elsewhere(&self, index: u32) -> [f32; 2] {
+        if self.pair == INDEPENDENT {
+            return self.independent(index);
+        }
         let seed = self.sampler.seed_of(self.pixel, index / SEQUENCE, 0);
         let [a, b, c, d] = sobol_burley::sample_4d(index % SEQUENCE, self.pair / 2, seed);
         if self.pair % 2 == 0 { [a, b] } else { [c, d] }
+    }
+
+    /// Independent point `index`: an output of the generator SplitMix64 that starts at the set's key.
+    #[inline(always)]
+    fn independent(&self, index: u32) -> [f32; 2] {
+        let key = self.sampler.key(self.pixel, INDEPENDENT, self.purpose);
+        let bits = mix(key.wrapping_add(u64::from(index).wrapping_mul(GOLDEN)));
+        [bits as u32, (bits >> 32) as u32].map(u32_to_f32_norm)
     }
 }
 
@@ -169,9 +226,12 @@ fn pascal(index: u32) -> u32 {
     sum ^ ((sum >> 8) & 0x00ff)
 }
 
-/// SplitMix64's finaliser (Steele, Lea, Flood 2014).
+/// SplitMix64's step (Steele, Lea, Flood 2014).
+const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// SplitMix64's finaliser, one step on.
 fn mix(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = x.wrapping_add(GOLDEN);
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     x ^ (x >> 31)
@@ -221,6 +281,55 @@ mod tests {
                 let [x, y, _, _] = sampler.point([7, seed as u32], index, 1 + (2 << 32 | 3));
                 assert_eq!(light.at(index), [x, y]);
             }
+        }
+    }
+
+    #[test]
+    fn independent_points_are_uniform_and_unrelated() {
+        let (mut cells, mut products) = ([0u32; 16], [0.0f64; 6]);
+        let n = 1 << 16;
+        for i in 0..n {
+            // Over pixels and over samples.
+            let sampler = Sampler::of(Kind::Random, 5);
+            let pixel = [i >> 8, 3];
+            let [x, y, s, t] = sampler.camera(pixel, i & 255);
+            let mut offsets = sampler.pixel_points(pixel);
+            assert_eq!(offsets.at(i & 255), [x, y]);
+            let [u, v] = sampler.light(pixel, i & 255, 0, 0);
+            cells[(u * 4.0) as usize * 4 + (v * 4.0) as usize] += 1;
+            let [next, _] = offsets.at((i & 255) + 1);
+            let pairs = [(x, y), (x, s), (s, t), (x, u), (u, v), (x, next)];
+            for (product, (a, b)) in products.iter_mut().zip(pairs) {
+                *product += (f64::from(a) - 0.5) * (f64::from(b) - 0.5);
+            }
+        }
+        // Chi-square with 15 degrees of freedom: above 37.7 once in 1000 seeds. It must not be as even as
+        // stratified points either: below 3.5 once in 1000.
+        let each = f64::from(n) / 16.0;
+        let chi: f64 = cells.iter().map(|&c| (f64::from(c) - each).powi(2) / each).sum();
+        assert!((3.5..37.7).contains(&chi), "{chi}");
+        // Correlations of n pairs: the standard error is 1 / sqrt(n) = 0.004.
+        for product in products {
+            assert!((product * 12.0 / f64::from(n)).abs() < 0.015, "{products:?}");
+        }
+    }
+
+    #[test]
+    fn independent_points_differ_by_all_their_keys() {
+        let of = |seed, pixel, index, light, bounce| {
+            Sampler::of(Kind::Random, seed).light(pixel, index, light, bounce)
+        };
+        let one = of(7, [3, 4], 5, 0, 0);
+        assert_eq!(one, of(7, [3, 4], 5, 0, 0));
+        for other in [
+            of(8, [3, 4], 5, 0, 0),
+            of(7, [4, 3], 5, 0, 0),
+            of(7, [3, 4], 6, 0, 0),
+            of(7, [3, 4], 5, 1, 0),
+            of(7, [3, 4], 5, 0, 1),
+            of(7, [3, 4], 5 + SEQUENCE, 0, 0),
+        ] {
+            assert_ne!(one, other);
         }
     }
 

@@ -55,10 +55,11 @@ fn render(scratch: &Scratch, prefix: &str, flags: &[&str]) {
 #[test]
 fn the_same_bytes_for_any_threads_and_on_every_run() {
     let Some(scratch) = scratch() else { return };
-    for spp in ["1", "4", "21"] {
-        render(&scratch, "first", &["--spp", spp, "--threads", "1"]);
+    for (spp, sampler) in [("1", "sobol"), ("4", "sobol"), ("21", "sobol"), ("5", "random")] {
+        let flags = ["--spp", spp, "--sampler", sampler, "--threads"];
+        render(&scratch, "first", &[&flags[..], &["1"]].concat());
         for threads in ["1", "2", "5"] {
-            render(&scratch, "again", &["--spp", spp, "--threads", threads]);
+            render(&scratch, "again", &[&flags[..], &[threads]].concat());
             for end in ["exr", "png"] {
                 let [first, again] =
                     ["first", "again"].map(|n| scratch.read(&format!("{n}.{end}")));
@@ -73,6 +74,8 @@ fn another_seed_is_another_picture() {
     let Some(scratch) = scratch() else { return };
     render(&scratch, "a", &[]);
     render(&scratch, "b", &["--seed", "6"]);
+    assert_ne!(pixels(&scratch, "a"), pixels(&scratch, "b"));
+    render(&scratch, "b", &["--sampler", "random"]);
     assert_ne!(pixels(&scratch, "a"), pixels(&scratch, "b"));
 }
 

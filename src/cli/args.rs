@@ -10,8 +10,8 @@ use crate::{
     output::{exr::Compression, tonemap::Depth},
 };
 
-pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, CrosscheckArgs};
-pub use super::names::{Axis, BackendName, IsaName, ProgressMode, ToneName};
+pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, ConvergeArgs, CrosscheckArgs};
+pub use super::names::{Axis, BackendName, IsaName, ProgressMode, SamplerName, ToneName};
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \
@@ -62,6 +62,9 @@ pub enum Command {
     /// How far a picture is from a reference: metrics, error maps, thresholds
     #[command(after_help = EXIT_CODES)]
     Compare(Box<CompareArgs>),
+    /// Error against time: samplers, numbers of samples and backends against a reference
+    #[command(after_help = EXIT_CODES)]
+    Converge(Box<ConvergeArgs>),
     /// Print the JSON Schema of scene files
     Schema,
     /// Print a shell completion script
@@ -183,6 +186,10 @@ pub struct SceneArgs {
     /// Seed of every random choice
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<i64>,
+
+    /// How sample points are chosen
+    #[arg(long, value_name = "NAME")]
+    pub sampler: Option<SamplerName>,
 
     /// Exposure of the PNG in stops
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]

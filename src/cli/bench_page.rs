@@ -220,7 +220,7 @@ fn growth(report: &Report) -> Option<Section> {
         let name = bench_table::quantity_name(quantity);
         let title = name[..1].to_uppercase() + &name[1..];
         let (unit, across) = (unit.into(), "triangles".into());
-        Lines { title, unit, across, lines: lines.collect() }.svg()
+        Lines { title, unit, across, lines: lines.collect(), ..Lines::default() }.svg()
     };
     let charts = Quantity::ALL.map(chart).to_vec();
     let any = report.scenes.len() > 1 && charts.iter().any(|chart| !chart.is_empty());

@@ -81,7 +81,8 @@ fn charts(args: &CompareArgs, layer: &Compared) -> Vec<String> {
     charts
 }
 
-fn error_scale() -> Scale {
+/// What the colours of an error map mean.
+pub fn error_scale() -> Scale {
     let [low, high] = map::RANGE;
     let decades = (high / low).log10().round() as i32;
     let values = (0..=decades).map(|i| low * 10f64.powi(i));

@@ -1,10 +1,10 @@
-//! The flags of the commands that measure: `bench`, `crosscheck`, `accuracy`, `compare`.
+//! The flags of the commands that measure: `bench`, `crosscheck`, `accuracy`, `compare`, `converge`.
 
 use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use super::names::{BackendName, IsaName, ToneName};
+use super::names::{BackendName, IsaName, SamplerName, ToneName};
 use super::units::parse_size;
 
 /// `lightpath crosscheck`
@@ -231,4 +231,78 @@ pub struct CompareArgs {
     /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+}
+
+/// `lightpath converge`
+#[derive(Debug, Args)]
+pub struct ConvergeArgs {
+    /// A scene.json, a mesh.ply (in the built-in studio), or - for a scene on stdin
+    #[arg(value_name = "SCENE|FILE.ply|-", value_hint = ValueHint::FilePath)]
+    pub input: PathBuf,
+
+    /// What errors are measured against: an EXR of the scene's size [default: rendered, several times, so
+    /// that its own error is known]
+    #[arg(long, value_name = "R.exr", value_hint = ValueHint::FilePath)]
+    pub reference: Option<PathBuf>,
+
+    /// Some of embree, embree-exact, embree-fast, bvh, bvh:portable, bvh:avx2, bvh:avx512, coursework, brute;
+    /// the first renders the reference [default: the scene's]
+    #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
+    pub backends: Vec<String>,
+
+    /// How sample points are chosen
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_value = "sobol,random")]
+    pub sampler: Vec<SamplerName>,
+
+    /// Camera samples per pixel; 1 is not antialiased
+    #[arg(long, value_name = "N,...", value_delimiter = ',', default_value = "1,4,16,64", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    pub spp: Vec<u32>,
+
+    /// Points on every area light, for each shading point [default: 1,4,16 if there are area lights]
+    #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    pub light_samples: Vec<u32>,
+
+    /// Renders of each setting, each with a seed of its own
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub repeats: u32,
+
+    /// Seconds for the whole study, loading and reference included; what does not fit is left out and listed
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, allow_negative_numbers = true)]
+    pub budget: f64,
+
+    /// First seed
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0)]
+    pub seed: i64,
+
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+
+    /// Set any value of the scene; VALUE is JSON, or else a string; repeatable
+    #[arg(long, value_name = "/json/pointer=VALUE")]
+    pub set: Vec<String>,
+
+    /// Instruction set of our own kernels [default: the best]
+    #[arg(long, value_name = "NAME")]
+    pub isa: Option<IsaName>,
+
+    /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// Write everything, with every time, as JSON
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub json: Option<PathBuf>,
+
+    /// Write a table of all settings
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub csv: Option<PathBuf>,
+
+    /// Write one page with charts and pictures
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub html: Option<PathBuf>,
+
+    /// Only errors on stderr
+    #[arg(long)]
+    pub quiet: bool,
 }

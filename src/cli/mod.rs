@@ -15,6 +15,9 @@ mod bench_table;
 mod compare;
 mod compare_page;
 mod compare_text;
+mod converge;
+mod converge_page;
+mod converge_text;
 mod crosscheck;
 mod crosscheck_text;
 mod framing;
@@ -84,6 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Crosscheck(args)) => crosscheck::run(args),
         Some(Command::Accuracy(args)) => accuracy::run(args),
         Some(Command::Compare(args)) => compare::run(args),
+        Some(Command::Converge(args)) => converge::run(args),
         Some(Command::Schema) => schema::run(),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),

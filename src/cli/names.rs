@@ -70,6 +70,15 @@ pub enum BackendName {
     Brute,
 }
 
+/// Names of the samplers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum SamplerName {
+    /// Owen-scrambled Sobol: stratified
+    Sobol,
+    /// Uniform and independent: the coursework's
+    Random,
+}
+
 /// An axis of a mesh file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Axis {

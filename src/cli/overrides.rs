@@ -34,6 +34,8 @@ impl Overrides {
         all.flag("--spp", "/spp", args.spp);
         all.flag("--nbounces", "/nbounces", args.nbounces);
         all.flag("--seed", "/seed", args.seed);
+        let sampler = args.sampler.and_then(|s| name(s.to_possible_value()));
+        all.flag("--sampler", "/sampler", sampler);
         all.flag("--fov", "/camera/fov", args.fov.map(number));
         all.flag("--exposure", "/tonemap/exposure", args.exposure.map(number));
         let tonemap = args.tonemap.and_then(|t| name(t.to_possible_value()));

@@ -33,7 +33,7 @@ pub fn pipeline<F: Finish>(
     work: &mut F,
 ) -> RayCounts {
     let Integrator { world, accelerator, monitor } = integrator;
-    let sampler = Sampler::new(world.seed);
+    let sampler = Sampler::of(world.sampler, world.seed);
     let mut counts = RayCounts::default();
     let mut cast = Cast::new(world, accelerator, sampler, monitor);
     let mut slots = [Slot::EMPTY; 2];

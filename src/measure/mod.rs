@@ -5,6 +5,7 @@ pub mod accuracy;
 pub mod answers;
 pub mod bench;
 pub mod compare;
+pub mod converge;
 pub mod cross_check;
 pub mod growth;
 pub mod judge;

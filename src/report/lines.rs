@@ -13,6 +13,10 @@ pub struct Lines {
     pub across: String,
     /// One per contestant.
     pub lines: Vec<Line>,
+    /// Single points in the colours of the lines, both coordinates > 0: those of the first line, and so on.
+    pub dots: Vec<Vec<[f64; 2]>>,
+    /// A height > 0 that is marked, and what it is.
+    pub level: Option<(f64, String)>,
 }
 
 /// One line.
@@ -34,8 +38,12 @@ impl Lines {
             return String::new();
         }
         let range = |axis: usize| {
-            let values = || self.lines.iter().flat_map(|l| &l.points).map(|p| p[axis]);
-            decades(values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max))
+            let lines = self.lines.iter().flat_map(|l| &l.points);
+            let values = lines.chain(self.dots.iter().flatten()).map(|p| p[axis]);
+            let level = self.level.iter().map(|(height, _)| *height).filter(|_| axis == 1);
+            let values: Vec<f64> = values.chain(level).collect();
+            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+            decades(least, values.iter().copied().fold(0.0, f64::max))
         };
         let (across, up) = (range(0), range(1));
         let (left, right, top, bottom) = (64.0, WIDTH - 20.0, 66.0, HEIGHT - 40.0);
@@ -59,6 +67,15 @@ impl Lines {
         let names: Vec<_> =
             self.lines.iter().map(|l| l.name.clone()).zip(COLORS.into_iter().cycle()).collect();
         svg.legend([left, 52.0], &names);
+        if let Some((height, text)) = &self.level {
+            svg.line([left, y(*height), right, y(*height)], "#9aa3ad", 1.5);
+            svg.text([right, y(*height) - 5.0], Anchor::End, "dim", text);
+        }
+        for (dots, (_, color)) in self.dots.iter().zip(&names) {
+            for &[px, py] in dots {
+                svg.circle([x(px), y(py)], 2.0, color);
+            }
+        }
         for (line, (_, color)) in self.lines.iter().zip(&names) {
             for pair in line.points.windows(2) {
                 let [[ax, ay], [bx, by]] = [pair[0], pair[1]];
@@ -84,5 +101,18 @@ mod tests {
         let svg = chart(&[[1e3, 0.1], [1e6, 20.0]]).svg();
         assert_eq!(svg.matches("<circle").count(), 2);
         assert!(!svg.contains("NaN"), "{svg}");
+    }
+
+    #[test]
+    fn dots_and_the_level_lie_within_the_axes() {
+        let line = Line { name: "a".into(), points: vec![[1.0, 1.0], [10.0, 0.1]] };
+        let mut chart = Lines { lines: vec![line], ..Lines::default() };
+        chart.dots = vec![vec![[100.0, 50.0]]];
+        chart.level = Some((1e-6, "noise < floor".into()));
+        let svg = chart.svg();
+        assert_eq!(svg.matches("<circle").count(), 3);
+        for part in ["noise &lt; floor", ">1\u{b5}<", ">100<"] {
+            assert!(svg.contains(part), "{part}: {svg}");
+        }
     }
 }

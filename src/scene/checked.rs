@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use glam::{DVec3, Vec2, Vec3};
 
+pub use crate::sampler::Kind as SamplerKind;
+
 use super::layers::{Layer, LightGroups};
 
 /// What a scene file means. World units, right-handed; colours linear BT.709, unbounded.
@@ -18,6 +20,8 @@ pub struct Scene {
     pub spp: u32,
     /// Seed of every random choice.
     pub seed: i64,
+    /// How sample points are chosen.
+    pub sampler: SamplerKind,
     /// The camera.
     pub camera: Camera,
     /// Radiance of rays that leave the scene.

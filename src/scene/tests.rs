@@ -104,6 +104,9 @@ fn everything_is_understood() {
     assert_eq!(scene.tonemap.operator, ToneOperator::Reinhard);
     assert_eq!(scene.layers, [Layer::Depth, Layer::Normal]);
     assert!(scene.transparent);
+    let random = load_value(&least(), &["/sampler=random"]).unwrap();
+    assert_eq!(random.scene.sampler, SamplerKind::Random);
+    assert_ne!(random.hash, load_value(&least(), &[]).unwrap().hash);
 }
 
 /// A scene of things that state only what they must.
@@ -122,6 +125,7 @@ fn plain() -> Scene {
 fn defaults_are_those_of_the_tables() {
     let scene = plain();
     assert_eq!((scene.nbounces, scene.spp, scene.seed), (1, 1, 0));
+    assert_eq!(scene.sampler, SamplerKind::Sobol);
     assert_eq!((scene.background, scene.ambient), (glam::Vec3::ZERO, glam::Vec3::ZERO));
     assert_eq!((scene.falloff, scene.backend), (Falloff::Linear, Backend::Embree));
     assert!(scene.camera.lens.is_none() && scene.layers.is_empty() && !scene.transparent);

@@ -15,7 +15,7 @@ use crate::error::{Error, Failures, Kind, Problem, Result};
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
-use crate::scene::{Falloff, LightKind, Scene, ShapeKind};
+use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind};
 use crate::shading::{Emitter, Light, Owner, Shape, Shapes, UvSource};
 
 use self::place::{LARGEST, PlacedMesh};
@@ -77,6 +77,8 @@ pub struct World {
     pub nbounces: u32,
     /// Of every random choice.
     pub seed: i64,
+    /// How sample points are chosen.
+    pub sampler: SamplerKind,
     /// Radiance of rays that leave the scene.
     pub background: Vec3,
     /// Ambient light.
@@ -166,6 +168,7 @@ impl World {
             spp: scene.spp,
             nbounces: scene.nbounces,
             seed: scene.seed,
+            sampler: scene.sampler,
             background: scene.background,
             ambient: scene.ambient,
             falloff: scene.falloff,

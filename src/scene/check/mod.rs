@@ -18,8 +18,8 @@ use std::{collections::BTreeSet, path::Path};
 use serde::de::DeserializeOwned;
 
 use super::{
-    checked::{Backend, Falloff, Scene, ToneOperator, Tonemap},
-    description::{Accelerator, Attenuation, Description, Name, Operator, Transfer},
+    checked::{Backend, Falloff, SamplerKind, Scene, ToneOperator, Tonemap},
+    description::{Accelerator, Attenuation, Description, Name, Operator, Sampler, Transfer},
     document::Document,
     node::NodeKind,
     problems::Problems,
@@ -54,6 +54,10 @@ pub fn check(
         adaptive_shadows: description.adaptiveshadows,
         spp: description.spp,
         seed: description.seed,
+        sampler: match description.sampler {
+            Sampler::Sobol => SamplerKind::Sobol,
+            Sampler::Random => SamplerKind::Random,
+        },
         camera,
         background: description.scene.backgroundcolor.vec(),
         ambient: description.scene.ambient.vec(),

@@ -40,6 +40,9 @@ pub struct Description {
     #[serde(default)]
     #[schemars(range(min = -9223372036854775808i64, max = 9223372036854775807i64))]
     pub seed: i64,
+    /// How sample points are chosen.
+    #[serde(default)]
+    pub sampler: Sampler,
     /// Where the picture is taken from.
     pub camera: Camera,
     /// Lights, shapes, materials.
@@ -50,6 +53,17 @@ pub struct Description {
     /// What is written.
     #[serde(default)]
     pub output: Output,
+}
+
+/// How the points are chosen that pixels, the lens and area lights are sampled at.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Sampler {
+    /// Owen-scrambled Sobol: stratified
+    #[default]
+    Sobol,
+    /// uniform and independent, as in the coursework: the baseline
+    Random,
 }
 
 /// The camera; exactly one of `lookat` and `target`.

@@ -1,0 +1,338 @@
+#!/usr/bin/env python3
+"""lightpath against Mitsuba 3: the same scene, the same picture, time and error.
+
+usage: mitsuba.py [--lightpath PROGRAM] [--json STATE.json] [--size N] STEP... MESH.ply
+   pip install mitsuba==3.9.1 numpy; its LLVM variant needs libLLVM (Debian: apt-get install libllvm15)
+
+The scene is one description below, written out for both: the mesh, diffuse, on a ground plane, under a square
+area light, black around it; 1024 x 1024, box filter. Mitsuba renders it with `llvm_ad_rgb`, `direct` with one emitter
+sample and no BSDF sample; lightpath with `lambertian` emission, `quadratic` attenuation, id = radiance area / pi and one
+light sample. Steps, each of which adds to the state file, so that they can be run one by one:
+  check   both at 4096 spp, 256 x 256: relmse must be below 1e-4, else exit 1
+  wall    wall time of the whole process at 1, 16, 64 spp, in turns A B B A (--rounds)
+  refer   a reference of 1024 spp by lightpath at full size, with another seed
+  error   render phase alone, in turns, and RMSE at 1, 4, 16, 64 spp for both samplers of Mitsuba
+  table   prints everything as Markdown; --into FILE replaces what stands there between the marks
+relmse: mean d^2 / (r^2 + 0.01). Both programs use all threads that this process may use.
+"""
+import argparse
+import datetime
+import json
+import math
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+# This file has the name of the package.
+sys.path = [path for path in sys.path if os.path.abspath(path) != HERE]
+SPP = [1, 16, 64]
+CURVE = [1, 4, 16, 64]
+SAMPLERS = ['independent', 'multijitter']
+MARKS = ['<!-- mitsuba: begin -->', '<!-- mitsuba: end -->']
+# Ratios lightpath / Mitsuba that are asked for: bar, goal.
+BARS = {'wall 1': (0.4, 0.2), 'wall 16': (0.5, 0.25), 'wall 64': (0.6, 0.35),
+        'independent': (0.15, 0.05), 'multijitter': (0.6, 0.35)}
+
+
+def describe(mesh):
+    """The scene, from which both are written: lengths in world units, y up."""
+    import numpy as np
+    with open(mesh, 'rb') as file:
+        count = 0
+        while (line := file.readline().strip()) != b'end_header':
+            words = line.split()
+            if words[:2] == [b'element', b'vertex']:
+                count = int(words[2])
+            if words[:2] == [b'format', b'ascii']:
+                sys.exit(f'{mesh}: expected a binary PLY whose vertices are x y z floats')
+        points = np.frombuffer(file.read(12 * count), '<f4').reshape(-1, 3).astype(float)
+    low, high = points.min(0), points.max(0)
+    scale = float(2 / (high - low).max())
+    return {
+        'mesh': os.path.abspath(mesh), 'middle': [float(v) for v in (low + high) / 2], 'scale': scale,
+        'floor': float(-(high - low)[1] * scale / 2), 'half_floor': 6.0,
+        'camera': [0.6, 1.0, 4.2], 'target': [0, -0.1, 0], 'fov': 40.0, 'albedo': 0.7,
+        # Centre, half side, radiance; it shines down.
+        'light': [1.0, 3.0, 1.0], 'half_light': 0.5, 'radiance': 20.0,
+    }
+
+
+def for_lightpath(d, size):
+    (x, y, z), h, g = d['light'], d['half_light'], d['half_floor']
+    power = d['radiance'] * (2 * h) ** 2 / math.pi
+    plain = {'kd': 1, 'diffusecolor': [d['albedo']] * 3}
+    return {
+        'nbounces': 0,
+        'camera': {'type': 'pinhole', 'width': size, 'height': size, 'fov': d['fov'],
+                   'position': d['camera'], 'target': d['target'], 'up': [0, 1, 0]},
+        'scene': {
+            'attenuation': 'quadratic',
+            # (v1 - v0) x (v2 - v0) = -y
+            'lightsources': [{'type': 'arealight', 'v0': [x - h, y, z - h], 'v1': [x + h, y, z - h],
+                              'v2': [x - h, y, z + h], 'id': [power] * 3, 'samples': 1,
+                              'emission': 'lambertian'}],
+            'shapes': [
+                {'type': 'trimesh', 'path': d['mesh'], 'fit': 2, 'material': plain},
+                {'type': 'plane', 'v0': [-g, d['floor'], g], 'v1': [g, d['floor'], g],
+                 'v2': [g, d['floor'], -g], 'v3': [-g, d['floor'], -g], 'material': plain}]},
+    }
+
+
+def for_mitsuba(d, size, sampler):
+    import mitsuba as mi
+    t = mi.ScalarTransform4f()
+    plain = {'type': 'twosided', 'bsdf': {'type': 'diffuse',
+             'reflectance': {'type': 'rgb', 'value': [d['albedo']] * 3}}}
+    return {
+        'type': 'scene',
+        'integrator': {'type': 'direct', 'emitter_samples': 1, 'bsdf_samples': 0},
+        'sensor': {
+            'type': 'perspective', 'fov': d['fov'], 'fov_axis': 'y', 'near_clip': 1e-3,
+            'to_world': mi.ScalarTransform4f().look_at(origin=d['camera'], target=d['target'], up=[0, 1, 0]),
+            'film': {'type': 'hdrfilm', 'width': size, 'height': size, 'pixel_format': 'rgb',
+                     'component_format': 'float32', 'rfilter': {'type': 'box'}},
+            'sampler': {'type': sampler}},
+        'mesh': {'type': 'ply', 'filename': d['mesh'], 'face_normals': True, 'bsdf': plain,
+                 'to_world': t.scale(d['scale']).translate([-v for v in d['middle']])},
+        'floor': {'type': 'rectangle', 'bsdf': plain,
+                  'to_world': t.translate([0, d['floor'], 0]).rotate([1, 0, 0], -90).scale(d['half_floor'])},
+        'light': {'type': 'rectangle',
+                  'to_world': t.translate(d['light']).rotate([1, 0, 0], 90).scale(d['half_light']),
+                  'emitter': {'type': 'area', 'radiance': {'type': 'rgb', 'value': [d['radiance']] * 3}}},
+    }
+
+
+def mitsuba():
+    import mitsuba as mi
+    mi.set_variant('llvm_ad_rgb')
+    return mi
+
+
+def process(arguments):
+    """A whole Mitsuba run in a process of its own: what `wall` times."""
+    mesh, size, spp, out = arguments[0], int(arguments[1]), int(arguments[2]), arguments[3]
+    mi = mitsuba()
+    scene = mi.load_dict(for_mitsuba(json.load(open(mesh)), size, 'independent'))
+    image = mi.render(scene, spp=spp, seed=0)
+    mi.util.write_bitmap(out, image)
+
+
+class Bench:
+    def __init__(self, args):
+        self.args, self.state, self.description = args, {}, describe(args.mesh)
+        if os.path.exists(args.json):
+            self.state = json.load(open(args.json))
+        self.folder = tempfile.mkdtemp()
+        self.scene = self.write('scene.json', for_lightpath(self.description, args.size))
+        self.env = dict(os.environ)
+
+    def write(self, name, value):
+        path = os.path.join(self.folder, name)
+        with open(path, 'w') as file:
+            json.dump(value, file)
+        return path
+
+    def save(self):
+        version = [self.args.lightpath, '--version', '--verbose']
+        shown = subprocess.run(version, capture_output=True, text=True, check=True).stdout
+        import mitsuba as mi
+        model = [line.split(':')[1].strip() for line in open('/proc/cpuinfo') if line.startswith('model name')]
+        self.state['machine'] = {
+            'cpu': model[0] if model else platform.processor(), 'threads': len(os.sched_getaffinity(0)),
+            'mitsuba': mi.__version__, 'lightpath': shown.splitlines(),
+            'date': datetime.date.today().isoformat(), 'mesh': os.path.basename(self.args.mesh),
+            'size': self.args.size}
+        with open(self.args.json, 'w') as file:
+            json.dump(self.state, file, indent=1)
+
+    def lightpath(self, scene, prefix, spp, *more):
+        """Renders to prefix.exr; returns the program's statistics."""
+        command = [self.args.lightpath, 'render', scene, '-o', os.path.join(self.folder, prefix),
+                   '--spp', str(spp), '--quiet', '--json', *more]
+        return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+    def pixels(self, path):
+        import mitsuba as mi
+        import numpy as np
+        image = np.array(mi.Bitmap(path).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
+        return image.astype(float)
+
+    def check(self):
+        mi = mitsuba()
+        import numpy as np
+        size = 256
+        scene = self.write('small.json', for_lightpath(self.description, size))
+        self.lightpath(scene, 'check', 4096, '--float')
+        ours = self.pixels(os.path.join(self.folder, 'check.exr'))
+        other = mi.load_dict(for_mitsuba(self.description, size, 'independent'))
+        # In parts: a wavefront of all samples does not fit.
+        parts = [np.array(mi.render(other, spp=256, seed=seed), dtype=float) for seed in range(16)]
+        theirs = sum(parts) / len(parts)
+        relmse = float(np.mean((ours - theirs) ** 2 / (theirs ** 2 + 0.01)))
+        ratio = float(ours.mean() / theirs.mean())
+        self.state['check'] = {'relmse': relmse, 'mean_ratio': ratio, 'size': size, 'spp': 4096}
+        print(f'relmse {relmse:.2e}, ratio of the means {ratio:.6f}')
+        for name, image in [('lightpath', ours), ('mitsuba', theirs)]:
+            mi.util.write_bitmap(os.path.join(self.args.pictures or self.folder, f'{name}.png'), image)
+        return relmse < 1e-4
+
+    def wall(self):
+        mesh = self.write('description.json', self.description)
+        size = str(self.args.size)
+
+        def run(which, spp):
+            out = os.path.join(self.folder, 'm.exr')
+            started = time.perf_counter()
+            if which == 'lightpath':
+                self.lightpath(self.scene, 'l', spp)
+            else:
+                command = [sys.executable, os.path.abspath(__file__), '--process', mesh, size, str(spp), out]
+                subprocess.run(command, check=True, capture_output=True)
+            return time.perf_counter() - started
+
+        wall = self.state.setdefault('wall', {})
+        for spp in self.args.spp or SPP:
+            samples = wall.setdefault(str(spp), {'lightpath': [], 'mitsuba': []})
+            if not samples['mitsuba']:
+                # Compiles the kernels, which are then in its cache on the disk.
+                run('mitsuba', spp)
+                run('lightpath', spp)
+            for _ in range(self.args.rounds):
+                for which in ['lightpath', 'mitsuba', 'mitsuba', 'lightpath']:
+                    samples[which].append(run(which, spp))
+            a, b = (statistics.median(samples[which]) for which in ['lightpath', 'mitsuba'])
+            print(f'{spp} spp: lightpath {a:.3f} s, mitsuba {b:.3f} s, ratio {a / b:.3f}', flush=True)
+            self.save()
+        return True
+
+    def refer(self):
+        os.makedirs(self.args.pictures or self.folder, exist_ok=True)
+        prefix = os.path.abspath(os.path.join(self.args.pictures or self.folder, 'reference'))
+        self.lightpath(self.scene, prefix, 1024, '--float', '--seed', '777')
+        self.state['reference'] = prefix + '.exr'
+        return True
+
+    def error(self):
+        mi = mitsuba()
+        import numpy as np
+        reference = self.pixels(self.state['reference'])
+        curve = self.state.setdefault('error', {})
+        scenes = {name: mi.load_dict(for_mitsuba(self.description, self.args.size, name)) for name in SAMPLERS}
+        # multijitter and the others must compile, and bring memory, once for each number of samples.
+        for spp in self.args.spp or CURVE:
+            for name, scene in scenes.items():
+                np.array(mi.render(scene, spp=spp, seed=99))
+            for round in range(self.args.rounds):
+                order = ['lightpath', *SAMPLERS]
+                for which in order + order[::-1]:
+                    entry = curve.setdefault(which, {}).setdefault(str(spp), {'seconds': [], 'rmse': []})
+                    seed = len(entry['seconds']) + 1
+                    if which == 'lightpath':
+                        stats = self.lightpath(self.scene, 'e', spp, '--float', '--seed', str(seed))
+                        seconds = stats['seconds']['render']
+                        image = self.pixels(os.path.join(self.folder, 'e.exr'))
+                    else:
+                        started = time.perf_counter()
+                        image = np.array(mi.render(scenes[which], spp=spp, seed=seed), dtype=float)
+                        seconds = time.perf_counter() - started
+                    entry['seconds'].append(seconds)
+                    entry['rmse'].append(float(np.sqrt(np.mean((image - reference) ** 2))))
+            shown = [f"{w} {statistics.median(curve[w][str(spp)]['seconds']):.3f} s "
+                     f"{statistics.median(curve[w][str(spp)]['rmse']):.2e}" for w in curve]
+            print(f'{spp} spp: ' + ', '.join(shown), flush=True)
+        self.state['mean'] = float(reference.mean())
+        return True
+
+    def points(self, which):
+        entries = self.state['error'][which].items()
+        return sorted((statistics.median(e['rmse']), statistics.median(e['seconds']), int(spp))
+                      for spp, e in entries)
+
+    def ours_at(self, rmse):
+        """Seconds of lightpath at an RMSE: between its points, both axes logarithmic; None beyond them. Below
+        1 spp there is no picture, so a larger error than that of 1 spp costs as much as 1 spp."""
+        points = self.points('lightpath')
+        if rmse >= points[-1][0]:
+            return points[-1][1]
+        for (e0, t0, _), (e1, t1, _) in zip(points, points[1:]):
+            if e0 <= rmse <= e1:
+                part = math.log(rmse / e0) / math.log(e1 / e0)
+                return t0 * (t1 / t0) ** part
+        return None
+
+    def table(self):
+        m, lines = self.state['machine'], []
+        version = ', '.join(line.strip() for line in m['lightpath'])
+        lines.append(f"{m['cpu']}, {m['threads']} threads, {m['date']}; Mitsuba {m['mitsuba']} (`llvm_ad_rgb`, "
+                     f"`direct`); {version}; {m['mesh']}, {m['size']} x {m['size']}.")
+        if 'check' in self.state:
+            c = self.state['check']
+            lines += ['', f"The same picture: relmse {c['relmse']:.1e} between the two at {c['spp']} spp "
+                      f"({c['size']} x {c['size']}), ratio of the means {c['mean_ratio']:.5f}."]
+
+        def verdict(key, ratio):
+            bar, goal = BARS[key]
+            return f"{bar}, goal {goal}: {'goal met' if ratio <= goal else 'met' if ratio <= bar else 'MISSED'}"
+        if 'wall' in self.state:
+            lines += ['', '| whole process | lightpath | Mitsuba | ratio | n | bar |', '|---|---|---|---|---|---|']
+            for spp, s in sorted(self.state['wall'].items(), key=lambda item: int(item[0])):
+                a, b = statistics.median(s['lightpath']), statistics.median(s['mitsuba'])
+                n = len(s['mitsuba'])
+                lines.append(f"| {spp} spp | {a:.2f} s | {b:.2f} s | {a / b:.2f} | {n} | {verdict('wall ' + spp, a / b)} |")
+        if 'error' in self.state:
+            mean = self.state['mean']
+            lines += ['', '| render phase | spp | seconds | RMSE / mean |', '|---|---|---|---|']
+            for which in ['lightpath', *SAMPLERS]:
+                for rmse, seconds, spp in reversed(self.points(which)):
+                    lines.append(f'| {which} | {spp} | {seconds:.3f} | {rmse / mean:.4f} |')
+            lines += ['', '| time to the same RMSE as | Mitsuba | lightpath | ratio | bar |', '|---|---|---|---|---|']
+            for which in SAMPLERS:
+                for rmse, seconds, spp in reversed(self.points(which)):
+                    ours = self.ours_at(rmse)
+                    if ours is None:
+                        lines.append(f'| {which}, {spp} spp | {seconds:.3f} s | more than 64 spp | | |')
+                        continue
+                    ratio = ours / seconds
+                    lines.append(f'| {which}, {spp} spp | {seconds:.3f} s | {ours:.3f} s | {ratio:.2f} | '
+                                 f'{verdict(which, ratio)} |')
+        text = '\n'.join(lines) + '\n'
+        print(text)
+        if self.args.into:
+            page = open(self.args.into).read()
+            before, rest = page.split(MARKS[0])
+            _, after = rest.split(MARKS[1])
+            with open(self.args.into, 'w') as file:
+                file.write(f'{before}{MARKS[0]}\n{text}{MARKS[1]}{after}')
+        return True
+
+
+def main():
+    if sys.argv[1:2] == ['--process']:
+        return process(sys.argv[2:])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('steps', nargs='+', choices=['check', 'wall', 'refer', 'error', 'table'], metavar='STEP')
+    parser.add_argument('mesh', metavar='MESH.ply')
+    parser.add_argument('--lightpath', default=os.path.join(HERE, '..', 'target', 'release', 'lightpath'))
+    parser.add_argument('--json', default='mitsuba.json')
+    parser.add_argument('--size', type=int, default=1024)
+    parser.add_argument('--rounds', type=int, default=2)
+    parser.add_argument('--spp', type=int, nargs='+', help='only these')
+    parser.add_argument('--pictures', help='folder for the pictures of `check` and the reference')
+    parser.add_argument('--into', metavar='FILE.md')
+    args = parser.parse_args()
+    bench = Bench(args)
+    ok = True
+    for step in args.steps:
+        ok &= getattr(bench, step)()
+        if step != 'table':
+            bench.save()
+    return 0 if ok else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

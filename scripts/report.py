@@ -1,0 +1,192 @@
+#!/usr/bin/env python3
+"""Measures the shipped scenes and writes docs/reports/ and the numbers of README.md: `make report`.
+
+usage: report.py [--seconds N] [--only STEP,...] [PROGRAM]
+
+Runs `lightpath accuracy`, `bench` and `converge`, each scene of the latter for N seconds (default 40; all of it takes
+some five times N, and half a minute). No number is typed: the tables come from the JSON that the program writes; what
+it writes there as samples of single turns is left out of the copies that are kept.
+"""
+import argparse
+import datetime
+import json
+import math
+import os
+import subprocess
+import sys
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+OUT = os.path.join(ROOT, 'docs', 'reports')
+MARKS = ['<!-- report: begin -->', '<!-- report: end -->']
+BENCHED = ['scenes/still-life.json', 'scenes/spot.json']
+# Figure 16 is the soft shadow of the coursework's report: samples are those of its light, so that
+# nothing but the light is sampled.
+STUDIES = {
+    'fig16-area-light-shadow': ['--size', '360x240', '--spp', '1', '--light-samples', '4,16,64,256,1024'],
+    'still-life': ['--size', '480x360', '--spp', '1,4,16,64', '--light-samples', '1,4'],
+    'thin-lens': ['--size', '480x270', '--spp', '1,4,16,64,256', '--light-samples', '1'],
+}
+
+
+def run(program, *arguments):
+    print('+ lightpath', *arguments, flush=True)
+    subprocess.run([program, *arguments], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+
+
+def out(name):
+    return os.path.join('docs', 'reports', name)
+
+
+def measure(args):
+    os.makedirs(OUT, exist_ok=True)
+    steps = args.only.split(',') if args.only else ['accuracy', 'bench', 'converge']
+    if 'accuracy' in steps:
+        run(args.program, 'accuracy', '--quiet', '--json', out('accuracy.json'), '--html', out('accuracy.html'))
+    if 'bench' in steps:
+        run(args.program, 'bench', '--quiet', '--backends', 'embree,bvh', '--seconds', f'{args.seconds / 60:.3f}',
+            '--rays', '65536', '--json', out('bench.json'), '--html', out('bench.html'), *BENCHED)
+    if 'converge' in steps:
+        for name, flags in STUDIES.items():
+            run(args.program, 'converge', f'scenes/{name}.json', *flags, '--budget', str(args.seconds), '--quiet',
+                '--json', out(f'converge-{name}.json'), '--csv', out(f'converge-{name}.csv'),
+                '--html', out(f'converge-{name}.html'))
+    for name in sorted(os.listdir(OUT)):
+        if name.endswith('.json'):
+            keep_small(os.path.join(OUT, name))
+
+
+def keep_small(path):
+    """Drops lists of times; one row of a table a line."""
+    def without(value):
+        if isinstance(value, dict):
+            return {k: without(v) for k, v in value.items() if not (k == 'seconds' and isinstance(v, list))}
+        return [without(v) for v in value] if isinstance(value, list) else value
+    with open(path) as file:
+        value = without(json.load(file))
+    with open(path, 'w') as file:
+        parts = []
+        for key, part in value.items():
+            if isinstance(part, list) and part:
+                part = '[\n  ' + ',\n  '.join(json.dumps(row) for row in part) + ']'
+            else:
+                part = json.dumps(part)
+            parts.append(f'{json.dumps(key)}: {part}')
+        file.write('{' + ',\n '.join(parts) + '}\n')
+
+
+def load(name):
+    with open(os.path.join(OUT, name)) as file:
+        return json.load(file)
+
+
+def accuracy_lines():
+    report = load('accuracy.json')
+    lines = []
+    for i, column in enumerate(report['columns']):
+        entries = [row['entries'][i] for row in report['rows']]
+        rays, failed = (sum(entry[key] for entry in entries) for key in ['rays', 'failed'])
+        lines.append((f"wrong answers to hard rays, `{column['name']}`", f'{failed:,} of {rays:,}'))
+    return lines
+
+
+def bench_lines():
+    lines = []
+    for scene in load('bench.json')['scenes']:
+        first = scene['backends'][0]['name']
+        most = max(row['threads'] for row in scene['rows'])
+        for i, backend in enumerate(scene['backends']):
+            rows = [row for row in scene['rows'] if row['threads'] == most]
+            image = next(row for row in rows if row['what'] == 'image')['entries'][i]
+            text = f"{image['rate']['value']:.1f} Mray/s"
+            if i > 0:
+                ratios = [row['entries'][i]['ratio']['value'] for row in rows if row['what'] == 'rays']
+                mean = math.exp(sum(math.log(r) for r in ratios) / len(ratios))
+                text += f'; rays alone {mean:.2f} times as fast as `{first}`'
+            lines.append((f"whole picture of `{scene['name']}`, `{backend['name']}`, {most} threads", text))
+    return lines
+
+
+def converge_lines(name):
+    report, lines = load(f'converge-{name}.json'), []
+    scene = f"`{report['scene']}`"
+    for ratio in report['ratios']:
+        if ratio['samples'] == 64 and ratio['spp'] == 1:
+            value, error = ratio['rmse']['value'], ratio['rmse']['standard_error']
+            lines.append((f'{scene}: RMSE of independent samples / RMSE of `sobol`, 64 a pixel',
+                          f'{value:.2f} ± {error:.2f}'))
+    best = {}
+    for series in report['series']:
+        if series['slope'] and series['slope']['points'] > best.get(series['sampler'], {'points': 0})['points']:
+            best[series['sampler']] = {**series['slope'], 'of': series['points'], 'fixed': series['fixed']}
+    for sampler, slope in sorted(best.items(), reverse=True):
+        ends = [report['points'][i]['samples'] for i in (slope['of'][0], slope['of'][-1])]
+        lines.append((f'{scene}: RMSE against samples a pixel, {ends[0]} to {ends[1]}, `{sampler}`',
+                      f"samples^{slope['slope']:.3f} ± {slope['standard_error']:.3f}"))
+    for reached in report['reached'][-2:]:
+        point = report['points'][reached['point']]
+        lights = f" x {point['light_samples']} light samples" if point['light_samples'] else ''
+        text = f"`{point['sampler']}`, {point['spp']} spp{lights}, {point['median_s']:.3g} s"
+        for other in (report['points'][i] for i in reached['others']):
+            text += f" (`{other['sampler']}`: {other['median_s'] / point['median_s']:.1f} times as long)"
+        lines.append((f"{scene}, {report['size'][0]} x {report['size'][1]}: to reach relmse {reached['relmse']:.0e}", text))
+    return lines
+
+
+def table(lines):
+    return '| | |\n|---|---|\n' + ''.join(f'| {a} | {b} |\n' for a, b in lines)
+
+
+def machine():
+    report = load(f'converge-{next(iter(STUDIES))}.json')
+    m = report['machine']
+    versions = ', '.join(f'{name} {version}' for name, version in m['versions'].items())
+    date = datetime.date.today().isoformat()
+    return f"{m['cpu']}, {report['threads']} threads, {m['isa']} kernels; {versions}; {date}"
+
+
+def write():
+    studies = {name: converge_lines(name) for name in STUDIES}
+    pages = [('accuracy', 'the hard cases on every backend'), ('bench', 'backends on the same rays')]
+    pages += [(f'converge-{name}', f'error against time of `scenes/{name}.json`') for name in STUDIES]
+    index = ['# Reports', '', 'Written by `make report` (`make report REPORT_SECONDS=300` for longer, calmer numbers). '
+             'Each page is one file that needs no other; GitHub shows its source: download it to look at it.', '',
+             f'Machine: {machine()}.', '', '| page | what | data |', '|---|---|---|']
+    for name, what in pages:
+        data = [f'[{end}]({name}.{end})' for end in ['json', 'csv'] if os.path.exists(os.path.join(OUT, f'{name}.{end}'))]
+        index.append(f"| [{name}.html]({name}.html) | {what} | {', '.join(data)} |")
+    sections = [('Error against time', [line for lines in studies.values() for line in lines]),
+                ('Speed', bench_lines()), ('Accuracy', accuracy_lines())]
+    for title, lines in sections:
+        index += ['', f'## {title}', '', table(lines).rstrip()]
+    with open(os.path.join(OUT, 'README.md'), 'w') as file:
+        file.write('\n'.join(index) + '\n')
+    figure = studies['fig16-area-light-shadow']
+    headline = [line for line in figure if '`random`' not in line[0]][:3]
+    headline += bench_lines()[:2] + [line for line in accuracy_lines() if '`bvh:' in line[0] or '`embree`' in line[0]]
+    replace(os.path.join(ROOT, 'README.md'),
+            f'{table(headline)}\nMeasured by `make report` on: {machine()}.\n')
+
+
+def replace(path, text):
+    with open(path) as file:
+        page = file.read()
+    before, rest = page.split(MARKS[0])
+    _, after = rest.split(MARKS[1])
+    with open(path, 'w') as file:
+        file.write(f'{before}{MARKS[0]}\n{text}{MARKS[1]}{after}')
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('program', nargs='?', default=os.path.join(ROOT, 'target', 'release', 'lightpath'))
+    parser.add_argument('--seconds', type=float, default=40)
+    parser.add_argument('--only', help='measure these alone: accuracy, bench, converge; none: only write the tables')
+    args = parser.parse_args()
+    args.program = os.path.abspath(args.program)
+    measure(args)
+    write()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

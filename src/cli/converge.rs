@@ -1,0 +1,221 @@
+//! `lightpath converge`: error against time, as a table, JSON, CSV and a page.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Instant,
+};
+
+use crate::{
+    error::{Error, Result},
+    measure::{
+        bench::Contestant,
+        compare::{
+            file::{Format, Picture},
+            layer::{Layer, Meaning},
+        },
+        converge::{self, Grid, Limits, Reference, Settings, Subject, report},
+    },
+    monitor::Monitor,
+    output::atomic::TextFile,
+    scene::{LightKind, SamplerKind, Scene},
+    simd::Isa,
+    world::{LoadOptions, World},
+};
+
+use super::{
+    args::{ConvergeArgs, RenderArgs, SamplerName, SceneArgs},
+    bench, converge_page, converge_text as text,
+    job::{self, Job},
+    machine, paths, signals,
+};
+
+/// Points on area lights where the user names none.
+const LIGHT_SAMPLES: [u32; 3] = [1, 4, 16];
+
+/// Measures one scene.
+pub fn run(args: &ConvergeArgs) -> Result<()> {
+    let started = Instant::now();
+    let limits = limits(args)?;
+    let isa = machine::isa(args.isa)?;
+    not_over_inputs(args)?;
+    let monitor = Arc::new(Monitor::default());
+    let render = RenderArgs {
+        input: args.input.clone(),
+        scene: SceneArgs { size: args.size, set: args.set.clone(), ..SceneArgs::default() },
+        ..RenderArgs::default()
+    };
+    let Job { loaded, warnings, ready, .. } = job::load(&render)?;
+    let contestants = contestants(args, &loaded.scene, isa)?;
+    let grid = grid(args, &loaded.scene, contestants.len())?;
+    let given = args.reference.as_deref().map(|path| given(path, &loaded.scene)).transpose()?;
+    signals::watch(&monitor)?;
+    let files = Files::create(args)?;
+    let note = |text: &str| {
+        if !args.quiet {
+            super::note(text);
+        }
+    };
+    let settings = Settings { contestants, grid, limits, started, isa };
+    let pool = machine::pool(args.threads)?;
+    let study = pool.install(|| {
+        let options = LoadOptions { ready, ..LoadOptions::default() };
+        let (mut world, more) = World::load(&loaded.scene, options, &monitor)?;
+        for warning in warnings.iter().chain(&more) {
+            note(&format!("warning: {warning}"));
+        }
+        let reference = given.as_ref().map(|layer| {
+            let values = layer.values.clone();
+            Reference { values, floor: None }
+        });
+        converge::run(&mut world, &settings, reference, &monitor, &note)
+    })?;
+    let file = args.reference.as_ref().map(|path| path.display().to_string());
+    let subject = Subject {
+        machine: bench::machine(isa),
+        threads: pool.current_num_threads(),
+        scene: args.input.display().to_string(),
+        hash: loaded.hash,
+        size: [loaded.scene.camera.width, loaded.scene.camera.height],
+        backends: settings.contestants.into_iter().map(|c| c.name).collect(),
+        reference: file.zip(given.map(|layer| layer.half)),
+    };
+    let found = report(&study, subject, limits, started.elapsed().as_secs_f64());
+    super::print(&text::text(&found))?;
+    files.finish(&found, &study)
+}
+
+fn limits(args: &ConvergeArgs) -> Result<Limits> {
+    if !(args.budget > 0.0 && args.budget <= 1e6) {
+        let message = format!("found {}, expected seconds in (0, 1e6]", args.budget);
+        return Err(Error::invalid("--budget", message));
+    }
+    Ok(Limits { budget: args.budget, repeats: args.repeats, seed: args.seed })
+}
+
+fn contestants(args: &ConvergeArgs, scene: &Scene, isa: Isa) -> Result<Vec<Contestant>> {
+    let own = [scene.backend.name().to_string()];
+    let names = if args.backends.is_empty() { &own[..] } else { &args.backends };
+    let mut contestants: Vec<Contestant> = Vec::new();
+    for name in names {
+        let contestant = bench::contestant("--backends", name, isa)?;
+        if contestants.contains(&contestant) {
+            let message = format!("found {name} twice, expected each backend once");
+            return Err(Error::invalid("--backends", message));
+        }
+        contestants.push(contestant);
+    }
+    Ok(contestants)
+}
+
+fn grid(args: &ConvergeArgs, scene: &Scene, contestants: usize) -> Result<Grid> {
+    let sorted = |values: &[u32]| {
+        let mut values = values.to_vec();
+        values.sort_unstable();
+        values.dedup();
+        values
+    };
+    let lit = scene.lights.iter().any(|light| matches!(light.kind, LightKind::Area { .. }));
+    let light_samples = match (lit, args.light_samples.as_slice()) {
+        (true, []) => LIGHT_SAMPLES.to_vec(),
+        (true, asked) => sorted(asked),
+        (false, []) => Vec::new(),
+        (false, _) => {
+            let message = "has no effect: the scene has no area light";
+            return Err(Error::invalid("--light-samples", message).help("leave it out"));
+        }
+    };
+    let mut samplers: Vec<SamplerKind> = Vec::new();
+    for name in &args.sampler {
+        let kind = match name {
+            SamplerName::Sobol => SamplerKind::Sobol,
+            SamplerName::Random => SamplerKind::Random,
+        };
+        if !samplers.contains(&kind) {
+            samplers.push(kind);
+        }
+    }
+    let light_samples = match light_samples.is_empty() {
+        true => vec![None],
+        false => light_samples.into_iter().map(Some).collect(),
+    };
+    Ok(Grid { contestants, samplers, spp: sorted(&args.spp), light_samples })
+}
+
+/// A reference from a file: its light, of the scene's size.
+fn given(path: &Path, scene: &Scene) -> Result<Layer> {
+    let place = || path.display().to_string();
+    let picture = Picture::read(path)?;
+    if picture.format != Format::Exr {
+        let message = "found a PNG, expected an EXR: errors are measured in linear light";
+        return Err(Error::invalid(place(), message)
+            .help("lightpath render SCENE --float --spp 4096 -o reference"));
+    }
+    let light = |layer: &Layer| layer.name.is_empty() && layer.meaning == Meaning::Light;
+    let Some(layer) = picture.layers.into_iter().find(light) else {
+        return Err(Error::invalid(place(), "found no R G B, expected the picture itself"));
+    };
+    let size = [scene.camera.width, scene.camera.height];
+    if layer.size != size.map(|n| n as usize) || layer.origin != [0, 0] {
+        let [[w, h], [x, y], [width, height]] =
+            [layer.size.map(|n| n as i64), layer.origin.map(i64::from), size.map(i64::from)];
+        let message = format!(
+            "found {w} x {h} pixels at ({x}, {y}), expected the whole frame of {width} x {height}"
+        );
+        return Err(Error::invalid(place(), message).help(format!("--size {w}x{h}")));
+    }
+    let bad = layer.values.iter().filter(|value| !value.is_finite()).count();
+    if bad > 0 {
+        let message = format!("found {bad} values that are NaN or infinite, expected none");
+        return Err(Error::invalid(place(), message));
+    }
+    Ok(layer)
+}
+
+/// Refuses outputs that would replace inputs or each other.
+fn not_over_inputs(args: &ConvergeArgs) -> Result<()> {
+    let inputs = [Some(&args.input), args.reference.as_ref()];
+    let mut taken: Vec<PathBuf> =
+        inputs.into_iter().flatten().map(|path| paths::identity(path)).collect();
+    for path in [&args.json, &args.csv, &args.html].into_iter().flatten() {
+        let identity = paths::identity(path);
+        if taken.contains(&identity) && !identity.starts_with("/dev") {
+            let message = "would be written over what is read, or twice";
+            return Err(Error::invalid(path.display().to_string(), message)
+                .help("choose another name: --json FILE, --csv FILE, --html FILE"));
+        }
+        taken.push(identity);
+    }
+    Ok(())
+}
+
+/// What is written, made sure of before the long work.
+struct Files {
+    json: Option<TextFile>,
+    csv: Option<TextFile>,
+    html: Option<TextFile>,
+}
+
+impl Files {
+    fn create(args: &ConvergeArgs) -> Result<Self> {
+        let create = |path: &Option<PathBuf>| path.as_deref().map(TextFile::create).transpose();
+        Ok(Self { json: create(&args.json)?, csv: create(&args.csv)?, html: create(&args.html)? })
+    }
+
+    fn finish(self, found: &converge::Report, study: &converge::Study) -> Result<()> {
+        let mut written = Vec::new();
+        if let Some(file) = self.json {
+            let json = serde_json::to_string_pretty(found).unwrap_or_default();
+            written.push(file.finish(&(json + "\n"))?);
+        }
+        if let Some(file) = self.csv {
+            written.push(file.finish(&text::csv(found))?);
+        }
+        if let Some(file) = self.html {
+            written.push(file.finish(&converge_page::page(found, study).html())?);
+        }
+        let lines = written.iter().filter(|path| path.as_path() != Path::new("/dev/stdout"));
+        let lines: Vec<String> = lines.map(|path| format!("{}\n", path.display())).collect();
+        super::print(&lines.concat())
+    }
+}

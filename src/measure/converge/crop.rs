@@ -1,0 +1,71 @@
+//! The part of a picture that a page shows: where settings differ most.
+
+use super::super::metrics::Errors;
+
+/// Pixels of the part at most.
+const SIZE: [usize; 2] = [176, 132];
+
+/// A part of pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Crop {
+    /// Top left pixel.
+    pub corner: [usize; 2],
+    /// Pixels across and down.
+    pub size: [usize; 2],
+}
+
+impl Crop {
+    /// The part with the largest relative error.
+    pub fn of_largest_error(values: &[f32], reference: &[f32], width: usize) -> Self {
+        let height = values.len() / 3 / width.max(1);
+        let size = [SIZE[0].min(width), SIZE[1].min(height)];
+        let mut best = (-1.0, Self { corner: [0; 2], size });
+        // Half overlapping; the last ones end at the edges.
+        let places = |whole: usize, part: usize| {
+            (0..=whole - part).step_by((part / 2).max(1)).chain([whole - part])
+        };
+        for y in places(height, size[1]) {
+            for x in places(width, size[0]) {
+                let crop = Self { corner: [x, y], size };
+                let [a, b] = [values, reference].map(|v| crop.cut(v, width));
+                let error = Errors::of(&a, &b).relmse;
+                if error > best.0 {
+                    best = (error, crop);
+                }
+            }
+        }
+        best.1
+    }
+
+    /// The part's values, three a pixel.
+    pub fn cut(&self, values: &[f32], width: usize) -> Vec<f32> {
+        let ([x, y], [across, down]) = (self.corner, self.size);
+        let rows = (y..y + down).map(|row| 3 * (row * width + x));
+        rows.flat_map(|first| &values[first..first + 3 * across]).copied().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_part_is_where_the_error_is() {
+        let (width, height) = (500, 300);
+        let reference = vec![0.5; 3 * width * height];
+        let mut values = reference.clone();
+        for y in 250..280 {
+            for x in 430..470 {
+                values[3 * (y * width + x) + 1] = 0.9;
+            }
+        }
+        let crop = Crop::of_largest_error(&values, &reference, width);
+        let [x, y] = crop.corner;
+        assert!(x <= 430 && x + crop.size[0] >= 470 && y <= 250 && y + crop.size[1] >= 280);
+        let cut = crop.cut(&values, width);
+        assert_eq!(cut.len(), 3 * crop.size[0] * crop.size[1]);
+        assert_eq!(cut.iter().filter(|v| **v == 0.9).count(), 30 * 40);
+        let small = Crop::of_largest_error(&[0.0; 12], &[0.0; 12], 2);
+        assert_eq!(small.size, [2, 2]);
+    }
+}

@@ -1,0 +1,89 @@
+//! How fast an error falls, and who is on the front of time and error.
+
+use serde::{Deserialize, Serialize};
+
+/// y = c x^slope.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Slope {
+    /// The exponent.
+    pub slope: f64,
+    /// Of the exponent, from the residuals.
+    pub standard_error: f64,
+    /// c.
+    pub factor: f64,
+    /// Points that it goes through.
+    pub points: usize,
+}
+
+/// Least squares of log y over log x; at least 3 points, all > 0.
+pub fn slope(points: &[[f64; 2]]) -> Option<Slope> {
+    let n = points.len() as f64;
+    if points.len() < 3 || points.iter().flatten().any(|v| !(*v > 0.0 && v.is_finite())) {
+        return None;
+    }
+    let logs: Vec<[f64; 2]> = points.iter().map(|p| p.map(f64::ln)).collect();
+    let mean = |axis: usize| logs.iter().map(|p| p[axis]).sum::<f64>() / n;
+    let (mx, my) = (mean(0), mean(1));
+    let sxx: f64 = logs.iter().map(|p| (p[0] - mx).powi(2)).sum();
+    let sxy: f64 = logs.iter().map(|p| (p[0] - mx) * (p[1] - my)).sum();
+    if sxx == 0.0 {
+        return None;
+    }
+    let slope = sxy / sxx;
+    let residual = |p: &[f64; 2]| (p[1] - my - slope * (p[0] - mx)).powi(2);
+    let squares: f64 = logs.iter().map(residual).sum();
+    Some(Slope {
+        slope,
+        standard_error: (squares / (n - 2.0) / sxx).sqrt(),
+        factor: (my - slope * mx).exp(),
+        points: points.len(),
+    })
+}
+
+/// Indices of the points (cost, error) that no other beats in both, cheapest first.
+pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    order.sort_by(|&a, &b| {
+        let [[ca, ea], [cb, eb]] = [points[a], points[b]];
+        ca.total_cmp(&cb).then(ea.total_cmp(&eb))
+    });
+    let mut best = f64::INFINITY;
+    order.retain(|&i| {
+        let better = points[i][1] < best;
+        best = best.min(points[i][1]);
+        better
+    });
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_power_law_is_found_with_its_uncertainty() {
+        let exact: Vec<[f64; 2]> =
+            (1..6).map(|i| 4f64.powi(i)).map(|x| [x, 3.0 * x.powf(-0.75)]).collect();
+        let found = slope(&exact).unwrap();
+        assert!((found.slope + 0.75).abs() < 1e-12 && (found.factor - 3.0).abs() < 1e-9);
+        assert!(found.standard_error < 1e-7);
+        // Residuals of +-0.1 about y = x^-1 at ln x = 0, 1, 2, 3, in closed form.
+        let e = std::f64::consts::E;
+        let off = [0.1, -0.1, -0.1, 0.1];
+        let points: Vec<[f64; 2]> =
+            (0..4).map(|i| [e.powi(i), (off[i as usize] - f64::from(i)).exp()]).collect();
+        let found = slope(&points).unwrap();
+        assert!((found.slope + 1.0).abs() < 1e-12);
+        assert!((found.standard_error - (0.04f64 / 2.0 / 5.0).sqrt()).abs() < 1e-12);
+        assert_eq!(slope(&points[..2]), None);
+        assert_eq!(slope(&[[1.0, 1.0], [2.0, 0.0], [4.0, 1.0]]), None);
+        assert_eq!(slope(&[[2.0, 1.0]; 3]), None);
+    }
+
+    #[test]
+    fn nobody_on_the_front_is_beaten() {
+        let points = [[1.0, 5.0], [2.0, 6.0], [2.0, 3.0], [4.0, 1.0], [3.0, 3.0], [1.0, 7.0]];
+        assert_eq!(front(&points), [0, 2, 3]);
+        assert_eq!(front(&[]), [0usize; 0]);
+    }
+}

@@ -1,0 +1,143 @@
+//! What is compared: every combination of backend, sampler and numbers of samples.
+
+use crate::scene::SamplerKind;
+
+/// One way to render the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Setting {
+    /// Index of the backend.
+    pub contestant: usize,
+    /// How sample points are chosen.
+    pub sampler: SamplerKind,
+    /// Camera samples per pixel.
+    pub spp: u32,
+    /// Points on each area light per shading point; `None` in a scene without area lights.
+    pub light_samples: Option<u32>,
+}
+
+impl Setting {
+    /// Samples that a pixel takes of each area light, or of itself where there is none.
+    pub fn samples(&self) -> u64 {
+        u64::from(self.spp) * u64::from(self.light_samples.unwrap_or(1))
+    }
+
+    /// What its time is about proportional to: rays, where a camera ray meets something.
+    pub fn work(&self) -> f64 {
+        f64::from(self.spp) * (1.0 + f64::from(self.light_samples.unwrap_or(0)))
+    }
+}
+
+/// All settings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    /// Number of backends.
+    pub contestants: usize,
+    /// Samplers.
+    pub samplers: Vec<SamplerKind>,
+    /// Camera samples per pixel.
+    pub spp: Vec<u32>,
+    /// Points on area lights; one `None` in a scene without area lights.
+    pub light_samples: Vec<Option<u32>>,
+}
+
+impl Grid {
+    /// In the order of tables.
+    pub fn settings(&self) -> Vec<Setting> {
+        let mut all = Vec::new();
+        for contestant in 0..self.contestants {
+            for &sampler in &self.samplers {
+                for &light_samples in &self.light_samples {
+                    for &spp in &self.spp {
+                        all.push(Setting { contestant, sampler, spp, light_samples });
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    /// Whether the picture that the study converges to is antialiased. One sample a pixel is not, and
+    /// converges to another picture.
+    pub fn antialiased(&self) -> bool {
+        self.spp.iter().any(|&spp| spp > 1)
+    }
+
+    /// The setting with the least work.
+    pub fn least(&self, contestant: usize) -> Setting {
+        self.times(contestant, 1.0)
+    }
+
+    /// About `factor` (>= 1) times the samples of the least setting, with Sobol points: a power of two.
+    pub fn times(&self, contestant: usize, factor: f64) -> Setting {
+        let least = |values: &[u32]| values.iter().copied().min().unwrap_or(1);
+        let lights: Vec<u32> = self.light_samples.iter().flatten().copied().collect();
+        let more = |n: u32| {
+            let power = factor.max(1.0).log2().floor().min(20.0);
+            n.saturating_mul(1 << power as u32)
+        };
+        let (spp, light) = (least(&self.spp), least(&lights));
+        let light_samples = (!lights.is_empty()).then_some(light);
+        let sampler = SamplerKind::Sobol;
+        match (self.antialiased(), light_samples) {
+            // More camera samples would be another picture.
+            (false, Some(_)) => {
+                Setting { contestant, sampler, spp, light_samples: Some(more(light)) }
+            }
+            _ => Setting { contestant, sampler, spp: more(spp), light_samples },
+        }
+    }
+
+    /// A setting for references, of about `samples` samples a pixel: a power of two.
+    pub fn reference(&self, samples: f64) -> Setting {
+        let power = |n: f64| 1u32 << n.max(1.0).log2().floor().min(20.0) as u32;
+        let sampler = SamplerKind::Sobol;
+        let most = self.light_samples.iter().flatten().copied().max();
+        let (spp, light_samples) = match (self.antialiased(), most) {
+            (false, Some(_)) => (1, Some(power(samples))),
+            (false, None) => (1, None),
+            // Shadow rays of one camera ray are cheaper than camera rays.
+            (true, Some(most)) => {
+                let lights = most.min(4);
+                (power(samples / f64::from(lights)).max(16), Some(lights))
+            }
+            (true, None) => (power(samples).max(16), None),
+        };
+        Setting { contestant: 0, sampler, spp, light_samples }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(spp: &[u32], lights: &[Option<u32>]) -> Grid {
+        let samplers = SamplerKind::ALL.to_vec();
+        Grid { contestants: 2, samplers, spp: spp.to_vec(), light_samples: lights.to_vec() }
+    }
+
+    #[test]
+    fn every_combination_is_there_once() {
+        let settings = grid(&[1, 4, 16], &[Some(1), Some(4)]).settings();
+        assert_eq!(settings.len(), 2 * 2 * 3 * 2);
+        for (i, a) in settings.iter().enumerate() {
+            assert!(settings[i + 1..].iter().all(|b| a != b));
+        }
+        assert_eq!((settings[5].samples(), settings[5].work()), (64, 80.0));
+    }
+
+    #[test]
+    fn a_reference_has_the_picture_of_the_grid() {
+        let of = |spp: &[u32], lights: &[Option<u32>], samples| {
+            let setting = grid(spp, lights).reference(samples);
+            (setting.spp, setting.light_samples)
+        };
+        // One sample a pixel is no antialiasing, so the reference has none either.
+        assert_eq!(of(&[1], &[Some(4), Some(64)], 5000.0), (1, Some(4096)));
+        assert_eq!(of(&[1, 4], &[Some(16)], 5000.0), (1024, Some(4)));
+        assert_eq!(of(&[4, 64], &[None], 5000.0), (4096, None));
+        assert_eq!(of(&[4], &[Some(1)], 1.0), (16, Some(1)));
+        let probe = grid(&[4, 16], &[Some(2)]).times(1, 9.0);
+        assert_eq!((probe.contestant, probe.spp, probe.light_samples), (1, 32, Some(2)));
+        assert_eq!(grid(&[1], &[Some(2)]).times(0, 9.0).light_samples, Some(16));
+    }
+}

@@ -1,0 +1,168 @@
+//! Error against time: what `lightpath converge` measures.
+//!
+//! `grid` says what is compared, `study` what is rendered next and what is known, `fit` what follows,
+//! `result` how it is written down. Only this file renders: accelerators are built once, then the world's
+//! settings change from render to render.
+
+mod crop;
+mod fit;
+mod grid;
+mod reference;
+mod result;
+mod study;
+#[cfg(test)]
+mod tests;
+
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+
+pub use crop::Crop;
+pub use fit::{Slope, front, slope};
+pub use grid::{Grid, Setting};
+pub use reference::{Floor, Reference};
+pub use result::{
+    Estimate, PointResult, Ratio, Reached, ReferenceResult, Report, Series, Subject, VERSION,
+    report,
+};
+pub use study::{Limits, Point, Study};
+
+use super::bench::Contestant;
+use super::metrics::non_finite;
+use crate::accel::{self, Accelerator, BuildOptions};
+use crate::error::{Error, Kind, Problem, Result};
+use crate::film::{Film, Window};
+use crate::monitor::Monitor;
+use crate::render::render;
+use crate::shading::Emitter;
+use crate::simd::Isa;
+use crate::world::World;
+
+/// In place of a signal's number: the budget is used up.
+const BUDGET: i32 = -1;
+
+/// What to measure.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Backends; the first renders the reference.
+    pub contestants: Vec<Contestant>,
+    /// All settings.
+    pub grid: Grid,
+    /// How much.
+    pub limits: Limits,
+    /// When the study began, from which its budget counts.
+    pub started: Instant,
+    /// Instruction set of the shading.
+    pub isa: Isa,
+}
+
+/// Renders all of it on the current pool's threads, and leaves the world with other settings. `note` is told
+/// what begins.
+///
+/// # Errors
+/// Where a backend cannot be built, or a pixel is not finite; `Limit` where the budget does not suffice for
+/// a reference and one picture; `Interrupted` after a signal.
+pub fn run(
+    world: &mut World,
+    settings: &Settings,
+    reference: Option<Reference>,
+    monitor: &Monitor,
+    note: &(dyn Fn(&str) + Sync),
+) -> Result<Study> {
+    let inner = &Monitor::default();
+    let (done, waiting) = channel::<()>();
+    let budget = Duration::from_secs_f64(settings.limits.budget);
+    let study = std::thread::scope(|scope| {
+        // Ends a render that takes longer than expected, and hands signals on.
+        scope.spawn(move || {
+            let tick = Duration::from_millis(20);
+            while waiting.recv_timeout(tick) == Err(RecvTimeoutError::Timeout) {
+                let late = if settings.started.elapsed() > budget { BUDGET } else { 0 };
+                let signal = monitor.signal.load(Relaxed);
+                inner.signal.store(if signal == 0 { late } else { signal }, Relaxed);
+            }
+        });
+        let study = work(world, settings, reference, inner, note);
+        drop(done);
+        study
+    });
+    monitor.check()?;
+    let study = match study {
+        Err(error) if error.kind == Kind::Interrupted(BUDGET) => None,
+        other => Some(other?),
+    };
+    let any = |study: &Study| study.points.iter().any(|point| !point.errors.is_empty());
+    study.filter(any).ok_or_else(|| {
+        let message =
+            format!("{} s do not suffice for a reference and one picture", settings.limits.budget);
+        Error::new(Kind::Limit, Problem::new("--budget", message))
+            .help("a longer --budget, a smaller --size, fewer samples or a faster backend")
+    })
+}
+
+fn work(
+    world: &mut World,
+    settings: &Settings,
+    reference: Option<Reference>,
+    monitor: &Monitor,
+    note: &(dyn Fn(&str) + Sync),
+) -> Result<Study> {
+    let mut built: Vec<Box<dyn Accelerator + '_>> = Vec::new();
+    for contestant in &settings.contestants {
+        note(&format!("building {}", contestant.name));
+        let options = BuildOptions {
+            threads: rayon::current_num_threads(),
+            embree: contestant.embree,
+            isa: contestant.isa,
+            max_bytes: None,
+        };
+        built.push(accel::build(&world.geometry, contestant.backend, &options, monitor)?);
+    }
+    let [width, height] = world.frame;
+    let mut film = Film::new([width, height], Window::full(width, height))?;
+    let mut study = Study::new(settings.grid.clone(), settings.limits, width as usize, reference);
+    let mut values = Vec::with_capacity(3 * film.pixels.len());
+    while let Some(job) = study.next(settings.started.elapsed().as_secs_f64()) {
+        let setting = job.setting;
+        note(&told(&job, &settings.contestants[setting.contestant].name));
+        (world.spp, world.sampler, world.seed) = (setting.spp, setting.sampler, job.seed);
+        for light in &mut world.lights {
+            if let (Emitter::Area { samples, .. }, Some(n)) =
+                (&mut light.emitter, setting.light_samples)
+            {
+                *samples = n;
+            }
+        }
+        let started = Instant::now();
+        let accelerator = &*built[setting.contestant];
+        let counts = match render(world, accelerator, settings.isa, &mut film, monitor) {
+            // What was cut short does not count; what is known may be enough.
+            Err(error) if error.kind == Kind::Interrupted(BUDGET) => break,
+            other => other?,
+        };
+        let seconds = started.elapsed().as_secs_f64();
+        values.clear();
+        values.extend(film.pixels.iter().flat_map(|[r, g, b, _]| [r, g, b]));
+        let (bad, _) = non_finite(&values, 3);
+        if bad > 0 {
+            let message = format!("{bad} pixels are NaN or infinite: they have no error");
+            let place = told(&job, &settings.contestants[setting.contestant].name);
+            return Err(Error::new(Kind::Check, Problem::new(place, message)));
+        }
+        let rays = counts.primary + counts.shadow + counts.reflection;
+        study.take(&job, &values, rays, seconds);
+    }
+    Ok(study)
+}
+
+/// A job in words.
+fn told(job: &study::Job, backend: &str) -> String {
+    let Setting { sampler, spp, light_samples, .. } = job.setting;
+    let lights = light_samples.map_or(String::new(), |n| format!(" x {n}"));
+    let what = match job.purpose {
+        study::Purpose::Probe => "timing: ",
+        study::Purpose::Reference => "reference: ",
+        study::Purpose::Point(_) => "",
+    };
+    format!("{what}{backend}, {}, {spp}{lights} samples, seed {}", sampler.name(), job.seed)
+}
