@@ -13,10 +13,7 @@ use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 /// Longest sequence of the Sobol tables; longer ones continue with a new scramble.
 const SEQUENCE: u32 = 1 << 16;
 
-/// Pairs of dimensions of the camera's sequence that are used: pixel, lens, then lights.
-const JOINT: u32 = 4;
-
-/// In place of the number of a Sobol sequence or pair of dimensions, of which there are fewer.
+/// In place of the number of a Sobol sequence, of which there are fewer.
 const INDEPENDENT: u32 = u32::MAX;
 
 /// How the points of a set are chosen.
@@ -79,26 +76,6 @@ impl Sampler {
         Points::new(*self, pixel, 1 + ((u64::from(bounce) << 32) | u64::from(light)))
     }
 
-    /// The same for a light of `samples` points for each camera sample: for one point, and one of the
-    /// first lights that camera rays see, further dimensions of the camera's own sequence, so that pixel,
-    /// lens and light are stratified together. `lens`: whether the lens takes dimensions.
-    #[inline(always)]
-    pub fn points_of(
-        &self,
-        samples: u32,
-        lens: bool,
-        pixel: [u32; 2],
-        light: u32,
-        bounce: u32,
-    ) -> Points {
-        let mut points = self.light_points(pixel, light, bounce);
-        let pair = light.saturating_add(1 + u32::from(lens));
-        if samples == 1 && bounce == 0 && pair < JOINT && self.kind == Kind::Sobol {
-            points.pair = pair;
-        }
-        points
-    }
-
     /// A number in [0, 1) for a decision about camera sample `index` and light `light` after `bounce`
     /// mirror bounces, independent of all points.
     pub fn choice(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> f32 {
@@ -133,6 +110,17 @@ impl Sampler {
     }
 }
 
+/// Where the points of a set come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Way {
+    /// The set's own Sobol sequence.
+    Own,
+    /// The camera's dimensions 2 and 3.
+    Joint,
+    /// Each from a hash of its number.
+    Independent,
+}
+
 /// The sequence of one pixel and purpose in its first two dimensions.
 #[derive(Debug, Clone, Copy)]
 pub struct Points {
@@ -140,8 +128,7 @@ pub struct Points {
     /// Whose points these are.
     pub pixel: [u32; 2],
     purpose: u64,
-    /// Which two dimensions of the camera's sequence these are; 0: none of them. Or [`INDEPENDENT`].
-    pair: u32,
+    way: Way,
     /// Which `SEQUENCE` indices the rest is made for.
     block: u32,
     shuffle: u32,
@@ -151,9 +138,9 @@ pub struct Points {
 impl Points {
     #[inline(always)]
     fn new(sampler: Sampler, pixel: [u32; 2], purpose: u64) -> Self {
-        let pair = if sampler.kind == Kind::Random { INDEPENDENT } else { 0 };
+        let way = if sampler.kind == Kind::Random { Way::Independent } else { Way::Own };
         let mut points =
-            Self { sampler, pixel, purpose, pair, block: 0, shuffle: 0, scramble: [0; 2] };
+            Self { sampler, pixel, purpose, way, block: 0, shuffle: 0, scramble: [0; 2] };
         points.begin(0);
         points
     }
@@ -161,7 +148,7 @@ impl Points {
     /// The same points of another pixel.
     #[inline(always)]
     pub fn of(&self, pixel: [u32; 2]) -> Self {
-        Self { pair: self.pair, ..Self::new(self.sampler, pixel, self.purpose) }
+        Self { way: self.way, ..Self::new(self.sampler, pixel, self.purpose) }
     }
 
     #[inline(always)]
@@ -177,7 +164,7 @@ impl Points {
     /// Point `index`, both coordinates in [0, 1).
     #[inline(always)]
     pub fn at(&mut self, index: u32) -> [f32; 2] {
-        if self.pair > 0 {
+        if self.way != Way::Own {
             return self.elsewhere(index);
         }
         if index / SEQUENCE != self.block {
@@ -191,15 +178,22 @@ impl Points {
 }
 
 impl Points {
-    /// What is not of the set's own sequence.
+    /// In their place dimensions 2 and 3 of the camera's own sequence, which a pinhole camera leaves: point
+    /// `index` is then stratified together with the pixel offset of camera sample `index`. Independent points
+    /// stay so.
+    #[inline(always)]
+    pub fn joint(self) -> Self {
+        let way = if self.way == Way::Own { Way::Joint } else { self.way };
+        Self { way, ..self }
+    }
+
     #[inline(never)]
     fn elsewhere(&self, index: u32) -> [f32; 2] {
-        if self.pair == INDEPENDENT {
+        if self.way == Way::Independent {
             return self.independent(index);
         }
-        let seed = self.sampler.seed_of(self.pixel, index / SEQUENCE, 0);
-        let [a, b, c, d] = sobol_burley::sample_4d(index % SEQUENCE, self.pair / 2, seed);
-        if self.pair % 2 == 0 { [a, b] } else { [c, d] }
+        let [_, _, s, t] = self.sampler.point(self.pixel, index, 0);
+        [s, t]
     }
 
     /// Independent point `index`: an output of the generator SplitMix64 that starts at the set's key.
@@ -342,99 +336,6 @@ mod tests {
             cells[(s * 4.0) as usize * 4 + (t * 4.0) as usize] += 1;
         }
         assert_eq!(cells, [1; 16]);
-    }
-
-    /// Whether 2^m points have one in each of all rectangles of area 2^-m and power-of-two sides.
-    fn stratified(points: &[[f32; 2]]) -> bool {
-        let m = points.len().ilog2();
-        (0..=m).all(|a| {
-            let [across, down] = [1u32 << a, 1 << (m - a)];
-            let mut met = vec![false; points.len()];
-            for [x, y] in points {
-                let cell = (x * across as f32) as u32 * down + (y * down as f32) as u32;
-                met[cell as usize] = true;
-            }
-            met.iter().all(|&met| met)
-        })
-    }
-
-    #[test]
-    fn all_light_points_of_a_pixel_are_one_stratified_set() {
-        for (spp, samples) in [(1, 16), (4, 4), (16, 16), (64, 4)] {
-            for seed in 0..8 {
-                let sampler = Sampler::new(seed);
-                // As `Cast::light_points` numbers them.
-                let mut drawn = sampler.points_of(samples, false, [5, 9], 1, 0);
-                let of = |i: u32, k: u32| i * samples + k;
-                let one: Vec<_> = (0..spp)
-                    .flat_map(|i| (0..samples).map(move |k| of(i, k)))
-                    .map(|index| drawn.at(index))
-                    .collect();
-                assert!(stratified(&one), "{spp} x {samples}");
-                // A set for each camera sample, each stratified, is not one.
-                let sets: Vec<_> = (0..spp)
-                    .flat_map(|i| (0..samples).map(move |k| sampler.light([i, 7], k, 1, 0)))
-                    .collect();
-                assert!(spp == 1 || !stratified(&sets));
-            }
-        }
-    }
-
-    #[test]
-    fn any_aligned_run_of_light_points_is_stratified() {
-        let mut drawn = Sampler::new(4).light_points([1, 2], 0, 0);
-        for (first, length) in [(16, 16), (32, 32), (64, 16), (96, 32), (768, 256)] {
-            let points: Vec<_> = (first..first + length).map(|index| drawn.at(index)).collect();
-            assert!(stratified(&points), "{length} from {first}");
-        }
-    }
-
-    /// Root mean square error over pixels of the volume below a slanted edge through pixel and light.
-    fn slanted(n: u32, lens: bool, light: u32, samples: u32) -> f64 {
-        let sampler = Sampler::new(11);
-        let squares = (0..256).map(|x| {
-            let pixel = [x, 3];
-            let mut drawn = sampler.points_of(samples, lens, pixel, light, 0);
-            let inside = (0..n).filter(|&i| {
-                let [x, y, _, _] = sampler.camera(pixel, i);
-                let [s, t] = drawn.at(i);
-                x + y + s + t < 2.0
-            });
-            (inside.count() as f64 / f64::from(n) - 0.5).powi(2)
-        });
-        (squares.sum::<f64>() / 256.0).sqrt()
-    }
-
-    #[test]
-    fn pixel_and_single_light_points_are_stratified_together() {
-        for (lens, light) in [(false, 0), (false, 1), (false, 2), (true, 0), (true, 1)] {
-            let joint = slanted(256, lens, light, 1);
-            let padded = slanted(256, lens, light, 2);
-            assert!(joint < 0.75 * padded, "{joint} {padded} {lens} {light}");
-        }
-        // Lights beyond have a set of their own.
-        let sampler = Sampler::new(2);
-        let mut far = sampler.points_of(1, false, [1, 1], 3, 0);
-        assert_eq!(far.at(9), sampler.light([1, 1], 9, 3, 0));
-        let mut shown = sampler.points_of(1, false, [1, 1], 0, 1);
-        assert_eq!(shown.at(9), sampler.light([1, 1], 9, 0, 1));
-    }
-
-    #[test]
-    fn choices_are_uniform_and_differ_by_all_keys() {
-        let sampler = Sampler::new(3);
-        let sum: f32 = (0..4096).map(|i| sampler.choice([i, 1], 16, 0, 0)).sum();
-        // Standard error 0.0045.
-        assert!((sum / 4096.0 - 0.5).abs() < 0.02, "{sum}");
-        let one = sampler.choice([1, 2], 3, 0, 0);
-        for other in [
-            sampler.choice([2, 1], 3, 0, 0),
-            sampler.choice([1, 2], 4, 0, 0),
-            sampler.choice([1, 2], 3, 1, 0),
-            sampler.choice([1, 2], 3, 0, 1),
-        ] {
-            assert_ne!(one, other);
-        }
     }
 
     #[test]

@@ -156,7 +156,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Refuses a scene that will not fit. Costs the headers, then a small build for the
+    /// Refuses a scene that will not fit, with `beside` bytes beside the film. Costs the headers, then a small build for the
     /// accelerator's footprint.
     ///
     /// # Errors
@@ -165,10 +165,13 @@ impl Budget {
         limit: u64,
         scene: &Scene,
         window: Window,
+        beside: u64,
         threads: usize,
         embree: EmbreeMode,
     ) -> Result<Self> {
-        let prediction = predict(scene, window)?;
+        let mut prediction = predict(scene, window)?;
+        prediction.film_bytes = prediction.film_bytes.saturating_add(beside);
+        let prediction = prediction.with_peak();
         prediction.check(limit)?;
         let prediction = prediction.with(&Footprint::of(scene.backend, threads, embree)?);
         prediction.check(limit)?;

@@ -80,7 +80,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     job.warnings.extend(adaptive.as_ref().and_then(sampling::warning));
     let budget = args.machine.max_memory.map(|limit| {
         pool.install(|| {
-            Budget::check(limit, &job.loaded.scene, window, threads, args.machine.embree())
+            let scene = &job.loaded.scene;
+            let beside = adaptive.map_or(0, |adaptive| sampling::bytes(&adaptive, scene, window));
+            Budget::check(limit, scene, window, beside, threads, args.machine.embree())
         })
     });
     let budget = budget.transpose()?;

@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use crate::{
     error::{Error, Problem, Result},
+    film::Window,
     integrate::LEAST,
+    layers::Plan,
     render::Adaptive,
     scene::Scene,
 };
@@ -69,6 +71,12 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
         return Err(Error::invalid(place, message).help(help));
     }
     Ok(Some(Adaptive { first, most, noise, time: time.map(Duration::from_secs_f64) }))
+}
+
+/// What it keeps beside the film.
+pub fn bytes(adaptive: &Adaptive, scene: &Scene, window: Window) -> u64 {
+    let each = adaptive.bytes_per_pixel(Plan::new(scene).channels.len());
+    u64::from(window.width()) * u64::from(window.height()) * each
 }
 
 /// What the EXR says about it.

@@ -22,6 +22,8 @@ pub struct Cast<'a> {
     accelerator: &'a dyn Accelerator,
     sampler: Sampler,
     monitor: &'a Monitor,
+    /// The first area light, unless there is a lens: its points may share the camera's sequence.
+    joint: Option<u32>,
     surfaces: Surfaces,
     points: Points,
     shadow: Rays,
@@ -43,11 +45,14 @@ impl<'a> Cast<'a> {
         sampler: Sampler,
         monitor: &'a Monitor,
     ) -> Self {
+        let is_area = |light: &Light| matches!(light.emitter, Emitter::Area { .. });
+        let area = world.lights.iter().position(is_area);
         Self {
             world,
             accelerator,
             sampler,
             monitor,
+            joint: if world.camera.has_lens() { None } else { area.map(|index| index as u32) },
             surfaces: Surfaces::EMPTY,
             points: Points::EMPTY,
             shadow: Rays::EMPTY,
@@ -231,9 +236,11 @@ impl<'a> Cast<'a> {
         let hit = self.points.at.hit;
         self.sums = [[0.0; 3]; LANES];
         let mut split = Split::NONE;
-        let lens = self.world.camera.has_lens();
         // Most jobs are of the pixel of the job before.
-        let mut drawn = self.sampler.points_of(samples, lens, slot.pixel(0), index, bounce);
+        let mut drawn = self.sampler.light_points(slot.pixel(0), index, bounce);
+        if samples == 1 && bounce == 0 && self.joint == Some(index) {
+            drawn = drawn.joint();
+        }
         let mut next = Some(Stage::first(samples, self.world.adaptive_shadows));
         while let Some(stage) = next {
             let rays = counts.shadow;

@@ -13,7 +13,7 @@ use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::film::{Film, Planes, Window};
 use crate::integrate::{
-    Beauty, Goal, Integrator, LEAST, Layers, PassKernel, Passes, RayCounts, Record, TILE,
+    Beauty, Goal, Integrator, LEAST, Layers, PassKernel, Passes, RayCounts, Record, TILE, Tally,
 };
 use crate::layers::{Plan, Recipe};
 use crate::monitor::{Monitor, Phase};
@@ -28,6 +28,9 @@ const DARK: f64 = 0.1;
 const PROBES: f64 = 1024.0;
 const PROBE_DISTANCE: u32 = 4;
 
+/// What keeping a pixel's layers takes beside their sums, as allocated.
+const HELD_BYTES: usize = 256;
+
 /// How many samples a pixel gets. The world's `spp` must be `most`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Adaptive {
@@ -39,6 +42,15 @@ pub struct Adaptive {
     pub noise: Option<f64>,
     /// When no pass is begun any more that would end later. The first one always is taken.
     pub time: Option<Duration>,
+}
+
+impl Adaptive {
+    /// Bytes that a pixel of a film with `words` words of layers takes until its last pass. Only a limit of
+    /// time keeps them for all pixels at once.
+    pub fn bytes_per_pixel(&self, words: usize) -> u64 {
+        let held = if words > 0 { HELD_BYTES + 2 * words * size_of::<f64>() } else { 0 };
+        if self.time.is_some() { (size_of::<Tally>() + held) as u64 } else { 0 }
+    }
 }
 
 /// Camera samples of the pixels of a film.
@@ -125,7 +137,7 @@ impl Job<'_> {
                 rays = rays + work.pass(self);
             }
             monitor.done.fetch_add(pixels(work.tile.window), Relaxed);
-            (rays, work.finish())
+            (rays, work.finish(monitor))
         };
         tiles.into_par_iter().map(render).reduce_with(join)
     }
@@ -169,7 +181,7 @@ impl Job<'_> {
                 break;
             }
         }
-        let done = all.into_par_iter().map(|work| (RayCounts::default(), work.finish()));
+        let done = all.into_par_iter().map(|work| (RayCounts::default(), work.finish(monitor)));
         let (_, taken) = done.reduce_with(join)?;
         Some((rays, taken))
     }
@@ -246,7 +258,11 @@ impl<'f, R: Record> Work<'f, R> {
         }
     }
 
-    fn finish(mut self) -> Taken {
+    /// Writes the pixels; nothing if the job was stopped, as they may have no samples.
+    fn finish(mut self, monitor: &Monitor) -> Taken {
+        if monitor.stopped() {
+            return Taken::default();
+        }
         let Tile { window, rows, words } = &mut self.tile;
         self.passes.write(*window, rows, words, &mut self.record);
         let kept = self.passes.taken(*window);
