@@ -187,7 +187,7 @@ fn a_reference_may_be_a_file() {
     render(&["--float"]);
     let grid = ["--spp", "4,16", "--light-samples", "1", "--sampler", "sobol", "--json", "r.json"];
     let with = |file: &str, more: &[&str]| {
-        study(&scratch, &[&grid, &["--reference", file], more].concat())
+        study(&scratch, &[&grid[..], &["--reference", file], more].concat())
     };
     assert_eq!(with("ref.exr", &[]).code(), 0);
     let report = json(&scratch, "r.json");
