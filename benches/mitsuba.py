@@ -8,11 +8,11 @@ The scene is one description below, written out for both: the mesh, diffuse, on 
 area light, black around it; 1024 x 1024, box filter. Mitsuba renders it with `llvm_ad_rgb`, `direct` with one emitter
 sample and no BSDF sample; lightpath with `lambertian` emission, `quadratic` attenuation, id = radiance area / pi and one
 light sample. Steps, each of which adds to the state file, so that they can be run one by one:
-  check   both at 4096 spp, 256 x 256: relmse must be below 1e-4, else exit 1
+  check   both at 4096 spp, 128 x 128: relmse must be below 1e-4, else exit 1
   wall    wall time of the whole process at 1, 16, 64 spp, in turns A B B A (--rounds)
   refer   a reference of 1024 spp by lightpath at full size, with another seed
   error   render phase alone, in turns, and RMSE at 1, 4, 16, 64 spp for both samplers of Mitsuba
-  table   prints everything as Markdown; --into FILE replaces what stands there between the marks
+  table   prints everything as Markdown; --into FILE replaces what stands there between the marks of the backend
 relmse: mean d^2 / (r^2 + 0.01). Both programs use all threads that this process may use.
 """
 import argparse
@@ -33,7 +33,7 @@ sys.path = [path for path in sys.path if os.path.abspath(path) != HERE]
 SPP = [1, 16, 64]
 CURVE = [1, 4, 16, 64]
 SAMPLERS = ['independent', 'multijitter']
-MARKS = ['<!-- mitsuba: begin -->', '<!-- mitsuba: end -->']
+MARKS = ['<!-- mitsuba, {}: begin -->', '<!-- mitsuba, {}: end -->']
 # Ratios lightpath / Mitsuba that are asked for: bar, goal.
 BARS = {'wall 1': (0.4, 0.2), 'wall 16': (0.5, 0.25), 'wall 64': (0.6, 0.35),
         'independent': (0.15, 0.05), 'multijitter': (0.6, 0.35)}
@@ -145,15 +145,14 @@ class Bench:
         self.state['machine'] = {
             'cpu': model[0] if model else platform.processor(), 'threads': len(os.sched_getaffinity(0)),
             'mitsuba': mi.__version__, 'lightpath': shown.splitlines(),
-            'date': datetime.date.today().isoformat(), 'mesh': os.path.basename(self.args.mesh),
-            'size': self.args.size}
+            'date': datetime.date.today().isoformat(), 'mesh': os.path.basename(self.args.mesh)}
         with open(self.args.json, 'w') as file:
             json.dump(self.state, file, indent=1)
 
     def lightpath(self, scene, prefix, spp, *more):
         """Renders to prefix.exr; returns the program's statistics."""
         command = [self.args.lightpath, 'render', scene, '-o', os.path.join(self.folder, prefix),
-                   '--spp', str(spp), '--quiet', '--json', *more]
+                   '--spp', str(spp), '--backend', self.args.backend, '--quiet', '--json', *more]
         return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
     def pixels(self, path):
@@ -165,7 +164,7 @@ class Bench:
     def check(self):
         mi = mitsuba()
         import numpy as np
-        size = 256
+        size = 128
         scene = self.write('small.json', for_lightpath(self.description, size))
         self.lightpath(scene, 'check', 4096, '--float')
         ours = self.pixels(os.path.join(self.folder, 'check.exr'))
@@ -196,6 +195,7 @@ class Bench:
             return time.perf_counter() - started
 
         wall = self.state.setdefault('wall', {})
+        self.state['wall_size'] = self.args.size
         for spp in self.args.spp or SPP:
             samples = wall.setdefault(str(spp), {'lightpath': [], 'mitsuba': []})
             if not samples['mitsuba']:
@@ -222,6 +222,7 @@ class Bench:
         import numpy as np
         reference = self.pixels(self.state['reference'])
         curve = self.state.setdefault('error', {})
+        self.state['error_size'] = self.args.size
         scenes = {name: mi.load_dict(for_mitsuba(self.description, self.args.size, name)) for name in SAMPLERS}
         # multijitter and the others must compile, and bring memory, once for each number of samples.
         for spp in self.args.spp or CURVE:
@@ -268,8 +269,8 @@ class Bench:
     def table(self):
         m, lines = self.state['machine'], []
         version = ', '.join(line.strip() for line in m['lightpath'])
-        lines.append(f"{m['cpu']}, {m['threads']} threads, {m['date']}; Mitsuba {m['mitsuba']} (`llvm_ad_rgb`, "
-                     f"`direct`); {version}; {m['mesh']}, {m['size']} x {m['size']}.")
+        lines.append(f"`--backend {self.args.backend}`; {m['cpu']}, {m['threads']} threads, {m['date']}; Mitsuba {m['mitsuba']} (`llvm_ad_rgb`, "
+                     f"`direct`); {version}; {m['mesh']}.")
         if 'check' in self.state:
             c = self.state['check']
             lines += ['', f"The same picture: relmse {c['relmse']:.1e} between the two at {c['spp']} spp "
@@ -279,14 +280,15 @@ class Bench:
             bar, goal = BARS[key]
             return f"{bar}, goal {goal}: {'goal met' if ratio <= goal else 'met' if ratio <= bar else 'MISSED'}"
         if 'wall' in self.state:
-            lines += ['', '| whole process | lightpath | Mitsuba | ratio | n | bar |', '|---|---|---|---|---|---|']
+            size = self.state['wall_size']
+            lines += ['', f'| whole process, {size} x {size} | lightpath | Mitsuba | ratio | n | bar |', '|---|---|---|---|---|---|']
             for spp, s in sorted(self.state['wall'].items(), key=lambda item: int(item[0])):
                 a, b = statistics.median(s['lightpath']), statistics.median(s['mitsuba'])
                 n = len(s['mitsuba'])
                 lines.append(f"| {spp} spp | {a:.2f} s | {b:.2f} s | {a / b:.2f} | {n} | {verdict('wall ' + spp, a / b)} |")
         if 'error' in self.state:
-            mean = self.state['mean']
-            lines += ['', '| render phase | spp | seconds | RMSE / mean |', '|---|---|---|---|']
+            mean, size = self.state['mean'], self.state['error_size']
+            lines += ['', f'| render phase, {size} x {size} | spp | seconds | RMSE / mean |', '|---|---|---|---|']
             for which in ['lightpath', *SAMPLERS]:
                 for rmse, seconds, spp in reversed(self.points(which)):
                     lines.append(f'| {which} | {spp} | {seconds:.3f} | {rmse / mean:.4f} |')
@@ -301,13 +303,14 @@ class Bench:
                     lines.append(f'| {which}, {spp} spp | {seconds:.3f} s | {ours:.3f} s | {ratio:.2f} | '
                                  f'{verdict(which, ratio)} |')
         text = '\n'.join(lines) + '\n'
-        print(text)
         if self.args.into:
             page = open(self.args.into).read()
-            before, rest = page.split(MARKS[0])
-            _, after = rest.split(MARKS[1])
+            marks = [mark.format(self.args.backend) for mark in MARKS]
+            before, rest = page.split(marks[0])
+            _, after = rest.split(marks[1])
             with open(self.args.into, 'w') as file:
-                file.write(f'{before}{MARKS[0]}\n{text}{MARKS[1]}{after}')
+                file.write(f'{before}{marks[0]}\n{text}{marks[1]}{after}')
+        print(text)
         return True
 
 
@@ -320,6 +323,7 @@ def main():
     parser.add_argument('--lightpath', default=os.path.join(HERE, '..', 'target', 'release', 'lightpath'))
     parser.add_argument('--json', default='mitsuba.json')
     parser.add_argument('--size', type=int, default=1024)
+    parser.add_argument('--backend', default='embree', help='of lightpath; each has a state file of its own')
     parser.add_argument('--rounds', type=int, default=2)
     parser.add_argument('--spp', type=int, nargs='+', help='only these')
     parser.add_argument('--pictures', help='folder for the pictures of `check` and the reference')

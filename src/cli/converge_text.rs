@@ -55,7 +55,7 @@ pub fn findings(report: &Report) -> Vec<String> {
         let Some(slope) = series.slope else { continue };
         told.push((&series.backend, &series.sampler));
         findings.push(format!(
-            "error falls as samples^{:.2} \u{b1} {:.2} ({}, {} points at {})",
+            "error falls as samples^{:.2} \u{b1} {:.3} ({}, {} points at {})",
             slope.slope,
             slope.standard_error,
             shorter(report, &series.backend, &series.sampler),
@@ -82,7 +82,7 @@ pub fn reached(report: &Report, most: usize) -> Vec<String> {
             let other = &report.points[i];
             let times = other.median_s / point.median_s;
             format!(
-                "{} {} s, {times:.1} times as long",
+                "{}, {} s, {times:.1} times as long",
                 setting(report, other),
                 time(other.median_s)
             )
@@ -125,7 +125,7 @@ pub fn shorter(report: &Report, backend: &str, sampler: &str) -> String {
 
 fn setting(report: &Report, point: &PointResult) -> String {
     let lights = point.light_samples.map_or(String::new(), |n| format!(" x {n} light samples"));
-    format!("{}, {} spp{lights},", shorter(report, &point.backend, &point.sampler), point.spp)
+    format!("{}, {} spp{lights}", shorter(report, &point.backend, &point.sampler), point.spp)
 }
 
 /// What a reader must know about the numbers.

@@ -69,7 +69,7 @@ impl Lines {
         svg.legend([left, 52.0], &names);
         if let Some((height, text)) = &self.level {
             svg.line([left, y(*height), right, y(*height)], "#9aa3ad", 1.5);
-            svg.text([right, y(*height) - 5.0], Anchor::End, "dim", text);
+            svg.text([left + 6.0, y(*height) - 5.0], Anchor::Start, "dim", text);
         }
         for (dots, (_, color)) in self.dots.iter().zip(&names) {
             for &[px, py] in dots {

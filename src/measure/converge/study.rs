@@ -10,7 +10,7 @@ const PASSES: u32 = 4;
 
 /// Share of the budget that the reference may take, and that is left for rendering altogether: the rest is
 /// for finding errors and writing files.
-const SHARES: [f64; 2] = [0.35, 0.92];
+const SHARES: [f64; 2] = [0.5, 0.92];
 
 /// Most samples of a pass, relative to the finest setting of the grid: more would not be seen.
 const FINER: f64 = 64.0;
