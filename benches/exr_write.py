@@ -27,6 +27,7 @@ arguments = parser.parse_args()
 
 part = OpenEXR.File(arguments.frame, separate_channels=True).parts[0]
 channels = {name: channel.pixels for name, channel in part.channels.items()}
+height, width = next(iter(channels.values())).shape
 header = dict(part.header) | {"compression": OpenEXR.ZIP_COMPRESSION}
 OpenEXR.set_global_thread_count(arguments.threads)
 seconds = {"OpenEXR": [], "OpenEXR, processor time": [], "lightpath": []}
@@ -44,7 +45,6 @@ with tempfile.TemporaryDirectory(dir=os.path.dirname(os.path.abspath(arguments.f
     sizes = {"OpenEXR": os.path.getsize(theirs), "lightpath": os.path.getsize(ours)}
     same = subprocess.run(["oiiotool", theirs, ours, "--diff"], capture_output=True).returncode == 0
 
-height, width = next(iter(channels.values())).shape
 print(f"{width} x {height}, {len(channels)} channels, ZIP, {arguments.threads} threads, OpenEXR {OpenEXR.__version__}")
 for name, times in seconds.items():
     print(f"{name}: median {statistics.median(times):.2f} s, " + " ".join(f"{t:.2f}" for t in times))

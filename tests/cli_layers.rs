@@ -175,7 +175,7 @@ fn a_part_for_every_layer() {
     let ranks = part(&scratch, "x.exr", 4)["channels"].as_array().unwrap().len();
     assert_eq!(ranks, 12);
     // The same bytes again, with other threads.
-    let again = [&flags[..4], &["y", "--multipart", "--threads", "2"]].concat();
+    let again = [&flags[..3], &["y", "--multipart", "--threads", "2"]].concat();
     assert_eq!(render(&scratch, &again).code(), 0);
     assert_eq!(scratch.read("x.exr"), scratch.read("y.exr"));
 }
@@ -189,7 +189,7 @@ fn overscan_is_data_beside_the_frame() {
     assert_eq!(x["data_window"], serde_json::json!([-5, -5, 50, 34]));
     let done = render(&scratch, &["--overscan", "5", "--crop", "0", "0", "1", "1"]);
     assert_eq!(done.code(), 2);
-    let done = render(&scratch, &["--overscan", "60000", "--size", "2147400000x1"]);
+    let done = render(&scratch, &["--overscan", "60000", "--size", "30000x30000"]);
     assert_eq!(done.code(), 2);
     assert!(done.stderr().contains("--overscan"), "{}", done.stderr());
 }

@@ -8,7 +8,9 @@ use crate::{
     integrate::TILE,
     mesh::Mesh,
     output::exr::Compression,
-    scene::{self, Backend, Description, Layer, Loaded, Scene, ShapeKind, Source, written},
+    scene::{
+        self, Backend, Description, Layer, Loaded, MAX_PIXELS, Scene, ShapeKind, Source, written,
+    },
 };
 
 use super::{
@@ -179,19 +181,20 @@ pub fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
 /// tiles: the frame's packets stay what they are.
 ///
 /// # Errors
-/// Sides that cannot be counted.
+/// More pixels than a picture may have.
 pub fn overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
     let (width, height) = (scene.camera.width, scene.camera.height);
     let margin = pixels.next_multiple_of(TILE);
-    let most = i32::MAX as u32 - 2 * margin;
-    if width.max(height) > most {
-        let message = format!("found {pixels} pixels around a frame of {width} x {height}");
-        let message = format!("{message}, expected sides of at most {most} for that");
-        return Err(Error::invalid("--overscan", message));
-    }
     let [x0, y0] = [margin - pixels; 2];
     let [x1, y1] = [width, height].map(|side| margin + side + pixels);
-    Ok((margin, Window { x0, y0, x1, y1 }))
+    let window = Window { x0, y0, x1, y1 };
+    if u64::from(window.width()) * u64::from(window.height()) > MAX_PIXELS {
+        let [w, h] = [window.width(), window.height()];
+        let message = format!("found {pixels}, a picture of {w} x {h} pixels with the frame");
+        let message = format!("{message}, expected at most {MAX_PIXELS} pixels");
+        return Err(Error::invalid("--overscan", message));
+    }
+    Ok((margin, window))
 }
 
 /// The text of a scene saved as `target`: its paths seen from there.

@@ -25,7 +25,7 @@ mod structure;
 mod tests;
 mod write;
 
-pub use check::begins_as_ply;
+pub use check::{MAX_PIXELS, begins_as_ply};
 pub use checked::*;
 pub use description::Description;
 pub use document::Document;

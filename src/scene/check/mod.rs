@@ -11,6 +11,7 @@ mod materials;
 mod overview;
 mod shapes;
 
+pub use self::camera::MAX_PIXELS;
 pub use files::{begins_as_ply, near_file};
 
 use std::{collections::BTreeSet, path::Path};
