@@ -14,6 +14,7 @@ pub mod integrate;
 pub mod layers;
 pub mod math;
 pub mod measure;
+pub mod merge;
 pub mod mesh;
 pub mod monitor;
 pub mod output;

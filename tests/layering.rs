@@ -16,6 +16,7 @@ const FLOORS: &[(&str, u32)] = &[
     ("render", 7),    // World + settings -> Film
     ("integrate", 6), // one tile, packet by packet
     ("world", 5),     // Scene -> World
+    ("merge", 4),     // parts of a picture -> Film
     ("accel", 4),     // what a ray hits: nothing of shading
     ("shading", 4),   // texture, material, light: nothing of accelerators
     ("output", 3),    // EXR, PNG

@@ -7,6 +7,7 @@
 pub mod atomic;
 pub mod exr;
 mod exr_header;
+pub mod exr_read;
 pub mod png;
 pub mod preview;
 pub mod tonemap;
