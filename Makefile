@@ -12,7 +12,7 @@ FLAGS  := --locked --release
 # Where setup puts Rust when the system's own is too old.
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
 
-.PHONY: help setup build render test bench lint docs install clean
+.PHONY: help setup build render test bench lint docs install dist clean
 
 help: ## this list
 	@echo 'make TARGET, where TARGET is'
@@ -62,6 +62,9 @@ install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, comp
 	$(BINARY) completions bash > $(DESTDIR)$(PREFIX)/share/bash-completion/completions/lightpath
 	$(BINARY) completions zsh > $(DESTDIR)$(PREFIX)/share/zsh/site-functions/_lightpath
 	$(BINARY) completions fish > $(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d/lightpath.fish
+
+dist: build ## a .deb and a relocatable tarball in target/dist/
+	scripts/dist.sh
 
 $(BINARY):
 	$(MAKE) build

@@ -13,6 +13,7 @@ const FLOORS: &[(&str, u32)] = &[
     ("main", 10),     // parse, run, report the error, exit code
     ("cli", 9),       // one file per subcommand
     ("measure", 8),   // clocks, comparisons, convergence
+    ("renderer", 8),  // the library's front
     ("render", 7),    // World + settings -> Film
     ("integrate", 6), // one tile, packet by packet
     ("world", 5),     // Scene -> World
@@ -30,6 +31,7 @@ const FLOORS: &[(&str, u32)] = &[
     ("sampler", 1),
     ("math", 1),
     ("simd", 1),
+    ("farm", 1), // scripts for a farm
     ("report", 1),
     ("monitor", 1),
     ("error", 0), // what goes wrong anywhere

@@ -7,6 +7,8 @@ use clap::{Args, Parser, Subcommand, ValueHint};
 use super::units::{parse_bytes, parse_size};
 use crate::accel::EmbreeMode;
 
+pub use super::merge::MergeArgs;
+pub use super::split::SplitArgs;
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, CrosscheckArgs};
 pub use super::names::{Axis, BackendName, CompressionName, IsaName, ProgressMode, ToneName};
 
@@ -59,6 +61,9 @@ pub enum Command {
     /// How far a picture is from a reference: metrics, error maps, thresholds
     #[command(after_help = EXIT_CODES)]
     Compare(Box<CompareArgs>),
+    /// Make one picture of its parts: the same bytes as by one render
+    #[command(after_help = EXIT_CODES)]
+    Merge(MergeArgs),
     /// Print the JSON Schema of scene files
     Schema,
     /// Print a shell completion script
@@ -92,6 +97,10 @@ pub struct RenderArgs {
     /// How files are written.
     #[command(flatten)]
     pub files: FileArgs,
+
+    /// A piece of the picture.
+    #[command(flatten)]
+    pub split: SplitArgs,
 
     /// Resources.
     #[command(flatten)]

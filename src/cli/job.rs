@@ -49,6 +49,11 @@ pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
         only_for_meshes(args)?;
     }
     let mut overrides = Overrides::new(&args.scene);
+    if args.scene.spp.is_none() && args.split.of.is_some() {
+        let mut count = Overrides::default();
+        count.flag("--of", "/spp", args.split.of);
+        overrides.prepend(count);
+    }
     if args.machine.exact && args.scene.backend.is_none() {
         // The fastest of those that lose no ray: docs/bvh.md has the numbers.
         let mut fastest = Overrides::default();

@@ -1,16 +1,16 @@
 //! What a render says about its layers: header attributes, the manifests of cryptomattes, previews.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::{
     camera,
     error::{Error, Result},
     film::Film,
-    layers::{Mattes, Plan},
+    layers::{Mattes, Plan, Recipe},
     output::{
         atomic::{Part, TextFile},
         exr::{Compression, View},
-        png, preview,
+        png, preview as pictures,
     },
     scene::{Camera, Layer, Scene},
 };
@@ -56,12 +56,7 @@ pub fn sidecar_paths(args: &RenderArgs, scene: &Scene) -> Vec<PathBuf> {
 /// Those of [`TextFile::create`]; a name that no EXR attribute can hold.
 pub fn create_sidecars(args: &RenderArgs, scene: &Scene) -> Result<Vec<Sidecar>> {
     let create = |(kind, path): (&'static str, PathBuf)| {
-        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
-            let message = "found a name that is not UTF-8, which the EXR cannot hold";
-            return Err(Error::invalid(path.display().to_string(), message)
-                .help("choose another name: -o PREFIX"));
-        };
-        Ok(Sidecar { kind, name: name.to_string(), file: TextFile::create(&path)? })
+        Ok(Sidecar { kind, name: file_name(&path)?, file: TextFile::create(&path)? })
     };
     sidecars(args, scene).into_iter().map(create).collect()
 }
@@ -109,12 +104,112 @@ pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Pa
             }
         }
     }
-    let named = shown.into_iter().map(|name| {
+    Ok(shown.into_iter().map(|name| preview(&prefix, name)).collect())
+}
+
+/// The layers that `merge --png-layer` shows, and where.
+///
+/// # Errors
+/// Layers that are not there.
+pub fn named_previews(
+    names: &[String],
+    recipe: &Recipe,
+    prefix: &Path,
+) -> Result<Vec<(String, PathBuf)>> {
+    let mut written: Vec<String> = Vec::new();
+    for channel in &recipe.channels {
+        let layer = channel.name.rsplit_once('.').map_or(channel.name.as_str(), |(layer, _)| layer);
+        // CryptoObject00, 01... are one layer.
+        let layer = match layer.starts_with("Crypto") {
+            true => layer.trim_end_matches(|c: char| c.is_ascii_digit()),
+            false => layer,
+        };
+        if !written.iter().any(|known| known == layer) {
+            written.push(layer.to_string());
+        }
+    }
+    let mut shown: Vec<String> = Vec::new();
+    for name in names {
+        let these = match name.as_str() {
+            "all" => written.clone(),
+            name if written.iter().any(|known| known == name) => vec![name.to_string()],
+            name => {
+                let message = format!("found the layer {name:?}, which the parts do not have");
+                let help = format!("they have: {}", written.join(", "));
+                return Err(Error::invalid("--png-layer", message).help(help));
+            }
+        };
+        shown.extend(these);
+    }
+    shown.dedup();
+    Ok(shown.into_iter().map(|name| preview(prefix, name)).collect())
+}
+
+fn preview(prefix: &Path, name: String) -> (String, PathBuf) {
+    let mut path = prefix.as_os_str().to_owned();
+    path.push(format!(".{name}.png"));
+    (name, PathBuf::from(path))
+}
+
+/// A manifest that leaves a header for a file beside the picture.
+#[derive(Debug)]
+pub struct Manifest {
+    /// That file.
+    pub path: PathBuf,
+    text: String,
+}
+
+impl Manifest {
+    /// Makes sure that it can be written.
+    ///
+    /// # Errors
+    /// Those of [`TextFile::create`].
+    pub fn create(self) -> Result<(TextFile, String)> {
+        Ok((TextFile::create(&self.path)?, self.text))
+    }
+
+    /// Writes it.
+    ///
+    /// # Errors
+    /// `Retry` for a full disk.
+    pub fn finish((file, text): (TextFile, String)) -> Result<PathBuf> {
+        file.finish(&(text + "\n"))
+    }
+}
+
+/// Takes the manifests of cryptomattes out of attributes.
+///
+/// # Errors
+/// A name that no EXR attribute can hold.
+pub fn manifests(
+    attributes: &mut [(String, String)],
+    prefix: &Path,
+) -> Result<Vec<Manifest>> {
+    let mut found = Vec::new();
+    for index in 0..attributes.len() {
+        let Some(key) = attributes[index].0.strip_suffix("/manifest").map(str::to_string) else {
+            continue;
+        };
+        let kind = attributes.iter().find(|(name, _)| *name == format!("{key}/name"));
+        let kind = kind.map(|(_, kind)| kind.clone()).unwrap_or_default();
         let mut path = prefix.as_os_str().to_owned();
-        path.push(format!(".{name}.png"));
-        (name, PathBuf::from(path))
-    });
-    Ok(named.collect())
+        path.push(format!(".{kind}.json"));
+        let path = PathBuf::from(path);
+        let file = file_name(&path)?;
+        let (name, text) = &mut attributes[index];
+        *name = format!("{key}/manif_file");
+        found.push(Manifest { path, text: std::mem::replace(text, file) });
+    }
+    Ok(found)
+}
+
+/// The name within its folder.
+fn file_name(path: &Path) -> Result<String> {
+    path.file_name().and_then(|name| name.to_str()).map(str::to_string).ok_or_else(|| {
+        let message = "found a name that is not UTF-8, which the EXR cannot hold";
+        Error::invalid(path.display().to_string(), message)
+            .help("choose another name: -o PREFIX")
+    })
 }
 
 /// Makes sure that the pictures of layers can be written.
@@ -122,7 +217,14 @@ pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Pa
 /// # Errors
 /// Those of [`Part::create`].
 pub fn create_previews(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Part)>> {
-    let paths = preview_paths(args, scene)?;
+    open_previews(preview_paths(args, scene)?)
+}
+
+/// Makes sure that these pictures of layers can be written.
+///
+/// # Errors
+/// Those of [`Part::create`].
+pub fn open_previews(paths: Vec<(String, PathBuf)>) -> Result<Vec<(String, Part)>> {
     paths.into_iter().map(|(name, path)| Ok((name, Part::create(&path)?))).collect()
 }
 
@@ -133,7 +235,7 @@ pub fn create_previews(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, 
 pub fn write_previews(film: &Film, previews: Vec<(String, Part)>) -> Result<Vec<PathBuf>> {
     let write = |(name, mut part): (String, Part)| {
         let path = part.target().to_owned();
-        let bytes = preview::bytes(film, &name).unwrap_or_default();
+        let bytes = pictures::bytes(film, &name).unwrap_or_default();
         png::encode(film, &bytes, false, true, part.file(), &path)?;
         part.sync()?;
         part.commit()

@@ -48,9 +48,17 @@ pub struct Prediction {
 /// # Errors
 /// Headers that cannot be read.
 pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
+    predict_words(scene, window, Plan::new(scene).channels.len())
+}
+
+/// The same with so many channels beside R, G, B, A.
+///
+/// # Errors
+/// Headers that cannot be read.
+pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Prediction> {
     let pixels = u64::from(window.width()) * u64::from(window.height());
-    let words = Plan::new(scene).channels.len() as u64;
-    let film_bytes = pixels.saturating_mul(FILM_BYTES + PNG_BYTES + 4 * words);
+    let words = words as u64;
+    let film_bytes = pixels.saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES));
     let mut sum = Prediction { film_bytes, ..Prediction::default() };
     let mut problems = Vec::new();
     for shape in &scene.shapes {
@@ -156,7 +164,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Refuses a scene that will not fit. Costs the headers, then a small build for the
+    /// Refuses a scene that will not fit, of a film by its pixels and channels beside R, G, B, A. Costs the headers, then a small build for the
     /// accelerator's footprint.
     ///
     /// # Errors
@@ -164,11 +172,11 @@ impl Budget {
     pub fn check(
         limit: u64,
         scene: &Scene,
-        window: Window,
+        (window, words): (Window, usize),
         threads: usize,
         embree: EmbreeMode,
     ) -> Result<Self> {
-        let prediction = predict(scene, window)?;
+        let prediction = predict_words(scene, window, words)?;
         prediction.check(limit)?;
         let prediction = prediction.with(&Footprint::of(scene.backend, threads, embree)?);
         prediction.check(limit)?;

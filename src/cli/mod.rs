@@ -25,6 +25,7 @@ mod layers;
 mod machine;
 mod measure_args;
 mod memory;
+mod merge;
 mod meshes;
 mod names;
 mod origin;
@@ -36,6 +37,7 @@ mod report;
 mod schema;
 mod shell;
 mod signals;
+mod split;
 mod stats;
 mod studio;
 mod units;
@@ -44,7 +46,10 @@ mod version;
 pub use args::{Arguments, Command};
 pub use framing::frame;
 
-use std::{io::Write, path::Path};
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 use clap::error::{ContextKind, ContextValue};
 
@@ -83,6 +88,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Crosscheck(args)) => crosscheck::run(args),
         Some(Command::Accuracy(args)) => accuracy::run(args),
         Some(Command::Compare(args)) => compare::run(args),
+        Some(Command::Merge(args)) => merge::run(args),
         Some(Command::Schema) => schema::run(),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),
@@ -94,6 +100,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 /// Writes a result to stdout. A reader that has gone (`| head`) is no error.
 fn print(text: &str) -> Result<()> {
     print_bytes(text.as_bytes())
+}
+
+/// Prints the names of written files, one a line.
+fn print_paths(paths: &[PathBuf]) -> Result<()> {
+    let mut lines = Vec::new();
+    for path in paths.iter().filter(|path| *path != Path::new("/dev/stdout")) {
+        // A name need not be UTF-8.
+        lines.extend_from_slice(path.as_os_str().as_encoded_bytes());
+        lines.push(b'\n');
+    }
+    print_bytes(&lines)
 }
 
 fn print_bytes(bytes: &[u8]) -> Result<()> {

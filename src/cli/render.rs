@@ -1,7 +1,7 @@
 //! `lightpath render`: the stations of the data flow in a row, with a clock between them.
 
 use std::{
-    path::{Path, PathBuf},
+    path::PathBuf,
     sync::Arc,
     time::Instant,
 };
@@ -11,7 +11,7 @@ use serde_json::json;
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
     error::{Error, Kind, Problem, Result},
-    film::{Blank, Film, Window},
+    film::{Blank, Film},
     layers::Plan,
     mesh::Mesh,
     monitor::Monitor,
@@ -35,6 +35,7 @@ use super::{
     paths,
     progress::Progress,
     signals,
+    split::Piece,
     stats::{self, Memory, Rays, Seconds, Stats},
     version,
 };
@@ -72,10 +73,12 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let isa = machine::isa(args.machine.isa)?;
     let mut job = pool.install(|| job::load(args))?;
     let ready = std::mem::take(&mut job.ready);
-    let window = job::window(args.scene.crop.as_deref(), &job.loaded.scene)?;
+    let plan = Plan::new(&job.loaded.scene);
+    let piece = Piece::new(args, &job, &plan)?;
+    let words = piece.channels().len();
     let budget = args.machine.max_memory.map(|limit| {
         pool.install(|| {
-            Budget::check(limit, &job.loaded.scene, window, threads, args.machine.embree())
+            Budget::check(limit, &job.loaded.scene, (piece.window, words), threads, args.machine.embree())
         })
     });
     let budget = budget.transpose()?;
@@ -91,7 +94,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let run = Run {
         args,
         job: &job,
-        window,
+        plan,
+        piece,
         budget,
         threads,
         isa,
@@ -136,11 +140,21 @@ pub fn not_over_inputs(
     });
     let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref().map(|t| &t.path));
     let inputs = [&args.input].into_iter().chain(&args.mesh.template).chain(meshes).chain(textures);
-    let mut taken: Vec<PathBuf> = inputs.map(|path| paths::identity(path)).collect();
+    let inputs: Vec<&PathBuf> = inputs.collect();
+    not_over(inputs, outputs, help)
+}
+
+/// The same for any inputs.
+pub fn not_over<'a>(
+    inputs: impl IntoIterator<Item = &'a PathBuf>,
+    outputs: &[PathBuf],
+    help: &str,
+) -> Result<()> {
+    let mut taken: Vec<PathBuf> = inputs.into_iter().map(|path| paths::identity(path)).collect();
     for output in outputs {
         let path = paths::identity(output);
         if taken.contains(&path) && !path.starts_with("/dev") {
-            let message = "would be written over what the render reads, or twice";
+            let message = "would be written over what is read, or twice";
             let error = Error::invalid(output.display().to_string(), message);
             return Err(error.help(help));
         }
@@ -153,7 +167,8 @@ pub fn not_over_inputs(
 struct Run<'a> {
     args: &'a RenderArgs,
     job: &'a Job,
-    window: Window,
+    plan: Plan,
+    piece: Piece,
     budget: Option<Budget>,
     threads: usize,
     isa: Isa,
@@ -170,9 +185,9 @@ impl Run<'_> {
     ) -> Result<(Stats, Vec<PathBuf>, Oddities)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
-        let plan = Plan::new(scene);
+        let (plan, piece) = (&self.plan, &self.piece);
         let frame = [scene.camera.width, scene.camera.height];
-        let blank = Blank::new(frame, self.window, plan.channels.clone())?;
+        let blank = Blank::new(frame, piece.window, piece.channels())?;
         let budget = self.budget.as_ref();
         let options = LoadOptions {
             repair: self.args.mesh.repair,
@@ -202,8 +217,13 @@ impl Run<'_> {
         let built = self.start.elapsed().as_secs_f64();
 
         let accelerator = accelerator.as_ref();
-        let counts =
-            renderer::render_layers(&world, accelerator, isa, &mut film, &plan, self.monitor)?;
+        let (film, monitor) = (&mut film, self.monitor);
+        let counts = match &piece.raw {
+            None => renderer::render_layers(&world, accelerator, isa, film, plan, monitor)?,
+            Some(raw) => {
+                renderer::render_samples(&world, accelerator, isa, film, plan, raw, monitor)?
+            }
+        };
         let rendered = self.start.elapsed().as_secs_f64();
 
         let mut stats = self.stats(&info);
@@ -222,7 +242,7 @@ impl Run<'_> {
             render: rendered - built,
             ..Seconds::default()
         };
-        let (paths, oddities) = self.write(files, &film, &plan, &info, &mut stats)?;
+        let (paths, oddities) = self.write(files, film, plan, &info, &mut stats)?;
         Ok((stats, paths, oddities))
     }
 
@@ -258,14 +278,18 @@ impl Run<'_> {
         let scene = &self.job.loaded.scene;
         let mut attributes = self.attributes(info);
         attributes.extend(layers::attributes(plan, &files.sidecars));
+        attributes.extend(self.piece.attribute(self.args, self.job)?);
+        // A part keeps every bit; how the picture is written says the attribute.
+        let exact = self.piece.is_exact(self.args);
+        let compression = self.args.files.compression.filter(|_| !exact);
         let options = WriteOptions {
             tonemap: &scene.tonemap,
             transparent: scene.transparent,
             exr: exr::Options {
                 attributes: &attributes,
                 view: Some(layers::view(&scene.camera)),
-                float: self.args.files.float,
-                compression: layers::compression(self.args.files.compression),
+                float: self.args.files.float || exact,
+                compression: layers::compression(compression),
             },
         };
         // Before the EXR that names them.
@@ -313,7 +337,7 @@ impl Run<'_> {
 }
 
 /// What the files could not hold.
-fn odd(oddities: &Oddities) -> Vec<Problem> {
+pub fn odd(oddities: &Oddities) -> Vec<Problem> {
     let mut warnings = Vec::new();
     if let Some(spot) = &oddities.first_non_finite {
         let message = format!(
@@ -341,11 +365,5 @@ fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
         value["outputs"] = paths.iter().map(|path| path.display().to_string()).collect();
         return super::print(&format!("{value}\n"));
     }
-    let mut lines = Vec::new();
-    for path in paths.iter().filter(|path| *path != Path::new("/dev/stdout")) {
-        // A name need not be UTF-8.
-        lines.extend_from_slice(path.as_os_str().as_encoded_bytes());
-        lines.push(b'\n');
-    }
-    super::print_bytes(&lines)
+    super::print_paths(paths)
 }

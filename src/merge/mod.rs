@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Failures, Kind, Problem, Result};
 use crate::film::{Blank, Channel, ChannelKind, Film, Window};
 use crate::layers::{BEAUTY, Pixel, Raw};
+use crate::monitor::Monitor;
 use crate::output::exr::View;
 use crate::output::exr_read::{Reader, Rows};
 
@@ -98,8 +99,8 @@ impl Parts {
     /// The picture. Rows are read some at a time, on the caller's rayon pool.
     ///
     /// # Errors
-    /// Damaged files; no memory for the picture.
-    pub fn film(&self, progress: impl Fn(u64)) -> Result<Film> {
+    /// Damaged files; no memory for the picture; `Interrupted` after a signal.
+    pub fn film(&self, monitor: &Monitor) -> Result<Film> {
         let (part, whole) = (&self.part, self.part.whole());
         let frame = self.open.first().map_or([0; 2], |open| open.reader.frame);
         let mut film = Blank::new(frame, whole, part.recipe.channels.clone())?.film();
@@ -128,7 +129,8 @@ impl Parts {
             band.par_chunks_mut(width).zip(lines.par_iter_mut()).enumerate().for_each(
                 |(row, (pixels, words))| self.line(&here, y0 + row as u32, pixels, words),
             );
-            progress(u64::from(y1 - whole.y0));
+            monitor.set_done(u64::from(y1 - whole.y0));
+            monitor.check()?;
             y0 = y1;
         }
         Ok(film)
