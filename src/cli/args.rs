@@ -1,11 +1,17 @@
 //! The table of commands and flags: help, completions and the man page all come from here.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueHint};
 
-use super::units::{parse_bytes, parse_size};
-use crate::accel::EmbreeMode;
+use crate::{
+    accel::EmbreeMode,
+    picture::Storage,
+    studio::Subject,
+    units::{parse_angles, parse_bytes, parse_margin, parse_size},
+};
+
+use super::layers;
 
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, CrosscheckArgs};
 pub use super::names::{Axis, BackendName, CompressionName, IsaName, ProgressMode, ToneName};
@@ -195,6 +201,14 @@ pub struct MeshArgs {
     #[arg(long, value_name = "AXIS")]
     pub up: Option<Axis>,
 
+    /// Turn the .ply by degrees about its x, then y, then z axis, in place of --up
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_angles, allow_hyphen_values = true, conflicts_with = "up")]
+    pub rotate: Option<[f64; 3]>,
+
+    /// Kept free around the mesh at each border, as a fraction of the picture [default: 0.08]
+    #[arg(long, value_name = "FRACTION", value_parser = parse_margin, allow_negative_numbers = true)]
+    pub margin: Option<f64>,
+
     /// Show the .ply in this scene instead of the built-in studio; its first trimesh is replaced
     #[arg(long, value_name = "SCENE", value_hint = ValueHint::FilePath)]
     pub template: Option<PathBuf>,
@@ -282,6 +296,28 @@ impl MachineArgs {
             (true, _) => EmbreeMode::Exact,
             (false, true) => EmbreeMode::Fast,
             (false, false) => EmbreeMode::Robust,
+        }
+    }
+}
+
+impl FileArgs {
+    /// How pictures are stored.
+    pub fn storage(&self) -> Storage {
+        Storage { float: self.float, compression: layers::compression(self.compression) }
+    }
+}
+
+impl MeshArgs {
+    /// A mesh as these flags show it.
+    pub fn subject<'a>(&self, path: &'a Path) -> Subject<'a> {
+        let plain = Subject::new(path);
+        Subject {
+            up: self.up.map(Axis::studio),
+            rotate: self.rotate,
+            margin: self.margin.unwrap_or(plain.margin),
+            repair: self.repair,
+            no_mmap: self.no_mmap,
+            ..plain
         }
     }
 }

@@ -17,19 +17,14 @@ mod compare_page;
 mod compare_text;
 mod crosscheck;
 mod crosscheck_text;
-mod framing;
 mod info;
 mod info_scene;
 mod job;
 mod layers;
 mod machine;
 mod measure_args;
-mod memory;
-mod meshes;
 mod names;
-mod origin;
 mod overrides;
-mod paths;
 mod progress;
 mod render;
 mod report;
@@ -37,18 +32,18 @@ mod schema;
 mod shell;
 mod signals;
 mod stats;
-mod studio;
-mod units;
 mod version;
 
 pub use args::{Arguments, Command};
-pub use framing::frame;
 
 use std::{io::Write, path::Path};
 
 use clap::error::{ContextKind, ContextValue};
 
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    memory, paths, units,
+};
 
 /// Prints a message; a stderr that is closed or full must not stop a render.
 pub fn note(text: &str) {

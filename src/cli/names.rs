@@ -2,6 +2,8 @@
 
 use clap::ValueEnum;
 
+use crate::studio;
+
 /// Names of compressions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum CompressionName {
@@ -63,6 +65,17 @@ pub enum Axis {
     Y,
     /// z is up, as scanners and CAD have it
     Z,
+}
+
+impl Axis {
+    /// As the studio has it.
+    pub fn studio(self) -> studio::Axis {
+        match self {
+            Self::X => studio::Axis::X,
+            Self::Y => studio::Axis::Y,
+            Self::Z => studio::Axis::Z,
+        }
+    }
 }
 
 /// How progress is shown.
