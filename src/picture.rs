@@ -1,16 +1,16 @@
-//! What the files of a picture say about where it comes from.
+//! The files of a picture: how they are stored, what they say about where it comes from.
 
 use std::path::PathBuf;
 
 use crate::{
-    accel::BuildInfo,
+    accel::{BuildInfo, EmbreeMode},
     camera,
-    error::{Problem, Result},
+    error::{Error, Problem, Result},
     film::Film,
     layers::{Mattes, Plan},
     monitor::Monitor,
     output::{Oddities, Outputs, WriteOptions, exr},
-    scene::{Camera, Loaded},
+    scene::{Backend, Camera, Layer, Loaded, Scene},
 };
 
 /// How pictures are stored.
@@ -62,6 +62,31 @@ pub fn write(
         },
     };
     outputs.write(film, &options, monitor)
+}
+
+/// Refuses what contradicts the scene's values.
+///
+/// # Errors
+/// The first contradiction.
+pub fn suits(scene: &Scene, embree: EmbreeMode, storage: Storage) -> Result<()> {
+    if embree == EmbreeMode::Fast && scene.backend != Backend::Embree {
+        let message =
+            format!("found with the backend `{}`, which has no fast mode", scene.backend.name());
+        return Err(Error::invalid("--fast", message).help("leave --fast out, or --backend embree"));
+    }
+    if embree == EmbreeMode::Exact && scene.backend == Backend::Coursework {
+        let message = "found with the backend `coursework`, which loses rays as the coursework did";
+        let help = "leave --exact out, or --backend embree, bvh or brute";
+        return Err(Error::invalid("--exact", message).help(help));
+    }
+    let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
+    let lossy = storage.compression == exr::Compression::Dwaa;
+    if lossy && scene.layers.iter().any(mattes) {
+        let message =
+            "found dwaa with cryptomatte: its losses change the ids, and no matte is found again";
+        return Err(Error::invalid("--compression", message).help("zip, zips, piz, rle or none"));
+    }
+    Ok(())
 }
 
 /// What the EXR says about its origin: nothing that differs between two equal pictures.

@@ -48,6 +48,15 @@ pub fn parse_margin(text: &str) -> Result<f64, String> {
     margin.ok_or_else(|| "expected a fraction from 0 to below 0.5".to_string())
 }
 
+/// `0..24` -> numbers from the first to before the second.
+pub fn parse_range(text: &str) -> Result<std::ops::Range<u64>, String> {
+    let expected = || "expected A..B with A < B, for example 0..24".to_string();
+    let (from, to) = text.split_once("..").ok_or_else(expected)?;
+    let number = |text: &str| text.parse().map_err(|_| expected());
+    let range = number(from)?..number(to)?;
+    if range.is_empty() { Err(expected()) } else { Ok(range) }
+}
+
 /// Bytes for people: `1.5 GiB`.
 pub fn bytes(count: u64) -> String {
     in_units(count, |tenths| tenths)
@@ -112,6 +121,10 @@ mod tests {
         assert_eq!(parse_angles("-90, 0,1e1"), Ok([-90.0, 0.0, 10.0]));
         for bad in ["", "1,2", "1,2,3,4", "a,b,c", "nan,0,0", "1e9,0,0"] {
             assert!(parse_angles(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_range("3..7"), Ok(3..7));
+        for bad in ["", "3", "3..3", "7..3", "..3", "3..", "3..=7", "-1..3"] {
+            assert!(parse_range(bad).is_err(), "{bad}");
         }
         assert_eq!(parse_margin("0"), Ok(0.0));
         for bad in ["0.5", "-0.1", "nan", "x"] {

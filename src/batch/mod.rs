@@ -16,6 +16,7 @@ mod pipeline;
 mod plan;
 mod resume;
 mod scene;
+pub mod sheet;
 mod status;
 
 pub use description::{
@@ -24,7 +25,7 @@ pub use description::{
 pub use job::{Flags, Input, Job};
 pub use journal::{FrameRecord, MeshRecord, Record};
 pub use names::Pattern;
-pub use plan::{Task, tasks};
+pub use plan::{Task, index, tasks};
 pub use status::{Event, Status};
 
 use std::{ops::Range, path::PathBuf, sync::atomic::Ordering::Relaxed};

@@ -77,7 +77,7 @@ pub fn run(
     (monitor, status, journal): (&Monitor, &Status, &Journal),
     tell: &(dyn Fn(Event) + Sync),
 ) -> Result<Outcome> {
-    let jobs = options.jobs.unwrap_or_else(|| jobs(job, options.threads));
+    let jobs = options.jobs.unwrap_or_else(|| jobs(job, options));
     let limit = options.max_memory.unwrap_or_else(|| {
         let available = memory::available_bytes().unwrap_or(u64::MAX);
         (available as f64 * SHARE_OF_AVAILABLE) as u64
@@ -132,8 +132,10 @@ fn pool(threads: usize) -> Result<ThreadPool> {
 }
 
 /// One frame at a time where it keeps all threads busy; more of small ones.
-fn jobs(job: &Job, threads: usize) -> usize {
-    let Some(Ok((scene, _))) = job.inputs.first().map(|input| scene::predict(job, input)) else {
+fn jobs(job: &Job, options: &Options) -> usize {
+    let &Options { threads, embree, .. } = options;
+    let first = job.inputs.first().map(|input| scene::predict(job, input, embree));
+    let Some(Ok((scene, _))) = first else {
         return 1;
     };
     let tiles = |side: u32| side.div_ceil(32) as usize;
@@ -174,7 +176,8 @@ impl Run<'_> {
 
     /// What a mesh will need, accelerator included. Too much for `--max-memory` is an error.
     fn predict(&self, task: &Task) -> Result<Prediction> {
-        let (scene, prediction) = scene::predict(self.job, &self.job.inputs[task.input])?;
+        let (scene, prediction) =
+            scene::predict(self.job, &self.job.inputs[task.input], self.options.embree)?;
         let known = lock(&self.footprints).iter().find(|f| f.0 == scene.backend).map(|f| f.1);
         let footprint = match known {
             Some(footprint) => footprint,

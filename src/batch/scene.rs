@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use crate::{
+    accel::EmbreeMode,
     error::{Error, Problem, Result},
     film::Window,
     memory::{self, Prediction},
     mesh::{self, Mesh},
     output::Outputs,
-    paths,
+    paths, picture,
     scene::{self, Loaded, Scene, Source},
     studio::{self, Shown, Subject},
 };
@@ -58,7 +59,7 @@ pub struct Frame {
 ///
 /// # Errors
 /// Those of its scene and headers.
-pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
+pub fn predict(job: &Job, input: &Input, embree: EmbreeMode) -> Result<(Scene, Prediction)> {
     let loaded = match studio::is_mesh(&input.path) {
         true => studio::unframed(&input.path, &job.template, &input.overrides)?,
         false => {
@@ -66,6 +67,7 @@ pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
             studio::load(source, input.overrides.clone(), job.light_samples, &mut Vec::new())?
         }
     };
+    picture::suits(&loaded.scene, embree, job.storage)?;
     let camera = &loaded.scene.camera;
     let window = Window::full(camera.width, camera.height);
     let prediction = memory::predict(&loaded.scene, window)?;

@@ -13,8 +13,11 @@ use crate::{
 
 use super::layers;
 
+pub use super::batch_args::BatchArgs;
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, CrosscheckArgs};
-pub use super::names::{Axis, BackendName, CompressionName, IsaName, ProgressMode, ToneName};
+pub use super::names::{
+    Axis, BackendName, CompressionName, IsaName, ProgressMode, SchemaName, ToneName,
+};
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \
@@ -50,6 +53,9 @@ pub enum Command {
     /// Render a scene or a mesh to PREFIX.exr and PREFIX.png
     #[command(after_help = EXIT_CODES)]
     Render(Box<RenderArgs>),
+    /// Render many meshes and scenes: turntables, resume, contact sheet
+    #[command(after_help = EXIT_CODES)]
+    Batch(Box<BatchArgs>),
     /// Check scenes without rendering; describe PLY and EXR files
     #[command(after_help = EXIT_CODES)]
     Info(InfoArgs),
@@ -65,8 +71,12 @@ pub enum Command {
     /// How far a picture is from a reference: metrics, error maps, thresholds
     #[command(after_help = EXIT_CODES)]
     Compare(Box<CompareArgs>),
-    /// Print the JSON Schema of scene files
-    Schema,
+    /// Print the JSON Schema of scene files, or of the job files of `batch`
+    Schema {
+        /// Of which files
+        #[arg(default_value = "scene")]
+        of: SchemaName,
+    },
     /// Print a shell completion script
     Completions {
         /// Which shell

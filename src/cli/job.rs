@@ -7,14 +7,12 @@ use crate::{
     film::Window,
     mesh::Mesh,
     paths::seen_from,
-    scene::{Backend, Description, Layer, Loaded, Overrides, Scene, Source, written},
+    picture,
+    scene::{Description, Loaded, Overrides, Scene, Source, written},
     studio::{self, Shown, Template},
 };
 
-use super::{
-    args::{CompressionName, FileArgs, MachineArgs, RenderArgs},
-    memory, overrides,
-};
+use super::{args::RenderArgs, memory, overrides};
 
 /// A scene that is ready to be rendered.
 #[derive(Debug)]
@@ -46,13 +44,7 @@ pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
     if !is_mesh {
         only_for_meshes(args)?;
     }
-    let mut overrides = overrides::of(&args.scene);
-    if args.machine.exact && args.scene.backend.is_none() {
-        // The fastest of those that lose no ray: docs/bvh.md has the numbers.
-        let mut fastest = Overrides::default();
-        fastest.flag("--exact", "/scene/accelerator", Some("bvh"));
-        overrides.prepend(fastest);
-    }
+    let overrides = overrides::with(&args.scene, &args.machine);
     if is_mesh {
         return in_template(args, builtin, overrides);
     }
@@ -101,33 +93,8 @@ fn only_for_meshes(args: &RenderArgs) -> Result<()> {
 
 /// Refuses what the scene's own values contradict.
 fn checked(args: &RenderArgs, job: Job) -> Result<Job> {
-    suits(&job.loaded.scene, &args.machine, &args.files)?;
+    picture::suits(&job.loaded.scene, args.machine.embree(), args.files.storage())?;
     Ok(job)
-}
-
-/// Refuses flags that contradict the scene's values.
-///
-/// # Errors
-/// The first contradiction.
-pub fn suits(scene: &Scene, machine: &MachineArgs, files: &FileArgs) -> Result<()> {
-    if machine.fast && scene.backend != Backend::Embree {
-        let message =
-            format!("found with the backend `{}`, which has no fast mode", scene.backend.name());
-        return Err(Error::invalid("--fast", message).help("leave --fast out, or --backend embree"));
-    }
-    if machine.exact && scene.backend == Backend::Coursework {
-        let message = "found with the backend `coursework`, which loses rays as the coursework did";
-        let help = "leave --exact out, or --backend embree, bvh or brute";
-        return Err(Error::invalid("--exact", message).help(help));
-    }
-    let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
-    let lossy = files.compression == Some(CompressionName::Dwaa);
-    if lossy && scene.layers.iter().any(mattes) {
-        let message =
-            "found dwaa with cryptomatte: its losses change the ids, and no matte is found again";
-        return Err(Error::invalid("--compression", message).help("zip, zips, piz, rle or none"));
-    }
-    Ok(())
 }
 
 /// The pixels to render.

@@ -9,6 +9,9 @@ mod accuracy_markdown;
 mod accuracy_page;
 mod accuracy_table;
 mod args;
+mod batch;
+mod batch_args;
+mod batch_progress;
 mod bench;
 mod bench_page;
 mod bench_table;
@@ -27,6 +30,7 @@ mod names;
 mod overrides;
 mod progress;
 mod render;
+mod render_progress;
 mod report;
 mod schema;
 mod shell;
@@ -73,12 +77,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     match &arguments.command {
         Some(Command::Render(args)) => render::run(args),
+        Some(Command::Batch(args)) => batch::run(args),
         Some(Command::Info(args)) => info::run(args),
         Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Crosscheck(args)) => crosscheck::run(args),
         Some(Command::Accuracy(args)) => accuracy::run(args),
         Some(Command::Compare(args)) => compare::run(args),
-        Some(Command::Schema) => schema::run(),
+        Some(Command::Schema { of }) => schema::run(*of),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),
         None => Err(Error::invalid("", "no command given")

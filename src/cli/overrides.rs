@@ -5,10 +5,22 @@ use serde_json::Value;
 
 use crate::scene::Overrides;
 
-use super::args::SceneArgs;
+use super::args::{MachineArgs, SceneArgs};
+
+/// All flags: those of the machine before those of the scene.
+pub fn with(args: &SceneArgs, machine: &MachineArgs) -> Overrides {
+    let mut all = of(args);
+    if machine.exact && args.backend.is_none() {
+        // The fastest of those that lose no ray: docs/bvh.md has the numbers.
+        let mut fastest = Overrides::default();
+        fastest.flag("--exact", "/scene/accelerator", Some("bvh"));
+        all.prepend(fastest);
+    }
+    all
+}
 
 /// The flags that need no look at the scene, then every `--set`.
-pub fn of(args: &SceneArgs) -> Overrides {
+fn of(args: &SceneArgs) -> Overrides {
     let mut all = Overrides::default();
     let name = |value: Option<clap::builder::PossibleValue>| {
         value.map(|value| Value::from(value.get_name()))

@@ -34,7 +34,7 @@ use super::{
     memory::{self, Budget},
     paths,
     progress::Progress,
-    signals,
+    render_progress, signals,
     stats::{self, Memory, Rays, Seconds, Stats},
     version,
 };
@@ -96,7 +96,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         threads,
         isa,
         monitor: &monitor,
-        progress: Progress::start(mode, &monitor),
+        progress: Progress::start(mode, render_progress::meter(&monitor)),
         start,
     };
     let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
