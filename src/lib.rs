@@ -33,6 +33,7 @@
 //! [`accel::Accelerator`] -> [`film::Film`] -> EXR and PNG. ARCHITECTURE.md draws it.
 
 pub mod accel;
+pub mod batch;
 pub mod camera;
 pub mod cli;
 pub mod error;
@@ -43,10 +44,13 @@ pub mod integrate;
 pub mod layers;
 pub mod math;
 pub mod measure;
+pub mod memory;
 pub mod merge;
 pub mod mesh;
 pub mod monitor;
 pub mod output;
+pub mod paths;
+pub mod picture;
 pub mod ray;
 pub mod render;
 pub mod renderer;
@@ -55,6 +59,8 @@ pub mod sampler;
 pub mod scene;
 pub mod shading;
 pub mod simd;
+pub mod studio;
+pub mod units;
 pub mod world;
 
 pub use accel::Accelerator;

@@ -126,6 +126,7 @@ impl Renderer {
         let options = WriteOptions {
             tonemap: &self.scene.tonemap,
             transparent: self.scene.transparent,
+            fingerprint: None,
             exr: Options {
                 attributes: &attributes,
                 view: Some(view),

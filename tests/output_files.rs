@@ -161,7 +161,7 @@ fn read_png(bytes: &[u8]) -> (::png::Info<'static>, Vec<u8>) {
 
 fn png_bytes(film: &Film, tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
     let mut file = Vec::new();
-    png::write(film, tonemap, transparent, &mut file, Path::new("x.png")).unwrap();
+    png::write(film, tonemap, transparent, None, &mut file, Path::new("x.png")).unwrap();
     file
 }
 
@@ -206,7 +206,7 @@ fn both_files_appear_and_nothing_else() {
     assert!(names_in(folder.path()).iter().all(|n| n.ends_with(".part")));
     let attributes = attributes();
     let exr = exr::Options { attributes: &attributes, ..Default::default() };
-    let options = WriteOptions { tonemap: &CLAMP, transparent: false, exr };
+    let options = WriteOptions { tonemap: &CLAMP, transparent: false, fingerprint: None, exr };
     let (paths, odd) = outputs.write(&film(), &options, &Monitor::default()).unwrap();
     assert_eq!(odd, Oddities::default());
     assert_eq!(names_in(folder.path()), ["frame.0001.exr", "frame.0001.png"]);
@@ -220,7 +220,12 @@ fn a_signal_before_the_renames_leaves_nothing() {
     let prefix = folder.path().join("x");
     let monitor = Monitor::default();
     monitor.signal.store(15, std::sync::atomic::Ordering::Relaxed);
-    let options = WriteOptions { tonemap: &CLAMP, transparent: false, exr: Default::default() };
+    let options = WriteOptions {
+        tonemap: &CLAMP,
+        transparent: false,
+        fingerprint: None,
+        exr: Default::default(),
+    };
     let outputs = Outputs::create(&prefix).unwrap();
     let error = outputs.write(&film(), &options, &monitor).unwrap_err();
     assert_eq!(error.exit_code(), 143);

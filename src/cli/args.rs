@@ -1,16 +1,25 @@
 //! The table of commands and flags: help, completions and the man page all come from here.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueHint};
 
-use super::units::{parse_bytes, parse_size};
-use crate::accel::EmbreeMode;
+use crate::{
+    accel::EmbreeMode,
+    picture::Storage,
+    studio::Subject,
+    units::{parse_angles, parse_bytes, parse_margin, parse_size},
+};
 
+use super::layers;
+
+pub use super::batch_args::BatchArgs;
 pub use super::merge::MergeArgs;
 pub use super::split::SplitArgs;
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, CrosscheckArgs};
-pub use super::names::{Axis, BackendName, CompressionName, IsaName, ProgressMode, ToneName};
+pub use super::names::{
+    Axis, BackendName, CompressionName, IsaName, ProgressMode, SchemaName, ToneName,
+};
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \
@@ -46,6 +55,9 @@ pub enum Command {
     /// Render a scene or a mesh to PREFIX.exr and PREFIX.png
     #[command(after_help = EXIT_CODES)]
     Render(Box<RenderArgs>),
+    /// Render many meshes and scenes: turntables, resume, contact sheet
+    #[command(after_help = EXIT_CODES)]
+    Batch(Box<BatchArgs>),
     /// Check scenes without rendering; describe PLY and EXR files
     #[command(after_help = EXIT_CODES)]
     Info(InfoArgs),
@@ -64,8 +76,12 @@ pub enum Command {
     /// Make one picture of its parts: the same bytes as by one render
     #[command(after_help = EXIT_CODES)]
     Merge(MergeArgs),
-    /// Print the JSON Schema of scene files
-    Schema,
+    /// Print the JSON Schema of scene files, or of the job files of `batch`
+    Schema {
+        /// Of which files
+        #[arg(default_value = "scene")]
+        of: SchemaName,
+    },
     /// Print a shell completion script
     Completions {
         /// Which shell
@@ -204,6 +220,14 @@ pub struct MeshArgs {
     #[arg(long, value_name = "AXIS")]
     pub up: Option<Axis>,
 
+    /// Turn the .ply by degrees about its x, then y, then z axis, in place of --up
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_angles, allow_hyphen_values = true, conflicts_with = "up")]
+    pub rotate: Option<[f64; 3]>,
+
+    /// Kept free around the mesh at each border, as a fraction of the picture [default: 0.08]
+    #[arg(long, value_name = "FRACTION", value_parser = parse_margin, allow_negative_numbers = true)]
+    pub margin: Option<f64>,
+
     /// Show the .ply in this scene instead of the built-in studio; its first trimesh is replaced
     #[arg(long, value_name = "SCENE", value_hint = ValueHint::FilePath)]
     pub template: Option<PathBuf>,
@@ -291,6 +315,28 @@ impl MachineArgs {
             (true, _) => EmbreeMode::Exact,
             (false, true) => EmbreeMode::Fast,
             (false, false) => EmbreeMode::Robust,
+        }
+    }
+}
+
+impl FileArgs {
+    /// How pictures are stored.
+    pub fn storage(&self) -> Storage {
+        Storage { float: self.float, compression: layers::compression(self.compression) }
+    }
+}
+
+impl MeshArgs {
+    /// A mesh as these flags show it.
+    pub fn subject<'a>(&self, path: &'a Path) -> Subject<'a> {
+        let plain = Subject::new(path);
+        Subject {
+            up: self.up.map(Axis::studio),
+            rotate: self.rotate,
+            margin: self.margin.unwrap_or(plain.margin),
+            repair: self.repair,
+            no_mmap: self.no_mmap,
+            ..plain
         }
     }
 }

@@ -3,16 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use crate::{
-    camera,
     error::{Error, Result},
     film::Film,
     layers::{Mattes, Plan, Recipe},
     output::{
         atomic::{Part, TextFile},
-        exr::{Compression, View},
+        exr::Compression,
         png, preview as pictures,
     },
-    scene::{Camera, Layer, Scene},
+    scene::{Layer, Scene},
 };
 
 use super::{
@@ -24,9 +23,9 @@ use super::{
 #[derive(Debug)]
 pub struct Sidecar {
     /// What its mattes are called.
-    kind: &'static str,
+    pub kind: &'static str,
     /// Its name within the folder.
-    name: String,
+    pub name: String,
     file: TextFile,
 }
 
@@ -236,43 +235,12 @@ pub fn write_previews(film: &Film, previews: Vec<(String, Part)>) -> Result<Vec<
     let write = |(name, mut part): (String, Part)| {
         let path = part.target().to_owned();
         let bytes = pictures::bytes(film, &name).unwrap_or_default();
-        png::encode(film, &bytes, false, true, part.file(), &path)?;
+        let color = png::Color { alpha: false, srgb: true };
+        png::encode(film, &bytes, color, None, part.file(), &path)?;
         part.sync()?;
         part.commit()
     };
     previews.into_iter().map(write).collect()
-}
-
-/// Header attributes of the layers.
-pub fn attributes(plan: &Plan, sidecars: &[Sidecar]) -> Vec<(String, String)> {
-    let mut attributes = Vec::new();
-    for mattes in &plan.mattes {
-        let sidecar = sidecars.iter().find(|sidecar| sidecar.kind == mattes.kind);
-        attributes.extend(mattes.attributes(sidecar.map(|sidecar| sidecar.name.as_str())));
-    }
-    let mut say = |name: &str, text: &str| {
-        attributes.push((format!("lightpath:{name}"), text.to_string()));
-    };
-    if plan.depth.is_some() {
-        say("Z", "camera-space depth, not distance; 1e30 where nothing is hit; nearest sample");
-    }
-    if plan.position.is_some() {
-        say("P", "world space; 0 where nothing is hit; nearest sample");
-    }
-    if plan.normal.is_some() || plan.geometric_normal.is_some() {
-        say("N", "world space, turned to the camera");
-    }
-    attributes
-}
-
-/// Where the picture was taken from.
-pub fn view(camera: &Camera) -> View {
-    let rounded = |matrix: [[f64; 4]; 4]| std::array::from_fn(|i| matrix[i / 4][i % 4] as f32);
-    View {
-        world_to_camera: rounded(camera::world_to_camera(camera)),
-        world_to_ndc: rounded(camera::world_to_ndc(camera)),
-        screen_window_width: camera::screen_window_width(camera) as f32,
-    }
 }
 
 /// ZIP if nothing is said.

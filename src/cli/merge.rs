@@ -9,6 +9,7 @@ use crate::{
     merge::Parts,
     monitor::{Monitor, Phase},
     output::{Outputs, WriteOptions, exr},
+    picture,
 };
 
 use super::{
@@ -16,7 +17,7 @@ use super::{
     layers::{self, Manifest},
     machine, paths,
     progress::Progress,
-    render, signals,
+    render, render_progress, signals,
 };
 
 /// `lightpath merge`
@@ -74,7 +75,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let manifests = manifests.into_iter().map(Manifest::create).collect::<Result<Vec<_>>>()?;
     let previews = layers::open_previews(previews)?;
     let mode = if args.quiet { ProgressMode::Off } else { ProgressMode::Auto };
-    let progress = Progress::start(mode, &monitor);
+    let progress = Progress::start(mode, render_progress::meter(&monitor));
 
     let name = &part.files.compression;
     let compression = CompressionName::from_str(name, false).map_err(|_| {
@@ -86,6 +87,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let options = WriteOptions {
         tonemap: &tonemap,
         transparent: part.files.transparent,
+        fingerprint: None,
         exr: exr::Options {
             attributes: &attributes,
             view: parts.view(),
@@ -104,7 +106,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         Ok((paths, oddities))
     })?;
     if !args.quiet {
-        for warning in render::odd(&oddities) {
+        for warning in picture::odd(&oddities) {
             progress.message(&format!("warning: {warning}"));
         }
         if !parts.exact() {

@@ -9,6 +9,9 @@ mod accuracy_markdown;
 mod accuracy_page;
 mod accuracy_table;
 mod args;
+mod batch;
+mod batch_args;
+mod batch_progress;
 mod bench;
 mod bench_page;
 mod bench_table;
@@ -17,34 +20,27 @@ mod compare_page;
 mod compare_text;
 mod crosscheck;
 mod crosscheck_text;
-mod framing;
 mod info;
 mod info_scene;
 mod job;
 mod layers;
 mod machine;
 mod measure_args;
-mod memory;
 mod merge;
-mod meshes;
 mod names;
-mod origin;
 mod overrides;
-mod paths;
 mod progress;
 mod render;
+mod render_progress;
 mod report;
 mod schema;
 mod shell;
 mod signals;
 mod split;
 mod stats;
-mod studio;
-mod units;
 mod version;
 
 pub use args::{Arguments, Command};
-pub use framing::frame;
 
 use std::{
     io::Write,
@@ -53,7 +49,10 @@ use std::{
 
 use clap::error::{ContextKind, ContextValue};
 
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    memory, paths, units,
+};
 
 /// Prints a message; a stderr that is closed or full must not stop a render.
 pub fn note(text: &str) {
@@ -83,13 +82,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     match &arguments.command {
         Some(Command::Render(args)) => render::run(args),
+        Some(Command::Batch(args)) => batch::run(args),
         Some(Command::Info(args)) => info::run(args),
         Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Crosscheck(args)) => crosscheck::run(args),
         Some(Command::Accuracy(args)) => accuracy::run(args),
         Some(Command::Compare(args)) => compare::run(args),
         Some(Command::Merge(args)) => merge::run(args),
-        Some(Command::Schema) => schema::run(),
+        Some(Command::Schema { of }) => schema::run(*of),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),
         None => Err(Error::invalid("", "no command given")

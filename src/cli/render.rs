@@ -16,10 +16,10 @@ use crate::{
     mesh::Mesh,
     monitor::Monitor,
     output::{
-        Oddities, Outputs, WriteOptions,
+        Oddities, Outputs,
         atomic::{Part, TextFile},
-        exr,
     },
+    picture::{self, Says, Storage},
     render as renderer,
     scene::ShapeKind,
     simd::Isa,
@@ -31,10 +31,10 @@ use super::{
     job::{self, Job},
     layers::{self, Sidecar},
     machine,
-    memory::Budget,
+    memory::{self, Budget},
     paths,
     progress::Progress,
-    signals,
+    render_progress, signals,
     split::Piece,
     stats::{self, Memory, Rays, Seconds, Stats},
     version,
@@ -100,7 +100,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         threads,
         isa,
         monitor: &monitor,
-        progress: Progress::start(mode, &monitor),
+        progress: Progress::start(mode, render_progress::meter(&monitor)),
         start,
     };
     let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
@@ -275,27 +275,27 @@ impl Run<'_> {
         stats: &mut Stats,
     ) -> Result<(Vec<PathBuf>, Oddities)> {
         let started = Instant::now();
-        let scene = &self.job.loaded.scene;
-        let mut attributes = self.attributes(info);
-        attributes.extend(layers::attributes(plan, &files.sidecars));
-        attributes.extend(self.piece.attribute(self.args, self.job)?);
+        let loaded = &self.job.loaded;
+        let named = files.sidecars.iter().map(|sidecar| (sidecar.kind, sidecar.name.clone()));
+        let named: Vec<(&str, String)> = named.collect();
+        let named: Vec<(&str, &str)> = named.iter().map(|(k, name)| (*k, name.as_str())).collect();
+        let more = self.piece.attribute(self.args, self.job)?;
         // A part keeps every bit; how the picture is written says the attribute.
-        let exact = self.piece.is_exact(self.args);
-        let compression = self.args.files.compression.filter(|_| !exact);
-        let options = WriteOptions {
-            tonemap: &scene.tonemap,
-            transparent: scene.transparent,
-            exr: exr::Options {
-                attributes: &attributes,
-                view: Some(layers::view(&scene.camera)),
-                float: self.args.files.float || exact,
-                compression: layers::compression(compression),
-            },
+        let storage = match self.piece.is_exact(self.args) {
+            true => Storage { float: true, ..Storage::default() },
+            false => self.args.files.storage(),
         };
         // Before the EXR that names them.
         let sidecars = layers::write_sidecars(plan, files.sidecars)?;
-        let (paths, oddities) = files.outputs.write(film, &options, self.monitor)?;
-        self.warn(&odd(&oddities));
+        let (paths, oddities) = picture::write(
+            files.outputs,
+            film,
+            loaded,
+            Says { plan, sidecars: &named, more: more.as_slice(), info, fingerprint: None },
+            storage,
+            self.monitor,
+        )?;
+        self.warn(&picture::odd(&oddities));
         let mut paths = paths.to_vec();
         paths.extend(sidecars);
         paths.extend(layers::write_previews(film, files.previews)?);
@@ -304,27 +304,12 @@ impl Run<'_> {
         }
         stats.seconds.write = started.elapsed().as_secs_f64();
         stats.seconds.total = self.start.elapsed().as_secs_f64();
-        stats.memory.peak_bytes = stats::peak_bytes();
+        stats.memory.peak_bytes = memory::peak_bytes();
         if let Some(file) = files.stats {
             let text = serde_json::to_string_pretty(stats).unwrap_or_default();
             paths.push(file.finish(&(text + "\n"))?);
         }
         Ok((paths, oddities))
-    }
-
-    /// What the EXR says about its origin: nothing that differs between two equal pictures.
-    fn attributes(&self, info: &BuildInfo) -> Vec<(String, String)> {
-        let loaded = &self.job.loaded;
-        let name = loaded.scene.backend.name();
-        let backend = format!("{name} ({} {})", info.version, info.isa);
-        [
-            ("lightpath:backend", backend),
-            ("lightpath:scene_hash", loaded.hash.clone()),
-            ("lightpath:seed", loaded.scene.seed.to_string()),
-            ("lightpath:spp", loaded.scene.spp.to_string()),
-        ]
-        .map(|(name, value)| (name.to_string(), value))
-        .to_vec()
     }
 
     fn warn(&self, warnings: &[Problem]) {
@@ -334,26 +319,6 @@ impl Run<'_> {
             }
         }
     }
-}
-
-/// What the files could not hold.
-pub fn odd(oddities: &Oddities) -> Vec<Problem> {
-    let mut warnings = Vec::new();
-    if let Some(spot) = &oddities.first_non_finite {
-        let message = format!(
-            "{} pixels with a NaN or infinite value were written as 0 or 65504, the first at {spot}",
-            oddities.non_finite
-        );
-        warnings.push(Problem::new("", message).help("please report this with the scene"));
-    }
-    if let Some(spot) = &oddities.first_clamped {
-        let message = format!(
-            "{} pixels are brighter than a half can hold and were clamped to 65504 in the EXR, the first at {spot}",
-            oddities.clamped
-        );
-        warnings.push(Problem::new("", message).help("make the lights weaker, or write --float"));
-    }
-    warnings
 }
 
 fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {

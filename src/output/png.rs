@@ -26,22 +26,33 @@ pub fn write(
     film: &Film,
     tonemap: &Tonemap,
     transparent: bool,
+    fingerprint: Option<&str>,
     file: &mut impl Write,
     path: &Path,
 ) -> Result<()> {
     let bytes = tonemap::to_bytes(&film.pixels, tonemap, transparent);
-    encode(film, &bytes, transparent, tonemap.srgb, file, path)
+    let color = Color { alpha: transparent, srgb: tonemap.srgb };
+    encode(film, &bytes, color, fingerprint, file, path)
 }
 
-/// Writes 8-bit pixels of the film's data window: R, G, B and with `alpha` A; `srgb` or linear.
+/// What the bytes of a pixel mean.
+#[derive(Debug, Clone, Copy)]
+pub struct Color {
+    /// R, G, B, A instead of R, G, B.
+    pub alpha: bool,
+    /// sRGB-encoded instead of linear.
+    pub srgb: bool,
+}
+
+/// Writes 8-bit pixels of the film's data window.
 ///
 /// # Errors
 /// As [`write()`].
 pub fn encode(
     film: &Film,
     bytes: &[u8],
-    alpha: bool,
-    srgb: bool,
+    color: Color,
+    fingerprint: Option<&str>,
     file: &mut impl Write,
     path: &Path,
 ) -> Result<()> {
@@ -49,13 +60,17 @@ pub fn encode(
     let (width, height) = (film.window.width(), film.window.height());
     let mut encoder = Encoder::new(&mut buffered, width, height);
     encoder.set_depth(BitDepth::Eight);
-    encoder.set_color(match alpha {
+    encoder.set_color(match color.alpha {
         true => ColorType::Rgba,
         false => ColorType::Rgb,
     });
-    match srgb {
+    match color.srgb {
         true => encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric),
         false => encoder.set_source_gamma(ScaledFloat::new(1.0)),
+    }
+    if let Some(fingerprint) = fingerprint {
+        let text = encoder.add_text_chunk(super::FINGERPRINT.into(), fingerprint.into());
+        text.map_err(|error| png_error(path, error))?;
     }
     let written = encoder.write_header().and_then(|mut writer| {
         writer.write_image_data(bytes)?;

@@ -1,4 +1,4 @@
-//! What the program asks about mesh files: the one place that knows the PLY reader.
+//! Mesh files as the studio sees them: clouds of points.
 
 use std::path::Path;
 
@@ -14,40 +14,6 @@ use crate::{
 /// Reads a file; `no_mmap`: without mapping it into memory.
 pub fn read(path: &Path, repair: bool, no_mmap: bool) -> Result<Mesh> {
     mesh::read_ply(path, mesh::ReadOptions::default().repair(repair).mmap(!no_mmap))
-}
-
-/// What a header promises, within what the file's size allows.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Promise {
-    /// Bytes of vertex and index arrays.
-    pub array_bytes: u64,
-    /// Bytes of the vertex normals that the file does not have.
-    pub missing_normal_bytes: u64,
-    /// Triangles after splitting.
-    pub triangles: u64,
-}
-
-/// Bytes that one byte of gzip data can stand for; more for zstd, but not of a mesh.
-const MOST_PACKED: u64 = 1032;
-
-/// Reads the header alone.
-pub fn promise(path: &Path) -> Result<Promise> {
-    let summary = mesh::inspect_ply(path)?;
-    // The reader refuses a header that promises more rows than the file has bytes; a prediction
-    // must not choke on it first.
-    let most = match summary.packed {
-        None => summary.file_bytes,
-        Some(_) => summary.file_bytes.saturating_mul(MOST_PACKED),
-    };
-    let lies = summary.triangles.max(summary.vertices) > most;
-    Ok(match lies {
-        true => Promise::default(),
-        false => Promise {
-            array_bytes: summary.array_bytes,
-            missing_normal_bytes: if summary.normals { 0 } else { 12 * summary.vertices },
-            triangles: summary.triangles,
-        },
-    })
 }
 
 /// Whether a file is a mesh, by its name or its first bytes.
