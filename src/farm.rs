@@ -16,13 +16,7 @@ impl Chunks {
     /// Tasks of about `seconds`, of frames that take `frame_seconds` each, but at most `most` tasks. Tasks
     /// end where meshes (of `per_mesh` frames) end, or divide a mesh evenly, so that no task reads two
     /// meshes for the frames of one.
-    pub fn new(
-        frames: u64,
-        per_mesh: u64,
-        frame_seconds: f64,
-        seconds: f64,
-        most: u64,
-    ) -> Self {
+    pub fn new(frames: u64, per_mesh: u64, frame_seconds: f64, seconds: f64, most: u64) -> Self {
         let (frames, per_mesh) = (frames.max(1), per_mesh.max(1));
         // Saturates; a frame that takes no time makes one task.
         let wanted = ((seconds / frame_seconds).round() as u64).clamp(1, frames);
@@ -83,7 +77,8 @@ impl Slurm {
         let percent = self.at_a_time.map_or(String::new(), |n| format!("%{n}"));
         let mut text = self.head("", &[format!("--array=0-{last}{percent}"), "--requeue".into()]);
         let Chunks { frames, per_task } = self.chunks;
-        let (program, job, folder) = (quoted(&self.program), quoted(&self.job), quoted(&self.folder));
+        let (program, job, folder) =
+            (quoted(&self.program), quoted(&self.job), quoted(&self.folder));
         let _ = write!(
             text,
             "\n\
@@ -116,7 +111,8 @@ impl Slurm {
     /// The script of the job that follows: makes sure that all frames are there, writes the contact sheet.
     pub fn sheet(&self) -> String {
         let mut text = self.head("-sheet", &["--requeue".to_string()]);
-        let (program, job, folder) = (quoted(&self.program), quoted(&self.job), quoted(&self.folder));
+        let (program, job, folder) =
+            (quoted(&self.program), quoted(&self.job), quoted(&self.folder));
         let _ = write!(
             text,
             "\n# Renders what is still missing, if anything is.\n\
@@ -137,7 +133,8 @@ impl Slurm {
         let log = if suffix.is_empty() { "%A_%a" } else { "%j" };
         options.push(format!("--output={}/slurm/{log}.log", self.folder));
         options.extend_from_slice(&self.options);
-        let lines: String = options.iter().map(|option| format!("#SBATCH {}\n", sbatch(option))).collect();
+        let lines: String =
+            options.iter().map(|option| format!("#SBATCH {}\n", sbatch(option))).collect();
         format!("#!/bin/bash\n{lines}set -u\n")
     }
 }

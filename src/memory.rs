@@ -93,7 +93,8 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
 pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Prediction> {
     let pixels = u64::from(window.width()) * u64::from(window.height());
     let words = words as u64;
-    let film_bytes = pixels.saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES));
+    let film_bytes =
+        pixels.saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES));
     let mut sum = Prediction { film_bytes, ..Prediction::default() };
     let mut problems = Vec::new();
     for shape in &scene.shapes {

@@ -49,7 +49,8 @@ impl Renderer {
         for (name, material, mesh) in meshes {
             let of_name = |m: &scene::Material| m.name.as_deref() == Some(material);
             let Some(index) = scene.materials.iter().position(of_name) else {
-                let message = format!("found the material {material:?}, which the scene does not have");
+                let message =
+                    format!("found the material {material:?}, which the scene does not have");
                 return Err(Error::invalid(name, message));
             };
             // No file has this name: it begins with a NUL.

@@ -163,7 +163,10 @@ fn what_is_missing_or_double_is_named() {
     render(&scratch, "a", &["--samples", "0..10"]);
     render(&scratch, "b", &["--samples", "8..20"]);
     let done = merge(&scratch, &["a.exr", "b.exr"], &[]);
-    refused(&done, &["b.exr: samples 8..10 of 24", "also in a.exr", "missing: samples 20..24 of 24"]);
+    refused(
+        &done,
+        &["b.exr: samples 8..10 of 24", "also in a.exr", "missing: samples 20..24 of 24"],
+    );
     assert!(!scratch.names().iter().any(|name| name.starts_with("merged")));
 }
 

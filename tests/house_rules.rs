@@ -120,7 +120,9 @@ fn the_library_neither_prints_nor_exits() {
     let mut files = Vec::new();
     list(&src, &mut files);
     let of_program = |file: &Path| file.starts_with(src.join("cli")) || file == src.join("main.rs");
-    assert!(files.iter().any(|file| of_program(file)) && files.iter().any(|file| !of_program(file)));
+    assert!(
+        files.iter().any(|file| of_program(file)) && files.iter().any(|file| !of_program(file))
+    );
     let mut complaints = Vec::new();
     for file in files.iter().filter(|file| !of_program(file)) {
         let text = fs::read_to_string(file).expect("a source file");
@@ -131,7 +133,8 @@ fn the_library_neither_prints_nor_exits() {
         }
     }
     assert!(complaints.is_empty(), "only src/cli may do this:\n{}\n", complaints.join("\n"));
-    let caught = ["  println!(\"x\");", "std::process::exit(1)", "let e = io::stderr();", "dbg!(x)"];
+    let caught =
+        ["  println!(\"x\");", "std::process::exit(1)", "let e = io::stderr();", "dbg!(x)"];
     assert!(caught.iter().all(|line| prints_or_exits(line).is_some()));
     assert_eq!(prints_or_exits("// println!(\"x\")"), None);
 }
@@ -139,8 +142,16 @@ fn the_library_neither_prints_nor_exits() {
 fn prints_or_exits(line: &str) -> Option<&'static str> {
     let code = line.split("//").next().unwrap_or_default();
     let words = [
-        "println!", "eprintln!", "print!", "eprint!", "dbg!", "process::exit", "process::abort", "stdout()",
-        "stderr()", "panic::set_hook",
+        "println!",
+        "eprintln!",
+        "print!",
+        "eprint!",
+        "dbg!",
+        "process::exit",
+        "process::abort",
+        "stdout()",
+        "stderr()",
+        "panic::set_hook",
     ];
     words.into_iter().find(|word| code.contains(word))
 }

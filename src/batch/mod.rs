@@ -26,7 +26,10 @@ pub use job::{Flags, Input, Job};
 pub use journal::{FrameRecord, MeshRecord, Record};
 pub use names::Pattern;
 pub use plan::{Task, index, tasks};
+pub use scene::predict;
 pub use status::{Event, Status};
+
+pub use journal::read as journal;
 
 use std::{ops::Range, path::PathBuf, sync::atomic::Ordering::Relaxed};
 

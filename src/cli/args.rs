@@ -14,12 +14,13 @@ use crate::{
 use super::layers;
 
 pub use super::batch_args::BatchArgs;
-pub use super::merge::MergeArgs;
-pub use super::split::SplitArgs;
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, CrosscheckArgs};
+pub use super::merge::MergeArgs;
 pub use super::names::{
     Axis, BackendName, CompressionName, IsaName, ProgressMode, SchemaName, ToneName,
 };
+pub use super::split::SplitArgs;
+pub use super::submit::SubmitArgs;
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \
@@ -76,6 +77,9 @@ pub enum Command {
     /// Make one picture of its parts: the same bytes as by one render
     #[command(after_help = EXIT_CODES)]
     Merge(MergeArgs),
+    /// Hand a batch to a cluster
+    #[command(after_help = EXIT_CODES)]
+    Submit(SubmitArgs),
     /// Print the JSON Schema of scene files, or of the job files of `batch`
     Schema {
         /// Of which files

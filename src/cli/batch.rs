@@ -144,7 +144,7 @@ fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<Options> {
 }
 
 /// The job that flags and file ask for, and the file's limits.
-fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
+pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
     if args.scene.crop.is_some() {
         let message = "found with `batch`, expected with `render`";
         return Err(Error::invalid("--crop", message));
@@ -169,6 +169,14 @@ fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         no_mmap: args.mesh.no_mmap,
     };
     Ok((Job::check(file, &base, flags)?, limits))
+}
+
+/// Whether the only input is a job file.
+///
+/// # Errors
+/// A file that cannot be read as JSON.
+pub fn is_job(path: &Path) -> Result<bool> {
+    Ok(job_file(path)?.is_some())
 }
 
 /// A file with a list of inputs is a job.

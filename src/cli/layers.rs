@@ -180,10 +180,7 @@ impl Manifest {
 ///
 /// # Errors
 /// A name that no EXR attribute can hold.
-pub fn manifests(
-    attributes: &mut [(String, String)],
-    prefix: &Path,
-) -> Result<Vec<Manifest>> {
+pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<Vec<Manifest>> {
     let mut found = Vec::new();
     for index in 0..attributes.len() {
         let Some(key) = attributes[index].0.strip_suffix("/manifest").map(str::to_string) else {
@@ -206,8 +203,7 @@ pub fn manifests(
 fn file_name(path: &Path) -> Result<String> {
     path.file_name().and_then(|name| name.to_str()).map(str::to_string).ok_or_else(|| {
         let message = "found a name that is not UTF-8, which the EXR cannot hold";
-        Error::invalid(path.display().to_string(), message)
-            .help("choose another name: -o PREFIX")
+        Error::invalid(path.display().to_string(), message).help("choose another name: -o PREFIX")
     })
 }
 

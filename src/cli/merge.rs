@@ -78,9 +78,8 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let progress = Progress::start(mode, render_progress::meter(&monitor));
 
     let name = &part.files.compression;
-    let compression = CompressionName::from_str(name, false).map_err(|_| {
-        Error::invalid("parts", format!("found the unknown compression {name:?}"))
-    })?;
+    let compression = CompressionName::from_str(name, false)
+        .map_err(|_| Error::invalid("parts", format!("found the unknown compression {name:?}")))?;
     let Some(tonemap) = part.files.curve() else {
         return Err(Error::invalid("parts", "found an unknown tone curve"));
     };

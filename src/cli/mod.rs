@@ -38,6 +38,7 @@ mod shell;
 mod signals;
 mod split;
 mod stats;
+mod submit;
 mod version;
 
 pub use args::{Arguments, Command};
@@ -89,6 +90,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Accuracy(args)) => accuracy::run(args),
         Some(Command::Compare(args)) => compare::run(args),
         Some(Command::Merge(args)) => merge::run(args),
+        Some(Command::Submit(args)) => submit::run(args),
         Some(Command::Schema { of }) => schema::run(*of),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),

@@ -1,10 +1,6 @@
 //! `lightpath render`: the stations of the data flow in a row, with a clock between them.
 
-use std::{
-    path::PathBuf,
-    sync::Arc,
-    time::Instant,
-};
+use std::{path::PathBuf, sync::Arc, time::Instant};
 
 use serde_json::json;
 
@@ -78,7 +74,13 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let words = piece.channels().len();
     let budget = args.machine.max_memory.map(|limit| {
         pool.install(|| {
-            Budget::check(limit, &job.loaded.scene, (piece.window, words), threads, args.machine.embree())
+            Budget::check(
+                limit,
+                &job.loaded.scene,
+                (piece.window, words),
+                threads,
+                args.machine.embree(),
+            )
         })
     });
     let budget = budget.transpose()?;

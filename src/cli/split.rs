@@ -19,7 +19,9 @@ use super::{
 
 /// Flags for pieces of a picture.
 #[derive(Debug, Default, Clone, Args)]
-#[command(next_help_heading = "Parts (`lightpath merge` makes one picture of them, with the same bytes)")]
+#[command(
+    next_help_heading = "Parts (`lightpath merge` makes one picture of them, with the same bytes)"
+)]
 pub struct SplitArgs {
     /// Only part I of N, from 1: a band of rows of the frame or the --crop
     #[arg(long, value_name = "I/N", value_parser = parse_tile)]
@@ -49,7 +51,8 @@ fn parse_tile(text: &str) -> std::result::Result<[u32; 2], String> {
 
 /// `16..32` -> [16, 32].
 pub fn parse_range(text: &str) -> std::result::Result<[u32; 2], String> {
-    let expected = || "expected A..B with A < B, from 0 and without B, for example 16..32".to_string();
+    let expected =
+        || "expected A..B with A < B, from 0 and without B, for example 16..32".to_string();
     let (a, b) = text.split_once("..").ok_or_else(expected)?;
     let number = |text: &str| text.parse().map_err(|_| expected());
     let [a, b]: [u32; 2] = [number(a)?, number(b)?];
@@ -94,7 +97,9 @@ impl Piece {
         let samples = match split.samples {
             Some([a, b]) if b > spp => {
                 let message = format!("found {a}..{b}, expected samples within 0..{spp}");
-                return Err(Error::invalid("--samples", message).help("--of N for a picture of N samples"));
+                return Err(
+                    Error::invalid("--samples", message).help("--of N for a picture of N samples")
+                );
             }
             Some([a, b]) => a..b,
             None => 0..spp,
@@ -157,7 +162,8 @@ impl Piece {
             files,
             recipe: self.recipe.clone(),
         };
-        let text = serde_json::to_string(&part).map_err(|e| Error::invalid("--part", e.to_string()))?;
+        let text =
+            serde_json::to_string(&part).map_err(|e| Error::invalid("--part", e.to_string()))?;
         Ok(Some((part::ATTRIBUTE.to_string(), text)))
     }
 }

@@ -131,9 +131,6 @@ mod tests {
             Fault { window: window(0, 8, 10, 10), samples: 1..2, twice: Some([2, 3]) },
         ];
         assert_eq!(faults(&pieces, whole, 4), expected);
-        assert_eq!(
-            faults(&[], whole, 4),
-            [Fault { window: whole, samples: 0..4, twice: None }]
-        );
+        assert_eq!(faults(&[], whole, 4), [Fault { window: whole, samples: 0..4, twice: None }]);
     }
 }

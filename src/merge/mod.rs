@@ -66,7 +66,8 @@ impl Parts {
             return Err(Error { kind: Kind::Invalid, problems });
         }
         let part = first.part.clone();
-        let pieces = open.iter().map(|o| Piece { window: o.reader.window, samples: o.part.samples() });
+        let pieces =
+            open.iter().map(|o| Piece { window: o.reader.window, samples: o.part.samples() });
         let faults = cover::faults(&pieces.collect::<Vec<_>>(), part.whole(), part.of);
         if !faults.is_empty() {
             let named = faults.iter().take(NAMED).map(|fault| named(fault, &open, &part));
@@ -106,10 +107,12 @@ impl Parts {
         let mut film = Blank::new(frame, whole, part.recipe.channels.clone())?.film();
         let width = whole.width() as usize;
         let stride = part.recipe.channels.len();
-        let row_bytes = |open: &Open| open.reader.channels.len() * 4 * open.reader.window.width() as usize;
+        let row_bytes =
+            |open: &Open| open.reader.channels.len() * 4 * open.reader.window.width() as usize;
         let bytes: usize = self.open.iter().map(row_bytes).sum();
         let height = (BAND_BYTES / bytes.max(1)).clamp(16, 1 << 16) / 16 * 16;
-        let (mut pixels, mut words) = (film.pixels.as_mut_slice(), film.planes.words.as_mut_slice());
+        let (mut pixels, mut words) =
+            (film.pixels.as_mut_slice(), film.planes.words.as_mut_slice());
         let mut y0 = whole.y0;
         while y0 < whole.y1 {
             let y1 = whole.y1.min(y0.saturating_add(height as u32));
@@ -192,22 +195,26 @@ impl Open {
         let name = path.display().to_string();
         let reader = Reader::open(path)?;
         let Some(text) = reader.attribute(part::ATTRIBUTE) else {
-            let message = format!("found no attribute {}, expected a part of a picture", part::ATTRIBUTE);
-            return Err(Error::invalid(name, message)
-                .help("parts are made by `lightpath render` with --tile, --samples, --part or --crop"));
+            let message =
+                format!("found no attribute {}, expected a part of a picture", part::ATTRIBUTE);
+            return Err(Error::invalid(name, message).help(
+                "parts are made by `lightpath render` with --tile, --samples, --part or --crop",
+            ));
         };
         let part: Part = serde_json::from_str(text).map_err(|error| {
-            let message = format!("found a {} that this version cannot read: {error}", part::ATTRIBUTE);
+            let message =
+                format!("found a {} that this version cannot read: {error}", part::ATTRIBUTE);
             Error::invalid(&name, message)
         })?;
         if let Some(problem) = part.problem(reader.frame, reader.window) {
             return Err(Error::invalid(name, format!("found a damaged part: {problem}")));
         }
         let raw = part.raw();
-        let index = |name: &str| {
-            reader.channels.binary_search_by(|c| c.name.as_str().cmp(name)).ok()
+        let index =
+            |name: &str| reader.channels.binary_search_by(|c| c.name.as_str().cmp(name)).ok();
+        let damaged = || {
+            Error::invalid(&name, "found a damaged part: its channels are not those of its layers")
         };
-        let damaged = || Error::invalid(&name, "found a damaged part: its channels are not those of its layers");
         let expected: Vec<Channel> = match &raw {
             // Counted before they are made: the file may lie.
             Some(raw) if raw.words() + BEAUTY != reader.channels.len() => return Err(damaged()),
@@ -223,7 +230,8 @@ impl Open {
         let beauty = ["R", "G", "B", "A"].map(index);
         let [Some(r), Some(g), Some(b), Some(a)] = beauty else { return Err(damaged()) };
         let beauty = [r, g, b, a];
-        let Some(words) = words.filter(|words| words.len() + BEAUTY == reader.channels.len()) else {
+        let Some(words) = words.filter(|words| words.len() + BEAUTY == reader.channels.len())
+        else {
             return Err(damaged());
         };
         Ok(Self { name, reader, part, raw, beauty, words })
@@ -239,7 +247,8 @@ impl Open {
             // Those that say most come first.
             [software].into_iter().chain(own).collect()
         };
-        let print = |fingerprint: &Option<String>| fingerprint.clone().unwrap_or_else(|| "none".into());
+        let print =
+            |fingerprint: &Option<String>| fingerprint.clone().unwrap_or_else(|| "none".into());
         let window = |[x0, y0, x1, y1]: [u32; 4]| format!("x {x0}..{x1}, y {y0}..{y1}");
         let size = |frame: [u32; 2]| format!("{} x {}", frame[0], frame[1]);
         let mut facts = vec![
@@ -247,7 +256,11 @@ impl Open {
             ("--of".to_string(), b.of.to_string(), a.of.to_string()),
             ("picture".to_string(), window(b.whole), window(a.whole)),
             ("fingerprint".to_string(), print(&b.fingerprint), print(&a.fingerprint)),
-            ("way of writing files".to_string(), format!("{:?}", b.files), format!("{:?}", a.files)),
+            (
+                "way of writing files".to_string(),
+                format!("{:?}", b.files),
+                format!("{:?}", a.files),
+            ),
         ];
         let (theirs, ours) = (texts(other), texts(self));
         for (name, value) in &theirs {
@@ -265,10 +278,8 @@ impl Open {
         let layers = |part: &Part| format!("{:?}", part.recipe);
         facts.push(("layers".to_string(), layers(b), layers(a)));
         let (what, found, expected) = facts.into_iter().find(|(_, found, known)| found != known)?;
-        let message = format!(
-            "found another {what}: {found}, expected {expected} as in {}",
-            self.name
-        );
+        let message =
+            format!("found another {what}: {found}, expected {expected} as in {}", self.name);
         let help = match what.as_str() {
             "lightpath:backend" => {
                 "processors of different kinds give different last bits: render all parts on one kind"
@@ -294,9 +305,8 @@ fn named(fault: &Fault, open: &[Open], part: &Part) -> Problem {
         }
         None => {
             let tiles = open.iter().find_map(|open| open.part.tile).map(|[_, n]| n);
-            let is_tile = |n: &u32| {
-                (1..=*n).find(|&i| part::band(part.whole(), i, *n) == fault.window)
-            };
+            let is_tile =
+                |n: &u32| (1..=*n).find(|&i| part::band(part.whole(), i, *n) == fault.window);
             let tile = tiles.and_then(|n| Some(format!(" (--tile {}/{n})", is_tile(&n)?)));
             let message = format!("missing: {what}{}", tile.unwrap_or_default());
             Problem::new("parts", message).help("render them, and merge again with their file")

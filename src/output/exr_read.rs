@@ -8,7 +8,11 @@ use std::{
 };
 
 use exr::{
-    block::{UncompressedBlock, chunk::Chunk, reader::{ChunksReader, Reader as Blocks}},
+    block::{
+        UncompressedBlock,
+        chunk::Chunk,
+        reader::{ChunksReader, Reader as Blocks},
+    },
     compression::Compression,
     error::Error as ExrError,
     meta::{BlockDescription, attribute::AttributeValue, attribute::SampleType},
@@ -160,8 +164,11 @@ impl Reader {
         let meta = chunks.meta_data().clone();
         let chunks = chunks.collect::<std::result::Result<Vec<Chunk>, _>>().map_err(failed)?;
         let decompress = |chunk: Chunk| UncompressedBlock::decompress_chunk(chunk, &meta, true);
-        let blocks: Vec<UncompressedBlock> =
-            chunks.into_par_iter().map(decompress).collect::<std::result::Result<_, _>>().map_err(failed)?;
+        let blocks: Vec<UncompressedBlock> = chunks
+            .into_par_iter()
+            .map(decompress)
+            .collect::<std::result::Result<_, _>>()
+            .map_err(failed)?;
         let (stride, width) = (self.channels.len(), window.width() as usize);
         let mut words = vec![0; (end - first) * width * stride];
         let mut seen = vec![false; end - first];
@@ -175,10 +182,18 @@ impl Reader {
     }
 
     /// Copies the lines of a block.
-    fn unpack(&self, block: &UncompressedBlock, first: usize, seen: &mut [bool], words: &mut [u32]) {
+    fn unpack(
+        &self,
+        block: &UncompressedBlock,
+        first: usize,
+        seen: &mut [bool],
+        words: &mut [u32],
+    ) {
         let (stride, width) = (self.channels.len(), self.window.width() as usize);
         let mut bytes = block.data.as_slice();
-        for line in block.index.pixel_position.1..block.index.pixel_position.1 + block.index.pixel_size.1 {
+        for line in
+            block.index.pixel_position.1..block.index.pixel_position.1 + block.index.pixel_size.1
+        {
             let row = line.checked_sub(first).filter(|row| *row < seen.len());
             for (c, channel) in self.channels.iter().enumerate() {
                 let size = if channel.kind == ChannelKind::Half { 2 } else { 4 };
