@@ -4,6 +4,8 @@ SCENE  ?= scenes/still-life.json
 OUT    ?= out/$(basename $(notdir $(SCENE)))
 PREFIX ?= /usr/local
 ARGS   ?=
+# Embree that `install` copies, if it is there.
+EMBREE ?= vendor/embree
 
 CARGO_TARGET_DIR ?= target
 BINARY := $(CARGO_TARGET_DIR)/release/lightpath
@@ -49,11 +51,11 @@ docs: setup ## the API documentation, no warnings
 # Not `install: build`: `sudo make install` must not compile as root.
 install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, completions to PREFIX
 	install -D -m 755 $(BINARY) $(DESTDIR)$(PREFIX)/bin/lightpath
-	@if [ -d vendor/embree ]; then \
+	@if [ -d "$(EMBREE)" ]; then \
 	    set -ex; \
 	    install -d -m 755 $(DESTDIR)$(PREFIX)/lib/lightpath; \
-	    install -m 644 vendor/embree/lib*-*.so.* $(DESTDIR)$(PREFIX)/lib/lightpath; \
-	    cp -P vendor/embree/libembree4.so.4 $(DESTDIR)$(PREFIX)/lib/lightpath; \
+	    install -m 644 $(EMBREE)/lib*-*.so.* $(DESTDIR)$(PREFIX)/lib/lightpath; \
+	    cp -P $(EMBREE)/libembree4.so.4 $(DESTDIR)$(PREFIX)/lib/lightpath; \
 	fi
 	install -d -m 755 $(addprefix $(DESTDIR)$(PREFIX)/share/, doc/lightpath man/man1 \
 	    bash-completion/completions zsh/site-functions fish/vendor_completions.d)

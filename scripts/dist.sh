@@ -5,7 +5,8 @@
 #                                          else carries the Embree of vendor/embree in /usr/lib/lightpath
 #   lightpath-VERSION-ARCH-linux.tar.xz    one folder that runs wherever it lies, with Embree if that is vendored
 #
-# Both are made of `make install`, and the same sources give the same bytes. Needs dpkg-deb and xz.
+# With EMBREE=none neither carries Embree: a package for Debian 13 made on Debian 12. Both are made of
+# `make install`, and the same program gives the same bytes. Needs dpkg-deb and xz.
 set -eu
 cd "$(dirname "$0")/.."
 export LC_ALL=C
@@ -22,7 +23,9 @@ umask 022
 mkdir -p "$dist"
 
 say() { printf 'dist: %s\n' "$*"; }
-install_to() { make --no-print-directory install DESTDIR="$1" PREFIX="$2" >/dev/null; }
+install_to() {
+    make --no-print-directory install DESTDIR="$1" PREFIX="$2" EMBREE="${EMBREE:-vendor/embree}" >/dev/null
+}
 same_times() { find "$1" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +; }
 
 # --------------------------------------------------------------------------------------------------------

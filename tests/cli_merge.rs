@@ -253,3 +253,42 @@ fn flags_are_checked() {
     refused(&done, &["--png-layer", "\"Z\""]);
     assert_eq!(scratch.names(), ["s.json", "t1.exr", "t1.png"]);
 }
+
+#[test]
+fn parts_that_no_other_run_makes_again_are_refused() {
+    use lightpath::film::{Film, Window};
+    use lightpath::merge::{Files, Part, part};
+    use lightpath::output::exr;
+
+    let scratch = scratch();
+    let scene = lightpath::Scene::from_json(SCENE).unwrap();
+    let film = Film::new([4, 4], Window::full(4, 4)).unwrap();
+    let part = Part {
+        fingerprint: None,
+        whole: [0, 0, 4, 4],
+        tile: None,
+        samples: [0, 1],
+        of: 1,
+        exact: true,
+        files: Files::new(&scene.tonemap),
+        recipe: Default::default(),
+    };
+    let said = (part::ATTRIBUTE.to_string(), serde_json::to_string(&part).unwrap());
+    for (reproducible, code) in [("yes", 0), ("no", 2)] {
+        let attributes =
+            [said.clone(), ("lightpath:reproducible".to_string(), reproducible.to_string())];
+        let options = exr::Options { attributes: &attributes, ..exr::Options::default() };
+        let path = scratch.path("part.exr");
+        let mut file = std::fs::File::options()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(true)
+            .open(&path)
+            .unwrap();
+        exr::write(&film, &options, &mut file, &path).unwrap();
+        let done = merge(&scratch, &["part.exr"], &[]);
+        assert_eq!(done.code(), code, "{}", done.stderr());
+        assert_eq!(done.stderr().contains("another run"), code == 2, "{}", done.stderr());
+    }
+}

@@ -22,6 +22,8 @@ pub use self::part::{Files, Part};
 
 /// Bytes of the parts' rows that are held at a time, about.
 const BAND_BYTES: usize = 128 << 20;
+/// The attribute by which a render says that another run gives other pixels.
+const UNREPRODUCIBLE: &str = "lightpath:reproducible";
 /// How many faults a message names.
 const NAMED: usize = 20;
 
@@ -209,6 +211,12 @@ impl Open {
         if let Some(problem) = part.problem(reader.frame, reader.window) {
             return Err(Error::invalid(name, format!("found a damaged part: {problem}")));
         }
+        if reader.attribute(UNREPRODUCIBLE).is_some_and(|said| said != "yes") {
+            let message =
+                "found a part that another run would not make again, expected all parts to be";
+            return Err(Error::invalid(name, format!("{message} of one sequence of samples"))
+                .help("render it without a limit of time"));
+        }
         let raw = part.raw();
         let index =
             |name: &str| reader.channels.binary_search_by(|c| c.name.as_str().cmp(name)).ok();
@@ -217,7 +225,9 @@ impl Open {
         };
         let expected: Vec<Channel> = match &raw {
             // Counted before they are made: the file may lie.
-            Some(raw) if raw.words() + BEAUTY != reader.channels.len() => return Err(damaged()),
+            Some(raw) if raw.words().checked_add(BEAUTY) != Some(reader.channels.len()) => {
+                return Err(damaged());
+            }
             Some(raw) => raw.channels(),
             None => part.recipe.channels.clone(),
         };

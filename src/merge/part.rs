@@ -117,6 +117,9 @@ impl Part {
         if first >= end || end > self.of {
             return Some("its samples are not within those of the whole picture");
         }
+        if self.tile.is_some_and(|[i, n]| i < 1 || i > n || n > whole.height()) {
+            return Some("there is no such tile");
+        }
         if !self.recipe.is_sound() {
             return Some("its layers are not among its channels");
         }
