@@ -133,7 +133,7 @@ fn a_cluster_that_loses_nodes_loses_no_frame() {
         return skipped("the cluster test: not root", "run the tests as root");
     }
     let cluster = Cluster { folder: tempfile::tempdir().unwrap() };
-    let scratch = scratch("320x240", 64);
+    let scratch = scratch("320x240", 16);
     cluster.ok(&["up", "3", "2"]);
     let mut command = scratch.command(&[
         "submit",

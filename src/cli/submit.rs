@@ -15,6 +15,7 @@ use crate::{
     farm::{Chunks, Slurm},
     output::atomic::TextFile,
     paths,
+    scene::{Light, LightKind},
     units::{self, parse_bytes},
 };
 
@@ -96,8 +97,8 @@ fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
 
 /// Rays of a thread in a second, and triangles that it reads and builds: docs/scaling.md has where they
 /// come from. They only decide how many frames a task gets.
-const RAYS_PER_SECOND: f64 = 2e6;
-const TRIANGLES_PER_SECOND: f64 = 1e6;
+const RAYS_PER_SECOND: f64 = 5e6;
+const TRIANGLES_PER_SECOND: f64 = 1.8e6;
 
 /// Writes the scripts, and submits them unless told not to.
 pub fn run(args: &SubmitArgs) -> Result<()> {
@@ -238,7 +239,11 @@ impl Needs {
             needs.memory = needs.memory.max(peak);
             if needs.frame_seconds == 0.0 {
                 let pixels = f64::from(scene.camera.width) * f64::from(scene.camera.height);
-                let lights = scene.lights.len() as f64;
+                let points = |light: &Light| match light.kind {
+                    LightKind::Point { .. } => 1.0,
+                    LightKind::Area { samples, .. } => f64::from(samples),
+                };
+                let lights: f64 = scene.lights.iter().map(points).sum();
                 let rays = pixels * f64::from(scene.spp) * (1.0 + lights);
                 let triangles = prediction.primitives as f64 / f64::from(job.frames());
                 let alone = rays / RAYS_PER_SECOND + triangles / TRIANGLES_PER_SECOND;
