@@ -61,7 +61,7 @@ impl Run<'_> {
         for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
             self.tidy(&Outputs::names(&prefix));
         }
-        self.kept(input, task, &kept).inspect_err(|error| self.end(error.clone()))?;
+        self.kept(input, kept).inspect_err(|error| self.end(error.clone()))?;
         if frames.is_empty() {
             return Ok(());
         }

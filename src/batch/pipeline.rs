@@ -29,7 +29,7 @@ use super::{
     gate::{Memory, Turns},
     job::Job,
     journal::{Journal, Record},
-    plan::{self, Task},
+    plan::Task,
     scene,
     status::{Event, Status},
 };
@@ -202,13 +202,12 @@ impl Run<'_> {
     }
 
     /// Frames of an input that stay as they are.
-    pub fn kept(&self, input: &str, task: &Task, frames: &[u32]) -> Result<()> {
-        for &frame in frames {
-            let index = plan::index(self.job.frames(), task.input, frame);
-            self.journal.add(&Record::Kept { index, input: input.to_string(), frame })?;
-        }
+    pub fn kept(&self, input: &str, frames: Vec<u32>) -> Result<()> {
         self.status.kept.fetch_add(frames.len() as u64, Relaxed);
-        Ok(())
+        match frames.is_empty() {
+            true => Ok(()),
+            false => self.journal.add(&Record::Kept { input: input.to_string(), frames }),
+        }
     }
 
     /// An input or one of its frames failed: the others go on.
