@@ -105,7 +105,7 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
         false => summary.missing.join(", "),
     };
     report.add("missing", json!(summary.missing), format!("missing: {missing}"));
-    if let Some(texture) = &summary.texture_file {
+    if let Some(texture) = summary.texture_files.first() {
         report.add("texture_file", json!(texture), format!("texture: {texture}"));
     }
     if let Some(prediction) = prediction(path) {

@@ -132,16 +132,10 @@ pub fn saved(job: &Job, target: &Path) -> Result<String> {
     };
     description.scene.materials.values_mut().try_for_each(material)?;
     for shape in &mut description.scene.shapes {
-        let used = match shape {
-            written::Shape::Sphere(s) => &mut s.material,
-            written::Shape::Plane(s) => &mut s.material,
-            written::Shape::Triangle(s) => &mut s.material,
-            written::Shape::TriMesh(s) => {
-                move_path(&mut s.path.0)?;
-                &mut s.material
-            }
-        };
-        if let written::MaterialUse::Inline(inline) = used {
+        if let written::Shape::TriMesh(mesh) = shape {
+            move_path(&mut mesh.path.0)?;
+        }
+        if let written::MaterialUse::Inline(inline) = shape.material_mut() {
             material(inline)?;
         }
     }

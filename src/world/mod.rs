@@ -1,6 +1,7 @@
 //! [`Scene`] -> [`World`]: meshes and textures loaded, everything relative to one f64 origin.
 
 mod bounds;
+mod fingerprint;
 mod place;
 mod resolution;
 mod textures;
@@ -21,6 +22,7 @@ use crate::shading::{Emitter, Light, Owner, Shape, Shapes, UvSource};
 use self::place::{LARGEST, PlacedMesh};
 
 pub use self::bounds::Bounds;
+pub use self::fingerprint::{Contents, fingerprint};
 pub use self::place::placement;
 pub use self::resolution::{Resolution, ulp};
 

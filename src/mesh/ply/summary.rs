@@ -76,8 +76,8 @@ pub struct PlySummary {
     pub colors: Option<&'static str>,
     /// What a mesh could have and this one has not: `normals`, `texture coordinates`, `colours`.
     pub missing: Vec<&'static str>,
-    /// `comment TextureFile NAME`, the first one.
-    pub texture_file: Option<String>,
+    /// `comment TextureFile NAME`, all of them.
+    pub texture_files: Vec<String>,
     /// Bytes of the arrays of the mesh, by the numbers above.
     pub array_bytes: u64,
 }
@@ -121,7 +121,7 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
             ColorType::F32 => "float",
         }),
         missing: missing(&plan.vertex, corner_uvs),
-        texture_file: header.texture_files.into_iter().next(),
+        texture_files: header.texture_files,
         used: plan.used,
         ignored: plan.ignored,
         array_bytes,

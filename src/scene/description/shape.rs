@@ -29,6 +29,16 @@ impl Shape {
             Self::TriMesh(s) => (&s.name, &s.material),
         }
     }
+
+    /// Its material, to change it.
+    pub fn material_mut(&mut self) -> &mut MaterialUse {
+        match self {
+            Self::Sphere(s) => &mut s.material,
+            Self::Plane(s) => &mut s.material,
+            Self::Triangle(s) => &mut s.material,
+            Self::TriMesh(s) => &mut s.material,
+        }
+    }
 }
 
 /// A sphere.

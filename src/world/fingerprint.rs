@@ -1,0 +1,134 @@
+//! What a picture is made of, as one hash: equal for two renders that ask for the same pixels, whatever
+//! their files are called and wherever they lie.
+
+use std::{
+    collections::{BTreeSet, HashMap},
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+use sha2::{Digest, Sha256};
+
+use crate::{
+    error::{Error, Result},
+    mesh,
+    scene::{
+        Layer, Loaded, Material, ShapeKind,
+        written::{self, MaterialUse, Name, Shape},
+    },
+};
+
+/// Contents of files by SHA-256. Each file is read once, so that frames of a batch can share it.
+#[derive(Debug, Default)]
+pub struct Contents {
+    /// `None`: a pipe, whose bytes come only once.
+    known: HashMap<PathBuf, Option<String>>,
+}
+
+impl Contents {
+    /// The SHA-256 (hexadecimal) of a file; `None` if it cannot be read twice.
+    fn of(&mut self, path: &Path) -> Result<Option<String>> {
+        if let Some(known) = self.known.get(path) {
+            return Ok(known.clone());
+        }
+        let read = || match std::fs::metadata(path)?.is_file() {
+            true => hash_file(path).map(Some),
+            false => Ok(None),
+        };
+        let found = read().map_err(|error| Error::io(path, "read", &error))?;
+        self.known.insert(path.to_owned(), found.clone());
+        Ok(found)
+    }
+
+    /// The same of a mesh and of the images that it names itself.
+    fn of_mesh(&mut self, path: &Path) -> Result<Option<String>> {
+        let Some(mut all) = self.of(path)? else { return Ok(None) };
+        for name in mesh::inspect_ply(path)?.texture_files {
+            let image = path.parent().unwrap_or(Path::new("")).join(name);
+            if image.is_file() {
+                all += &self.of(&image)?.unwrap_or_default();
+            }
+        }
+        Ok(Some(all))
+    }
+}
+
+/// The SHA-256 (hexadecimal) of everything that decides a picture's pixels: the resolved scene as JSON
+/// with its overrides, the contents of its meshes and textures in place of their names, and whether
+/// meshes are repaired. The crop, the sample range and the machine are not part of it: pieces of one
+/// picture share it. `None` where a mesh comes through a pipe.
+///
+/// # Errors
+/// Files that cannot be read.
+pub fn fingerprint(
+    loaded: &Loaded,
+    repair: bool,
+    contents: &mut Contents,
+) -> Result<Option<String>> {
+    let scene = &loaded.scene;
+    let mut description = loaded.description.clone();
+    let layers = scene.layers.iter().map(|layer| Name(layer.name(&scene.light_groups)));
+    description.output.layers = layers.collect();
+    let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
+    let mattes = scene.layers.iter().any(mattes);
+
+    let used: BTreeSet<usize> = scene.shapes.iter().map(|shape| shape.material).collect();
+    let used = || used.iter().map(|&index| &scene.materials[index]);
+    description.scene.materials.retain(|key, _| used().any(|m| m.name.as_ref() == Some(key)));
+    for (key, material) in &mut description.scene.materials {
+        let checked = used().find(|m| m.name.as_ref() == Some(key));
+        if !replace_texture(material, checked, contents)? {
+            return Ok(None);
+        }
+    }
+    for (shape, checked) in description.scene.shapes.iter_mut().zip(&scene.shapes) {
+        if let (Shape::TriMesh(mesh), ShapeKind::Trimesh(spec)) = (&mut *shape, &checked.kind) {
+            let Some(mut hash) = contents.of_mesh(&spec.path)? else { return Ok(None) };
+            // Mattes of meshes without a name are called by the file.
+            if let (true, None, Some(stem)) = (mattes, &mesh.name, spec.path.file_stem()) {
+                hash += &stem.to_string_lossy();
+            }
+            mesh.path = Name(hash);
+        }
+        if let MaterialUse::Inline(material) = shape.material_mut() {
+            let checked = scene.materials.get(checked.material);
+            if !replace_texture(material, checked, contents)? {
+                return Ok(None);
+            }
+        }
+    }
+    let mut hash = Sha256::new();
+    hash.update(description.to_json().to_string());
+    hash.update([u8::from(repair)]);
+    Ok(Some(hexadecimal(&hash.finalize())))
+}
+
+/// Puts a hash in the place of a material's image; `false` if there is none to be had.
+fn replace_texture(
+    written: &mut written::Material,
+    checked: Option<&Material>,
+    contents: &mut Contents,
+) -> Result<bool> {
+    if let Some(texture) = checked.and_then(|material| material.texture.as_ref()) {
+        written.texture_path = contents.of(&texture.path)?.map(Name);
+        return Ok(written.texture_path.is_some());
+    }
+    Ok(true)
+}
+
+fn hash_file(path: &Path) -> std::io::Result<String> {
+    let mut file = File::open(path)?;
+    let mut hash = Sha256::new();
+    let mut some = vec![0; 1 << 18];
+    loop {
+        match file.read(&mut some)? {
+            0 => return Ok(hexadecimal(&hash.finalize())),
+            count => hash.update(&some[..count]),
+        }
+    }
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
