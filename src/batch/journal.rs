@@ -95,8 +95,8 @@ pub struct FrameRecord {
     pub outputs: Vec<PathBuf>,
     /// Why a frame that was there was rendered again.
     pub again: Option<String>,
-    /// What it was made of.
-    pub fingerprint: String,
+    /// What it was made of, if that can be known.
+    pub fingerprint: Option<String>,
     /// Wall-clock seconds of its rays.
     pub render_s: f64,
     /// Wall-clock seconds of its files.

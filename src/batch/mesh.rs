@@ -56,8 +56,7 @@ impl Run<'_> {
         let began = Instant::now();
         let job = self.job;
         let ready = self.loading.install(|| scene::read(job, &job.inputs[task.input]))?;
-        let known = (&self.contents, &self.settings);
-        let (frames, kept) = ready.frames(job, task, self.options.resume, known)?;
+        let (frames, kept) = ready.frames(job, task, self.options.resume, &self.settings)?;
         for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
             self.tidy(&Outputs::names(&prefix));
         }
@@ -169,7 +168,7 @@ impl Run<'_> {
                 plan: &plan,
                 sidecars: &[],
                 info: &built.info,
-                fingerprint: Some(&frame.fingerprint),
+                fingerprint: frame.fingerprint.as_deref(),
             };
             let storage = self.job.storage;
             let write = || picture::write(outputs, film, &frame.loaded, says, storage, &monitor);

@@ -25,7 +25,7 @@ use crate::{
 
 use super::{
     Options, Outcome,
-    fingerprint::{Contents, Settings},
+    fingerprint::Settings,
     gate::{Memory, Turns},
     job::Job,
     journal::{Journal, Record},
@@ -50,7 +50,6 @@ pub struct Run<'a> {
     pub tell: &'a (dyn Fn(Event) + Sync),
     pub sweep: Sweep,
     pub settings: Settings,
-    pub contents: Contents,
     /// For rays and files.
     pub pool: ThreadPool,
     /// For reading and building, so that it does not wait for rays.
@@ -91,7 +90,6 @@ pub fn run(
         tell,
         sweep: Sweep::default(),
         settings: Settings { embree: options.embree, repair: job.repair, storage: job.storage },
-        contents: Contents::default(),
         pool: pool(options.threads)?,
         loading: pool(options.threads)?,
         turns: Turns::new(jobs),
