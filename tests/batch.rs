@@ -18,7 +18,10 @@ fn batch(scratch: &Scratch, args: &[&str]) -> program::Done {
 fn scans() -> Scratch {
     let scratch = Scratch::new();
     for (name, height) in [("a", "1"), ("b", "2"), ("c", "3.5")] {
-        scratch.write(&format!("scans/{name}.ply"), &PYRAMID.replace("0 2 0", &format!("0 {height} 0")));
+        scratch.write(
+            &format!("scans/{name}.ply"),
+            &PYRAMID.replace("0 2 0", &format!("0 {height} 0")),
+        );
     }
     scratch
 }
@@ -120,7 +123,11 @@ fn a_bad_mesh_costs_only_itself() {
     assert_eq!(done.code(), 1, "{}", done.stderr());
     let said = done.stderr();
     assert!(said.contains("error: 1 of 3 inputs failed:"), "{said}");
-    assert_eq!(said.matches("error: scans/b.ply: the header has no end_header").count(), 2, "{said}");
+    assert_eq!(
+        said.matches("error: scans/b.ply: the header has no end_header").count(),
+        2,
+        "{said}"
+    );
     assert_eq!(pictures(&scratch.path("out/a")).len() + pictures(&scratch.path("out/c")).len(), 8);
     let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
     assert!(html.contains("class=\"failed\"") && html.contains("the header has no end_header"));
@@ -135,7 +142,12 @@ fn a_bad_mesh_costs_only_itself() {
     scratch.write("scans/a.ply", "ply\n");
     let args = ["scans", "-o", "fast", "--jobs", "1", "--fail-fast", "--quiet"];
     let done = batch(&scratch, &args);
-    assert_eq!((done.code(), done.stdout().contains("fast/c.exr")), (1, false), "{}", done.stderr());
+    assert_eq!(
+        (done.code(), done.stdout().contains("fast/c.exr")),
+        (1, false),
+        "{}",
+        done.stderr()
+    );
 }
 
 #[test]
@@ -198,7 +210,8 @@ fn resume_trusts_what_is_whole_and_the_same_and_says_why_not() {
 #[test]
 fn ranges_make_the_whole() {
     let scratch = scans();
-    let args = |out: &'static str| ["scans", "-o", out, "--turntable", "3", "--no-sheet", "--quiet"];
+    let args =
+        |out: &'static str| ["scans", "-o", out, "--turntable", "3", "--no-sheet", "--quiet"];
     assert_eq!(batch(&scratch, &args("all")).code(), 0);
     for range in ["0..1", "1..5", "5..9"] {
         let done = batch(&scratch, &[&args("parts")[..], &["--range", range]].concat());
@@ -247,7 +260,8 @@ fn a_job_file_says_it_all() {
     };
     assert_eq!([rays("a.ply"), rays("c.ply")], [200, 400]);
     // Flags win.
-    let done = scratch.run(&["batch", "jobs/job.json", "--spp", "3", "-o", "here", "--range", "0..1"]);
+    let done =
+        scratch.run(&["batch", "jobs/job.json", "--spp", "3", "-o", "here", "--range", "0..1"]);
     assert_eq!(done.stdout(), "here/a-00.exr\nhere/a-00.png\n", "{}", done.stderr());
     // The schema knows its keys.
     let schema: Value = serde_json::from_str(&scratch.run(&["schema", "job"]).stdout()).unwrap();
@@ -290,7 +304,8 @@ fn what_is_refused_before_anything_is_rendered() {
     assert!(done.stderr().contains("--max-memory: found 1.0 MiB, expected at least"));
     // Nothing is written over what is read.
     let studio = include_str!("../assets/studio.json");
-    let textured = studio.replace("\"kd\": 1,\n        \"ka\"", "\"kd\": 1, \"tPath\": \"a.png\", \"ka\"");
+    let textured =
+        studio.replace("\"kd\": 1,\n        \"ka\"", "\"kd\": 1, \"tPath\": \"a.png\", \"ka\"");
     assert_ne!(studio, textured);
     scratch.write("scans/t.json", &textured);
     let picture = image::RgbImage::new(2, 2);
@@ -298,7 +313,12 @@ fn what_is_refused_before_anything_is_rendered() {
     let before = scratch.read("scans/a.png");
     let args = ["scans/a.ply", "-o", "scans", "--template", "scans/t.json", "--no-sheet"];
     let done = batch(&scratch, &args);
-    assert_eq!((done.code(), scratch.read("scans/a.png") == before), (1, true), "{}", done.stderr());
+    assert_eq!(
+        (done.code(), scratch.read("scans/a.png") == before),
+        (1, true),
+        "{}",
+        done.stderr()
+    );
     assert!(done.stderr().contains("would be written over what the batch reads"));
 }
 

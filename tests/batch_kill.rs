@@ -40,7 +40,8 @@ fn scratch() -> Scratch {
 
 fn batch(scratch: &Scratch, out: &str) -> Command {
     let frames = FRAMES.to_string();
-    let args = ["batch", "scans", "-o", out, "--turntable", &frames, "--size", "20x14", "--spp", "1"];
+    let args =
+        ["batch", "scans", "-o", out, "--turntable", &frames, "--size", "20x14", "--spp", "1"];
     let more = ["--backend", "bvh", "--threads", "2", "--resume", "--no-sheet", "--quiet"];
     scratch.command(&[&args[..], &more].concat())
 }

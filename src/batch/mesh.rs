@@ -55,7 +55,9 @@ impl Run<'_> {
     ) -> Result<()> {
         let began = Instant::now();
         let job = self.job;
-        let ready = self.loading.install(|| scene::read(job, &job.inputs[task.input]))?;
+        let monitor = self.monitor.part();
+        let reading = || scene::read(job, &job.inputs[task.input], &monitor);
+        let ready = self.loading.install(reading)?;
         let (frames, kept) = ready.frames(job, task, self.options.resume, &self.settings)?;
         for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
             self.tidy(&Outputs::names(&prefix));
@@ -79,7 +81,6 @@ impl Run<'_> {
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
-        let monitor = self.monitor.part();
         let scene = &loaded.scene;
         let loading = || World::load(scene, options, &monitor);
         let (world, warnings) = self.loading.install(loading)?;

@@ -10,6 +10,7 @@ use crate::{
     film::Window,
     memory::{self, Prediction},
     mesh::{self, Mesh},
+    monitor::Monitor,
     output::Outputs,
     paths, picture,
     scene::{self, Loaded, Scene, ShapeKind, Source},
@@ -79,7 +80,7 @@ pub fn predict(job: &Job, input: &Input, embree: EmbreeMode) -> Result<(Scene, P
 ///
 /// # Errors
 /// Everything that is wrong with it.
-pub fn read(job: &Job, input: &Input) -> Result<Ready> {
+pub fn read(job: &Job, input: &Input, monitor: &Monitor) -> Result<Ready> {
     let path = &input.path;
     let (overrides, samples) = (input.overrides.clone(), job.light_samples);
     if studio::is_mesh(path) {
@@ -93,7 +94,7 @@ pub fn read(job: &Job, input: &Input) -> Result<Ready> {
             ..Subject::new(path)
         };
         let Shown { loaded, warnings, mesh, middle } =
-            studio::show(&subject, &job.template, overrides, samples)?;
+            studio::show(&subject, &job.template, overrides, samples, monitor)?;
         let folder = job.template.folder.clone();
         let pivot = job.pivot.unwrap_or(middle);
         return Ok(Ready { loaded, mesh: vec![mesh], warnings, folder, pivot });
