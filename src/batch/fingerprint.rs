@@ -1,35 +1,20 @@
 //! What a frame is made of, in one line: two frames of one fingerprint are the same picture.
 //!
-//! `scene=HASH files=HASH settings=... program=VERSION`, so that a difference can be named. Paths do not
-//! count, what is in the files does.
-
-use std::{
-    collections::HashMap,
-    fs::File,
-    io::Read,
-    path::{Path, PathBuf},
-    sync::{Mutex, PoisonError},
-};
+//! `picture=HASH scene=HASH settings=... program=VERSION`: the first covers scene and files, the second the
+//! scene alone, so that a difference can be named. Where files lie does not count.
 
 use sha2::{Digest, Sha256};
 
 use crate::{
     accel::EmbreeMode,
-    error::{Error, Result},
+    error::Result,
     picture::Storage,
-    scene::{Description, Loaded, Scene, ShapeKind, written},
+    scene::{Loaded, written},
+    world::{self, Contents},
 };
 
-/// Parts and what a change of each means.
-const PARTS: [(&str, &str); 4] = [
-    ("scene", "the scene changed"),
-    ("files", "a mesh or a texture changed"),
-    ("settings", "settings changed"),
-    ("program", "another version of the program wrote it"),
-];
-
-/// Hexadecimal digits of a hash: 96 bits.
-const DIGITS: usize = 24;
+/// Hexadecimal digits of a hash: 128 bits.
+const DIGITS: usize = 32;
 
 /// Settings beside the scene that change a picture.
 #[derive(Debug, Clone, Copy)]
@@ -42,112 +27,66 @@ pub struct Settings {
     pub storage: Storage,
 }
 
-/// The fingerprint of a frame: its scene, the [`Contents::of`] what the scene names, settings.
-pub fn fingerprint(loaded: &Loaded, contents: &str, settings: &Settings) -> String {
-    let Settings { embree, repair, storage } = settings;
-    let stored = match storage.float {
-        true => "float",
-        false => "half",
-    };
-    let set = format!("{embree:?},{:?},{stored}", storage.compression).to_lowercase();
-    let repair = if *repair { ",repair" } else { "" };
-    let scene = hash(without_paths(&loaded.description).to_json().to_string().as_bytes());
+/// The fingerprint of a frame; `None` where a mesh comes through a pipe, which cannot be looked at twice.
+///
+/// # Errors
+/// Files that cannot be read.
+pub fn fingerprint(
+    loaded: &Loaded,
+    settings: &Settings,
+    contents: &mut Contents,
+) -> Result<Option<String>> {
+    let Settings { embree, repair, storage } = *settings;
+    let Some(mut picture) = world::fingerprint(loaded, repair, contents)? else { return Ok(None) };
+    picture.truncate(DIGITS);
+    let scene = scene(loaded);
+    let stored = if storage.float { "float" } else { "half" };
+    let repair = if repair { ",repair" } else { "" };
+    let set = format!("{embree:?},{:?},{stored}{repair}", storage.compression).to_lowercase();
     let program = env!("CARGO_PKG_VERSION");
-    format!("scene={scene} files={contents} settings={set}{repair} program={program}")
+    Ok(Some(format!("picture={picture} scene={scene} settings={set} program={program}")))
 }
 
 /// What differs between two fingerprints, in words.
 pub fn difference(there: &str, now: &str) -> String {
-    let part = |text: &str, key: &str| {
-        let mut words = text.split(' ').filter_map(|word| word.split_once('='));
-        words.find(|(k, _)| *k == key).map(|(_, value)| value.to_string())
-    };
-    let changed = PARTS.iter().filter(|(key, _)| part(there, key) != part(now, key));
-    let reasons: Vec<&str> = changed.map(|(_, reason)| *reason).collect();
+    let changed = |key: &str| part(there, key) != part(now, key);
+    let scene = changed("scene");
+    let reasons = [
+        (scene, "the scene changed"),
+        (!scene && changed("picture"), "a mesh or a texture changed"),
+        (changed("settings"), "settings changed"),
+        (changed("program"), "another version of the program wrote it"),
+    ];
+    let reasons = reasons.into_iter().filter(|(changed, _)| *changed).map(|(_, reason)| reason);
+    let reasons: Vec<&str> = reasons.collect();
     match reasons.is_empty() {
         true => "its fingerprint is not ours".to_string(),
         false => reasons.join(", "),
     }
 }
 
-fn without_paths(description: &Description) -> Description {
-    let mut all = description.clone();
+fn part<'a>(text: &'a str, key: &str) -> Option<&'a str> {
+    let mut words = text.split(' ').filter_map(|word| word.split_once('='));
+    words.find(|(k, _)| *k == key).map(|(_, value)| value)
+}
+
+/// The scene without the names of its files.
+fn scene(loaded: &Loaded) -> String {
+    let mut all = loaded.description.clone();
     let clear = |material: &mut written::Material| {
         material.texture_path.iter_mut().for_each(|path| path.0 = "-".to_string());
     };
     all.scene.materials.values_mut().for_each(clear);
     for shape in &mut all.scene.shapes {
-        let used = match shape {
-            written::Shape::Sphere(s) => &mut s.material,
-            written::Shape::Plane(s) => &mut s.material,
-            written::Shape::Triangle(s) => &mut s.material,
-            written::Shape::TriMesh(s) => {
-                s.path.0 = "-".to_string();
-                &mut s.material
-            }
-        };
-        if let written::MaterialUse::Inline(material) = used {
+        if let written::Shape::TriMesh(mesh) = shape {
+            mesh.path.0 = "-".to_string();
+        }
+        if let written::MaterialUse::Inline(material) = shape.material_mut() {
             clear(material);
         }
     }
-    all
-}
-
-/// Hashes of files, each read once.
-#[derive(Debug, Default)]
-pub struct Contents(Mutex<HashMap<PathBuf, String>>);
-
-impl Contents {
-    /// The hash of files in their order.
-    ///
-    /// # Errors
-    /// A file that cannot be read.
-    pub fn of(&self, files: &[PathBuf]) -> Result<String> {
-        let mut text = String::new();
-        for path in files {
-            text += &self.file(path)?;
-        }
-        Ok(hash(text.as_bytes()))
-    }
-
-    fn file(&self, path: &Path) -> Result<String> {
-        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(hash) = known().get(path) {
-            return Ok(hash.clone());
-        }
-        let hash = hash_file(path).map_err(|error| Error::io(path, "read", &error))?;
-        known().insert(path.to_owned(), hash.clone());
-        Ok(hash)
-    }
-}
-
-/// The files that a scene names: meshes, then textures.
-pub fn files(scene: &Scene) -> Vec<PathBuf> {
-    let meshes = scene.shapes.iter().filter_map(|shape| match &shape.kind {
-        ShapeKind::Trimesh(spec) => Some(spec.path.clone()),
-        _ => None,
-    });
-    let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref());
-    meshes.chain(textures.map(|texture| texture.path.clone())).collect()
-}
-
-fn hash_file(path: &Path) -> std::io::Result<String> {
-    let mut file = File::open(path)?;
-    let (mut sha, mut buffer) = (Sha256::new(), vec![0; 1 << 20]);
-    loop {
-        match file.read(&mut buffer)? {
-            0 => return Ok(shown(sha)),
-            n => sha.update(&buffer[..n]),
-        }
-    }
-}
-
-fn hash(bytes: &[u8]) -> String {
-    shown(Sha256::new_with_prefix(bytes))
-}
-
-fn shown(sha: Sha256) -> String {
-    let mut text: String = sha.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+    let hash = Sha256::digest(all.to_json().to_string());
+    let mut text: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
     text.truncate(DIGITS);
     text
 }
@@ -158,10 +97,13 @@ mod tests {
 
     #[test]
     fn a_difference_is_named() {
-        let now = "scene=1 files=2 settings=robust,zip,half program=0.1.0";
-        assert_eq!(difference(&now.replace("files=2", "files=3"), now), PARTS[1].1);
-        let both = difference("scene=9 files=2 settings=robust,zip,half program=0.0.9", now);
-        assert_eq!(both, "the scene changed, another version of the program wrote it");
-        assert_eq!(difference("something else", now).matches(',').count(), 3);
+        let now = "picture=1 scene=2 settings=robust,zip,half program=0.1.0";
+        let named = |from: &str, to: &str| difference(&now.replace(from, to), now);
+        assert_eq!(named("picture=1", "picture=9"), "a mesh or a texture changed");
+        assert_eq!(named("picture=1 scene=2", "picture=9 scene=8"), "the scene changed");
+        assert_eq!(named("half", "float"), "settings changed");
+        assert_eq!(named("0.1.0", "0.0.9"), "another version of the program wrote it");
+        assert_eq!(difference("something else", now).matches(',').count(), 2);
+        assert_eq!(difference(now, now), "its fingerprint is not ours");
     }
 }

@@ -32,14 +32,12 @@ pub enum Record {
     Mesh(MeshRecord),
     /// A frame is finished.
     Frame(FrameRecord),
-    /// A finished frame stays as it is.
+    /// Finished frames stay as they are.
     Kept {
-        /// As in [`FrameRecord`].
-        index: u64,
         /// As in [`FrameRecord`].
         input: String,
         /// As in [`FrameRecord`].
-        frame: u32,
+        frames: Vec<u32>,
     },
     /// An input, or a frame of it, failed.
     Failed {
@@ -97,8 +95,8 @@ pub struct FrameRecord {
     pub outputs: Vec<PathBuf>,
     /// Why a frame that was there was rendered again.
     pub again: Option<String>,
-    /// What it was made of.
-    pub fingerprint: String,
+    /// What it was made of, if that can be known.
+    pub fingerprint: Option<String>,
     /// Wall-clock seconds of its rays.
     pub render_s: f64,
     /// Wall-clock seconds of its files.
@@ -179,7 +177,7 @@ mod tests {
     fn a_cut_line_costs_only_itself() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("batch.jsonl");
-        let kept = Record::Kept { index: 3, input: "a.ply".into(), frame: 1 };
+        let kept = Record::Kept { input: "a.ply".into(), frames: vec![1, 3] };
         Journal::open(&path).unwrap().add(&kept).unwrap();
         let mut text = std::fs::read_to_string(&path).unwrap();
         text += &text[..text.len() / 2].to_string();

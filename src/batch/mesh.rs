@@ -55,13 +55,14 @@ impl Run<'_> {
     ) -> Result<()> {
         let began = Instant::now();
         let job = self.job;
-        let ready = self.loading.install(|| scene::read(job, &job.inputs[task.input]))?;
-        let known = (&self.contents, &self.settings);
-        let (frames, kept) = ready.frames(job, task, self.options.resume, known)?;
+        let monitor = self.monitor.part();
+        let reading = || scene::read(job, &job.inputs[task.input], &monitor);
+        let ready = self.loading.install(reading)?;
+        let (frames, kept) = ready.frames(job, task, self.options.resume, &self.settings)?;
         for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
             self.tidy(&Outputs::names(&prefix));
         }
-        self.kept(input, task, &kept).inspect_err(|error| self.end(error.clone()))?;
+        self.kept(input, kept).inspect_err(|error| self.end(error.clone()))?;
         if frames.is_empty() {
             return Ok(());
         }
@@ -80,7 +81,6 @@ impl Run<'_> {
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
-        let monitor = self.monitor.part();
         let scene = &loaded.scene;
         let loading = || World::load(scene, options, &monitor);
         let (world, warnings) = self.loading.install(loading)?;
@@ -170,7 +170,7 @@ impl Run<'_> {
                 more: &[],
                 sidecars: &[],
                 info: &built.info,
-                fingerprint: Some(&frame.fingerprint),
+                fingerprint: frame.fingerprint.as_deref(),
             };
             let storage = self.job.storage;
             let write = || picture::write(outputs, film, &frame.loaded, says, storage, &monitor);

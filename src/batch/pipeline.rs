@@ -25,11 +25,11 @@ use crate::{
 
 use super::{
     Options, Outcome,
-    fingerprint::{Contents, Settings},
+    fingerprint::Settings,
     gate::{Memory, Turns},
     job::Job,
     journal::{Journal, Record},
-    plan::{self, Task},
+    plan::Task,
     scene,
     status::{Event, Status},
 };
@@ -50,7 +50,6 @@ pub struct Run<'a> {
     pub tell: &'a (dyn Fn(Event) + Sync),
     pub sweep: Sweep,
     pub settings: Settings,
-    pub contents: Contents,
     /// For rays and files.
     pub pool: ThreadPool,
     /// For reading and building, so that it does not wait for rays.
@@ -91,7 +90,6 @@ pub fn run(
         tell,
         sweep: Sweep::default(),
         settings: Settings { embree: options.embree, repair: job.repair, storage: job.storage },
-        contents: Contents::default(),
         pool: pool(options.threads)?,
         loading: pool(options.threads)?,
         turns: Turns::new(jobs),
@@ -202,13 +200,12 @@ impl Run<'_> {
     }
 
     /// Frames of an input that stay as they are.
-    pub fn kept(&self, input: &str, task: &Task, frames: &[u32]) -> Result<()> {
-        for &frame in frames {
-            let index = plan::index(self.job.frames(), task.input, frame);
-            self.journal.add(&Record::Kept { index, input: input.to_string(), frame })?;
-        }
+    pub fn kept(&self, input: &str, frames: Vec<u32>) -> Result<()> {
         self.status.kept.fetch_add(frames.len() as u64, Relaxed);
-        Ok(())
+        match frames.is_empty() {
+            true => Ok(()),
+            false => self.journal.add(&Record::Kept { input: input.to_string(), frames }),
+        }
     }
 
     /// An input or one of its frames failed: the others go on.

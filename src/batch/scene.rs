@@ -10,14 +10,16 @@ use crate::{
     film::Window,
     memory::{self, Prediction},
     mesh::{self, Mesh},
+    monitor::Monitor,
     output::Outputs,
     paths, picture,
-    scene::{self, Loaded, Scene, Source},
+    scene::{self, Loaded, Scene, ShapeKind, Source},
     studio::{self, Shown, Subject},
+    world::Contents,
 };
 
 use super::{
-    fingerprint::{self, Contents, Settings, fingerprint},
+    fingerprint::{Settings, fingerprint},
     job::{Input, Job},
     plan::{self, Task},
     resume::{self, Verdict},
@@ -49,8 +51,8 @@ pub struct Frame {
     pub loaded: Loaded,
     /// Its files, without their endings.
     pub prefix: PathBuf,
-    /// What it is made of.
-    pub fingerprint: String,
+    /// What it is made of, if that can be known.
+    pub fingerprint: Option<String>,
     /// Why it is rendered although it is there.
     pub again: Option<String>,
 }
@@ -78,7 +80,7 @@ pub fn predict(job: &Job, input: &Input, embree: EmbreeMode) -> Result<(Scene, P
 ///
 /// # Errors
 /// Everything that is wrong with it.
-pub fn read(job: &Job, input: &Input) -> Result<Ready> {
+pub fn read(job: &Job, input: &Input, monitor: &Monitor) -> Result<Ready> {
     let path = &input.path;
     let (overrides, samples) = (input.overrides.clone(), job.light_samples);
     if studio::is_mesh(path) {
@@ -92,7 +94,7 @@ pub fn read(job: &Job, input: &Input) -> Result<Ready> {
             ..Subject::new(path)
         };
         let Shown { loaded, warnings, mesh, middle } =
-            studio::show(&subject, &job.template, overrides, samples)?;
+            studio::show(&subject, &job.template, overrides, samples, monitor)?;
         let folder = job.template.folder.clone();
         let pivot = job.pivot.unwrap_or(middle);
         return Ok(Ready { loaded, mesh: vec![mesh], warnings, folder, pivot });
@@ -125,16 +127,16 @@ impl Ready {
         job: &Job,
         task: &Task,
         resume: bool,
-        (contents, settings): (&Contents, &Settings),
+        settings: &Settings,
     ) -> Result<(Vec<Frame>, Vec<u32>)> {
-        let files = self.files();
-        let contents = contents.of(&files)?;
-        let inputs: Vec<PathBuf> = files.iter().map(|path| paths::identity(path)).collect();
+        // Read once for all frames.
+        let mut contents = Contents::default();
+        let inputs: Vec<PathBuf> = self.files().iter().map(|path| paths::identity(path)).collect();
         let (mut frames, mut kept) = (Vec::new(), Vec::new());
         for number in task.frames.clone() {
             let loaded = self.frame(job, number)?;
             let prefix = job.prefix(task.input, number);
-            let fingerprint = fingerprint(&loaded, &contents, settings);
+            let fingerprint = fingerprint(&loaded, settings, &mut contents)?;
             for output in Outputs::names(&prefix) {
                 if inputs.contains(&paths::identity(&output)) {
                     let message = "would be written over what the batch reads";
@@ -142,9 +144,9 @@ impl Ready {
                         .help("choose another folder: -o DIR"));
                 }
             }
-            let verdict = match resume {
-                true => resume::look(&prefix, &fingerprint),
-                false => Verdict::Render,
+            let verdict = match &fingerprint {
+                Some(fingerprint) if resume => resume::look(&prefix, fingerprint),
+                _ => Verdict::Render,
             };
             let again = match verdict {
                 Verdict::Keep => {
@@ -171,18 +173,19 @@ impl Ready {
     /// Everything that is read for the picture: what the scene names, and the textures that its meshes
     /// name.
     fn files(&self) -> Vec<PathBuf> {
-        let mut files = fingerprint::files(&self.loaded.scene);
-        let own = |path: &PathBuf| {
-            let texture = match self.mesh.iter().find(|(ready, _)| ready == path) {
-                Some((_, mesh)) => mesh.texture_file.clone(),
-                None => mesh::inspect_ply(path).ok()?.texture_files.into_iter().next(),
-            };
-            let image = path.parent().unwrap_or(Path::new("")).join(texture?);
-            image.is_file().then_some(image)
-        };
-        let own: Vec<PathBuf> =
-            files.iter().filter(|path| studio::is_mesh(path)).filter_map(own).collect();
-        files.extend(own.into_iter().filter(|path| !files.contains(path)).collect::<Vec<_>>());
+        let scene = &self.loaded.scene;
+        let meshes = scene.shapes.iter().filter_map(|shape| match &shape.kind {
+            ShapeKind::Trimesh(spec) => Some(spec.path.clone()),
+            _ => None,
+        });
+        let mut files: Vec<PathBuf> = meshes.collect();
+        for mesh in files.clone() {
+            let folder = mesh.parent().unwrap_or(Path::new(""));
+            let named = mesh::inspect_ply(&mesh).map(|summary| summary.texture_files);
+            files.extend(named.unwrap_or_default().iter().map(|name| folder.join(name)));
+        }
+        let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref());
+        files.extend(textures.map(|texture| texture.path.clone()));
         files
     }
 }

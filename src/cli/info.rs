@@ -17,6 +17,7 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
     mesh,
+    monitor::Monitor,
     scene::Overrides,
     studio::{self, Points, Template},
     world::{Bounds, Resolution, ulp},
@@ -118,7 +119,7 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     if summary.array_bytes > LARGE && !args.json {
         super::print(&report.begin(path))?;
     }
-    let mesh = studio::read(path, false, args.no_mmap)?;
+    let mesh = studio::read(path, false, args.no_mmap, &Monitor::default())?;
     let triangles = mesh.triangles.len() as u64;
     report.add("triangles", json!(triangles), format!("{} triangles", units::count(triangles)));
     notes(&mesh.notes, report);

@@ -6,6 +6,7 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
     mesh::Mesh,
+    monitor::Monitor,
     paths::seen_from,
     picture,
     scene::{Description, Loaded, Overrides, Scene, Source, written},
@@ -74,7 +75,10 @@ fn in_template(args: &RenderArgs, builtin: &str, overrides: Overrides) -> Result
         memory::predict_mesh(&args.input)?.check(limit)?;
     }
     let subject = args.mesh.subject(&args.input);
-    let shown = studio::show(&subject, &template, overrides, args.scene.light_samples)?;
+    // No monitor yet: a signal ends the program at once.
+    let monitor = Monitor::default();
+    let samples = args.scene.light_samples;
+    let shown = studio::show(&subject, &template, overrides, samples, &monitor)?;
     let Shown { loaded, warnings, mesh, .. } = shown;
     checked(args, Job { loaded, folder: template.folder, warnings, ready: vec![mesh] })
 }

@@ -16,7 +16,7 @@ use crate::{
 use super::{
     Axis, Subject,
     framing::{Lens, frame, frame_turning},
-    points::{self, Points},
+    points::Points,
     template::Template,
 };
 
@@ -38,11 +38,11 @@ pub struct Furnished {
 /// Finishes `template` around the mesh; the user's overrides come after ours.
 pub fn furnish(
     subject: &Subject,
+    mesh: Mesh,
     template: &Template,
     user: &Overrides,
     warnings: &mut Vec<Problem>,
 ) -> Result<Furnished> {
-    let mesh = points::read(subject.path, subject.repair, subject.no_mmap)?;
     let shape = first_trimesh(template)?;
     let mut ours = Overrides::default();
     ours.flag("FILE.ply", &format!("{shape}/path"), Some(within(template, subject.path)?));

@@ -27,6 +27,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     error::{Problem, Result},
     mesh::Mesh,
+    monitor::Monitor,
     scene::{self, Loaded, Overrides, ShapeKind, Source},
 };
 
@@ -85,7 +86,8 @@ pub struct Shown {
     pub middle: DVec3,
 }
 
-/// Shows a mesh in a template. The user's overrides win; `light_samples` is [`load`]'s.
+/// Shows a mesh in a template. The user's overrides win; `light_samples` is [`load`]'s; a signal at the
+/// monitor stops the reading.
 ///
 /// # Errors
 /// A mesh that cannot be read, a template without a trimesh, everything that is wrong with it and the
@@ -95,9 +97,11 @@ pub fn show(
     template: &Template,
     mut user: Overrides,
     light_samples: Option<u32>,
+    monitor: &Monitor,
 ) -> Result<Shown> {
     let mut warnings = Vec::new();
-    let furnished = furnish::furnish(subject, template, &user, &mut warnings)?;
+    let read = points::read(subject.path, subject.repair, subject.no_mmap, monitor)?;
+    let furnished = furnish::furnish(subject, read, template, &user, &mut warnings)?;
     user.prepend(furnished.overrides);
     let mut loaded = load(template.source(), user, light_samples, &mut warnings)?;
     // Messages name the mesh as the user does, not as the template sees it.

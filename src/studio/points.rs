@@ -7,13 +7,15 @@ use glam::DVec3;
 use crate::{
     error::Result,
     mesh::{self, Mesh},
+    monitor::Monitor,
     scene::begins_as_ply,
     world::Bounds,
 };
 
 /// Reads a file; `no_mmap`: without mapping it into memory.
-pub fn read(path: &Path, repair: bool, no_mmap: bool) -> Result<Mesh> {
-    mesh::read_ply(path, mesh::ReadOptions::default().repair(repair).mmap(!no_mmap))
+pub fn read(path: &Path, repair: bool, no_mmap: bool, monitor: &Monitor) -> Result<Mesh> {
+    let options = mesh::ReadOptions::default().repair(repair).mmap(!no_mmap).monitor(monitor);
+    mesh::read_ply(path, options)
 }
 
 /// Whether a file is a mesh, by its name or its first bytes.

@@ -56,9 +56,11 @@ impl Entry {
                 self.there(frame.frame);
                 self.frames.insert(frame.frame, Some(frame.clone()));
             }
-            Record::Kept { frame, .. } => {
-                self.there(*frame);
-                self.frames.entry(*frame).or_default();
+            Record::Kept { frames, .. } => {
+                for frame in frames {
+                    self.there(*frame);
+                    self.frames.entry(*frame).or_default();
+                }
             }
             Record::Failed { frame, message, .. } => {
                 self.failures.insert(*frame, message.clone());

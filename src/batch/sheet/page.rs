@@ -25,7 +25,7 @@ pub fn html(entries: &[Entry], strips: &[Option<Strip>]) -> String {
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>Contact sheet</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n\
          <h1>Contact sheet</h1>\n<p>{} inputs, {} of {} frames, \
-         <span class=\"{}\">{failed} failed</span>; {} of frames, {:.1} billion rays</p>\n\
+         <span class=\"{}\">{failed} failed</span>; frames took {}, {} million rays</p>\n\
          <p class=\"controls\"><label>Sort by <select id=\"sort\">\
          <option value=\"order\">input order</option><option value=\"name\">name</option>\
          <option value=\"state\">failures first</option><option value=\"triangles\">triangles</option>\
@@ -39,7 +39,7 @@ pub fn html(entries: &[Entry], strips: &[Option<Strip>]) -> String {
         units::count(of),
         if failed > 0 { "bad" } else { "good" },
         units::duration(seconds),
-        rays as f64 / 1e9,
+        units::count(rays / 1_000_000),
     );
     for (entry, strip) in entries.iter().zip(strips) {
         card(&mut html, entry, strip.as_ref());
@@ -95,7 +95,7 @@ fn card(html: &mut String, entry: &Entry, strip: Option<&Strip>) {
     html.push_str("</dl>\n");
     let warnings = entry.warnings();
     if !warnings.is_empty() {
-        let _ = write!(html, "<details><summary>{} warnings</summary>", warnings.len());
+        let _ = write!(html, "<details><summary>warnings: {}</summary>", warnings.len());
         for warning in warnings {
             let _ = write!(html, "<p>{}</p>", escape(warning));
         }
