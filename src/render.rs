@@ -1,10 +1,13 @@
 //! [`World`] and an accelerator -> [`Film`]: tiles over threads, progress, cancel.
 
+mod adaptive;
+
 use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
 
 use rayon::prelude::*;
 
+pub use self::adaptive::{Adaptive, Taken, render_adaptive};
 use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::film::{Film, Planes, Window};
@@ -85,7 +88,6 @@ fn render_with<R: Record>(
     record: impl Fn() -> R + Sync,
     monitor: &Monitor,
 ) -> Result<RayCounts> {
-    let pixels = |w: Window| u64::from(w.width()) * u64::from(w.height());
     monitor.begin(Phase::Render, pixels(film.window));
     let integrator = Integrator { world, accelerator, monitor };
     let counts = tiles(film)
@@ -110,6 +112,10 @@ fn render_with<R: Record>(
         .reduce(RayCounts::default, |a, b| a + b);
     monitor.check()?;
     Ok(counts)
+}
+
+fn pixels(w: Window) -> u64 {
+    u64::from(w.width()) * u64::from(w.height())
 }
 
 /// A tile's pixels: disjoint pieces of the film's rows.

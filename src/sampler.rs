@@ -11,6 +11,9 @@ use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 /// Longest sequence of the Sobol tables; longer ones continue with a new scramble.
 const SEQUENCE: u32 = 1 << 16;
 
+/// Pairs of dimensions of the camera's sequence that are used: pixel, lens, then lights.
+const JOINT: u32 = 4;
+
 /// Source of all sample points of a render.
 #[derive(Debug, Clone, Copy)]
 pub struct Sampler {
@@ -42,6 +45,33 @@ impl Sampler {
         Points::new(*self, pixel, 1 + ((u64::from(bounce) << 32) | u64::from(light)))
     }
 
+    /// The same for a light of `samples` points for each camera sample: for one point, and one of the
+    /// first lights that camera rays see, further dimensions of the camera's own sequence, so that pixel,
+    /// lens and light are stratified together. `lens`: whether the lens takes dimensions.
+    #[inline(always)]
+    pub fn points_of(
+        &self,
+        samples: u32,
+        lens: bool,
+        pixel: [u32; 2],
+        light: u32,
+        bounce: u32,
+    ) -> Points {
+        let mut points = self.light_points(pixel, light, bounce);
+        let pair = light.saturating_add(1 + u32::from(lens));
+        if samples == 1 && bounce == 0 && pair < JOINT {
+            points.pair = pair;
+        }
+        points
+    }
+
+    /// A number in [0, 1) for a decision about camera sample `index` and light `light` after `bounce`
+    /// mirror bounces, independent of all points.
+    pub fn choice(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> f32 {
+        let purpose = (1 << 63) | (u64::from(bounce) << 32) | u64::from(light);
+        u32_to_f32_norm(self.seed_of(pixel, index, purpose))
+    }
+
     /// Number `index` of [`Sampler::light_points`].
     pub fn light(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> [f32; 2] {
         self.light_points(pixel, light, bounce).at(index)
@@ -66,6 +96,8 @@ pub struct Points {
     /// Whose points these are.
     pub pixel: [u32; 2],
     purpose: u64,
+    /// Which two dimensions of the camera's sequence these are; 0: none of them.
+    pair: u32,
     /// Which `SEQUENCE` indices the rest is made for.
     block: u32,
     shuffle: u32,
@@ -75,9 +107,16 @@ pub struct Points {
 impl Points {
     #[inline(always)]
     fn new(sampler: Sampler, pixel: [u32; 2], purpose: u64) -> Self {
-        let mut points = Self { sampler, pixel, purpose, block: 0, shuffle: 0, scramble: [0; 2] };
+        let mut points =
+            Self { sampler, pixel, purpose, pair: 0, block: 0, shuffle: 0, scramble: [0; 2] };
         points.begin(0);
         points
+    }
+
+    /// The same points of another pixel.
+    #[inline(always)]
+    pub fn of(&self, pixel: [u32; 2]) -> Self {
+        Self { pair: self.pair, ..Self::new(self.sampler, pixel, self.purpose) }
     }
 
     #[inline(always)]
@@ -93,6 +132,9 @@ impl Points {
     /// Point `index`, both coordinates in [0, 1).
     #[inline(always)]
     pub fn at(&mut self, index: u32) -> [f32; 2] {
+        if self.pair > 0 {
+            return self.joint(index);
+        }
         if index / SEQUENCE != self.block {
             self.begin(index / SEQUENCE);
         }
@@ -100,6 +142,15 @@ impl Points {
         let reversed = (index % SEQUENCE).reverse_bits();
         let first = owen_scramble_rev(reversed, self.shuffle).reverse_bits() % SEQUENCE;
         [coordinate(first, self.scramble[0]), coordinate(pascal(first), self.scramble[1])]
+    }
+}
+
+impl Points {
+    #[inline(never)]
+    fn joint(&self, index: u32) -> [f32; 2] {
+        let seed = self.sampler.seed_of(self.pixel, index / SEQUENCE, 0);
+        let [a, b, c, d] = sobol_burley::sample_4d(index % SEQUENCE, self.pair / 2, seed);
+        if self.pair % 2 == 0 { [a, b] } else { [c, d] }
     }
 }
 
@@ -182,6 +233,99 @@ mod tests {
             cells[(s * 4.0) as usize * 4 + (t * 4.0) as usize] += 1;
         }
         assert_eq!(cells, [1; 16]);
+    }
+
+    /// Whether 2^m points have one in each of all rectangles of area 2^-m and power-of-two sides.
+    fn stratified(points: &[[f32; 2]]) -> bool {
+        let m = points.len().ilog2();
+        (0..=m).all(|a| {
+            let [across, down] = [1u32 << a, 1 << (m - a)];
+            let mut met = vec![false; points.len()];
+            for [x, y] in points {
+                let cell = (x * across as f32) as u32 * down + (y * down as f32) as u32;
+                met[cell as usize] = true;
+            }
+            met.iter().all(|&met| met)
+        })
+    }
+
+    #[test]
+    fn all_light_points_of_a_pixel_are_one_stratified_set() {
+        for (spp, samples) in [(1, 16), (4, 4), (16, 16), (64, 4)] {
+            for seed in 0..8 {
+                let sampler = Sampler::new(seed);
+                // As `Cast::light_points` numbers them.
+                let mut drawn = sampler.points_of(samples, false, [5, 9], 1, 0);
+                let of = |i: u32, k: u32| i * samples + k;
+                let one: Vec<_> = (0..spp)
+                    .flat_map(|i| (0..samples).map(move |k| of(i, k)))
+                    .map(|index| drawn.at(index))
+                    .collect();
+                assert!(stratified(&one), "{spp} x {samples}");
+                // A set for each camera sample, each stratified, is not one.
+                let sets: Vec<_> = (0..spp)
+                    .flat_map(|i| (0..samples).map(move |k| sampler.light([i, 7], k, 1, 0)))
+                    .collect();
+                assert!(spp == 1 || !stratified(&sets));
+            }
+        }
+    }
+
+    #[test]
+    fn any_aligned_run_of_light_points_is_stratified() {
+        let mut drawn = Sampler::new(4).light_points([1, 2], 0, 0);
+        for (first, length) in [(16, 16), (32, 32), (64, 16), (96, 32), (768, 256)] {
+            let points: Vec<_> = (first..first + length).map(|index| drawn.at(index)).collect();
+            assert!(stratified(&points), "{length} from {first}");
+        }
+    }
+
+    /// Root mean square error over pixels of the volume below a slanted edge through pixel and light.
+    fn slanted(n: u32, lens: bool, light: u32, samples: u32) -> f64 {
+        let sampler = Sampler::new(11);
+        let squares = (0..256).map(|x| {
+            let pixel = [x, 3];
+            let mut drawn = sampler.points_of(samples, lens, pixel, light, 0);
+            let inside = (0..n).filter(|&i| {
+                let [x, y, _, _] = sampler.camera(pixel, i);
+                let [s, t] = drawn.at(i);
+                x + y + s + t < 2.0
+            });
+            (inside.count() as f64 / f64::from(n) - 0.5).powi(2)
+        });
+        (squares.sum::<f64>() / 256.0).sqrt()
+    }
+
+    #[test]
+    fn pixel_and_single_light_points_are_stratified_together() {
+        for (lens, light) in [(false, 0), (false, 1), (false, 2), (true, 0), (true, 1)] {
+            let joint = slanted(256, lens, light, 1);
+            let padded = slanted(256, lens, light, 2);
+            assert!(joint < 0.75 * padded, "{joint} {padded} {lens} {light}");
+        }
+        // Lights beyond have a set of their own.
+        let sampler = Sampler::new(2);
+        let mut far = sampler.points_of(1, false, [1, 1], 3, 0);
+        assert_eq!(far.at(9), sampler.light([1, 1], 9, 3, 0));
+        let mut shown = sampler.points_of(1, false, [1, 1], 0, 1);
+        assert_eq!(shown.at(9), sampler.light([1, 1], 9, 0, 1));
+    }
+
+    #[test]
+    fn choices_are_uniform_and_differ_by_all_keys() {
+        let sampler = Sampler::new(3);
+        let sum: f32 = (0..4096).map(|i| sampler.choice([i, 1], 16, 0, 0)).sum();
+        // Standard error 0.0045.
+        assert!((sum / 4096.0 - 0.5).abs() < 0.02, "{sum}");
+        let one = sampler.choice([1, 2], 3, 0, 0);
+        for other in [
+            sampler.choice([2, 1], 3, 0, 0),
+            sampler.choice([1, 2], 4, 0, 0),
+            sampler.choice([1, 2], 3, 1, 0),
+            sampler.choice([1, 2], 3, 0, 1),
+        ] {
+            assert_ne!(one, other);
+        }
     }
 
     #[test]

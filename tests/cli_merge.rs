@@ -63,7 +63,12 @@ fn refused(done: &Done, texts: &[&str]) {
 #[test]
 fn tiles_give_the_bytes_of_the_whole() {
     let scratch = scratch();
-    for flags in [&[][..], &["--aov", "all", "--transparent"], &["--aov", "Z,light", "--float"]] {
+    for flags in [
+        &[][..],
+        &["--aov", "all", "--transparent"],
+        &["--aov", "Z,light", "--float"],
+        &["--noise", "0.2", "--spp", "16"],
+    ] {
         render(&scratch, "whole", flags);
         for (i, tile) in ["1/3", "2/3", "3/3"].into_iter().enumerate() {
             let threads = (i + 1).to_string();
@@ -246,6 +251,7 @@ fn flags_are_checked() {
         (&["--samples", "0..8", "--of", "32", "--spp", "16"], &["--of", "16"]),
         (&["--samples", "0..8", "--of", "0"], &["--of"]),
         (&["--tile", "1/2", "--png-layer", "all", "--aov", "Z"], &["--png-layer", "merge"]),
+        (&["--samples", "0..8", "--noise", "0.1"], &["--samples", "--tile"]),
         (&["--part", "--crypto-sidecar"], &["--crypto-sidecar", "merge"]),
     ];
     for (flags, texts) in cases {
@@ -267,6 +273,8 @@ fn parts_that_no_other_run_makes_again_are_refused() {
     use lightpath::output::exr;
 
     let scratch = scratch();
+    render(&scratch, "timed", &["--tile", "1/1", "--time", "0.2"]);
+    refused(&merge(&scratch, &["timed.exr"], &[]), &["timed.exr", "another run"]);
     let scene = lightpath::Scene::from_json(SCENE).unwrap();
     let film = Film::new([4, 4], Window::full(4, 4)).unwrap();
     let part = Part {

@@ -110,6 +110,10 @@ pub struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
 
+    /// Where samples are taken.
+    #[command(flatten)]
+    pub sampling: SamplingArgs,
+
     /// How the mesh of a .ply is shown.
     #[command(flatten)]
     pub mesh: MeshArgs,
@@ -173,6 +177,11 @@ pub struct SceneArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub light_samples: Option<u32>,
 
+    /// Trace a quarter of an area light's shadow rays first, the others only where these disagree, or
+    /// by chance: fewer rays, the same mean
+    #[arg(long)]
+    pub adaptive_shadows: bool,
+
     /// Mirror bounces after the primary ray
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub nbounces: Option<u32>,
@@ -214,6 +223,25 @@ pub struct SceneArgs {
     /// Render only these pixels, from the top left; X1 and Y1 are excluded
     #[arg(long, num_args = 4, allow_negative_numbers = true, value_names = ["X0", "Y0", "X1", "Y1"])]
     pub crop: Option<Vec<u32>>,
+}
+
+/// Flags for the number of samples of each pixel.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Sampling")]
+pub struct SamplingArgs {
+    /// More samples where a pixel's relative standard error is above TARGET, e.g. 0.02; --spp is
+    /// what every pixel gets (16 at least)
+    #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
+    pub noise: Option<f64>,
+
+    /// Samples that no pixel exceeds with --noise or --time, a power of two [default: 4096 with
+    /// --noise, else 65536]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub max_spp: Option<u32>,
+
+    /// More samples for as long as the render may take; the picture is not reproducible
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    pub time: Option<f64>,
 }
 
 /// Flags for meshes.

@@ -26,7 +26,7 @@ use crate::{
 use super::{
     args::{
         BackendName, CrosscheckArgs, FileArgs, MachineArgs, MeshArgs, RenderArgs, ReportArgs,
-        SceneArgs,
+        SamplingArgs, SceneArgs,
     },
     crosscheck_text as text, job, machine, render, signals,
 };
@@ -89,6 +89,7 @@ fn as_render(args: &CrosscheckArgs, input: &Path) -> RenderArgs {
             set: args.set.clone(),
             ..SceneArgs::default()
         },
+        sampling: SamplingArgs::default(),
         mesh: MeshArgs::default(),
         files: FileArgs::default(),
         split: Default::default(),

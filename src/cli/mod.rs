@@ -33,6 +33,7 @@ mod progress;
 mod render;
 mod render_progress;
 mod report;
+mod sampling;
 mod schema;
 mod shell;
 mod signals;

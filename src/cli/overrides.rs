@@ -42,6 +42,8 @@ fn of(args: &SceneArgs) -> Overrides {
     all.flag("--backend", "/scene/accelerator", backend);
     let transparent = args.transparent.then_some(true);
     all.flag("--transparent", "/output/transparent", transparent);
+    let shadows = args.adaptive_shadows.then_some(true);
+    all.flag("--adaptive-shadows", "/adaptiveshadows", shadows);
     all.flag("--aov", "/output/layers", args.aov.clone());
     for set in &args.set {
         all.set(set);

@@ -16,7 +16,7 @@ use crate::{
         atomic::{Part, TextFile},
     },
     picture::{self, Says, Storage},
-    render as renderer,
+    render::{self as renderer, Adaptive, Taken},
     scene::ShapeKind,
     simd::Isa,
     world::{LoadOptions, World},
@@ -30,9 +30,9 @@ use super::{
     memory::{self, Budget},
     paths,
     progress::Progress,
-    render_progress, signals,
+    render_progress, sampling, signals,
     split::Piece,
-    stats::{self, Memory, Rays, Seconds, Stats},
+    stats::{self, Memory, Rays, Samples, Seconds, Stats},
     version,
 };
 
@@ -72,6 +72,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let plan = Plan::new(&job.loaded.scene);
     let piece = Piece::new(args, &job, &plan)?;
     let words = piece.channels().len();
+    let adaptive = sampling::adaptive(&args.sampling, &job.loaded.scene)?;
+    piece.suits(adaptive.is_some())?;
+    job.warnings.extend(adaptive.as_ref().and_then(sampling::warning));
     let budget = args.machine.max_memory.map(|limit| {
         pool.install(|| {
             Budget::check(
@@ -98,6 +101,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         job: &job,
         plan,
         piece,
+        adaptive,
         budget,
         threads,
         isa,
@@ -171,6 +175,7 @@ struct Run<'a> {
     job: &'a Job,
     plan: Plan,
     piece: Piece,
+    adaptive: Option<Adaptive>,
     budget: Option<Budget>,
     threads: usize,
     isa: Isa,
@@ -198,7 +203,7 @@ impl Run<'_> {
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
-        let (world, warnings) = World::load(scene, options, self.monitor)?;
+        let (mut world, warnings) = World::load(scene, options, self.monitor)?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
 
@@ -220,10 +225,27 @@ impl Run<'_> {
 
         let accelerator = accelerator.as_ref();
         let (film, monitor) = (&mut film, self.monitor);
-        let counts = match &piece.raw {
-            None => renderer::render_layers(&world, accelerator, isa, film, plan, monitor)?,
-            Some(raw) => {
-                renderer::render_samples(&world, accelerator, isa, film, plan, raw, monitor)?
+        let (counts, taken) = match (self.adaptive, &piece.raw) {
+            (Some(adaptive), _) => {
+                world.spp = adaptive.most;
+                let (counts, taken) = renderer::render_adaptive(
+                    &world,
+                    accelerator,
+                    isa,
+                    film,
+                    plan,
+                    adaptive,
+                    monitor,
+                )?;
+                (counts, Some(taken))
+            }
+            (None, None) => {
+                (renderer::render_layers(&world, accelerator, isa, film, plan, monitor)?, None)
+            }
+            (None, Some(raw)) => {
+                let counts =
+                    renderer::render_samples(&world, accelerator, isa, film, plan, raw, monitor)?;
+                (counts, None)
             }
         };
         let rendered = self.start.elapsed().as_secs_f64();
@@ -238,6 +260,7 @@ impl Run<'_> {
             reflection: counts.reflection,
             false_hits: accelerator.false_hits(),
         };
+        stats.samples = taken.map(|Taken { least, most, mean }| Samples { least, most, mean });
         stats.seconds = Seconds {
             load: loaded,
             build: built - loaded,
@@ -281,7 +304,12 @@ impl Run<'_> {
         let named = files.sidecars.iter().map(|sidecar| (sidecar.kind, sidecar.name.clone()));
         let named: Vec<(&str, String)> = named.collect();
         let named: Vec<(&str, &str)> = named.iter().map(|(k, name)| (*k, name.as_str())).collect();
-        let more = self.piece.attribute(self.args, self.job)?;
+        let mut more: Vec<(String, String)> =
+            self.piece.attribute(self.args, self.job)?.into_iter().collect();
+        if let Some(adaptive) = &self.adaptive {
+            more.extend(sampling::attributes(adaptive));
+            more.push(("lightpath:spp".to_string(), sampling::spp(Some(adaptive), &loaded.scene)));
+        }
         // A part keeps every bit; how the picture is written says the attribute.
         let storage = match self.piece.is_exact(self.args) {
             true => Storage { float: true, ..Storage::default() },
@@ -293,7 +321,7 @@ impl Run<'_> {
             files.outputs,
             film,
             loaded,
-            Says { plan, sidecars: &named, more: more.as_slice(), info, fingerprint: None },
+            Says { plan, sidecars: &named, more: &more, info, fingerprint: None },
             storage,
             self.monitor,
         )?;

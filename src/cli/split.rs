@@ -124,6 +124,19 @@ impl Piece {
         Ok(piece)
     }
 
+    /// Refuses ranges of samples where every pixel decides by itself how many it takes.
+    ///
+    /// # Errors
+    /// Both at once.
+    pub fn suits(&self, adaptive: bool) -> Result<()> {
+        if !(adaptive && self.raw.is_some()) {
+            return Ok(());
+        }
+        let message =
+            "found with --noise or --time, which decide pixel by pixel how many samples there are";
+        Err(Error::invalid("--samples", message).help("split by --tile"))
+    }
+
     /// The channels beside R, G, B, A.
     pub fn channels(&self) -> Vec<Channel> {
         self.raw.as_ref().map_or_else(|| self.recipe.channels.clone(), Raw::channels)

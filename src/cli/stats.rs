@@ -13,6 +13,9 @@ pub struct Stats {
     pub seconds: Seconds,
     /// Rays traced.
     pub rays: Rays,
+    /// Camera samples per pixel, where their number differs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub samples: Option<Samples>,
     /// Memory held.
     pub memory: Memory,
     /// Of all meshes and single triangles.
@@ -61,6 +64,17 @@ pub struct Rays {
     pub false_hits: u64,
 }
 
+/// Camera samples per pixel.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Samples {
+    /// The fewest.
+    pub least: u32,
+    /// The most.
+    pub most: u32,
+    /// On average.
+    pub mean: f64,
+}
+
 /// Bytes.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Memory {
@@ -85,7 +99,7 @@ impl Stats {
         format!(
             "{} triangles, {} ({}), {} threads\n\
              load {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s, total {}\n\
-             rays: {} primary, {} shadow, {} reflection; {rate:.1} Mray/s{}\n\
+             {}rays: {} primary, {} shadow, {} reflection; {rate:.1} Mray/s{}\n\
              peak memory {} (accelerator {}, meshes {}, textures {})",
             units::count(self.triangles),
             self.backend,
@@ -96,6 +110,13 @@ impl Stats {
             s.render,
             s.write,
             units::duration(s.total),
+            match &self.samples {
+                Some(n) => format!(
+                    "samples per pixel: {} to {}, {:.1} on average\n",
+                    n.least, n.most, n.mean
+                ),
+                None => String::new(),
+            },
             units::count(self.rays.primary),
             units::count(self.rays.shadow),
             units::count(self.rays.reflection),

@@ -4,12 +4,13 @@ use glam::Vec3;
 
 use super::RayCounts;
 use super::record::{Record, Split};
+use super::roulette::{CHANCE, Stage};
 use super::slot::Slot;
 use crate::accel::Accelerator;
 use crate::geometry::{Surfaces, refine};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
-use crate::sampler::Sampler;
+use crate::sampler::{self, Sampler};
 use crate::shading::{
     Emitter, Lanes3, Light, Lit, Points, ShadowPoints, lane, light_rays, reflect, set_lane,
 };
@@ -198,7 +199,7 @@ impl<'a> Cast<'a> {
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
         if R::ON {
             for i in (0..LANES).filter(|&i| active.0[i] != 0 && rays.tfar[i] >= 0.0) {
-                split.add(i, light, lit.diffuse[i], lit.specular[i]);
+                split.add(i, light, lit.diffuse[i], lit.specular[i], 1.0);
             }
         }
         for axis in 0..3 {
@@ -211,7 +212,7 @@ impl<'a> Cast<'a> {
         }
     }
 
-    /// All samples of one area light for all lanes: (lane, sample) pairs in order, 16 a packet.
+    /// The samples of one area light for all lanes: all of them, or those that [`Stage`] asks for.
     #[inline(never)]
     #[allow(clippy::too_many_arguments)] // All of them change from call to call.
     fn area_light<R: Record>(
@@ -224,49 +225,25 @@ impl<'a> Cast<'a> {
         counts: &mut RayCounts,
         record: &mut R,
     ) {
-        let Emitter::Area { corner, edge, height, normal, samples } = light.emitter else {
+        let Emitter::Area { samples, .. } = light.emitter else {
             return;
         };
         let hit = self.points.at.hit;
         self.sums = [[0.0; 3]; LANES];
         let mut split = Split::NONE;
-        let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
-        let mut pairs = lanes.flat_map(|lane| (0..samples).map(move |sample| (lane, sample)));
+        let lens = self.world.camera.has_lens();
         // Most jobs are of the pixel of the job before.
-        let mut drawn = self.sampler.light_points(slot.pixel(0), index, bounce);
-        loop {
-            let mut from = [0; LANES];
-            let mut q = [[0.0; LANES]; 3];
-            let mut count = 0;
-            for (lane, sample) in pairs.by_ref().take(LANES) {
-                let all = slot.sample[lane].wrapping_mul(samples).wrapping_add(sample);
-                if slot.pixel(lane) != drawn.pixel {
-                    drawn = self.sampler.light_points(slot.pixel(lane), index, bounce);
-                }
-                let [s, t] = drawn.at(all);
-                set_lane(&mut q, count, corner + edge * s + height * t);
-                from[count] = lane;
-                count += 1;
-            }
-            if count == 0 || self.monitor.stopped() {
-                break;
-            }
-            self.gathered.gather(&self.points.at, &from, count);
-            let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);
-            let active = light_rays(points, &q, normal, self.world.falloff, glossy, rays, lit);
-            if !active.any() {
-                continue;
-            }
-            counts.shadow += u64::from(active.count());
-            self.accelerator.occluded(&active, rays, Coherence::Coherent);
-            for j in (0..count).filter(|&j| active.0[j] != 0 && rays.tfar[j] >= 0.0) {
-                let sent = light.diffuse * lit.diffuse[j] + light.specular * lit.specular[j];
-                for (sum, sent) in self.sums[from[j]].iter_mut().zip(sent.to_array()) {
-                    *sum += f64::from(sent);
-                }
-                if R::ON {
-                    split.add(from[j], light, lit.diffuse[j], lit.specular[j]);
-                }
+        let mut drawn = self.sampler.points_of(samples, lens, slot.pixel(0), index, bounce);
+        let mut next = Some(Stage::first(samples, self.world.adaptive_shadows));
+        while let Some(stage) = next {
+            let rays = counts.shadow;
+            let seen =
+                self.light_points::<R>(light, slot, glossy, &stage, &mut drawn, counts, &mut split);
+            next = None;
+            if stage.points.end < samples {
+                let active = (counts.shadow - rays) as u32;
+                let refine = self.sampler.choice(slot.pixel(0), slot.first, index, bounce) < CHANCE;
+                next = Stage::rest(stage.points.end..samples, active, seen, refine);
             }
         }
         let share = 1.0 / f64::from(samples);
@@ -279,6 +256,72 @@ impl<'a> Cast<'a> {
                 let light = (self.sums[i][axis] * share) as f32;
                 let sent = light * self.points.base[axis][i] * self.throughput[i];
                 self.radiance[axis][i] += if hit.0[i] != 0 { sent } else { 0.0 };
+            }
+        }
+    }
+
+    /// Adds (lane, sample) pairs in order, 16 a packet; returns how many points were seen.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)] // All of them change from call to call.
+    fn light_points<R: Record>(
+        &mut self,
+        light: &Light,
+        slot: &Slot,
+        glossy: bool,
+        stage: &Stage,
+        drawn: &mut sampler::Points,
+        counts: &mut RayCounts,
+        split: &mut Split,
+    ) -> u32 {
+        let Emitter::Area { corner, edge, height, normal, samples } = light.emitter else {
+            return 0;
+        };
+        let hit = self.points.at.hit;
+        let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
+        let mut pairs =
+            lanes.flat_map(|lane| stage.points.clone().map(move |sample| (lane, sample)));
+        let mut seen = 0;
+        loop {
+            let mut from = [0; LANES];
+            let mut q = [[0.0; LANES]; 3];
+            let mut count = 0;
+            for (lane, sample) in pairs.by_ref().take(LANES) {
+                let all = slot.sample[lane].wrapping_mul(samples).wrapping_add(sample);
+                if slot.pixel(lane) != drawn.pixel {
+                    *drawn = drawn.of(slot.pixel(lane));
+                }
+                let [s, t] = drawn.at(all);
+                set_lane(&mut q, count, corner + edge * s + height * t);
+                from[count] = lane;
+                count += 1;
+            }
+            if count == 0 || self.monitor.stopped() {
+                return seen;
+            }
+            self.gathered.gather(&self.points.at, &from, count);
+            let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);
+            let active = light_rays(points, &q, normal, self.world.falloff, glossy, rays, lit);
+            if !active.any() {
+                continue;
+            }
+            if stage.traced {
+                counts.shadow += u64::from(active.count());
+                self.accelerator.occluded(&active, rays, Coherence::Coherent);
+            }
+            for j in (0..count).filter(|&j| active.0[j] != 0) {
+                let visible = rays.tfar[j] >= 0.0;
+                seen += u32::from(visible);
+                let weight = if visible { stage.seen } else { stage.hidden };
+                if weight == 0.0 {
+                    continue;
+                }
+                let sent = light.diffuse * lit.diffuse[j] + light.specular * lit.specular[j];
+                for (sum, sent) in self.sums[from[j]].iter_mut().zip(sent.to_array()) {
+                    *sum += f64::from(sent) * weight;
+                }
+                if R::ON {
+                    split.add(from[j], light, lit.diffuse[j], lit.specular[j], weight);
+                }
             }
         }
     }

@@ -5,22 +5,27 @@
 
 mod block;
 mod cast;
+mod noise;
+mod passes;
+mod pipeline;
 mod record;
+mod roulette;
 mod slot;
 
 use std::ops::Range;
 
 use crate::accel::Accelerator;
 use crate::film::Window;
-use crate::geometry::{prefetch_indices, prefetch_vertices};
 use crate::monitor::Monitor;
-use crate::ray::{Coherence, LANES, Mask};
-use crate::sampler::Sampler;
+use crate::ray::{LANES, Mask};
 use crate::simd::Kernel;
 use crate::world::World;
 
 use self::block::BlockSums;
 use self::cast::Cast;
+pub use self::noise::{Goal, Tally};
+pub use self::passes::{LEAST, PassKernel, Passes};
+use self::pipeline::{Finish, pipeline};
 pub use self::record::{Beauty, Layers, Record};
 pub use self::slot::Pattern;
 
@@ -93,41 +98,36 @@ impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty<'static>> {
 impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
     type Output = RayCounts;
 
-    /// Traces packet k, finishes packet k - 1, and so on: while one packet is traced, the memory
-    /// that the other needs for shading is on its way.
     #[inline(always)]
-    fn run(mut self) -> RayCounts {
-        let Integrator { world, accelerator, monitor } = self.integrator;
-        let sampler = Sampler::new(world.seed);
-        let pattern = Pattern::for_spp(world.spp);
-        let mut counts = RayCounts::default();
-        let mut cast = Cast::new(world, accelerator, sampler, monitor);
-        let mut slots = [Slot::EMPTY; 2];
-        let mut sums = BlockSums::new(&pattern, 4);
+    fn run(self) -> RayCounts {
+        let pattern = Pattern::for_spp(self.integrator.world.spp);
         let samples = self.samples.clone();
         let begin = samples.start / pattern.samples * pattern.samples;
         let units = corners(&pattern, self.window).flat_map(|corner| {
             (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
-        for (traced, unit) in units.map(Some).chain([None]).enumerate() {
-            let [even, odd] = &mut slots;
-            let (slot, before) = if traced % 2 == 0 { (even, odd) } else { (odd, even) };
-            if let Some((corner, first)) = unit {
-                slot.aim(world, &sampler, &pattern, corner, first, &samples);
-                counts.primary += u64::from(slot.active.count());
-                let (active, packet) = (&slot.active, &mut slot.packet);
-                accelerator.closest_candidates(active, packet, Coherence::Coherent);
-                prefetch_indices(&world.geometry, &slot.packet);
-            }
-            if traced > 0 {
-                self.finish(before, &pattern, &mut cast, &mut sums, &mut counts);
-            }
-            prefetch_vertices(&world.geometry, &slot.packet);
-            if monitor.stopped() {
-                break;
-            }
-        }
-        counts
+        let integrator = self.integrator;
+        let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4) };
+        pipeline(integrator, &pattern, &samples, units, &mut tile)
+    }
+}
+
+/// A tile, and the sums of the block that is being finished.
+struct Tile<'a, 'r, 'f, R> {
+    kernel: TileKernel<'a, 'r, 'f, R>,
+    sums: BlockSums,
+}
+
+impl<R: Record> Finish for Tile<'_, '_, '_, R> {
+    #[inline(always)]
+    fn finish(
+        &mut self,
+        slot: &mut Slot,
+        pattern: &Pattern,
+        cast: &mut Cast,
+        counts: &mut RayCounts,
+    ) {
+        self.kernel.finish(slot, pattern, cast, &mut self.sums, counts);
     }
 }
 

@@ -19,6 +19,12 @@ pub trait Record {
     const ON: bool;
     /// Whether words are written for each pixel.
     fn has_words(&self) -> bool;
+    /// What is kept of one pixel between passes over its samples.
+    type Held: Send;
+    /// That of a pixel without samples.
+    fn held(&self) -> Self::Held;
+    /// Exchanges what is kept of the block, which is one pixel, with another pixel's.
+    fn exchange(&mut self, held: &mut Self::Held);
     /// A new block of pixels begins.
     fn begin(&mut self);
     /// The first hits of a packet's camera rays.
@@ -46,6 +52,10 @@ impl Record for Beauty<'_> {
     fn has_words(&self) -> bool {
         self.0.is_some()
     }
+    type Held = ();
+    fn held(&self) {}
+    #[inline(always)]
+    fn exchange(&mut self, (): &mut ()) {}
     #[inline(always)]
     fn begin(&mut self) {}
     fn surface(&mut self, _: &World, _: &RayPacket, _: &Surfaces, _: &Points) {}
@@ -77,14 +87,19 @@ impl Split {
     pub const NONE: Self =
         Self { diffuse: [[0.0; 3]; LANES], specular: [[0.0; 3]; LANES], visible: [0.0; LANES] };
 
-    /// Adds a light point that lane `i` sees, with the weights of [`crate::shading::Lit`].
+    /// Adds a light point to lane `i`, with the weights of [`crate::shading::Lit`], times `weight`.
     #[inline(always)]
-    pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32) {
+    pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32, weight: f64) {
         for axis in 0..3 {
-            self.diffuse[i][axis] += f64::from(light.diffuse[axis] * diffuse);
-            self.specular[i][axis] += f64::from(light.specular[axis] * specular);
+            self.diffuse[i][axis] += f64::from(light.diffuse[axis] * diffuse) * weight;
+            self.specular[i][axis] += f64::from(light.specular[axis] * specular) * weight;
         }
-        self.visible[i] += 1.0;
+        self.visible[i] += weight;
+    }
+
+    /// Whether anything reaches lane `i`.
+    fn any(&self, i: usize) -> bool {
+        self.diffuse[i] != [0.0; 3] || self.specular[i] != [0.0; 3]
     }
 
     /// Sums over light points -> their mean.
@@ -98,6 +113,14 @@ impl Split {
             self.visible[i] *= share;
         }
     }
+}
+
+/// The layers of one pixel between passes.
+#[derive(Debug)]
+pub struct Held {
+    sums: BlockSums,
+    nearest: Nearest,
+    mattes: Vec<Vec<(u32, u32)>>,
 }
 
 /// The layers of a plan, for one block of pixels at a time.
@@ -181,10 +204,25 @@ impl<'a> Layers<'a> {
 
 impl Record for Layers<'_> {
     const ON: bool = true;
+    type Held = Held;
 
     #[inline(always)]
     fn has_words(&self) -> bool {
         true
+    }
+
+    fn held(&self) -> Held {
+        Held {
+            sums: BlockSums::new(&self.pattern, self.recipe.summed()),
+            nearest: Nearest::NONE,
+            mattes: vec![Vec::new(); self.plan.mattes.len()],
+        }
+    }
+
+    fn exchange(&mut self, held: &mut Held) {
+        std::mem::swap(&mut self.sums, &mut held.sums);
+        std::mem::swap(&mut self.nearest[0], &mut held.nearest);
+        std::mem::swap(&mut self.mattes[0], &mut held.mattes);
     }
 
     fn begin(&mut self) {
@@ -225,7 +263,7 @@ impl Record for Layers<'_> {
                 self.lanes[channel][i] += split.visible[i] * f64::from(share);
             }
         }
-        for i in (0..LANES).filter(|&i| split.visible[i] > 0.0) {
+        for i in (0..LANES).filter(|&i| split.any(i)) {
             for axis in 0..3 {
                 let carried = f64::from(base[axis][i]) * f64::from(throughput[i]);
                 let diffuse = split.diffuse[i][axis] * carried;

@@ -12,6 +12,8 @@ use super::layers::{Layer, LightGroups};
 pub struct Scene {
     /// Mirror bounces after the primary ray.
     pub nbounces: u32,
+    /// Shadow rays of area lights are traced where they are needed.
+    pub adaptive_shadows: bool,
     /// Camera samples per pixel, >= 1.
     pub spp: u32,
     /// Seed of every random choice.

@@ -68,7 +68,9 @@ pub struct World {
     pub camera: Camera,
     /// Pixels across and down.
     pub frame: [u32; 2],
-    /// Camera samples per pixel.
+    /// Shadow rays of area lights are traced where they are needed.
+    pub adaptive_shadows: bool,
+    /// Camera samples per pixel; of an adaptive render the most.
     pub spp: u32,
     /// Mirror bounces.
     pub nbounces: u32,
@@ -165,6 +167,7 @@ impl World {
             lights: scene.lights.iter().map(|light| recentre(light, origin)).collect(),
             camera: Camera::new(&scene.camera, origin),
             frame: [scene.camera.width, scene.camera.height],
+            adaptive_shadows: scene.adaptive_shadows,
             spp: scene.spp,
             nbounces: scene.nbounces,
             seed: scene.seed,

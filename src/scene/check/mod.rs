@@ -51,6 +51,7 @@ pub fn check(
     let (camera, description) = (camera?, description?);
     let scene = Scene {
         nbounces: description.nbounces,
+        adaptive_shadows: description.adaptiveshadows,
         spp: description.spp,
         seed: description.seed,
         camera,

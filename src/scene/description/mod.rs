@@ -28,6 +28,10 @@ pub struct Description {
     #[serde(default = "one_u32")]
     #[schemars(range(max = 4294967295u32))]
     pub nbounces: u32,
+    /// Area lights: trace a quarter of the shadow rays (4 at least) first and the others only where these
+    /// disagree, or by chance. The same mean; fewer rays.
+    #[serde(default)]
+    pub adaptiveshadows: bool,
     /// Camera samples per pixel, box-filtered (their mean); 1 = one ray through the pixel centre.
     #[serde(default = "one_u32")]
     #[schemars(range(min = 1, max = 4294967295u32))]

@@ -1,0 +1,102 @@
+//! `--noise`, `--max-spp`, `--time`: what they mean together, and what the files say of them.
+
+use std::time::Duration;
+
+use crate::{
+    error::{Error, Problem, Result},
+    integrate::LEAST,
+    render::Adaptive,
+    scene::Scene,
+};
+
+use super::args::SamplingArgs;
+
+/// Samples of a pixel at most: the length of a Sobol sequence, beyond which another begins.
+const LONGEST: u32 = 1 << 16;
+
+/// Samples of a pixel at most where a noise level is asked for and nothing is said.
+const MOST_FOR_NOISE: u32 = 4096;
+
+/// Longest time, s: a year.
+const LONGEST_TIME: f64 = 31_536_000.0;
+
+/// How samples are distributed if not evenly.
+///
+/// # Errors
+/// Values out of range, flags that contradict each other or the scene.
+pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> {
+    let (noise, time) = (args.noise, args.time);
+    if let Some(noise) = noise.filter(|noise| !(*noise > 0.0 && *noise <= 1.0)) {
+        let message = format!("found {noise}, expected a number above 0 and up to 1");
+        return Err(Error::invalid("--noise", message).help("0.02 is 2% of a pixel's value"));
+    }
+    if let Some(time) = time.filter(|time| !(*time > 0.0 && *time <= LONGEST_TIME)) {
+        let message = format!("found {time}, expected seconds above 0 and up to {LONGEST_TIME}");
+        return Err(Error::invalid("--time", message));
+    }
+    if noise.is_none() && time.is_none() {
+        return match args.max_spp {
+            None => Ok(None),
+            Some(_) => Err(Error::invalid("--max-spp", "found without --noise and --time")
+                .help("--spp N takes N samples of every pixel")),
+        };
+    }
+    let first = scene.spp.checked_next_power_of_two().unwrap_or(u32::MAX).max(LEAST);
+    let most = args.max_spp.unwrap_or(match noise {
+        Some(_) => MOST_FOR_NOISE.max(first.saturating_mul(16)).min(LONGEST),
+        None => LONGEST,
+    });
+    if most > LONGEST || !most.is_power_of_two() {
+        let below = (1 << most.max(1).ilog2()).min(LONGEST);
+        let message = format!("found {most}, expected a power of two up to {LONGEST}");
+        let help = match most < LONGEST {
+            true => format!("{below} or {}", 2 * below),
+            false => LONGEST.to_string(),
+        };
+        return Err(Error::invalid("--max-spp", message).help(help));
+    }
+    if most <= first {
+        let place = if args.max_spp.is_some() { "--max-spp" } else { "--spp" };
+        let message = format!(
+            "there is no room for more samples: every pixel gets {first} (spp {}, rounded up to a \
+             power of two, at least {LEAST}), and none more than {most}",
+            scene.spp
+        );
+        let help = match first < LONGEST {
+            true => format!("--max-spp {} or more, or fewer --spp", 2 * first),
+            false => format!("--spp {} or fewer", LONGEST / 2),
+        };
+        return Err(Error::invalid(place, message).help(help));
+    }
+    Ok(Some(Adaptive { first, most, noise, time: time.map(Duration::from_secs_f64) }))
+}
+
+/// What the EXR says about it.
+pub fn attributes(adaptive: &Adaptive) -> Vec<(String, String)> {
+    let mut attributes = Vec::new();
+    let mut say = |name: &str, text: String| attributes.push((format!("lightpath:{name}"), text));
+    if let Some(noise) = adaptive.noise {
+        say("noise", noise.to_string());
+    }
+    if let Some(time) = adaptive.time {
+        say("time", time.as_secs_f64().to_string());
+        say("reproducible", "no".to_string());
+    }
+    attributes
+}
+
+/// `lightpath:spp`: how many samples a pixel may have.
+pub fn spp(adaptive: Option<&Adaptive>, scene: &Scene) -> String {
+    match adaptive {
+        Some(Adaptive { first, most, .. }) => format!("{first}-{most}"),
+        None => scene.spp.to_string(),
+    }
+}
+
+/// What the user should know beforehand.
+pub fn warning(adaptive: &Adaptive) -> Option<Problem> {
+    adaptive.time?;
+    let message =
+        "the picture depends on how fast this machine is today: it is marked as not reproducible";
+    Some(Problem::new("--time", message).help("--noise alone always gives the same picture"))
+}

@@ -1,0 +1,195 @@
+//! A rectangle of pixels, each with samples of its own number, taken in passes.
+//!
+//! Packets are one pixel x 16 samples, the same that a render of so many samples traces. A pass continues
+//! the sums where the one before ended, in their fixed order, so that a pixel has the bits of a render of as
+//! many samples as it has.
+
+use std::ops::Range;
+
+use crate::film::Window;
+use crate::ray::LANES;
+use crate::simd::Kernel;
+
+use super::block::BlockSums;
+use super::cast::Cast;
+use super::noise::{self, Goal, Tally};
+use super::pipeline::{Finish, pipeline};
+use super::record::Record;
+use super::slot::{Pattern, Slot};
+use super::{Integrator, RayCounts, alpha, doubles, morton};
+
+/// The least of samples that a pass takes of a pixel, and what it takes a multiple of.
+pub const LEAST: u32 = LANES as u32;
+
+/// Any sample.
+const ALL: Range<u32> = 0..u32::MAX;
+
+/// The pixels of a rectangle and what is known of each so far.
+#[derive(Debug)]
+pub struct Passes<H> {
+    window: Window,
+    /// By pixel, row by row.
+    pub tallies: Vec<Tally>,
+    held: Vec<H>,
+}
+
+impl<H> Passes<H> {
+    /// Pixels without samples, which want `first`.
+    pub fn new(window: Window, first: u32, held: impl Fn() -> H) -> Self {
+        let count = (window.width() * window.height()) as usize;
+        let tally = Tally { wanted: first, aim: first, ..Tally::default() };
+        let held = (0..count).map(|_| held()).collect();
+        Self { window, tallies: vec![tally; count], held }
+    }
+
+    /// Gives the pixels that are not yet good twice their samples; whether there are any.
+    pub fn choose(&mut self, goal: &Goal) -> bool {
+        noise::choose(&mut self.tallies, self.window.width() as usize, goal)
+    }
+
+    /// Samples that the next pass will take.
+    pub fn wanted(&self) -> u64 {
+        self.tallies.iter().map(|tally| u64::from(tally.wanted - tally.taken)).sum()
+    }
+
+    /// Lets all pixels below `most` have twice their samples.
+    pub fn double(&mut self, most: u32) {
+        for tally in &mut self.tallies {
+            tally.aim = if tally.taken < most { 2 * tally.taken } else { tally.taken };
+        }
+    }
+
+    /// Sets what the next pass takes: all that pixels shall have, or after a `shift` steps of the half, the
+    /// quarter ... of what would double their samples. Runs of a power of two that begin at a multiple of
+    /// it are stratified.
+    pub fn want(&mut self, shift: u32) {
+        for tally in &mut self.tallies {
+            let step = (tally.aim / 2).checked_shr(shift).unwrap_or(0);
+            let more = tally.taken < tally.aim && step >= LEAST;
+            tally.wanted = if more { tally.aim.min(tally.taken + step) } else { tally.taken };
+        }
+    }
+
+    /// How many samples the pixels of `kept` have.
+    pub fn taken(&self, kept: Window) -> impl Iterator<Item = u32> + Clone {
+        let rows = (kept.y0..kept.y1).flat_map(move |y| (kept.x0..kept.x1).map(move |x| [x, y]));
+        rows.map(|pixel| self.tallies[self.index(pixel)].taken)
+    }
+
+    fn index(&self, [x, y]: [u32; 2]) -> usize {
+        ((y - self.window.y0) * self.window.width() + x - self.window.x0) as usize
+    }
+
+    /// Writes the pixels of `kept`, a part of the rectangle, into its rows, and the words of their layers.
+    pub fn write<R: Record<Held = H>>(
+        &mut self,
+        kept: Window,
+        rows: &mut [&mut [[f32; 4]]],
+        words: &mut [&mut [u32]],
+        record: &mut R,
+    ) {
+        let none = BlockSums::new(&Pattern::for_spp(LEAST), 0);
+        for (row, y) in (kept.y0..kept.y1).enumerate() {
+            for (column, x) in (kept.x0..kept.x1).enumerate() {
+                let index = self.index([x, y]);
+                let Tally { sum, taken, .. } = self.tallies[index];
+                rows[row][column] = sum.map(|sum| (sum / f64::from(taken)) as f32);
+                if record.has_words() {
+                    record.exchange(&mut self.held[index]);
+                    record.write(0, taken, &none, column, words[row]);
+                    record.exchange(&mut self.held[index]);
+                }
+            }
+        }
+    }
+}
+
+/// One pass: takes what every pixel wants.
+pub struct PassKernel<'a, 'p, R: Record> {
+    /// What does not change.
+    pub integrator: Integrator<'a>,
+    /// The pixels.
+    pub passes: &'p mut Passes<R::Held>,
+    /// What is kept beside them.
+    pub record: &'p mut R,
+}
+
+impl<R: Record> Kernel for PassKernel<'_, '_, R> {
+    type Output = RayCounts;
+
+    #[inline(always)]
+    fn run(self) -> RayCounts {
+        let pattern = Pattern::for_spp(LEAST);
+        let passes = &self.passes;
+        let w = passes.window;
+        let side = w.width().max(w.height()).next_power_of_two();
+        let pixels =
+            (0..side * side).map(morton).filter(|[x, y]| *x < w.width() && *y < w.height());
+        let todo: Vec<([u32; 2], Range<u32>)> = pixels
+            .map(|[x, y]| {
+                let corner = [w.x0 + x, w.y0 + y];
+                let tally = &passes.tallies[passes.index(corner)];
+                (corner, tally.taken..tally.wanted)
+            })
+            .collect();
+        let units = todo.into_iter().flat_map(|(corner, samples)| {
+            samples.step_by(LEAST as usize).map(move |first| (corner, first))
+        });
+        let mut pass = Pass {
+            passes: self.passes,
+            record: self.record,
+            transparent: self.integrator.world.transparent,
+            sums: BlockSums::new(&pattern, 4),
+        };
+        pipeline(self.integrator, &pattern, &ALL, units, &mut pass)
+    }
+}
+
+struct Pass<'p, R: Record> {
+    passes: &'p mut Passes<R::Held>,
+    record: &'p mut R,
+    transparent: bool,
+    /// Of this pass and pixel.
+    sums: BlockSums,
+}
+
+impl<R: Record> Finish for Pass<'_, R> {
+    #[inline(always)]
+    fn finish(
+        &mut self,
+        slot: &mut Slot,
+        pattern: &Pattern,
+        cast: &mut Cast,
+        counts: &mut RayCounts,
+    ) {
+        let index = self.passes.index(slot.corner);
+        let tally = &mut self.passes.tallies[index];
+        let held = &mut self.passes.held[index];
+        if slot.first == tally.taken {
+            self.record.exchange(held);
+            self.sums.clear();
+            tally.half = [0.0; 4];
+        }
+        let hit = cast.run(slot, counts, self.record);
+        let alpha = alpha(&hit, self.transparent);
+        if R::ON {
+            self.record.packet(slot, &ALL, &cast.radiance);
+        }
+        let [r, g, b] = &cast.radiance;
+        let lanes = [r, g, b, &alpha].map(doubles);
+        self.sums.add(pattern, slot.first, &ALL, &lanes);
+        for (half, lanes) in tally.half.iter_mut().zip(&lanes) {
+            for i in 0..LANES {
+                let second = u64::from(slot.first + i as u32) * 2 >= u64::from(tally.wanted);
+                *half += if second { lanes[i] } else { 0.0 };
+            }
+        }
+        if slot.first + LEAST >= tally.wanted {
+            for (channel, sum) in tally.sum.iter_mut().enumerate() {
+                *sum += self.sums.total(0, channel);
+            }
+            tally.taken = tally.wanted;
+            self.record.exchange(held);
+        }
+    }
+}

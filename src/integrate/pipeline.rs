@@ -1,0 +1,59 @@
+//! Camera packets one after the other, two of them under way at a time.
+
+use std::ops::Range;
+
+use crate::geometry::{prefetch_indices, prefetch_vertices};
+use crate::ray::Coherence;
+use crate::sampler::Sampler;
+
+use super::cast::Cast;
+use super::slot::{Pattern, Slot};
+use super::{Integrator, RayCounts};
+
+/// What becomes of a packet whose camera rays are traced.
+pub trait Finish {
+    /// Shades it and adds it to its pixels. Packets come in the order of their units.
+    fn finish(
+        &mut self,
+        slot: &mut Slot,
+        pattern: &Pattern,
+        cast: &mut Cast,
+        counts: &mut RayCounts,
+    );
+}
+
+/// Traces packet k, finishes packet k - 1, and so on: while one packet is traced, the memory that the
+/// other needs for shading is on its way. A unit is a block's corner and its packet's first sample.
+#[inline(always)]
+pub fn pipeline<F: Finish>(
+    integrator: Integrator,
+    pattern: &Pattern,
+    samples: &Range<u32>,
+    units: impl Iterator<Item = ([u32; 2], u32)>,
+    work: &mut F,
+) -> RayCounts {
+    let Integrator { world, accelerator, monitor } = integrator;
+    let sampler = Sampler::new(world.seed);
+    let mut counts = RayCounts::default();
+    let mut cast = Cast::new(world, accelerator, sampler, monitor);
+    let mut slots = [Slot::EMPTY; 2];
+    for (traced, unit) in units.map(Some).chain([None]).enumerate() {
+        let [even, odd] = &mut slots;
+        let (slot, before) = if traced % 2 == 0 { (even, odd) } else { (odd, even) };
+        if let Some((corner, first)) = unit {
+            slot.aim(world, &sampler, pattern, corner, first, samples);
+            counts.primary += u64::from(slot.active.count());
+            let (active, packet) = (&slot.active, &mut slot.packet);
+            accelerator.closest_candidates(active, packet, Coherence::Coherent);
+            prefetch_indices(&world.geometry, &slot.packet);
+        }
+        if traced > 0 {
+            work.finish(before, pattern, &mut cast, &mut counts);
+        }
+        prefetch_vertices(&world.geometry, &slot.packet);
+        if monitor.stopped() {
+            break;
+        }
+    }
+    counts
+}

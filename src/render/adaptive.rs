@@ -1,0 +1,281 @@
+//! Samples where they are needed, and for as long as there is time.
+//!
+//! What a pixel gets depends on its tile alone (all of it, also where a crop cuts it) and on one number of
+//! the whole frame, its brightness; so neither threads nor crops make a difference. Only a limit of time does.
+
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use super::{Tile, pixels, tiles};
+use crate::accel::Accelerator;
+use crate::error::Result;
+use crate::film::{Film, Planes, Window};
+use crate::integrate::{
+    Beauty, Goal, Integrator, LEAST, Layers, PassKernel, Passes, RayCounts, Record, TILE,
+};
+use crate::layers::{Plan, Recipe};
+use crate::monitor::{Monitor, Phase};
+use crate::simd::{self, Isa};
+use crate::world::World;
+
+/// The level that stands for the picture's dark parts, relative to its mean radiance: the root of the 0.01
+/// in `relmse`, for a picture of mean 1.
+const DARK: f64 = 0.1;
+
+/// Pixels of the frame, at most, that tell its brightness, and the least distance between them.
+const PROBES: f64 = 1024.0;
+const PROBE_DISTANCE: u32 = 4;
+
+/// How many samples a pixel gets. The world's `spp` must be `most`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Adaptive {
+    /// Samples of every pixel: a power of two, at least [`LEAST`].
+    pub first: u32,
+    /// Samples that no pixel exceeds: a power of two.
+    pub most: u32,
+    /// Relative standard error at which a pixel is good.
+    pub noise: Option<f64>,
+    /// When no pass is begun any more that would end later. The first one always is taken.
+    pub time: Option<Duration>,
+}
+
+/// Camera samples of the pixels of a film.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Taken {
+    /// The fewest.
+    pub least: u32,
+    /// The most.
+    pub most: u32,
+    /// On average.
+    pub mean: f64,
+}
+
+/// What all tiles share.
+struct Job<'a> {
+    integrator: Integrator<'a>,
+    isa: Isa,
+    adaptive: Adaptive,
+    goal: Option<Goal>,
+}
+
+/// Renders the film's window with as many samples as each pixel needs, and the layers of a plan with it.
+///
+/// # Errors
+/// `Interrupted` after a signal; the film is then unfinished.
+pub fn render_adaptive(
+    world: &World,
+    accelerator: &dyn Accelerator,
+    isa: Isa,
+    film: &mut Film,
+    plan: &Plan,
+    adaptive: Adaptive,
+    monitor: &Monitor,
+) -> Result<(RayCounts, Taken)> {
+    debug_assert_eq!(world.spp, adaptive.most);
+    monitor.begin(Phase::Render, pixels(film.window));
+    let integrator = Integrator { world, accelerator, monitor };
+    let mut job = Job { integrator, isa, adaptive, goal: None };
+    let mut counts = RayCounts::default();
+    if let Some(noise) = adaptive.noise {
+        let (mean, rays) = job.brightness();
+        job.goal = Some(Goal { noise, floor: DARK * mean, most: adaptive.most });
+        counts = rays;
+    }
+    let (rays, taken) = if plan.is_empty() {
+        film.planes = Planes::default();
+        job.render(film, || Beauty(None))
+    } else {
+        let recipe = Recipe::new(plan);
+        job.render(film, || Layers::new(plan, &recipe, None, world.spp))
+    };
+    monitor.check()?;
+    Ok((counts + rays, taken))
+}
+
+impl Job<'_> {
+    fn render<R: Record + Send>(
+        &self,
+        film: &mut Film,
+        record: impl Fn() -> R + Sync,
+    ) -> (RayCounts, Taken) {
+        let all = pixels(film.window);
+        let tiles = tiles(film);
+        let done = match self.adaptive.time {
+            Some(time) => self.in_time(time, tiles, record),
+            None => self.tile_by_tile(tiles, record),
+        };
+        let (rays, mut taken) = done.unwrap_or_default();
+        taken.mean /= all as f64;
+        (rays, taken)
+    }
+
+    /// Each tile until its pixels are good.
+    fn tile_by_tile<R: Record>(
+        &self,
+        tiles: Vec<Tile>,
+        record: impl Fn() -> R + Sync,
+    ) -> Option<(RayCounts, Taken)> {
+        let monitor = self.integrator.monitor;
+        let render = |tile: Tile| {
+            let mut work = Work::new(self, tile, record());
+            let mut rays = work.pass(self);
+            while !monitor.stopped() && self.goal.is_some_and(|goal| work.passes.choose(&goal)) {
+                rays = rays + work.pass(self);
+            }
+            monitor.done.fetch_add(pixels(work.tile.window), Relaxed);
+            (rays, work.finish())
+        };
+        tiles.into_par_iter().map(render).reduce_with(join)
+    }
+
+    /// Passes over the whole film: each as large as the time that is left allows, the last ones small.
+    fn in_time<R: Record + Send>(
+        &self,
+        time: Duration,
+        tiles: Vec<Tile>,
+        record: impl Fn() -> R + Sync,
+    ) -> Option<(RayCounts, Taken)> {
+        let (start, monitor) = (Instant::now(), self.integrator.monitor);
+        let make = |tile| Work::new(self, tile, record());
+        let mut all: Vec<Work<R>> = tiles.into_par_iter().map(make).collect();
+        let mut rays = RayCounts::default();
+        // By how much the next passes are smaller than one that doubles.
+        let mut shift = 0;
+        loop {
+            let (begun, wanted) = (Instant::now(), wanted(&all));
+            let pass = |work: &mut Work<R>| {
+                let rays = work.pass(self);
+                let part = start.elapsed().as_secs_f64() / time.as_secs_f64().max(1e-9);
+                let total = monitor.total.load(Relaxed);
+                monitor.set_done(total.min((part * total as f64) as u64));
+                rays
+            };
+            let sum = all.par_iter_mut().map(pass).reduce(RayCounts::default, |a, b| a + b);
+            rays = rays + sum;
+            if monitor.stopped() {
+                break;
+            }
+            let each = begun.elapsed().as_secs_f64() / wanted.max(1) as f64;
+            let left = time.saturating_sub(start.elapsed()).as_secs_f64();
+            if shift == 0 {
+                all.par_iter_mut().for_each(|work| work.choose(self));
+            }
+            while wanted_after(&mut all, shift) as f64 * each > left && shift < u32::BITS {
+                shift += 1;
+            }
+            if self::wanted(&all) == 0 || shift == u32::BITS {
+                break;
+            }
+        }
+        let done = all.into_par_iter().map(|work| (RayCounts::default(), work.finish()));
+        let (_, taken) = done.reduce_with(join)?;
+        Some((rays, taken))
+    }
+
+    /// The mean radiance of the frame, over a grid of its pixels, and what it cost.
+    fn brightness(&self) -> (f64, RayCounts) {
+        let [width, height] = self.integrator.world.frame;
+        let area = f64::from(width) * f64::from(height);
+        let distance = ((area / PROBES).sqrt().ceil() as u32).max(PROBE_DISTANCE);
+        let middle = |size: u32| {
+            (0..size)
+                .step_by(distance as usize)
+                .map(move |at| at + (distance / 2).min(size - 1 - at))
+        };
+        let probes: Vec<[u32; 2]> =
+            middle(height).flat_map(|y| middle(width).map(move |x| [x, y])).collect();
+        let sums: Vec<(f64, RayCounts)> = probes
+            .par_iter()
+            .map(|&[x, y]| {
+                let mut passes =
+                    Passes::new(Window { x0: x, y0: y, x1: x + 1, y1: y + 1 }, LEAST, || ());
+                let rays = self.pass(&mut passes, &mut Beauty(None));
+                let [r, g, b, _] = passes.tallies[0].sum;
+                ((r + g + b) / (3.0 * f64::from(LEAST)), rays)
+            })
+            .collect();
+        // In the order of the pixels: the same bits for any number of threads.
+        let finite = sums.iter().filter(|(radiance, _)| radiance.is_finite());
+        let sum: f64 = finite.map(|(radiance, _)| radiance).sum();
+        let rays = sums.iter().fold(RayCounts::default(), |all, (_, rays)| all + *rays);
+        (sum / probes.len() as f64, rays)
+    }
+
+    fn pass<R: Record>(&self, passes: &mut Passes<R::Held>, record: &mut R) -> RayCounts {
+        let rays =
+            simd::dispatch(self.isa, PassKernel { integrator: self.integrator, passes, record });
+        let all = rays.primary + rays.shadow + rays.reflection;
+        self.integrator.monitor.rays.fetch_add(all, Relaxed);
+        rays
+    }
+}
+
+/// A tile under way.
+struct Work<'f, R: Record> {
+    tile: Tile<'f>,
+    record: R,
+    passes: Passes<R::Held>,
+}
+
+impl<'f, R: Record> Work<'f, R> {
+    fn new(job: &Job, tile: Tile<'f>, record: R) -> Self {
+        let window = match job.goal {
+            Some(_) => whole(tile.window, job.integrator.world.frame),
+            None => tile.window,
+        };
+        let passes = Passes::new(window, job.adaptive.first, || record.held());
+        Self { tile, record, passes }
+    }
+
+    fn pass(&mut self, job: &Job) -> RayCounts {
+        match job.integrator.monitor.stopped() {
+            true => RayCounts::default(),
+            false => job.pass(&mut self.passes, &mut self.record),
+        }
+    }
+
+    /// Which pixels go on: those that are not good, or all.
+    fn choose(&mut self, job: &Job) {
+        match &job.goal {
+            Some(goal) => {
+                self.passes.choose(goal);
+            }
+            None => self.passes.double(job.adaptive.most),
+        }
+    }
+
+    fn finish(mut self) -> Taken {
+        let Tile { window, rows, words } = &mut self.tile;
+        self.passes.write(*window, rows, words, &mut self.record);
+        let kept = self.passes.taken(*window);
+        Taken {
+            least: kept.clone().min().unwrap_or(0),
+            most: kept.clone().max().unwrap_or(0),
+            mean: kept.map(f64::from).sum(),
+        }
+    }
+}
+
+/// Samples that the next pass takes.
+fn wanted<R: Record>(all: &[Work<R>]) -> u64 {
+    all.iter().map(|work| work.passes.wanted()).sum()
+}
+
+/// The same if it is `shift` times halved.
+fn wanted_after<R: Record + Send>(all: &mut [Work<R>], shift: u32) -> u64 {
+    all.par_iter_mut().for_each(|work| work.passes.want(shift));
+    wanted(all)
+}
+
+/// All of the frame's tile that a part of it lies in.
+fn whole(part: Window, [width, height]: [u32; 2]) -> Window {
+    let (x0, y0) = (part.x0 / TILE * TILE, part.y0 / TILE * TILE);
+    Window { x0, y0, x1: (x0 + TILE).min(width), y1: (y0 + TILE).min(height) }
+}
+
+fn join((rays, a): (RayCounts, Taken), (more, b): (RayCounts, Taken)) -> (RayCounts, Taken) {
+    let mean = a.mean + b.mean;
+    (rays + more, Taken { least: a.least.min(b.least), most: a.most.max(b.most), mean })
+}

@@ -1,0 +1,283 @@
+//! `--noise`, `--time` and `--adaptive-shadows`: the same bits as a plain render where they can be, no
+//! bias where they cannot. Skipped with a note where Embree is not installed.
+
+mod program;
+
+use std::io::Cursor;
+
+use exr::prelude::{ReadChannels, ReadLayers, read_all_flat_layers_from_file};
+use program::{Done, PYRAMID, Scratch};
+use serde_json::Value;
+
+/// A wire, a fiftieth of a light's width, hangs before the light over a floor; a mirror ball, a mesh.
+const SCENE: &str = r#"{
+  "seed": 3,
+  "camera": { "type": "pinhole", "width": 50, "height": 40, "fov": 40,
+              "position": [0, 3, 7], "target": [0, 0.3, 0], "up": [0, 1, 0] },
+  "scene": {
+    "backgroundcolor": [0.02, 0.02, 0.02], "ambient": [0.01, 0.01, 0.01], "attenuation": "quadratic",
+    "lightsources": [
+      { "type": "arealight", "v0": [-1, 4, -1], "v1": [1, 4, -1], "v2": [-1, 4, 1],
+        "id": [20, 18, 16], "samples": 16 }],
+    "shapes": [
+      { "type": "plane", "v0": [-2, 2.5, 0.02], "v1": [2, 2.5, 0.02], "v2": [2, 2.5, -0.02],
+        "v3": [-2, 2.5, -0.02], "material": {} },
+      { "type": "trimesh", "path": "p.ply", "size": 0.5, "center": [-1.2, 0.1, 0.5], "material": {} },
+      { "type": "sphere", "center": [1.2, 0.5, 0], "radius": 0.5,
+        "material": { "kd": 0.4, "kr": 0.5, "ks": 0.4, "specularexponent": 20 } },
+      { "type": "plane", "v0": [-6, 0, 6], "v1": [6, 0, 6], "v2": [6, 0, -6], "v3": [-6, 0, -6],
+        "material": { "kd": 0.7, "ka": 1 } }]
+  }
+}"#;
+
+fn scratch() -> Option<Scratch> {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    scratch.write("p.ply", PYRAMID);
+    let done = scratch.run(&["render", "s.json", "-o", "probe", "--size", "2x2"]);
+    let missing =
+        ["cannot load", "this build does not have"].iter().any(|m| done.stderr().contains(m));
+    assert!(missing || done.code() == 0, "{}", done.stderr());
+    if missing {
+        eprintln!("skipped: {}", done.stderr());
+    }
+    (!missing).then_some(scratch)
+}
+
+/// Renders in 32-bit floats; returns the statistics.
+#[track_caller]
+fn render(scratch: &Scratch, prefix: &str, flags: &[&str]) -> Value {
+    let fixed = ["render", "s.json", "-o", prefix, "--quiet", "--float", "--json"];
+    let done = scratch.run(&[&fixed, flags].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    serde_json::from_str(&done.stdout()).unwrap()
+}
+
+/// R, G, B, A, row by row.
+fn pixels(scratch: &Scratch, name: &str) -> Vec<Vec<[f32; 4]>> {
+    exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgba_channels(
+            |size, _| vec![vec![[0.0; 4]; size.width()]; size.height()],
+            |pixels: &mut Vec<Vec<_>>, at, (r, g, b, a): (f32, f32, f32, f32)| {
+                pixels[at.y()][at.x()] = [r, g, b, a];
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(Cursor::new(scratch.read(&format!("{name}.exr"))))
+        .unwrap()
+        .layer_data
+        .channel_data
+        .pixels
+}
+
+/// Every channel by its name, as text that tells every value apart.
+fn channels(scratch: &Scratch, name: &str) -> Vec<(String, String)> {
+    let image = read_all_flat_layers_from_file(scratch.path(&format!("{name}.exr"))).unwrap();
+    let list = image.layer_data[0].channel_data.list.clone();
+    list.into_iter().map(|c| (c.name.to_string(), format!("{:?}", c.sample_data))).collect()
+}
+
+fn attribute(scratch: &Scratch, name: &str, key: &str) -> Option<String> {
+    let done = scratch.run(&["info", &format!("{name}.exr"), "--json"]);
+    let info: Value = serde_json::from_str(&done.stdout()).unwrap();
+    let value = &info["parts"][0]["attributes"][key];
+    value.as_str().map(str::to_string)
+}
+
+/// Mean radiance of a picture.
+fn mean(pixels: &[Vec<[f32; 4]>]) -> f64 {
+    let all = pixels.iter().flatten().flat_map(|p| &p[..3]);
+    all.clone().map(|&v| f64::from(v)).sum::<f64>() / all.count() as f64
+}
+
+#[test]
+fn passes_give_the_bits_of_one_go() {
+    let Some(scratch) = scratch() else { return };
+    let aov = ["--aov", "all", "--light-samples", "2"];
+    render(&scratch, "go", &[&aov[..], &["--spp", "64"]].concat());
+    let stats =
+        render(&scratch, "passes", &[&aov[..], &["--noise", "1e-9", "--max-spp", "64"]].concat());
+    // The background has no noise.
+    assert_eq!(stats["samples"]["most"], 64);
+    let (go, passes) = (channels(&scratch, "go"), channels(&scratch, "passes"));
+    let samples = go.iter().position(|(name, _)| name == "samples.Y").unwrap();
+    assert_eq!(go.len(), passes.len());
+    if stats["samples"]["least"] == 64 {
+        assert_eq!(go[samples], passes[samples]);
+    }
+    // Where all were taken, everything is the same; where fewer were enough, nothing changes any more.
+    let (whole, parts) = (pixels(&scratch, "go"), pixels(&scratch, "passes"));
+    let equal = |a: &[f32; 4], b: &[f32; 4]| a.map(f32::to_bits) == b.map(f32::to_bits);
+    let pairs = whole.iter().flatten().zip(parts.iter().flatten());
+    let same = pairs.filter(|(a, b)| equal(a, b)).count();
+    assert!(same * 100 >= 50 * 40 * 99, "{same} of {}", 50 * 40);
+}
+
+#[test]
+fn the_same_bytes_for_any_threads_and_as_a_crop() {
+    let Some(scratch) = scratch() else { return };
+    let flags = ["--noise", "0.1", "--max-spp", "64", "--light-samples", "1", "--aov", "samples,N"];
+    let stats = render(&scratch, "one", &[&flags[..], &["--threads", "1"]].concat());
+    let (least, most) = (&stats["samples"]["least"], &stats["samples"]["most"]);
+    assert_eq!((least.as_u64(), most.as_u64()), (Some(16), Some(64)));
+    for threads in ["2", "5"] {
+        render(&scratch, "many", &[&flags[..], &["--threads", threads]].concat());
+        assert!(scratch.read("one.exr") == scratch.read("many.exr"), "{threads} threads");
+    }
+    let full = pixels(&scratch, "one");
+    let crop = ["--crop", "7", "11", "41", "33"];
+    render(&scratch, "crop", &[&flags[..], &crop].concat());
+    let crop = pixels(&scratch, "crop");
+    for (y, row) in crop.iter().enumerate() {
+        assert_eq!(row[..], full[y + 11][7..41], "row {y}");
+    }
+}
+
+#[test]
+fn the_error_that_is_asked_for_is_reached() {
+    let Some(scratch) = scratch() else { return };
+    render(&scratch, "reference", &["--spp", "4096", "--light-samples", "1", "--seed", "77"]);
+    let reference = pixels(&scratch, "reference");
+    let level = mean(&reference);
+    for target in [0.1, 0.03] {
+        let noise = target.to_string();
+        let flags = ["--noise", &noise, "--light-samples", "1"];
+        let stats = render(&scratch, "noisy", &flags);
+        let noisy = pixels(&scratch, "noisy");
+        let (mut squares, mut even) = (0.0, 0.0);
+        for (x, r) in noisy.iter().flatten().zip(reference.iter().flatten()) {
+            let square = |f: &dyn Fn(usize) -> f64| (0..3).map(|c| f(c).powi(2)).sum::<f64>();
+            let off = square(&|c| f64::from(x[c]) - f64::from(r[c]));
+            squares += off / (square(&|c| f64::from(r[c])) + 3.0 * (0.1 * level).powi(2));
+            even += 1.0;
+        }
+        let relative = (squares / even as f64).sqrt();
+        eprintln!("target {target}: {relative:.4}, {}", stats["samples"]);
+        // The estimate is of the kind that never is too small in the mean.
+        assert!(relative < target, "{relative} for {target}");
+        assert!(stats["samples"]["mean"].as_f64().unwrap() < 2000.0);
+    }
+}
+
+/// The mean of pictures with different seeds, and its standard error.
+fn means(scratch: &Scratch, flags: &[&str], seeds: std::ops::Range<u32>) -> (f64, f64) {
+    let values: Vec<f64> = seeds
+        .map(|seed| {
+            let seed = seed.to_string();
+            render(scratch, "seed", &[flags, &["--seed", &seed]].concat());
+            mean(&pixels(scratch, "seed"))
+        })
+        .collect();
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (mean, (variance / n).sqrt())
+}
+
+#[test]
+fn stopping_early_hardly_biases_the_picture() {
+    let Some(scratch) = scratch() else { return };
+    let (truth, exact) = means(&scratch, &["--spp", "1024", "--light-samples", "1"], 0..4);
+    let flags = ["--noise", "0.1", "--light-samples", "1"];
+    let (stopped, error) = means(&scratch, &flags, 100..124);
+    let bias = (stopped - truth) / truth;
+    eprintln!("bias {bias:.2e}, standard errors {:.1e} {:.1e}", error / truth, exact / truth);
+    // A fiftieth of the noise that is asked for.
+    assert!(bias.abs() < 0.002, "{bias}");
+}
+
+#[test]
+fn adaptive_shadows_keep_the_mean_before_a_thin_wire() {
+    let Some(scratch) = scratch() else { return };
+    // One sample a pixel: the same camera rays for every seed, so only light points and choices differ.
+    let flags = ["--spp", "1", "--size", "40x32"];
+    let (plain, plain_error) = means(&scratch, &flags, 0..16);
+    let (rare, rare_error) =
+        means(&scratch, &[&flags[..], &["--adaptive-shadows"]].concat(), 50..114);
+    let (off, error) = (rare - plain, plain_error.hypot(rare_error));
+    eprintln!("relative difference {:.2e}, standard error {:.1e}", off / plain, error / plain);
+    assert!(off.abs() < 4.0 * error, "{off} for a standard error of {error}");
+    // What the wire takes away must be many such errors, or the test would not see it missing.
+    let bare = SCENE.replace("[-2, 2.5, 0.02]", "[-2, 9, 0.02]").replace("2.5, ", "9, ");
+    scratch.write("s.json", &bare);
+    let (unshadowed, _) = means(&scratch, &flags, 0..4);
+    assert!(unshadowed - plain > 10.0 * error, "{unshadowed} {plain} {error}");
+}
+
+#[test]
+fn adaptive_shadows_trace_fewer_rays_and_the_layers_still_add_up() {
+    let Some(scratch) = scratch() else { return };
+    let shadow = |stats: &Value| stats["rays"]["shadow"].as_u64().unwrap();
+    let flags = ["--spp", "16", "--aov", "components,shadow"];
+    let all = shadow(&render(&scratch, "all", &flags));
+    let few = shadow(&render(&scratch, "few", &[&flags[..], &["--adaptive-shadows"]].concat()));
+    assert!(few * 10 < all * 8, "{few} of {all}");
+    render(&scratch, "again", &[&flags[..], &["--adaptive-shadows", "--threads", "3"]].concat());
+    assert!(scratch.read("few.exr") == scratch.read("again.exr"));
+    let image = read_all_flat_layers_from_file(scratch.path("few.exr")).unwrap();
+    let values = |name: &str| -> Vec<f32> {
+        let list = &image.layer_data[0].channel_data.list;
+        let channel = list.iter().find(|c| c.name.to_string() == name);
+        channel.unwrap_or_else(|| panic!("{name}")).sample_data.values_as_f32().collect()
+    };
+    let parts = ["diffuse", "specular", "ambient", "reflection", "background"];
+    let parts: Vec<Vec<f32>> = parts.iter().map(|part| values(&format!("{part}.R"))).collect();
+    for (i, beauty) in values("R").into_iter().enumerate() {
+        let sum: f32 = parts.iter().map(|part| part[i]).sum();
+        assert!((sum - beauty).abs() <= 1e-5 * beauty.abs().max(0.1), "{sum} {beauty}");
+    }
+}
+
+#[test]
+fn a_limit_of_time_is_marked() {
+    let Some(scratch) = scratch() else { return };
+    let fixed = ["render", "s.json", "-o", "timed", "--light-samples", "1", "--json"];
+    let done = scratch.run(&[&fixed[..], &["--time", "0.2", "--size", "100x80"]].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert!(done.stderr().contains("not reproducible"), "{}", done.stderr());
+    let stats: Value = serde_json::from_str(&done.stdout()).unwrap();
+    let samples = &stats["samples"];
+    // Evenly: every pixel the same.
+    assert_eq!(samples["least"], samples["most"]);
+    assert!(samples["least"].as_u64().unwrap() >= 16);
+    assert!(stats["seconds"]["render"].as_f64().unwrap() < 5.0);
+    assert_eq!(attribute(&scratch, "timed", "lightpath:reproducible").as_deref(), Some("no"));
+    assert_eq!(attribute(&scratch, "timed", "lightpath:time").as_deref(), Some("0.2"));
+    render(&scratch, "noise", &["--noise", "0.5"]);
+    assert_eq!(attribute(&scratch, "noise", "lightpath:reproducible"), None);
+    assert_eq!(attribute(&scratch, "noise", "lightpath:noise").as_deref(), Some("0.5"));
+    // Time enough: what --noise alone gives.
+    render(&scratch, "both", &["--noise", "0.5", "--time", "1000"]);
+    assert_eq!(pixels(&scratch, "both"), pixels(&scratch, "noise"));
+}
+
+#[test]
+fn contradictions_are_refused() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    scratch.write("p.ply", PYRAMID);
+    let refused = |flags: &[&str], says: &[&str]| {
+        let done: Done = scratch.run(&[&["render", "s.json", "-o", "x"], flags].concat());
+        assert_eq!(done.code(), 2, "{flags:?}: {}", done.stderr());
+        for text in says {
+            assert!(done.stderr().contains(text), "{flags:?}: {}", done.stderr());
+        }
+    };
+    refused(&["--max-spp", "64"], &["--max-spp: found without --noise and --time"]);
+    refused(&["--noise", "0"], &["--noise: found 0, expected a number above 0 and up to 1"]);
+    refused(&["--noise", "-1"], &["--noise: found -1"]);
+    refused(&["--noise", "NaN"], &["--noise: found NaN"]);
+    refused(&["--noise", "1.5"], &["--noise: found 1.5"]);
+    refused(&["--time", "0"], &["--time: found 0"]);
+    refused(&["--time", "1e300"], &["--time: found 1"]);
+    let power = ["expected a power of two up to 65536", "512 or 1024"];
+    refused(&["--noise", "0.1", "--max-spp", "1000"], &power);
+    refused(&["--noise", "0.1", "--max-spp", "0"], &["expected a power of two"]);
+    refused(&["--noise", "0.1", "--max-spp", "4000000000"], &["found 4000000000", "65536"]);
+    let room = ["--max-spp: there is no room for more samples", "--max-spp 128 or more"];
+    refused(&["--noise", "0.1", "--spp", "50", "--max-spp", "64"], &room);
+    refused(&["--noise", "0.1", "--spp", "4000000000"], &["--spp: there is no room"]);
+}
