@@ -99,6 +99,6 @@ mod tests {
         };
         assert_eq!(compress(&noise), noise);
         assert!(compress(&[7; 4096]).len() < 100);
-        assert_eq!(compress(&[]), []);
+        assert!(compress(&[]).is_empty());
     }
 }
