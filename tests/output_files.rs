@@ -209,7 +209,8 @@ fn sixteen_bits_hold_more_and_mean_the_same() {
     for srgb in [false, true] {
         let tonemap = Tonemap { srgb, ..CLAMP };
         let mut file = Vec::new();
-        png::write(&film, &tonemap, true, Depth::Sixteen, &mut file, Path::new("x.png")).unwrap();
+        let path = Path::new("x.png");
+        png::write(&film, &tonemap, true, Depth::Sixteen, None, &mut file, path).unwrap();
         let (info, wide) = read_png(&file);
         assert_eq!(
             (info.bit_depth, info.color_type),
