@@ -6,6 +6,8 @@ PREFIX ?= /usr/local
 ARGS   ?=
 # Of each study of `make report`.
 REPORT_SECONDS ?= 40
+# Embree that `install` copies, if it is there.
+EMBREE ?= vendor/embree
 
 CARGO_TARGET_DIR ?= target
 BINARY := $(CARGO_TARGET_DIR)/release/lightpath
@@ -14,7 +16,7 @@ FLAGS  := --locked --release
 # Where setup puts Rust when the system's own is too old.
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
 
-.PHONY: help setup build render test bench report lint docs install clean
+.PHONY: help setup build render test bench report lint docs install dist clean
 
 help: ## this list
 	@echo 'make TARGET, where TARGET is'
@@ -54,11 +56,11 @@ docs: setup ## the API documentation, no warnings
 # Not `install: build`: `sudo make install` must not compile as root.
 install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, completions to PREFIX
 	install -D -m 755 $(BINARY) $(DESTDIR)$(PREFIX)/bin/lightpath
-	@if [ -d vendor/embree ]; then \
+	@if [ -d "$(EMBREE)" ]; then \
 	    set -ex; \
 	    install -d -m 755 $(DESTDIR)$(PREFIX)/lib/lightpath; \
-	    install -m 644 vendor/embree/lib*-*.so.* $(DESTDIR)$(PREFIX)/lib/lightpath; \
-	    cp -P vendor/embree/libembree4.so.4 $(DESTDIR)$(PREFIX)/lib/lightpath; \
+	    install -m 644 $(EMBREE)/lib*-*.so.* $(DESTDIR)$(PREFIX)/lib/lightpath; \
+	    cp -P $(EMBREE)/libembree4.so.4 $(DESTDIR)$(PREFIX)/lib/lightpath; \
 	fi
 	install -d -m 755 $(addprefix $(DESTDIR)$(PREFIX)/share/, doc/lightpath man/man1 \
 	    bash-completion/completions zsh/site-functions fish/vendor_completions.d)
@@ -67,6 +69,9 @@ install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, comp
 	$(BINARY) completions bash > $(DESTDIR)$(PREFIX)/share/bash-completion/completions/lightpath
 	$(BINARY) completions zsh > $(DESTDIR)$(PREFIX)/share/zsh/site-functions/_lightpath
 	$(BINARY) completions fish > $(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d/lightpath.fish
+
+dist: build ## a .deb and a relocatable tarball in target/dist/
+	scripts/dist.sh
 
 $(BINARY):
 	$(MAKE) build

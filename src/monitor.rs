@@ -1,6 +1,9 @@
 //! What a long job shares with whoever watches it: how far it is, and whether to stop.
 
-use std::sync::atomic::{AtomicI32, AtomicU8, AtomicU64, Ordering::Relaxed};
+use std::sync::{
+    Arc,
+    atomic::{AtomicI32, AtomicU8, AtomicU64, Ordering::Relaxed},
+};
 
 use crate::error::{Error, Kind, Problem, Result};
 
@@ -22,7 +25,7 @@ pub enum Phase {
 #[derive(Debug, Default)]
 pub struct Monitor {
     /// 0, or the number of the signal that asks the job to stop.
-    pub signal: AtomicI32,
+    pub signal: Arc<AtomicI32>,
     /// Steps done in this phase.
     pub done: AtomicU64,
     /// Steps of this phase.
@@ -33,6 +36,11 @@ pub struct Monitor {
 }
 
 impl Monitor {
+    /// Counters of their own for a part of the job; a signal stops both.
+    pub fn part(&self) -> Self {
+        Self { signal: Arc::clone(&self.signal), ..Self::default() }
+    }
+
     /// Starts a phase of `total` steps.
     pub fn begin(&self, phase: Phase, total: u64) {
         self.done.store(0, Relaxed);

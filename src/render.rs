@@ -12,7 +12,7 @@ use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::film::{Film, Planes, Window};
 pub use crate::integrate::RayCounts;
-use crate::integrate::{Beauty, Integrator, Layers, RawBeauty, Record, TILE, TileKernel};
+use crate::integrate::{Beauty, Integrator, Layers, Record, TILE, TileKernel};
 use crate::layers::{Plan, Raw, Recipe};
 use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
@@ -31,7 +31,7 @@ pub fn render(
     monitor: &Monitor,
 ) -> Result<RayCounts> {
     film.planes = Planes::default();
-    render_with(world, accelerator, isa, film, 0..world.spp, || Beauty, monitor)
+    render_with(world, accelerator, isa, film, 0..world.spp, || Beauty(None), monitor)
 }
 
 /// [`render`], and the layers of a plan with it; the beauty is the same bit for bit. The film's
@@ -71,7 +71,7 @@ pub fn render_samples(
 ) -> Result<RayCounts> {
     let samples = raw.samples();
     if plan.is_empty() {
-        let record = || RawBeauty(raw);
+        let record = || Beauty(Some(raw));
         return render_with(world, accelerator, isa, film, samples, record, monitor);
     }
     let recipe = Recipe::new(plan);

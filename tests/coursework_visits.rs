@@ -30,7 +30,8 @@ fn visits(name: &str) -> [Visits; 3] {
         let loaded = scene::load(Source::File(&path), &sets).expect("the scene");
         let (mut world, _) =
             World::load(&loaded.scene, LoadOptions::default(), &monitor).expect("its files");
-        world.geometry.meshes.iter_mut().for_each(|mesh| mesh.loop_only = case == 2);
+        let geometry = std::sync::Arc::get_mut(&mut world.geometry).expect("one owner");
+        geometry.meshes.iter_mut().for_each(|mesh| mesh.loop_only = case == 2);
         let options = BuildOptions {
             threads: 1,
             embree: Default::default(),

@@ -111,3 +111,47 @@ fn list(folder: &Path, files: &mut Vec<PathBuf>) {
         }
     }
 }
+
+/// `src/cli/` and `src/main.rs` are the program; whatever else prints or ends the process would do so in
+/// other people's programs.
+#[test]
+fn the_library_neither_prints_nor_exits() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    list(&src, &mut files);
+    let of_program = |file: &Path| file.starts_with(src.join("cli")) || file == src.join("main.rs");
+    assert!(
+        files.iter().any(|file| of_program(file)) && files.iter().any(|file| !of_program(file))
+    );
+    let mut complaints = Vec::new();
+    for file in files.iter().filter(|file| !of_program(file)) {
+        let text = fs::read_to_string(file).expect("a source file");
+        for (index, line) in text.lines().enumerate() {
+            if let Some(word) = prints_or_exits(line) {
+                complaints.push(format!("{}:{}: {word}", file.display(), index + 1));
+            }
+        }
+    }
+    assert!(complaints.is_empty(), "only src/cli may do this:\n{}\n", complaints.join("\n"));
+    let caught =
+        ["  println!(\"x\");", "std::process::exit(1)", "let e = io::stderr();", "dbg!(x)"];
+    assert!(caught.iter().all(|line| prints_or_exits(line).is_some()));
+    assert_eq!(prints_or_exits("// println!(\"x\")"), None);
+}
+
+fn prints_or_exits(line: &str) -> Option<&'static str> {
+    let code = line.split("//").next().unwrap_or_default();
+    let words = [
+        "println!",
+        "eprintln!",
+        "print!",
+        "eprint!",
+        "dbg!",
+        "process::exit",
+        "process::abort",
+        "stdout()",
+        "stderr()",
+        "panic::set_hook",
+    ];
+    words.into_iter().find(|word| code.contains(word))
+}

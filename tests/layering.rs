@@ -12,12 +12,18 @@ use std::path::{Path, PathBuf};
 const FLOORS: &[(&str, u32)] = &[
     ("main", 10),     // parse, run, report the error, exit code
     ("cli", 9),       // one file per subcommand
+    ("batch", 8),     // many meshes, many frames
     ("measure", 8),   // clocks, comparisons, convergence
+    ("renderer", 8),  // the library's front
     ("render", 7),    // World + settings -> Film
     ("integrate", 6), // one tile, packet by packet
     ("world", 5),     // Scene -> World
+    ("merge", 4),     // parts of a picture -> Film
     ("accel", 4),     // what a ray hits: nothing of shading
     ("shading", 4),   // texture, material, light: nothing of accelerators
+    ("studio", 6),    // a mesh alone becomes a scene; turntables
+    ("memory", 5),    // what a render will need
+    ("picture", 5),   // what files say about their picture
     ("output", 3),    // EXR, PNG
     ("geometry", 3),  // formulas of the primitives
     ("layers", 3),    // which channels stand beside the beauty
@@ -29,7 +35,10 @@ const FLOORS: &[(&str, u32)] = &[
     ("sampler", 1),
     ("math", 1),
     ("simd", 1),
+    ("farm", 1), // scripts for a farm
     ("report", 1),
+    ("paths", 1),
+    ("units", 1),
     ("monitor", 1),
     ("error", 0), // what goes wrong anywhere
 ];

@@ -164,7 +164,8 @@ fn read_png(bytes: &[u8]) -> (::png::Info<'static>, Vec<u8>) {
 
 fn png_bytes(film: &Film, tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
     let mut file = Vec::new();
-    png::write(film, tonemap, transparent, Depth::Eight, &mut file, Path::new("x.png")).unwrap();
+    let path = Path::new("x.png");
+    png::write(film, tonemap, transparent, Depth::Eight, None, &mut file, path).unwrap();
     file
 }
 
@@ -208,7 +209,8 @@ fn sixteen_bits_hold_more_and_mean_the_same() {
     for srgb in [false, true] {
         let tonemap = Tonemap { srgb, ..CLAMP };
         let mut file = Vec::new();
-        png::write(&film, &tonemap, true, Depth::Sixteen, &mut file, Path::new("x.png")).unwrap();
+        let path = Path::new("x.png");
+        png::write(&film, &tonemap, true, Depth::Sixteen, None, &mut file, path).unwrap();
         let (info, wide) = read_png(&file);
         assert_eq!(
             (info.bit_depth, info.color_type),
@@ -303,7 +305,13 @@ fn both_files_appear_and_nothing_else() {
     assert!(names_in(folder.path()).iter().all(|n| n.ends_with(".part")));
     let attributes = attributes();
     let exr = exr::Options { attributes: &attributes, ..Default::default() };
-    let options = WriteOptions { tonemap: &CLAMP, transparent: false, depth: Depth::Eight, exr };
+    let options = WriteOptions {
+        tonemap: &CLAMP,
+        transparent: false,
+        depth: Depth::Eight,
+        fingerprint: None,
+        exr,
+    };
     let (paths, odd) = outputs.write(&film(), &options, &Monitor::default()).unwrap();
     assert_eq!(odd, Oddities::default());
     assert_eq!(names_in(folder.path()), ["frame.0001.exr", "frame.0001.png"]);
@@ -321,6 +329,7 @@ fn a_signal_before_the_renames_leaves_nothing() {
         tonemap: &CLAMP,
         transparent: false,
         depth: Depth::Eight,
+        fingerprint: None,
         exr: Default::default(),
     };
     let outputs = Outputs::create(&prefix).unwrap();

@@ -1,17 +1,24 @@
 //! The table of commands and flags: help, completions and the man page all come from here.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueHint};
 
-use super::units::{parse_bytes, parse_rate, parse_size};
 use crate::{
     accel::EmbreeMode,
-    output::{exr::Compression, tonemap::Depth},
+    studio::Subject,
+    units::{parse_angles, parse_bytes, parse_margin, parse_size},
 };
 
+pub use super::batch_args::BatchArgs;
+pub use super::file_args::FileArgs;
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, ConvergeArgs, CrosscheckArgs};
-pub use super::names::{Axis, BackendName, IsaName, ProgressMode, SamplerName, ToneName};
+pub use super::merge::MergeArgs;
+pub use super::names::{
+    Axis, BackendName, IsaName, ProgressMode, SamplerName, SchemaName, ToneName,
+};
+pub use super::split::SplitArgs;
+pub use super::submit::SubmitArgs;
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \
@@ -47,6 +54,9 @@ pub enum Command {
     /// Render a scene or a mesh to PREFIX.exr and PREFIX.png
     #[command(after_help = EXIT_CODES)]
     Render(Box<RenderArgs>),
+    /// Render many meshes and scenes: turntables, resume, contact sheet
+    #[command(after_help = EXIT_CODES)]
+    Batch(Box<BatchArgs>),
     /// Check scenes without rendering; describe PLY and EXR files
     #[command(after_help = EXIT_CODES)]
     Info(InfoArgs),
@@ -65,8 +75,18 @@ pub enum Command {
     /// Error against time: samplers, numbers of samples and backends against a reference
     #[command(after_help = EXIT_CODES)]
     Converge(Box<ConvergeArgs>),
-    /// Print the JSON Schema of scene files
-    Schema,
+    /// Make one picture of its parts: the same bytes as by one render
+    #[command(after_help = EXIT_CODES)]
+    Merge(MergeArgs),
+    /// Hand a batch to a cluster
+    #[command(after_help = EXIT_CODES)]
+    Submit(SubmitArgs),
+    /// Print the JSON Schema of scene files, or of the job files of `batch`
+    Schema {
+        /// Of which files
+        #[arg(default_value = "scene")]
+        of: SchemaName,
+    },
     /// Print a shell completion script
     Completions {
         /// Which shell
@@ -103,6 +123,10 @@ pub struct RenderArgs {
     #[command(flatten)]
     pub files: FileArgs,
 
+    /// A piece of the picture.
+    #[command(flatten)]
+    pub split: SplitArgs,
+
     /// Resources.
     #[command(flatten)]
     pub machine: MachineArgs,
@@ -110,52 +134,6 @@ pub struct RenderArgs {
     /// What is told.
     #[command(flatten)]
     pub report: ReportArgs,
-}
-
-/// Flags for the files.
-#[derive(Debug, Default, Args)]
-#[command(next_help_heading = "Files")]
-pub struct FileArgs {
-    /// A part of the EXR for every layer
-    #[arg(long)]
-    pub multipart: bool,
-
-    /// Number of the frame in a sequence, for the EXR's imageCounter
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub frame: Option<i32>,
-
-    /// Frames per second, for the EXR: 24 or 24000/1001
-    #[arg(long, value_name = "RATE", value_parser = parse_rate)]
-    pub fps: Option<(i32, u32)>,
-
-    /// Write the render's time into the EXR; two renders are no longer the same bytes
-    #[arg(long)]
-    pub record_time: bool,
-
-    /// 32-bit floats in the EXR in place of halves
-    #[arg(long)]
-    pub float: bool,
-
-    /// Compression of the EXR; dwaa is lossy
-    #[arg(long, value_name = "NAME")]
-    pub compression: Option<Compression>,
-
-    /// Bits of the PNG's channels [default: 8]
-    #[arg(long, value_name = "BITS")]
-    pub png_bits: Option<Depth>,
-
-    /// Show layers that are written as pictures: PREFIX.NAME.png each; all for every one
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
-    pub png_layer: Vec<String>,
-
-    /// Write the names of cryptomattes to PREFIX.CryptoObject.json and PREFIX.CryptoMaterial.json
-    /// in place of the EXR's header
-    #[arg(long)]
-    pub crypto_sidecar: bool,
-
-    /// Fail (exit code 1) where a pixel was NaN or infinite; the files are written all the same
-    #[arg(long)]
-    pub strict: bool,
 }
 
 /// Flags that change the scene.
@@ -257,6 +235,14 @@ pub struct MeshArgs {
     #[arg(long, value_name = "AXIS")]
     pub up: Option<Axis>,
 
+    /// Turn the .ply by degrees about its x, then y, then z axis, in place of --up
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_angles, allow_hyphen_values = true, conflicts_with = "up")]
+    pub rotate: Option<[f64; 3]>,
+
+    /// Kept free around the mesh at each border, as a fraction of the picture [default: 0.08]
+    #[arg(long, value_name = "FRACTION", value_parser = parse_margin, allow_negative_numbers = true)]
+    pub margin: Option<f64>,
+
     /// Show the .ply in this scene instead of the built-in studio; its first trimesh is replaced
     #[arg(long, value_name = "SCENE", value_hint = ValueHint::FilePath)]
     pub template: Option<PathBuf>,
@@ -344,6 +330,21 @@ impl MachineArgs {
             (true, _) => EmbreeMode::Exact,
             (false, true) => EmbreeMode::Fast,
             (false, false) => EmbreeMode::Robust,
+        }
+    }
+}
+
+impl MeshArgs {
+    /// A mesh as these flags show it.
+    pub fn subject<'a>(&self, path: &'a Path) -> Subject<'a> {
+        let plain = Subject::new(path);
+        Subject {
+            up: self.up.map(Axis::studio),
+            rotate: self.rotate,
+            margin: self.margin.unwrap_or(plain.margin),
+            repair: self.repair,
+            no_mmap: self.no_mmap,
+            ..plain
         }
     }
 }

@@ -21,6 +21,7 @@ use crate::{
     output::atomic::TextFile,
     scene::{self, Backend, Source},
     simd::Isa,
+    studio,
     world::{LoadOptions, World},
 };
 
@@ -28,7 +29,7 @@ use super::{
     args::{BenchArgs, IsaName, RenderArgs, SceneArgs},
     bench_page, bench_table,
     job::{self, Job},
-    machine, meshes, paths, signals, stats, version,
+    machine, memory, paths, signals, stats, version,
 };
 
 /// What a mesh alone is measured in.
@@ -69,8 +70,8 @@ pub fn run(args: &BenchArgs) -> Result<()> {
 fn look_at_all(inputs: &[PathBuf]) -> Result<()> {
     let mut failures = Failures::default();
     for input in inputs {
-        match meshes::is_mesh(input) {
-            true => drop(failures.keep(meshes::promise(input))),
+        match studio::is_mesh(input) {
+            true => drop(failures.keep(memory::promise(input))),
             false => drop(failures.keep(scene::load(Source::File(input), &[]))),
         }
     }

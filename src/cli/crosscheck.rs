@@ -92,6 +92,7 @@ fn as_render(args: &CrosscheckArgs, input: &Path) -> RenderArgs {
         sampling: SamplingArgs::default(),
         mesh: MeshArgs::default(),
         files: FileArgs::default(),
+        split: Default::default(),
         machine: MachineArgs { threads: args.threads, ..MachineArgs::default() },
         report: ReportArgs::default(),
     }

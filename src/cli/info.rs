@@ -17,6 +17,9 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
     mesh,
+    monitor::Monitor,
+    scene::Overrides,
+    studio::{self, Points, Template},
     world::{Bounds, Resolution, ulp},
 };
 
@@ -24,9 +27,8 @@ use super::{
     args::InfoArgs,
     info_scene,
     memory::{self, Prediction},
-    meshes::{self, Points},
     report::{Extent, Report},
-    studio, units,
+    units,
 };
 
 /// Describes every file.
@@ -73,7 +75,7 @@ fn describe(path: &Path, args: &InfoArgs) -> Result<Report> {
     match start.as_slice() {
         b"ply\n" | b"ply\r" => ply(path, args, &mut report)?,
         [0x76, 0x2f, 0x31, 0x01] => exr(path, &mut report)?,
-        _ if meshes::is_mesh(path) => ply(path, args, &mut report)?,
+        _ if studio::is_mesh(path) => ply(path, args, &mut report)?,
         _ => info_scene::describe(path, args.no_mmap, &mut report)?,
     }
     Ok(report)
@@ -117,7 +119,7 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     if summary.array_bytes > LARGE && !args.json {
         super::print(&report.begin(path))?;
     }
-    let mesh = meshes::read(path, false, args.no_mmap)?;
+    let mesh = studio::read(path, false, args.no_mmap, &Monitor::default())?;
     let triangles = mesh.triangles.len() as u64;
     report.add("triangles", json!(triangles), format!("{} triangles", units::count(triangles)));
     notes(&mesh.notes, report);
@@ -149,7 +151,7 @@ fn resolution(mesh: &mesh::Mesh, bounds: Bounds, report: &mut Report) {
 
 /// What a render in the built-in studio would take, by the header alone.
 fn prediction(path: &Path) -> Option<Prediction> {
-    let loaded = studio::unframed(path).ok()?;
+    let loaded = studio::unframed(path, &Template::studio(), &Overrides::default()).ok()?;
     let camera = &loaded.scene.camera;
     let window = Window::full(camera.width, camera.height);
     let prediction = memory::predict(&loaded.scene, window).ok()?;

@@ -7,20 +7,14 @@ use crate::{
     film::Window,
     integrate::TILE,
     mesh::Mesh,
-    output::exr::Compression,
-    scene::{
-        self, Backend, Description, Layer, Loaded, MAX_PIXELS, Scene, ShapeKind, Source, written,
-    },
+    monitor::Monitor,
+    paths::seen_from,
+    picture,
+    scene::{Description, Loaded, MAX_PIXELS, Overrides, Scene, Source, written},
+    studio::{self, Shown, Template},
 };
 
-use super::{
-    args::RenderArgs,
-    memory, meshes,
-    origin::Origin,
-    overrides::Overrides,
-    paths::seen_from,
-    studio::{self, STUDIO, Subject},
-};
+use super::{args::RenderArgs, memory, overrides};
 
 /// A scene that is ready to be rendered.
 #[derive(Debug)]
@@ -40,7 +34,7 @@ pub struct Job {
 /// # Errors
 /// Contradictory flags, and everything that is wrong with the scene and its overrides.
 pub fn load(args: &RenderArgs) -> Result<Job> {
-    load_in(args, STUDIO)
+    load_in(args, Template::STUDIO)
 }
 
 /// The same, a mesh in `builtin` unless the flags name a template.
@@ -48,115 +42,69 @@ pub fn load(args: &RenderArgs) -> Result<Job> {
 /// # Errors
 /// Those of [`load`].
 pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
-    let is_mesh = meshes::is_mesh(&args.input);
+    let is_mesh = studio::is_mesh(&args.input);
     if !is_mesh {
         only_for_meshes(args)?;
     }
-    let mut overrides = Overrides::new(&args.scene);
-    if args.machine.exact && args.scene.backend.is_none() {
-        // The fastest of those that lose no ray: docs/bvh.md has the numbers.
-        let mut fastest = Overrides::default();
-        fastest.flag("--exact", "/scene/accelerator", Some("bvh"));
-        overrides.prepend(fastest);
+    let mut overrides = overrides::with(&args.scene, &args.machine);
+    if args.scene.spp.is_none() {
+        let mut count = Overrides::default();
+        count.flag("--of", "/spp", args.split.of);
+        overrides.prepend(count);
     }
-    let (mut warnings, mut ready) = (Vec::new(), Vec::new());
-    let origin = match &args.mesh.template {
-        Some(template) => Origin::file(template)?,
-        None if is_mesh => {
-            Origin { name: "<studio>".to_string(), text: builtin.into(), folder: PathBuf::new() }
-        }
-        None if args.input == Path::new("-") => Origin::stdin()?,
-        None => return load_file(args, overrides),
-    };
     if is_mesh {
-        if let Some(limit) = args.machine.max_memory {
-            memory::predict_mesh(&args.input)?.check(limit)?;
-        }
-        let subject = Subject {
-            path: &args.input,
-            up: args.mesh.up,
-            repair: args.mesh.repair,
-            no_mmap: args.mesh.no_mmap,
-            builtin: args.mesh.template.is_none(),
-        };
-        let (ours, mesh) = studio::furnish(&subject, &origin, &overrides, &mut warnings)?;
-        overrides.prepend(ours);
-        ready.push(mesh);
+        return in_template(args, builtin, overrides);
     }
-    let mut job = finish(origin.source(), origin.folder.clone(), args, overrides, warnings)?;
-    for (path, _) in &mut ready {
-        call_as_typed(&mut job.loaded.scene, path, &args.input);
-    }
-    Ok(Job { ready, ..job })
+    let mut warnings = Vec::new();
+    let load = |source| studio::load(source, overrides, args.scene.light_samples, &mut warnings);
+    let (loaded, folder) = if args.input == Path::new("-") {
+        (load(Template::stdin()?.source())?, PathBuf::new())
+    } else {
+        let folder = args.input.parent().unwrap_or(Path::new("")).to_owned();
+        (load(Source::File(&args.input))?, folder)
+    };
+    checked(args, Job { loaded, folder, warnings, ready: Vec::new() })
 }
 
-/// Messages name the mesh as the user does, not as the template sees it.
-fn call_as_typed(scene: &mut Scene, path: &mut PathBuf, typed: &Path) {
-    for shape in &mut scene.shapes {
-        if let ShapeKind::Trimesh(spec) = &mut shape.kind {
-            if spec.path == *path {
-                spec.path = typed.to_owned();
-            }
-        }
+/// A mesh in a template.
+fn in_template(args: &RenderArgs, builtin: &str, overrides: Overrides) -> Result<Job> {
+    let template = match &args.mesh.template {
+        Some(template) => Template::file(template)?,
+        None => Template::builtin("<studio>", builtin),
+    };
+    if let Some(limit) = args.machine.max_memory {
+        memory::predict_mesh(&args.input)?.check(limit)?;
     }
-    *path = typed.to_owned();
+    let subject = args.mesh.subject(&args.input);
+    // No monitor yet: a signal ends the program at once.
+    let monitor = Monitor::default();
+    let samples = args.scene.light_samples;
+    let shown = studio::show(&subject, &template, overrides, samples, &monitor)?;
+    let Shown { loaded, warnings, mesh, .. } = shown;
+    checked(args, Job { loaded, folder: template.folder, warnings, ready: vec![mesh] })
 }
 
 /// Refuses flags that mean nothing for a scene.
 fn only_for_meshes(args: &RenderArgs) -> Result<()> {
-    let flag = match (args.mesh.up, &args.mesh.template) {
-        (Some(_), _) => "--up",
-        (_, Some(_)) => "--template",
-        _ => return Ok(()),
+    let mesh = &args.mesh;
+    let flags = [
+        ("--up", mesh.up.is_some()),
+        ("--rotate", mesh.rotate.is_some()),
+        ("--margin", mesh.margin.is_some()),
+        ("--template", mesh.template.is_some()),
+    ];
+    let Some((flag, _)) = flags.into_iter().find(|(_, given)| *given) else {
+        return Ok(());
     };
     let message = format!("found with {}, expected with a .ply file", args.input.display());
     Err(Error::invalid(flag, message)
         .help("a scene says itself how its meshes stand: `rotate` in its trimesh"))
 }
 
-fn load_file(args: &RenderArgs, overrides: Overrides) -> Result<Job> {
-    let folder = args.input.parent().unwrap_or(Path::new("")).to_owned();
-    finish(Source::File(&args.input), folder, args, overrides, Vec::new())
-}
-
-fn finish(
-    source: Source,
-    folder: PathBuf,
-    args: &RenderArgs,
-    mut overrides: Overrides,
-    mut warnings: Vec<Problem>,
-) -> Result<Job> {
-    let load = |o: &Overrides| scene::load(source, &o.sets()).map_err(|error| o.explain(error));
-    let mut loaded = load(&overrides)?;
-    if let Some(samples) = args.scene.light_samples {
-        if overrides.light_samples(samples, &loaded.description) {
-            loaded = load(&overrides)?;
-        } else {
-            let message = "has no effect: the scene has no area light";
-            warnings.push(Problem::new("--light-samples", message));
-        }
-    }
-    if args.machine.fast && loaded.scene.backend != Backend::Embree {
-        let message = format!(
-            "found with the backend `{}`, which has no fast mode",
-            loaded.scene.backend.name()
-        );
-        return Err(Error::invalid("--fast", message).help("leave --fast out, or --backend embree"));
-    }
-    if args.machine.exact && loaded.scene.backend == Backend::Coursework {
-        let message = "found with the backend `coursework`, which loses rays as the coursework did";
-        let help = "leave --exact out, or --backend embree, bvh or brute";
-        return Err(Error::invalid("--exact", message).help(help));
-    }
-    let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
-    let lossy = args.files.compression == Some(Compression::Dwaa);
-    if lossy && loaded.scene.layers.iter().any(mattes) {
-        let message =
-            "found dwaa with cryptomatte: its losses change the ids, and no matte is found again";
-        return Err(Error::invalid("--compression", message).help("zip, zips, piz, rle or none"));
-    }
-    warnings.append(&mut loaded.warnings);
-    Ok(Job { loaded, folder, warnings, ready: Vec::new() })
+/// Refuses what the scene's own values contradict.
+fn checked(args: &RenderArgs, job: Job) -> Result<Job> {
+    picture::suits(&job.loaded.scene, args.machine.embree(), args.files.storage())?;
+    Ok(job)
 }
 
 /// The pixels to render.

@@ -1,19 +1,17 @@
 //! What a render says about its layers: header attributes, the manifests of cryptomattes, previews.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::{
-    camera,
     error::{Error, Result},
     film::Film,
-    layers::{Mattes, Plan},
+    layers::{Mattes, Plan, Recipe},
     output::{
         atomic::{Part, TextFile},
-        exr::View,
-        png, preview,
+        png, preview as pictures,
         tonemap::Depth,
     },
-    scene::{Camera, Layer, Scene},
+    scene::{Layer, Scene},
 };
 
 use super::{args::RenderArgs, paths};
@@ -22,9 +20,9 @@ use super::{args::RenderArgs, paths};
 #[derive(Debug)]
 pub struct Sidecar {
     /// What its mattes are called.
-    kind: &'static str,
+    pub kind: &'static str,
     /// Its name within the folder.
-    name: String,
+    pub name: String,
     file: TextFile,
 }
 
@@ -54,12 +52,7 @@ pub fn sidecar_paths(args: &RenderArgs, scene: &Scene) -> Vec<PathBuf> {
 /// Those of [`TextFile::create`]; a name that no EXR attribute can hold.
 pub fn create_sidecars(args: &RenderArgs, scene: &Scene) -> Result<Vec<Sidecar>> {
     let create = |(kind, path): (&'static str, PathBuf)| {
-        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
-            let message = "found a name that is not UTF-8, which the EXR cannot hold";
-            return Err(Error::invalid(path.display().to_string(), message)
-                .help("choose another name: -o PREFIX"));
-        };
-        Ok(Sidecar { kind, name: name.to_string(), file: TextFile::create(&path)? })
+        Ok(Sidecar { kind, name: file_name(&path)?, file: TextFile::create(&path)? })
     };
     sidecars(args, scene).into_iter().map(create).collect()
 }
@@ -107,12 +100,108 @@ pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Pa
             }
         }
     }
-    let named = shown.into_iter().map(|name| {
+    Ok(shown.into_iter().map(|name| preview(&prefix, name)).collect())
+}
+
+/// The layers that `merge --png-layer` shows, and where.
+///
+/// # Errors
+/// Layers that are not there.
+pub fn named_previews(
+    names: &[String],
+    recipe: &Recipe,
+    prefix: &Path,
+) -> Result<Vec<(String, PathBuf)>> {
+    let mut written: Vec<String> = Vec::new();
+    for channel in &recipe.channels {
+        let layer = channel.name.rsplit_once('.').map_or(channel.name.as_str(), |(layer, _)| layer);
+        // CryptoObject00, 01... are one layer.
+        let layer = match layer.starts_with("Crypto") {
+            true => layer.trim_end_matches(|c: char| c.is_ascii_digit()),
+            false => layer,
+        };
+        if !written.iter().any(|known| known == layer) {
+            written.push(layer.to_string());
+        }
+    }
+    let mut shown: Vec<String> = Vec::new();
+    for name in names {
+        let these = match name.as_str() {
+            "all" => written.clone(),
+            name if written.iter().any(|known| known == name) => vec![name.to_string()],
+            name => {
+                let message = format!("found the layer {name:?}, which the parts do not have");
+                let help = format!("they have: {}", written.join(", "));
+                return Err(Error::invalid("--png-layer", message).help(help));
+            }
+        };
+        shown.extend(these);
+    }
+    shown.dedup();
+    Ok(shown.into_iter().map(|name| preview(prefix, name)).collect())
+}
+
+fn preview(prefix: &Path, name: String) -> (String, PathBuf) {
+    let mut path = prefix.as_os_str().to_owned();
+    path.push(format!(".{name}.png"));
+    (name, PathBuf::from(path))
+}
+
+/// A manifest that leaves a header for a file beside the picture.
+#[derive(Debug)]
+pub struct Manifest {
+    /// That file.
+    pub path: PathBuf,
+    text: String,
+}
+
+impl Manifest {
+    /// Makes sure that it can be written.
+    ///
+    /// # Errors
+    /// Those of [`TextFile::create`].
+    pub fn create(self) -> Result<(TextFile, String)> {
+        Ok((TextFile::create(&self.path)?, self.text))
+    }
+
+    /// Writes it.
+    ///
+    /// # Errors
+    /// `Retry` for a full disk.
+    pub fn finish((file, text): (TextFile, String)) -> Result<PathBuf> {
+        file.finish(&(text + "\n"))
+    }
+}
+
+/// Takes the manifests of cryptomattes out of attributes.
+///
+/// # Errors
+/// A name that no EXR attribute can hold.
+pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<Vec<Manifest>> {
+    let mut found = Vec::new();
+    for index in 0..attributes.len() {
+        let Some(key) = attributes[index].0.strip_suffix("/manifest").map(str::to_string) else {
+            continue;
+        };
+        let kind = attributes.iter().find(|(name, _)| *name == format!("{key}/name"));
+        let kind = kind.map(|(_, kind)| kind.clone()).unwrap_or_default();
         let mut path = prefix.as_os_str().to_owned();
-        path.push(format!(".{name}.png"));
-        (name, PathBuf::from(path))
-    });
-    Ok(named.collect())
+        path.push(format!(".{kind}.json"));
+        let path = PathBuf::from(path);
+        let file = file_name(&path)?;
+        let (name, text) = &mut attributes[index];
+        *name = format!("{key}/manif_file");
+        found.push(Manifest { path, text: std::mem::replace(text, file) });
+    }
+    Ok(found)
+}
+
+/// The name within its folder.
+fn file_name(path: &Path) -> Result<String> {
+    path.file_name().and_then(|name| name.to_str()).map(str::to_string).ok_or_else(|| {
+        let message = "found a name that is not UTF-8, which the EXR cannot hold";
+        Error::invalid(path.display().to_string(), message).help("choose another name: -o PREFIX")
+    })
 }
 
 /// Makes sure that the pictures of layers can be written.
@@ -120,7 +209,14 @@ pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Pa
 /// # Errors
 /// Those of [`Part::create`].
 pub fn create_previews(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Part)>> {
-    let paths = preview_paths(args, scene)?;
+    open_previews(preview_paths(args, scene)?)
+}
+
+/// Makes sure that these pictures of layers can be written.
+///
+/// # Errors
+/// Those of [`Part::create`].
+pub fn open_previews(paths: Vec<(String, PathBuf)>) -> Result<Vec<(String, Part)>> {
     paths.into_iter().map(|(name, path)| Ok((name, Part::create(&path)?))).collect()
 }
 
@@ -131,43 +227,11 @@ pub fn create_previews(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, 
 pub fn write_previews(film: &Film, previews: Vec<(String, Part)>) -> Result<Vec<PathBuf>> {
     let write = |(name, mut part): (String, Part)| {
         let path = part.target().to_owned();
-        let bytes = preview::bytes(film, &name).unwrap_or_default();
+        let bytes = pictures::bytes(film, &name).unwrap_or_default();
         let color = png::Color { alpha: false, srgb: true, depth: Depth::Eight };
-        png::encode(film, &bytes, color, part.file(), &path)?;
+        png::encode(film, &bytes, color, None, part.file(), &path)?;
         part.sync()?;
         part.commit()
     };
     previews.into_iter().map(write).collect()
-}
-
-/// Header attributes of the layers.
-pub fn attributes(plan: &Plan, sidecars: &[Sidecar]) -> Vec<(String, String)> {
-    let mut attributes = Vec::new();
-    for mattes in &plan.mattes {
-        let sidecar = sidecars.iter().find(|sidecar| sidecar.kind == mattes.kind);
-        attributes.extend(mattes.attributes(sidecar.map(|sidecar| sidecar.name.as_str())));
-    }
-    let mut say = |name: &str, text: &str| {
-        attributes.push((format!("lightpath:{name}"), text.to_string()));
-    };
-    if plan.depth.is_some() {
-        say("Z", "camera-space depth, not distance; 1e30 where nothing is hit; nearest sample");
-    }
-    if plan.position.is_some() {
-        say("P", "world space; 0 where nothing is hit; nearest sample");
-    }
-    if plan.normal.is_some() || plan.geometric_normal.is_some() {
-        say("N", "world space, turned to the camera");
-    }
-    attributes
-}
-
-/// Where the picture was taken from.
-pub fn view(camera: &Camera) -> View {
-    let rounded = |matrix: [[f64; 4]; 4]| std::array::from_fn(|i| matrix[i / 4][i % 4] as f32);
-    View {
-        world_to_camera: rounded(camera::world_to_camera(camera)),
-        world_to_ndc: rounded(camera::world_to_ndc(camera)),
-        screen_window_width: camera::screen_window_width(camera) as f32,
-    }
 }

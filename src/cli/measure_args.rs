@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueHint};
 
 use super::names::{BackendName, IsaName, SamplerName, ToneName};
-use super::units::parse_size;
+use crate::units::parse_size;
 
 /// `lightpath crosscheck`
 #[derive(Debug, Args)]

@@ -9,6 +9,9 @@ mod accuracy_markdown;
 mod accuracy_page;
 mod accuracy_table;
 mod args;
+mod batch;
+mod batch_args;
+mod batch_progress;
 mod bench;
 mod bench_page;
 mod bench_table;
@@ -20,39 +23,42 @@ mod converge_page;
 mod converge_text;
 mod crosscheck;
 mod crosscheck_text;
-mod framing;
+mod file_args;
 mod info;
 mod info_scene;
 mod job;
 mod layers;
 mod machine;
 mod measure_args;
-mod memory;
-mod meshes;
+mod merge;
 mod names;
-mod origin;
 mod overrides;
-mod paths;
 mod progress;
 mod render;
+mod render_progress;
 mod report;
 mod sampling;
 mod schema;
 mod shell;
 mod signals;
+mod split;
 mod stats;
-mod studio;
-mod units;
+mod submit;
 mod version;
 
 pub use args::{Arguments, Command};
-pub use framing::frame;
 
-use std::{io::Write, path::Path};
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 use clap::error::{ContextKind, ContextValue};
 
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    memory, paths, units,
+};
 
 /// Prints a message; a stderr that is closed or full must not stop a render.
 pub fn note(text: &str) {
@@ -82,13 +88,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     match &arguments.command {
         Some(Command::Render(args)) => render::run(args),
+        Some(Command::Batch(args)) => batch::run(args),
         Some(Command::Info(args)) => info::run(args),
         Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Crosscheck(args)) => crosscheck::run(args),
         Some(Command::Accuracy(args)) => accuracy::run(args),
         Some(Command::Compare(args)) => compare::run(args),
         Some(Command::Converge(args)) => converge::run(args),
-        Some(Command::Schema) => schema::run(),
+        Some(Command::Merge(args)) => merge::run(args),
+        Some(Command::Submit(args)) => submit::run(args),
+        Some(Command::Schema { of }) => schema::run(*of),
         Some(Command::Completions { shell }) => shell::completions(*shell),
         Some(Command::Man) => shell::man(),
         None => Err(Error::invalid("", "no command given")
@@ -99,6 +108,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 /// Writes a result to stdout. A reader that has gone (`| head`) is no error.
 fn print(text: &str) -> Result<()> {
     print_bytes(text.as_bytes())
+}
+
+/// Prints the names of written files, one a line.
+fn print_paths(paths: &[PathBuf]) -> Result<()> {
+    let mut lines = Vec::new();
+    for path in paths.iter().filter(|path| *path != Path::new("/dev/stdout")) {
+        // A name need not be UTF-8.
+        lines.extend_from_slice(path.as_os_str().as_encoded_bytes());
+        lines.push(b'\n');
+    }
+    print_bytes(&lines)
 }
 
 fn print_bytes(bytes: &[u8]) -> Result<()> {

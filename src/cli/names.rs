@@ -2,7 +2,10 @@
 
 use clap::{ValueEnum, builder::PossibleValue};
 
-use crate::output::{exr::Compression, tonemap::Depth};
+use crate::{
+    output::{exr::Compression, tonemap::Depth},
+    studio,
+};
 
 impl ValueEnum for Compression {
     fn value_variants<'a>() -> &'a [Self] {
@@ -90,6 +93,17 @@ pub enum Axis {
     Z,
 }
 
+impl Axis {
+    /// As the studio has it.
+    pub fn studio(self) -> studio::Axis {
+        match self {
+            Self::X => studio::Axis::X,
+            Self::Y => studio::Axis::Y,
+            Self::Z => studio::Axis::Z,
+        }
+    }
+}
+
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ProgressMode {
@@ -99,6 +113,57 @@ pub enum ProgressMode {
     Plain,
     /// One JSON object per line
     Json,
+    /// Open Job Description, on stdout
+    Openjd,
+    /// `ALF_PROGRESS 50%` on stdout: Tractor, Deadline
+    Alf,
     /// Nothing
     Off,
+}
+
+/// What turns on a turntable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TurningName {
+    /// The object with all shapes
+    Object,
+    /// The camera
+    Camera,
+}
+
+/// What lights stay with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FixedName {
+    /// Light falls from the same side in every frame
+    Camera,
+    /// The lit side turns with the object
+    Object,
+}
+
+impl TurningName {
+    /// As the studio has it.
+    pub fn studio(self) -> studio::Turning {
+        match self {
+            Self::Object => studio::Turning::Object,
+            Self::Camera => studio::Turning::Camera,
+        }
+    }
+}
+
+impl FixedName {
+    /// As the studio has it.
+    pub fn studio(self) -> studio::Fixed {
+        match self {
+            Self::Camera => studio::Fixed::Camera,
+            Self::Object => studio::Fixed::Object,
+        }
+    }
+}
+
+/// Files that have a schema.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum SchemaName {
+    /// Scene files
+    Scene,
+    /// Job files of `batch`
+    Job,
 }

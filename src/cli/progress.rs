@@ -1,25 +1,20 @@
-//! Progress on stderr, fed by polling the [`Monitor`] from one thread: the job only counts.
+//! Progress, fed by polling counters from one thread: the job only counts.
 //!
 //! A bar on a terminal; else a plain line every 3 seconds, so that a short job prints none and the
-//! log of a long one stays readable; JSON lines for programs.
+//! log of a long one stays readable; JSON lines for programs; what render farms read, on stdout.
 
 use std::{
     io::{IsTerminal, Write},
-    sync::{
-        Arc,
-        atomic::Ordering::Relaxed,
-        mpsc::{RecvTimeoutError, Sender, channel},
-    },
+    path::PathBuf,
+    sync::mpsc::{RecvTimeoutError, Sender, channel},
     thread::JoinHandle,
     time::{Duration, Instant},
 };
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde_json::json;
+use serde_json::Value;
 
-use crate::monitor::{Monitor, Phase};
-
-use super::{args::ProgressMode, units};
+use super::args::ProgressMode;
 
 const PLAIN_EVERY: Duration = Duration::from_secs(3);
 const JSON_EVERY: Duration = Duration::from_millis(500);
@@ -33,36 +28,43 @@ pub struct Progress {
     bar: Option<ProgressBar>,
     stop: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
+    start: Instant,
 }
 
 impl Progress {
     /// Starts to watch.
-    pub fn start(mode: ProgressMode, monitor: &Arc<Monitor>) -> Self {
+    pub fn start(mode: ProgressMode, mut meter: impl FnMut() -> Reading + Send + 'static) -> Self {
+        let start = Instant::now();
         let terminal = std::io::stderr().is_terminal();
         let bar = (mode == ProgressMode::Auto && terminal).then(new_bar);
         let every = match (mode, &bar) {
             (ProgressMode::Off, _) => {
-                return Self { bar, stop: None, thread: None };
+                return Self { bar, stop: None, thread: None, start };
             }
             (ProgressMode::Json, _) => JSON_EVERY,
+            (ProgressMode::Openjd | ProgressMode::Alf, _) => POLL_EVERY,
             (_, Some(_)) => BAR_EVERY,
             _ => PLAIN_EVERY,
         };
         let (stop, stopped) = channel();
-        let (shown, monitor) = (bar.clone(), Arc::clone(monitor));
+        let shown = bar.clone();
         let work = move || {
-            let mut meter = Meter::new(monitor);
-            let mut shown_at = Instant::now();
-            while stopped.recv_timeout(POLL_EVERY) == Err(RecvTimeoutError::Timeout) {
-                let now = meter.read();
-                if shown_at.elapsed() < every {
-                    continue;
+            let (mut shown_at, mut said) = (Instant::now(), None);
+            loop {
+                let over = stopped.recv_timeout(POLL_EVERY) != Err(RecvTimeoutError::Timeout);
+                let now = meter();
+                if let ProgressMode::Openjd | ProgressMode::Alf = mode {
+                    said = now.farm(mode, said);
+                } else if !over && shown_at.elapsed() >= every {
+                    shown_at = Instant::now();
+                    match (&shown, mode) {
+                        (Some(bar), _) => now.show(bar),
+                        (_, ProgressMode::Json) => now.json(),
+                        _ => now.plain(),
+                    }
                 }
-                shown_at = Instant::now();
-                match (&shown, mode) {
-                    (Some(bar), _) => now.show(bar),
-                    (_, ProgressMode::Json) => now.json(),
-                    _ => now.plain(),
+                if over {
+                    return;
                 }
             }
         };
@@ -72,6 +74,28 @@ impl Progress {
             stop: Some(stop),
             // Without a thread there is no progress, and nothing else is wrong.
             thread: thread.spawn(work).ok(),
+            start,
+        }
+    }
+
+    /// Seconds since the start.
+    pub fn elapsed(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
+    /// Prints the names of finished files to stdout without tearing the bar.
+    pub fn result(&self, paths: &[PathBuf]) {
+        let mut lines = Vec::new();
+        for path in paths {
+            // A name need not be UTF-8.
+            lines.extend_from_slice(path.as_os_str().as_encoded_bytes());
+            lines.push(b'\n');
+        }
+        // A reader that has gone does not stop a batch.
+        let print = || super::print_bytes(&lines).unwrap_or_default();
+        match &self.bar {
+            Some(bar) => bar.suspend(print),
+            None => print(),
         }
     }
 
@@ -105,106 +129,54 @@ fn new_bar() -> ProgressBar {
     bar
 }
 
-/// Turns counters into rates.
-struct Meter {
-    monitor: Arc<Monitor>,
-    start: Instant,
-    phase: Phase,
-    phase_start: Instant,
-    phase_rays: u64,
-}
-
 /// What the counters said at one moment.
-struct Reading {
-    phase: Phase,
-    done: u64,
-    total: u64,
-    rays: u64,
-    rays_per_s: f64,
-    elapsed_s: f64,
-    eta_s: Option<f64>,
-}
-
-impl Meter {
-    fn new(monitor: Arc<Monitor>) -> Self {
-        let now = Instant::now();
-        Self {
-            phase: monitor.phase(),
-            phase_rays: monitor.rays.load(Relaxed),
-            monitor,
-            start: now,
-            phase_start: now,
-        }
-    }
-
-    fn read(&mut self) -> Reading {
-        let phase = self.monitor.phase();
-        let rays = self.monitor.rays.load(Relaxed);
-        if phase != self.phase {
-            self.phase = phase;
-            self.phase_start = Instant::now();
-            self.phase_rays = rays;
-        }
-        let total = self.monitor.total.load(Relaxed);
-        let done = self.monitor.done.load(Relaxed).min(total);
-        let in_phase = self.phase_start.elapsed().as_secs_f64();
-        let left = |done: u64| in_phase * (total - done) as f64 / done as f64;
-        Reading {
-            phase,
-            done,
-            total,
-            rays,
-            rays_per_s: (rays - self.phase_rays) as f64 / in_phase.max(1e-3),
-            elapsed_s: self.start.elapsed().as_secs_f64(),
-            eta_s: (done > 0).then(|| left(done)),
-        }
-    }
+#[derive(Debug, Clone)]
+pub struct Reading {
+    /// What is being done.
+    pub label: String,
+    /// Steps of it that are done.
+    pub done: u64,
+    /// Its steps.
+    pub total: u64,
+    /// Of the whole job, 0 to 1.
+    pub overall: f64,
+    /// Rates, for people.
+    pub message: String,
+    /// All of it, for programs.
+    pub json: Value,
 }
 
 impl Reading {
-    fn name(&self) -> &'static str {
-        match self.phase {
-            Phase::Load => "load",
-            Phase::Build => "build",
-            Phase::Render => "render",
-            Phase::Write => "write",
-        }
-    }
-
-    fn rate(&self) -> String {
-        let mut text = match self.phase {
-            Phase::Render => format!("{:.1} Mray/s", self.rays_per_s / 1e6),
-            _ => String::new(),
-        };
-        if let Some(eta) = self.eta_s {
-            let gap = if text.is_empty() { "" } else { "  " };
-            text.push_str(&format!("{gap}ETA {}", units::duration(eta)));
-        }
-        text
-    }
-
     fn show(&self, bar: &ProgressBar) {
-        bar.set_prefix(self.name());
+        bar.set_prefix(self.label.clone());
         bar.set_length(self.total);
         bar.set_position(self.done);
-        bar.set_message(self.rate());
+        bar.set_message(self.message.clone());
     }
 
     fn plain(&self) {
         let percent = 100.0 * self.done as f64 / self.total.max(1) as f64;
-        super::note(&format!("{} {percent:.1}%  {}", self.name(), self.rate()));
+        super::note(&format!("{} {percent:.1}%  {}", self.label, self.message));
     }
 
     fn json(&self) {
-        let line = json!({
-            "phase": self.name(),
-            "done": self.done,
-            "total": self.total,
-            "rays": self.rays,
-            "rays_per_s": self.rays_per_s.round(),
-            "elapsed_s": self.elapsed_s,
-            "eta_s": self.eta_s,
-        });
-        let _ = writeln!(std::io::stderr(), "{line}");
+        let _ = writeln!(std::io::stderr(), "{}", self.json);
+    }
+
+    /// What render farms read: lines on stdout, each percentage once. Returns the last one said.
+    fn farm(&self, mode: ProgressMode, said: Option<u32>) -> Option<u32> {
+        let percent = (100.0 * self.overall.clamp(0.0, 1.0)) as u32;
+        if said.is_some_and(|said| said >= percent) {
+            return said;
+        }
+        let line = match mode {
+            ProgressMode::Alf => format!("ALF_PROGRESS {percent}%"),
+            _ => {
+                let status = format!("openjd_status: {} {}", self.label, self.message);
+                format!("openjd_progress: {percent}\n{}", status.trim_end())
+            }
+        };
+        let _ = writeln!(std::io::stdout(), "{line}");
+        Some(percent)
     }
 }

@@ -1,27 +1,23 @@
 //! `lightpath render`: the stations of the data flow in a row, with a clock between them.
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-    time::Instant,
-};
+use std::{path::PathBuf, sync::Arc, time::Instant};
 
 use serde_json::json;
 
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
     error::{Error, Kind, Problem, Result},
-    film::{Blank, Film, Window},
+    film::{Blank, Film},
     layers::Plan,
     mesh::Mesh,
     monitor::Monitor,
     output::{
-        Oddities, Outputs, WriteOptions,
+        Oddities, Outputs,
         atomic::{Part, TextFile},
-        exr,
     },
+    picture::{self, Says, Storage},
     render::{self as renderer, Adaptive, Taken},
-    scene::{Backend, ShapeKind},
+    scene::ShapeKind,
     simd::Isa,
     world::{Contents, LoadOptions, World, fingerprint},
 };
@@ -31,10 +27,11 @@ use super::{
     job::{self, Job},
     layers::{self, Sidecar},
     machine,
-    memory::Budget,
+    memory::{self, Budget},
     paths,
     progress::Progress,
-    sampling, signals,
+    render_progress, sampling, signals,
+    split::Piece,
     stats::{self, Memory, Rays, Samples, Seconds, Stats},
     version,
 };
@@ -72,17 +69,18 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let isa = machine::isa(args.machine.isa)?;
     let mut job = pool.install(|| job::load(args))?;
     let ready = std::mem::take(&mut job.ready);
-    let (margin, window) = match args.scene.overscan {
-        0 => (0, job::window(args.scene.crop.as_deref(), &job.loaded.scene)?),
-        pixels => job::overscan(pixels, &job.loaded.scene)?,
-    };
+    let plan = Plan::new(&job.loaded.scene);
+    let piece = Piece::new(args, &job, &plan)?;
+    let words = piece.channels().len();
     let adaptive = sampling::adaptive(&args.sampling, &job.loaded.scene)?;
+    piece.suits(adaptive.is_some())?;
     job.warnings.extend(adaptive.as_ref().and_then(sampling::warning));
     let budget = args.machine.max_memory.map(|limit| {
         pool.install(|| {
             let scene = &job.loaded.scene;
+            let window = piece.window;
             let beside = adaptive.map_or(0, |adaptive| sampling::bytes(&adaptive, scene, window));
-            Budget::check(limit, scene, window, beside, threads, args.machine.embree())
+            Budget::check(limit, scene, (window, words, beside), threads, args.machine.embree())
         })
     });
     let budget = budget.transpose()?;
@@ -98,14 +96,14 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let run = Run {
         args,
         job: &job,
-        margin,
-        window,
+        plan,
+        piece,
         adaptive,
         budget,
         threads,
         isa,
         monitor: &monitor,
-        progress: Progress::start(mode, &monitor),
+        progress: Progress::start(mode, render_progress::meter(&monitor)),
         start,
     };
     let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
@@ -145,11 +143,21 @@ pub fn not_over_inputs(
     });
     let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref().map(|t| &t.path));
     let inputs = [&args.input].into_iter().chain(&args.mesh.template).chain(meshes).chain(textures);
-    let mut taken: Vec<PathBuf> = inputs.map(|path| paths::identity(path)).collect();
+    let inputs: Vec<&PathBuf> = inputs.collect();
+    not_over(inputs, outputs, help)
+}
+
+/// The same for any inputs.
+pub fn not_over<'a>(
+    inputs: impl IntoIterator<Item = &'a PathBuf>,
+    outputs: &[PathBuf],
+    help: &str,
+) -> Result<()> {
+    let mut taken: Vec<PathBuf> = inputs.into_iter().map(|path| paths::identity(path)).collect();
     for output in outputs {
         let path = paths::identity(output);
         if taken.contains(&path) && !path.starts_with("/dev") {
-            let message = "would be written over what the render reads, or twice";
+            let message = "would be written over what is read, or twice";
             let error = Error::invalid(output.display().to_string(), message);
             return Err(error.help(help));
         }
@@ -162,9 +170,8 @@ pub fn not_over_inputs(
 struct Run<'a> {
     args: &'a RenderArgs,
     job: &'a Job,
-    /// Of overscan.
-    margin: u32,
-    window: Window,
+    plan: Plan,
+    piece: Piece,
     adaptive: Option<Adaptive>,
     budget: Option<Budget>,
     threads: usize,
@@ -182,9 +189,9 @@ impl Run<'_> {
     ) -> Result<(Stats, Vec<PathBuf>, Oddities)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
-        let plan = Plan::new(scene);
+        let (plan, piece) = (&self.plan, &self.piece);
         let frame = [scene.camera.width, scene.camera.height];
-        let blank = Blank::new(frame, self.window, plan.channels.clone())?;
+        let blank = Blank::new(frame, piece.window, piece.channels())?;
         let budget = self.budget.as_ref();
         let options = LoadOptions {
             repair: self.args.mesh.repair,
@@ -193,13 +200,13 @@ impl Run<'_> {
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
-        let (loaded, fingerprint) = rayon::join(
+        let (loaded, hash) = rayon::join(
             || World::load(scene, options, self.monitor),
             || fingerprint(&self.job.loaded, self.args.mesh.repair, &mut Contents::default()),
         );
         let (world, warnings) = loaded?;
-        let mut world = world.with_margin(self.margin);
-        let fingerprint = fingerprint?;
+        let mut world = world.with_margin(piece.margin);
+        let hash = hash?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
 
@@ -221,25 +228,28 @@ impl Run<'_> {
         let built = self.start.elapsed().as_secs_f64();
 
         let accelerator = accelerator.as_ref();
-        let monitor = self.monitor;
-        let (counts, taken) = match self.adaptive {
-            None => {
-                let counts =
-                    renderer::render_layers(&world, accelerator, isa, &mut film, &plan, monitor)?;
-                (counts, None)
-            }
-            Some(adaptive) => {
+        let (film, monitor) = (&mut film, self.monitor);
+        let (counts, taken) = match (self.adaptive, &piece.raw) {
+            (Some(adaptive), _) => {
                 world.spp = adaptive.most;
                 let (counts, taken) = renderer::render_adaptive(
                     &world,
                     accelerator,
                     isa,
-                    &mut film,
-                    &plan,
+                    film,
+                    plan,
                     adaptive,
                     monitor,
                 )?;
                 (counts, Some(taken))
+            }
+            (None, None) => {
+                (renderer::render_layers(&world, accelerator, isa, film, plan, monitor)?, None)
+            }
+            (None, Some(raw)) => {
+                let counts =
+                    renderer::render_samples(&world, accelerator, isa, film, plan, raw, monitor)?;
+                (counts, None)
             }
         };
         let rendered = self.start.elapsed().as_secs_f64();
@@ -262,7 +272,7 @@ impl Run<'_> {
             ..Seconds::default()
         };
         let (paths, oddities) =
-            self.write(files, &film, &plan, &info, fingerprint.as_deref(), &mut stats)?;
+            self.write(files, film, plan, &info, hash.as_deref(), &mut stats)?;
         Ok((stats, paths, oddities))
     }
 
@@ -292,36 +302,42 @@ impl Run<'_> {
         film: &Film,
         plan: &Plan,
         info: &BuildInfo,
-        fingerprint: Option<&str>,
+        hash: Option<&str>,
         stats: &mut Stats,
     ) -> Result<(Vec<PathBuf>, Oddities)> {
         let started = Instant::now();
-        let record_time = self.args.files.record_time;
-        let scene = &self.job.loaded.scene;
-        let mut attributes = self.attributes(info, fingerprint);
-        attributes.extend(layers::attributes(plan, &files.sidecars));
-        attributes.extend(self.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
-        let options = WriteOptions {
-            tonemap: &scene.tonemap,
-            transparent: scene.transparent,
-            depth: self.args.files.png_bits.unwrap_or_default(),
-            exr: exr::Options {
-                attributes: &attributes,
-                view: Some(layers::view(&scene.camera)),
-                sequence: exr::Sequence {
-                    frame: self.args.files.frame,
-                    per_second: self.args.files.fps,
-                },
-                render_seconds: record_time.then_some(stats.seconds.render as f32),
-                float: self.args.files.float,
-                compression: self.args.files.compression.unwrap_or_default(),
-                multipart: self.args.files.multipart,
-            },
+        let (args, scene) = (self.args, &self.job.loaded.scene);
+        let named = files.sidecars.iter().map(|sidecar| (sidecar.kind, sidecar.name.clone()));
+        let named: Vec<(&str, String)> = named.collect();
+        let named: Vec<(&str, &str)> = named.iter().map(|(k, name)| (*k, name.as_str())).collect();
+        let mut more: Vec<(String, String)> =
+            self.piece.attribute(args, scene, hash)?.into_iter().collect();
+        more.extend(self.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
+        let says = Says {
+            plan,
+            sidecars: &named,
+            more: &more,
+            info,
+            embree: args.machine.embree(),
+            isa: self.isa,
+            scene_hash: hash,
+            spp: Some(&sampling::spp(self.adaptive.as_ref(), scene)),
+            sequence: args.files.sequence(),
+            render_seconds: args.files.record_time.then_some(stats.seconds.render as f32),
+            fingerprint: None,
+        };
+        // A part keeps every bit; how the picture is written says the attribute.
+        let storage = match self.piece.is_exact(args) {
+            true => {
+                Storage { float: true, depth: args.files.storage().depth, ..Storage::default() }
+            }
+            false => args.files.storage(),
         };
         // Before the EXR that names them.
         let sidecars = layers::write_sidecars(plan, files.sidecars)?;
-        let (paths, oddities) = files.outputs.write(film, &options, self.monitor)?;
-        self.warn(&odd(&oddities));
+        let (paths, oddities) =
+            picture::write(files.outputs, film, scene, says, storage, self.monitor)?;
+        self.warn(&picture::odd(&oddities));
         let mut paths = paths.to_vec();
         paths.extend(sidecars);
         paths.extend(layers::write_previews(film, files.previews)?);
@@ -330,33 +346,12 @@ impl Run<'_> {
         }
         stats.seconds.write = started.elapsed().as_secs_f64();
         stats.seconds.total = self.start.elapsed().as_secs_f64();
-        stats.memory.peak_bytes = stats::peak_bytes();
+        stats.memory.peak_bytes = memory::peak_bytes();
         if let Some(file) = files.stats {
             let text = serde_json::to_string_pretty(stats).unwrap_or_default();
             paths.push(file.finish(&(text + "\n"))?);
         }
         Ok((paths, oddities))
-    }
-
-    /// What the EXR says about its origin: nothing that differs between two equal pictures.
-    fn attributes(&self, info: &BuildInfo, fingerprint: Option<&str>) -> Vec<(String, String)> {
-        let scene = &self.job.loaded.scene;
-        let mode = match scene.backend {
-            Backend::Embree => format!(", {:?}", self.args.machine.embree()).to_lowercase(),
-            _ => String::new(),
-        };
-        let name = scene.backend.name();
-        let backend = format!("{name} ({} {}{mode})", info.version, info.isa);
-        let said = [
-            ("backend", Some(backend)),
-            ("isa", Some(self.isa.to_string())),
-            ("sceneHash", fingerprint.map(str::to_string)),
-            ("seed", Some(scene.seed.to_string())),
-            ("spp", Some(sampling::spp(self.adaptive.as_ref(), scene))),
-            ("version", Some(env!("CARGO_PKG_VERSION").to_string())),
-        ];
-        let said = said.into_iter().filter_map(|(name, value)| Some((name, value?)));
-        said.map(|(name, value)| (format!("lightpath:{name}"), value)).collect()
     }
 
     fn warn(&self, warnings: &[Problem]) {
@@ -368,26 +363,6 @@ impl Run<'_> {
     }
 }
 
-/// What the files could not hold.
-fn odd(oddities: &Oddities) -> Vec<Problem> {
-    let mut warnings = Vec::new();
-    if let Some(spot) = &oddities.first_non_finite {
-        let message = format!(
-            "{} pixels with a NaN or infinite value were written as 0 or 65504, the first at {spot}",
-            oddities.non_finite
-        );
-        warnings.push(Problem::new("", message).help("please report this with the scene"));
-    }
-    if let Some(spot) = &oddities.first_clamped {
-        let message = format!(
-            "{} pixels are brighter than a half can hold and were clamped to 65504 in the EXR, the first at {spot}",
-            oddities.clamped
-        );
-        warnings.push(Problem::new("", message).help("make the lights weaker, or write --float"));
-    }
-    warnings
-}
-
 fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
     if !args.report.quiet {
         super::note(&stats.summary());
@@ -397,11 +372,5 @@ fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
         value["outputs"] = paths.iter().map(|path| path.display().to_string()).collect();
         return super::print(&format!("{value}\n"));
     }
-    let mut lines = Vec::new();
-    for path in paths.iter().filter(|path| *path != Path::new("/dev/stdout")) {
-        // A name need not be UTF-8.
-        lines.extend_from_slice(path.as_os_str().as_encoded_bytes());
-        lines.push(b'\n');
-    }
-    super::print_bytes(&lines)
+    super::print_paths(paths)
 }

@@ -1,10 +1,18 @@
-//! `lightpath schema`: the JSON Schema that editors complete scene files with.
+//! `lightpath schema`: the JSON Schemas that editors complete files with.
 
-use crate::{error::Result, scene};
+use crate::{
+    batch::JobFile,
+    error::Result,
+    scene::{schema, schema_of},
+};
 
-/// Prints it.
-pub fn run() -> Result<()> {
-    let schema = scene::schema();
+use super::args::SchemaName;
+
+/// Prints one.
+pub fn run(of: SchemaName) -> Result<()> {
     // The alternate form of a JSON value is indented.
-    super::print(&format!("{schema:#}\n"))
+    super::print(&match of {
+        SchemaName::Scene => format!("{:#}\n", schema()),
+        SchemaName::Job => format!("{:#}\n", schema_of::<JobFile>("lightpath job")),
+    })
 }

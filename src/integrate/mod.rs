@@ -26,7 +26,7 @@ use self::cast::Cast;
 pub use self::noise::{Goal, Tally};
 pub use self::passes::{LEAST, PassKernel, Passes};
 use self::pipeline::{Finish, pipeline};
-pub use self::record::{Beauty, Layers, RawBeauty, Record};
+pub use self::record::{Beauty, Layers, Record};
 pub use self::slot::Pattern;
 
 use self::slot::Slot;
@@ -83,7 +83,7 @@ pub struct TileKernel<'a, 'r, 'f, R> {
     pub samples: Range<u32>,
 }
 
-impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty> {
+impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty<'static>> {
     /// Without layers.
     pub fn beauty(
         integrator: Integrator<'a>,
@@ -91,7 +91,7 @@ impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty> {
         rows: &'r mut [&'f mut [[f32; 4]]],
     ) -> Self {
         let samples = 0..integrator.world.spp;
-        Self { integrator, window, rows, record: Beauty, words: &mut [], samples }
+        Self { integrator, window, rows, record: Beauty(None), words: &mut [], samples }
     }
 }
 
@@ -151,7 +151,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         let hit = cast.run(slot, counts, &mut self.record);
         let alpha = alpha(&hit, world.transparent);
         let (block, [r, g, b]) = (pattern.block, &cast.radiance);
-        if world.spp == 1 && !R::WORDS {
+        if world.spp == 1 && !self.record.has_words() {
             // A lane is a pixel.
             return self.write(slot.corner, block, |i| [r[i], g[i], b[i], alpha[i]]);
         }
@@ -161,7 +161,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         let lanes = [r, g, b, &alpha].map(doubles);
         sums.add(pattern, slot.first, &samples, &lanes);
         if slot.first.saturating_add(pattern.samples) >= samples.end {
-            if R::WORDS {
+            if self.record.has_words() {
                 self.write_words(slot.corner, pattern, sums);
             }
             let n = f64::from(samples.end - samples.start);

@@ -94,7 +94,7 @@ impl<H> Passes<H> {
                 let index = self.index([x, y]);
                 let Tally { sum, taken, .. } = self.tallies[index];
                 rows[row][column] = sum.map(|sum| (sum / f64::from(taken)) as f32);
-                if R::WORDS {
+                if record.has_words() {
                     record.exchange(&mut self.held[index]);
                     record.write(0, taken, &none, column, words[row]);
                     record.exchange(&mut self.held[index]);

@@ -18,7 +18,7 @@ pub trait Record {
     /// Whether the light of packets is watched.
     const ON: bool;
     /// Whether words are written for each pixel.
-    const WORDS: bool;
+    fn has_words(&self) -> bool;
     /// What is kept of one pixel between passes over its samples.
     type Held: Send;
     /// That of a pixel without samples.
@@ -42,34 +42,16 @@ pub trait Record {
     fn write(&self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]);
 }
 
-/// The beauty alone.
+/// The beauty alone; of a part of the samples, its sums as words.
 #[derive(Debug, Clone, Copy)]
-pub struct Beauty;
+pub struct Beauty<'a>(pub Option<&'a Raw>);
 
-impl Record for Beauty {
+impl Record for Beauty<'_> {
     const ON: bool = false;
-    const WORDS: bool = false;
-    type Held = ();
-    fn held(&self) {}
     #[inline(always)]
-    fn exchange(&mut self, (): &mut ()) {}
-    #[inline(always)]
-    fn begin(&mut self) {}
-    fn surface(&mut self, _: &World, _: &RayPacket, _: &Surfaces, _: &Points) {}
-    fn light(&mut self, _: u32, _: u32, _: &Lanes3, _: &Lanes, _: &Split) {}
-    fn ambient(&mut self, _: usize, _: usize, _: u32, _: f32) {}
-    fn background(&mut self, _: usize, _: usize, _: u32, _: f32) {}
-    fn packet(&mut self, _: &Slot, _: &Range<u32>, _: &Lanes3) {}
-    fn write(&self, _: usize, _: u32, _: &BlockSums, _: usize, _: &mut [u32]) {}
-}
-
-/// The beauty alone, of a part of the samples: its sums.
-#[derive(Debug, Clone, Copy)]
-pub struct RawBeauty<'a>(pub &'a Raw);
-
-impl Record for RawBeauty<'_> {
-    const ON: bool = false;
-    const WORDS: bool = true;
+    fn has_words(&self) -> bool {
+        self.0.is_some()
+    }
     type Held = ();
     fn held(&self) {}
     #[inline(always)]
@@ -83,10 +65,11 @@ impl Record for RawBeauty<'_> {
     fn packet(&mut self, _: &Slot, _: &Range<u32>, _: &Lanes3) {}
 
     fn write(&self, pixel: usize, _: u32, beauty: &BlockSums, column: usize, row: &mut [u32]) {
-        let stride = self.0.words();
+        let Some(raw) = self.0 else { return };
+        let stride = raw.words();
         let words = &mut row[column * stride..(column + 1) * stride];
         let sum = |node: usize, quantity: usize| beauty.value(node, pixel, quantity);
-        self.0.encode(sum, &Nearest::NONE, &[], words);
+        raw.encode(sum, &Nearest::NONE, &[], words);
     }
 }
 
@@ -221,8 +204,12 @@ impl<'a> Layers<'a> {
 
 impl Record for Layers<'_> {
     const ON: bool = true;
-    const WORDS: bool = true;
     type Held = Held;
+
+    #[inline(always)]
+    fn has_words(&self) -> bool {
+        true
+    }
 
     fn held(&self) -> Held {
         Held {

@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::error::{Error, Result};
+
 /// Vertex positions in the precision of the file.
 #[derive(Debug, Clone)]
 pub enum Positions {
@@ -83,6 +85,42 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// A mesh from memory, without normals, texture coordinates and colours: fill these in afterwards.
+    ///
+    /// # Errors
+    /// `Invalid` for an index beyond the vertices, a vertex that is not finite, a triangle that has a
+    /// vertex twice, and where there is no triangle or there are more than 2^32 - 2 vertices.
+    pub fn new(positions: Positions, triangles: Vec<[u32; 3]>) -> Result<Self> {
+        let count = positions.len();
+        let refused = |message: String| Err(Error::invalid("mesh", message));
+        if triangles.is_empty() || count >= u32::MAX as usize {
+            return refused(format!("found {} triangles, {count} vertices", triangles.len()));
+        }
+        for (index, triangle) in triangles.iter().enumerate() {
+            if let Some(vertex) = triangle.iter().find(|&&vertex| vertex as usize >= count) {
+                return refused(format!(
+                    "found vertex {vertex} in triangle {index}, expected less than {count}"
+                ));
+            }
+            let [a, b, c] = *triangle;
+            if a == b || b == c || c == a {
+                return refused(format!("found a vertex twice in triangle {index}"));
+            }
+            if let Some(v) = triangle.iter().find(|&&v| !positions.get(v as usize).is_finite()) {
+                return refused(format!("found vertex {v}, which is not finite"));
+            }
+        }
+        Ok(Self {
+            positions,
+            triangles,
+            normals: None,
+            uvs: None,
+            colors: None,
+            texture_file: None,
+            notes: Notes::default(),
+        })
+    }
+
     /// Which vertices triangles use.
     pub fn used_vertices(&self) -> Vec<bool> {
         let count = self.positions.len();

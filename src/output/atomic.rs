@@ -6,14 +6,20 @@
 //! The data is on the disk before the rename: after a power cut the name still means a whole file.
 
 use std::{
+    collections::HashMap,
+    ffi::{OsStr, OsString},
     fs::{File, OpenOptions},
     io::Write,
     path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
 };
 
 use tempfile::NamedTempFile;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Problem, Result};
+
+/// Ending of files that are not complete.
+const SUFFIX: &str = ".part";
 
 /// A file that gets its name when it is complete.
 #[derive(Debug)]
@@ -48,12 +54,19 @@ impl Part {
         // Opened here and not by `tempfile`, which adds the part file's name to every error.
         let create =
             |path: &Path| OpenOptions::new().read(true).write(true).create_new(true).open(path);
-        let file = tempfile::Builder::new()
-            .prefix(&prefix)
-            .suffix(".part")
-            .make_in(folder_of(target), create)
-            .map_err(|error| folder_error(target, &error))?;
-        Ok(Self { target: target.to_owned(), file })
+        // Again where a sweep that took it for a dead one's removed it before it was claimed.
+        for _ in 0..8 {
+            let file = tempfile::Builder::new()
+                .prefix(&prefix)
+                .suffix(SUFFIX)
+                .make_in(folder_of(target), create)
+                .map_err(|error| folder_error(target, &error))?;
+            if lock::claim(file.as_file()) {
+                return Ok(Self { target: target.to_owned(), file });
+            }
+        }
+        let message = "its part file is removed again and again";
+        Err(Error::new(Kind::Retry, Problem::new(place(), message)))
     }
 
     /// The name it will get.
@@ -90,6 +103,75 @@ impl Part {
             let _ = folder.sync_all();
         }
         Ok(target)
+    }
+}
+
+/// Removes what dead writers left. Every folder is looked through once.
+#[derive(Debug, Default)]
+pub struct Sweep(Mutex<HashMap<PathBuf, HashMap<OsString, Vec<PathBuf>>>>);
+
+impl Sweep {
+    /// Removes part files of `target` that were there when its folder was first looked at and whose
+    /// writers are dead; what another process writes at this moment stays. Returns how many.
+    pub fn target(&self, target: &Path) -> usize {
+        let mut folders = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let folder = folder_of(target);
+        let parts = folders.entry(folder.to_owned()).or_insert_with(|| parts_in(folder));
+        let parts = target.file_name().and_then(|name| parts.remove(name)).unwrap_or_default();
+        drop(folders);
+        let dead = parts.iter().filter(|part| lock::is_dead(part));
+        dead.filter(|part| std::fs::remove_file(part).is_ok()).count()
+    }
+}
+
+/// The part files in a folder, by the names of their targets.
+fn parts_in(folder: &Path) -> HashMap<OsString, Vec<PathBuf>> {
+    let mut parts: HashMap<OsString, Vec<PathBuf>> = HashMap::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if let Some(target) = target_of(&entry.file_name()) {
+            parts.entry(target.to_owned()).or_default().push(entry.path());
+        }
+    }
+    parts
+}
+
+/// `x.exr` of `x.exr.Ab12Cd.part`.
+fn target_of(part: &OsStr) -> Option<&OsStr> {
+    let part = Path::new(part);
+    part.extension().filter(|end| *end == "part")?;
+    Path::new(part.file_stem()?).file_stem()
+}
+
+/// A part file is locked as long as its writer lives, however that ends.
+#[cfg(unix)]
+mod lock {
+    use std::{fs::File, os::unix::fs::MetadataExt, path::Path};
+
+    use rustix::fs::{FlockOperation, flock};
+
+    /// Locks a new file; whether it still has its name. Where the file system has no locks, nothing
+    /// is swept either.
+    pub fn claim(file: &File) -> bool {
+        let _ = flock(file, FlockOperation::NonBlockingLockExclusive);
+        file.metadata().map_or(true, |data| data.nlink() > 0)
+    }
+
+    /// Whether nobody holds the lock.
+    pub fn is_dead(path: &Path) -> bool {
+        File::open(path)
+            .is_ok_and(|file| flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok())
+    }
+}
+
+/// Without locks nothing is known to be dead.
+#[cfg(not(unix))]
+mod lock {
+    pub fn claim(_: &std::fs::File) -> bool {
+        true
+    }
+
+    pub fn is_dead(_: &std::path::Path) -> bool {
+        false
     }
 }
 
@@ -162,5 +244,26 @@ fn folder_error(target: &Path, error: &std::io::Error) -> Error {
             Error::invalid(folder.display().to_string(), message)
         }
         _ => Error::io(folder, &what, error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_sweep_takes_dead_parts_of_known_targets_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let alive = Part::create(&path("a.exr")).unwrap();
+        for name in ["a.exr.dead12.part", "b.exr.dead12.part", "a.exr", "a.part"] {
+            std::fs::write(path(name), "x").unwrap();
+        }
+        let sweep = Sweep::default();
+        assert_eq!([sweep.target(&path("a.exr")), sweep.target(&path("a.exr"))], [1, 0]);
+        assert!(!path("a.exr.dead12.part").exists());
+        assert!(["b.exr.dead12.part", "a.exr", "a.part"].iter().all(|name| path(name).exists()));
+        alive.commit().unwrap();
     }
 }

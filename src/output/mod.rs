@@ -6,6 +6,8 @@
 
 pub mod atomic;
 pub mod exr;
+pub mod exr_read;
+pub mod finished;
 pub mod png;
 pub mod preview;
 pub mod tonemap;
@@ -25,6 +27,9 @@ use atomic::Part;
 
 /// Largest finite half-float.
 pub const HALF_MAX: f32 = 65504.0;
+
+/// Attribute of an EXR and keyword of a PNG's text that say what a picture was made of.
+pub const FINGERPRINT: &str = "lightpath:fingerprint";
 
 /// A value in a film.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -150,6 +155,8 @@ pub struct WriteOptions<'a> {
     pub transparent: bool,
     /// Bits of the PNG's channels.
     pub depth: tonemap::Depth,
+    /// Says of both files what they were made of: an attribute of the EXR, a text of the PNG.
+    pub fingerprint: Option<&'a str>,
     /// What the EXR says and how it is stored.
     pub exr: exr::Options<'a>,
 }
@@ -188,13 +195,17 @@ impl Outputs {
         let (exr, png) = rayon::join(
             || {
                 let path = self.exr.target().to_owned();
-                exr::write(film, &options.exr, self.exr.file(), &path)?;
+                let mut attributes = options.exr.attributes.to_vec();
+                attributes.extend(options.fingerprint.map(|f| (FINGERPRINT.into(), f.into())));
+                let options = exr::Options { attributes: &attributes, ..options.exr };
+                exr::write(film, &options, self.exr.file(), &path)?;
                 self.exr.sync()
             },
             || {
                 let path = self.png.target().to_owned();
-                let &WriteOptions { tonemap, transparent, depth, .. } = options;
-                png::write(film, tonemap, transparent, depth, self.png.file(), &path)?;
+                let &WriteOptions { tonemap, transparent, depth, fingerprint, .. } = options;
+                let file = self.png.file();
+                png::write(film, tonemap, transparent, depth, fingerprint, file, &path)?;
                 self.png.sync()
             },
         );

@@ -27,12 +27,13 @@ pub fn write(
     tonemap: &Tonemap,
     transparent: bool,
     depth: Depth,
+    fingerprint: Option<&str>,
     file: &mut impl Write,
     path: &Path,
 ) -> Result<()> {
     let bytes = tonemap::to_samples(&film.pixels, tonemap, transparent, depth);
     let color = Color { alpha: transparent, srgb: tonemap.srgb, depth };
-    encode(film, &bytes, color, file, path)
+    encode(film, &bytes, color, fingerprint, file, path)
 }
 
 /// What the bytes of a pixel mean.
@@ -54,6 +55,7 @@ pub fn encode(
     film: &Film,
     bytes: &[u8],
     color: Color,
+    fingerprint: Option<&str>,
     file: &mut impl Write,
     path: &Path,
 ) -> Result<()> {
@@ -71,6 +73,10 @@ pub fn encode(
     match color.srgb {
         true => encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric),
         false => encoder.set_source_gamma(ScaledFloat::new(1.0)),
+    }
+    if let Some(fingerprint) = fingerprint {
+        let text = encoder.add_text_chunk(super::FINGERPRINT.into(), fingerprint.into());
+        text.map_err(|error| png_error(path, error))?;
     }
     let written = encoder.write_header().and_then(|mut writer| {
         writer.write_image_data(bytes)?;

@@ -4,18 +4,21 @@
 //! maximum of the operator `max`. Values that no format holds count as `finite` says.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::scene::{ToneOperator, Tonemap};
 
 use super::finite;
 
 /// Bits of a channel.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Depth {
     /// One byte.
     #[default]
+    #[serde(rename = "8")]
     Eight,
     /// Two bytes, the higher one first.
+    #[serde(rename = "16")]
     Sixteen,
 }
 

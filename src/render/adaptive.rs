@@ -97,7 +97,7 @@ pub fn render_adaptive(
     }
     let (rays, taken) = if plan.is_empty() {
         film.planes = Planes::default();
-        job.render(film, || Beauty)
+        job.render(film, || Beauty(None))
     } else {
         let recipe = Recipe::new(plan);
         job.render(film, || Layers::new(plan, &recipe, None, world.spp))
@@ -203,7 +203,7 @@ impl Job<'_> {
             .map(|&[x, y]| {
                 let mut passes =
                     Passes::new(Window { x0: x, y0: y, x1: x + 1, y1: y + 1 }, LEAST, || ());
-                let rays = self.pass(&mut passes, &mut Beauty);
+                let rays = self.pass(&mut passes, &mut Beauty(None));
                 let [r, g, b, _] = passes.tallies[0].sum;
                 ((r + g + b) / (3.0 * f64::from(LEAST)), rays)
             })

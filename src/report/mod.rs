@@ -14,3 +14,4 @@ pub use page::{Cell, Page, Section};
 pub use picture::{picture, picture_of_width};
 pub use ratios::{Ratio, Ratios};
 pub use scale::Scale;
+pub use svg::escape;

@@ -10,6 +10,7 @@ mod checked;
 mod description;
 mod document;
 mod expected;
+mod flags;
 #[cfg(test)]
 mod hostile_tests;
 mod layers;
@@ -29,6 +30,7 @@ pub use check::{MAX_PIXELS, begins_as_ply};
 pub use checked::*;
 pub use description::Description;
 pub use document::Document;
+pub use flags::Overrides;
 pub use layers::{Layer, LightGroups};
 pub use nearest::{did_you_mean, list, nearest};
 pub use node::{Member, Node, NodeKind, Place};
@@ -130,7 +132,7 @@ fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -
     let set = overrides.iter().filter_map(|o| document.apply_set(o).err());
     let bad_overrides: Vec<Problem> = set.collect();
     let mut problems = problems::Problems::new(&document);
-    let broken = structure::check(&schema(), &mut problems);
+    let broken = structure::check(schema(), &mut problems);
     let checked = check::check(&mut problems, broken, folder);
     let (mut errors, warnings) = problems.finish();
     errors.extend(bad_overrides);

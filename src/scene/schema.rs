@@ -4,14 +4,18 @@
 //! structural check want: every object closed (no unknown keys) but for `comment`, optional keys
 //! without `null`, tagged variants spelled out.
 
+use std::sync::LazyLock;
+
 use schemars::JsonSchema;
 use serde_json::{Map, Value, json};
 
 use super::description::Description;
 
 /// JSON Schema 2020-12 of scene files.
-pub fn schema() -> Value {
-    schema_of::<Description>("lightpath scene")
+pub fn schema() -> &'static Value {
+    // Thousands of frames are checked against it in one run.
+    static SCHEMA: LazyLock<Value> = LazyLock::new(|| schema_of::<Description>("lightpath scene"));
+    &SCHEMA
 }
 
 /// JSON Schema 2020-12 of a file that is read as `T`; job files use it too.

@@ -13,7 +13,7 @@ impl Description {
         // Cannot fail: all keys are strings. (NaN would become null and be refused on reading.)
         let mut value = serde_json::to_value(self).unwrap_or_default();
         let schema = schema();
-        without_defaults(&schema, &schema, &mut value);
+        without_defaults(schema, schema, &mut value);
         value
     }
 

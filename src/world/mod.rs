@@ -7,6 +7,7 @@ mod resolution;
 mod textures;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::{DVec3, Vec2, Vec3};
 
@@ -58,9 +59,9 @@ impl LoadOptions {
 #[derive(Debug)]
 pub struct World {
     /// What the accelerator is built over.
-    pub geometry: Geometry,
+    pub geometry: Arc<Geometry>,
     /// What the primitives look like.
-    pub shapes: Shapes,
+    pub shapes: Arc<Shapes>,
     /// In file order.
     pub lights: Vec<Light>,
     /// The camera.
@@ -157,7 +158,14 @@ impl World {
             doubt.settle(mesh)
         });
         warnings.extend(settled);
-        let world = Self {
+        let world = Self { resolutions, ..Self::over(Arc::new(geometry), Arc::new(shapes), scene) };
+        Ok((world, warnings))
+    }
+
+    /// Everything but the shapes, which are there.
+    fn over(geometry: Arc<Geometry>, shapes: Arc<Shapes>, scene: &Scene) -> Self {
+        let origin = geometry.origin;
+        Self {
             geometry,
             shapes,
             lights: scene.lights.iter().map(|light| recentre(light, origin)).collect(),
@@ -173,9 +181,15 @@ impl World {
             ambient: scene.ambient,
             falloff: scene.falloff,
             transparent: scene.transparent,
-            resolutions,
-        };
-        Ok((world, warnings))
+            resolutions: Vec::new(),
+        }
+    }
+
+    /// The same shapes in another frame of their scene: camera, lights, settings. What is built over
+    /// this world's geometry serves that one too. `scene` differs from the one that was loaded in
+    /// nothing that concerns shapes or materials.
+    pub fn frame_of(&self, scene: &Scene) -> Self {
+        Self::over(Arc::clone(&self.geometry), Arc::clone(&self.shapes), scene)
     }
 
     /// Lets `margin` more pixels be rendered on every side of the camera's frame, whose own pixels stay

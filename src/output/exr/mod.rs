@@ -30,16 +30,21 @@ use exr::{
     meta::header::Header,
 };
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
     film::Film,
 };
 
+pub use self::sorted::read_sorted;
+
 use self::{parts::Part, zip::Zip};
 
 /// How blocks are compressed.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum Compression {
     /// zlib over 16 lines.
     #[default]
@@ -200,7 +205,7 @@ impl Blocks<'_> {
 /// Sorts the attributes of the header in place; its length and the offsets behind it stay.
 fn sort_header<F: Read + Write + Seek>(file: &mut F) -> std::io::Result<()> {
     file.seek(SeekFrom::Start(0))?;
-    let header = sorted::read_sorted(file)?;
+    let header = read_sorted(file)?;
     file.seek(SeekFrom::Start(0))?;
     file.write_all(&header)?;
     file.seek(SeekFrom::End(0))?;

@@ -49,6 +49,34 @@ pub fn parse_rate(text: &str) -> Result<(i32, u32), String> {
     if above > 0 && below > 0 { Ok((above, below)) } else { Err(expected()) }
 }
 
+/// `-90,0,0` -> three numbers.
+pub fn parse_angles(text: &str) -> Result<[f64; 3], String> {
+    let expected = || "expected three angles in degrees, for example -90,0,0".to_string();
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|t| t.trim().parse().map_err(|_| expected()))
+        .collect::<Result<_, _>>()?;
+    match parts.iter().all(|angle| angle.abs() <= 1e6) {
+        true => parts.try_into().map_err(|_| expected()),
+        false => Err(expected()),
+    }
+}
+
+/// `0.08`: below a half, where nothing would be left of the picture.
+pub fn parse_margin(text: &str) -> Result<f64, String> {
+    let margin = text.parse().ok().filter(|margin| (0.0..0.5).contains(margin));
+    margin.ok_or_else(|| "expected a fraction from 0 to below 0.5".to_string())
+}
+
+/// `0..24` -> numbers from the first to before the second.
+pub fn parse_range(text: &str) -> Result<std::ops::Range<u64>, String> {
+    let expected = || "expected A..B with A < B, for example 0..24".to_string();
+    let (from, to) = text.split_once("..").ok_or_else(expected)?;
+    let number = |text: &str| text.parse().map_err(|_| expected());
+    let range = number(from)?..number(to)?;
+    if range.is_empty() { Err(expected()) } else { Ok(range) }
+}
+
 /// Bytes for people: `1.5 GiB`.
 pub fn bytes(count: u64) -> String {
     in_units(count, |tenths| tenths)
@@ -122,6 +150,18 @@ mod tests {
             assert!(parse_bytes(bad).is_err(), "{bad}");
         }
         assert_eq!(parse_size("640x480"), Ok([640, 480]));
+        assert_eq!(parse_angles("-90, 0,1e1"), Ok([-90.0, 0.0, 10.0]));
+        for bad in ["", "1,2", "1,2,3,4", "a,b,c", "nan,0,0", "1e9,0,0"] {
+            assert!(parse_angles(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_range("3..7"), Ok(3..7));
+        for bad in ["", "3", "3..3", "7..3", "..3", "3..", "3..=7", "-1..3"] {
+            assert!(parse_range(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_margin("0"), Ok(0.0));
+        for bad in ["0.5", "-0.1", "nan", "x"] {
+            assert!(parse_margin(bad).is_err(), "{bad}");
+        }
         for bad in ["640", "x", "640x", "-1x2", "640x480x3", "99999999999x1"] {
             assert!(parse_size(bad).is_err(), "{bad}");
         }

@@ -1,9 +1,4 @@
-//! `lightpath render scan.ply`: a mesh alone becomes a scene.
-//!
-//! A template (the built-in studio, or any scene with a trimesh) says how it looks. Its first
-//! trimesh becomes the file; the mesh stands on the plane named `ground` (without one: at the height
-//! of the trimesh's `center`), its lowest vertex a hair above it; the camera keeps its direction and moves to where it sees every vertex. All of it is
-//! overrides of the template, so the result is an ordinary scene that `--write-scene` can save.
+//! A template is finished around a mesh: overrides, so that the result is an ordinary scene.
 
 use std::path::{Path, PathBuf};
 
@@ -13,92 +8,87 @@ use serde_json::json;
 use crate::{
     error::{Error, Problem, Result},
     mesh::Mesh,
-    scene::{Camera, Document, Loaded, ShapeKind, Trimesh},
+    paths::{named, seen_from},
+    scene::{Camera, Document, Loaded, Overrides, ShapeKind, Trimesh},
     world::{Bounds, placement},
 };
 
 use super::{
-    args::Axis,
-    framing::frame,
-    meshes::{self, Points},
-    origin::Origin,
-    overrides::Overrides,
-    paths::{named, seen_from},
+    Axis, Subject,
+    framing::{Lens, frame, frame_turning},
+    points::Points,
+    template::Template,
 };
-
-/// The built-in template.
-pub const STUDIO: &str = include_str!("../../assets/studio.json");
-
-/// Distance of the picture's borders from the mesh, as a fraction of its width and height.
-const MARGIN: f64 = 0.08;
 
 /// Height above the ground as a fraction of the mesh's longest side: nobody sees it, and a flat
 /// mesh does not lie within the ground.
 const HAIR: f64 = 1e-4;
 
-/// A mesh file to be shown.
+/// A template with a mesh in it.
 #[derive(Debug)]
-pub struct Subject<'a> {
-    /// The file.
-    pub path: &'a Path,
-    /// Which of its axes points up, if the user says so.
-    pub up: Option<Axis>,
-    /// Drop triangles with bad vertices.
-    pub repair: bool,
-    /// Read the file instead of mapping it.
-    pub no_mmap: bool,
-    /// The template is the built-in studio.
-    pub builtin: bool,
+pub struct Furnished {
+    /// Overrides of the template that make it a scene of this mesh.
+    pub overrides: Overrides,
+    /// The mesh, by the path that the scene then has.
+    pub mesh: (PathBuf, Mesh),
+    /// The middle of the mesh's box where it stands.
+    pub middle: DVec3,
 }
 
-/// Finishes `template` around the mesh: overrides that make it a scene of this mesh, before those of
-/// the user; and the mesh with the path that the scene then has.
+/// Finishes `template` around the mesh; the user's overrides come after ours.
 pub fn furnish(
     subject: &Subject,
-    template: &Origin,
+    mesh: Mesh,
+    template: &Template,
     user: &Overrides,
     warnings: &mut Vec<Problem>,
-) -> Result<(Overrides, (PathBuf, Mesh))> {
-    let mesh = meshes::read(subject.path, subject.repair, subject.no_mmap)?;
+) -> Result<Furnished> {
     let shape = first_trimesh(template)?;
     let mut ours = Overrides::default();
-    let path = match template.folder.as_os_str().is_empty() {
-        true => named(subject.path)?,
-        false => seen_from(subject.path, &template.folder)?,
-    };
-    ours.flag("FILE.ply", &format!("{shape}/path"), Some(path));
-    if subject.builtin {
+    ours.flag("FILE.ply", &format!("{shape}/path"), Some(within(template, subject.path)?));
+    if template.builtin {
         colour(subject, &mesh, template, &mut ours, warnings)?;
     }
     // What the template and the user ask for decides the framing.
     let mut loaded = load(template, &ours, user)?;
-    if let Some(up) = subject.up {
-        let rotate = turn(up, main_axis(loaded.scene.camera.up)).to_vec();
-        ours.flag("--up", &format!("{shape}/rotate"), Some(rotate));
+    let turned = match (subject.rotate, subject.up) {
+        (Some(angles), _) => Some(("--rotate", angles)),
+        (None, Some(up)) => Some(("--up", turn(up, main_axis(loaded.scene.camera.up)))),
+        (None, None) => None,
+    };
+    if let Some((flag, angles)) = turned {
+        ours.flag(flag, &format!("{shape}/rotate"), Some(angles.to_vec()));
         loaded = load(template, &ours, user)?;
     }
-    place(subject.path, &mesh, &loaded, &shape, &mut ours)?;
+    let middle = place(subject, &mesh, &loaded, &shape, &mut ours)?;
     let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
-    Ok((ours, (path, mesh)))
+    Ok(Furnished { overrides: ours, mesh: (path, mesh), middle })
 }
 
-/// The built-in studio with the mesh in it, where it happens to stand: what it needs can be
-/// predicted before the mesh is read.
-pub fn unframed(path: &Path) -> Result<Loaded> {
-    let template =
-        Origin { name: "<studio>".to_string(), text: STUDIO.into(), folder: PathBuf::new() };
+/// The template with the mesh in it, where it happens to stand: what it needs can be predicted
+/// before the mesh is read.
+pub fn unframed(path: &Path, template: &Template, user: &Overrides) -> Result<Loaded> {
     let mut ours = Overrides::default();
-    ours.flag("FILE.ply", &format!("{}/path", first_trimesh(&template)?), Some(named(path)?));
-    load(&template, &ours, &Overrides::default())
+    let path = within(template, path)?;
+    ours.flag("FILE.ply", &format!("{}/path", first_trimesh(template)?), Some(path));
+    load(template, &ours, user)
 }
 
-fn load(template: &Origin, ours: &Overrides, user: &Overrides) -> Result<Loaded> {
+/// A path as a scene in the template's folder names it.
+fn within(template: &Template, path: &Path) -> Result<String> {
+    match template.folder.as_os_str().is_empty() {
+        true => named(path),
+        false => seen_from(path, &template.folder),
+    }
+}
+
+fn load(template: &Template, ours: &Overrides, user: &Overrides) -> Result<Loaded> {
     let sets = [ours.sets(), user.sets()].concat();
     crate::scene::load(template.source(), &sets).map_err(|error| user.explain(ours.explain(error)))
 }
 
 /// JSON pointer of the shape that the mesh replaces.
-fn first_trimesh(template: &Origin) -> Result<String> {
+fn first_trimesh(template: &Template) -> Result<String> {
     let document = Document::parse(&template.name, &template.text)?;
     let shapes = (0..).map(|i| format!("/scene/shapes/{i}"));
     let mut shapes = shapes.take_while(|shape| document.get(shape).is_some());
@@ -118,7 +108,7 @@ fn first_trimesh(template: &Origin) -> Result<String> {
 fn colour(
     subject: &Subject,
     mesh: &Mesh,
-    template: &Origin,
+    template: &Template,
     ours: &mut Overrides,
     warnings: &mut Vec<Problem>,
 ) -> Result<()> {
@@ -146,16 +136,16 @@ fn colour(
     Ok(())
 }
 
-/// Stands the mesh on its place and moves the camera.
+/// Stands the mesh on its place and moves the camera. Returns the middle of the mesh's box.
 fn place(
-    path: &Path,
+    subject: &Subject,
     mesh: &Mesh,
     loaded: &Loaded,
     shape: &str,
     ours: &mut Overrides,
-) -> Result<()> {
+) -> Result<DVec3> {
     let points = Points::of(mesh);
-    let empty = || Error::invalid(path.display().to_string(), "found no triangle to show");
+    let empty = || Error::invalid(subject.path.display().to_string(), "found no triangle to show");
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
     let (linear, middle) = placement(spec, points.bounds(|p| p));
     let turned = |p: DVec3| linear * (p - middle);
@@ -172,11 +162,19 @@ fn place(
     center[vertical] = ground(loaded, vertical).unwrap_or(spec.center[vertical]) + hair - lowest;
     let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
     let placed = points.iter().map(|p| turned(p) + center);
-    let position =
-        frame(placed, camera.lookat, camera.up, fov, aspect, MARGIN).ok_or_else(empty)?;
+    let middle = center + (low + high) / 2.0;
+    let lens = Lens { fov_deg: fov, aspect, margin: subject.margin };
+    let position = match subject.turning {
+        false => frame(placed, camera.lookat, camera.up, lens),
+        true => {
+            let axis = (middle, DVec3::AXES[vertical]);
+            frame_turning(placed, axis, camera.lookat, camera.up, lens)
+        }
+    };
+    let position = position.ok_or_else(empty)?;
     ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));
-    point(camera, loaded, position, center + (low + high) / 2.0, ours);
-    Ok(())
+    point(camera, loaded, position, middle, ours);
+    Ok(middle)
 }
 
 /// The camera's new position; a lens stays focused on the middle of the mesh.
@@ -212,7 +210,7 @@ fn trimesh<'a>(loaded: &'a Loaded, shape: &str) -> Option<&'a Trimesh> {
 }
 
 /// 0, 1 or 2: the axis that `up` is nearest to.
-fn main_axis(up: DVec3) -> usize {
+pub fn main_axis(up: DVec3) -> usize {
     let size = up.abs();
     let wins = |a: usize| (0..3).all(|b| size[a] >= size[b]);
     (0..3).find(|a| wins(*a)).unwrap_or(1)

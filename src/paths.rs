@@ -32,7 +32,7 @@ pub fn prefix(output: Option<&Path>, input: &Path) -> PathBuf {
 }
 
 /// The file's name without its ending; a compressed mesh has two.
-fn stem(path: &Path) -> Option<&OsStr> {
+pub fn stem(path: &Path) -> Option<&OsStr> {
     let stem = Path::new(path.file_stem()?);
     let ends = |path: &Path, ends: &[&str]| {
         path.extension().is_some_and(|e| ends.iter().any(|end| e.eq_ignore_ascii_case(end)))

@@ -1,5 +1,5 @@
 //! How much memory a render will need, from headers and the accelerator's footprint: said by `info`,
-//! and held against `--max-memory` before the first mesh is read.
+//! and held against `--max-memory` before the first mesh is read. And what the system says.
 
 use std::{collections::HashSet, path::Path};
 
@@ -10,11 +10,12 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
     layers::Plan,
+    mesh,
     scene::{Scene, ShapeKind},
     shading::Texture,
 };
 
-use super::{meshes, units};
+use crate::units;
 
 /// R, G, B, A in f32.
 const FILM_BYTES: u64 = 16;
@@ -43,20 +44,63 @@ pub struct Prediction {
     pub primitives: u64,
 }
 
+/// What a header promises, within what the file's size allows.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Promise {
+    /// Bytes of vertex and index arrays.
+    pub array_bytes: u64,
+    /// Bytes of the vertex normals that the file does not have.
+    pub missing_normal_bytes: u64,
+    /// Triangles after splitting.
+    pub triangles: u64,
+}
+
+/// Bytes that one byte of gzip data can stand for; more for zstd, but not of a mesh.
+const MOST_PACKED: u64 = 1032;
+
+/// Reads the header alone.
+pub fn promise(path: &Path) -> Result<Promise> {
+    let summary = mesh::inspect_ply(path)?;
+    // The reader refuses a header that promises more rows than the file has bytes; a prediction
+    // must not choke on it first.
+    let most = match summary.packed {
+        None => summary.file_bytes,
+        Some(_) => summary.file_bytes.saturating_mul(MOST_PACKED),
+    };
+    let lies = summary.triangles.max(summary.vertices) > most;
+    Ok(match lies {
+        true => Promise::default(),
+        false => Promise {
+            array_bytes: summary.array_bytes,
+            missing_normal_bytes: if summary.normals { 0 } else { 12 * summary.vertices },
+            triangles: summary.triangles,
+        },
+    })
+}
+
 /// Looks at the headers of all files; leaves the accelerator out.
 ///
 /// # Errors
 /// Headers that cannot be read.
 pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
+    predict_words(scene, window, Plan::new(scene).channels.len())
+}
+
+/// The same with so many channels beside R, G, B, A.
+///
+/// # Errors
+/// Headers that cannot be read.
+pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Prediction> {
     let pixels = u64::from(window.width()) * u64::from(window.height());
-    let words = Plan::new(scene).channels.len() as u64;
-    let film_bytes = pixels.saturating_mul(FILM_BYTES + PNG_BYTES + 4 * words);
+    let words = words as u64;
+    let film_bytes =
+        pixels.saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES));
     let mut sum = Prediction { film_bytes, ..Prediction::default() };
     let mut problems = Vec::new();
     for shape in &scene.shapes {
         match &shape.kind {
             ShapeKind::Trimesh(mesh) => {
-                let promise = meshes::promise(&mesh.path).unwrap_or_else(|error| {
+                let promise = promise(&mesh.path).unwrap_or_else(|error| {
                     problems.extend(error.problems);
                     Default::default()
                 });
@@ -82,7 +126,7 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
 /// # Errors
 /// A header that cannot be read.
 pub fn predict_mesh(path: &Path) -> Result<Prediction> {
-    let promise = meshes::promise(path)?;
+    let promise = promise(path)?;
     Ok(Prediction {
         mesh_bytes: promise.array_bytes,
         primitives: promise.triangles,
@@ -156,7 +200,8 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Refuses a scene that will not fit, with `beside` bytes beside the film. Costs the headers, then a small build for the
+    /// Refuses a scene that will not fit, of a film by its pixels, channels beside R, G, B, A, and bytes beside
+    /// them. Costs the headers, then a small build for the
     /// accelerator's footprint.
     ///
     /// # Errors
@@ -164,16 +209,22 @@ impl Budget {
     pub fn check(
         limit: u64,
         scene: &Scene,
-        window: Window,
-        beside: u64,
+        (window, words, beside): (Window, usize, u64),
         threads: usize,
         embree: EmbreeMode,
     ) -> Result<Self> {
-        let mut prediction = predict(scene, window)?;
+        let mut prediction = predict_words(scene, window, words)?;
         prediction.film_bytes = prediction.film_bytes.saturating_add(beside);
         let prediction = prediction.with_peak();
         prediction.check(limit)?;
-        let prediction = prediction.with(&Footprint::of(scene.backend, threads, embree)?);
+        Self::of(limit, prediction.with(&Footprint::of(scene.backend, threads, embree)?))
+    }
+
+    /// Refuses what is predicted not to fit.
+    ///
+    /// # Errors
+    /// `Limit`, with the numbers.
+    pub fn of(limit: u64, prediction: Prediction) -> Result<Self> {
         prediction.check(limit)?;
         Ok(Self { limit, prediction })
     }
@@ -227,4 +278,20 @@ impl std::fmt::Display for Prediction {
             parts.map(|(name, bytes)| format!("{name} {}", units::bytes(bytes))).collect();
         f.write_str(&parts.join(", "))
     }
+}
+
+/// Largest resident set of this process so far, in bytes.
+pub fn peak_bytes() -> u64 {
+    kib("/proc/self/status", "VmHWM:").unwrap_or(0) * 1024
+}
+
+/// What the system could still give, in bytes; `None` where it does not tell.
+pub fn available_bytes() -> Option<u64> {
+    Some(kib("/proc/meminfo", "MemAvailable:")? * 1024)
+}
+
+fn kib(file: &str, key: &str) -> Option<u64> {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    let line = text.lines().find_map(|line| line.strip_prefix(key));
+    line?.split_whitespace().next()?.parse().ok()
 }

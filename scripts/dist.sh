@@ -1,0 +1,87 @@
+#!/bin/sh
+# Packages what `make build` compiled, into target/dist/:
+#
+#   lightpath_VERSION_ARCH.deb             depends on libembree4-4 where the distribution has it (Debian 13);
+#                                          else carries the Embree of vendor/embree in /usr/lib/lightpath
+#   lightpath-VERSION-ARCH-linux.tar.xz    one folder that runs wherever it lies, with Embree if that is vendored
+#
+# With EMBREE=none neither carries Embree: a package for Debian 13 made on Debian 12. Both are made of
+# `make install`, and the same program gives the same bytes. Needs dpkg-deb and xz.
+set -eu
+cd "$(dirname "$0")/.."
+export LC_ALL=C
+
+version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
+machine=$(uname -m)
+architecture=$(dpkg --print-architecture)
+dist=${CARGO_TARGET_DIR:-target}/dist
+SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || date +%s)}
+export SOURCE_DATE_EPOCH
+stage=$(mktemp -d)
+trap 'rm -rf "$stage"' EXIT
+umask 022
+mkdir -p "$dist"
+
+say() { printf 'dist: %s\n' "$*"; }
+install_to() {
+    make --no-print-directory install DESTDIR="$1" PREFIX="$2" EMBREE="${EMBREE:-vendor/embree}" >/dev/null
+}
+same_times() { find "$1" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +; }
+
+# --------------------------------------------------------------------------------------------------------
+# The package
+
+deb=$stage/deb
+install_to "$deb" /usr
+# The newest version of the C library that a symbol of the program asks for.
+glibc=$(grep -ao 'GLIBC_2\.[0-9]*' "$deb/usr/bin/lightpath" | sort -V | tail -n 1 | sed 's/GLIBC_//')
+depends="libc6 (>= $glibc), libgcc-s1"
+if [ -d "$deb/usr/lib/lightpath" ]; then
+    depends="$depends, libstdc++6"
+    carries=" This package carries Embree 4 and TBB (Apache-2.0) in /usr/lib/lightpath."
+else
+    depends="$depends, libembree4-4"
+    carries=
+fi
+doc=$deb/usr/share/doc/lightpath
+{
+    printf 'Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/\n'
+    printf 'Upstream-Name: lightpath\n\nFiles: *\nCopyright: the lightpath authors\n'
+    printf 'License: MIT or Apache-2.0\n The texts are LICENSE-MIT and LICENSE-APACHE in this folder.\n'
+    printf 'Comment: What the package contains of others, with licences, is in THIRD_PARTY.md.\n'
+} >"$doc/copyright"
+gzip -9n <CHANGELOG.md >"$doc/changelog.gz"
+gzip -9n "$deb/usr/share/man/man1/lightpath.1"
+mkdir "$deb/DEBIAN"
+cat >"$deb/DEBIAN/control" <<CONTROL
+Package: lightpath
+Version: $version
+Section: graphics
+Priority: optional
+Architecture: $architecture
+Maintainer: lightpath <lightpath@localhost>
+Installed-Size: $(du -k -s --apparent-size "$deb/usr" | cut -f 1)
+Depends: $depends
+Description: CPU ray tracer for big scanned meshes
+ Renders JSON scenes and PLY meshes to multi-layer EXR and PNG: with Intel Embree 4 or its own tree,
+ the same bytes on every run and for any number of threads; batches, turntables, parts of a frame on a farm.
+$([ -z "$carries" ] || echo "$carries")
+CONTROL
+sed -i '/^$/d' "$deb/DEBIAN/control"
+same_times "$deb"
+package=$dist/lightpath_${version}_$architecture.deb
+dpkg-deb --root-owner-group -Zxz --build "$deb" "$package" >/dev/null
+say "$package: depends on $depends"
+
+# --------------------------------------------------------------------------------------------------------
+# The folder
+
+name=lightpath-$version-$machine-linux
+install_to "$stage/$name" ""
+same_times "$stage/$name"
+tar -C "$stage" --sort=name --owner=0 --group=0 --numeric-owner -cf - "$name" | xz -6 >"$dist/$name.tar.xz"
+if [ -d "$stage/$name/lib/lightpath" ]; then
+    say "$dist/$name.tar.xz: with Embree; needs glibc $glibc"
+else
+    say "$dist/$name.tar.xz: without Embree, which it looks for on the system; needs glibc $glibc"
+fi

@@ -1,0 +1,106 @@
+//! What a frame is made of, in one line: two frames of one fingerprint are the same picture.
+//!
+//! `picture=HASH scene=HASH settings=... program=VERSION`: the first covers scene and files, the second the
+//! scene alone, so that a difference can be named. Where files lie does not count.
+
+use sha2::{Digest, Sha256};
+
+use crate::{
+    accel::EmbreeMode,
+    output::exr::Sequence,
+    picture::Storage,
+    scene::{Loaded, written},
+};
+
+/// Hexadecimal digits of a hash: 128 bits.
+const DIGITS: usize = 32;
+
+/// Settings beside the scene that change a picture.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// How Embree is used.
+    pub embree: EmbreeMode,
+    /// Bad triangles are dropped.
+    pub repair: bool,
+    /// How pictures are stored.
+    pub storage: Storage,
+    /// What the first frame says of its sequence.
+    pub sequence: Sequence,
+}
+
+/// The fingerprint of a frame whose [`crate::world::fingerprint`] is `hash`.
+pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
+    let Settings { embree, repair, storage, sequence } = *settings;
+    let (picture, scene) = (hash.get(..DIGITS).unwrap_or(hash), scene(loaded));
+    let stored = if storage.float { "float" } else { "half" };
+    let repair = if repair { ",repair" } else { "" };
+    let parts = if storage.multipart { ",multipart" } else { "" };
+    let numbered = if sequence.frame.is_some() { ",numbered" } else { "" };
+    let rate = sequence.per_second.map(|(above, below)| format!(",{above}/{below}"));
+    let rate = rate.unwrap_or_default();
+    let compression = storage.compression.name();
+    let set = format!("{embree:?},{compression},{stored}{repair}{parts}{numbered}{rate}");
+    let (set, program) = (set.to_lowercase(), env!("CARGO_PKG_VERSION"));
+    format!("picture={picture} scene={scene} settings={set} program={program}")
+}
+
+/// What differs between two fingerprints, in words.
+pub fn difference(there: &str, now: &str) -> String {
+    let changed = |key: &str| part(there, key) != part(now, key);
+    let scene = changed("scene");
+    let reasons = [
+        (scene, "the scene changed"),
+        (!scene && changed("picture"), "a mesh or a texture changed"),
+        (changed("settings"), "settings changed"),
+        (changed("program"), "another version of the program wrote it"),
+    ];
+    let reasons = reasons.into_iter().filter(|(changed, _)| *changed).map(|(_, reason)| reason);
+    let reasons: Vec<&str> = reasons.collect();
+    match reasons.is_empty() {
+        true => "its fingerprint is not ours".to_string(),
+        false => reasons.join(", "),
+    }
+}
+
+fn part<'a>(text: &'a str, key: &str) -> Option<&'a str> {
+    let mut words = text.split(' ').filter_map(|word| word.split_once('='));
+    words.find(|(k, _)| *k == key).map(|(_, value)| value)
+}
+
+/// The scene without the names of its files.
+fn scene(loaded: &Loaded) -> String {
+    let mut all = loaded.description.clone();
+    let clear = |material: &mut written::Material| {
+        material.texture_path.iter_mut().for_each(|path| path.0 = "-".to_string());
+    };
+    all.scene.materials.values_mut().for_each(clear);
+    for shape in &mut all.scene.shapes {
+        if let written::Shape::TriMesh(mesh) = shape {
+            mesh.path.0 = "-".to_string();
+        }
+        if let written::MaterialUse::Inline(material) = shape.material_mut() {
+            clear(material);
+        }
+    }
+    let hash = Sha256::digest(all.to_json().to_string());
+    let mut text: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    text.truncate(DIGITS);
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_difference_is_named() {
+        let now = "picture=1 scene=2 settings=robust,zip,half program=0.1.0";
+        let named = |from: &str, to: &str| difference(&now.replace(from, to), now);
+        assert_eq!(named("picture=1", "picture=9"), "a mesh or a texture changed");
+        assert_eq!(named("picture=1 scene=2", "picture=9 scene=8"), "the scene changed");
+        assert_eq!(named("half", "float"), "settings changed");
+        assert_eq!(named("0.1.0", "0.0.9"), "another version of the program wrote it");
+        assert_eq!(difference("something else", now).matches(',').count(), 2);
+        assert_eq!(difference(now, now), "its fingerprint is not ours");
+    }
+}

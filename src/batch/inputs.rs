@@ -1,0 +1,63 @@
+//! Paths, folders and patterns -> files.
+
+use std::path::{Path, PathBuf};
+
+use crate::{
+    error::{Error, Result},
+    studio,
+};
+
+/// The files that `text`, seen from `folder`, stands for: itself, the meshes in a folder (or else its
+/// scenes), what a pattern matches; in the order of their names.
+///
+/// # Errors
+/// A name that is not there; a folder or pattern without a file.
+pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
+    let path = folder.join(text);
+    let nothing = |what: &str| Error::invalid(place, format!("found {text:?}, {what}"));
+    if path.is_dir() {
+        let files = files_in(&path)?;
+        return match files.is_empty() {
+            true => Err(nothing("a folder without .ply or .json files")),
+            false => Ok(files),
+        };
+    }
+    if path.exists() {
+        return Ok(vec![path]);
+    }
+    if !text.contains(['*', '?', '[']) {
+        return Err(Error::invalid(place, format!("found {text:?}: there is no such file")));
+    }
+    let pattern = match folder.to_str() {
+        // The folder's own name is no pattern.
+        Some(folder) if !folder.is_empty() && !Path::new(text).is_absolute() => {
+            format!("{}/{text}", glob::Pattern::escape(folder))
+        }
+        _ => text.to_string(),
+    };
+    let matches =
+        glob::glob(&pattern).map_err(|error| nothing(&format!("which is no pattern: {error}")))?;
+    let files: Vec<PathBuf> =
+        matches.filter_map(|path| path.ok()).filter(|p| p.is_file()).collect();
+    match files.is_empty() {
+        true => Err(nothing("a pattern that matches no file")),
+        false => Ok(files),
+    }
+}
+
+fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let failed = |error: std::io::Error| Error::io(folder, "list", &error);
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        all.push(entry.map_err(failed)?.path());
+    }
+    all.retain(|path| path.is_file());
+    all.sort();
+    let (meshes, others): (Vec<PathBuf>, Vec<PathBuf>) =
+        all.into_iter().partition(|path| studio::is_mesh(path));
+    if !meshes.is_empty() {
+        return Ok(meshes);
+    }
+    let scene = |path: &PathBuf| path.extension().is_some_and(|end| end == "json");
+    Ok(others.into_iter().filter(scene).collect())
+}

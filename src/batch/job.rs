@@ -1,0 +1,253 @@
+//! A job file and what flags add to it -> a checked [`Job`]: every input a file that is there.
+
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::{Path, PathBuf},
+};
+
+use glam::DVec3;
+use serde_json::Value;
+
+use crate::{
+    error::{Error, Failures, Result},
+    output::exr::Sequence,
+    picture::Storage,
+    scene::{Overrides, written::Name},
+    studio::{Axis, Fixed, MARGIN, Template, Turning, Turntable},
+    units,
+};
+
+use super::{
+    description::{Input as Written, JobFile, TurntableKeys},
+    inputs,
+    names::Pattern,
+};
+
+/// Where frames go unless something is said.
+const FOLDER: &str = "out";
+
+/// What is to be rendered.
+#[derive(Debug)]
+pub struct Job {
+    /// One after the other.
+    pub inputs: Vec<Input>,
+    /// What shows a mesh.
+    pub template: Template,
+    /// Kept free around meshes.
+    pub margin: f64,
+    /// Frames of each input; one without.
+    pub turntable: Option<Turntable>,
+    /// Where the turntable's axis stands, if that is said.
+    pub pivot: Option<DVec3>,
+    /// Samples of every area light, if that is said.
+    pub light_samples: Option<u32>,
+    /// Drop triangles with bad vertices.
+    pub repair: bool,
+    /// Read meshes instead of mapping them.
+    pub no_mmap: bool,
+    /// How pictures are stored.
+    pub storage: Storage,
+    /// Frames per second, as a fraction.
+    pub per_second: Option<(i32, u32)>,
+    /// Where everything goes.
+    pub folder: PathBuf,
+    /// What frames are called in it.
+    pub name: Pattern,
+}
+
+/// A scene or a mesh.
+#[derive(Debug)]
+pub struct Input {
+    /// The file.
+    pub path: PathBuf,
+    /// Which axis of the mesh points up.
+    pub up: Option<Axis>,
+    /// Turns the mesh, in place of `up`.
+    pub rotate: Option<[f64; 3]>,
+    /// Of the scene, in order.
+    pub overrides: Overrides,
+}
+
+/// What flags say that a job file does not.
+#[derive(Debug, Default)]
+pub struct Flags {
+    /// Win over those of the file.
+    pub overrides: Overrides,
+    /// Samples of every area light.
+    pub light_samples: Option<u32>,
+    /// Drop triangles with bad vertices.
+    pub repair: bool,
+    /// Read meshes instead of mapping them.
+    pub no_mmap: bool,
+}
+
+impl Job {
+    /// Checks a job whose paths are relative to `base` (empty: the working folder). The output folder
+    /// is relative to the working folder.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it: inputs that are not there, contradictions, two frames of one
+    /// name.
+    pub fn check(file: JobFile, base: &Path, flags: Flags) -> Result<Self> {
+        let mut failures = Failures::default();
+        let mut found = Vec::new();
+        for (i, written) in file.inputs.iter().enumerate() {
+            let files = failures.keep(input(written, &file, base, &flags, i));
+            found.extend(files.into_iter().flatten());
+        }
+        let template = failures.keep(match &file.template {
+            Some(path) => Template::file(&base.join(&path.0)),
+            None => Ok(Template::studio()),
+        });
+        let frames = file.turntable.as_ref().map_or(1, |turntable| turntable.frames);
+        let pattern = match (&file.output.name, frames) {
+            (Some(name), _) => name.0.as_str(),
+            (None, 1) => Pattern::STILL,
+            (None, _) => Pattern::FRAMES,
+        };
+        let name = failures.keep(Pattern::parse("output name", pattern));
+        if let Some(name) = &name {
+            failures.keep(distinct(name, &found, frames, pattern));
+        }
+        let both = file.up.is_some() && file.rotate.is_some();
+        if both {
+            let message = "found with `rotate`, expected one of the two";
+            failures.keep::<()>(Err(Error::invalid("up", message)));
+        }
+        let rate = file.output.fps.as_ref().and_then(|Name(rate)| {
+            let rate = units::parse_rate(rate);
+            failures.keep(rate.map_err(|message| Error::invalid("output fps", message)))
+        });
+        failures.check()?;
+        let (Some(template), Some(name)) = (template, name) else {
+            return Err(Error::invalid("job", "cannot be read"));
+        };
+        Ok(Self {
+            inputs: found,
+            template,
+            margin: file.margin.unwrap_or(MARGIN),
+            pivot: file.turntable.as_ref().and_then(|t| t.pivot).map(|pivot| pivot.vec()),
+            turntable: file.turntable.as_ref().map(turntable),
+            light_samples: flags.light_samples,
+            repair: flags.repair,
+            no_mmap: flags.no_mmap,
+            storage: Storage {
+                float: file.output.float,
+                compression: file.output.compression,
+                multipart: file.output.multipart,
+                ..Storage::default()
+            },
+            per_second: rate,
+            folder: file.output.folder.map_or(FOLDER.into(), |Name(folder)| folder.into()),
+            name,
+        })
+    }
+
+    /// Frames of each input.
+    pub fn frames(&self) -> u32 {
+        self.turntable.map_or(1, |turntable| turntable.frames)
+    }
+
+    /// What the files of a frame say of their place in a sequence: nothing if there is one frame.
+    pub fn sequence(&self, frame: u32) -> Sequence {
+        let numbered = (self.frames() > 1).then_some(frame);
+        Sequence {
+            frame: numbered.and_then(|frame| i32::try_from(frame).ok()),
+            per_second: self.per_second,
+        }
+    }
+
+    /// Where a frame goes, without an ending.
+    pub fn prefix(&self, input: usize, frame: u32) -> PathBuf {
+        self.folder.join(self.name.of(&self.inputs[input].path, input, frame))
+    }
+}
+
+/// The files of one entry. Overrides in the order in which they win: the job's, the entry's, flags.
+fn input(
+    written: &Written,
+    file: &JobFile,
+    base: &Path,
+    flags: &Flags,
+    number: usize,
+) -> Result<Vec<Input>> {
+    let none = BTreeMap::new();
+    let (path, up, rotate, camera, set) = match written {
+        Written::Path(path) => (path, None, None, &none, &none),
+        Written::Entry(e) => (&e.path, e.up, e.rotate, &e.camera, &e.set),
+    };
+    let mut overrides = common(file);
+    overrides.append(patches(camera, set));
+    overrides.append(flags.overrides.clone());
+    let place = format!("inputs/{number}");
+    let files = inputs::expand(&place, &path.0, base)?;
+    // A turn of its own replaces the other's whichever way it is said.
+    let (up, rotate) = match (up, rotate) {
+        (None, None) => (file.up, file.rotate),
+        (Some(_), Some(_)) => {
+            let message = "found `up` and `rotate`, expected one of the two";
+            return Err(Error::invalid(place, message));
+        }
+        own => own,
+    };
+    let one = |path| Input {
+        path,
+        up,
+        rotate: rotate.map(|angles| angles.0),
+        overrides: overrides.clone(),
+    };
+    Ok(files.into_iter().map(one).collect())
+}
+
+/// What the job sets in every scene.
+fn common(file: &JobFile) -> Overrides {
+    let mut all = Overrides::default();
+    if let Some([width, height]) = file.size {
+        all.flag("size", "/camera/width", Some(width));
+        all.flag("size", "/camera/height", Some(height));
+    }
+    let layers = file.layers.as_ref();
+    let layers = layers.map(|names| names.iter().map(|n| n.0.clone()).collect::<Vec<String>>());
+    all.flag("layers", "/output/layers", layers);
+    all.append(patches(&file.camera, &file.set));
+    all
+}
+
+fn patches(camera: &BTreeMap<String, Value>, set: &BTreeMap<String, Value>) -> Overrides {
+    let mut all = Overrides::default();
+    for (key, value) in camera {
+        all.flag("camera", &format!("/camera/{key}"), Some(value.clone()));
+    }
+    for (pointer, value) in set {
+        all.flag("set", pointer, Some(value.clone()));
+    }
+    all
+}
+
+fn turntable(keys: &TurntableKeys) -> Turntable {
+    let lights = keys.lights.unwrap_or(match keys.turn {
+        Turning::Object => Fixed::Camera,
+        Turning::Camera => Fixed::Object,
+    });
+    Turntable { frames: keys.frames, turn: keys.turn, lights, start_deg: keys.start }
+}
+
+/// Refuses two frames of one name.
+fn distinct(name: &Pattern, inputs: &[Input], frames: u32, text: &str) -> Result<()> {
+    if frames > 1 && !name.tells_frames() {
+        let message = format!("found {text:?} for {frames} frames, expected {{frame}} in it");
+        return Err(Error::invalid("output name", message).help("{stem}/{stem}.{frame:04}"));
+    }
+    let mut taken: HashMap<PathBuf, &Path> = HashMap::new();
+    for (number, input) in inputs.iter().enumerate() {
+        let frame = name.of(&input.path, number, 0);
+        if let Some(first) = taken.insert(frame, &input.path) {
+            let path = input.path.display();
+            let message =
+                format!("{} and {path} would both be written to {text:?}", first.display());
+            return Err(Error::invalid("output name", message)
+                .help("tell them apart: --name '{parent}/{stem}', or '{input:03}-{stem}'"));
+        }
+    }
+    Ok(())
+}

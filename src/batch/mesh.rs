@@ -1,0 +1,233 @@
+//! One mesh of a batch: read, built, its frames rendered by some threads of their own, dropped.
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering::Relaxed},
+    },
+    time::Instant,
+};
+
+use crate::{
+    accel::{self, Accelerator, BuildInfo, BuildOptions},
+    error::{Error, Kind, Result},
+    film::{Blank, Film, Window},
+    layers::Plan,
+    memory::{self, Budget, Prediction},
+    output::Outputs,
+    picture::{self, Says},
+    render::{RayCounts, render_layers},
+    world::{LoadOptions, World},
+};
+
+use super::{
+    journal::{FrameRecord, MeshRecord, Record},
+    pipeline::{Run, panicked},
+    plan::Task,
+    scene::{self, Frame, Ready},
+    status::Event,
+};
+
+/// A mesh with all that its frames share.
+struct Built<'a> {
+    /// Its place among the meshes of the run.
+    number: usize,
+    input: &'a str,
+    world: &'a World,
+    accelerator: &'a dyn Accelerator,
+    info: BuildInfo,
+}
+
+impl Run<'_> {
+    /// Renders the frames of a task. `share` is the memory that it may take where there is a limit.
+    ///
+    /// # Errors
+    /// What concerns all frames of this input.
+    pub fn mesh(
+        &self,
+        number: usize,
+        task: &Task,
+        input: &str,
+        prediction: Prediction,
+        share: u64,
+    ) -> Result<()> {
+        let began = Instant::now();
+        let job = self.job;
+        let monitor = self.monitor.part();
+        let reading = || scene::read(job, &job.inputs[task.input], &monitor);
+        let ready = self.loading.install(reading)?;
+        let (frames, kept) = ready.frames(job, task, self.options.resume, &self.settings)?;
+        for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
+            self.tidy(&Outputs::names(&prefix));
+        }
+        self.kept(input, kept).inspect_err(|error| self.end(error.clone()))?;
+        if frames.is_empty() {
+            return Ok(());
+        }
+        let Ready { loaded, mesh, warnings, .. } = ready;
+        let camera = loaded.description.to_json()["camera"].clone();
+        if !mesh.is_empty() {
+            (self.tell)(Event::Framed { input, camera: &camera });
+        }
+        let mut said = self.warn(input, &warnings);
+        let budget = self.options.max_memory.map(|_| Budget::of(share, prediction)).transpose()?;
+        let budget = budget.as_ref();
+        let options = LoadOptions {
+            repair: job.repair,
+            no_mmap: job.no_mmap,
+            ready: mesh,
+            texture_bytes: budget.map(Budget::for_textures),
+            ..LoadOptions::default()
+        };
+        let scene = &loaded.scene;
+        let loading = || World::load(scene, options, &monitor);
+        let (world, warnings) = self.loading.install(loading)?;
+        said.extend(self.warn(input, &warnings));
+        let load_s = began.elapsed().as_secs_f64();
+        let world_bytes = world.mesh_bytes() + world.texture_bytes();
+        let options = BuildOptions {
+            threads: self.options.threads,
+            embree: self.options.embree,
+            isa: self.options.isa,
+            max_bytes: budget.map(|budget| budget.for_accelerator(world_bytes)),
+        };
+        let building = || accel::build(&world.geometry, scene.backend, &options, &monitor);
+        let accelerator = self.loading.install(building)?;
+        let info = accelerator.info();
+        let record = MeshRecord {
+            input: input.to_string(),
+            triangles: world.triangles(),
+            load_s,
+            build_s: began.elapsed().as_secs_f64() - load_s,
+            bytes: world_bytes + info.bytes,
+            camera,
+            warnings: said,
+        };
+        let noted = self.journal.add(&Record::Mesh(record));
+        noted.inspect_err(|error| self.end(error.clone()))?;
+        let accelerator = accelerator.as_ref();
+        self.frames(&Built { number, input, world: &world, accelerator, info }, &frames);
+        Ok(())
+    }
+
+    /// One more thread than frames are rendered at a time: one frame's rays while another is written.
+    fn frames(&self, built: &Built, frames: &[Frame]) {
+        let next = AtomicUsize::new(0);
+        let work = || {
+            let mut film = None;
+            while let Some(frame) = frames.get(next.fetch_add(1, Relaxed)) {
+                let one = || self.frame(built, frame, &mut film);
+                let done = catch_unwind(AssertUnwindSafe(one)).unwrap_or_else(|_| Err(panicked()));
+                if let Err(error) = done {
+                    self.failed(built.input, Some(frame.number), 1, error);
+                }
+                if self.stopped() {
+                    return;
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 0..(self.jobs + 1).min(frames.len()) {
+                scope.spawn(work);
+            }
+        });
+    }
+
+    fn frame(&self, built: &Built, frame: &Frame, film: &mut Option<Film>) -> Result<()> {
+        let scene = &frame.loaded.scene;
+        let plan = Plan::new(scene);
+        let world = built.world.frame_of(scene);
+        let monitor = Arc::new(self.monitor.part());
+        let turn = self.turns.take(built.number);
+        if self.stopped() {
+            return Ok(());
+        }
+        if let Some(reason) = &frame.again {
+            (self.tell)(Event::Again { reason });
+        }
+        // The folder may be gone since the batch began, or never have been there.
+        let outputs = create(&frame.prefix).inspect_err(|error| self.end(error.clone()))?;
+        let mut film = match film {
+            Some(film) => film,
+            None => {
+                let window = Window::full(world.frame[0], world.frame[1]);
+                film.insert(Blank::new(world.frame, window, plan.channels.clone())?.film())
+            }
+        };
+        self.status.began(&monitor);
+        let began = Instant::now();
+        let (isa, accelerator) = (self.options.isa, built.accelerator);
+        let counts = self
+            .pool
+            .install(|| render_layers(&world, accelerator, isa, &mut film, &plan, &monitor));
+        let render_s = began.elapsed().as_secs_f64();
+        drop(turn);
+        let written = counts.and_then(|counts| {
+            let says = Says {
+                plan: &plan,
+                more: &[],
+                sidecars: &[],
+                info: &built.info,
+                embree: self.options.embree,
+                isa,
+                scene_hash: frame.hash.as_deref(),
+                spp: None,
+                sequence: self.job.sequence(frame.number),
+                render_seconds: None,
+                fingerprint: frame.fingerprint.as_deref(),
+            };
+            let storage = self.job.storage;
+            let write = || picture::write(outputs, film, scene, says, storage, &monitor);
+            Ok((counts, self.pool.install(write)))
+        });
+        self.status.ended(&monitor);
+        let (counts, written) = written?;
+        let (paths, oddities) = match written {
+            Err(error) if error.kind == Kind::Retry => {
+                self.end(error.clone());
+                return Err(error);
+            }
+            other => other?,
+        };
+        let write_s = began.elapsed().as_secs_f64() - render_s;
+        let warnings = self.warn(built.input, &picture::odd(&oddities));
+        self.finished(&counts);
+        let record = FrameRecord {
+            index: frame.index,
+            input: built.input.to_string(),
+            frame: frame.number,
+            outputs: paths.iter().map(|path| relative(path, &self.job.folder)).collect(),
+            again: frame.again.clone(),
+            fingerprint: frame.fingerprint.clone(),
+            render_s,
+            write_s,
+            rays: by_class(&counts),
+            peak_bytes: memory::peak_bytes(),
+            warnings,
+        };
+        let noted = self.journal.add(&Record::Frame(record));
+        noted.inspect_err(|error| self.end(error.clone()))?;
+        (self.tell)(Event::Frame { outputs: &paths });
+        Ok(())
+    }
+}
+
+/// Creates the part files of a frame, and the folder they lie in.
+fn create(prefix: &Path) -> Result<Outputs> {
+    if let Some(folder) = prefix.parent() {
+        std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, "create", &error))?;
+    }
+    Outputs::create(prefix)
+}
+
+fn relative(path: &Path, folder: &Path) -> PathBuf {
+    path.strip_prefix(folder).unwrap_or(path).to_owned()
+}
+
+fn by_class(counts: &RayCounts) -> std::collections::BTreeMap<String, u64> {
+    let RayCounts { primary, shadow, reflection, .. } = *counts;
+    let all = [("primary", primary), ("shadow", shadow), ("reflection", reflection)];
+    all.map(|(name, count)| (name.to_string(), count)).into()
+}

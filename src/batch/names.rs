@@ -1,0 +1,165 @@
+//! Names of frames: `{stem}/{stem}.{frame:04}`.
+
+use std::path::{Component, Path, PathBuf};
+
+use crate::{
+    error::{Error, Result},
+    paths,
+    scene::did_you_mean,
+};
+
+/// What a frame's files are called within the output folder, without their ending.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pattern(Vec<Piece>);
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Piece {
+    Text(String),
+    /// The input's name without its ending.
+    Stem,
+    /// The name of the input's folder.
+    Parent,
+    /// Number of the input, from 0, with at least so many digits.
+    Input(usize),
+    /// Number of the frame, from 0.
+    Frame(usize),
+}
+
+const FIELDS: [&str; 4] = ["stem", "parent", "input", "frame"];
+
+impl Pattern {
+    /// One picture per input.
+    pub const STILL: &str = "{stem}";
+    /// A folder of frames per input.
+    pub const FRAMES: &str = "{stem}/{stem}.{frame:04}";
+
+    /// Reads a pattern; an ending `.exr` or `.png` says nothing. `place` is for messages.
+    ///
+    /// # Errors
+    /// Unknown fields, braces that do not pair, a path that leaves the output folder.
+    pub fn parse(place: &str, text: &str) -> Result<Self> {
+        let complain = |message: String| Error::invalid(place, message);
+        let whole = text.strip_suffix(".exr").or(text.strip_suffix(".png")).unwrap_or(text);
+        let mut pieces = Vec::new();
+        let mut rest = whole;
+        while let Some(at) = rest.find(['{', '}']) {
+            let (before, field) = rest.split_at(at);
+            let end = field.find('}').filter(|end| *end > 0 && field.starts_with('{'));
+            let Some(end) = end else {
+                return Err(complain(format!("found braces that do not pair in {text:?}"))
+                    .help("fields stand in braces: {stem}/{stem}.{frame:04}"));
+            };
+            pieces.push(Piece::Text(before.to_string()));
+            pieces.push(piece(&field[1..end]).map_err(|(message, help)| {
+                let error = complain(format!("{message} in {text:?}"));
+                match help {
+                    Some(help) => error.help(help),
+                    None => error,
+                }
+            })?);
+            rest = &field[end + 1..];
+        }
+        pieces.push(Piece::Text(rest.to_string()));
+        pieces.retain(|piece| *piece != Piece::Text(String::new()));
+        let pattern = Self(pieces);
+        let sample = pattern.of(Path::new("parent/stem"), 0, 0);
+        let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
+        if sample.file_name().is_none() || whole.ends_with('/') || !sample.components().all(plain) {
+            let message = format!("found {text:?}, expected a name within the output folder");
+            return Err(complain(message).help("-o names the folder"));
+        }
+        Ok(pattern)
+    }
+
+    /// Whether frames of one input have different names.
+    pub fn tells_frames(&self) -> bool {
+        self.0.iter().any(|piece| matches!(piece, Piece::Frame(_)))
+    }
+
+    /// The name of a frame of an input.
+    pub fn of(&self, input: &Path, number: usize, frame: u32) -> PathBuf {
+        let mut name = std::ffi::OsString::new();
+        for piece in &self.0 {
+            match piece {
+                Piece::Text(text) => name.push(text),
+                Piece::Stem => name.push(paths::stem(input).unwrap_or("input".as_ref())),
+                Piece::Parent => name.push(parent(input)),
+                Piece::Input(digits) => name.push(format!("{number:0digits$}")),
+                Piece::Frame(digits) => name.push(format!("{frame:0digits$}")),
+            }
+        }
+        name.into()
+    }
+}
+
+/// The name of the folder that an input lies in.
+fn parent(input: &Path) -> std::ffi::OsString {
+    let absolute = std::path::absolute(input).unwrap_or_else(|_| input.to_owned());
+    let name = absolute.parent().and_then(Path::file_name);
+    name.unwrap_or("root".as_ref()).to_owned()
+}
+
+fn piece(field: &str) -> std::result::Result<Piece, (String, Option<String>)> {
+    let (name, width) = field.split_once(':').unwrap_or((field, ""));
+    let digits = || {
+        let digits: usize = match width {
+            "" => 0,
+            _ => width.parse().map_err(|_| width)?,
+        };
+        if digits <= 20 { Ok(digits) } else { Err(width) }
+    };
+    let wrong =
+        |width: &str| (format!("found the width {width:?}, expected digits such as 04"), None);
+    match name {
+        "stem" | "parent" if width.is_empty() => {
+            Ok(if name == "stem" { Piece::Stem } else { Piece::Parent })
+        }
+        "input" => digits().map(Piece::Input).map_err(wrong),
+        "frame" => digits().map(Piece::Frame).map_err(wrong),
+        _ => {
+            let help = did_you_mean(name, FIELDS.into_iter());
+            let help = help.unwrap_or("there are {stem}, {parent}, {input:03}, {frame:04}".into());
+            Err((format!("found the unknown field {{{field}}}"), Some(help)))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names() {
+        let of = |text: &str| {
+            let pattern = Pattern::parse("--name", text).unwrap();
+            pattern.of(Path::new("/scans/red/a.ply.gz"), 7, 12).to_str().unwrap().to_string()
+        };
+        assert_eq!(of("{stem}/{stem}.{frame:04}.exr"), "a/a.0012");
+        assert_eq!(of("{parent}-{input:03}_{frame}"), "red-007_12");
+        assert_eq!(of(Pattern::STILL), "a");
+        assert!(Pattern::parse("", Pattern::FRAMES).unwrap().tells_frames());
+        assert!(!Pattern::parse("", Pattern::STILL).unwrap().tells_frames());
+    }
+
+    #[test]
+    fn what_is_refused() {
+        let bad = [
+            "",
+            "a/",
+            "/a",
+            "../a",
+            "{stem",
+            "stem}",
+            "{frmae}",
+            "{frame:x}",
+            "{stem:3}",
+            "{frame:99}",
+            "{}",
+        ];
+        for text in bad {
+            assert!(Pattern::parse("--name", text).is_err(), "{text}");
+        }
+        let error = Pattern::parse("--name", "{frmae:04}").unwrap_err();
+        assert!(error.to_string().contains("frame"), "{error}");
+    }
+}

@@ -1,0 +1,269 @@
+//! The run of a batch. Each worker takes the next mesh, reads it, builds its accelerator, renders its
+//! frames and drops it; there is one more worker than frames are rendered at a time, so the next mesh
+//! is there when the one before it is done. [`gate`](super::gate) keeps the order.
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::Path,
+    sync::{
+        Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed},
+    },
+};
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::{
+    accel::Footprint,
+    error::{Error, Kind, Problem, Result},
+    memory::{self, Prediction},
+    monitor::Monitor,
+    output::atomic::Sweep,
+    render::RayCounts,
+    scene::Backend,
+};
+
+use super::{
+    Options, Outcome,
+    fingerprint::Settings,
+    gate::{Memory, Turns},
+    job::Job,
+    journal::{Journal, Record},
+    plan::Task,
+    scene,
+    status::{Event, Status},
+};
+
+/// Tiles of 32 x 32 pixels that keep a thread busy while others end theirs.
+const TILES_PER_THREAD: usize = 8;
+
+/// Of the memory that the system could give, what meshes that are not rendered yet may take.
+const SHARE_OF_AVAILABLE: f64 = 0.6;
+
+/// What the workers share.
+pub struct Run<'a> {
+    pub job: &'a Job,
+    pub options: &'a Options,
+    pub monitor: &'a Monitor,
+    pub status: &'a Status,
+    pub journal: &'a Journal,
+    pub tell: &'a (dyn Fn(Event) + Sync),
+    pub sweep: Sweep,
+    pub settings: Settings,
+    /// For rays and files.
+    pub pool: ThreadPool,
+    /// For reading and building, so that it does not wait for rays.
+    pub loading: ThreadPool,
+    pub turns: Turns,
+    pub jobs: usize,
+    memory: Memory,
+    next: AtomicUsize,
+    footprints: Mutex<Vec<(Backend, Footprint)>>,
+    stop: AtomicBool,
+    fatal: Mutex<Option<Error>>,
+    failures: Mutex<Vec<(String, Error)>>,
+}
+
+/// Renders the tasks of a job.
+///
+/// # Errors
+/// What concerns all of them: no threads, a disk that is full. What concerns one input is in the
+/// outcome.
+pub fn run(
+    job: &Job,
+    tasks: &[Task],
+    options: &Options,
+    (monitor, status, journal): (&Monitor, &Status, &Journal),
+    tell: &(dyn Fn(Event) + Sync),
+) -> Result<Outcome> {
+    let jobs = options.jobs.unwrap_or_else(|| jobs(job, options));
+    let limit = options.max_memory.unwrap_or_else(|| {
+        let available = memory::available_bytes().unwrap_or(u64::MAX);
+        (available as f64 * SHARE_OF_AVAILABLE) as u64
+    });
+    let run = Run {
+        job,
+        options,
+        monitor,
+        status,
+        journal,
+        tell,
+        sweep: Sweep::default(),
+        settings: Settings {
+            embree: options.embree,
+            repair: job.repair,
+            storage: job.storage,
+            sequence: job.sequence(0),
+        },
+        pool: pool(options.threads)?,
+        loading: pool(options.threads)?,
+        turns: Turns::new(jobs),
+        jobs,
+        memory: Memory::new(limit),
+        next: AtomicUsize::new(0),
+        footprints: Mutex::default(),
+        stop: AtomicBool::new(false),
+        fatal: Mutex::default(),
+        failures: Mutex::default(),
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..(jobs + 1).min(tasks.len()) {
+            scope.spawn(|| run.work(tasks));
+        }
+    });
+    if let Some(error) = lock(&run.fatal).take() {
+        return Err(error);
+    }
+    let failures = run.failures.into_inner().unwrap_or_else(PoisonError::into_inner);
+    Ok(Outcome {
+        rendered: status.rendered.load(Relaxed),
+        kept: status.kept.load(Relaxed),
+        failures,
+        signal: Some(monitor.signal.load(Relaxed)).filter(|signal| *signal != 0),
+    })
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn pool(threads: usize) -> Result<ThreadPool> {
+    ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+        let message = format!("cannot start {threads} threads: {error}");
+        Error::new(Kind::Retry, Problem::new("--threads", message))
+    })
+}
+
+/// One frame at a time where it keeps all threads busy; more of small ones.
+fn jobs(job: &Job, options: &Options) -> usize {
+    let &Options { threads, embree, .. } = options;
+    let first = job.inputs.first().map(|input| scene::predict(job, input, embree));
+    let Some(Ok((scene, _))) = first else {
+        return 1;
+    };
+    let tiles = |side: u32| side.div_ceil(32) as usize;
+    let tiles = tiles(scene.camera.width) * tiles(scene.camera.height);
+    (TILES_PER_THREAD * threads / tiles).clamp(1, 2 * threads)
+}
+
+impl Run<'_> {
+    fn work(&self, tasks: &[Task]) {
+        loop {
+            let number = self.next.fetch_add(1, Relaxed);
+            let Some(task) = tasks.get(number) else {
+                return;
+            };
+            let input = self.job.inputs[task.input].path.display().to_string();
+            let predicted = match self.stopped() {
+                true => Ok(Ok(Prediction::default())),
+                false => catch_unwind(AssertUnwindSafe(|| self.predict(task))),
+            };
+            let predicted = predicted.unwrap_or_else(|_| Err(panicked()));
+            let bytes = predicted.as_ref().map_or(0, |p| {
+                p.peak_bytes.saturating_add(p.film_bytes.saturating_mul(self.jobs as u64))
+            });
+            // Also where there is nothing to enter for: the next one waits for this number.
+            let held = self.memory.enter(number, bytes);
+            if self.stopped() {
+                continue;
+            }
+            let done = predicted.and_then(|prediction| {
+                let one = || self.mesh(number, task, &input, prediction, held.share);
+                catch_unwind(AssertUnwindSafe(one)).unwrap_or_else(|_| Err(panicked()))
+            });
+            if let Err(error) = done {
+                self.failed(&input, None, task.frames.len() as u64, error);
+            }
+        }
+    }
+
+    /// What a mesh will need, accelerator included. Too much for `--max-memory` is an error.
+    fn predict(&self, task: &Task) -> Result<Prediction> {
+        let (scene, prediction) =
+            scene::predict(self.job, &self.job.inputs[task.input], self.options.embree)?;
+        let known = lock(&self.footprints).iter().find(|f| f.0 == scene.backend).map(|f| f.1);
+        let footprint = match known {
+            Some(footprint) => footprint,
+            None => {
+                let Options { threads, embree, .. } = *self.options;
+                let measure = || Footprint::of(scene.backend, threads, embree);
+                let footprint = self.loading.install(measure)?;
+                lock(&self.footprints).push((scene.backend, footprint));
+                footprint
+            }
+        };
+        let prediction = prediction.with(&footprint);
+        if let Some(limit) = self.options.max_memory {
+            prediction.check(limit)?;
+        }
+        Ok(prediction)
+    }
+
+    /// Whether nothing new is to begin.
+    pub fn stopped(&self) -> bool {
+        self.monitor.stopped() || self.stop.load(Relaxed)
+    }
+
+    /// Frames of an input that stay as they are.
+    pub fn kept(&self, input: &str, frames: Vec<u32>) -> Result<()> {
+        self.status.kept.fetch_add(frames.len() as u64, Relaxed);
+        match frames.is_empty() {
+            true => Ok(()),
+            false => self.journal.add(&Record::Kept { input: input.to_string(), frames }),
+        }
+    }
+
+    /// An input or one of its frames failed: the others go on.
+    pub fn failed(&self, input: &str, frame: Option<u32>, frames: u64, error: Error) {
+        if let Kind::Interrupted(_) = error.kind {
+            return;
+        }
+        self.status.failed.fetch_add(frames, Relaxed);
+        (self.tell)(Event::Failed { input, error: &error });
+        let messages: Vec<String> = error.problems.iter().map(Problem::to_string).collect();
+        let message = messages.join("\n");
+        let record = Record::Failed { input: input.to_string(), frame, message };
+        if let Err(error) = self.journal.add(&record) {
+            self.end(error);
+        }
+        lock(&self.failures).push((input.to_string(), error));
+        if self.options.fail_fast {
+            self.stop.store(true, Relaxed);
+        }
+    }
+
+    /// What would meet every frame: the batch ends.
+    pub fn end(&self, error: Error) {
+        self.stop.store(true, Relaxed);
+        if !matches!(error.kind, Kind::Interrupted(_)) {
+            lock(&self.fatal).get_or_insert(error);
+        }
+    }
+
+    /// Says what is suspicious.
+    pub fn warn(&self, input: &str, problems: &[Problem]) -> Vec<String> {
+        for problem in problems {
+            (self.tell)(Event::Warning { input, problem });
+        }
+        problems.iter().map(Problem::to_string).collect()
+    }
+
+    /// Removes what dead runs left of a frame.
+    pub fn tidy(&self, targets: &[impl AsRef<Path>]) {
+        for target in targets {
+            self.sweep.target(target.as_ref());
+        }
+    }
+
+    /// A frame has its names.
+    pub fn finished(&self, counts: &RayCounts) {
+        self.status.rendered.fetch_add(1, Relaxed);
+        self.status.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
+    }
+}
+
+/// A bug costs one mesh, not the night.
+pub fn panicked() -> Error {
+    let message = "the program failed here by a bug of its own; the batch goes on";
+    Error::new(Kind::Unsupported, Problem::new("", message).help("please report it with the file"))
+}

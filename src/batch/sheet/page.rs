@@ -1,0 +1,126 @@
+//! `index.html`: a card for each input, sortable, failures in red.
+
+use std::fmt::Write;
+
+use base64::{Engine, engine::general_purpose::STANDARD};
+
+use crate::{report::escape, units};
+
+use super::{entry::Entry, thumbnails::Strip};
+
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// The page.
+pub fn html(entries: &[Entry], strips: &[Option<Strip>]) -> String {
+    let mut html = String::new();
+    let frames: usize = entries.iter().map(|entry| entry.frames.len()).sum();
+    let of: u64 = entries.iter().map(|entry| u64::from(entry.of)).sum();
+    let failed = entries.iter().filter(|entry| !entry.failures.is_empty()).count();
+    let seconds: f64 = entries.iter().map(Entry::seconds).sum();
+    let rays: u64 = entries.iter().map(Entry::rays).sum();
+    let _ = write!(
+        html,
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>Contact sheet</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n\
+         <h1>Contact sheet</h1>\n<p>{} inputs, {} of {} frames, \
+         <span class=\"{}\">{failed} failed</span>; frames took {}, {} million rays</p>\n\
+         <p class=\"controls\"><label>Sort by <select id=\"sort\">\
+         <option value=\"order\">input order</option><option value=\"name\">name</option>\
+         <option value=\"state\">failures first</option><option value=\"triangles\">triangles</option>\
+         <option value=\"seconds\">time</option><option value=\"rays\">rays</option>\
+         <option value=\"bytes\">memory</option></select></label> \
+         <label><input type=\"checkbox\" id=\"down\"> descending</label> \
+         <label><input type=\"checkbox\" id=\"bad\"> failures only</label> \
+         <label>Find <input type=\"search\" id=\"find\"></label></p>\n</header>\n<main>\n",
+        units::count(entries.len() as u64),
+        units::count(frames as u64),
+        units::count(of),
+        if failed > 0 { "bad" } else { "good" },
+        units::duration(seconds),
+        units::count(rays / 1_000_000),
+    );
+    for (entry, strip) in entries.iter().zip(strips) {
+        card(&mut html, entry, strip.as_ref());
+    }
+    let _ = write!(html, "</main>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n");
+    html
+}
+
+fn card(html: &mut String, entry: &Entry, strip: Option<&Strip>) {
+    let failure = entry.message();
+    let missing = entry.frames.len() < entry.of as usize;
+    let (class, state) = match (&failure, missing) {
+        (Some(_), _) => ("failed", 0),
+        (None, true) => ("missing", 1),
+        (None, false) => ("done", 2),
+    };
+    let (triangles, bytes) =
+        entry.mesh.as_ref().map_or((0, 0), |mesh| (mesh.triangles, mesh.bytes));
+    let _ = writeln!(
+        html,
+        "<article class=\"{class}\" data-order=\"{}\" data-name=\"{}\" data-state=\"{state}\" \
+         data-triangles=\"{triangles}\" data-seconds=\"{:.3}\" data-rays=\"{}\" data-bytes=\"{bytes}\">",
+        entry.number,
+        escape(entry.name()),
+        entry.seconds(),
+        entry.rays(),
+    );
+    match strip {
+        Some(strip) => picture(html, entry, strip),
+        None => html.push_str("<div class=\"empty\">no picture</div>\n"),
+    }
+    let _ = writeln!(html, "<h2 title=\"{}\">{}</h2>", escape(&entry.input), escape(entry.name()));
+    if let Some(message) = &failure {
+        let _ = writeln!(html, "<p class=\"message\">{}</p>", escape(message));
+    }
+    let mut facts = vec![("frames", format!("{} of {}", entry.frames.len(), entry.of))];
+    if let Some(mesh) = &entry.mesh {
+        facts.push(("triangles", units::count(mesh.triangles)));
+        let read = format!("{} + {}", units::duration(mesh.load_s), units::duration(mesh.build_s));
+        facts.push(("load + build", read));
+        facts.push(("memory", units::bytes(mesh.bytes)));
+    }
+    let seconds = entry.seconds();
+    if seconds > 0.0 {
+        let each = seconds / entry.frames.values().flatten().count() as f64;
+        facts.push(("a frame", units::duration(each)));
+        facts.push(("rays", format!("{:.1} Mray/s", entry.rays() as f64 / seconds / 1e6)));
+    }
+    html.push_str("<dl>");
+    for (name, value) in facts {
+        let _ = write!(html, "<div><dt>{name}</dt><dd>{value}</dd></div>");
+    }
+    html.push_str("</dl>\n");
+    let warnings = entry.warnings();
+    if !warnings.is_empty() {
+        let _ = write!(html, "<details><summary>warnings: {}</summary>", warnings.len());
+        for warning in warnings {
+            let _ = write!(html, "<p>{}</p>", escape(warning));
+        }
+        html.push_str("</details>\n");
+    }
+    html.push_str("</article>\n");
+}
+
+/// One frame shows; the mouse or the slider brings the others.
+fn picture(html: &mut String, entry: &Entry, strip: &Strip) {
+    let count = strip.frames.len();
+    let (width, height) = (strip.width, strip.image.height());
+    let data = STANDARD.encode(strip.jpeg());
+    let _ = writeln!(
+        html,
+        "<div class=\"strip\" style=\"aspect-ratio:{width}/{height}\" data-count=\"{count}\">\
+         <img alt=\"{}\" style=\"width:{}%\" src=\"data:image/jpeg;base64,{data}\"></div>",
+        escape(entry.name()),
+        100 * count,
+    );
+    if count > 1 {
+        let _ = writeln!(
+            html,
+            "<input type=\"range\" min=\"0\" max=\"{}\" value=\"0\" aria-label=\"frame\">",
+            count - 1
+        );
+    }
+}

@@ -1,0 +1,263 @@
+//! `lightpath batch`: flags and a job file -> a batch, and what it says meanwhile.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use serde_json::json;
+
+use crate::{
+    batch::{
+        self, Event, Flags, Job, JobFile, LimitKeys, Options, Outcome, Status, TurntableKeys,
+        WrittenInput, sheet,
+    },
+    error::{Error, Kind, Problem, Result},
+    monitor::Monitor,
+    output::Outputs,
+    scene::{
+        self, Document,
+        written::{Angles, Name, Point},
+    },
+    studio::{Fixed, Template, Turning},
+    units,
+};
+
+use super::{
+    args::ProgressMode, batch_args::BatchArgs, batch_progress, machine, names::Axis, overrides,
+    paths, progress::Progress, signals,
+};
+
+/// Renders a batch.
+pub fn run(args: &BatchArgs) -> Result<()> {
+    let (job, limits) = job(args)?;
+    if args.run.dry_run {
+        return list(&job, args);
+    }
+    let options = options(args, &limits)?;
+    if args.run.sheet_only {
+        return written(&sheet::write(&job, options.threads)?);
+    }
+    let monitor = Arc::new(Monitor::default());
+    let status = Arc::new(Status::default());
+    signals::watch(&monitor)?;
+    let mode = match args.quiet {
+        true => ProgressMode::Off,
+        false => args.progress.unwrap_or(ProgressMode::Auto),
+    };
+    let progress = Progress::start(mode, batch_progress::meter(&status));
+    let say = |text: String| {
+        if !args.quiet {
+            progress.message(&text);
+        }
+    };
+    let tell = |event: Event| match event {
+        Event::Framed { input, camera } => say(format!("{input}: camera {camera}")),
+        Event::Warning { input, problem } => say(format!("warning: {}", about(input, problem))),
+        Event::Again { reason } => say(format!("again: {reason}")),
+        Event::Frame { outputs } => progress.result(outputs),
+        Event::Failed { input, error } => {
+            for problem in &error.problems {
+                progress.message(&format!("error: {}", about(input, problem)));
+            }
+        }
+    };
+    let outcome = batch::run(&job, &options, &monitor, &status, &tell);
+    let seconds = progress.elapsed();
+    drop(progress);
+    let outcome = outcome?;
+    if !args.quiet {
+        super::note(&format!(
+            "{} frames rendered, {} kept, {} failures, {}",
+            units::count(outcome.rendered),
+            units::count(outcome.kept),
+            outcome.failures.len(),
+            units::duration(seconds)
+        ));
+    }
+    if outcome.signal.is_none() && !args.run.no_sheet && options.range.is_none() {
+        written(&sheet::write(&job, options.threads)?)?;
+    }
+    verdict(&job, outcome)
+}
+
+fn written(paths: &[PathBuf]) -> Result<()> {
+    paths.iter().try_for_each(|path| super::print(&format!("{}\n", path.display())))
+}
+
+/// A problem with the file that it is about.
+fn about(input: &str, problem: &Problem) -> Problem {
+    match problem.place.contains(input) {
+        true => problem.clone(),
+        false if problem.place.is_empty() => {
+            Problem { place: input.to_string(), ..problem.clone() }
+        }
+        false => Problem { place: format!("{input}: {}", problem.place), ..problem.clone() },
+    }
+}
+
+/// The end: all failures once more.
+fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
+    if let Some(signal) = outcome.signal {
+        let message = "stopped by a signal; finished frames stay";
+        let problem = Problem::new("", message).help("--resume goes on from here");
+        return Err(Error::new(Kind::Interrupted(signal), problem));
+    }
+    if outcome.failures.is_empty() {
+        return Ok(());
+    }
+    // Where nothing needs mending, trying again may help.
+    let retry = outcome.failures.iter().all(|(_, error)| error.kind == Kind::Retry);
+    let mut inputs: Vec<&str> = outcome.failures.iter().map(|(input, _)| input.as_str()).collect();
+    inputs.dedup();
+    let message = format!("{} of {} inputs failed:", inputs.len(), job.inputs.len());
+    let mut problems = vec![Problem::new("", message)];
+    for (input, error) in &outcome.failures {
+        problems.extend(error.problems.iter().map(|problem| about(input, problem)));
+    }
+    let kind = if retry { Kind::Retry } else { Kind::Check };
+    Err(Error { kind, problems })
+}
+
+fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<Options> {
+    let written = limits.memory.as_ref().map(|text| {
+        units::parse_bytes(&text.0).map_err(|expected| {
+            Error::invalid("limits/memory", format!("found {:?}, {expected}", text.0))
+        })
+    });
+    let written = written.transpose()?;
+    Ok(Options {
+        threads: machine::threads(args.machine.threads.or(limits.threads)),
+        jobs: args.run.jobs.or(limits.jobs).map(usize::from),
+        isa: machine::isa(args.machine.isa)?,
+        embree: args.machine.embree(),
+        max_memory: args.machine.max_memory.or(written),
+        resume: args.run.resume,
+        fail_fast: args.run.fail_fast,
+        range: args.frames.range.clone(),
+    })
+}
+
+/// The job that flags and file ask for, and the file's limits.
+pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
+    let for_render =
+        [("--crop", args.scene.crop.is_some()), ("--overscan", args.scene.overscan > 0)];
+    if let Some((flag, _)) = for_render.into_iter().find(|(_, given)| *given) {
+        let message = "found with `batch`, expected with `render`";
+        return Err(Error::invalid(flag, message));
+    }
+    let (mut file, base) = match args.inputs.as_slice() {
+        [one] => match job_file(one)? {
+            Some(file) => (file, one.parent().unwrap_or(Path::new("")).to_owned()),
+            None => (inputs(&args.inputs)?, PathBuf::new()),
+        },
+        several => (inputs(several)?, PathBuf::new()),
+    };
+    // What the file names is relative to it.
+    if let Some(folder) = &mut file.output.folder {
+        folder.0 = paths::named(&base.join(&folder.0))?;
+    }
+    flags(args, &mut file)?;
+    let limits = file.limits.clone();
+    let flags = Flags {
+        overrides: overrides::with(&args.scene, &args.machine),
+        light_samples: args.scene.light_samples,
+        repair: args.mesh.repair,
+        no_mmap: args.mesh.no_mmap,
+    };
+    Ok((Job::check(file, &base, flags)?, limits))
+}
+
+/// Whether the only input is a job file.
+///
+/// # Errors
+/// A file that cannot be read as JSON.
+pub fn is_job(path: &Path) -> Result<bool> {
+    Ok(job_file(path)?.is_some())
+}
+
+/// A file with a list of inputs is a job.
+fn job_file(path: &Path) -> Result<Option<JobFile>> {
+    if !path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json")) || !path.is_file() {
+        return Ok(None);
+    }
+    let text = Template::file(path)?;
+    let document = Document::parse(&text.name, &text.text)?;
+    match document.get("/inputs") {
+        Some(_) => scene::read_as(&document).map(Some),
+        None => Ok(None),
+    }
+}
+
+fn inputs(paths: &[PathBuf]) -> Result<JobFile> {
+    let one = |path: &PathBuf| Ok(WrittenInput::Path(Name(paths::named(path)?)));
+    let inputs = paths.iter().map(one).collect::<Result<_>>()?;
+    Ok(JobFile { inputs, ..JobFile::default() })
+}
+
+/// What flags say replaces what the file says.
+fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
+    let from_here = |path: &Path| -> Result<Name> {
+        let absolute = std::path::absolute(path).map_err(|e| Error::io(path, "find", &e))?;
+        Ok(Name(paths::named(&absolute)?))
+    };
+    let BatchArgs { mesh, frames, .. } = args;
+    if let Some(template) = &mesh.template {
+        file.template = Some(from_here(template)?);
+    }
+    if mesh.up.is_some() || mesh.rotate.is_some() {
+        file.up = mesh.up.map(Axis::studio);
+        file.rotate = mesh.rotate.map(Angles);
+    }
+    file.margin = mesh.margin.or(file.margin);
+    if let Some(folder) = &args.output {
+        file.output.folder = Some(Name(paths::named(folder)?));
+    }
+    if let Some(name) = &args.name {
+        file.output.name = Some(Name(name.clone()));
+    }
+    file.output.float |= frames.float;
+    file.output.multipart |= frames.multipart;
+    if let Some(compression) = frames.compression {
+        file.output.compression = compression;
+    }
+    if let Some((above, below)) = frames.fps {
+        file.output.fps = Some(Name(format!("{above}/{below}")));
+    }
+    if let Some(count) = frames.turntable {
+        let written = file.turntable.take();
+        let written = written.as_ref();
+        file.turntable = Some(TurntableKeys {
+            frames: count,
+            turn: match frames.turn {
+                Some(turn) => turn.studio(),
+                None => written.map_or(Turning::Object, |t| t.turn),
+            },
+            lights: match frames.lights {
+                Some(lights) => Some(lights.studio()),
+                None => written.and_then(|t| t.lights) as Option<Fixed>,
+            },
+            start: frames.start.unwrap_or(written.map_or(0.0, |t| t.start)),
+            pivot: frames.pivot.map(Point).or(written.and_then(|t| t.pivot)),
+        });
+    }
+    Ok(())
+}
+
+/// The frames of a run, one object per line.
+fn list(job: &Job, args: &BatchArgs) -> Result<()> {
+    let tasks = batch::tasks(job.inputs.len(), job.frames(), args.frames.range.as_ref())?;
+    for task in tasks {
+        for frame in task.frames {
+            let outputs = Outputs::names(&job.prefix(task.input, frame));
+            let line = json!({
+                "index": batch::index(job.frames(), task.input, frame),
+                "input": job.inputs[task.input].path.display().to_string(),
+                "frame": frame,
+                "outputs": outputs.map(|path| path.display().to_string()),
+            });
+            super::print(&format!("{line}\n"))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,133 @@
+//! `lightpath merge`: parts of a picture -> the files that the whole render would have written.
+
+use std::{path::PathBuf, sync::Arc, time::Instant};
+
+use clap::{Args, ValueHint};
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    merge::Parts,
+    monitor::{Monitor, Phase},
+    output::{Outputs, WriteOptions, exr},
+    picture,
+};
+
+use super::{
+    args::ProgressMode,
+    layers::{self, Manifest},
+    machine, paths,
+    progress::Progress,
+    render, render_progress, signals,
+};
+
+/// `lightpath merge`
+#[derive(Debug, Args)]
+pub struct MergeArgs {
+    /// EXRs of parts: `lightpath render` with --tile, --samples, --part or --crop
+    #[arg(required = true, value_name = "PART.exr", value_hint = ValueHint::FilePath)]
+    pub parts: Vec<PathBuf>,
+
+    /// Where to write: PREFIX.exr and PREFIX.png
+    #[arg(short, long, value_name = "PREFIX", required = true, value_hint = ValueHint::FilePath)]
+    pub output: PathBuf,
+
+    /// Show layers as pictures: PREFIX.NAME.png each; all for every one
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub png_layer: Vec<String>,
+
+    /// Write the names of cryptomattes to PREFIX.CryptoObject.json and PREFIX.CryptoMaterial.json
+    /// in place of the EXR's header
+    #[arg(long)]
+    pub crypto_sidecar: bool,
+
+    /// Fail (exit code 1) where a pixel was NaN or infinite; the files are written all the same
+    #[arg(long)]
+    pub strict: bool,
+
+    /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// Only errors on stderr
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// Merges the parts of one picture.
+pub fn run(args: &MergeArgs) -> Result<()> {
+    let start = Instant::now();
+    let monitor = Arc::new(Monitor::default());
+    let pool = machine::pool(args.threads)?;
+    let parts = Parts::open(&args.parts)?;
+    let (part, prefix) = (&parts.part, paths::prefix(Some(&args.output), &args.output));
+    let mut attributes = parts.attributes();
+    let manifests = match args.crypto_sidecar {
+        true => layers::manifests(&mut attributes, &prefix)?,
+        false => Vec::new(),
+    };
+    let previews = layers::named_previews(&args.png_layer, &part.recipe, &prefix)?;
+    let outputs = Outputs::names(&prefix).into_iter();
+    let outputs = outputs.chain(manifests.iter().map(|m| m.path.clone()));
+    let outputs: Vec<PathBuf> = outputs.chain(previews.iter().map(|(_, p)| p.clone())).collect();
+    render::not_over(&args.parts, &outputs, "choose another name: -o PREFIX")?;
+    signals::watch(&monitor)?;
+    let files = Outputs::create(&prefix)?;
+    let manifests = manifests.into_iter().map(Manifest::create).collect::<Result<Vec<_>>>()?;
+    let previews = layers::open_previews(previews)?;
+    let mode = if args.quiet { ProgressMode::Off } else { ProgressMode::Auto };
+    let progress = Progress::start(mode, render_progress::meter(&monitor));
+
+    let Some(tonemap) = part.files.curve() else {
+        return Err(Error::invalid("parts", "found an unknown tone curve"));
+    };
+    let options = WriteOptions {
+        tonemap: &tonemap,
+        transparent: part.files.transparent,
+        depth: part.files.depth,
+        fingerprint: None,
+        exr: exr::Options {
+            attributes: &attributes,
+            view: parts.view(),
+            sequence: parts.sequence(),
+            render_seconds: None,
+            float: part.files.float,
+            compression: part.files.compression,
+            multipart: part.files.multipart,
+        },
+    };
+    let (paths, oddities) = pool.install(|| -> Result<_> {
+        monitor.begin(Phase::Load, u64::from(part.whole().height()));
+        let film = parts.film(&monitor)?;
+        let written = manifests.into_iter().map(Manifest::finish).collect::<Result<Vec<_>>>()?;
+        let (paths, oddities) = files.write(&film, &options, &monitor)?;
+        let mut paths = paths.to_vec();
+        paths.extend(written);
+        paths.extend(layers::write_previews(&film, previews)?);
+        Ok((paths, oddities))
+    })?;
+    if !args.quiet {
+        for warning in picture::odd(&oddities) {
+            progress.message(&format!("warning: {warning}"));
+        }
+        if !parts.exact() {
+            progress.message(
+                "note: the parts hold halves: the EXR has the bytes of the whole render, \
+                 values of the PNG may differ by a step; render the parts with --part",
+            );
+        }
+    }
+    drop(progress);
+    if !args.quiet {
+        let seconds = start.elapsed().as_secs_f64();
+        super::note(&format!("{} parts merged in {seconds:.2} s", args.parts.len()));
+    }
+    super::print_paths(&paths)?;
+    match &oddities.first_non_finite {
+        Some(spot) if args.strict => {
+            let count = oddities.non_finite;
+            let message = format!("{count} pixels are NaN or infinite, the first {spot}");
+            Err(Error::new(Kind::Check, Problem::new("--strict", message)))
+        }
+        _ => Ok(()),
+    }
+}

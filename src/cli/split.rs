@@ -1,0 +1,217 @@
+//! A piece of a picture: `--tile`, `--samples`, `--part`, and what its EXR says for `merge`.
+
+use std::ops::Range;
+
+use clap::Args;
+
+use crate::{
+    error::{Error, Result},
+    film::{Channel, Window},
+    layers::{Plan, Raw, Recipe},
+    merge::{Files, Part, part},
+    scene::Scene,
+};
+
+use super::{
+    args::RenderArgs,
+    job::{self, Job},
+};
+
+/// Flags for pieces of a picture.
+#[derive(Debug, Default, Clone, Args)]
+#[command(
+    next_help_heading = "Parts (`lightpath merge` makes one picture of them, with the same bytes)"
+)]
+pub struct SplitArgs {
+    /// Only part I of N, from 1: a band of rows of the frame or the --crop
+    #[arg(long, value_name = "I/N", value_parser = parse_tile)]
+    pub tile: Option<[u32; 2]>,
+
+    /// Only the samples A to B - 1 of each pixel, from 0
+    #[arg(long, value_name = "A..B", value_parser = parse_range)]
+    pub samples: Option<[u32; 2]>,
+
+    /// With --samples: how many samples all parts have together [default: the scene's spp]
+    #[arg(long, value_name = "N", requires = "samples")]
+    pub of: Option<u32>,
+
+    /// The EXR keeps all bits, so that merging --crops gives the same PNG, too
+    #[arg(long)]
+    pub part: bool,
+}
+
+/// `3/8` -> [3, 8].
+fn parse_tile(text: &str) -> std::result::Result<[u32; 2], String> {
+    let expected = || "expected I/N with I from 1 to N, for example 3/8".to_string();
+    let (i, n) = text.split_once('/').ok_or_else(expected)?;
+    let number = |text: &str| text.parse().map_err(|_| expected());
+    let [i, n]: [u32; 2] = [number(i)?, number(n)?];
+    if i >= 1 && i <= n { Ok([i, n]) } else { Err(expected()) }
+}
+
+/// `16..32` -> [16, 32].
+pub fn parse_range(text: &str) -> std::result::Result<[u32; 2], String> {
+    let expected =
+        || "expected A..B with A < B, from 0 and without B, for example 16..32".to_string();
+    let (a, b) = text.split_once("..").ok_or_else(expected)?;
+    let number = |text: &str| text.parse().map_err(|_| expected());
+    let [a, b]: [u32; 2] = [number(a)?, number(b)?];
+    if a < b { Ok([a, b]) } else { Err(expected()) }
+}
+
+/// What of the picture is rendered.
+#[derive(Debug)]
+pub struct Piece {
+    /// The pixels of the picture.
+    whole: Window,
+    /// Those that are rendered.
+    pub window: Window,
+    /// Pixels of overscan around the frame, in whole tiles: the windows count from their top left.
+    pub margin: u32,
+    samples: Range<u32>,
+    /// Layers as they are put together.
+    recipe: Recipe,
+    /// How the sums of some samples are kept.
+    pub raw: Option<Raw>,
+}
+
+impl Piece {
+    /// What the flags ask for.
+    ///
+    /// # Errors
+    /// Tiles and samples that the picture does not have; flags that only make sense for the whole.
+    pub fn new(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Self> {
+        let (scene, split) = (&job.loaded.scene, &args.split);
+        let (margin, whole) = match args.scene.overscan {
+            0 => (0, job::window(args.scene.crop.as_deref(), scene)?),
+            pixels => job::overscan(pixels, scene)?,
+        };
+        let window = match split.tile {
+            Some([i, n]) if n <= whole.height() => part::band(whole, i, n),
+            Some([_, n]) => {
+                let message = format!("found {n} tiles, expected at most {}", whole.height());
+                return Err(Error::invalid("--tile", message).help("a tile has one row or more"));
+            }
+            None => whole,
+        };
+        let spp = scene.spp;
+        if let Some(of) = split.of.filter(|of| *of != spp) {
+            let message = format!("found {of}, but --spp or --set asks for {spp} samples");
+            return Err(Error::invalid("--of", message).help("leave out --spp: --of says it"));
+        }
+        let samples = match split.samples {
+            Some([a, b]) if b > spp => {
+                let message = format!("found {a}..{b}, expected samples within 0..{spp}");
+                return Err(
+                    Error::invalid("--samples", message).help("--of N for a picture of N samples")
+                );
+            }
+            Some([a, b]) => a..b,
+            None => 0..spp,
+        };
+        let recipe = Recipe::new(plan);
+        let raw = (samples != (0..spp)).then(|| Raw::new(&recipe, samples.clone()));
+        let piece = Self { whole, window, margin, samples, recipe, raw };
+        let frame = Window::full(scene.camera.width, scene.camera.height);
+        // A crop is a piece of the frame, but the tiles and samples of a crop are pieces of the crop.
+        let is_split = split.tile.is_some() || split.samples.is_some();
+        let piece = if is_split || margin > 0 { piece } else { Self { whole: frame, ..piece } };
+        if piece.is_exact(args) {
+            let for_merge = "give it to `lightpath merge`";
+            let set = [
+                ("--png-layer", !args.files.png_layer.is_empty(), for_merge),
+                ("--crypto-sidecar", args.files.crypto_sidecar, for_merge),
+                ("--overscan", margin > 0, "parts are pieces of the frame: render it at once"),
+                (
+                    "--time",
+                    args.sampling.time.is_some(),
+                    "no other run makes the same picture: --noise without --time",
+                ),
+            ];
+            if let Some((flag, _, help)) = set.into_iter().find(|(_, set, _)| *set) {
+                let message = "found with a part of a picture, expected with the whole";
+                return Err(Error::invalid(flag, message).help(help));
+            }
+        }
+        Ok(piece)
+    }
+
+    /// Refuses ranges of samples where every pixel decides by itself how many it takes.
+    ///
+    /// # Errors
+    /// Both at once.
+    pub fn suits(&self, adaptive: bool) -> Result<()> {
+        if !(adaptive && self.raw.is_some()) {
+            return Ok(());
+        }
+        let message =
+            "found with --noise or --time, which decide pixel by pixel how many samples there are";
+        Err(Error::invalid("--samples", message).help("split by --tile"))
+    }
+
+    /// The channels beside R, G, B, A.
+    pub fn channels(&self) -> Vec<Channel> {
+        self.raw.as_ref().map_or_else(|| self.recipe.channels.clone(), Raw::channels)
+    }
+
+    /// Whether the EXR keeps every bit.
+    pub fn is_exact(&self, args: &RenderArgs) -> bool {
+        args.split.part || args.split.tile.is_some() || args.split.samples.is_some()
+    }
+
+    /// What the EXR says for `merge`: nothing if it is the whole picture. `fingerprint` is that of the scene
+    /// and its files.
+    ///
+    /// # Errors
+    /// None that is known of.
+    pub fn attribute(
+        &self,
+        args: &RenderArgs,
+        scene: &Scene,
+        fingerprint: Option<&str>,
+    ) -> Result<Option<(String, String)>> {
+        if !self.is_exact(args) && self.window == self.whole {
+            return Ok(None);
+        }
+        let (split, storage) = (&args.split, args.files.storage());
+        let files = Files {
+            float: storage.float,
+            compression: storage.compression,
+            multipart: storage.multipart,
+            depth: storage.depth,
+            transparent: scene.transparent,
+            ..Files::new(&scene.tonemap)
+        };
+        let Window { x0, y0, x1, y1 } = self.whole;
+        let part = Part {
+            fingerprint: fingerprint.map(str::to_string),
+            whole: [x0, y0, x1, y1],
+            tile: split.tile,
+            samples: [self.samples.start, self.samples.end],
+            of: scene.spp,
+            exact: self.is_exact(args) || args.files.float,
+            files,
+            recipe: self.recipe.clone(),
+        };
+        let text =
+            serde_json::to_string(&part).map_err(|e| Error::invalid("--part", e.to_string()))?;
+        Ok(Some((part::ATTRIBUTE.to_string(), text)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_and_ranges() {
+        assert_eq!(parse_tile("3/8"), Ok([3, 8]));
+        assert_eq!(parse_range("0..16"), Ok([0, 16]));
+        for bad in ["", "3", "0/8", "9/8", "-1/8", "1/0", "a/b", "1/2/3", "1/99999999999"] {
+            assert!(parse_tile(bad).is_err(), "{bad}");
+        }
+        for bad in ["", "3", "3..3", "4..3", "..3", "3..", "-1..3", "0..=3", "1..99999999999"] {
+            assert!(parse_range(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,295 @@
+//! `lightpath submit slurm`: a job file -> an array job of `lightpath batch --range`, and the job after it.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use clap::{Args, Parser, Subcommand, ValueHint};
+
+use crate::{
+    accel::{EmbreeMode, Footprint},
+    batch::{self, Job, Record},
+    error::{Error, Kind, Problem, Result},
+    farm::{Chunks, Slurm},
+    output::atomic::TextFile,
+    paths,
+    scene::{Light, LightKind},
+    units::{self, parse_bytes},
+};
+
+use super::{batch as batch_command, batch_args::BatchArgs};
+
+/// `lightpath submit`
+#[derive(Debug, Args)]
+pub struct SubmitArgs {
+    /// To what.
+    #[command(subcommand)]
+    pub engine: Engine,
+}
+
+/// What runs the tasks.
+#[derive(Debug, Subcommand)]
+pub enum Engine {
+    /// Slurm: an array job, and a job for the contact sheet that waits for it
+    Slurm(SlurmArgs),
+}
+
+/// `lightpath submit slurm`
+#[derive(Debug, Args)]
+pub struct SlurmArgs {
+    /// The job file of `lightpath batch`
+    #[arg(value_name = "JOB", value_hint = ValueHint::FilePath)]
+    pub job: PathBuf,
+
+    /// The folder that everything goes to, seen by all nodes [default: the job's, else out]
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub output: Option<PathBuf>,
+
+    /// Write the scripts and print what would be submitted
+    #[arg(long)]
+    pub dry_run: bool,
+
+    /// Processors of a task; --threads of its renders
+    #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub cpus: u16,
+
+    /// Memory of a task [default: what the largest input is predicted to need, and a quarter more]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub memory: Option<u64>,
+
+    /// Frames of a task [default: as many as take --minutes]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub frames_per_task: Option<u64>,
+
+    /// How long a task should last
+    #[arg(long, value_name = "MINUTES", default_value = "10", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    pub minutes: u16,
+
+    /// How long a frame takes [default: as frames of this job took that are in DIR, else from the
+    /// rays and triangles of the first input]
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    pub frame_seconds: Option<f64>,
+
+    /// Tasks of the array; Slurm's own limit is one less than its MaxArraySize
+    #[arg(long, value_name = "N", default_value = "1000", value_parser = clap::value_parser!(u32).range(1..=4_000_000))]
+    pub max_tasks: u32,
+
+    /// Tasks that may run at a time
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub at_a_time: Option<u32>,
+
+    /// The most that a task may take, as Slurm writes it: 4:00:00
+    #[arg(long, value_name = "TIME")]
+    pub time: Option<String>,
+
+    /// More for #SBATCH, repeatable: --sbatch=--partition=cpu
+    #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
+    pub sbatch: Vec<String>,
+}
+
+/// A positive number.
+fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
+    let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite());
+    seconds.ok_or_else(|| "expected seconds above 0, for example 2.5".to_string())
+}
+
+/// Rays of a thread in a second, and triangles that it reads and builds: docs/scaling.md has where they
+/// come from. They only decide how many frames a task gets.
+const RAYS_PER_SECOND: f64 = 5e6;
+const TRIANGLES_PER_SECOND: f64 = 1.8e6;
+
+/// Writes the scripts, and submits them unless told not to.
+pub fn run(args: &SubmitArgs) -> Result<()> {
+    let Engine::Slurm(args) = &args.engine;
+    let job = load(args)?;
+    let slurm = plan(args, &job)?;
+    let folder = job.folder.join("slurm");
+    fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, "create", &error))?;
+    let scripts = [("frames.sh", slurm.frames()), ("sheet.sh", slurm.sheet())];
+    let mut written = Vec::new();
+    for (name, text) in scripts {
+        written.push(TextFile::create(&folder.join(name))?.finish(&text)?);
+    }
+    let Chunks { frames, per_task } = slurm.chunks;
+    super::note(&format!(
+        "{} frames of {} inputs: {} tasks of {per_task} frames, {} CPUs and {} each",
+        units::count(frames),
+        units::count(job.inputs.len() as u64),
+        units::count(slurm.chunks.tasks()),
+        slurm.cpus,
+        units::bytes(slurm.memory_mib << 20),
+    ));
+    super::print_paths(&written)?;
+    if args.dry_run {
+        let [frames, sheet] = [&written[0], &written[1]].map(|path| path.display().to_string());
+        return super::print(&format!(
+            "sbatch --parsable {frames}\nsbatch --parsable --dependency=afterok:ID --kill-on-invalid-dep=yes {sheet}\n"
+        ));
+    }
+    let array = submit(&written[0], &[])?;
+    let after = format!("--dependency=afterok:{array}");
+    let sheet = submit(&written[1], &[&after, "--kill-on-invalid-dep=yes"])?;
+    super::print(&format!("{array}\n{sheet}\n"))
+}
+
+/// The job as a task will read it.
+fn load(args: &SlurmArgs) -> Result<Job> {
+    /// The flags of `batch`, from a list of words.
+    #[derive(Parser)]
+    struct Words {
+        #[command(flatten)]
+        batch: BatchArgs,
+    }
+    let mut words: Vec<std::ffi::OsString> = vec!["batch".into(), args.job.clone().into()];
+    if let Some(folder) = &args.output {
+        words.extend(["-o".into(), folder.clone().into()]);
+    }
+    let parsed = Words::try_parse_from(words);
+    let Words { batch } = parsed.map_err(|error| Error::invalid("JOB", error.to_string()))?;
+    let found = fs::metadata(&args.job);
+    found.map_err(|error| Error::io(&args.job, "read", &error))?;
+    if !batch_command::is_job(&args.job)? {
+        let message = "found no `inputs`, expected a job file of `lightpath batch`";
+        return Err(
+            Error::invalid(args.job.display().to_string(), message).help("lightpath schema job")
+        );
+    }
+    Ok(batch_command::job(&batch)?.0)
+}
+
+fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {
+    let per_mesh = u64::from(job.frames());
+    let frames = batch::index(job.frames(), job.inputs.len(), 0);
+    let needs = Needs::of(job, args)?;
+    let chunks = match args.frames_per_task {
+        Some(per_task) => Chunks { frames, per_task: per_task.min(frames) },
+        None => {
+            let known = args.frame_seconds.or_else(|| median(&job.folder));
+            let frame_seconds = known.unwrap_or(needs.frame_seconds);
+            let seconds = 60.0 * f64::from(args.minutes);
+            Chunks::new(frames, per_mesh, frame_seconds, seconds, u64::from(args.max_tasks))
+        }
+    };
+    if chunks.tasks() > u64::from(args.max_tasks) {
+        let message = format!(
+            "found {}, which makes {} tasks, expected at most {}",
+            chunks.per_task,
+            chunks.tasks(),
+            args.max_tasks
+        );
+        return Err(Error::invalid("--frames-per-task", message)
+            .help("more frames a task, or --max-tasks if the cluster's MaxArraySize allows it"));
+    }
+    let absolute = |path: &Path| -> Result<String> {
+        let path = std::path::absolute(path).map_err(|error| Error::io(path, "find", &error))?;
+        paths::named(&path)
+    };
+    let program = std::env::current_exe();
+    let program = program.map_err(|error| Error::io("lightpath".as_ref(), "find", &error))?;
+    for option in args.sbatch.iter().chain(&args.time) {
+        if option.contains(['\n', '"']) {
+            return Err(Error::invalid("--sbatch", "found a line break or a quotation mark"));
+        }
+    }
+    let stem = args.job.file_stem().unwrap_or_default().to_string_lossy();
+    let safe = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    Ok(Slurm {
+        name: format!("lightpath-{}", stem.chars().map(safe).collect::<String>()),
+        program: absolute(&program)?,
+        job: absolute(&args.job)?,
+        folder: absolute(&job.folder)?,
+        chunks,
+        at_a_time: args.at_a_time,
+        cpus: args.cpus,
+        memory_mib: args.memory.unwrap_or(needs.memory).div_ceil(1 << 20),
+        time: args.time.clone(),
+        options: args.sbatch.clone(),
+    })
+}
+
+/// What tasks need.
+struct Needs {
+    /// Bytes.
+    memory: u64,
+    frame_seconds: f64,
+}
+
+impl Needs {
+    /// By the headers of all inputs; those that cannot be read fail in their task.
+    fn of(job: &Job, args: &SlurmArgs) -> Result<Self> {
+        let mut needs = Self { memory: 0, frame_seconds: 0.0 };
+        let mut first_error = None;
+        for input in &job.inputs {
+            let (scene, prediction) = match batch::predict(job, input, EmbreeMode::Robust) {
+                Ok(known) => known,
+                Err(error) => {
+                    first_error = first_error.or(Some(error));
+                    continue;
+                }
+            };
+            let threads = usize::from(args.cpus);
+            let footprint = Footprint::of(scene.backend, threads, EmbreeMode::Robust);
+            // Without Embree here, the nodes may have it: half as much again as meshes and film.
+            let peak = match footprint {
+                Ok(footprint) => prediction.clone().with(&footprint).peak_bytes,
+                Err(_) => prediction.peak_bytes + prediction.peak_bytes / 2,
+            };
+            needs.memory = needs.memory.max(peak);
+            if needs.frame_seconds == 0.0 {
+                let pixels = f64::from(scene.camera.width) * f64::from(scene.camera.height);
+                let points = |light: &Light| match light.kind {
+                    LightKind::Point { .. } => 1.0,
+                    LightKind::Area { samples, .. } => f64::from(samples),
+                };
+                let lights: f64 = scene.lights.iter().map(points).sum();
+                let rays = pixels * f64::from(scene.spp) * (1.0 + lights);
+                let triangles = prediction.primitives as f64 / f64::from(job.frames());
+                let alone = rays / RAYS_PER_SECOND + triangles / TRIANGLES_PER_SECOND;
+                needs.frame_seconds = alone / f64::from(args.cpus);
+            }
+        }
+        match first_error {
+            Some(error) if needs.memory == 0 => Err(error),
+            // The next mesh loads while this one renders: a batch holds up to two.
+            _ => {
+                needs.memory = needs.memory.saturating_mul(2);
+                needs.memory = needs.memory.saturating_add(needs.memory / 4);
+                Ok(needs)
+            }
+        }
+    }
+}
+
+/// What frames of this job took so far, in the middle.
+fn median(folder: &Path) -> Option<f64> {
+    let mut seconds: Vec<f64> = batch::journal(folder)
+        .into_iter()
+        .filter_map(|record| match record {
+            Record::Frame(frame) => Some(frame.render_s + frame.write_s),
+            _ => None,
+        })
+        .collect();
+    seconds.sort_by(f64::total_cmp);
+    seconds.get(seconds.len() / 2).copied().filter(|median| *median > 0.0)
+}
+
+/// Hands a script to Slurm; the number of the job.
+fn submit(script: &Path, options: &[&str]) -> Result<String> {
+    let output = Command::new("sbatch").arg("--parsable").args(options).arg(script).output();
+    let output = output.map_err(|error| {
+        let message = format!("cannot run sbatch: {error}");
+        Error::new(Kind::Unsupported, Problem::new("slurm", message))
+            .help("run this where Slurm is installed; --dry-run only writes the scripts")
+    })?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    match (output.status.success(), text.trim().split(';').next()) {
+        (true, Some(id)) if !id.is_empty() => Ok(id.to_string()),
+        _ => {
+            let said = String::from_utf8_lossy(&output.stderr);
+            let message = format!("sbatch refused {}: {}", script.display(), said.trim());
+            Err(Error::invalid("slurm", message))
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! Whether parts cover a picture exactly once: every sample of every pixel.
+
+use std::ops::Range;
+
+use crate::film::Window;
+
+/// A part's pixels and samples.
+#[derive(Debug, Clone)]
+pub struct Piece {
+    /// Its pixels.
+    pub window: Window,
+    /// Its samples.
+    pub samples: Range<u32>,
+}
+
+/// What is not covered exactly once.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fault {
+    /// Where.
+    pub window: Window,
+    /// Of each of these pixels.
+    pub samples: Range<u32>,
+    /// The pieces that both have it, by index; none if it is missing.
+    pub twice: Option<[usize; 2]>,
+}
+
+/// Everything in `whole` and `0..of` that the pieces do not cover exactly once, from the top.
+pub fn faults(pieces: &[Piece], whole: Window, of: u32) -> Vec<Fault> {
+    let mut rows: Vec<u32> = pieces.iter().flat_map(|p| [p.window.y0, p.window.y1]).collect();
+    rows.extend([whole.y0, whole.y1]);
+    let rows = cuts(rows, whole.y0, whole.y1);
+    let mut faults: Vec<Fault> = Vec::new();
+    for two in rows.windows(2) {
+        let (y0, y1) = (two[0], two[1]);
+        let here = |p: &Piece| p.window.y0 <= y0 && p.window.y1 > y0;
+        let here: Vec<usize> = (0..pieces.len()).filter(|&i| here(&pieces[i])).collect();
+        let sides = here.iter().flat_map(|&i| [pieces[i].window.x0, pieces[i].window.x1]);
+        let columns = cuts(sides.chain([whole.x0, whole.x1]).collect(), whole.x0, whole.x1);
+        for two in columns.windows(2) {
+            let window = Window { x0: two[0], y0, x1: two[1], y1 };
+            let covers = |i: &usize| {
+                let w = pieces[*i].window;
+                w.x0 <= window.x0 && w.x1 > window.x0
+            };
+            let mut found = here.iter().copied().filter(covers).collect::<Vec<_>>();
+            found.sort_by_key(|&i| (pieces[i].samples.start, pieces[i].samples.end));
+            let mut done = 0;
+            let mut last = 0;
+            for i in found {
+                let Range { start, end } = pieces[i].samples;
+                if start > done {
+                    add(&mut faults, Fault { window, samples: done..start, twice: None });
+                }
+                if start < done {
+                    let samples = start..end.min(done);
+                    add(&mut faults, Fault { window, samples, twice: Some([last, i]) });
+                }
+                if end > done {
+                    (done, last) = (end, i);
+                }
+            }
+            if done < of {
+                add(&mut faults, Fault { window, samples: done..of, twice: None });
+            }
+        }
+    }
+    faults
+}
+
+fn cuts(mut at: Vec<u32>, from: u32, to: u32) -> Vec<u32> {
+    at.retain(|at| (from..=to).contains(at));
+    at.sort_unstable();
+    at.dedup();
+    at
+}
+
+/// Adds a fault; grows one that is the same but for the pixels beside or above.
+fn add(faults: &mut Vec<Fault>, new: Fault) {
+    let same = |old: &&mut Fault| old.samples == new.samples && old.twice == new.twice;
+    for old in faults.iter_mut().rev().filter(same) {
+        let (a, b) = (&mut old.window, new.window);
+        if a.x0 == b.x0 && a.x1 == b.x1 && a.y1 == b.y0 {
+            a.y1 = b.y1;
+            return;
+        }
+        if a.y0 == b.y0 && a.y1 == b.y1 && a.x1 == b.x0 {
+            a.x1 = b.x1;
+            return;
+        }
+    }
+    faults.push(new);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn window(x0: u32, y0: u32, x1: u32, y1: u32) -> Window {
+        Window { x0, y0, x1, y1 }
+    }
+
+    fn piece(window: Window, samples: Range<u32>) -> Piece {
+        Piece { window, samples }
+    }
+
+    #[test]
+    fn exact_covers_have_no_faults() {
+        let whole = window(0, 0, 10, 10);
+        assert_eq!(faults(&[piece(whole, 0..4)], whole, 4), []);
+        let pieces = [
+            piece(window(0, 0, 10, 5), 0..4),
+            piece(window(0, 5, 3, 10), 0..4),
+            piece(window(3, 5, 10, 10), 2..4),
+            piece(window(3, 5, 10, 10), 0..2),
+        ];
+        assert_eq!(faults(&pieces, whole, 4), []);
+    }
+
+    #[test]
+    fn what_is_missing_or_double_is_named() {
+        let whole = window(0, 0, 10, 10);
+        let pieces = [
+            piece(window(0, 0, 10, 4), 0..4),
+            piece(window(0, 3, 10, 6), 0..2),
+            piece(window(0, 6, 10, 10), 0..4),
+            piece(window(0, 8, 10, 10), 1..2),
+        ];
+        let expected = [
+            Fault { window: window(0, 3, 10, 4), samples: 0..2, twice: Some([1, 0]) },
+            Fault { window: window(0, 4, 10, 6), samples: 2..4, twice: None },
+            Fault { window: window(0, 8, 10, 10), samples: 1..2, twice: Some([2, 3]) },
+        ];
+        assert_eq!(faults(&pieces, whole, 4), expected);
+        assert_eq!(faults(&[], whole, 4), [Fault { window: whole, samples: 0..4, twice: None }]);
+    }
+}

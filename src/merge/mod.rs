@@ -1,0 +1,332 @@
+//! Parts of a picture -> the [`Film`] that the whole render would have made, bit for bit.
+//!
+//! A part is an EXR with the attribute [`part::ATTRIBUTE`]. Some pixels of all samples hold their
+//! channels as they are; some of the samples hold their sums (see [`crate::layers::Raw`]).
+
+mod cover;
+pub mod part;
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Failures, Kind, Problem, Result};
+use crate::film::{Blank, Channel, ChannelKind, Film, Window};
+use crate::layers::{BEAUTY, Pixel, Raw};
+use crate::monitor::Monitor;
+use crate::output::exr::{Sequence, View};
+use crate::output::exr_read::{Reader, Rows};
+
+use self::cover::{Fault, Piece};
+pub use self::part::{Files, Part};
+
+/// Bytes of the parts' rows that are held at a time, about.
+const BAND_BYTES: usize = 128 << 20;
+/// The attribute by which a render says that another run gives other pixels.
+const UNREPRODUCIBLE: &str = "lightpath:reproducible";
+/// How many faults a message names.
+const NAMED: usize = 20;
+
+/// The parts of one picture, which cover it exactly once.
+#[derive(Debug)]
+pub struct Parts {
+    open: Vec<Open>,
+    /// What they all say.
+    pub part: Part,
+}
+
+/// A part's file.
+#[derive(Debug)]
+struct Open {
+    name: String,
+    reader: Reader,
+    part: Part,
+    raw: Option<Raw>,
+    /// Where R, G, B, A stand among the file's channels.
+    beauty: [usize; 4],
+    /// Where the words stand: those of [`Raw`], or the recipe's channels.
+    words: Vec<usize>,
+}
+
+impl Parts {
+    /// Opens the files and makes sure that they are parts of one picture, each of its samples once.
+    ///
+    /// # Errors
+    /// `Invalid` for files that are no parts, parts of different pictures, and what is missing or
+    /// there twice.
+    pub fn open(paths: &[PathBuf]) -> Result<Self> {
+        let mut failures = Failures::default();
+        let open: Vec<Open> =
+            paths.iter().filter_map(|path| failures.keep(Open::new(path))).collect();
+        failures.check()?;
+        let Some(first) = open.first() else {
+            return Err(Error::invalid("", "found no parts to merge"));
+        };
+        let problems: Vec<Problem> =
+            open[1..].iter().filter_map(|other| first.difference(other)).collect();
+        if !problems.is_empty() {
+            return Err(Error { kind: Kind::Invalid, problems });
+        }
+        let part = first.part.clone();
+        let pieces =
+            open.iter().map(|o| Piece { window: o.reader.window, samples: o.part.samples() });
+        let faults = cover::faults(&pieces.collect::<Vec<_>>(), part.whole(), part.of);
+        if !faults.is_empty() {
+            let named = faults.iter().take(NAMED).map(|fault| named(fault, &open, &part));
+            let mut problems: Vec<Problem> = named.collect();
+            if faults.len() > NAMED {
+                let message = format!("and {} more", faults.len() - NAMED);
+                problems.push(Problem::new("parts", message));
+            }
+            return Err(Error { kind: Kind::Invalid, problems });
+        }
+        Ok(Self { open, part })
+    }
+
+    /// Whether all of them hold what the renders had, so that the PNG will be the same, too.
+    pub fn exact(&self) -> bool {
+        self.open.iter().all(|open| open.part.exact)
+    }
+
+    /// The attributes of the whole picture.
+    pub fn attributes(&self) -> Vec<(String, String)> {
+        let all = self.open.iter().take(1).flat_map(|open| open.reader.attributes.clone());
+        all.filter(|(name, _)| name != part::ATTRIBUTE).collect()
+    }
+
+    /// Its camera.
+    pub fn view(&self) -> Option<View> {
+        self.open.first()?.reader.view
+    }
+
+    /// Which frame of a sequence it is.
+    pub fn sequence(&self) -> Sequence {
+        self.open.first().map(|open| open.reader.sequence).unwrap_or_default()
+    }
+
+    /// The picture. Rows are read some at a time, on the caller's rayon pool.
+    ///
+    /// # Errors
+    /// Damaged files; no memory for the picture; `Interrupted` after a signal.
+    pub fn film(&self, monitor: &Monitor) -> Result<Film> {
+        let (part, whole) = (&self.part, self.part.whole());
+        let frame = self.open.first().map_or([0; 2], |open| open.reader.frame);
+        let mut film = Blank::new(frame, whole, part.recipe.channels.clone())?.film();
+        let width = whole.width() as usize;
+        let stride = part.recipe.channels.len();
+        let row_bytes =
+            |open: &Open| open.reader.channels.len() * 4 * open.reader.window.width() as usize;
+        let bytes: usize = self.open.iter().map(row_bytes).sum();
+        let height = (BAND_BYTES / bytes.max(1)).clamp(16, 1 << 16) / 16 * 16;
+        let (mut pixels, mut words) =
+            (film.pixels.as_mut_slice(), film.planes.words.as_mut_slice());
+        let mut y0 = whole.y0;
+        while y0 < whole.y1 {
+            let y1 = whole.y1.min(y0.saturating_add(height as u32));
+            let mut here = self.rows(y0, y1)?;
+            here.sort_by_key(|(open, _)| open.part.samples[0]);
+            let rows = (y1 - y0) as usize;
+            let (band, rest) = pixels.split_at_mut(rows * width);
+            pixels = rest;
+            let (band_words, rest) = words.split_at_mut(rows * width * stride);
+            words = rest;
+            // Without layers there are no words to share out.
+            let mut none = vec![Vec::new(); if stride == 0 { rows } else { 0 }];
+            let mut lines: Vec<&mut [u32]> = match stride {
+                0 => none.iter_mut().map(Vec::as_mut_slice).collect(),
+                _ => band_words.chunks_mut(width * stride).collect(),
+            };
+            band.par_chunks_mut(width).zip(lines.par_iter_mut()).enumerate().for_each(
+                |(row, (pixels, words))| self.line(&here, y0 + row as u32, pixels, words),
+            );
+            monitor.set_done(u64::from(y1 - whole.y0));
+            monitor.check()?;
+            y0 = y1;
+        }
+        Ok(film)
+    }
+
+    /// The rows that each part has of a band.
+    fn rows(&self, y0: u32, y1: u32) -> Result<Vec<(&Open, Rows)>> {
+        let reaches = |w: Window| w.y0 < y1 && w.y1 > y0;
+        let here = self.open.iter().filter(|open| reaches(open.reader.window));
+        here.map(|open| Ok((open, open.reader.rows(y0..y1)?))).collect()
+    }
+
+    /// One row of the picture, from parts in the order of their samples.
+    fn line(&self, parts: &[(&Open, Rows)], y: u32, pixels: &mut [[f32; 4]], words: &mut [u32]) {
+        let (recipe, of, x0) = (&self.part.recipe, self.part.of, self.part.whole().x0);
+        let stride = recipe.channels.len();
+        let mut sums = Pixel::new(recipe);
+        let mut gathered = Vec::new();
+        let of_row = |(open, _): &&(&Open, Rows)| {
+            let window = open.reader.window;
+            window.y0 <= y && window.y1 > y
+        };
+        let parts: Vec<&(&Open, Rows)> = parts.iter().filter(of_row).collect();
+        for (column, pixel) in pixels.iter_mut().enumerate() {
+            let x = x0 + column as u32;
+            let words = &mut words[column * stride..(column + 1) * stride];
+            sums.clear();
+            let mut is_sum = false;
+            for (open, rows) in &parts {
+                let window = open.reader.window;
+                if x < window.x0 || x >= window.x1 {
+                    continue;
+                }
+                let found = rows.pixel((x - window.x0) as usize, y);
+                match &open.raw {
+                    Some(raw) => {
+                        gathered.clear();
+                        gathered.extend(open.words.iter().map(|&from| found[from]));
+                        raw.add(&gathered, &mut sums);
+                        is_sum = true;
+                    }
+                    None => {
+                        *pixel = open.beauty.map(|from| f32::from_bits(found[from]));
+                        for (word, &from) in words.iter_mut().zip(&open.words) {
+                            *word = found[from];
+                        }
+                    }
+                }
+            }
+            if is_sum {
+                *pixel = sums.finish(recipe, of, words);
+            }
+        }
+    }
+}
+
+impl Open {
+    fn new(path: &Path) -> Result<Self> {
+        let name = path.display().to_string();
+        let reader = Reader::open(path)?;
+        let Some(text) = reader.attribute(part::ATTRIBUTE) else {
+            let message =
+                format!("found no attribute {}, expected a part of a picture", part::ATTRIBUTE);
+            return Err(Error::invalid(name, message).help(
+                "parts are made by `lightpath render` with --tile, --samples, --part or --crop",
+            ));
+        };
+        let part: Part = serde_json::from_str(text).map_err(|error| {
+            let message =
+                format!("found a {} that this version cannot read: {error}", part::ATTRIBUTE);
+            Error::invalid(&name, message)
+        })?;
+        if let Some(problem) = part.problem(reader.frame, reader.window) {
+            return Err(Error::invalid(name, format!("found a damaged part: {problem}")));
+        }
+        if reader.attribute(UNREPRODUCIBLE).is_some_and(|said| said != "yes") {
+            let message =
+                "found a part that another run would not make again, expected all parts to be";
+            return Err(Error::invalid(name, format!("{message} of one sequence of samples"))
+                .help("render it without a limit of time"));
+        }
+        let raw = part.raw();
+        let index =
+            |name: &str| reader.channels.binary_search_by(|c| c.name.as_str().cmp(name)).ok();
+        let damaged = || {
+            Error::invalid(&name, "found a damaged part: its channels are not those of its layers")
+        };
+        let expected: Vec<Channel> = match &raw {
+            // Counted before they are made: the file may lie.
+            Some(raw) if raw.words().checked_add(BEAUTY) != Some(reader.channels.len()) => {
+                return Err(damaged());
+            }
+            Some(raw) => raw.channels(),
+            None => part.recipe.channels.clone(),
+        };
+        let found = |channel: &Channel| {
+            let index = index(&channel.name)?;
+            let is_uint = reader.channels[index].kind == ChannelKind::Uint;
+            (is_uint == (channel.kind == ChannelKind::Uint)).then_some(index)
+        };
+        let words: Option<Vec<usize>> = expected.iter().map(found).collect();
+        let beauty = ["R", "G", "B", "A"].map(index);
+        let [Some(r), Some(g), Some(b), Some(a)] = beauty else { return Err(damaged()) };
+        let beauty = [r, g, b, a];
+        let Some(words) = words.filter(|words| words.len() + BEAUTY == reader.channels.len())
+        else {
+            return Err(damaged());
+        };
+        Ok(Self { name, reader, part, raw, beauty, words })
+    }
+
+    /// Why `other` is no part of the same picture.
+    fn difference(&self, other: &Self) -> Option<Problem> {
+        let (a, b) = (&self.part, &other.part);
+        let texts = |open: &Self| -> Vec<(String, String)> {
+            let own = open.reader.attributes.iter().filter(|(name, _)| name != part::ATTRIBUTE);
+            let own = own.cloned();
+            let software = ("software".to_string(), open.reader.software.clone());
+            // Those that say most come first.
+            [software].into_iter().chain(own).collect()
+        };
+        let print =
+            |fingerprint: &Option<String>| fingerprint.clone().unwrap_or_else(|| "none".into());
+        let window = |[x0, y0, x1, y1]: [u32; 4]| format!("x {x0}..{x1}, y {y0}..{y1}");
+        let size = |frame: [u32; 2]| format!("{} x {}", frame[0], frame[1]);
+        let mut facts = vec![
+            ("frame".to_string(), size(other.reader.frame), size(self.reader.frame)),
+            ("--of".to_string(), b.of.to_string(), a.of.to_string()),
+            ("picture".to_string(), window(b.whole), window(a.whole)),
+            ("fingerprint".to_string(), print(&b.fingerprint), print(&a.fingerprint)),
+            (
+                "way of writing files".to_string(),
+                format!("{:?}", b.files),
+                format!("{:?}", a.files),
+            ),
+        ];
+        let (theirs, ours) = (texts(other), texts(self));
+        for (name, value) in &theirs {
+            let known = ours.iter().find(|(known, _)| known == name);
+            let known = known.map_or("none".to_string(), |(_, value)| value.clone());
+            facts.push((name.clone(), value.clone(), known));
+        }
+        for (name, value) in &ours {
+            if !theirs.iter().any(|(known, _)| known == name) {
+                facts.push((name.clone(), "none".to_string(), value.clone()));
+            }
+        }
+        let view = |open: &Self| format!("{:?}", open.reader.view);
+        facts.push(("camera".to_string(), view(other), view(self)));
+        let sequence = |open: &Self| format!("{:?}", open.reader.sequence);
+        facts.push(("frame of a sequence".to_string(), sequence(other), sequence(self)));
+        let layers = |part: &Part| format!("{:?}", part.recipe);
+        facts.push(("layers".to_string(), layers(b), layers(a)));
+        let (what, found, expected) = facts.into_iter().find(|(_, found, known)| found != known)?;
+        let message =
+            format!("found another {what}: {found}, expected {expected} as in {}", self.name);
+        let help = match what.as_str() {
+            "lightpath:backend" | "lightpath:isa" => {
+                "processors of different kinds give different last bits: render all parts on one kind"
+            }
+            "software" => "render all parts with one version of the program",
+            _ => "merge parts of one picture: same scene, meshes, textures and flags",
+        };
+        Some(Problem::new(other.name.clone(), message).help(help))
+    }
+}
+
+fn named(fault: &Fault, open: &[Open], part: &Part) -> Problem {
+    let Window { x0, y0, x1, y1 } = fault.window;
+    let samples = match fault.samples.clone() {
+        all if all == (0..part.of) => String::new(),
+        some => format!("samples {}..{} of {} of ", some.start, some.end, part.of),
+    };
+    let what = format!("{samples}the pixels x {x0}..{x1}, y {y0}..{y1}");
+    match fault.twice {
+        Some([a, b]) => {
+            let message = format!("{what} are also in {}", open[a].name);
+            Problem::new(open[b].name.clone(), message).help("leave one of the two out")
+        }
+        None => {
+            let tiles = open.iter().find_map(|open| open.part.tile).map(|[_, n]| n);
+            let is_tile =
+                |n: &u32| (1..=*n).find(|&i| part::band(part.whole(), i, *n) == fault.window);
+            let tile = tiles.and_then(|n| Some(format!(" (--tile {}/{n})", is_tile(&n)?)));
+            let message = format!("missing: {what}{}", tile.unwrap_or_default());
+            Problem::new("parts", message).help("render them, and merge again with their file")
+        }
+    }
+}

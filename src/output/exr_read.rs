@@ -1,0 +1,249 @@
+//! EXR files that this program wrote, read again some rows at a time.
+
+use std::{
+    fs::File,
+    io::BufReader,
+    ops::Range,
+    path::{Path, PathBuf},
+};
+
+use exr::{
+    block::{
+        UncompressedBlock,
+        chunk::Chunk,
+        reader::{ChunksReader, Reader as Blocks},
+    },
+    compression::Compression,
+    error::Error as ExrError,
+    meta::{BlockDescription, attribute::AttributeValue, attribute::SampleType},
+};
+use half::f16;
+use rayon::prelude::*;
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    film::{Channel, ChannelKind, Window},
+};
+
+use super::exr::{Sequence, View};
+
+/// More than any lossless compression of the format makes of a byte.
+const MOST_RATIO: usize = 1100;
+
+/// An open EXR of one part, in scanlines, with its data window inside of its display window.
+#[derive(Debug)]
+pub struct Reader {
+    path: PathBuf,
+    /// Width and height of the display window.
+    pub frame: [u32; 2],
+    /// The data window.
+    pub window: Window,
+    /// In the order of the file, which is that of their names.
+    pub channels: Vec<Channel>,
+    /// Text attributes, by name.
+    pub attributes: Vec<(String, String)>,
+    /// The program that wrote it.
+    pub software: String,
+    /// The camera, if it is there.
+    pub view: Option<View>,
+    /// Which frame of a sequence it is.
+    pub sequence: Sequence,
+}
+
+/// Rows of all channels.
+#[derive(Debug)]
+pub struct Rows {
+    /// Channels of a pixel.
+    stride: usize,
+    width: usize,
+    y0: u32,
+    /// Row by row, pixel by pixel: the bits of an f32, or a u32.
+    words: Vec<u32>,
+}
+
+impl Rows {
+    /// The channels of a pixel: `x` from the left of the data window, `y` of the frame.
+    pub fn pixel(&self, x: usize, y: u32) -> &[u32] {
+        let index = ((y - self.y0) as usize * self.width + x) * self.stride;
+        &self.words[index..index + self.stride]
+    }
+}
+
+impl Reader {
+    /// Reads the header.
+    ///
+    /// # Errors
+    /// `Invalid` for what is no EXR, is cut short, or is not of this kind.
+    pub fn open(path: &Path) -> Result<Self> {
+        let failed = |error| exr_error(path, error);
+        let opened = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
+        let length = opened.metadata().map_err(|error| Error::io(path, "read", &error))?.len();
+        let blocks = Blocks::read_from_buffered(BufReader::new(opened), true).map_err(failed)?;
+        let [header] = blocks.headers() else {
+            let help = "a render with --part or --tile keeps --multipart for the merged file";
+            return Err(refused(path, "several parts", "one").help(help));
+        };
+        if header.deep || header.blocks != BlockDescription::ScanLines {
+            return Err(refused(path, "tiles or deep data", "scanlines"));
+        }
+        let lossy = matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_));
+        let most = length.saturating_mul(if lossy { 64 } else { 1 } * MOST_RATIO as u64);
+        let bytes = [header.layer_size.x(), header.layer_size.y(), header.channels.bytes_per_pixel];
+        if bytes.iter().fold(1, |product: u64, n| product.saturating_mul(*n as u64)) > most {
+            return Err(refused(path, "fewer bytes than its size needs", "a complete file"));
+        }
+        let display = header.shared_attributes.display_window;
+        let (origin, size) = (header.own_attributes.layer_position, header.layer_size);
+        let side = |start: i32, size: usize| {
+            let start = u32::try_from(start).ok()?;
+            Some([start, start.checked_add(u32::try_from(size).ok()?)?])
+        };
+        let frame = [display.size.x(), display.size.y()].map(|side| side as u32);
+        let within = |end: u32, axis: usize| end <= frame[axis];
+        let window = match (side(origin.x(), size.x()), side(origin.y(), size.y())) {
+            (Some([x0, x1]), Some([y0, y1])) if within(x1, 0) && within(y1, 1) => {
+                Window { x0, y0, x1, y1 }
+            }
+            _ => return Err(refused(path, "pixels outside of the frame", "a crop of it")),
+        };
+        if display.position.x() != 0 || display.position.y() != 0 {
+            return Err(refused(path, "a frame that does not begin at 0, 0", "one that does"));
+        }
+        let mut channels = Vec::new();
+        for channel in &header.channels.list {
+            if channel.sampling.x() != 1 || channel.sampling.y() != 1 {
+                return Err(refused(path, "subsampled channels", "all pixels"));
+            }
+            let kind = match channel.sample_type {
+                SampleType::F16 => ChannelKind::Half,
+                SampleType::F32 => ChannelKind::Float,
+                SampleType::U32 => ChannelKind::Uint,
+            };
+            channels.push(Channel { name: channel.name.to_string(), kind });
+        }
+        let own = &header.own_attributes;
+        let mut attributes: Vec<(String, String)> = Vec::new();
+        let mut sequence = Sequence { frame: None, per_second: own.frames_per_second };
+        for (name, value) in &own.other {
+            match value {
+                AttributeValue::Text(text) => {
+                    attributes.push((name.to_string(), text.to_string()));
+                }
+                AttributeValue::I32(frame) if name.to_string() == "imageCounter" => {
+                    sequence.frame = Some(*frame);
+                }
+                _ => {}
+            }
+        }
+        attributes.sort();
+        let view = match (own.world_to_camera, own.world_to_normalized_device) {
+            (Some(world_to_camera), Some(world_to_ndc)) => {
+                let screen_window_width = own.screen_window_width;
+                Some(View { world_to_camera, world_to_ndc, screen_window_width })
+            }
+            _ => None,
+        };
+        let software = own.software_name.as_ref().map(ToString::to_string).unwrap_or_default();
+        let path = path.to_owned();
+        Ok(Self { path, frame, window, channels, attributes, software, view, sequence })
+    }
+
+    /// The value of a text attribute.
+    pub fn attribute(&self, name: &str) -> Option<&str> {
+        let found = self.attributes.iter().find(|(known, _)| known == name);
+        found.map(|(_, value)| value.as_str())
+    }
+
+    /// Reads the rows of the frame that the file has of `rows`, on the caller's rayon pool.
+    ///
+    /// # Errors
+    /// `Invalid` for damaged or missing pixels.
+    pub fn rows(&self, rows: Range<u32>) -> Result<Rows> {
+        let failed = |error| exr_error(&self.path, error);
+        let window = self.window;
+        let (y0, y1) = (rows.start.max(window.y0), rows.end.min(window.y1));
+        let file = File::open(&self.path).map_err(|error| Error::io(&self.path, "read", &error))?;
+        let blocks = Blocks::read_from_buffered(BufReader::new(file), true).map_err(failed)?;
+        let (first, end) = ((y0 - window.y0) as usize, (y1 - window.y0) as usize);
+        let chunks = blocks
+            .filter_chunks(false, |_, _, block| {
+                let (y, height) = (block.pixel_position.1, block.pixel_size.1);
+                y < end && y + height > first
+            })
+            .map_err(failed)?;
+        let meta = chunks.meta_data().clone();
+        let chunks = chunks.collect::<std::result::Result<Vec<Chunk>, _>>().map_err(failed)?;
+        let decompress = |chunk: Chunk| UncompressedBlock::decompress_chunk(chunk, &meta, true);
+        let blocks: Vec<UncompressedBlock> = chunks
+            .into_par_iter()
+            .map(decompress)
+            .collect::<std::result::Result<_, _>>()
+            .map_err(failed)?;
+        let (stride, width) = (self.channels.len(), window.width() as usize);
+        let mut words = vec![0; (end - first) * width * stride];
+        let mut seen = vec![false; end - first];
+        for block in &blocks {
+            self.unpack(block, first, &mut seen, &mut words);
+        }
+        if seen.contains(&false) {
+            return Err(refused(&self.path, "missing rows", "a complete file"));
+        }
+        Ok(Rows { stride, width, y0, words })
+    }
+
+    /// Copies the lines of a block.
+    fn unpack(
+        &self,
+        block: &UncompressedBlock,
+        first: usize,
+        seen: &mut [bool],
+        words: &mut [u32],
+    ) {
+        let (stride, width) = (self.channels.len(), self.window.width() as usize);
+        let mut bytes = block.data.as_slice();
+        for line in
+            block.index.pixel_position.1..block.index.pixel_position.1 + block.index.pixel_size.1
+        {
+            let row = line.checked_sub(first).filter(|row| *row < seen.len());
+            for (c, channel) in self.channels.iter().enumerate() {
+                let size = if channel.kind == ChannelKind::Half { 2 } else { 4 };
+                let (values, rest) = bytes.split_at((size * width).min(bytes.len()));
+                bytes = rest;
+                let Some(row) = row else { continue };
+                let to = words[row * width * stride..][..width * stride].iter_mut();
+                let to = to.skip(c).step_by(stride);
+                match channel.kind {
+                    ChannelKind::Half => {
+                        for (to, two) in to.zip(values.chunks_exact(2)) {
+                            *to = f16::from_ne_bytes([two[0], two[1]]).to_f32().to_bits();
+                        }
+                    }
+                    ChannelKind::Float | ChannelKind::Uint => {
+                        for (to, four) in to.zip(values.chunks_exact(4)) {
+                            *to = u32::from_ne_bytes([four[0], four[1], four[2], four[3]]);
+                        }
+                    }
+                }
+            }
+            if let Some(row) = row {
+                seen[row] = true;
+            }
+        }
+    }
+}
+
+fn refused(path: &Path, found: &str, expected: &str) -> Error {
+    Error::invalid(path.display().to_string(), format!("found {found}, expected {expected}"))
+}
+
+fn exr_error(path: &Path, error: ExrError) -> Error {
+    match error {
+        ExrError::Io(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => {
+            Error::io(path, "read", &error)
+        }
+        other => {
+            let message = format!("cannot read this EXR: {other}");
+            Error::new(Kind::Invalid, Problem::new(path.display().to_string(), message))
+        }
+    }
+}

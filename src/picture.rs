@@ -1,0 +1,185 @@
+//! The files of a picture: how they are stored, what they say about where it comes from.
+
+use std::path::PathBuf;
+
+use crate::{
+    accel::{BuildInfo, EmbreeMode},
+    camera,
+    error::{Error, Problem, Result},
+    film::Film,
+    layers::{Mattes, Plan},
+    monitor::Monitor,
+    output::{Oddities, Outputs, WriteOptions, exr, tonemap::Depth},
+    scene::{Backend, Camera, Layer, Scene},
+    simd::Isa,
+};
+
+/// How pictures are stored.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Storage {
+    /// 32-bit floats in the EXR in place of halves.
+    pub float: bool,
+    /// How its blocks are compressed.
+    pub compression: exr::Compression,
+    /// A part of the EXR for every layer.
+    pub multipart: bool,
+    /// Bits of the PNG's channels.
+    pub depth: Depth,
+}
+
+/// What the files of one picture say.
+#[derive(Debug, Clone, Copy)]
+pub struct Says<'a> {
+    /// The layers and what they mean.
+    pub plan: &'a Plan,
+    /// Names of manifests beside the picture, by the kind of their mattes.
+    pub sidecars: &'a [(&'a str, &'a str)],
+    /// More header attributes.
+    pub more: &'a [(String, String)],
+    /// What found the hits.
+    pub info: &'a BuildInfo,
+    /// How Embree was used, if it was.
+    pub embree: EmbreeMode,
+    /// Instructions of the shading.
+    pub isa: Isa,
+    /// SHA-256 of what decides the pixels ([`crate::world::fingerprint`]); none where a mesh came through a pipe.
+    pub scene_hash: Option<&'a str>,
+    /// Samples of each pixel, where these are not just the scene's.
+    pub spp: Option<&'a str>,
+    /// Which frame of a sequence it is.
+    pub sequence: exr::Sequence,
+    /// How long the render took, if the file is to say it.
+    pub render_seconds: Option<f32>,
+    /// What it was made of, for who asks later whether it would be the same again.
+    pub fingerprint: Option<&'a str>,
+}
+
+/// Writes the film of a scene.
+///
+/// # Errors
+/// Those of [`Outputs::write`].
+pub fn write(
+    outputs: Outputs,
+    film: &Film,
+    scene: &Scene,
+    says: Says,
+    storage: Storage,
+    monitor: &Monitor,
+) -> Result<([PathBuf; 2], Oddities)> {
+    let mut attributes = origin(scene, &says);
+    attributes.extend(layer_attributes(says.plan, says.sidecars));
+    attributes.extend_from_slice(says.more);
+    let options = WriteOptions {
+        tonemap: &scene.tonemap,
+        transparent: scene.transparent,
+        depth: storage.depth,
+        fingerprint: says.fingerprint,
+        exr: exr::Options {
+            attributes: &attributes,
+            view: Some(view(&scene.camera)),
+            sequence: says.sequence,
+            render_seconds: says.render_seconds,
+            float: storage.float,
+            compression: storage.compression,
+            multipart: storage.multipart,
+        },
+    };
+    outputs.write(film, &options, monitor)
+}
+
+/// Refuses what contradicts the scene's values.
+///
+/// # Errors
+/// The first contradiction.
+pub fn suits(scene: &Scene, embree: EmbreeMode, storage: Storage) -> Result<()> {
+    if embree == EmbreeMode::Fast && scene.backend != Backend::Embree {
+        let message =
+            format!("found with the backend `{}`, which has no fast mode", scene.backend.name());
+        return Err(Error::invalid("--fast", message).help("leave --fast out, or --backend embree"));
+    }
+    if embree == EmbreeMode::Exact && scene.backend == Backend::Coursework {
+        let message = "found with the backend `coursework`, which loses rays as the coursework did";
+        let help = "leave --exact out, or --backend embree, bvh or brute";
+        return Err(Error::invalid("--exact", message).help(help));
+    }
+    let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
+    let lossy = storage.compression == exr::Compression::Dwaa;
+    if lossy && scene.layers.iter().any(mattes) {
+        let message =
+            "found dwaa with cryptomatte: its losses change the ids, and no matte is found again";
+        return Err(Error::invalid("--compression", message).help("zip, zips, piz, rle or none"));
+    }
+    Ok(())
+}
+
+/// What the EXR says about its origin: nothing that differs between two equal pictures.
+fn origin(scene: &Scene, says: &Says) -> Vec<(String, String)> {
+    let mode = match scene.backend {
+        Backend::Embree => format!(", {:?}", says.embree).to_lowercase(),
+        _ => String::new(),
+    };
+    let (name, info) = (scene.backend.name(), says.info);
+    let backend = format!("{name} ({} {}{mode})", info.version, info.isa);
+    let said = [
+        ("backend", Some(backend)),
+        ("isa", Some(says.isa.to_string())),
+        ("sceneHash", says.scene_hash.map(str::to_string)),
+        ("seed", Some(scene.seed.to_string())),
+        ("spp", Some(says.spp.map_or_else(|| scene.spp.to_string(), str::to_string))),
+        ("version", Some(env!("CARGO_PKG_VERSION").to_string())),
+    ];
+    let said = said.into_iter().filter_map(|(name, value)| Some((name, value?)));
+    said.map(|(name, value)| (format!("lightpath:{name}"), value)).collect()
+}
+
+/// Header attributes of the layers.
+fn layer_attributes(plan: &Plan, sidecars: &[(&str, &str)]) -> Vec<(String, String)> {
+    let mut attributes = Vec::new();
+    for mattes in &plan.mattes {
+        let sidecar = sidecars.iter().find(|(kind, _)| *kind == mattes.kind);
+        attributes.extend(Mattes::attributes(mattes, sidecar.map(|(_, name)| *name)));
+    }
+    let mut say = |name: &str, text: &str| {
+        attributes.push((format!("lightpath:{name}"), text.to_string()));
+    };
+    if plan.depth.is_some() {
+        say("Z", "camera-space depth, not distance; 1e30 where nothing is hit; nearest sample");
+    }
+    if plan.position.is_some() {
+        say("P", "world space; 0 where nothing is hit; nearest sample");
+    }
+    if plan.normal.is_some() || plan.geometric_normal.is_some() {
+        say("N", "world space, turned to the camera");
+    }
+    attributes
+}
+
+/// Where the picture was taken from.
+pub fn view(camera: &Camera) -> exr::View {
+    let rounded = |matrix: [[f64; 4]; 4]| std::array::from_fn(|i| matrix[i / 4][i % 4] as f32);
+    exr::View {
+        world_to_camera: rounded(camera::world_to_camera(camera)),
+        world_to_ndc: rounded(camera::world_to_ndc(camera)),
+        screen_window_width: camera::screen_window_width(camera) as f32,
+    }
+}
+
+/// What the files could not hold.
+pub fn odd(oddities: &Oddities) -> Vec<Problem> {
+    let mut warnings = Vec::new();
+    if let Some(spot) = &oddities.first_non_finite {
+        let message = format!(
+            "{} pixels with a NaN or infinite value were written as 0 or 65504, the first at {spot}",
+            oddities.non_finite
+        );
+        warnings.push(Problem::new("", message).help("please report this with the scene"));
+    }
+    if let Some(spot) = &oddities.first_clamped {
+        let message = format!(
+            "{} pixels are brighter than a half can hold and were clamped to 65504 in the EXR, the first at {spot}",
+            oddities.clamped
+        );
+        warnings.push(Problem::new("", message).help("make the lights weaker, or write --float"));
+    }
+    warnings
+}

@@ -1,0 +1,145 @@
+//! The library's front: a [`Scene`] and meshes -> an [`Accelerator`] -> a [`Film`] -> files.
+
+use std::path::{Path, PathBuf};
+
+use crate::accel::{self, Accelerator, BuildOptions, EmbreeMode};
+use crate::error::{Error, Problem, Result};
+use crate::film::{Blank, Film, Window};
+use crate::layers::Plan;
+use crate::mesh::Mesh;
+use crate::monitor::Monitor;
+use crate::output::exr::Options;
+use crate::output::tonemap::Depth;
+use crate::output::{Outputs, WriteOptions};
+use crate::picture;
+use crate::render;
+use crate::scene::{self, Scene, Shape, ShapeKind, Source, Trimesh};
+use crate::simd::Isa;
+use crate::world::{LoadOptions, World};
+
+/// A scene whose files are read, ready to be rendered as often as one likes.
+///
+/// Everything runs on the threads of the current rayon pool. Nothing is printed, and no error ends the
+/// process: every error is a [`Error`] with all that was found. [`render`](crate::render),
+/// [`accel`](crate::accel) and [`output`](crate::output) give more control: crops, progress, cancelling.
+#[derive(Debug)]
+pub struct Renderer {
+    scene: Scene,
+    world: World,
+    plan: Plan,
+    warnings: Vec<Problem>,
+    monitor: Monitor,
+}
+
+impl Renderer {
+    /// Reads the scene's meshes and textures.
+    ///
+    /// # Errors
+    /// Every problem of these files.
+    pub fn new(scene: Scene) -> Result<Self> {
+        Self::with_meshes(scene, Vec::new())
+    }
+
+    /// The same, with meshes from memory: each becomes a shape of that name, in world units, of a
+    /// material of the scene, with interpolated normals if the mesh has normals.
+    ///
+    /// # Errors
+    /// A material that the scene does not have; every problem of its files.
+    pub fn with_meshes(mut scene: Scene, meshes: Vec<(&str, &str, Mesh)>) -> Result<Self> {
+        let mut ready = Vec::new();
+        for (name, material, mesh) in meshes {
+            let of_name = |m: &scene::Material| m.name.as_deref() == Some(material);
+            let Some(index) = scene.materials.iter().position(of_name) else {
+                let message =
+                    format!("found the material {material:?}, which the scene does not have");
+                return Err(Error::invalid(name, message));
+            };
+            // No file has this name: it begins with a NUL.
+            let path = PathBuf::from(format!("\0{}/{name}", ready.len()));
+            let trimesh = Trimesh {
+                place: name.to_string(),
+                path: path.clone(),
+                fit: None,
+                rotate_deg: glam::DVec3::ZERO,
+                size: 1.0,
+                center: glam::DVec3::ZERO,
+                smooth: mesh.normals.is_some(),
+                bvh: true,
+                vertex_colors: mesh.colors.is_some(),
+                vertex_color_space: None,
+            };
+            let kind = ShapeKind::Trimesh(Box::new(trimesh));
+            scene.shapes.push(Shape { name: Some(name.to_string()), material: index, kind });
+            ready.push((path, mesh));
+        }
+        let monitor = Monitor::default();
+        let options = LoadOptions { ready, ..LoadOptions::default() };
+        let (world, warnings) = World::load(&scene, options, &monitor)?;
+        let plan = Plan::new(&scene);
+        Ok(Self { scene, world, plan, warnings, monitor })
+    }
+
+    /// What is suspicious about the scene but does not stop a render.
+    pub fn warnings(&self) -> &[Problem] {
+        &self.warnings
+    }
+
+    /// Builds what finds hits, of the kind that the scene names (`accelerator`, by default Embree).
+    ///
+    /// # Errors
+    /// A kind that cannot run here; no memory.
+    pub fn accelerator(&self) -> Result<Box<dyn Accelerator + '_>> {
+        let options = BuildOptions {
+            threads: rayon::current_num_threads(),
+            embree: EmbreeMode::Robust,
+            isa: Isa::detect(),
+            max_bytes: None,
+        };
+        accel::build(&self.world.geometry, self.scene.backend, &options, &self.monitor)
+    }
+
+    /// Renders the whole frame with its layers; the same bits for any number of threads.
+    ///
+    /// # Errors
+    /// No memory for the film.
+    pub fn render(&self, accelerator: &dyn Accelerator) -> Result<Film> {
+        let [width, height] = self.world.frame;
+        let window = Window::full(width, height);
+        let mut film = Blank::new([width, height], window, self.plan.channels.clone())?.film();
+        let (isa, plan) = (Isa::detect(), &self.plan);
+        render::render_layers(&self.world, accelerator, isa, &mut film, plan, &self.monitor)?;
+        Ok(film)
+    }
+
+    /// Writes a film to `PREFIX.exr` and `PREFIX.png`, whole or not at all; returns their names.
+    ///
+    /// # Errors
+    /// A folder that cannot be written to; a full disk.
+    pub fn write(&self, film: &Film, prefix: &Path) -> Result<[PathBuf; 2]> {
+        let attributes: Vec<(String, String)> =
+            self.plan.mattes.iter().flat_map(|mattes| mattes.attributes(None)).collect();
+        let options = WriteOptions {
+            tonemap: &self.scene.tonemap,
+            transparent: self.scene.transparent,
+            depth: Depth::default(),
+            fingerprint: None,
+            exr: Options {
+                attributes: &attributes,
+                view: Some(picture::view(&self.scene.camera)),
+                ..Options::default()
+            },
+        };
+        Ok(Outputs::create(prefix)?.write(film, &options, &self.monitor)?.0)
+    }
+}
+
+impl Scene {
+    /// A scene from its JSON text (docs/scene-format.md); its paths are relative to the working folder.
+    ///
+    /// # Errors
+    /// Every problem of the text, each with line and column.
+    pub fn from_json(text: &str) -> Result<Self> {
+        let source = Source::Text { name: "scene", text: text.as_bytes(), folder: Path::new("") };
+        Ok(scene::load(source, &[])?.scene)
+    }
+}

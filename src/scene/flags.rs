@@ -1,0 +1,83 @@
+//! Flags -> `--set` overrides, and back: a complaint about an override that a flag made names the
+//! flag.
+
+use serde_json::Value;
+
+use crate::error::{Error, Problem};
+
+use super::description::{Description, Light};
+
+/// Overrides in the order in which they are applied, and the flags they come from.
+#[derive(Debug, Clone, Default)]
+pub struct Overrides {
+    /// Flag, JSON pointer, `POINTER=VALUE`. `--set` itself has no flag.
+    list: Vec<(Option<&'static str>, String, String)>,
+}
+
+impl Overrides {
+    /// Adds a `--set` of the user.
+    pub fn set(&mut self, set: &str) {
+        let pointer = set.split_once('=').map_or(set, |(pointer, _)| pointer);
+        self.list.push((None, pointer.to_string(), set.to_string()));
+    }
+
+    /// Adds an override by a flag, or nothing.
+    pub fn flag<T: Into<Value>>(&mut self, flag: &'static str, pointer: &str, value: Option<T>) {
+        if let Some(value) = value {
+            let set = format!("{pointer}={}", value.into());
+            self.list.push((Some(flag), pointer.to_string(), set));
+        }
+    }
+
+    /// Puts `--light-samples` before every `--set`: one override per area light. Says whether
+    /// there is any.
+    pub fn light_samples(&mut self, samples: u32, scene: &Description) -> bool {
+        let lights = scene.scene.lightsources.iter().enumerate();
+        let mut made = Self::default();
+        for (i, light) in lights {
+            if matches!(light, Light::AreaLight(_)) {
+                let pointer = format!("/scene/lightsources/{i}/samples");
+                made.flag("--light-samples", &pointer, Some(samples));
+            }
+        }
+        let any = !made.list.is_empty();
+        self.prepend(made);
+        any
+    }
+
+    /// Adds all of `last`, which win.
+    pub fn append(&mut self, mut last: Self) {
+        self.list.append(&mut last.list);
+    }
+
+    /// Puts `first` before all others, so that these win.
+    pub fn prepend(&mut self, mut first: Self) {
+        first.list.append(&mut self.list);
+        self.list = first.list;
+    }
+
+    /// As the scene parser takes them.
+    pub fn sets(&self) -> Vec<String> {
+        self.list.iter().map(|(_, _, set)| set.clone()).collect()
+    }
+
+    /// Names the flag instead of the `--set` it became.
+    pub fn explain(&self, error: Error) -> Error {
+        let problems = error.problems.into_iter().map(|problem| self.named(problem));
+        Error { kind: error.kind, problems: problems.collect() }
+    }
+
+    fn named(&self, problem: Problem) -> Problem {
+        let Some(rest) = problem.place.strip_prefix("--set ") else {
+            return problem;
+        };
+        // The last one wins, so it is the one that is wrong.
+        let culprit = self.list.iter().rev().find(|(_, pointer, set)| {
+            rest == pointer || rest == set || rest.starts_with(&format!("{pointer} "))
+        });
+        match culprit {
+            Some((Some(flag), ..)) => Problem { place: (*flag).to_string(), ..problem },
+            _ => problem,
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! Where a perspective camera with a fixed direction must stand to see every point.
+//!
+//! Exact, in one pass: a frustum plane through the camera holds a point back or not, so for each of
+//! the four planes only the extreme point counts. Framing by a bounding box wastes up to a half of
+//! the picture, framing by the largest side clips.
+
+use glam::DVec3;
+
+/// What the camera takes in.
+#[derive(Debug, Clone, Copy)]
+pub struct Lens {
+    /// Full vertical angle in degrees.
+    pub fov_deg: f64,
+    /// Width / height of the picture.
+    pub aspect: f64,
+    /// Kept free at each border, as a fraction of the picture's width and height.
+    pub margin: f64,
+}
+
+/// The position from which all points lie within the picture, the margin away from its borders, and
+/// touch that margin in at least one axis, centred in both. Where the nearest point alone decides (one
+/// point, a line of sight, a very wide angle), the camera stands clear of it instead.
+///
+/// `direction` and `up` have any length and are not parallel. `None` without points or where they are
+/// not finite.
+pub fn frame(
+    points: impl Iterator<Item = DVec3>,
+    direction: DVec3,
+    up: DVec3,
+    lens: Lens,
+) -> Option<DVec3> {
+    let view = View::new(direction, up, lens);
+    let mut extent = Extent::EMPTY;
+    for p in points {
+        extent.add(view.reach(p), view.depth(p), [0.0; 5]);
+    }
+    view.position(&extent)
+}
+
+/// The same for points that turn: each is wherever it comes to on its circle around the axis, a point
+/// and a unit direction. One position for all frames of a turntable, whatever their number.
+pub fn frame_turning(
+    points: impl Iterator<Item = DVec3>,
+    (pivot, axis): (DVec3, DVec3),
+    direction: DVec3,
+    up: DVec3,
+    lens: Lens,
+) -> Option<DVec3> {
+    let view = View::new(direction, up, lens);
+    // A circle of radius r around c reaches n.c + r |n across the axis| along n.
+    let across = |n: DVec3| (n - axis * n.dot(axis)).length();
+    let [x, y, z] = view.axes;
+    let slants = [x - z * view.tx, -x - z * view.tx, y - z * view.ty, -y - z * view.ty, z];
+    let across = slants.map(across);
+    let mut extent = Extent::EMPTY;
+    for p in points {
+        let offset = p - pivot;
+        let centre = pivot + axis * offset.dot(axis);
+        let radius = (p - centre).length();
+        extent.add(view.reach(centre), view.depth(centre), across.map(|s| radius * s));
+    }
+    view.position(&extent)
+}
+
+/// A camera's axes, and the slopes of the frustum's sides without the margin.
+struct View {
+    axes: [DVec3; 3],
+    tx: f64,
+    ty: f64,
+}
+
+/// How far points reach towards the frustum's sides (right, left, top, bottom), and their depths.
+struct Extent {
+    planes: [f64; 4],
+    near: f64,
+    far: f64,
+}
+
+impl Extent {
+    const EMPTY: Self =
+        Self { planes: [f64::NEG_INFINITY; 4], near: f64::INFINITY, far: f64::NEG_INFINITY };
+
+    /// Adds a point and what it reaches beyond: towards the four sides, and in depth.
+    #[inline(always)]
+    fn add(&mut self, reach: [f64; 4], depth: f64, beyond: [f64; 5]) {
+        for k in 0..4 {
+            self.planes[k] = self.planes[k].max(reach[k] + beyond[k]);
+        }
+        self.near = self.near.min(depth - beyond[4]);
+        self.far = self.far.max(depth + beyond[4]);
+    }
+}
+
+impl View {
+    fn new(direction: DVec3, up: DVec3, lens: Lens) -> Self {
+        let z = direction.normalize();
+        let x = z.cross(up).normalize();
+        let y = x.cross(z);
+        let ty = (lens.fov_deg.to_radians() / 2.0).tan() * (1.0 - 2.0 * lens.margin);
+        Self { axes: [x, y, z], tx: ty * lens.aspect, ty }
+    }
+
+    /// A point is inside the right plane of a camera at c if p.x - c.x <= tx (p.z - c.z), that is if
+    /// c.x - tx c.z >= p.x - tx p.z: the largest right-hand side decides. So for all four planes.
+    #[inline(always)]
+    fn reach(&self, p: DVec3) -> [f64; 4] {
+        let [x, y, z] = self.axes;
+        let (px, py, pz) = (p.dot(x), p.dot(y), p.dot(z));
+        let (sx, sy) = (self.tx * pz, self.ty * pz);
+        [px - sx, -px - sx, py - sy, -py - sy]
+    }
+
+    #[inline(always)]
+    fn depth(&self, p: DVec3) -> f64 {
+        p.dot(self.axes[2])
+    }
+
+    fn position(&self, extent: &Extent) -> Option<DVec3> {
+        let &Extent { planes: [right, left, top, bottom], near, far } = extent;
+        let Self { axes: [x, y, z], tx, ty } = *self;
+        let back = (-(right + left) / (2.0 * tx)).min(-(top + bottom) / (2.0 * ty));
+        // Exact would be on the nearest point itself: stand clear of it.
+        let depth = far - near;
+        let back = match near - back > 1e-9 * (depth + near.abs()) {
+            true => back,
+            false => near - depth.max(1.0),
+        };
+        let position = x * ((right - left) / 2.0) + y * ((top - bottom) / 2.0) + z * back;
+        position.is_finite().then_some(position)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lens(fov_deg: f64, aspect: f64) -> Lens {
+        Lens { fov_deg, aspect, margin: 0.08 }
+    }
+
+    /// Points of a lopsided cloud, without randomness.
+    fn cloud() -> Vec<DVec3> {
+        let part = |i: u32, step: f64| (f64::from(i) * step).fract();
+        (0..500)
+            .map(|i| {
+                let p = DVec3::new(part(i, 0.618), part(i, 0.414), part(i, 0.732));
+                DVec3::new(3.0 * p.x, p.y * p.x, 2.0 * p.z - p.y) + DVec3::new(7.0, -2.0, 11.0)
+            })
+            .collect()
+    }
+
+    /// Picture coordinates in [-1, 1] of the picture without its margin.
+    fn project(p: DVec3, at: DVec3, direction: DVec3, up: DVec3, t: [f64; 2]) -> [f64; 2] {
+        let z = direction.normalize();
+        let x = z.cross(up).normalize();
+        let y = x.cross(z);
+        let d = p - at;
+        assert!(d.dot(z) > 0.0);
+        [d.dot(x) / d.dot(z) / t[0], d.dot(y) / d.dot(z) / t[1]]
+    }
+
+    #[test]
+    fn everything_is_inside_and_two_opposite_sides_touch() {
+        let views = [
+            (DVec3::new(-1.0, -0.5, -2.0), DVec3::Y),
+            (DVec3::new(1.0, 0.3, 0.1), DVec3::Z),
+            (DVec3::new(0.1, -5.0, 0.0), DVec3::new(0.3, 0.2, 1.0)),
+        ];
+        for (direction, up) in views {
+            for aspect in [0.3, 1.0, 2.5] {
+                for fov in [5.0, 30.0, 120.0] {
+                    let at = frame(cloud().into_iter(), direction, up, lens(fov, aspect)).unwrap();
+                    let t = (f64::to_radians(fov) / 2.0).tan() * 0.84;
+                    let seen: Vec<_> = cloud()
+                        .into_iter()
+                        .map(|p| project(p, at, direction, up, [t * aspect, t]))
+                        .collect();
+                    let ends = |axis: usize| {
+                        let values = || seen.iter().map(|s| s[axis]);
+                        (values().fold(1e9, f64::min), values().fold(-1e9, f64::max))
+                    };
+                    let (horizontal, vertical) = (ends(0), ends(1));
+                    for (low, high) in [horizontal, vertical] {
+                        assert!(low >= -1.0 - 1e-9 && high <= 1.0 + 1e-9, "{low} {high}");
+                    }
+                    let touches = |(low, high): (f64, f64)| low < -1.0 + 1e-9 && high > 1.0 - 1e-9;
+                    // Through a very wide angle one near point may hide all others: no side then.
+                    assert!(touches(horizontal) || touches(vertical) || fov > 100.0);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_turning_cloud_stays_inside_and_touches() {
+        let (direction, up) = (DVec3::new(-1.0, -0.5, -2.0), DVec3::Y);
+        let (pivot, aspect) = (DVec3::new(7.5, 0.0, 12.0), 1.6);
+        let lens = lens(35.0, aspect);
+        let at = frame_turning(cloud().into_iter(), (pivot, DVec3::Y), direction, up, lens);
+        let at = at.unwrap();
+        let t = (f64::to_radians(35.0) / 2.0).tan() * 0.84;
+        let (mut low, mut high) = ([1e9_f64; 2], [-1e9_f64; 2]);
+        for degree in 0..720 {
+            let turn = glam::DMat3::from_rotation_y(f64::from(degree).to_radians() / 2.0);
+            for p in cloud() {
+                let p = turn * (p - pivot) + pivot;
+                let seen = project(p, at, direction, up, [t * aspect, t]);
+                for axis in 0..2 {
+                    low[axis] = low[axis].min(seen[axis]);
+                    high[axis] = high[axis].max(seen[axis]);
+                }
+            }
+        }
+        assert!(low.iter().all(|&v| v >= -1.0 - 1e-9) && high.iter().all(|&v| v <= 1.0 + 1e-9));
+        // Half a degree from the azimuth at which a point touches.
+        let touches = |axis: usize| low[axis] < -0.999 && high[axis] > 0.999;
+        assert!(touches(0) || touches(1), "{low:?} {high:?}");
+    }
+
+    #[test]
+    fn a_point_a_line_and_nothing() {
+        let see =
+            |points: Vec<DVec3>| frame(points.into_iter(), DVec3::NEG_Z, DVec3::Y, lens(30.0, 1.0));
+        assert!(see(vec![DVec3::ONE]).unwrap().z > 1.0);
+        assert!(see(vec![DVec3::ZERO, DVec3::Z]).unwrap().z > 1.0);
+        assert_eq!(see(vec![]), None);
+        assert_eq!(see(vec![DVec3::NAN]), None);
+    }
+}

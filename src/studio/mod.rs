@@ -1,0 +1,142 @@
+//! A mesh alone becomes a scene.
+//!
+//! A template (the built-in studio, or any scene with a trimesh) says how it looks. Its first
+//! trimesh becomes the file; the mesh stands on the plane named `ground` (without one: at the height
+//! of the trimesh's `center`), its lowest vertex a hair above it; the camera keeps its direction and
+//! moves to where it sees every vertex. All of it is overrides of the template, so the result is an
+//! ordinary scene that can be saved. A [`Turntable`] makes further scenes of it, one per frame.
+
+mod framing;
+mod furnish;
+mod points;
+mod template;
+mod turntable;
+
+pub use framing::{Lens, frame, frame_turning};
+pub use furnish::unframed;
+pub use points::{Points, is_mesh, read};
+pub use template::Template;
+pub use turntable::{Fixed, Turning, Turntable};
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    error::{Problem, Result},
+    mesh::Mesh,
+    monitor::Monitor,
+    scene::{self, Loaded, Overrides, ShapeKind, Source},
+};
+
+/// Distance of the picture's borders from the mesh, as a fraction of its width and height.
+pub const MARGIN: f64 = 0.08;
+
+/// An axis of a mesh file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// x points up
+    X,
+    /// y points up
+    Y,
+    /// z points up, as scanners and CAD have it
+    Z,
+}
+
+/// A mesh file to be shown.
+#[derive(Debug, Clone, Copy)]
+pub struct Subject<'a> {
+    /// The file.
+    pub path: &'a Path,
+    /// Which of its axes points up, if the user says so.
+    pub up: Option<Axis>,
+    /// Degrees about x, then y, then z, in place of `up`.
+    pub rotate: Option<[f64; 3]>,
+    /// Kept free at each border of the picture, as a fraction of its width and height; [0, 0.5).
+    pub margin: f64,
+    /// The camera sees every vertex wherever it comes to on a turntable.
+    pub turning: bool,
+    /// Drop triangles with bad vertices.
+    pub repair: bool,
+    /// Read the file instead of mapping it.
+    pub no_mmap: bool,
+}
+
+impl<'a> Subject<'a> {
+    /// A file as it is.
+    pub fn new(path: &'a Path) -> Self {
+        let (up, rotate, margin) = (None, None, MARGIN);
+        Self { path, up, rotate, margin, turning: false, repair: false, no_mmap: false }
+    }
+}
+
+/// A scene around a mesh.
+#[derive(Debug)]
+pub struct Shown {
+    /// The scene, all overrides applied.
+    pub loaded: Loaded,
+    /// What is suspicious so far.
+    pub warnings: Vec<Problem>,
+    /// The mesh, by the path that the scene names.
+    pub mesh: (PathBuf, Mesh),
+    /// The middle of the mesh's box where it stands.
+    pub middle: DVec3,
+}
+
+/// Shows a mesh in a template. The user's overrides win; `light_samples` is [`load`]'s; a signal at the
+/// monitor stops the reading.
+///
+/// # Errors
+/// A mesh that cannot be read, a template without a trimesh, everything that is wrong with it and the
+/// overrides.
+pub fn show(
+    subject: &Subject,
+    template: &Template,
+    mut user: Overrides,
+    light_samples: Option<u32>,
+    monitor: &Monitor,
+) -> Result<Shown> {
+    let mut warnings = Vec::new();
+    let read = points::read(subject.path, subject.repair, subject.no_mmap, monitor)?;
+    let furnished = furnish::furnish(subject, read, template, &user, &mut warnings)?;
+    user.prepend(furnished.overrides);
+    let mut loaded = load(template.source(), user, light_samples, &mut warnings)?;
+    // Messages name the mesh as the user does, not as the template sees it.
+    let (path, mesh) = furnished.mesh;
+    for shape in &mut loaded.scene.shapes {
+        if let ShapeKind::Trimesh(spec) = &mut shape.kind {
+            if spec.path == path {
+                spec.path = subject.path.to_owned();
+            }
+        }
+    }
+    Ok(Shown { loaded, warnings, mesh: (subject.path.to_owned(), mesh), middle: furnished.middle })
+}
+
+/// Loads a scene with overrides; `light_samples` sets the samples of every area light before any
+/// `--set`.
+///
+/// # Errors
+/// Everything that is wrong with the scene and its overrides.
+pub fn load(
+    source: Source,
+    mut overrides: Overrides,
+    light_samples: Option<u32>,
+    warnings: &mut Vec<Problem>,
+) -> Result<Loaded> {
+    let load = |o: &Overrides| scene::load(source, &o.sets()).map_err(|error| o.explain(error));
+    let mut loaded = load(&overrides)?;
+    if let Some(samples) = light_samples {
+        if overrides.light_samples(samples, &loaded.description) {
+            loaded = load(&overrides)?;
+        } else {
+            let message = "has no effect: the scene has no area light";
+            warnings.push(Problem::new("--light-samples", message));
+        }
+    }
+    warnings.append(&mut loaded.warnings);
+    Ok(loaded)
+}

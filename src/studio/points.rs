@@ -1,0 +1,56 @@
+//! Mesh files as the studio sees them: clouds of points.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::{
+    error::Result,
+    mesh::{self, Mesh},
+    monitor::Monitor,
+    scene::begins_as_ply,
+    world::Bounds,
+};
+
+/// Reads a file; `no_mmap`: without mapping it into memory.
+pub fn read(path: &Path, repair: bool, no_mmap: bool, monitor: &Monitor) -> Result<Mesh> {
+    let options = mesh::ReadOptions::default().repair(repair).mmap(!no_mmap).monitor(monitor);
+    mesh::read_ply(path, options)
+}
+
+/// Whether a file is a mesh, by its name or its first bytes.
+pub fn is_mesh(path: &Path) -> bool {
+    let name = path.to_string_lossy().to_ascii_lowercase();
+    [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| name.ends_with(end)) || begins_as_ply(path)
+}
+
+/// The vertices that triangles use, in file units.
+#[derive(Debug)]
+pub struct Points<'m> {
+    mesh: &'m Mesh,
+    used: Vec<bool>,
+}
+
+impl<'m> Points<'m> {
+    /// Finds the used ones.
+    pub fn of(mesh: &'m Mesh) -> Self {
+        Self { mesh, used: mesh.used_vertices() }
+    }
+
+    /// How many vertices there are beside them.
+    pub fn unused(&self) -> u64 {
+        self.used.iter().filter(|used| !**used).count() as u64
+    }
+
+    /// All of them, again and again.
+    pub fn iter(&self) -> impl Iterator<Item = DVec3> + '_ {
+        let used = self.used.iter().enumerate().filter(|(_, used)| **used);
+        used.map(|(i, _)| self.mesh.positions.get(i))
+    }
+
+    /// The box of what `place` makes of them; empty if there are none.
+    pub fn bounds(&self, place: impl Fn(DVec3) -> DVec3 + Sync) -> Bounds {
+        let point = |i: usize| self.used[i].then(|| place(self.mesh.positions.get(i)));
+        Bounds::of_points(self.used.len(), point)
+    }
+}

@@ -1,0 +1,415 @@
+//! `lightpath batch` through the program: what it renders, keeps, refuses and says.
+
+mod program;
+
+use std::{fs, path::Path, time::SystemTime};
+
+use program::{PYRAMID, Scratch, names_in};
+use serde_json::Value;
+
+/// Small pictures by a backend that is always there.
+const SMALL: [&str; 6] = ["--size", "24x16", "--backend", "bvh", "--threads", "2"];
+
+fn batch(scratch: &Scratch, args: &[&str]) -> program::Done {
+    scratch.run(&[&["batch"], args, &SMALL].concat())
+}
+
+/// Three pyramids of different heights.
+fn scans() -> Scratch {
+    let scratch = Scratch::new();
+    for (name, height) in [("a", "1"), ("b", "2"), ("c", "3.5")] {
+        scratch.write(
+            &format!("scans/{name}.ply"),
+            &PYRAMID.replace("0 2 0", &format!("0 {height} 0")),
+        );
+    }
+    scratch
+}
+
+fn journal(scratch: &Scratch, name: &str) -> Vec<Value> {
+    let text = String::from_utf8(scratch.read(name)).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+fn pixels(path: &Path) -> Vec<f32> {
+    let layer = exr::prelude::read_first_flat_layer_from_file(path).unwrap().layer_data;
+    let values = layer.channel_data.list.iter().flat_map(|c| c.sample_data.values_as_f32());
+    values.collect()
+}
+
+/// All pictures below a folder with their bytes.
+fn pictures(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut all = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(&next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|end| end == "exr" || end == "png") {
+                let name = path.strip_prefix(folder).unwrap().display().to_string();
+                all.push((name, fs::read(&path).unwrap()));
+            }
+        }
+    }
+    all.sort();
+    all
+}
+
+#[test]
+fn a_frame_is_what_render_makes() {
+    let scratch = scans();
+    let done = batch(&scratch, &["scans", "-o", "out", "--no-sheet"]);
+    assert_eq!((done.code(), done.stdout().lines().count()), (0, 6), "{}", done.stderr());
+    assert_eq!(
+        names_in(&scratch.path("out")),
+        ["a.exr", "a.png", "b.exr", "b.png", "batch.jsonl", "c.exr", "c.png"]
+    );
+    let done = scratch.run(&[&["render", "scans/b.ply", "-o", "b"], &SMALL[..]].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert_eq!(pixels(&scratch.path("out/b.exr")), pixels(&scratch.path("b.exr")));
+}
+
+#[test]
+fn the_printed_camera_makes_the_same_files_again() {
+    let scratch = scans();
+    let args = ["scans/c.ply", "-o", "out", "--turntable", "3", "--no-sheet"];
+    let done = batch(&scratch, &args);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let said = done.stderr();
+    let camera = said.lines().find_map(|line| line.strip_prefix("scans/c.ply: camera ")).unwrap();
+    let recorded = journal(&scratch, "out/batch.jsonl");
+    let mesh = recorded.iter().find(|record| record["event"] == "mesh").unwrap();
+    assert_eq!(mesh["camera"], serde_json::from_str::<Value>(camera).unwrap());
+    let job = format!(
+        r#"{{ "inputs": ["scans/c.ply"], "camera": {camera}, "margin": 0.3,
+             "turntable": {{ "frames": 3 }}, "output": {{ "folder": "again" }} }}"#
+    );
+    scratch.write("job.json", &job);
+    let done = batch(&scratch, &["job.json", "--no-sheet"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let (first, second) = (pictures(&scratch.path("out")), pictures(&scratch.path("again")));
+    assert_eq!(first.len(), 6);
+    assert!(first == second);
+    let frame = |n: u32| pixels(&scratch.path(&format!("out/c/c.000{n}.exr")));
+    assert!(frame(0) != frame(1) && frame(1) != frame(2));
+}
+
+#[test]
+fn what_turns_decides_the_light_and_the_way_round() {
+    let scratch = scans();
+    let turn = |out: &str, flags: &[&str]| {
+        let args = [&["scans/a.ply", "-o", out, "--turntable", "3", "--no-sheet"], flags].concat();
+        let done = batch(&scratch, &args);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        let frame = |n: u32| pixels(&scratch.path(&format!("{out}/a/a.000{n}.exr")));
+        [frame(0), frame(1), frame(2)]
+    };
+    let object = turn("object", &["--lights", "object"]);
+    let camera = turn("camera", &["--turn", "camera"]);
+    let room = turn("room", &[]);
+    assert_eq!(object[0], camera[0]);
+    assert_eq!([&object[1], &object[2]], [&camera[2], &camera[1]]);
+    assert_eq!(object[0], room[0]);
+    assert!(object[1] != room[1]);
+}
+
+#[test]
+fn a_bad_mesh_costs_only_itself() {
+    let scratch = scans();
+    scratch.write("scans/b.ply", "ply\nformat ascii 1.0\nelement vertex 3\n");
+    let args = ["scans", "-o", "out", "--turntable", "2"];
+    let done = batch(&scratch, &args);
+    assert_eq!(done.code(), 1, "{}", done.stderr());
+    let said = done.stderr();
+    assert!(said.contains("error: 1 of 3 inputs failed:"), "{said}");
+    assert_eq!(
+        said.matches("error: scans/b.ply: the header has no end_header").count(),
+        2,
+        "{said}"
+    );
+    assert_eq!(pictures(&scratch.path("out/a")).len() + pictures(&scratch.path("out/c")).len(), 8);
+    let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    assert!(html.contains("class=\"failed\"") && html.contains("the header has no end_header"));
+    // Mended, only it is rendered, and nothing is red any more.
+    scratch.write("scans/b.ply", PYRAMID);
+    let done = batch(&scratch, &[&args[..], &["--resume"]].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert!(done.stderr().contains("2 frames rendered, 4 kept, 0 failures"), "{}", done.stderr());
+    let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    assert!(!html.contains("class=\"failed\""));
+    // Otherwise the first failure is the last.
+    scratch.write("scans/a.ply", "ply\n");
+    let args = ["scans", "-o", "fast", "--jobs", "1", "--fail-fast", "--quiet"];
+    let done = batch(&scratch, &args);
+    assert_eq!(
+        (done.code(), done.stdout().contains("fast/c.exr")),
+        (1, false),
+        "{}",
+        done.stderr()
+    );
+}
+
+#[test]
+fn resume_trusts_what_is_whole_and_the_same_and_says_why_not() {
+    let scratch = scans();
+    let args = ["scans", "-o", "out", "--turntable", "2", "--no-sheet"];
+    let run = |more: &[&str]| {
+        let done = batch(&scratch, &[&args[..], &["--skip-existing"], more].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        let said = done.stderr();
+        let again = said.lines().filter_map(|line| line.strip_prefix("again: "));
+        let mut again: Vec<String> = again.map(str::to_string).collect();
+        again.sort();
+        (again, said.contains(" 6 kept,"))
+    };
+    assert_eq!(run(&[]), (vec![], false));
+    assert_eq!(run(&[]), (vec![], true));
+    let whole = pictures(&scratch.path("out"));
+    // A cut file, a lost one, a strange one, a changed mesh.
+    let cut = scratch.read("out/a/a.0000.exr");
+    fs::write(scratch.path("out/a/a.0000.exr"), &cut[..cut.len() - 1]).unwrap();
+    let cut = scratch.read("out/a/a.0001.png");
+    fs::write(scratch.path("out/a/a.0001.png"), &cut[..cut.len() - 3]).unwrap();
+    fs::remove_file(scratch.path("out/b/b.0000.png")).unwrap();
+    fs::write(scratch.path("out/b/b.0001.exr"), "not a picture").unwrap();
+    let (again, _) = run(&[]);
+    let expected = [
+        "out/a/a.0000.exr is not whole",
+        "out/a/a.0001.png is not whole",
+        "out/b/b.0000.png is missing",
+        "out/b/b.0001.exr is not whole",
+    ];
+    assert_eq!(again, expected);
+    assert!(pictures(&scratch.path("out")) == whole);
+    let mesh = scratch.read("scans/c.ply");
+    scratch.write("scans/c.ply", &format!("{}\n", String::from_utf8(mesh).unwrap()));
+    let changed = "a mesh or a texture changed";
+    let expected = [0, 1].map(|n| format!("out/c/c.000{n}.exr: {changed}"));
+    assert_eq!(run(&[]).0, expected);
+    let (again, _) = run(&["--spp", "3"]);
+    assert_eq!(again.len(), 6);
+    assert!(again[0].ends_with(": the scene changed"), "{again:?}");
+    let (again, _) = run(&["--spp", "3", "--float"]);
+    assert!(again.len() == 6 && again[0].ends_with(": settings changed"), "{again:?}");
+    // A picture of `render` does not say what it was made of.
+    let render = ["render", "scans/a.ply", "-o", "out/a/a.0000", "--spp", "3", "--float"];
+    scratch.run(&[&render[..], &SMALL].concat());
+    let (again, _) = run(&["--spp", "3", "--float"]);
+    assert_eq!(again, ["out/a/a.0000.exr does not say what it was made of"]);
+    // Another name of the same file is the same mesh.
+    let old = scratch.path("out/b/b.0000.exr").metadata().unwrap().modified().unwrap();
+    let absolute = scratch.path("scans").display().to_string();
+    let all = ["--spp", "3", "--float", "--resume", "--turntable", "2", "-o", "out", "--no-sheet"];
+    let done = batch(&scratch, &[&[absolute.as_str()], &all[..]].concat());
+    assert!(done.stderr().contains(" 6 kept,"), "{}", done.stderr());
+    let now: SystemTime = scratch.path("out/b/b.0000.exr").metadata().unwrap().modified().unwrap();
+    assert_eq!(old, now);
+}
+
+#[test]
+fn frames_say_where_they_stand_in_their_sequence() {
+    let scratch = scans();
+    let args = ["scans/a.ply", "-o", "out", "--turntable", "3", "--multipart", "--no-sheet"];
+    let args = [&args[..], &["--aov", "Z", "--resume"]].concat();
+    let run = |rate: &str, kept: &str| {
+        let done = batch(&scratch, &[&args[..], &["--fps", rate]].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        assert!(done.stderr().contains(kept), "{}", done.stderr());
+        done.stderr()
+    };
+    run("24", "3 frames rendered, 0 kept");
+    // Files of several parts are known to be whole, too.
+    run("24", "0 frames rendered, 3 kept");
+    assert!(run("23.976", "3 frames rendered, 0 kept").contains("settings changed"));
+    for frame in 0..3 {
+        let path = scratch.path(&format!("out/a/a.000{frame}.exr"));
+        let meta = exr::meta::MetaData::read_from_file(path, false).unwrap();
+        assert_eq!(meta.headers.len(), 2);
+        for header in &meta.headers {
+            let own = &header.own_attributes;
+            assert_eq!(own.frames_per_second, Some((24000, 1001)));
+            let counter = own.other.iter().find(|(name, _)| name.to_string() == "imageCounter");
+            assert_eq!(counter.unwrap().1, &exr::meta::attribute::AttributeValue::I32(frame));
+        }
+    }
+    let length = fs::metadata(scratch.path("out/a/a.0001.exr")).unwrap().len();
+    let file = fs::File::options().write(true).open(scratch.path("out/a/a.0001.exr")).unwrap();
+    file.set_len(length - 1).unwrap();
+    let said = run("23.976", "1 frames rendered, 2 kept");
+    assert!(said.contains("a.0001.exr is not whole"), "{said}");
+}
+
+#[test]
+fn a_still_says_what_render_says_of_its_scene() {
+    let scratch = scans();
+    let done = batch(&scratch, &["scans/b.ply", "-o", "out", "--no-sheet"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let done = scratch.run(&[&["render", "scans/b.ply", "-o", "b"], &SMALL[..]].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let said = |name: &str| {
+        let meta = exr::meta::MetaData::read_from_file(scratch.path(name), false).unwrap();
+        let other = meta.headers[0].own_attributes.other.clone();
+        let mut said: Vec<_> = other.into_iter().map(|(n, v)| (n.to_string(), v)).collect();
+        said.retain(|(name, _)| name != "lightpath:fingerprint");
+        said.sort_by(|a, b| a.0.cmp(&b.0));
+        said
+    };
+    assert_eq!(said("out/b.exr"), said("b.exr"));
+    assert!(said("b.exr").iter().any(|(name, _)| name == "lightpath:sceneHash"));
+    assert!(!said("b.exr").iter().any(|(name, _)| name == "imageCounter"));
+}
+
+#[test]
+fn ranges_make_the_whole() {
+    let scratch = scans();
+    let args =
+        |out: &'static str| ["scans", "-o", out, "--turntable", "3", "--no-sheet", "--quiet"];
+    assert_eq!(batch(&scratch, &args("all")).code(), 0);
+    for range in ["0..1", "1..5", "5..9"] {
+        let done = batch(&scratch, &[&args("parts")[..], &["--range", range]].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    }
+    assert!(pictures(&scratch.path("all")) == pictures(&scratch.path("parts")));
+    let names = names_in(&scratch.path("parts"));
+    assert!(names.contains(&"batch.1-5.jsonl".to_string()), "{names:?}");
+    let done = batch(&scratch, &[&args("parts")[..], &["--range", "8..10"]].concat());
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("expected frames A..B of 0..9"), "{}", done.stderr());
+    // The sheet of what the parts made.
+    let done = batch(&scratch, &["scans", "-o", "parts", "--turntable", "3", "--sheet-only"]);
+    assert_eq!(done.stdout(), "parts/index.html\nparts/sheet.png\n", "{}", done.stderr());
+    let html = String::from_utf8(scratch.read("parts/index.html")).unwrap();
+    assert!(html.contains("3 inputs, 9 of 9 frames"), "{html}");
+}
+
+#[test]
+fn a_job_file_says_it_all() {
+    let scratch = scans();
+    let job = r#"{
+      "comment": "three pyramids",
+      "inputs": ["scans/[ab].ply", { "path": "scans/c.ply", "up": "z", "set": { "/spp": 2 } }],
+      "size": [20, 10], "layers": ["Z"], "set": { "/scene/accelerator": "bvh", "/spp": 1 },
+      "turntable": { "frames": 2, "turn": "camera", "start": 30 },
+      "output": { "folder": "made", "name": "{stem}-{frame:02}.exr", "compression": "piz" },
+      "limits": { "memory": "1G", "threads": 2, "jobs": 2 }
+    }"#;
+    scratch.write("jobs/job.json", &job.replace("scans/", "../scans/"));
+    let done = scratch.run(&["batch", "jobs/job.json"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let names = names_in(&scratch.path("jobs/made"));
+    let frames = ["a-00.exr", "a-00.png", "a-01.exr", "a-01.png", "b-00.exr"];
+    assert_eq!(names[..5], frames, "{names:?}");
+    let file = exr::meta::MetaData::read_from_file(scratch.path("jobs/made/a-00.exr"), false);
+    let header = &file.unwrap().headers[0];
+    assert_eq!((header.layer_size.x(), header.layer_size.y()), (20, 10));
+    assert_eq!(header.compression, exr::compression::Compression::PIZ);
+    assert!(header.channels.list.iter().any(|channel| channel.name.to_string() == "Z"));
+    let records = journal(&scratch, "jobs/made/batch.jsonl");
+    let rays = |input: &str| {
+        let mut records = records.iter().filter(|r| r["event"] == "frame");
+        let record = records.find(|r| r["input"].as_str().unwrap().ends_with(input)).unwrap();
+        record["rays"]["primary"].as_u64().unwrap()
+    };
+    assert_eq!([rays("a.ply"), rays("c.ply")], [200, 400]);
+    // Flags win.
+    let done =
+        scratch.run(&["batch", "jobs/job.json", "--spp", "3", "-o", "here", "--range", "0..1"]);
+    assert_eq!(done.stdout(), "here/a-00.exr\nhere/a-00.png\n", "{}", done.stderr());
+    // The schema knows its keys.
+    let schema: Value = serde_json::from_str(&scratch.run(&["schema", "job"]).stdout()).unwrap();
+    for key in ["inputs", "template", "turntable", "output", "limits", "comment"] {
+        assert!(schema["properties"][key].is_object(), "{key}");
+    }
+    assert_eq!(schema["additionalProperties"], false);
+}
+
+#[test]
+fn what_is_refused_before_anything_is_rendered() {
+    let scratch = scans();
+    scratch.write("other/a.ply", PYRAMID);
+    let refused = |args: &[&str], expected: &str| {
+        let done = batch(&scratch, args);
+        assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
+        assert!(done.stderr().contains(expected), "{args:?}: {}", done.stderr());
+        assert!(!scratch.path("out").exists(), "{args:?}");
+    };
+    refused(&["nosuch.ply"], "there is no such file");
+    refused(&["scans", "other"], "would both be written to");
+    refused(&["scans", "--name", "{stem}", "--turntable", "2"], "expected {frame} in it");
+    refused(&["scans", "--name", "../{stem}"], "expected a name within the output folder");
+    refused(&["scans", "--template", "nosuch.json"], "nosuch.json: cannot read");
+    let job = |text: &str| {
+        scratch.write("job.json", text);
+        "job.json"
+    };
+    refused(&[job(r#"{ "inputs": ["scans"], "turntabel": { "frames": 2 } }"#)], "turntable");
+    refused(&[job(r#"{ "inputs": [{ "path": "scans", "upp": "z" }] }"#)], "job.json:1:34");
+    refused(&[job(r#"{ "inputs": ["scans/*.obj"] }"#)], "a pattern that matches no file");
+    refused(&[job(r#"{ "inputs": ["scans"], "limits": { "memory": "lots" } }"#)], "limits/memory");
+    // A wrong value of the scene is found in every mesh.
+    let done = batch(&scratch, &["scans", "-o", "bad", "--set", "/camera/fov=200", "--quiet"]);
+    assert_eq!(done.code(), 1);
+    assert_eq!(done.stderr().matches("/camera/fov").count(), 6, "{}", done.stderr());
+    // Too little memory likewise, with the numbers.
+    let done = batch(&scratch, &["scans", "-o", "bad", "--max-memory", "1M", "--quiet"]);
+    assert_eq!(done.code(), 1);
+    assert!(done.stderr().contains("--max-memory: found 1.0 MiB, expected at least"));
+    // Nothing is written over what is read.
+    let studio = include_str!("../assets/studio.json");
+    let textured =
+        studio.replace("\"kd\": 1,\n        \"ka\"", "\"kd\": 1, \"tPath\": \"a.png\", \"ka\"");
+    assert_ne!(studio, textured);
+    scratch.write("scans/t.json", &textured);
+    let picture = image::RgbImage::new(2, 2);
+    picture.save(scratch.path("scans/a.png")).unwrap();
+    let before = scratch.read("scans/a.png");
+    let args = ["scans/a.ply", "-o", "scans", "--template", "scans/t.json", "--no-sheet"];
+    let done = batch(&scratch, &args);
+    assert_eq!(
+        (done.code(), scratch.read("scans/a.png") == before),
+        (1, true),
+        "{}",
+        done.stderr()
+    );
+    assert!(done.stderr().contains("would be written over what the batch reads"));
+}
+
+#[test]
+fn progress_for_farms() {
+    let scratch = scans();
+    let run = |mode: &str| {
+        let args = ["scans", "-o", mode, "--turntable", "4", "--no-sheet", "--progress", mode];
+        let done = batch(&scratch, &args);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        (done.stdout(), done.stderr())
+    };
+    let percents = |text: &str, start: &str, end: &str| -> Vec<u32> {
+        let lines = text.lines().filter_map(|line| line.strip_prefix(start)?.strip_suffix(end));
+        lines.map(|number| number.parse().unwrap()).collect()
+    };
+    let openjd = run("openjd").0;
+    let said = percents(&openjd, "openjd_progress: ", "");
+    assert!(said.is_sorted() && said.last() == Some(&100), "{openjd}");
+    assert!(openjd.contains("openjd_status: frames 12 of 12"), "{openjd}");
+    let said = percents(&run("alf").0, "ALF_PROGRESS ", "%");
+    assert!(said.is_sorted() && said.last() == Some(&100));
+    // A short batch may end before the first line.
+    for line in run("json").1.lines().filter(|line| line.starts_with('{')) {
+        let line: Value = serde_json::from_str(line).unwrap();
+        assert_eq!(line["total"], 12);
+    }
+}
+
+#[test]
+fn a_dry_run_lists_the_frames() {
+    let scratch = scans();
+    let args = ["scans", "-o", "out", "--turntable", "2", "--range", "1..3", "--dry-run"];
+    let done = batch(&scratch, &args);
+    let lines: Vec<Value> =
+        done.stdout().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines.len(), 2, "{}", done.stderr());
+    assert_eq!(lines[0]["outputs"][0], "out/a/a.0001.exr");
+    assert_eq!((&lines[1]["index"], &lines[1]["frame"]), (&2.into(), &0.into()));
+    assert!(!scratch.path("out").exists());
+}

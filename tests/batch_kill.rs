@@ -1,0 +1,131 @@
+//! Sudden death of a batch, again and again: what is there is whole, and in the end everything is there.
+#![cfg(unix)]
+
+mod program;
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    io::{BufRead, BufReader, Read},
+    path::Path,
+    process::{Command, Stdio},
+    time::Duration,
+};
+
+use program::{PYRAMID, Scratch, names_in};
+
+const MESHES: u32 = 50;
+const FRAMES: u32 = 4;
+
+/// Numbers that look random and are the same in every run of the test.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0 % n
+    }
+}
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    for mesh in 0..MESHES {
+        let apex = format!("0.{mesh:02} {} 0", 1 + mesh % 5);
+        scratch.write(&format!("scans/m{mesh:02}.ply"), &PYRAMID.replace("0 2 0", &apex));
+    }
+    scratch
+}
+
+fn batch(scratch: &Scratch, out: &str) -> Command {
+    let frames = FRAMES.to_string();
+    let args =
+        ["batch", "scans", "-o", out, "--turntable", &frames, "--size", "20x14", "--spp", "1"];
+    let more = ["--backend", "bvh", "--threads", "2", "--resume", "--no-sheet", "--quiet"];
+    scratch.command(&[&args[..], &more].concat())
+}
+
+/// All files below a folder but the journal.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for name in names_in(folder) {
+        let path = folder.join(&name);
+        if path.is_dir() {
+            let below = files(&path).into_iter();
+            all.extend(below.map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
+        } else if name != "batch.jsonl" {
+            all.insert(name, fs::read(&path).unwrap());
+        }
+    }
+    all
+}
+
+/// Starts the batch so many times and kills it each time at a random moment; then lets it end.
+fn survives(kills: u32) {
+    let scratch = scratch();
+    let whole = batch(&scratch, "whole").output().unwrap();
+    assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
+    let whole = files(&scratch.path("whole"));
+    assert_eq!(whole.len() as u32, 2 * MESHES * FRAMES);
+    let mut random = Random(0x9e37_79b9_7f4a_7c15);
+    let mut killed = 0;
+    for _ in 0..kills {
+        let mut child = batch(&scratch, "out").stdout(Stdio::piped()).spawn().unwrap();
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        // While it starts, or some frames later; then some moment within a frame.
+        let mut line = String::new();
+        for _ in 0..random.below(8) {
+            stdout.read_line(&mut line).unwrap();
+        }
+        std::thread::sleep(Duration::from_micros(random.below(8000)));
+        killed += u32::from(child.try_wait().unwrap().is_none());
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let mut rest = Vec::new();
+        stdout.read_to_end(&mut rest).unwrap();
+        // What has its final name is final.
+        for (name, bytes) in files(&scratch.path("out")) {
+            assert!(name.ends_with(".part") || whole.get(&name) == Some(&bytes), "{name}");
+        }
+    }
+    assert!(killed >= kills * 4 / 5, "{killed} of {kills} were still running");
+    let done = batch(&scratch, "out").output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let made = files(&scratch.path("out"));
+    assert_eq!(made.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>());
+    assert!(made == whole);
+    let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
+    for line in journal.lines() {
+        let record: Result<serde_json::Value, _> = serde_json::from_str(line);
+        assert!(record.is_ok(), "{line}");
+    }
+}
+
+#[test]
+fn kills_at_random_moments_lose_nothing() {
+    survives(50);
+}
+
+#[test]
+fn a_signal_stops_it_and_what_is_finished_stays() {
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let scratch = scratch();
+        let mut command = batch(&scratch, "out");
+        // Some minutes of work.
+        command.args(["--size", "600x400", "--spp", "256"]);
+        command.args(["--jobs", "2"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(700));
+        let kill = format!("kill -s {signal} {}", child.id());
+        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+        let mut said = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{said}");
+        assert!(said.contains("error: stopped by a signal; finished frames stay"), "{said}");
+        let files = files(&scratch.path("out"));
+        assert!(files.keys().all(|name| !name.ends_with(".part")), "{:?}", files.keys());
+        let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
+        assert!(journal.lines().last().unwrap().contains("\"event\":\"end\""), "{journal}");
+    }
+}

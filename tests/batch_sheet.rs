@@ -1,0 +1,95 @@
+//! The contact sheet in a browser: it needs no other file, turns, sorts, and shows what failed.
+
+mod program;
+
+use std::{path::Path, process::Command};
+
+use program::{PYRAMID, Scratch};
+
+const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
+
+/// Runs a browser without a window; `None` where there is none.
+fn browse(args: &[&str], page: &Path) -> Option<String> {
+    let url = format!("file://{}", page.display());
+    for browser in BROWSERS {
+        let all = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=2000"];
+        match Command::new(browser).args(all).args(args).arg(&url).output() {
+            Ok(output) => return Some(String::from_utf8_lossy(&output.stdout).into_owned()),
+            Err(_) => continue,
+        }
+    }
+    eprintln!("skipped: found no browser of {BROWSERS:?}");
+    None
+}
+
+/// Two pyramids from around, and a file that is none.
+fn sheet() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("scans/tall.ply", &PYRAMID.replace("0 2 0", "0 5 0"));
+    scratch.write("scans/flat.ply", &PYRAMID.replace("0 2 0", "0 1 0"));
+    scratch.write("scans/a<b>.ply", "ply\nformat ascii 1.0\n");
+    let args = ["batch", "scans", "-o", "out", "--turntable", "6", "--size", "96x64", "--spp", "1"];
+    let done = scratch.run(&[&args[..], &["--backend", "bvh", "--quiet"]].concat());
+    assert_eq!(done.code(), 1, "{}", done.stderr());
+    scratch
+}
+
+#[test]
+fn the_page_refers_to_nothing_and_its_names_are_safe() {
+    let scratch = sheet();
+    let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    for outside in ["http:", "https:", "href=", "@import", "url(", "<b>"] {
+        assert!(!html.contains(outside), "{outside}");
+    }
+    assert_eq!(html.matches("src=\"data:image/jpeg;base64,").count(), 2);
+    assert_eq!(html.matches("<article").count(), 3);
+}
+
+#[test]
+fn a_browser_shows_it() {
+    let scratch = sheet();
+    let page = scratch.path("out/index.html");
+    // What the mouse and the menu would do, and what then stands in the page.
+    let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    let acts = "<script>
+      const all = () => [...document.querySelectorAll('article:not([hidden]) h2')];
+      const order = () => all().map((h) => h.textContent).join(',');
+      const set = (id, key, value) => {
+        document.getElementById(id)[key] = value;
+        document.getElementById(id).dispatchEvent(new Event('input'));
+      };
+      const said = [];
+      set('sort', 'value', 'name'); set('down', 'checked', true); said.push(order());
+      set('sort', 'value', 'state'); set('down', 'checked', false); said.push(order());
+      set('bad', 'checked', true); said.push(order()); set('bad', 'checked', false);
+      set('find', 'value', 'TALL'); said.push(order()); set('find', 'value', '');
+      const slider = document.querySelector('input[type=range]');
+      slider.value = 3; slider.dispatchEvent(new Event('input'));
+      said.push(document.querySelector('.strip img').style.transform);
+      const image = document.querySelector('.strip img');
+      said.push(image.naturalWidth / image.naturalHeight);
+      document.body.dataset.said = said.join(' | ');
+    </script></body>";
+    scratch.write("out/acted.html", &html.replace("</body>", acts));
+    let Some(dom) = browse(&["--dump-dom"], &scratch.path("out/acted.html")) else {
+        return;
+    };
+    let said = dom.split("data-said=\"").nth(1).and_then(|rest| rest.split('"').next());
+    let bad = "a&lt;b&gt;.ply";
+    let expected = format!(
+        "tall.ply,flat.ply,{bad} | {bad},flat.ply,tall.ply | {bad} | tall.ply | translateX(-50%) | 9"
+    );
+    assert_eq!(said, Some(expected.as_str()), "{dom}");
+    // And it looks like something: red where it failed, many colours where it did not.
+    let shot = scratch.path("shot.png");
+    let args = [format!("--screenshot={}", shot.display()), "--window-size=900,700".to_string()];
+    browse(&[&args[0], &args[1]], &page).unwrap();
+    let picture = image::open(&shot).unwrap().to_rgb8();
+    let red = picture.pixels().filter(|p| p.0 == [0xc8, 0x10, 0x2e]).count();
+    assert!(red > 300, "{red}");
+    let colours: std::collections::HashSet<[u8; 3]> = picture.pixels().map(|p| p.0).collect();
+    assert!(colours.len() > 100, "{}", colours.len());
+    if let Ok(keep) = std::env::var("LIGHTPATH_KEEP_SHEET") {
+        std::fs::copy(&shot, keep).unwrap();
+    }
+}
