@@ -83,7 +83,10 @@ struct Cluster {
 impl Cluster {
     fn run(&self, args: &[&str]) -> Done {
         let mut command = Command::new(root().join("scripts/slurm_cluster.sh"));
-        Done::of(command.args(args).env("SLURM_CLUSTER", self.state()))
+        // Other clusters may run on this machine: of another checkout's tests.
+        let port = 20_000 + std::process::id() % 2_000 * 10;
+        command.env("SLURM_CLUSTER", self.state()).env("SLURM_CLUSTER_PORT", port.to_string());
+        Done::of(command.args(args))
     }
 
     #[track_caller]
