@@ -65,6 +65,7 @@ install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, comp
 	install -d -m 755 $(addprefix $(DESTDIR)$(PREFIX)/share/, doc/lightpath man/man1 \
 	    bash-completion/completions zsh/site-functions fish/vendor_completions.d)
 	install -m 644 LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md $(DESTDIR)$(PREFIX)/share/doc/lightpath
+	install -D -m 644 -t $(DESTDIR)$(PREFIX)/share/lightpath/farm farm/openjd-template.yaml
 	$(BINARY) man > $(DESTDIR)$(PREFIX)/share/man/man1/lightpath.1
 	$(BINARY) completions bash > $(DESTDIR)$(PREFIX)/share/bash-completion/completions/lightpath
 	$(BINARY) completions zsh > $(DESTDIR)$(PREFIX)/share/zsh/site-functions/_lightpath

@@ -61,7 +61,9 @@ fn pictures(folder: &Path) -> Vec<(String, Vec<u8>)> {
 
 #[track_caller]
 fn same_pictures(scratch: &Scratch, farm: &str) {
-    let done = scratch.run(&["batch", "job.json", "-o", "one", "--quiet"]);
+    // By the same name: what a picture says of its scene has the paths in it.
+    let job = scratch.path("job.json").display().to_string();
+    let done = scratch.run(&["batch", &job, "-o", "one", "--quiet"]);
     assert_eq!(done.code(), 0, "{}", done.stderr());
     let (one, farm) =
         (pictures(&scratch.path("one/pyramid")), pictures(&scratch.path(farm).join("pyramid")));
@@ -81,7 +83,10 @@ struct Cluster {
 impl Cluster {
     fn run(&self, args: &[&str]) -> Done {
         let mut command = Command::new(root().join("scripts/slurm_cluster.sh"));
-        Done::of(command.args(args).env("SLURM_CLUSTER", self.state()))
+        // Other clusters may run on this machine: of another checkout's tests.
+        let port = 20_000 + std::process::id() % 2_000 * 10;
+        command.env("SLURM_CLUSTER", self.state()).env("SLURM_CLUSTER_PORT", port.to_string());
+        Done::of(command.args(args))
     }
 
     #[track_caller]
@@ -133,7 +138,7 @@ fn a_cluster_that_loses_nodes_loses_no_frame() {
         return skipped("the cluster test: not root", "run the tests as root");
     }
     let cluster = Cluster { folder: tempfile::tempdir().unwrap() };
-    let scratch = scratch("320x240", 16);
+    let scratch = scratch("160x120", 24);
     cluster.ok(&["up", "3", "2"]);
     let mut command = scratch.command(&[
         "submit",
@@ -156,9 +161,16 @@ fn a_cluster_that_loses_nodes_loses_no_frame() {
         names.filter(|name| name.ends_with(".png")).count()
     };
     // In the middle, one node dies with its tasks, and of another the daemon alone.
-    cluster.wait_for("no frame is finished", 120, || finished() >= 8);
+    cluster.wait_for("no frame is finished", 300, || finished() >= 8);
+    // Tasks that have just begun are under way when the node dies.
+    let begun = |node: &str| {
+        let times = cluster.slurm("squeue", &["-h", "-t", "R", "-w", node, "-o", "%M"]);
+        times.lines().any(|time| ["0:00", "0:01"].contains(&time.trim()))
+    };
+    cluster.wait_for("no task on n2", 300, || begun("n2"));
     cluster.ok(&["kill-node", "2"]);
-    cluster.wait_for("no more frames", 120, || finished() >= 12);
+    cluster.wait_for("no more frames", 300, || finished() >= 12);
+    cluster.wait_for("no task on n3", 300, || begun("n3"));
     cluster.ok(&["kill-slurmd", "3"]);
     let at_the_kills = finished();
     assert!(at_the_kills < FRAMES, "the nodes died too late");

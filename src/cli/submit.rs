@@ -69,7 +69,7 @@ pub struct SlurmArgs {
 
     /// How long a frame takes [default: as frames of this job took that are in DIR, else from the
     /// rays and triangles of the first input]
-    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds, allow_negative_numbers = true)]
     pub frame_seconds: Option<f64>,
 
     /// Tasks of the array; Slurm's own limit is one less than its MaxArraySize
