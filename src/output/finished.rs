@@ -49,7 +49,7 @@ pub fn exr(path: &Path) -> Finished {
         let whole = last.checked_add(8 + u64::from(size))? == length;
         let mut others = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
         let said = others.find_map(|(name, value)| match value {
-            AttributeValue::Text(text) if name.to_string() == FINGERPRINT => Some(text.to_string()),
+            AttributeValue::Text(text) if *name == *FINGERPRINT => Some(text.to_string()),
             _ => None,
         });
         whole.then_some(said)
