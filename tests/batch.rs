@@ -344,7 +344,7 @@ fn what_is_refused_before_anything_is_rendered() {
         "job.json"
     };
     refused(&[job(r#"{ "inputs": ["scans"], "turntabel": { "frames": 2 } }"#)], "turntable");
-    refused(&[job(r#"{ "inputs": [{ "path": "scans", "upp": "z" }] }"#)], "job.json:1:34");
+    refused(&[job(r#"{ "inputs": [{ "path": "scans", "upp": "z" }] }"#)], "job.json:1:33");
     refused(&[job(r#"{ "inputs": ["scans/*.obj"] }"#)], "a pattern that matches no file");
     refused(&[job(r#"{ "inputs": ["scans"], "limits": { "memory": "lots" } }"#)], "limits/memory");
     // A wrong value of the scene is found in every mesh.

@@ -113,10 +113,17 @@ fn a_signal_stops_it_and_what_is_finished_stays() {
         let scratch = scratch();
         let mut command = batch(&scratch, "out");
         // Some minutes of work.
-        command.args(["--size", "600x400", "--spp", "256"]);
-        command.args(["--jobs", "2"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.args(["--set", "/camera/width=600", "--set", "/camera/height=400"]);
+        command
+            .args(["--set", "/spp=256", "--jobs", "2"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
-        std::thread::sleep(Duration::from_millis(700));
+        // The journal is opened when signals are watched for.
+        while !scratch.path("out/batch.jsonl").exists() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        std::thread::sleep(Duration::from_millis(300));
         let kill = format!("kill -s {signal} {}", child.id());
         assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
         let mut said = String::new();

@@ -12,7 +12,7 @@ use std::{
 
 use crate::{
     accel::{self, Accelerator, BuildInfo, BuildOptions},
-    error::{Error, Kind, Result},
+    error::{Error, Result},
     film::{Blank, Film, Window},
     layers::Plan,
     memory::{self, Budget, Prediction},
@@ -147,9 +147,8 @@ impl Run<'_> {
         if let Some(reason) = &frame.again {
             (self.tell)(Event::Again { reason });
         }
-        // The folder may be gone since the batch began, or never have been there.
-        let outputs = create(&frame.prefix).inspect_err(|error| self.end(error.clone()))?;
-        let mut film = match film {
+        let outputs = create(&frame.prefix).inspect_err(|error| self.end_if_full(error))?;
+        let film = match film {
             Some(film) => film,
             None => {
                 let window = Window::full(world.frame[0], world.frame[1]);
@@ -159,12 +158,11 @@ impl Run<'_> {
         self.status.began(&monitor);
         let began = Instant::now();
         let (isa, accelerator) = (self.options.isa, built.accelerator);
-        let counts = self
-            .pool
-            .install(|| render_layers(&world, accelerator, isa, &mut film, &plan, &monitor));
+        let counts =
+            self.pool.install(|| render_layers(&world, accelerator, isa, film, &plan, &monitor));
         let render_s = began.elapsed().as_secs_f64();
         drop(turn);
-        let written = counts.and_then(|counts| {
+        let written = counts.map(|counts| {
             let says = Says {
                 plan: &plan,
                 more: &[],
@@ -179,17 +177,17 @@ impl Run<'_> {
                 fingerprint: frame.fingerprint.as_deref(),
             };
             let storage = self.job.storage;
-            let write = || picture::write(outputs, film, scene, says, storage, &monitor);
-            Ok((counts, self.pool.install(write)))
+            let write = || picture::write(outputs, film, &frame.loaded, says, storage, &monitor);
+            (counts, self.pool.install(write))
         });
         self.status.ended(&monitor);
         let (counts, written) = written?;
         let (paths, oddities) = match written {
-            Err(error) if error.kind == Kind::Retry => {
-                self.end(error.clone());
+            Err(error) => {
+                self.end_if_full(&error);
                 return Err(error);
             }
-            other => other?,
+            Ok(written) => written,
         };
         let write_s = began.elapsed().as_secs_f64() - render_s;
         let warnings = self.warn(built.input, &picture::odd(&oddities));

@@ -1,6 +1,6 @@
 //! Many meshes, many frames: a [`Job`] in, a folder of pictures out, and a journal of what happened.
 //!
-//! [`description`] (as written) -> [`Job`] (checked) -> `plan` (which frames) -> `pipeline` (workers) ->
+//! `description` (as written) -> [`Job`] (checked) -> `plan` (which frames) -> `pipeline` (workers) ->
 //! `scene` (an input becomes the scenes of its frames) -> `mesh` (read, built, rendered). `gate` says who
 //! may go on, `resume` which frames may stay, `journal` what has happened, `sheet` shows it.
 

@@ -117,7 +117,7 @@ fn piece(field: &str) -> std::result::Result<Piece, (String, Option<String>)> {
         "input" => digits().map(Piece::Input).map_err(wrong),
         "frame" => digits().map(Piece::Frame).map_err(wrong),
         _ => {
-            let help = did_you_mean(name, FIELDS.into_iter());
+            let help = did_you_mean(name, FIELDS);
             let help = help.unwrap_or("there are {stem}, {parent}, {input:03}, {frame:04}".into());
             Err((format!("found the unknown field {{{field}}}"), Some(help)))
         }

@@ -240,6 +240,13 @@ impl Run<'_> {
         }
     }
 
+    /// A full disk, which would meet every frame, ends the batch.
+    pub fn end_if_full(&self, error: &Error) {
+        if error.kind == Kind::Retry {
+            self.end(error.clone());
+        }
+    }
+
     /// Says what is suspicious.
     pub fn warn(&self, input: &str, problems: &[Problem]) -> Vec<String> {
         for problem in problems {

@@ -38,7 +38,11 @@ pub fn meter(status: &Arc<Status>) -> impl FnMut() -> Reading + Send + use<> {
             // In thousandths of frames.
             done: (1000.0 * settled) as u64,
             total: 1000 * total,
-            overall: settled / (total as f64).max(1.0),
+            overall: match status.settled() >= total {
+                true => 1.0,
+                // The last frame has its names before all is said to be done.
+                false => (settled / total as f64).min(0.99),
+            },
             message,
             json: json!({
                 "total": total, "rendered": rendered, "kept": kept, "failed": failed,

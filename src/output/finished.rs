@@ -51,7 +51,7 @@ pub fn exr(path: &Path) -> Finished {
         let whole = size_at.checked_add(4 + u64::from(u32::from_le_bytes(size)))? == length;
         let mut others = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
         let said = others.find_map(|(name, value)| match value {
-            AttributeValue::Text(text) if name.to_string() == FINGERPRINT => Some(text.to_string()),
+            AttributeValue::Text(text) if *name == *FINGERPRINT => Some(text.to_string()),
             _ => None,
         });
         whole.then_some(said)

@@ -50,7 +50,7 @@ pub fn write(path: &Path, entries: &[Entry], strips: &[Option<Strip>]) -> Result
 }
 
 fn draw(entries: &[Entry], strips: &[Option<Strip>]) -> Sheet {
-    let columns = entries.len().min(COLUMNS).max(1) as u32;
+    let columns = entries.len().clamp(1, COLUMNS) as u32;
     let rows = entries.len().div_ceil(COLUMNS).max(1) as u32;
     let (width, height) = (SIDE + GAP, SIDE + LINE + GAP);
     let mut sheet = Sheet(RgbImage::from_pixel(columns * width + GAP, rows * height + GAP, PAPER));
