@@ -177,7 +177,7 @@ impl Run<'_> {
                 fingerprint: frame.fingerprint.as_deref(),
             };
             let storage = self.job.storage;
-            let write = || picture::write(outputs, film, &frame.loaded, says, storage, &monitor);
+            let write = || picture::write(outputs, film, scene, says, storage, &monitor);
             (counts, self.pool.install(write))
         });
         self.status.ended(&monitor);
