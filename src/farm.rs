@@ -17,7 +17,8 @@ impl Chunks {
     /// end where meshes (of `per_mesh` frames) end, or divide a mesh evenly, so that no task reads two
     /// meshes for the frames of one.
     pub fn new(frames: u64, per_mesh: u64, frame_seconds: f64, seconds: f64, most: u64) -> Self {
-        let (frames, per_mesh) = (frames.max(1), per_mesh.max(1));
+        let frames = frames.max(1);
+        let per_mesh = per_mesh.clamp(1, frames);
         // Saturates; a frame that takes no time makes one task.
         let wanted = ((seconds / frame_seconds).round() as u64).clamp(1, frames);
         let needed = frames.div_ceil(most.max(1));

@@ -154,7 +154,7 @@ fn the_error_that_is_asked_for_is_reached() {
             squares += off / (square(&|c| f64::from(r[c])) + 3.0 * (0.1 * level).powi(2));
             even += 1.0;
         }
-        let relative = (squares / even as f64).sqrt();
+        let relative = (squares / even).sqrt();
         eprintln!("target {target}: {relative:.4}, {}", stats["samples"]);
         // The estimate is of the kind that never is too small in the mean.
         assert!(relative < target, "{relative} for {target}");

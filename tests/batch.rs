@@ -229,7 +229,7 @@ fn frames_say_where_they_stand_in_their_sequence() {
         for header in &meta.headers {
             let own = &header.own_attributes;
             assert_eq!(own.frames_per_second, Some((24000, 1001)));
-            let counter = own.other.iter().find(|(name, _)| name.to_string() == "imageCounter");
+            let counter = own.other.iter().find(|(name, _)| **name == *"imageCounter");
             assert_eq!(counter.unwrap().1, &exr::meta::attribute::AttributeValue::I32(frame));
         }
     }

@@ -41,7 +41,7 @@ fn scratch() -> Scratch {
 fn batch(scratch: &Scratch, out: &str) -> Command {
     let frames = FRAMES.to_string();
     let args =
-        ["batch", "scans", "-o", out, "--turntable", &frames, "--size", "20x14", "--spp", "1"];
+        ["batch", "scans", "-o", out, "--turntable", &frames, "--size", "60x42", "--spp", "2"];
     let more = ["--backend", "bvh", "--threads", "2", "--resume", "--no-sheet", "--quiet"];
     scratch.command(&[&args[..], &more].concat())
 }
@@ -75,10 +75,10 @@ fn survives(kills: u32) {
         let mut stdout = BufReader::new(child.stdout.take().unwrap());
         // While it starts, or some frames later; then some moment within a frame.
         let mut line = String::new();
-        for _ in 0..random.below(8) {
+        for _ in 0..random.below(4) {
             stdout.read_line(&mut line).unwrap();
         }
-        std::thread::sleep(Duration::from_micros(random.below(8000)));
+        std::thread::sleep(Duration::from_micros(random.below(4000)));
         killed += u32::from(child.try_wait().unwrap().is_none());
         child.kill().unwrap();
         child.wait().unwrap();

@@ -180,7 +180,8 @@ mod tests {
         let kept = Record::Kept { input: "a.ply".into(), frames: vec![1, 3] };
         Journal::open(&path).unwrap().add(&kept).unwrap();
         let mut text = std::fs::read_to_string(&path).unwrap();
-        text += &text[..text.len() / 2].to_string();
+        let half = text[..text.len() / 2].to_owned();
+        text += &half;
         std::fs::write(&path, text).unwrap();
         Journal::open(&path).unwrap().add(&kept).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 3);

@@ -129,7 +129,7 @@ impl Reader {
                 AttributeValue::Text(text) => {
                     attributes.push((name.to_string(), text.to_string()));
                 }
-                AttributeValue::I32(frame) if name.to_string() == "imageCounter" => {
+                AttributeValue::I32(frame) if *name == *"imageCounter" => {
                     sequence.frame = Some(*frame);
                 }
                 _ => {}

@@ -171,7 +171,7 @@ fn the_schema_is_closed_and_complete() {
         }
     }
     let mut seen = 0;
-    every_object(&schema, &mut seen);
+    every_object(schema, &mut seen);
     assert!(seen >= 12, "{seen}");
     // Every key that the format has is described for editors.
     let shape = &schema["$defs"]["Shape"]["oneOf"][3];
