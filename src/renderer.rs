@@ -20,8 +20,8 @@ use crate::world::{LoadOptions, World};
 /// A scene whose files are read, ready to be rendered as often as one likes.
 ///
 /// Everything runs on the threads of the current rayon pool. Nothing is printed, and no error ends the
-/// process: every error is a [`Error`] with all that was found. [`render`](crate::render),
-/// [`accel`](crate::accel) and [`output`](crate::output) give more control: crops, progress, cancelling.
+/// process: every error is a [`Error`] with all that was found. [`crate::render`],
+/// [`crate::accel`] and [`crate::output`] give more control: crops, progress, cancelling.
 #[derive(Debug)]
 pub struct Renderer {
     scene: Scene,

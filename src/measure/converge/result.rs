@@ -225,7 +225,7 @@ pub fn shown(backend: &str, sampler: &str, spp: u32, light_samples: Option<u32>)
 }
 
 impl PointResult {
-    /// As [`shown`].
+    /// As shown to people.
     pub fn name(&self) -> String {
         shown(&self.backend, &self.sampler, self.spp, self.light_samples)
     }
