@@ -152,7 +152,7 @@ def write():
     pages = [('accuracy', 'the hard cases on every backend'), ('bench', 'backends on the same rays')]
     pages += [(f'converge-{name}', f'error against time of `scenes/{name}.json`') for name in there]
     pages = [page for page in pages if os.path.exists(os.path.join(OUT, f'{page[0]}.json'))]
-    index = ['# Reports', '', 'Written by `make report` (`make report REPORT_SECONDS=300` for longer, calmer numbers). '
+    index = ['# Reports', '', 'Written by the studies of `make report` (`make report REPORT_SECONDS=300` for longer, calmer numbers). '
              'Each page is one file that needs no other; GitHub shows its source: download it to look at it.', '',
              f'Machine: {machine()}.', '', '| page | what | data |', '|---|---|---|']
     for name, what in pages:
@@ -169,7 +169,7 @@ def write():
     headline = [line for line in figure if '`random`' not in line[0]][:3]
     headline += bench_lines()[:2] + [line for line in accuracy_lines() if '`bvh:' in line[0] or '`embree`' in line[0]]
     replace(os.path.join(ROOT, 'README.md'),
-            f'{table(headline)}\nMeasured by `make report` on: {machine()}.\n')
+            f"{table(headline)}\nMeasured by the studies of `make report` ({', '.join(name for name, _ in pages)}) on: {machine()}.\n")
 
 
 def replace(path, text):
