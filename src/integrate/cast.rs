@@ -218,7 +218,7 @@ impl<'a> Cast<'a> {
     }
 
     /// The samples of one area light for all lanes: all of them, or those that [`Stage`] asks for.
-    #[inline(never)]
+    #[inline(always)]
     #[allow(clippy::too_many_arguments)] // All of them change from call to call.
     fn area_light<R: Record>(
         &mut self,

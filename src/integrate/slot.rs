@@ -118,7 +118,7 @@ impl Slot {
         }
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn aim_sampled(&mut self, world: &World, sampler: &Sampler) {
         let mut offsets = sampler.pixel_points(self.pixel(0));
         for i in 0..LANES {
