@@ -83,7 +83,7 @@ pub fn promise(path: &Path) -> Result<Promise> {
 /// # Errors
 /// Headers that cannot be read.
 pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
-    predict_words(scene, window, Plan::new(scene).channels.len())
+    predict_words(scene, window, Plan::new(scene).recipe.channels.len())
 }
 
 /// The same with so many channels beside R, G, B, A.

@@ -142,10 +142,10 @@ fn layer_attributes(plan: &Plan, sidecars: &[(&str, &str)]) -> Vec<(String, Stri
     let mut say = |name: &str, text: &str| {
         attributes.push((format!("lightpath:{name}"), text.to_string()));
     };
-    if plan.depth.is_some() {
+    if plan.recipe.depth.is_some() {
         say("Z", "camera-space depth, not distance; 1e30 where nothing is hit; nearest sample");
     }
-    if plan.position.is_some() {
+    if plan.recipe.position.is_some() {
         say("P", "world space; 0 where nothing is hit; nearest sample");
     }
     if plan.normal.is_some() || plan.geometric_normal.is_some() {

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::film::{Film, Planes, Window};
 pub use crate::integrate::RayCounts;
 use crate::integrate::{Beauty, Integrator, Layers, Record, TILE, TileKernel};
-use crate::layers::{Plan, Raw, Recipe};
+use crate::layers::{Plan, Raw};
 use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
 use crate::world::World;
@@ -50,8 +50,7 @@ pub fn render_layers(
     if plan.is_empty() {
         return render(world, accelerator, isa, film, monitor);
     }
-    let recipe = Recipe::new(plan);
-    let record = || Layers::new(plan, &recipe, None, world.spp);
+    let record = || Layers::new(plan, None, world.spp);
     render_with(world, accelerator, isa, film, 0..world.spp, record, monitor)
 }
 
@@ -74,8 +73,7 @@ pub fn render_samples(
         let record = || Beauty(Some(raw));
         return render_with(world, accelerator, isa, film, samples, record, monitor);
     }
-    let recipe = Recipe::new(plan);
-    let record = || Layers::new(plan, &recipe, Some(raw), world.spp);
+    let record = || Layers::new(plan, Some(raw), world.spp);
     render_with(world, accelerator, isa, film, samples, record, monitor)
 }
 

@@ -105,7 +105,8 @@ impl Renderer {
     pub fn render(&self, accelerator: &dyn Accelerator) -> Result<Film> {
         let [width, height] = self.world.frame;
         let window = Window::full(width, height);
-        let mut film = Blank::new([width, height], window, self.plan.channels.clone())?.film();
+        let mut film =
+            Blank::new([width, height], window, self.plan.recipe.channels.clone())?.film();
         let (isa, plan) = (Isa::detect(), &self.plan);
         render::render_layers(&self.world, accelerator, isa, &mut film, plan, &self.monitor)?;
         Ok(film)

@@ -25,11 +25,7 @@ fn has(program: &str) -> bool {
 fn skipped(what: &str, how: &str) {
     // Past the test harness, which hides what passing tests print.
     let _ = Command::new("sh")
-        .args([
-            "-c",
-            "printf '\\n*** SKIPPED: %s ***\\n' \"$0\" >/dev/stderr",
-            &format!("{what}; {how}"),
-        ])
+        .args(["-c", "printf '\\n*** SKIPPED: %s ***\\n' \"$0\" >&2", &format!("{what}; {how}")])
         .status();
 }
 

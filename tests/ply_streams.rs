@@ -127,6 +127,24 @@ fn a_row_may_be_longer_than_the_window() {
 }
 
 #[test]
+fn blank_lines_lie_across_windows() {
+    let head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let rows = ["0 0 0", "1 0 0", "0 1 0", "3 0 1 2", "left over", " ", "3 2 1 0"];
+    for blank in ["", "\n", "\r\n \n", " \n\t\n\n\n"] {
+        let text = rows.iter().fold(head.to_owned(), |text, row| text + blank + row + "\n" + blank);
+        let expected = read_ply_bytes(text.as_bytes(), "a.ply", ReadOptions::default());
+        let left = text.len() - text.find("left over").unwrap();
+        assert_eq!(expected.as_ref().unwrap().notes.trailing_bytes, left as u64);
+        for window in 1..text.len() {
+            let options = ReadOptions::default().window(window);
+            let found = read_ply_bytes(&gzip(text.as_bytes()), "a.ply", options);
+            same(&found, &expected, &format!("{blank:?} in windows of {window}"));
+        }
+    }
+}
+
+#[test]
 fn what_ends_early_says_where() {
     let bytes = sheet(30, true).write(Encoding::Little);
     let cut = gzip(&bytes[..bytes.len() - 5]);

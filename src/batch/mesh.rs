@@ -152,7 +152,7 @@ impl Run<'_> {
             Some(film) => film,
             None => {
                 let window = Window::full(world.frame[0], world.frame[1]);
-                film.insert(Blank::new(world.frame, window, plan.channels.clone())?.film())
+                film.insert(Blank::new(world.frame, window, plan.recipe.channels.clone())?.film())
             }
         };
         self.status.began(&monitor);

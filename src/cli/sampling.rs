@@ -75,7 +75,7 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
 
 /// What it keeps beside the film.
 pub fn bytes(adaptive: &Adaptive, scene: &Scene, window: Window) -> u64 {
-    let each = adaptive.bytes_per_pixel(Plan::new(scene).channels.len());
+    let each = adaptive.bytes_per_pixel(Plan::new(scene).recipe.channels.len());
     u64::from(window.width()) * u64::from(window.height()) * each
 }
 

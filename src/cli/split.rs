@@ -109,7 +109,7 @@ impl Piece {
             Some([a, b]) => a..b,
             None => 0..spp,
         };
-        let recipe = Recipe::new(plan);
+        let recipe = plan.recipe.clone();
         let raw = (samples != (0..spp)).then(|| Raw::new(&recipe, samples.clone()));
         let piece = Self { whole, window, margin, samples, recipe, raw };
         let frame = Window::full(scene.camera.width, scene.camera.height);

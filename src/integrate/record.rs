@@ -5,7 +5,7 @@
 use std::ops::Range;
 
 use crate::geometry::Surfaces;
-use crate::layers::{BEAUTY, Nearest, Plan, Raw, Recipe, count};
+use crate::layers::{BEAUTY, Nearest, Plan, Raw, count};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::shading::{Lanes, Lanes3, Light, Points, lane};
 use crate::world::World;
@@ -127,11 +127,10 @@ pub struct Held {
 #[derive(Debug)]
 pub struct Layers<'a> {
     plan: &'a Plan,
-    recipe: &'a Recipe,
     /// How a part of the samples is written; all of them are written as channels.
     raw: Option<&'a Raw>,
     pattern: Pattern,
-    /// One packet's values of each quantity of [`Recipe::summed`], in f64.
+    /// One packet's values of each quantity of [`crate::layers::Recipe::summed`], in f64.
     lanes: Vec<[f64; LANES]>,
     /// Their sums over packets.
     sums: BlockSums,
@@ -142,16 +141,15 @@ pub struct Layers<'a> {
 }
 
 impl<'a> Layers<'a> {
-    /// Room for the layers of `plan`, whose recipe is `recipe`, of a world of `spp` samples a pixel.
-    pub fn new(plan: &'a Plan, recipe: &'a Recipe, raw: Option<&'a Raw>, spp: u32) -> Self {
-        let pattern = Pattern::for_spp(spp);
+    /// Room for the layers of `plan`, of a world of `spp` samples a pixel.
+    pub fn new(plan: &'a Plan, raw: Option<&'a Raw>, spp: u32) -> Self {
+        let (pattern, summed) = (Pattern::for_spp(spp), plan.recipe.summed());
         Self {
             plan,
-            recipe,
             raw,
             pattern,
-            lanes: vec![[0.0; LANES]; recipe.summed()],
-            sums: BlockSums::new(&pattern, recipe.summed()),
+            lanes: vec![[0.0; LANES]; summed],
+            sums: BlockSums::new(&pattern, summed),
             nearest: [Nearest::NONE; LANES],
             mattes: std::array::from_fn(|_| vec![Vec::new(); plan.mattes.len()]),
         }
@@ -213,7 +211,7 @@ impl Record for Layers<'_> {
 
     fn held(&self) -> Held {
         Held {
-            sums: BlockSums::new(&self.pattern, self.recipe.summed()),
+            sums: BlockSums::new(&self.pattern, self.plan.recipe.summed()),
             nearest: Nearest::NONE,
             mattes: vec![Vec::new(); self.plan.mattes.len()],
         }
@@ -246,7 +244,7 @@ impl Record for Layers<'_> {
                 }
             }
         }
-        if self.recipe.has_nearest() {
+        if self.plan.recipe.has_nearest() {
             self.keep_nearest(world, packet, surfaces);
         }
         if !plan.mattes.is_empty() {
@@ -300,8 +298,8 @@ impl Record for Layers<'_> {
 
     #[inline(never)]
     fn packet(&mut self, slot: &Slot, samples: &Range<u32>, radiance: &Lanes3) {
-        if self.plan.variance.is_some() {
-            let moments = &mut self.lanes[self.recipe.filtered..];
+        if self.plan.recipe.variance.is_some() {
+            let moments = &mut self.lanes[self.plan.recipe.filtered..];
             for axis in 0..3 {
                 for i in 0..LANES {
                     let value = f64::from(radiance[axis][i]);
@@ -325,9 +323,9 @@ impl Record for Layers<'_> {
             };
             return raw.encode(sum, nearest, mattes, words);
         }
-        let stride = self.recipe.channels.len();
+        let stride = self.plan.recipe.channels.len();
         let words = &mut row[column * stride..(column + 1) * stride];
         let sum = |quantity: usize| self.sums.total(pixel, quantity);
-        self.recipe.fill(n, sum, nearest, mattes, words);
+        self.plan.recipe.fill(n, sum, nearest, mattes, words);
     }
 }

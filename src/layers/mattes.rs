@@ -16,10 +16,6 @@ pub const RANKS: usize = 6;
 pub struct Mattes {
     /// What the kind is called in channels and attributes.
     pub kind: &'static str,
-    /// Things per pixel; two stand in each layer.
-    pub ranks: usize,
-    /// Their first channel among a pixel's words.
-    pub first: usize,
     /// Id of each shape.
     ids: Vec<u32>,
     /// Names and their ids, in the order of the scene.
@@ -45,13 +41,13 @@ impl Mattes {
         let mut used: HashSet<&String> = of_shapes.iter().collect();
         let named = names.iter().filter(|name| used.remove(name));
         let named = named.map(|name| (name.clone(), id(name))).collect();
-        Self { kind, ranks: RANKS, first: 0, ids, named }
+        Self { kind, ids, named }
     }
 
     /// Its channels: ids and coverages in turn, two ranks a layer, all 32-bit float.
     pub fn channels(&self) -> impl Iterator<Item = Channel> + use<> {
         let kind = self.kind;
-        (0..2 * self.ranks).map(move |i| {
+        (0..2 * RANKS).map(move |i| {
             let name = format!("{kind}{:02}.{}", i / 4, ["R", "G", "B", "A"][i % 4]);
             Channel { name, kind: ChannelKind::Float }
         })

@@ -7,7 +7,7 @@ mod recipe;
 
 pub use self::mattes::{Mattes, RANKS};
 pub use self::raw::{BEAUTY, Pixel, Raw};
-pub use self::recipe::{Nearest, Recipe, count};
+pub use self::recipe::{Nearest, Ranks, Recipe, count};
 
 use crate::film::{Channel, ChannelKind};
 use crate::scene::{Layer, Scene};
@@ -17,14 +17,12 @@ pub const FAR: f32 = 1e30;
 
 /// Where each layer stands among a pixel's words; the first channel of those with several.
 ///
-/// The first [`Plan::filtered`] words are means over the camera samples (the beauty's box filter);
+/// The first [`Recipe::filtered`] words are means over the camera samples (the beauty's box filter);
 /// the others are never blended.
 #[derive(Debug, Clone, Default)]
 pub struct Plan {
-    /// All channels, as they stand in a pixel's words.
-    pub channels: Vec<Channel>,
-    /// How many of them are means over samples.
-    pub filtered: usize,
+    /// All channels, and where those stand that need no scene to be filled.
+    pub recipe: Recipe,
     /// Shading normal, 3.
     pub normal: Option<usize>,
     /// Geometric normal, 3.
@@ -51,18 +49,6 @@ pub struct Plan {
     pub light_background: Option<usize>,
     /// By light: the channel of its group's visibility, and the light's share of the group.
     pub shadows: Vec<Option<(usize, f32)>>,
-    /// 1, of the nearest sample.
-    pub depth: Option<usize>,
-    /// 3, of the nearest sample.
-    pub position: Option<usize>,
-    /// 1, of the nearest sample.
-    pub primitive: Option<usize>,
-    /// 1, of the nearest sample.
-    pub object: Option<usize>,
-    /// 3.
-    pub variance: Option<usize>,
-    /// 1.
-    pub samples: Option<usize>,
     /// Mattes of shapes and of materials.
     pub mattes: Vec<Mattes>,
 }
@@ -78,7 +64,7 @@ impl Plan {
         let (means, others): (Vec<Layer>, Vec<Layer>) =
             scene.layers.iter().partition(|layer| is_mean(**layer));
         for layer in means {
-            let first = Some(plan.channels.len());
+            let first = Some(plan.recipe.channels.len());
             plan.add(&layer.name(groups), suffixes(layer), kind(layer));
             match layer {
                 Layer::Normal => plan.normal = first,
@@ -97,22 +83,22 @@ impl Plan {
                 _ => {}
             }
         }
-        plan.filtered = plan.channels.len();
+        plan.recipe.filtered = plan.recipe.channels.len();
         plan.lights = groups.of.iter().map(|&group| light[group]).collect();
         let members = |group: usize| groups.of.iter().filter(|&&g| g == group).count();
         let shares = groups.of.iter().map(|&g| Some((shadow[g]?, 1.0 / members(g) as f32)));
         plan.shadows = shares.collect();
         for layer in others {
-            let first = Some(plan.channels.len());
+            let first = Some(plan.recipe.channels.len());
             match layer {
                 Layer::CryptoObject => plan.mattes.push(Mattes::objects(scene)),
                 Layer::CryptoMaterial => plan.mattes.push(Mattes::materials(scene)),
-                Layer::Depth => plan.depth = first,
-                Layer::Position => plan.position = first,
-                Layer::Primitive => plan.primitive = first,
-                Layer::Object => plan.object = first,
-                Layer::Variance => plan.variance = first,
-                Layer::Samples => plan.samples = first,
+                Layer::Depth => plan.recipe.depth = first,
+                Layer::Position => plan.recipe.position = first,
+                Layer::Primitive => plan.recipe.primitive = first,
+                Layer::Object => plan.recipe.object = first,
+                Layer::Variance => plan.recipe.variance = first,
+                Layer::Samples => plan.recipe.samples = first,
                 _ => {}
             }
             match layer {
@@ -121,16 +107,17 @@ impl Plan {
                 layer => plan.add(&layer.name(groups), suffixes(layer), kind(layer)),
             }
         }
-        for mattes in &mut plan.mattes {
-            mattes.first = plan.channels.len();
-            plan.channels.extend(mattes.channels());
+        for mattes in &plan.mattes {
+            let (first, ranks) = (plan.recipe.channels.len(), RANKS);
+            plan.recipe.mattes.push(Ranks { first, ranks, ids: mattes.ids() });
+            plan.recipe.channels.extend(mattes.channels());
         }
         plan
     }
 
     /// Whether there is anything beside the beauty.
     pub fn is_empty(&self) -> bool {
-        self.channels.is_empty()
+        self.recipe.channels.is_empty()
     }
 
     fn add(&mut self, layer: &str, suffixes: &[&str], kind: ChannelKind) {
@@ -139,7 +126,7 @@ impl Plan {
                 "" => (*suffix).to_string(),
                 layer => format!("{layer}.{suffix}"),
             };
-            self.channels.push(Channel { name, kind });
+            self.recipe.channels.push(Channel { name, kind });
         }
     }
 }

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::film::Channel;
 
+use super::FAR;
 use super::mattes::rank;
-use super::{FAR, Plan};
 
 /// The nearest of the camera samples that hit something; the first of those that are equally near.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +26,7 @@ impl Nearest {
     pub const NONE: Self = Self { depth: FAR, position: [0.0; 3], primitive: 0, object: 0 };
 }
 
-/// Where the channels of a [`Plan`] stand among a pixel's words, without the scene.
+/// Where the channels of a [`super::Plan`] stand among a pixel's words, without the scene.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
@@ -63,22 +63,6 @@ pub struct Ranks {
 }
 
 impl Recipe {
-    /// The recipe for a plan.
-    pub fn new(plan: &Plan) -> Self {
-        let ranks = |m: &super::Mattes| Ranks { first: m.first, ranks: m.ranks, ids: m.ids() };
-        Self {
-            channels: plan.channels.clone(),
-            filtered: plan.filtered,
-            depth: plan.depth,
-            position: plan.position,
-            primitive: plan.primitive,
-            object: plan.object,
-            variance: plan.variance,
-            samples: plan.samples,
-            mattes: plan.mattes.iter().map(ranks).collect(),
-        }
-    }
-
     /// Quantities that are summed over samples beside R, G, B, A: the filtered channels; for the
     /// variance R, G, B and their squares.
     pub fn summed(&self) -> usize {

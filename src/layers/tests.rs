@@ -41,7 +41,7 @@ fn no_layers_no_channels() {
 #[test]
 fn channels_have_the_field_s_names_and_types() {
     let plan = Plan::new(&scene(r#"["Z", "N", "P", "objectid", "light", "uv"]"#));
-    let names: Vec<&str> = plan.channels.iter().map(|c| c.name.as_str()).collect();
+    let names: Vec<&str> = plan.recipe.channels.iter().map(|c| c.name.as_str()).collect();
     let expected = [
         "N.X",
         "N.Y",
@@ -67,18 +67,18 @@ fn channels_have_the_field_s_names_and_types() {
         "objectid.id",
     ];
     assert_eq!(names, expected);
-    let of = |name: &str| plan.channels.iter().find(|c| c.name == name).unwrap().kind;
+    let of = |name: &str| plan.recipe.channels.iter().find(|c| c.name == name).unwrap().kind;
     assert_eq!(of("N.X"), ChannelKind::Half);
     assert_eq!(of("Z"), ChannelKind::Float);
     assert_eq!(of("objectid.id"), ChannelKind::Uint);
     assert_eq!(plan.lights, [Some(5), Some(8), Some(5)]);
-    assert_eq!(plan.filtered, 17);
+    assert_eq!(plan.recipe.filtered, 17);
 }
 
 #[test]
 fn every_layer_once_in_all() {
     let plan = Plan::new(&scene(r#"["all", "Z"]"#));
-    let mut names: Vec<&str> = plan.channels.iter().map(|c| c.name.as_str()).collect();
+    let mut names: Vec<&str> = plan.recipe.channels.iter().map(|c| c.name.as_str()).collect();
     let count = names.len();
     names.sort_unstable();
     names.dedup();

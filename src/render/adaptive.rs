@@ -15,7 +15,7 @@ use crate::film::{Film, Planes, Window};
 use crate::integrate::{
     Beauty, Goal, Integrator, LEAST, Layers, PassKernel, Passes, RayCounts, Record, TILE, Tally,
 };
-use crate::layers::{Plan, Recipe};
+use crate::layers::Plan;
 use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
 use crate::world::World;
@@ -99,8 +99,7 @@ pub fn render_adaptive(
         film.planes = Planes::default();
         job.render(film, || Beauty(None))
     } else {
-        let recipe = Recipe::new(plan);
-        job.render(film, || Layers::new(plan, &recipe, None, world.spp))
+        job.render(film, || Layers::new(plan, None, world.spp))
     };
     monitor.check()?;
     Ok((counts + rays, taken))

@@ -150,11 +150,14 @@ impl<'a> Lines<'a> {
         self.block
     }
 
-    /// Bytes from the first row that no element takes.
+    /// Bytes from the first row that no element takes: from its first word, whatever blank lines a
+    /// chunk or a block begins with.
     fn rest(&mut self) -> u64 {
         while let Some(block) = self.open() {
             if block.rows > 0 {
-                return (self.data.len() - block.start) as u64;
+                let mut row = Text::new(self.data, &block);
+                row.begin();
+                return (self.data.len() - row.at) as u64;
             }
             self.block = None;
         }
