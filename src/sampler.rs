@@ -5,8 +5,8 @@
 //! Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4), by the crate `sobol_burley`.
 //! Each purpose (pixel and lens; one per light and bounce) is a set of its own, scrambled and
 //! shuffled by its own seed and using the lowest dimensions, which are the best distributed.
-//! Where two dimensions are enough, [`Points`] computes these alone, with the same bits and in a
-//! fraction of the time.
+//! [`Sampler::camera_lanes`] and [`Sampler::light_lanes`] compute many points at once, in SIMD lanes,
+//! with the bits of the crate and in a fraction of its time.
 
 use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 
@@ -63,44 +63,101 @@ impl Sampler {
         self.point(pixel, index, 0)
     }
 
-    /// The pixel offsets alone, of all camera samples of a pixel.
-    #[inline(always)]
-    pub fn pixel_points(&self, pixel: [u32; 2]) -> Points {
-        Points::new(*self, pixel, 0)
+    /// The point in the unit square that number `index` of all samples is which the pixel takes of light
+    /// `light` after `bounce` mirror bounces.
+    pub fn light(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> [f32; 2] {
+        let [s, t, ..] = self.point(pixel, index, light_purpose(light, bounce));
+        [s, t]
     }
 
-    /// Points in the unit square for all samples that the pixel takes of light `light` after `bounce`
-    /// mirror bounces.
+    /// The first D coordinates of [`Sampler::camera`] in N lanes: those of sample `index[i]` of the pixel
+    /// `[x[i], y[i]]`.
     #[inline(always)]
-    pub fn light_points(&self, pixel: [u32; 2], light: u32, bounce: u32) -> Points {
-        Points::new(*self, pixel, 1 + ((u64::from(bounce) << 32) | u64::from(light)))
+    pub fn camera_lanes<const D: usize, const N: usize>(
+        &self,
+        [x, y]: [&[u32; N]; 2],
+        index: &[u32; N],
+    ) -> [[f32; N]; D] {
+        self.lanes([x, y], index, 0)
+    }
+
+    /// [`Sampler::light`] in N lanes: number `index[i]` of the pixel `[x[i], y[i]]`.
+    #[inline(always)]
+    pub fn light_lanes<const N: usize>(
+        &self,
+        [x, y]: [&[u32; N]; 2],
+        index: &[u32; N],
+        light: u32,
+        bounce: u32,
+    ) -> [[f32; N]; 2] {
+        self.lanes([x, y], index, light_purpose(light, bounce))
     }
 
     /// A number in [0, 1) for a decision about camera sample `index` and light `light` after `bounce`
     /// mirror bounces, independent of all points.
     pub fn choice(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> f32 {
         let purpose = (1 << 63) | (u64::from(bounce) << 32) | u64::from(light);
-        u32_to_f32_norm(self.seed_of(pixel, index, purpose))
-    }
-
-    /// Number `index` of [`Sampler::light_points`].
-    pub fn light(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> [f32; 2] {
-        self.light_points(pixel, light, bounce).at(index)
+        u32_to_f32_norm(self.key(pixel, index, purpose) as u32)
     }
 
     fn point(&self, pixel: [u32; 2], index: u32, purpose: u64) -> [f32; 4] {
         if self.kind == Kind::Random {
-            let [x, y] = Points::new(*self, pixel, purpose).independent(index);
-            let [s, t] = Points::new(*self, pixel, !purpose).independent(index);
+            let [x, y] = self.independent(pixel, index, purpose);
+            let [s, t] = self.independent(pixel, index, !purpose);
             return [x, y, s, t];
         }
-        let seed = self.seed_of(pixel, index / SEQUENCE, purpose);
+        let seed = self.key(pixel, index / SEQUENCE, purpose) as u32;
         sobol_burley::sample_4d(index % SEQUENCE, 0, seed)
     }
 
+    /// The first D <= 4 coordinates of [`Sampler::point`] in lanes.
     #[inline(always)]
-    fn seed_of(&self, pixel: [u32; 2], block: u32, purpose: u64) -> u32 {
-        self.key(pixel, block, purpose) as u32
+    fn lanes<const D: usize, const N: usize>(
+        &self,
+        [x, y]: [&[u32; N]; 2],
+        index: &[u32; N],
+        purpose: u64,
+    ) -> [[f32; N]; D] {
+        let mut points = [[0.0; N]; D];
+        if self.kind == Kind::Random {
+            for i in 0..N {
+                for pair in 0..D / 2 {
+                    let purpose = if pair == 0 { purpose } else { !purpose };
+                    let [s, t] = self.independent([x[i], y[i]], index[i], purpose);
+                    (points[2 * pair][i], points[2 * pair + 1][i]) = (s, t);
+                }
+            }
+            return points;
+        }
+        let mut seeds = [0; N];
+        for i in 0..N {
+            seeds[i] = self.key([x[i], y[i]], index[i] / SEQUENCE, purpose) as u32;
+        }
+        for i in 0..N {
+            // In reverse order of its bits, Sobol's first dimension is the index itself.
+            let reversed = (index[i] % SEQUENCE).reverse_bits();
+            let shuffle = hash(seeds[i] ^ SHUFFLE);
+            let index = owen_scramble_rev(reversed, shuffle).reverse_bits() % SEQUENCE;
+            let own = seeds[i].wrapping_mul(0x9c8f_2d3b);
+            for d in 0..D {
+                let sobol = match d {
+                    0 => index,
+                    1 => pascal(index),
+                    _ => product(&MATRICES[d - 2], index),
+                };
+                let scrambled = owen_scramble_rev(sobol, hash(own ^ SCRAMBLES[d]));
+                points[d][i] = u32_to_f32_norm(scrambled.reverse_bits());
+            }
+        }
+        points
+    }
+
+    /// Independent point `index`: an output of the generator SplitMix64 that starts at the set's key.
+    #[inline(always)]
+    fn independent(&self, pixel: [u32; 2], index: u32, purpose: u64) -> [f32; 2] {
+        let key = self.key(pixel, INDEPENDENT, purpose);
+        let bits = mix(key.wrapping_add(u64::from(index).wrapping_mul(GOLDEN)));
+        [bits as u32, (bits >> 32) as u32].map(u32_to_f32_norm)
     }
 
     #[inline(always)]
@@ -110,105 +167,15 @@ impl Sampler {
     }
 }
 
-/// Where the points of a set come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Way {
-    /// The set's own Sobol sequence.
-    Own,
-    /// The camera's dimensions 2 and 3.
-    Joint,
-    /// Each from a hash of its number.
-    Independent,
-}
-
-/// The sequence of one pixel and purpose in its first two dimensions.
-#[derive(Debug, Clone, Copy)]
-pub struct Points {
-    sampler: Sampler,
-    /// Whose points these are.
-    pub pixel: [u32; 2],
-    purpose: u64,
-    way: Way,
-    /// Which `SEQUENCE` indices the rest is made for.
-    block: u32,
-    shuffle: u32,
-    scramble: [u32; 2],
-}
-
-impl Points {
-    #[inline(always)]
-    fn new(sampler: Sampler, pixel: [u32; 2], purpose: u64) -> Self {
-        let way = if sampler.kind == Kind::Random { Way::Independent } else { Way::Own };
-        let mut points =
-            Self { sampler, pixel, purpose, way, block: 0, shuffle: 0, scramble: [0; 2] };
-        points.begin(0);
-        points
-    }
-
-    /// The same points of another pixel.
-    #[inline(always)]
-    pub fn of(&self, pixel: [u32; 2]) -> Self {
-        Self { way: self.way, ..Self::new(self.sampler, pixel, self.purpose) }
-    }
-
-    #[inline(always)]
-    fn begin(&mut self, block: u32) {
-        self.block = block;
-        let seed = self.sampler.seed_of(self.pixel, block, self.purpose);
-        // The constants by which `sobol_burley` tells the shuffle and the dimensions apart.
-        let own = seed.wrapping_mul(0x9c8f_2d3b);
-        self.shuffle = hash(seed ^ 0x79c6_8e4a);
-        self.scramble = [hash(own ^ 0x912f_69ba), hash(own ^ 0x174f_18ab)];
-    }
-
-    /// Point `index`, both coordinates in [0, 1).
-    #[inline(always)]
-    pub fn at(&mut self, index: u32) -> [f32; 2] {
-        if self.way != Way::Own {
-            return self.elsewhere(index);
-        }
-        if index / SEQUENCE != self.block {
-            self.begin(index / SEQUENCE);
-        }
-        // In reverse order of its bits, Sobol's first dimension is the index itself.
-        let reversed = (index % SEQUENCE).reverse_bits();
-        let first = owen_scramble_rev(reversed, self.shuffle).reverse_bits() % SEQUENCE;
-        [coordinate(first, self.scramble[0]), coordinate(pascal(first), self.scramble[1])]
-    }
-}
-
-impl Points {
-    /// In their place dimensions 2 and 3 of the camera's own sequence, which a pinhole camera leaves: point
-    /// `index` is then stratified together with the pixel offset of camera sample `index`. Independent points
-    /// stay so.
-    #[inline(always)]
-    pub fn joint(self) -> Self {
-        let way = if self.way == Way::Own { Way::Joint } else { self.way };
-        Self { way, ..self }
-    }
-
-    #[inline(never)]
-    fn elsewhere(&self, index: u32) -> [f32; 2] {
-        if self.way == Way::Independent {
-            return self.independent(index);
-        }
-        let [_, _, s, t] = self.sampler.point(self.pixel, index, 0);
-        [s, t]
-    }
-
-    /// Independent point `index`: an output of the generator SplitMix64 that starts at the set's key.
-    #[inline(always)]
-    fn independent(&self, index: u32) -> [f32; 2] {
-        let key = self.sampler.key(self.pixel, INDEPENDENT, self.purpose);
-        let bits = mix(key.wrapping_add(u64::from(index).wrapping_mul(GOLDEN)));
-        [bits as u32, (bits >> 32) as u32].map(u32_to_f32_norm)
-    }
-}
-
+/// What tells the sequences of lights apart.
 #[inline(always)]
-fn coordinate(reversed: u32, scramble: u32) -> f32 {
-    u32_to_f32_norm(owen_scramble_rev(reversed, scramble).reverse_bits())
+fn light_purpose(light: u32, bounce: u32) -> u64 {
+    1 + ((u64::from(bounce) << 32) | u64::from(light))
 }
+
+/// The constants by which `sobol_burley` tells the shuffle and the dimensions apart.
+const SHUFFLE: u32 = 0x79c6_8e4a;
+const SCRAMBLES: [u32; 4] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
 
 /// Sobol's second dimension, whose matrix is Pascal's triangle modulo 2: bit i of the result is the sum
 /// of all bits j of the index with i & j = i. For 16 bits.
@@ -220,10 +187,34 @@ fn pascal(index: u32) -> u32 {
     sum ^ ((sum >> 8) & 0x00ff)
 }
 
+/// The matrices of `sobol_burley`'s third and fourth dimension: for each bit of the index what it adds to
+/// the coordinate, whose bits are in reverse order.
+const MATRICES: [[u16; 16]; 2] = [
+    [
+        0x0001, 0x0003, 0x0006, 0x0009, 0x0017, 0x003a, 0x0071, 0x00a3, 0x0116, 0x0339, 0x0677,
+        0x09aa, 0x1601, 0x3903, 0x7706, 0xaa09,
+    ],
+    [
+        0x0001, 0x0003, 0x0004, 0x000a, 0x001f, 0x002e, 0x0045, 0x00c9, 0x011b, 0x02a4, 0x079a,
+        0x0b67, 0x101e, 0x302d, 0x4041, 0xa0c3,
+    ],
+];
+
+/// A matrix times the bits of an index, modulo 2.
+#[inline(always)]
+fn product(matrix: &[u16; 16], index: u32) -> u32 {
+    let mut sum = 0;
+    for bit in 0..16 {
+        sum ^= u32::from(matrix[bit]) & ((index >> bit) & 1).wrapping_neg();
+    }
+    sum
+}
+
 /// SplitMix64's step (Steele, Lea, Flood 2014).
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// SplitMix64's finaliser, one step on.
+#[inline(always)]
 fn mix(x: u64) -> u64 {
     let x = x.wrapping_add(GOLDEN);
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -263,17 +254,26 @@ mod tests {
     }
 
     #[test]
-    fn two_dimensions_are_the_first_two_of_four_to_the_bit() {
+    fn lanes_are_the_points_of_the_crate_to_the_bit() {
         for seed in 0..40 {
-            let sampler = Sampler::new(seed);
-            let mut offsets = sampler.pixel_points([seed as u32, 9]);
-            let mut light = sampler.light_points([7, seed as u32], 3, 2);
-            // Over all seeds every index is met, and two more sequences are begun.
-            for index in (seed as u32 * 37..3 * SEQUENCE).step_by(40) {
-                let [x, y, _, _] = sampler.camera([seed as u32, 9], index);
-                assert_eq!(offsets.at(index), [x, y]);
-                let [x, y, _, _] = sampler.point([7, seed as u32], index, 1 + (2 << 32 | 3));
-                assert_eq!(light.at(index), [x, y]);
+            for kind in Kind::ALL {
+                let sampler = Sampler::of(kind, seed);
+                // Over all seeds every index is met, and two more sequences are begun.
+                for first in (seed as u32 * 37..3 * SEQUENCE).step_by(80) {
+                    let x: [u32; 4] = std::array::from_fn(|i| first / 3 + i as u32 / 2);
+                    let y = [seed as u32, 9, 3, u32::MAX];
+                    let index: [u32; 4] = std::array::from_fn(|i| first + 40 * (i as u32 % 2));
+                    let four: [[f32; 4]; 4] = sampler.camera_lanes([&x, &y], &index);
+                    let two: [[f32; 4]; 2] = sampler.camera_lanes([&x, &y], &index);
+                    let light = sampler.light_lanes([&x, &y], &index, 3, 2);
+                    for i in 0..4 {
+                        let expected = sampler.camera([x[i], y[i]], index[i]);
+                        assert_eq!([0, 1, 2, 3].map(|d| four[d][i]), expected);
+                        assert_eq!([two[0][i], two[1][i]], [expected[0], expected[1]]);
+                        let expected = sampler.light([x[i], y[i]], index[i], 3, 2);
+                        assert_eq!([light[0][i], light[1][i]], expected);
+                    }
+                }
             }
         }
     }
@@ -287,11 +287,9 @@ mod tests {
             let sampler = Sampler::of(Kind::Random, 5);
             let pixel = [i >> 8, 3];
             let [x, y, s, t] = sampler.camera(pixel, i & 255);
-            let mut offsets = sampler.pixel_points(pixel);
-            assert_eq!(offsets.at(i & 255), [x, y]);
             let [u, v] = sampler.light(pixel, i & 255, 0, 0);
             cells[(u * 4.0) as usize * 4 + (v * 4.0) as usize] += 1;
-            let [next, _] = offsets.at((i & 255) + 1);
+            let [next, ..] = sampler.camera(pixel, (i & 255) + 1);
             let pairs = [(x, y), (x, s), (s, t), (x, u), (u, v), (x, next)];
             for (product, (a, b)) in products.iter_mut().zip(pairs) {
                 *product += (f64::from(a) - 0.5) * (f64::from(b) - 0.5);

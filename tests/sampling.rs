@@ -22,9 +22,8 @@ fn all_light_points_of_a_pixel_are_one_stratified_set() {
         for seed in 0..8 {
             let sampler = Sampler::new(seed);
             // The number of a point is that which the renderer gives it.
-            let mut drawn = sampler.light_points([5, 9], 1, 0);
             let numbers = (0..spp).flat_map(|i| (0..samples).map(move |k| i * samples + k));
-            let one: Vec<_> = numbers.map(|index| drawn.at(index)).collect();
+            let one: Vec<_> = numbers.map(|index| sampler.light([5, 9], index, 1, 0)).collect();
             assert!(stratified(&one), "{spp} x {samples}");
             // A set for each camera sample, each stratified, is not one.
             let pairs = (0..spp).flat_map(|i| (0..samples).map(move |k| (i, k)));
@@ -36,9 +35,10 @@ fn all_light_points_of_a_pixel_are_one_stratified_set() {
 
 #[test]
 fn any_aligned_run_of_light_points_is_stratified() {
-    let mut drawn = Sampler::new(4).light_points([1, 2], 0, 0);
+    let sampler = Sampler::new(4);
     for (first, length) in [(16, 16), (32, 32), (64, 16), (96, 32), (768, 256)] {
-        let points: Vec<_> = (first..first + length).map(|index| drawn.at(index)).collect();
+        let points: Vec<_> =
+            (first..first + length).map(|i| sampler.light([1, 2], i, 0, 0)).collect();
         assert!(stratified(&points), "{length} from {first}");
     }
 }
@@ -48,9 +48,10 @@ fn slanted(n: u32, joint: bool) -> f64 {
     let sampler = Sampler::new(11);
     let squares = (0..256).map(|x| {
         let pixel = [x, 3];
-        let drawn = sampler.light_points(pixel, 0, 0);
-        let mut drawn = if joint { drawn.joint() } else { drawn };
-        let below = (0..n).filter(|&i| sampler.camera(pixel, i)[0] + drawn.at(i)[0] < 1.0);
+        let below = (0..n).filter(|&i| {
+            let [x, _, s, _] = sampler.camera(pixel, i);
+            x + if joint { s } else { sampler.light(pixel, i, 0, 0)[0] } < 1.0
+        });
         (below.count() as f64 / f64::from(n) - 0.5).powi(2)
     });
     (squares.sum::<f64>() / 256.0).sqrt()
@@ -62,9 +63,6 @@ fn pixel_and_single_light_points_are_stratified_together() {
         let (joint, apart) = (slanted(n, true), slanted(n, false));
         assert!(joint < 0.75 * apart, "{n}: {joint} {apart}");
     }
-    let sampler = Sampler::new(2);
-    let [_, _, s, t] = sampler.camera([1, 1], 9);
-    assert_eq!(sampler.light_points([3, 1], 0, 0).joint().of([1, 1]).at(9), [s, t]);
 }
 
 #[test]

@@ -313,6 +313,7 @@ impl Run<'_> {
         let mut more: Vec<(String, String)> =
             self.piece.attribute(args, scene, hash)?.into_iter().collect();
         more.extend(self.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
+        let spp = sampling::spp(self.adaptive.as_ref(), scene);
         let says = Says {
             plan,
             sidecars: &named,
@@ -321,7 +322,7 @@ impl Run<'_> {
             embree: args.machine.embree(),
             isa: self.isa,
             scene_hash: hash,
-            spp: Some(&sampling::spp(self.adaptive.as_ref(), scene)),
+            spp: Some(&spp),
             sequence: args.files.sequence(),
             render_seconds: args.files.record_time.then_some(stats.seconds.render as f32),
             fingerprint: None,

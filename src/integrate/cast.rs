@@ -10,11 +10,21 @@ use crate::accel::Accelerator;
 use crate::geometry::{Surfaces, refine};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
-use crate::sampler::{self, Sampler};
+use crate::sampler::Sampler;
 use crate::shading::{
     Emitter, Lanes3, Light, Lit, Points, ShadowPoints, lane, light_rays, reflect, set_lane,
 };
 use crate::world::World;
+
+/// The light whose points share the camera's sequence, in the dimensions of the lens: the first area light,
+/// if it has one point per camera sample and there is no lens.
+#[inline(always)]
+pub fn joint_light(world: &World) -> Option<u32> {
+    let is_area = |light: &Light| matches!(light.emitter, Emitter::Area { .. });
+    let first = world.lights.iter().position(is_area)?;
+    let single = matches!(world.lights[first].emitter, Emitter::Area { samples: 1, .. });
+    (single && !world.camera.has_lens()).then_some(first as u32)
+}
 
 /// Room for one packet's shading, kept between packets.
 pub struct Cast<'a> {
@@ -22,7 +32,7 @@ pub struct Cast<'a> {
     accelerator: &'a dyn Accelerator,
     sampler: Sampler,
     monitor: &'a Monitor,
-    /// The first area light, unless there is a lens: its points may share the camera's sequence.
+    /// See [`joint_light`].
     joint: Option<u32>,
     surfaces: Surfaces,
     points: Points,
@@ -44,15 +54,14 @@ impl<'a> Cast<'a> {
         accelerator: &'a dyn Accelerator,
         sampler: Sampler,
         monitor: &'a Monitor,
+        joint: Option<u32>,
     ) -> Self {
-        let is_area = |light: &Light| matches!(light.emitter, Emitter::Area { .. });
-        let area = world.lights.iter().position(is_area);
         Self {
             world,
             accelerator,
             sampler,
             monitor,
-            joint: if world.camera.has_lens() { None } else { area.map(|index| index as u32) },
+            joint,
             surfaces: Surfaces::EMPTY,
             points: Points::EMPTY,
             shadow: Rays::EMPTY,
@@ -169,13 +178,22 @@ impl<'a> Cast<'a> {
         let glossy = (0..LANES).fold(false, |any, i| any | ((at.hit.0[i] != 0) & (at.ks[i] > 0.0)));
         for (index, light) in self.world.lights.iter().enumerate() {
             let index = index as u32;
-            match &light.emitter {
+            match light.emitter {
                 Emitter::Point(q) => {
-                    let mut split = Split::NONE;
-                    self.point_light::<R>(light, *q, glossy, counts, &mut split);
-                    if R::ON {
-                        record.light(index, bounce, &self.points.base, &self.throughput, &split);
+                    let q = q.to_array().map(|x| [x; LANES]);
+                    self.one_point(light, &q, None, (index, bounce), glossy, counts, record);
+                }
+                Emitter::Area { corner, edge, height, normal, samples: 1 } => {
+                    let [s, t] = if bounce == 0 && self.joint == Some(index) {
+                        slot.spare
+                    } else {
+                        self.sampler.light_lanes([&slot.x, &slot.y], &slot.sample, index, bounce)
+                    };
+                    let mut q = [[0.0; LANES]; 3];
+                    for i in 0..LANES {
+                        set_lane(&mut q, i, corner + edge * s[i] + height * t[i]);
                     }
+                    self.one_point(light, &q, normal, (index, bounce), glossy, counts, record);
                 }
                 Emitter::Area { .. } => {
                     self.area_light(light, slot, index, bounce, glossy, counts, record);
@@ -184,18 +202,21 @@ impl<'a> Cast<'a> {
         }
     }
 
+    /// A light of which every lane sees one point.
     #[inline(always)]
-    fn point_light<R: Record>(
+    #[allow(clippy::too_many_arguments)] // All of them change from call to call.
+    fn one_point<R: Record>(
         &mut self,
         light: &Light,
-        q: Vec3,
+        q: &Lanes3,
+        normal: Option<Vec3>,
+        (index, bounce): (u32, u32),
         glossy: bool,
         counts: &mut RayCounts,
-        split: &mut Split,
+        record: &mut R,
     ) {
-        let q = q.to_array().map(|x| [x; LANES]);
         let (points, rays, lit) = (&self.points.at, &mut self.shadow, &mut self.lit);
-        let active = light_rays(points, &q, None, self.world.falloff, glossy, rays, lit);
+        let active = light_rays(points, q, normal, self.world.falloff, glossy, rays, lit);
         if !active.any() {
             return;
         }
@@ -203,9 +224,11 @@ impl<'a> Cast<'a> {
         self.accelerator.occluded(&active, rays, Coherence::Coherent);
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
         if R::ON {
+            let mut split = Split::NONE;
             for i in (0..LANES).filter(|&i| active.0[i] != 0 && rays.tfar[i] >= 0.0) {
                 split.add(i, light, lit.diffuse[i], lit.specular[i], 1.0);
             }
+            record.light(index, bounce, &self.points.base, &self.throughput, &split);
         }
         for axis in 0..3 {
             for i in 0..LANES {
@@ -236,16 +259,12 @@ impl<'a> Cast<'a> {
         let hit = self.points.at.hit;
         self.sums = [[0.0; 3]; LANES];
         let mut split = Split::NONE;
-        // Most jobs are of the pixel of the job before.
-        let mut drawn = self.sampler.light_points(slot.pixel(0), index, bounce);
-        if samples == 1 && bounce == 0 && self.joint == Some(index) {
-            drawn = drawn.joint();
-        }
         let mut next = Some(Stage::first(samples, self.world.adaptive_shadows));
         while let Some(stage) = next {
             let rays = counts.shadow;
+            let purpose = (index, bounce);
             let seen =
-                self.light_points::<R>(light, slot, glossy, &stage, &mut drawn, counts, &mut split);
+                self.light_points::<R>(light, slot, purpose, glossy, &stage, counts, &mut split);
             next = None;
             if stage.points.end < samples {
                 let active = (counts.shadow - rays) as u32;
@@ -274,9 +293,9 @@ impl<'a> Cast<'a> {
         &mut self,
         light: &Light,
         slot: &Slot,
+        (index, bounce): (u32, u32),
         glossy: bool,
         stage: &Stage,
-        drawn: &mut sampler::Points,
         counts: &mut RayCounts,
         split: &mut Split,
     ) -> u32 {
@@ -290,20 +309,21 @@ impl<'a> Cast<'a> {
         let mut seen = 0;
         loop {
             let mut from = [0; LANES];
-            let mut q = [[0.0; LANES]; 3];
+            let (mut x, mut y, mut number) = ([0; LANES], [0; LANES], [0; LANES]);
             let mut count = 0;
             for (lane, sample) in pairs.by_ref().take(LANES) {
-                let all = slot.sample[lane].wrapping_mul(samples).wrapping_add(sample);
-                if slot.pixel(lane) != drawn.pixel {
-                    *drawn = drawn.of(slot.pixel(lane));
-                }
-                let [s, t] = drawn.at(all);
-                set_lane(&mut q, count, corner + edge * s + height * t);
+                [x[count], y[count]] = slot.pixel(lane);
+                number[count] = slot.sample[lane].wrapping_mul(samples).wrapping_add(sample);
                 from[count] = lane;
                 count += 1;
             }
             if count == 0 || self.monitor.stopped() {
                 return seen;
+            }
+            let [s, t] = self.sampler.light_lanes([&x, &y], &number, index, bounce);
+            let mut q = [[0.0; LANES]; 3];
+            for i in 0..LANES {
+                set_lane(&mut q, i, corner + edge * s[i] + height * t[i]);
             }
             self.gathered.gather(&self.points.at, &from, count);
             let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);

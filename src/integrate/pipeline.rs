@@ -6,7 +6,7 @@ use crate::geometry::{prefetch_indices, prefetch_vertices};
 use crate::ray::Coherence;
 use crate::sampler::Sampler;
 
-use super::cast::Cast;
+use super::cast::{Cast, joint_light};
 use super::slot::{Pattern, Slot};
 use super::{Integrator, RayCounts};
 
@@ -35,13 +35,14 @@ pub fn pipeline<F: Finish>(
     let Integrator { world, accelerator, monitor } = integrator;
     let sampler = Sampler::of(world.sampler, world.seed);
     let mut counts = RayCounts::default();
-    let mut cast = Cast::new(world, accelerator, sampler, monitor);
+    let joint = joint_light(world);
+    let mut cast = Cast::new(world, accelerator, sampler, monitor, joint);
     let mut slots = [Slot::EMPTY; 2];
     for (traced, unit) in units.map(Some).chain([None]).enumerate() {
         let [even, odd] = &mut slots;
         let (slot, before) = if traced % 2 == 0 { (even, odd) } else { (odd, even) };
-        if let Some((corner, first)) = unit {
-            slot.aim(world, &sampler, pattern, corner, first, samples);
+        if let Some(unit) = unit {
+            slot.aim(world, &sampler, pattern, unit, samples, joint.is_some());
             counts.primary += u64::from(slot.active.count());
             let (active, packet) = (&slot.active, &mut slot.packet);
             accelerator.closest_candidates(active, packet, Coherence::Coherent);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::ray::{LANES, Mask, NONE, RayPacket};
 use crate::sampler::Sampler;
-use crate::shading::set_lane;
+use crate::shading::{Lanes, set_lane};
 use crate::world::World;
 
 /// How the 16 lanes of a packet cover pixels and samples: the smallest piece of the picture.
@@ -61,6 +61,9 @@ pub struct Slot {
     pub corner: [u32; 2],
     /// First sample of the packet.
     pub first: u32,
+    /// Points in the unit square that are stratified together with the pixel offsets, for what the caller
+    /// of [`Slot::aim`] takes them.
+    pub spare: [Lanes; 2],
 }
 
 impl Slot {
@@ -73,6 +76,7 @@ impl Slot {
         sample: [0; LANES],
         corner: [0; 2],
         first: 0,
+        spare: [[0.0; LANES]; 2],
     };
 
     /// Pixel of a lane.
@@ -81,16 +85,17 @@ impl Slot {
         [self.x[i], self.y[i]]
     }
 
-    /// Aims the camera rays of the block at `corner`, samples from `first` on, those within `samples`.
+    /// Aims the camera rays of the block at `corner`, samples from `first` on, those within `samples`. With
+    /// `spare` and without a lens, which takes them, draws [`Slot::spare`], too.
     #[inline(always)]
     pub fn aim(
         &mut self,
         world: &World,
         sampler: &Sampler,
         pattern: &Pattern,
-        corner: [u32; 2],
-        first: u32,
+        (corner, first): ([u32; 2], u32),
         samples: &Range<u32>,
+        spare: bool,
     ) {
         (self.corner, self.first) = (corner, first);
         let [width, height] = world.frame;
@@ -107,34 +112,35 @@ impl Slot {
         self.packet.rays.tnear = [0.0; LANES];
         self.packet.rays.tfar = [f32::INFINITY; LANES];
         self.packet.rays.leaving = [NONE; LANES];
-        if world.spp > 1 || world.camera.has_lens() {
-            return self.aim_sampled(world, sampler);
+        let (antialiased, lens) = (world.spp > 1, world.camera.has_lens());
+        let pixels = [&self.x, &self.y];
+        let [x, y, s, t] = if lens || spare {
+            sampler.camera_lanes(pixels, &self.sample)
+        } else if antialiased {
+            let [x, y] = sampler.camera_lanes(pixels, &self.sample);
+            [x, y, [0.5; LANES], [0.5; LANES]]
+        } else {
+            [[0.5; LANES]; 4]
+        };
+        self.spare = [s, t];
+        let (mut px, mut py) = ([0.5; LANES], [0.5; LANES]);
+        if antialiased {
+            (px, py) = (x, y);
         }
         for i in 0..LANES {
-            let (x, y) = (self.x[i] as i32 as f32 + 0.5, self.y[i] as i32 as f32 + 0.5);
-            let (origin, direction) = world.camera.pinhole_ray(x, y);
-            set_lane(&mut self.packet.rays.org, i, origin);
-            set_lane(&mut self.packet.rays.dir, i, direction);
+            px[i] += self.x[i] as i32 as f32;
+            py[i] += self.y[i] as i32 as f32;
         }
-    }
-
-    #[inline(always)]
-    fn aim_sampled(&mut self, world: &World, sampler: &Sampler) {
-        let mut offsets = sampler.pixel_points(self.pixel(0));
-        for i in 0..LANES {
-            if self.pixel(i) != offsets.pixel {
-                offsets = sampler.pixel_points(self.pixel(i));
+        if lens {
+            for i in 0..LANES {
+                let (origin, direction) = world.camera.ray(px[i], py[i], [s[i], t[i]]);
+                set_lane(&mut self.packet.rays.org, i, origin);
+                set_lane(&mut self.packet.rays.dir, i, direction);
             }
-            let [x, y, s, t] = match world.camera.has_lens() {
-                true => sampler.camera(self.pixel(i), self.sample[i]),
-                false => {
-                    let [x, y] = offsets.at(self.sample[i]);
-                    [x, y, 0.5, 0.5]
-                }
-            };
-            let [dx, dy] = if world.spp > 1 { [x, y] } else { [0.5; 2] };
-            let (x, y) = (self.x[i] as i32 as f32 + dx, self.y[i] as i32 as f32 + dy);
-            let (origin, direction) = world.camera.ray(x, y, [s, t]);
+            return;
+        }
+        for i in 0..LANES {
+            let (origin, direction) = world.camera.pinhole_ray(px[i], py[i]);
             set_lane(&mut self.packet.rays.org, i, origin);
             set_lane(&mut self.packet.rays.dir, i, direction);
         }

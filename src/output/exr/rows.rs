@@ -7,61 +7,94 @@ use half::{f16, slice::HalfFloatSliceExt};
 use crate::{
     film::{ChannelKind, Film},
     output::{HALF_MAX, finite},
+    simd::Kernel,
 };
 
 use super::parts::{From, Source};
 
+/// Pixels that are looked at together: their words stay in the nearest cache, channel after channel.
+const SOME: usize = 256;
+
 /// Fills `bytes` row by row (of the film's window), channel by channel, in native byte order.
-pub fn fill(bytes: &mut Vec<u8>, film: &Film, sources: &[Source], rows: Range<usize>) {
-    let width = film.window.width() as usize;
-    let stride = film.planes.channels.len();
-    let size = |kind| if kind == ChannelKind::Half { 2 } else { 4 };
-    let pixel: usize = sources.iter().map(|source| size(source.kind)).sum();
-    bytes.resize(rows.len() * width * pixel, 0);
-    let mut rest = bytes.as_mut_slice();
-    let (mut floats, mut halves) = (vec![0.0; width], vec![f16::ZERO; width]);
-    for y in rows {
-        let row = y * width..(y + 1) * width;
-        let pixels = &film.pixels[row.clone()];
-        let words = &film.planes.words[row.start * stride..row.end * stride];
-        for Source { kind, from, .. } in sources {
-            let (to, after) = rest.split_at_mut(width * size(*kind));
-            rest = after;
-            match *from {
-                From::Words(channel) if *kind == ChannelKind::Uint => {
-                    let column = words.chunks_exact(stride).map(|words| words[channel]);
-                    for (to, word) in to.chunks_exact_mut(4).zip(column) {
-                        to.copy_from_slice(&word.to_ne_bytes());
+pub struct Fill<'a, 'b> {
+    pub bytes: &'b mut Vec<u8>,
+    pub film: &'a Film,
+    pub sources: &'a [Source<'a>],
+    pub rows: Range<usize>,
+}
+
+impl Kernel for Fill<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { bytes, film, sources, rows } = self;
+        let width = film.window.width() as usize;
+        let stride = film.planes.channels.len();
+        let row_bytes = width * sources.iter().map(|source| size(source.kind)).sum::<usize>();
+        bytes.resize(rows.len() * row_bytes, 0);
+        for (y, row) in rows.zip(bytes.chunks_exact_mut(row_bytes)) {
+            for x in (0..width).step_by(SOME) {
+                let count = SOME.min(width - x);
+                let first = y * width + x;
+                let pixels = &film.pixels[first..first + count];
+                let words = &film.planes.words[first * stride..(first + count) * stride];
+                let mut begin = 0;
+                for source in sources {
+                    let size = size(source.kind);
+                    let to = &mut row[begin + x * size..][..count * size];
+                    begin += width * size;
+                    match source.from {
+                        From::Beauty(axis) => column(source.kind, pixels.as_flattened(), 4, axis, to),
+                        From::Words(channel) if source.kind == ChannelKind::Uint => {
+                            for (to, words) in to.chunks_exact_mut(4).zip(words.chunks_exact(stride)) {
+                                to.copy_from_slice(&words[channel].to_ne_bytes());
+                            }
+                        }
+                        From::Words(channel) => {
+                            column(source.kind, bytemuck::cast_slice(words), stride, channel, to);
+                        }
                     }
-                    continue;
-                }
-                From::Words(channel) => {
-                    for (float, words) in floats.iter_mut().zip(words.chunks_exact(stride)) {
-                        *float = f32::from_bits(words[channel]);
-                    }
-                }
-                From::Beauty(axis) => {
-                    for (float, pixel) in floats.iter_mut().zip(pixels) {
-                        *float = pixel[axis];
-                    }
-                }
-            }
-            if *kind == ChannelKind::Half {
-                floats.iter_mut().for_each(|float| *float = within_half(*float));
-                halves.convert_from_f32_slice(&floats);
-                for (to, half) in to.chunks_exact_mut(2).zip(&halves) {
-                    to.copy_from_slice(&half.to_ne_bytes());
-                }
-            } else {
-                for (to, float) in to.chunks_exact_mut(4).zip(&floats) {
-                    to.copy_from_slice(&finite(*float).to_ne_bytes());
                 }
             }
         }
     }
 }
 
+/// Bytes of a value.
+#[inline(always)]
+fn size(kind: ChannelKind) -> usize {
+    if kind == ChannelKind::Half { 2 } else { 4 }
+}
+
+/// Value `index` of each `stride`, of [`SOME`] at most.
+#[inline(always)]
+fn column(kind: ChannelKind, values: &[f32], stride: usize, index: usize, to: &mut [u8]) {
+    let mut floats = [0.0; SOME];
+    let count = (values.len() / stride).min(SOME);
+    let floats = &mut floats[..count];
+    for i in 0..count {
+        floats[i] = values[i * stride + index];
+    }
+    if kind != ChannelKind::Half {
+        for (to, float) in to.chunks_exact_mut(4).zip(floats) {
+            to.copy_from_slice(&finite(*float).to_ne_bytes());
+        }
+        return;
+    }
+    for float in floats.iter_mut() {
+        *float = within_half(*float);
+    }
+    let mut halves = [f16::ZERO; SOME];
+    let halves = &mut halves[..count];
+    halves.convert_from_f32_slice(floats);
+    for (to, half) in to.chunks_exact_mut(2).zip(halves) {
+        to.copy_from_slice(&half.to_ne_bytes());
+    }
+}
+
 /// What a half can hold; finite for every input.
+#[inline(always)]
 fn within_half(value: f32) -> f32 {
     // Without branches: what NaN fails becomes 0.
     let within = value.clamp(-HALF_MAX, HALF_MAX);
