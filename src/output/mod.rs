@@ -129,6 +129,7 @@ impl Oddities {
 }
 
 /// A value that every format holds: NaN is 0, infinities are the largest half.
+#[inline(always)]
 pub(crate) fn finite(value: f32) -> f32 {
     if value.is_nan() {
         0.0

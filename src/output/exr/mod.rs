@@ -5,10 +5,11 @@
 //! (the `exr` crate's default order depends on threads) and the header's attributes are sorted
 //! afterwards (the crate keeps them in a hash map).
 //!
-//! Blocks are compressed on the caller's rayon pool, some at a time, while those before them are
-//! written, so that nothing of the size of the film stands beside it.
+//! Blocks are compressed on the caller's rayon pool while those before them are written, a few ahead, so that
+//! nothing of the size of the film stands beside it.
 
 mod header;
+mod ordered;
 mod parts;
 mod rows;
 mod sorted;
@@ -17,7 +18,6 @@ mod zip;
 use std::{
     io::{BufWriter, Read, Seek, SeekFrom, Write},
     path::Path,
-    sync::{Mutex, PoisonError},
 };
 
 use exr::{
@@ -29,18 +29,18 @@ use exr::{
     error::{Error as ExrError, Result as ExrResult},
     meta::header::Header,
 };
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
     film::Film,
+    simd::{Isa, dispatch},
 };
 
 pub use self::sorted::read_sorted;
 
-use self::{parts::Part, zip::Zip};
+use self::{parts::Part, rows::Fill, zip::Zip};
 
 /// How blocks are compressed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -153,49 +153,38 @@ struct Blocks<'a> {
 }
 
 impl Blocks<'_> {
-    /// Writes all blocks in the order of the file. While some are written the next ones are compressed.
+    /// Writes all blocks in the order of the file.
     fn stream(&self, writer: &mut (impl ChunksWriter + Send)) -> ExrResult<()> {
         let blocks: Vec<(usize, BlockIndex)> =
             exr::block::enumerate_ordered_header_block_indices(self.headers).collect();
-        let mut write = |ready: Vec<(usize, Chunk)>| {
-            ready.into_iter().try_for_each(|(position, chunk)| writer.write_chunk(position, chunk))
-        };
-        let threads = rayon::current_num_threads();
-        let zips: Vec<Mutex<Zip>> = (0..threads).map(|_| Mutex::new(Zip::new())).collect();
-        let chunk = |(position, index): &(usize, BlockIndex)| {
-            // Every thread has its own, so that nobody ever waits.
-            let zip = &zips[rayon::current_thread_index().unwrap_or(0)];
-            let mut zip = zip.lock().unwrap_or_else(PoisonError::into_inner);
-            Ok((*position, self.chunk(&mut zip, index)?))
-        };
-        let mut ready = Vec::new();
-        for some in blocks.chunks(2 * threads) {
-            let compress = || some.par_iter().map(chunk).collect::<ExrResult<Vec<_>>>();
-            let (written, next) = rayon::join(|| write(std::mem::take(&mut ready)), compress);
-            written?;
-            ready = next?;
-        }
-        write(ready)
+        let isa = Isa::detect();
+        ordered::make(
+            blocks.len(),
+            Zip::new,
+            |zip, number| self.chunk(zip, isa, &blocks[number].1),
+            |number, chunk| writer.write_chunk(blocks[number].0, chunk),
+        )
     }
 
     /// A block as it stands in the file.
-    fn chunk(&self, zip: &mut Zip, index: &BlockIndex) -> ExrResult<Chunk> {
+    fn chunk(&self, zip: &mut Zip, isa: Isa, index: &BlockIndex) -> ExrResult<Chunk> {
         let (header, sources) = (&self.headers[index.layer], &self.parts[index.layer].sources);
         let top = index.pixel_position.y();
         let rows = top..top + index.pixel_size.height();
         match self.options.compression {
             Compression::Zip | Compression::Zips if cfg!(target_endian = "little") => {
-                rows::fill(&mut zip.raw, self.film, sources, rows);
+                let bytes = &mut zip.raw;
+                dispatch(isa, Fill { bytes, film: self.film, sources, rows });
                 let block = CompressedScanLineBlock {
                     y_coordinate: header.own_attributes.layer_position.y() + top as i32,
-                    compressed_pixels_le: zip.compress(),
+                    compressed_pixels_le: zip.compress(isa),
                 };
                 let compressed_block = CompressedBlock::ScanLine(block);
                 Ok(Chunk { layer_index: index.layer, compressed_block })
             }
             _ => {
                 let mut data = Vec::new();
-                rows::fill(&mut data, self.film, sources, rows);
+                dispatch(isa, Fill { bytes: &mut data, film: self.film, sources, rows });
                 UncompressedBlock { index: *index, data }.compress_to_chunk(self.headers)
             }
         }

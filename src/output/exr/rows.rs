@@ -44,17 +44,28 @@ impl Kernel for Fill<'_, '_> {
                     let size = size(source.kind);
                     let to = &mut row[begin + x * size..][..count * size];
                     begin += width * size;
+                    let mut floats = [0.0; SOME];
                     match source.from {
-                        From::Beauty(axis) => column(source.kind, pixels.as_flattened(), 4, axis, to),
-                        From::Words(channel) if source.kind == ChannelKind::Uint => {
-                            for (to, words) in to.chunks_exact_mut(4).zip(words.chunks_exact(stride)) {
-                                to.copy_from_slice(&words[channel].to_ne_bytes());
+                        From::Beauty(axis) => {
+                            for (float, pixel) in floats.iter_mut().zip(pixels) {
+                                *float = pixel[axis];
                             }
                         }
+                        From::Words(channel) if source.kind == ChannelKind::Uint => {
+                            let words = words.chunks_exact(stride);
+                            for (to, words) in to.chunks_exact_mut(4).zip(words) {
+                                to.copy_from_slice(&words[channel].to_ne_bytes());
+                            }
+                            continue;
+                        }
                         From::Words(channel) => {
-                            column(source.kind, bytemuck::cast_slice(words), stride, channel, to);
+                            for (float, words) in floats.iter_mut().zip(words.chunks_exact(stride))
+                            {
+                                *float = f32::from_bits(words[channel]);
+                            }
                         }
                     }
+                    store(source.kind, &mut floats[..count], to);
                 }
             }
         }
@@ -67,15 +78,9 @@ fn size(kind: ChannelKind) -> usize {
     if kind == ChannelKind::Half { 2 } else { 4 }
 }
 
-/// Value `index` of each `stride`, of [`SOME`] at most.
+/// Writes at most [`SOME`] values as the file has them.
 #[inline(always)]
-fn column(kind: ChannelKind, values: &[f32], stride: usize, index: usize, to: &mut [u8]) {
-    let mut floats = [0.0; SOME];
-    let count = (values.len() / stride).min(SOME);
-    let floats = &mut floats[..count];
-    for i in 0..count {
-        floats[i] = values[i * stride + index];
-    }
+fn store(kind: ChannelKind, floats: &mut [f32], to: &mut [u8]) {
     if kind != ChannelKind::Half {
         for (to, float) in to.chunks_exact_mut(4).zip(floats) {
             to.copy_from_slice(&finite(*float).to_ne_bytes());
@@ -86,7 +91,7 @@ fn column(kind: ChannelKind, values: &[f32], stride: usize, index: usize, to: &m
         *float = within_half(*float);
     }
     let mut halves = [f16::ZERO; SOME];
-    let halves = &mut halves[..count];
+    let halves = &mut halves[..floats.len()];
     halves.convert_from_f32_slice(floats);
     for (to, half) in to.chunks_exact_mut(2).zip(halves) {
         to.copy_from_slice(&half.to_ne_bytes());

@@ -2,6 +2,8 @@
 
 use libdeflater::{CompressionLvl, Compressor};
 
+use crate::simd::{Isa, Kernel, dispatch};
+
 /// libdeflate's fastest: of a rendered frame it makes 2.4% more bytes than OpenEXR's level 4, in three
 /// quarters of the time.
 const LEVEL: i32 = 1;
@@ -24,10 +26,10 @@ impl Zip {
     }
 
     /// The block as it stands in the file: `raw` itself if that is not longer.
-    pub fn compress(&mut self) -> Vec<u8> {
+    pub fn compress(&mut self, isa: Isa) -> Vec<u8> {
         let Self { compressor, raw, differences, packed } = self;
         differences.resize(raw.len(), 0);
-        separate(raw, differences);
+        dispatch(isa, Separate { raw, differences });
         packed.resize(raw.len().saturating_sub(1), 0);
         match compressor.zlib_compress(differences, packed) {
             Ok(length) => packed[..length].to_vec(),
@@ -37,28 +39,51 @@ impl Zip {
 }
 
 /// Bytes 0, 2, 4..., then 1, 3, 5..., each less the one before it, plus 128.
-fn separate(raw: &[u8], differences: &mut [u8]) {
-    let (even, odd) = differences.split_at_mut(raw.len().div_ceil(2));
-    let pairs = raw.chunks_exact(2);
-    if let ([last], Some(to)) = (pairs.remainder(), even.last_mut()) {
-        *to = *last;
-    }
-    for ((pair, even), odd) in pairs.zip(even).zip(odd) {
-        (*even, *odd) = (pair[0], pair[1]);
-    }
-    // From the end, so that every byte is still there when the next one needs it.
-    const SOME: usize = 64;
-    let mut end = differences.len();
-    while end > SOME {
-        let before: [u8; SOME] = std::array::from_fn(|i| differences[end - SOME - 1 + i]);
-        for (byte, before) in differences[end - SOME..end].iter_mut().zip(before) {
-            *byte = byte.wrapping_sub(before).wrapping_add(128);
+struct Separate<'a> {
+    raw: &'a [u8],
+    differences: &'a mut [u8],
+}
+
+impl Kernel for Separate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { raw, differences } = self;
+        let (even, odd) = differences.split_at_mut(raw.len().div_ceil(2));
+        let mut begin = 1;
+        // What a vector register or two hold: the differences side by side, then apart.
+        const SOME: usize = 64;
+        while begin + SOME <= odd.len() {
+            let mut both = [0; 2 * SOME];
+            let (now, before) = (&raw[2 * begin..][..2 * SOME], &raw[2 * begin - 2..][..2 * SOME]);
+            for i in 0..2 * SOME {
+                both[i] = difference(now[i], before[i]);
+            }
+            let (even, odd) = (&mut even[begin..][..SOME], &mut odd[begin..][..SOME]);
+            for i in 0..SOME {
+                (even[i], odd[i]) = (both[2 * i], both[2 * i + 1]);
+            }
+            begin += SOME;
         }
-        end -= SOME;
+        for i in begin..even.len() {
+            even[i] = difference(raw[2 * i], raw[2 * i - 2]);
+        }
+        for i in begin..odd.len() {
+            odd[i] = difference(raw[2 * i + 1], raw[2 * i - 1]);
+        }
+        if let Some(first) = even.first_mut() {
+            *first = raw[0];
+        }
+        if let Some(first) = odd.first_mut() {
+            *first = difference(raw[1], raw[2 * even.len() - 2]);
+        }
     }
-    for i in (1..end).rev() {
-        differences[i] = differences[i].wrapping_sub(differences[i - 1]).wrapping_add(128);
-    }
+}
+
+#[inline(always)]
+fn difference(byte: u8, before: u8) -> u8 {
+    byte.wrapping_sub(before).wrapping_add(128)
 }
 
 #[cfg(test)]
@@ -69,8 +94,11 @@ mod tests {
     fn bytes_are_separated_as_openexr_says() {
         for length in [0, 1, 2, 5, 64, 65, 66, 200, 1001] {
             let raw: Vec<u8> = (0..length).map(|i: usize| (i * i / 3 + 7 * i) as u8).collect();
-            let mut found = vec![0; length];
-            separate(&raw, &mut found);
+            let found = Isa::available().map(|isa| {
+                let mut found = vec![0; length];
+                dispatch(isa, Separate { raw: &raw, differences: &mut found });
+                found
+            });
             // As in OpenEXR's internal_zip: one byte at a time.
             let even = raw.iter().step_by(2);
             let mut expected: Vec<u8> =
@@ -81,7 +109,9 @@ mod tests {
                 before = *byte;
                 *byte = difference as u8;
             }
-            assert_eq!(found, expected, "{length}");
+            for found in found {
+                assert_eq!(found, expected, "{length}");
+            }
         }
     }
 
@@ -96,7 +126,7 @@ mod tests {
         let mut zip = Zip::new();
         let mut compress = |raw: &[u8]| {
             zip.raw = raw.to_vec();
-            zip.compress()
+            zip.compress(Isa::detect())
         };
         assert_eq!(compress(&noise), noise);
         assert!(compress(&[7; 4096]).len() < 100);

@@ -1,0 +1,162 @@
+//! Things that are made on all threads and taken in their order.
+
+use std::{
+    collections::BTreeMap,
+    sync::{
+        Condvar, Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering::Relaxed},
+    },
+};
+
+/// How many things may be ready before their turn, for each thread.
+const AHEAD: usize = 2;
+
+/// What is ready, and who takes it.
+struct Queue<T, W, E> {
+    /// The next to be taken.
+    next: usize,
+    ready: BTreeMap<usize, T>,
+    take: W,
+    failed: Option<E>,
+    /// Something failed or panicked.
+    over: bool,
+}
+
+/// A thread that panics keeps no other waiting.
+struct Guard<'a, T, W, E>(&'a Mutex<Queue<T, W, E>>, &'a Condvar);
+
+impl<T, W, E> Drop for Guard<'_, T, W, E> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.lock().unwrap_or_else(PoisonError::into_inner).over = true;
+            self.1.notify_all();
+        }
+    }
+}
+
+/// Makes things 0 to `count` - 1 on the threads of the caller's rayon pool, each with a `room` of its own, and
+/// gives them to `take` in their order, never two at a time. A thread that is too far ahead waits; the one
+/// whose thing is the next never does.
+///
+/// # Errors
+/// The first that is met; then nothing more is made.
+pub fn make<R, T: Send, E: Send>(
+    count: usize,
+    room: impl Fn() -> R + Sync,
+    make: impl Fn(&mut R, usize) -> Result<T, E> + Sync,
+    take: impl FnMut(usize, T) -> Result<(), E> + Send,
+) -> Result<(), E> {
+    let threads = rayon::current_num_threads();
+    let started = AtomicUsize::new(0);
+    let queue =
+        Mutex::new(Queue { next: 0, ready: BTreeMap::new(), take, failed: None, over: false });
+    let changed = Condvar::new();
+    let work = || {
+        let _guard = Guard(&queue, &changed);
+        let mut room = room();
+        loop {
+            let number = started.fetch_add(1, Relaxed);
+            if number >= count {
+                return;
+            }
+            let made = make(&mut room, number);
+            let queue = queue.lock().unwrap_or_else(PoisonError::into_inner);
+            let early = |q: &mut Queue<_, _, _>| {
+                !q.over && made.is_ok() && number > q.next + AHEAD * threads
+            };
+            let mut guard =
+                changed.wait_while(queue, early).unwrap_or_else(PoisonError::into_inner);
+            let queue = &mut *guard;
+            if queue.over {
+                return;
+            }
+            let taken = made.and_then(|thing| {
+                queue.ready.insert(number, thing);
+                while let Some(thing) = queue.ready.remove(&queue.next) {
+                    (queue.take)(queue.next, thing)?;
+                    queue.next += 1;
+                }
+                Ok(())
+            });
+            if let Err(error) = taken {
+                queue.failed.get_or_insert(error);
+                queue.over = true;
+            }
+            changed.notify_all();
+            if queue.over {
+                return;
+            }
+        }
+    };
+    rayon::scope(|scope| {
+        for _ in 1..threads.min(count) {
+            scope.spawn(|_| work());
+        }
+        work();
+    });
+    let queue = queue.into_inner().unwrap_or_else(PoisonError::into_inner);
+    queue.failed.map_or(Ok(()), Err)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Takes the numbers that are made, on some threads; `slow` takes longer, `wrong` fails.
+    fn run(threads: usize, count: usize, slow: usize, wrong: usize) -> (Vec<usize>, Option<usize>) {
+        let mut taken = Vec::new();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let made = pool.install(|| {
+            let one = |made: &mut usize, number: usize| {
+                *made += 1;
+                if number == slow {
+                    std::thread::sleep(std::time::Duration::from_millis(30));
+                }
+                if number == wrong { Err(number) } else { Ok(number * number) }
+            };
+            make(
+                count,
+                || 0,
+                one,
+                |number, square| {
+                    assert_eq!(square, number * number);
+                    taken.push(number);
+                    Ok(())
+                },
+            )
+        });
+        (taken, made.err())
+    }
+
+    #[test]
+    fn things_come_in_their_order() {
+        for threads in [1, 2, 7] {
+            for (count, slow) in [(0, 0), (1, 0), (200, 0), (200, 50), (200, 199)] {
+                let expected: Vec<usize> = (0..count).collect();
+                assert_eq!(run(threads, count, slow, usize::MAX), (expected, None));
+            }
+        }
+    }
+
+    #[test]
+    fn a_panic_ends_it() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        let run = || {
+            let one = |_: &mut (), number| match number {
+                0 => panic!("a bug"),
+                _ => Ok::<_, ()>(number),
+            };
+            pool.install(|| make(1000, || (), one, |_, _| Ok(())))
+        };
+        assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(run)).is_err());
+    }
+
+    #[test]
+    fn an_error_ends_it() {
+        for threads in [1, 2, 7] {
+            let (taken, error) = run(threads, 1000, 3, 20);
+            assert_eq!(error, Some(20));
+            assert!(taken.len() <= 20 && taken.iter().copied().eq(0..taken.len()));
+        }
+    }
+}
