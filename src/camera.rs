@@ -89,6 +89,7 @@ impl Camera {
 
     /// How far a point, relative to the scene's origin, lies in front of the camera: along its axis,
     /// not along the ray.
+    #[inline(always)]
     pub fn depth(&self, point: DVec3) -> f64 {
         (point - self.position).dot(self.forward)
     }

@@ -16,6 +16,9 @@ impl Mask {
     /// No lane.
     pub const NONE: Self = Self([0; LANES]);
 
+    /// Every lane.
+    pub const ALL: Self = Self([-1; LANES]);
+
     /// Whether any lane counts.
     #[inline(always)]
     pub fn any(&self) -> bool {

@@ -42,11 +42,10 @@ impl BlockSums {
     ) {
         let stride = pattern.samples;
         if samples.start <= first && samples.end - first >= stride {
-            for (quantity, values) in lanes.iter().enumerate() {
-                let sums = fold(values, stride);
-                for pixel in 0..self.pixels {
-                    self.node[pixel * self.quantities + quantity] = sums[pixel % LANES];
-                }
+            match stride {
+                16 => self.fold::<16>(lanes),
+                4 => self.fold::<4>(lanes),
+                _ => self.fold::<1>(lanes),
             }
             return self.sums.push(Node { first, level: stride.ilog2() }, &self.node);
         }
@@ -58,6 +57,19 @@ impl BlockSums {
                 }
             }
             self.sums.push(Node { first: sample, level: 0 }, &self.node);
+        }
+    }
+
+    /// Makes the node of a packet with `RUN` samples of each pixel.
+    #[inline(always)]
+    fn fold<const RUN: usize>(&mut self, lanes: &[[f64; LANES]]) {
+        for (quantity, values) in lanes.iter().enumerate() {
+            // Most layers have nothing to say of most packets.
+            let bits = values.iter().fold(0, |bits, value| bits | value.to_bits());
+            let sums = if bits == 0 { [0.0; LANES] } else { fold::<RUN>(values) };
+            for pixel in 0..LANES / RUN {
+                self.node[pixel * self.quantities + quantity] = sums[pixel];
+            }
         }
     }
 
@@ -73,10 +85,10 @@ impl BlockSums {
     }
 }
 
-/// Sums over each run of `samples` neighbouring lanes, a power of two: pairs, then pairs of pairs.
+/// Sums over each run of `RUN` neighbouring lanes, a power of two: pairs, then pairs of pairs.
 #[inline(always)]
-fn fold(values: &[f64; LANES], samples: u32) -> [f64; LANES] {
-    let (mut sums, mut left, mut run) = (*values, LANES, samples);
+fn fold<const RUN: usize>(values: &[f64; LANES]) -> [f64; LANES] {
+    let (mut sums, mut left, mut run) = (*values, LANES, RUN);
     while run > 1 {
         (left, run) = (left / 2, run / 2);
         for i in 0..left {

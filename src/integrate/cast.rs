@@ -224,10 +224,11 @@ impl<'a> Cast<'a> {
         self.accelerator.occluded(&active, rays, Coherence::Coherent);
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
         if R::ON {
-            let mut split = Split::NONE;
-            for i in (0..LANES).filter(|&i| active.0[i] != 0 && rays.tfar[i] >= 0.0) {
-                split.add(i, light, lit.diffuse[i], lit.specular[i], 1.0);
+            let mut seen = Mask::NONE;
+            for i in 0..LANES {
+                seen.0[i] = active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
             }
+            let split = Split::of(light, lit, &seen);
             record.light(index, bounce, &self.points.base, &self.throughput, &split);
         }
         for axis in 0..3 {
@@ -357,16 +358,17 @@ impl<'a> Cast<'a> {
     #[inline(always)]
     fn background<R: Record>(&mut self, active: &Mask, hit: &Mask, bounce: u32, record: &mut R) {
         let color = self.world.background.to_array();
+        let mut sent = [[0.0; LANES]; 3];
         for axis in 0..3 {
             for i in 0..LANES {
                 let missed = (active.0[i] & !hit.0[i]) != 0;
-                let sent = color[axis] * self.throughput[i];
-                let sent = if missed { sent } else { 0.0 };
-                self.radiance[axis][i] += sent;
-                if R::ON {
-                    record.background(axis, i, bounce, sent);
-                }
+                let carried = color[axis] * self.throughput[i];
+                sent[axis][i] = if missed { carried } else { 0.0 };
+                self.radiance[axis][i] += sent[axis][i];
             }
+        }
+        if R::ON {
+            record.background(bounce, &sent);
         }
     }
 
@@ -374,16 +376,17 @@ impl<'a> Cast<'a> {
     #[inline(always)]
     fn ambient<R: Record>(&mut self, hit: &Mask, bounce: u32, record: &mut R) {
         let color = self.world.ambient.to_array();
+        let mut sent = [[0.0; LANES]; 3];
         for axis in 0..3 {
             for i in 0..LANES {
-                let sent = self.points.ka[i] * color[axis] * self.points.base[axis][i];
-                let sent = sent * self.throughput[i];
-                let sent = if hit.0[i] != 0 { sent } else { 0.0 };
-                self.radiance[axis][i] += sent;
-                if R::ON {
-                    record.ambient(axis, i, bounce, sent);
-                }
+                let carried = self.points.ka[i] * color[axis] * self.points.base[axis][i];
+                let carried = carried * self.throughput[i];
+                sent[axis][i] = if hit.0[i] != 0 { carried } else { 0.0 };
+                self.radiance[axis][i] += sent[axis][i];
             }
+        }
+        if R::ON {
+            record.ambient(bounce, &sent);
         }
     }
 }

@@ -7,7 +7,7 @@ use std::ops::Range;
 use crate::geometry::Surfaces;
 use crate::layers::{BEAUTY, Nearest, Plan, Raw, count};
 use crate::ray::{LANES, Mask, RayPacket};
-use crate::shading::{Lanes, Lanes3, Light, Points, lane};
+use crate::shading::{Lanes, Lanes3, Light, Lit, Points, lane};
 use crate::world::World;
 
 use super::block::BlockSums;
@@ -31,10 +31,10 @@ pub trait Record {
     fn surface(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, points: &Points);
     /// What a light brings, to be multiplied by base colours and throughputs.
     fn light(&mut self, light: u32, bounce: u32, base: &Lanes3, throughput: &Lanes, split: &Split);
-    /// Ambient light of one lane.
-    fn ambient(&mut self, axis: usize, lane: usize, bounce: u32, sent: f32);
-    /// Background of one lane.
-    fn background(&mut self, axis: usize, lane: usize, bounce: u32, sent: f32);
+    /// Ambient light that the lanes carry.
+    fn ambient(&mut self, bounce: u32, sent: &Lanes3);
+    /// Background that the lanes carry.
+    fn background(&mut self, bounce: u32, sent: &Lanes3);
     /// The packet is done: its samples within `samples` count.
     fn packet(&mut self, slot: &Slot, samples: &Range<u32>, radiance: &Lanes3);
     /// Writes the words of one pixel of the block, of `n` samples, into a row, as pixel `column` of it.
@@ -60,8 +60,8 @@ impl Record for Beauty<'_> {
     fn begin(&mut self) {}
     fn surface(&mut self, _: &World, _: &RayPacket, _: &Surfaces, _: &Points) {}
     fn light(&mut self, _: u32, _: u32, _: &Lanes3, _: &Lanes, _: &Split) {}
-    fn ambient(&mut self, _: usize, _: usize, _: u32, _: f32) {}
-    fn background(&mut self, _: usize, _: usize, _: u32, _: f32) {}
+    fn ambient(&mut self, _: u32, _: &Lanes3) {}
+    fn background(&mut self, _: u32, _: &Lanes3) {}
     fn packet(&mut self, _: &Slot, _: &Range<u32>, _: &Lanes3) {}
 
     fn write(&self, pixel: usize, _: u32, beauty: &BlockSums, column: usize, row: &mut [u32]) {
@@ -76,8 +76,8 @@ impl Record for Beauty<'_> {
 /// What one light brings to each lane, before the base colour: diffuse and specular apart.
 #[derive(Debug, Clone)]
 pub struct Split {
-    diffuse: [[f64; 3]; LANES],
-    specular: [[f64; 3]; LANES],
+    diffuse: [[f64; LANES]; 3],
+    specular: [[f64; LANES]; 3],
     /// Light points that are seen.
     visible: [f64; LANES],
 }
@@ -85,21 +85,35 @@ pub struct Split {
 impl Split {
     /// No light.
     pub const NONE: Self =
-        Self { diffuse: [[0.0; 3]; LANES], specular: [[0.0; 3]; LANES], visible: [0.0; LANES] };
+        Self { diffuse: [[0.0; LANES]; 3], specular: [[0.0; LANES]; 3], visible: [0.0; LANES] };
 
-    /// Adds a light point to lane `i`, with the weights of [`crate::shading::Lit`], times `weight`.
+    /// A light point of each lane that `visible` has, with the weights of [`Lit`].
+    #[inline(always)]
+    pub fn of(light: &Light, lit: &Lit, visible: &Mask) -> Self {
+        let mut split = Self::NONE;
+        for axis in 0..3 {
+            let (diffuse, specular) = (light.diffuse[axis], light.specular[axis]);
+            for i in 0..LANES {
+                let seen = visible.0[i] != 0;
+                let (d, s) = (diffuse * lit.diffuse[i], specular * lit.specular[i]);
+                split.diffuse[axis][i] = if seen { f64::from(d) } else { 0.0 };
+                split.specular[axis][i] = if seen { f64::from(s) } else { 0.0 };
+            }
+        }
+        for i in 0..LANES {
+            split.visible[i] = if visible.0[i] != 0 { 1.0 } else { 0.0 };
+        }
+        split
+    }
+
+    /// Adds a light point to lane `i`, with the weights of [`Lit`], times `weight`.
     #[inline(always)]
     pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32, weight: f64) {
         for axis in 0..3 {
-            self.diffuse[i][axis] += f64::from(light.diffuse[axis] * diffuse) * weight;
-            self.specular[i][axis] += f64::from(light.specular[axis] * specular) * weight;
+            self.diffuse[axis][i] += f64::from(light.diffuse[axis] * diffuse) * weight;
+            self.specular[axis][i] += f64::from(light.specular[axis] * specular) * weight;
         }
         self.visible[i] += weight;
-    }
-
-    /// Whether anything reaches lane `i`.
-    fn any(&self, i: usize) -> bool {
-        self.diffuse[i] != [0.0; 3] || self.specular[i] != [0.0; 3]
     }
 
     /// Sums over light points -> their mean.
@@ -107,8 +121,8 @@ impl Split {
     pub fn scale(&mut self, share: f64) {
         for i in 0..LANES {
             for axis in 0..3 {
-                self.diffuse[i][axis] *= share;
-                self.specular[i][axis] *= share;
+                self.diffuse[axis][i] *= share;
+                self.specular[axis][i] *= share;
             }
             self.visible[i] *= share;
         }
@@ -155,9 +169,9 @@ impl<'a> Layers<'a> {
         }
     }
 
-    /// Adds 16 vectors to the three channels from `first` on.
+    /// Adds 16 vectors, those of lanes that hit, to the three channels from `first` on.
     #[inline(always)]
-    fn add3(&mut self, first: Option<usize>, hit: &Mask, values: &Lanes3) {
+    fn add(&mut self, first: Option<usize>, hit: &Mask, values: &Lanes3) {
         let Some(first) = first else { return };
         for (lanes, values) in self.lanes[first..first + 3].iter_mut().zip(values) {
             for i in 0..LANES {
@@ -167,20 +181,18 @@ impl<'a> Layers<'a> {
     }
 
     #[inline(always)]
-    fn add(&mut self, first: Option<usize>, axis: usize, i: usize, sent: f32) {
-        if let Some(first) = first {
-            self.lanes[first + axis][i] += f64::from(sent);
-        }
-    }
-
     fn keep_nearest(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces) {
-        for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
-            let local = lane(&surfaces.position, i).as_dvec3();
-            let depth = world.camera.depth(local) as f32;
+        let mut depths = [0.0; LANES];
+        for i in 0..LANES {
+            let depth = world.camera.depth(lane(&surfaces.position, i).as_dvec3()) as f32;
+            depths[i] = if surfaces.hit.0[i] != 0 { depth } else { f32::INFINITY };
+        }
+        for i in 0..LANES {
             let nearest = &mut self.nearest[self.pattern.pixel[i]];
-            if depth < nearest.depth {
+            if depths[i] < nearest.depth {
+                let local = lane(&surfaces.position, i).as_dvec3();
                 *nearest = Nearest {
-                    depth,
+                    depth: depths[i],
                     position: (local + world.geometry.origin).as_vec3().to_array(),
                     primitive: surfaces.primitive[i] + 1,
                     object: world.shapes.shape(packet.hits.geom[i], packet.hits.prim[i]) + 1,
@@ -189,13 +201,30 @@ impl<'a> Layers<'a> {
         }
     }
 
+    /// Counts the shapes of each pixel, those of neighbouring lanes together.
+    #[inline(always)]
     fn count_shapes(&mut self, world: &World, packet: &RayPacket, hit: &Mask) {
+        let mut run: Option<(usize, u32, u32)> = None;
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             let shape = world.shapes.shape(packet.hits.geom[i], packet.hits.prim[i]);
-            let counts = &mut self.mattes[self.pattern.pixel[i]];
-            for (counts, mattes) in counts.iter_mut().zip(&self.plan.mattes) {
-                count(counts, mattes.id(shape), 1);
-            }
+            let pixel = self.pattern.pixel[i];
+            run = match run {
+                Some((p, s, times)) if (p, s) == (pixel, shape) => Some((p, s, times + 1)),
+                before => {
+                    self.count_run(before);
+                    Some((pixel, shape, 1))
+                }
+            };
+        }
+        self.count_run(run);
+    }
+
+    /// A shape that was met some times at a pixel of the block.
+    #[inline(always)]
+    fn count_run(&mut self, run: Option<(usize, u32, u32)>) {
+        let Some((pixel, shape, times)) = run else { return };
+        for (counts, mattes) in self.mattes[pixel].iter_mut().zip(&self.plan.mattes) {
+            count(counts, mattes.id(shape), times);
         }
     }
 }
@@ -223,19 +252,21 @@ impl Record for Layers<'_> {
         std::mem::swap(&mut self.mattes[0], &mut held.mattes);
     }
 
+    #[inline(always)]
     fn begin(&mut self) {
-        self.lanes.fill([0.0; LANES]);
         self.sums.clear();
-        self.nearest = [Nearest::NONE; LANES];
-        self.mattes.iter_mut().flatten().for_each(Vec::clear);
+        let [width, height] = self.pattern.block;
+        let pixels = (width * height) as usize;
+        self.nearest[..pixels].fill(Nearest::NONE);
+        self.mattes[..pixels].iter_mut().flatten().for_each(Vec::clear);
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn surface(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, points: &Points) {
         let (plan, hit) = (self.plan, &points.at.hit);
-        self.add3(plan.normal, hit, &points.at.n);
-        self.add3(plan.geometric_normal, hit, &points.at.ng);
-        self.add3(plan.albedo, hit, &points.base);
+        self.add(plan.normal, hit, &points.at.n);
+        self.add(plan.geometric_normal, hit, &points.at.ng);
+        self.add(plan.albedo, hit, &points.base);
         if let Some(first) = plan.uv {
             for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
                 if let Some(uv) = world.shapes.uv(&world.geometry, packet, surfaces, i) {
@@ -252,7 +283,7 @@ impl Record for Layers<'_> {
         }
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn light(&mut self, light: u32, bounce: u32, base: &Lanes3, throughput: &Lanes, split: &Split) {
         let plan = self.plan;
         let group = plan.lights[light as usize];
@@ -261,42 +292,51 @@ impl Record for Layers<'_> {
                 self.lanes[channel][i] += split.visible[i] * f64::from(share);
             }
         }
-        for i in (0..LANES).filter(|&i| split.any(i)) {
-            for axis in 0..3 {
+        let parts = match bounce {
+            0 => [plan.diffuse, plan.specular],
+            _ => [plan.reflection; 2],
+        };
+        for axis in 0..3 {
+            let (mut diffuse, mut specular) = ([0.0; LANES], [0.0; LANES]);
+            for i in 0..LANES {
                 let carried = f64::from(base[axis][i]) * f64::from(throughput[i]);
-                let diffuse = split.diffuse[i][axis] * carried;
-                let specular = split.specular[i][axis] * carried;
-                let parts = match bounce {
-                    0 => [(plan.diffuse, diffuse), (plan.specular, specular)],
-                    _ => [(plan.reflection, diffuse), (plan.reflection, specular)],
-                };
-                for (first, sent) in parts {
-                    if let Some(first) = first {
-                        self.lanes[first + axis][i] += sent;
+                // What an unlit lane carries is of no packet in particular.
+                let (d, s) = (split.diffuse[axis][i], split.specular[axis][i]);
+                diffuse[i] = if d == 0.0 { 0.0 } else { d * carried };
+                specular[i] = if s == 0.0 { 0.0 } else { s * carried };
+            }
+            for (first, sent) in parts.iter().zip([&diffuse, &specular]) {
+                if let Some(first) = first {
+                    for i in 0..LANES {
+                        self.lanes[first + axis][i] += sent[i];
                     }
                 }
-                if let Some(first) = group {
-                    self.lanes[first + axis][i] += diffuse + specular;
+            }
+            if let Some(first) = group {
+                for i in 0..LANES {
+                    self.lanes[first + axis][i] += diffuse[i] + specular[i];
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn ambient(&mut self, axis: usize, lane: usize, bounce: u32, sent: f32) {
+    fn ambient(&mut self, bounce: u32, sent: &Lanes3) {
         let plan = self.plan;
-        self.add(if bounce == 0 { plan.ambient } else { plan.reflection }, axis, lane, sent);
-        self.add(plan.light_ambient, axis, lane, sent);
+        let first = if bounce == 0 { plan.ambient } else { plan.reflection };
+        self.add(first, &Mask::ALL, sent);
+        self.add(plan.light_ambient, &Mask::ALL, sent);
     }
 
     #[inline(always)]
-    fn background(&mut self, axis: usize, lane: usize, bounce: u32, sent: f32) {
+    fn background(&mut self, bounce: u32, sent: &Lanes3) {
         let plan = self.plan;
-        self.add(if bounce == 0 { plan.background } else { plan.reflection }, axis, lane, sent);
-        self.add(plan.light_background, axis, lane, sent);
+        let first = if bounce == 0 { plan.background } else { plan.reflection };
+        self.add(first, &Mask::ALL, sent);
+        self.add(plan.light_background, &Mask::ALL, sent);
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn packet(&mut self, slot: &Slot, samples: &Range<u32>, radiance: &Lanes3) {
         if self.plan.recipe.variance.is_some() {
             let moments = &mut self.lanes[self.plan.recipe.filtered..];
