@@ -39,20 +39,20 @@ pub fn write(job: &Job, threads: usize) -> Result<Vec<PathBuf>> {
     let strip = |entry: &Entry| Strip::of(job, entry, each);
     let strips: Vec<Option<Strip>> = pool.install(|| entries.par_iter().map(strip).collect());
     let sweep = Sweep::default();
-    let mut written =
-        vec![text(&sweep, &job.folder.join("index.html"), &page::html(&entries, &strips))?];
-    for (number, (entries, strips)) in
-        entries.chunks(png::CELLS).zip(strips.chunks(png::CELLS)).enumerate()
-    {
+    let page = || text(&sweep, &job.folder.join("index.html"), &page::html(&entries, &strips));
+    let sheet = |(number, (entries, strips)): (usize, (&[Entry], &[Option<Strip>]))| {
         let name = match number {
             0 => "sheet.png".to_string(),
             n => format!("sheet.{}.png", n + 1),
         };
         let path = job.folder.join(name);
         sweep.target(&path);
-        written.push(png::write(&path, entries, strips)?);
-    }
-    Ok(written)
+        png::write(&path, entries, strips)
+    };
+    let parts = entries.par_chunks(png::CELLS).zip(strips.par_chunks(png::CELLS)).enumerate();
+    let sheets = || parts.map(sheet).collect::<Result<Vec<PathBuf>>>();
+    let (page, sheets) = pool.install(|| rayon::join(page, sheets));
+    Ok([vec![page?], sheets?].concat())
 }
 
 fn text(sweep: &Sweep, path: &Path, text: &str) -> Result<PathBuf> {

@@ -107,8 +107,8 @@ fn card(html: &mut String, entry: &Entry, strip: Option<&Strip>) {
 /// One frame shows; the mouse or the slider brings the others.
 fn picture(html: &mut String, entry: &Entry, strip: &Strip) {
     let count = strip.frames.len();
-    let (width, height) = (strip.width, strip.image.height());
-    let data = STANDARD.encode(strip.jpeg());
+    let (width, height) = strip.first.dimensions();
+    let data = STANDARD.encode(&strip.jpeg);
     let _ = writeln!(
         html,
         "<div class=\"strip\" style=\"aspect-ratio:{width}/{height}\" data-count=\"{count}\">\

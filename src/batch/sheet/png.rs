@@ -60,9 +60,9 @@ fn draw(entries: &[Entry], strips: &[Option<Strip>]) -> Sheet {
         let failure = entry.message();
         match strip {
             Some(strip) => {
-                let picture = strip.first();
+                let picture = &strip.first;
                 let (dx, dy) = ((SIDE - picture.width()) / 2, (SIDE - picture.height()) / 2);
-                imageops::replace(&mut sheet.0, &picture, (x + dx).into(), (y + dy).into());
+                imageops::replace(&mut sheet.0, picture, (x + dx).into(), (y + dy).into());
             }
             None => {
                 let paper = if failure.is_some() { PINK } else { GREY };

@@ -1,6 +1,6 @@
 //! Small pictures of an input's frames, side by side in one image.
 
-use image::{DynamicImage, Rgb, RgbImage, codecs::jpeg::JpegEncoder, imageops};
+use image::{Rgb, RgbImage, RgbaImage, codecs::jpeg::JpegEncoder, imageops};
 
 use crate::{batch::job::Job, output::Outputs};
 
@@ -16,12 +16,12 @@ const QUALITY: u8 = 82;
 /// Frames of one input from left to right.
 #[derive(Debug, Clone)]
 pub struct Strip {
-    /// All of them.
-    pub image: RgbImage,
+    /// All of them: a JPEG file.
+    pub jpeg: Vec<u8>,
     /// The numbers of the frames.
     pub frames: Vec<u32>,
-    /// Width of one.
-    pub width: u32,
+    /// The first alone.
+    pub first: RgbImage,
 }
 
 impl Strip {
@@ -34,7 +34,7 @@ impl Strip {
         for frame in chosen {
             let [_, png] = Outputs::names(&job.prefix(entry.number, frame));
             if let Ok(picture) = image::open(&png) {
-                thumbnails.push((frame, small(&picture)));
+                thumbnails.push((frame, small(picture.to_rgba8())));
             }
         }
         let (width, height) = thumbnails.first()?.1.dimensions();
@@ -44,24 +44,22 @@ impl Strip {
         for (i, (_, picture)) in thumbnails.iter().enumerate() {
             imageops::replace(&mut image, picture, i64::from(width) * i as i64, 0);
         }
-        Some(Self { image, frames: thumbnails.iter().map(|(frame, _)| *frame).collect(), width })
-    }
-
-    /// The first frame alone.
-    pub fn first(&self) -> RgbImage {
-        imageops::crop_imm(&self.image, 0, 0, self.width, self.image.height()).to_image()
-    }
-
-    /// As a JPEG file.
-    pub fn jpeg(&self) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let encoded = JpegEncoder::new_with_quality(&mut bytes, QUALITY).encode_image(&self.image);
-        encoded.map(|()| bytes).unwrap_or_default()
+        let mut jpeg = Vec::new();
+        JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&image).ok()?;
+        let frames = thumbnails.iter().map(|(frame, _)| *frame).collect();
+        let (_, first) = thumbnails.swap_remove(0);
+        Some(Self { jpeg, frames, first })
     }
 }
 
-fn small(picture: &DynamicImage) -> RgbImage {
-    let picture = picture.thumbnail(SIDE, SIDE).to_rgba8();
+/// No larger than it was.
+fn small(mut picture: RgbaImage) -> RgbImage {
+    let longer = picture.width().max(picture.height());
+    if longer > SIDE {
+        let side =
+            |side: u32| (u64::from(side) * u64::from(SIDE) / u64::from(longer)).max(1) as u32;
+        picture = imageops::thumbnail(&picture, side(picture.width()), side(picture.height()));
+    }
     RgbImage::from_fn(picture.width(), picture.height(), |x, y| {
         let [r, g, b, a] = picture.get_pixel(x, y).0.map(u32::from);
         let over = |value: u32, i: usize| {
