@@ -11,6 +11,7 @@ use crate::{
     film::Window,
     layers::Plan,
     mesh,
+    output::tonemap::Depth,
     scene::{Scene, ShapeKind},
     shading::Texture,
 };
@@ -76,6 +77,16 @@ pub fn promise(path: &Path) -> Result<Promise> {
             triangles: summary.triangles,
         },
     })
+}
+
+/// What a PNG of two bytes a channel needs beyond one of single bytes.
+pub fn deeper_png_bytes(window: Window, depth: Depth) -> u64 {
+    match depth {
+        Depth::Eight => 0,
+        Depth::Sixteen => {
+            PNG_BYTES.saturating_mul(u64::from(window.width()) * u64::from(window.height()))
+        }
+    }
 }
 
 /// Looks at the headers of all files; leaves the accelerator out.
@@ -161,6 +172,11 @@ impl Prediction {
         .with_peak()
     }
 
+    /// The same with more bytes that are there as long as the film.
+    pub fn beside_film(self, bytes: u64) -> Self {
+        Self { film_bytes: self.film_bytes.saturating_add(bytes), ..self }.with_peak()
+    }
+
     /// Images are decoded before meshes are read; the film comes when the accelerator is built.
     fn with_peak(self) -> Self {
         let world = [self.mesh_bytes, self.texture_bytes];
@@ -213,9 +229,7 @@ impl Budget {
         threads: usize,
         embree: EmbreeMode,
     ) -> Result<Self> {
-        let mut prediction = predict_words(scene, window, words)?;
-        prediction.film_bytes = prediction.film_bytes.saturating_add(beside);
-        let prediction = prediction.with_peak();
+        let prediction = predict_words(scene, window, words)?.beside_film(beside);
         prediction.check(limit)?;
         Self::of(limit, prediction.with(&Footprint::of(scene.backend, threads, embree)?))
     }

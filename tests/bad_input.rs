@@ -370,3 +370,14 @@ mod embree {
         table.check();
     }
 }
+
+/// 16 bytes of film and a PNG of 4 or 8 bytes a pixel.
+#[test]
+fn a_deeper_png_is_predicted() {
+    let refusals = refusals();
+    for (bits, film) in [("8", "film 19.1 MiB"), ("16", "film 22.9 MiB")] {
+        let flags = ["--size", "1000x1000", "--png-bits", bits, "--max-memory", "20M"];
+        let said = refusals.render("good.json", &flags).stderr();
+        assert!(said.contains(film), "{said}");
+    }
+}

@@ -74,7 +74,8 @@ pub fn predict(job: &Job, input: &Input, embree: EmbreeMode) -> Result<(Scene, P
     picture::suits(&loaded.scene, embree, job.storage)?;
     let camera = &loaded.scene.camera;
     let window = Window::full(camera.width, camera.height);
-    let prediction = memory::predict(&loaded.scene, window)?;
+    let deeper = memory::deeper_png_bytes(window, job.storage.depth);
+    let prediction = memory::predict(&loaded.scene, window)?.beside_film(deeper);
     Ok((loaded.scene, prediction))
 }
 

@@ -79,7 +79,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         pool.install(|| {
             let scene = &job.loaded.scene;
             let window = piece.window;
-            let beside = adaptive.map_or(0, |adaptive| sampling::bytes(&adaptive, scene, window));
+            let sums = adaptive.map_or(0, |adaptive| sampling::bytes(&adaptive, scene, window));
+            let deeper = memory::deeper_png_bytes(window, args.files.storage().depth);
+            let beside = sums.saturating_add(deeper);
             Budget::check(limit, scene, (window, words, beside), threads, args.machine.embree())
         })
     });

@@ -8,7 +8,9 @@ use std::{
     path::Path,
 };
 
-use png::{BitDepth, ColorType, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent};
+use png::{
+    BitDepth, ColorType, Compression, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent,
+};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
@@ -62,6 +64,9 @@ pub fn encode(
     let mut buffered = BufWriter::new(file);
     let (width, height) = (film.window.width(), film.window.height());
     let mut encoder = Encoder::new(&mut buffered, width, height);
+    // To be looked at: both files together are written in less than half of the time, and the PNG has 1.2 to 2.1
+    // times the bytes.
+    encoder.set_compression(Compression::Fast);
     encoder.set_depth(match color.depth {
         Depth::Eight => BitDepth::Eight,
         Depth::Sixteen => BitDepth::Sixteen,
