@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::accel::lane::Ray;
 
 /// Boxes or items in one block.
-const BLOCK: usize = 64;
+const BLOCK: usize = 8;
 
 /// The least widening of a box, relative to its farthest coordinate from the ray's origin.
 pub const ROUNDING: f64 = 1.0 / (1u64 << 40) as f64;
@@ -98,7 +98,7 @@ impl Blocks {
         self.descend(top, 0..self.levels[top].len(), &query, &mut found);
     }
 
-    /// As deep as there are levels: at most six.
+    /// As deep as there are levels: at most eleven.
     fn descend(
         &self,
         level: usize,

@@ -53,7 +53,7 @@ impl<'g> Brute<'g> {
         monitor: &Monitor,
     ) -> Result<Self> {
         let count = *geometry.bases().last().unwrap_or(&0);
-        let peak_bytes = u64::from(count) * (size_of::<Box3>() as u64 + 24);
+        let peak_bytes = u64::from(count) * (size_of::<Box3>() as u64 + 28);
         if let Some(limit) = options.max_bytes.filter(|&limit| peak_bytes > limit) {
             let message =
                 format!("the accelerator would hold more than the {limit} bytes left to it");

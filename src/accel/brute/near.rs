@@ -145,6 +145,11 @@ fn triangle(
     let sheared = seen.map(|a| a.truncate() - plane.shear * a.z);
     let moved = seen.map(|a| a.abs().max_element() * scale);
     let moves = moved[0].max(moved[1]).max(moved[2]);
+    let least = sheared[0].min(sheared[1]).min(sheared[2]);
+    let most = sheared[0].max(sheared[1]).max(sheared[2]);
+    if least.max_element() > moves || most.min_element() < -moves {
+        return None; // Its square alone is too far away: most of what is asked.
+    }
     let outside = !contains(&sheared);
     let edges = [(0, 1), (1, 2), (2, 0)];
     if outside && edges.iter().all(|&(i, j)| !(distance(sheared[i], sheared[j]) <= moves)) {
