@@ -4,6 +4,8 @@ use rayon::prelude::*;
 
 use crate::film::{ChannelKind, Film};
 
+use super::srgb;
+
 /// What a layer's values become.
 #[derive(Debug, Clone, Copy)]
 enum Look {
@@ -55,8 +57,8 @@ pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
             Look::Range => [0, 1, 2].map(|axis| byte(within(value(axis, pixel), ranges[axis]))),
             Look::Number => colour(film.planes.uint(channels[0], pixel)),
             Look::Coordinates => [byte(x - x.floor()), byte(y - y.floor()), 0],
-            Look::Colour => [x, y, z].map(srgb),
-            Look::Relative => [x, y, z].map(|c| srgb(c / largest)),
+            Look::Colour => [x, y, z].map(lit),
+            Look::Relative => [x, y, z].map(|c| lit(c / largest)),
         }
     });
     Some(picture.collect::<Vec<[u8; 3]>>().into_flattened())
@@ -95,9 +97,9 @@ fn colour(number: u32) -> [u8; 3] {
     [h, h >> 8, h >> 16].map(|bits| 64 + (bits & 255) as u8 / 4 * 3)
 }
 
-fn srgb(linear: f32) -> u8 {
-    let x = linear.clamp(0.0, 1.0);
-    byte(if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 })
+/// NaN becomes 0.
+fn lit(linear: f32) -> u8 {
+    srgb::byte(f64::from(linear.clamp(0.0, 1.0)))
 }
 
 /// NaN becomes 0.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{ToneOperator, Tonemap};
 
-use super::finite;
+use super::{finite, srgb};
 
 /// Bits of a channel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -43,13 +43,17 @@ pub fn to_samples(
     let mut bytes = vec![0; pixels.len() * channels * size];
     let chunks = bytes.par_chunks_mut(channels * size).with_min_len(1024);
     chunks.zip(pixels).for_each(|(to, pixel)| {
-        let [r, g, b] = straight(pixel, transparent).map(|value| curve.level(value));
-        let values = [r, g, b, f64::from(finite(pixel[3])).clamp(0.0, 1.0)];
-        for (to, value) in to.chunks_exact_mut(size).zip(values) {
-            match depth {
-                Depth::Eight => to[0] = quantise(value),
-                Depth::Sixteen => {
-                    to.copy_from_slice(&((65535.0 * value).round() as u16).to_be_bytes());
+        let [r, g, b] = straight(pixel, transparent).map(|value| curve.exposed(value));
+        let alpha = f64::from(finite(pixel[3])).clamp(0.0, 1.0);
+        match depth {
+            Depth::Eight => {
+                let bytes = [curve.byte(r), curve.byte(g), curve.byte(b), quantise(alpha)];
+                to.copy_from_slice(&bytes[..channels]);
+            }
+            Depth::Sixteen => {
+                let levels = [curve.encode(r), curve.encode(g), curve.encode(b), alpha];
+                for (to, level) in to.chunks_exact_mut(size).zip(levels) {
+                    to.copy_from_slice(&((65535.0 * level).round() as u16).to_be_bytes());
                 }
             }
         }
@@ -82,30 +86,36 @@ impl Curve {
 
     /// One channel as a byte.
     pub fn to_byte(&self, value: f64) -> u8 {
-        quantise(self.level(value))
+        self.byte(self.exposed(value))
     }
 
-    /// One channel, 0 to 1.
-    fn level(&self, value: f64) -> f64 {
+    /// One channel, linear, 0 to 1.
+    #[inline(always)]
+    fn exposed(&self, value: f64) -> f64 {
         let x = (value * self.scale).max(0.0);
         let x = match self.operator {
             ToneOperator::Max | ToneOperator::Clamp => x,
             ToneOperator::Reinhard => x / (1.0 + x),
         };
-        // Clamping first is the same, as the transfer curve keeps [0, 1].
-        let x = x.min(1.0);
-        if self.srgb { srgb_from_linear(x) } else { x }
+        // Clamping before the transfer curve is the same, as that keeps [0, 1].
+        x.min(1.0)
+    }
+
+    /// What the file holds, 0 to 1.
+    fn encode(&self, x: f64) -> f64 {
+        if self.srgb { srgb::from_linear(x) } else { x }
+    }
+
+    #[inline(always)]
+    fn byte(&self, x: f64) -> u8 {
+        if self.srgb { srgb::byte(x) } else { quantise(x) }
     }
 }
 
-/// IEC 61966-2-1, for [0, 1].
-pub fn srgb_from_linear(x: f64) -> f64 {
-    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
-}
-
+/// A byte of what is in [0, 1], rounded half up.
+#[inline(always)]
 fn quantise(x: f64) -> u8 {
-    // NaN cannot come here; `as` would make it 0.
-    (255.0 * x.clamp(0.0, 1.0)).round() as u8
+    (255.0 * x + 0.5) as u8
 }
 
 /// The colour that is tone mapped.

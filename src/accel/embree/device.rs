@@ -3,7 +3,7 @@
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::Fixed;
@@ -23,16 +23,31 @@ pub struct Watch {
 
 /// An Embree device of one render.
 pub struct Device {
-    api: Arc<Api>,
-    handle: NonNull<DeviceHandle>,
+    raw: Raw,
+    threads: usize,
     watch: Fixed<Watch>,
     version: [u8; 3],
 }
 
-// SAFETY: Embree's API is thread-safe on devices; `Watch` is made of atomics and a mutex.
-unsafe impl Send for Device {}
+/// A device's handle and what it is called through.
+struct Raw {
+    api: Arc<Api>,
+    handle: NonNull<DeviceHandle>,
+}
+
+// SAFETY: Embree's API is thread-safe on devices.
+unsafe impl Send for Raw {}
 // SAFETY: as above.
-unsafe impl Sync for Device {}
+unsafe impl Sync for Raw {}
+
+/// Devices of one build thread that nobody uses. Such a device is never released, and all that a process
+/// is likely to need at once are made before the first of them builds anything: where a limit of one
+/// thread is set anew after a build, as making and releasing a device does, workers of TBB (2021 and
+/// later) spin for the rest of the process, one for every other processor.
+static IDLE: Mutex<Vec<Raw>> = Mutex::new(Vec::new());
+
+/// How many devices of one thread are made at once; one takes 50 microseconds and 20 kB.
+const ALONE: usize = 16;
 
 /// Opens the library that `build.rs` found, along the executable's rpath.
 ///
@@ -52,12 +67,8 @@ pub fn load_library() -> Result<Arc<Api>> {
     Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
 }
 
-impl Device {
-    /// A device with `threads` build threads that refuses to hold more than `max_bytes`.
-    ///
-    /// # Errors
-    /// `Unsupported` for a library outside [4.3.0, 5) or a processor it cannot use.
-    pub fn new(api: Arc<Api>, threads: usize, max_bytes: Option<u64>) -> Result<Self> {
+impl Raw {
+    fn new(api: Arc<Api>, threads: usize) -> Result<Self> {
         let config = CString::new(format!("threads={threads},set_affinity=0"))
             .map_err(|e| Error::invalid("Embree", e.to_string()))?;
         // SAFETY: a NUL-terminated string.
@@ -73,6 +84,48 @@ impl Device {
                 _ => unsupported(message),
             });
         };
+        Ok(Self { api, handle })
+    }
+
+    /// A device of one build thread: see [`IDLE`].
+    fn alone(api: &Arc<Api>) -> Result<Self> {
+        static MADE: OnceLock<()> = OnceLock::new();
+        let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+        if MADE.set(()).is_ok() {
+            for _ in 0..ALONE {
+                idle.push(Self::new(api.clone(), 1)?);
+            }
+        }
+        let Some(raw) = idle.pop() else {
+            return Self::new(api.clone(), 1);
+        };
+        // SAFETY: a live device; reading clears what a former user left.
+        unsafe { (raw.api.get_device_error)(raw.handle.as_ptr()) };
+        Ok(raw)
+    }
+
+    /// Whom errors and memory are reported to; nobody if null.
+    ///
+    /// # Safety
+    /// `watch` points to a [`Watch`] that outlives the device or the next call.
+    unsafe fn report_to(&self, watch: *mut c_void) {
+        let on_error = (!watch.is_null()).then_some(on_error as ffi::ErrorFunction);
+        let on_memory = (!watch.is_null()).then_some(on_memory as ffi::MemoryFunction);
+        // SAFETY: a live device; the callbacks take what the caller promises.
+        unsafe {
+            (self.api.set_error_function)(self.handle.as_ptr(), on_error, watch);
+            (self.api.set_memory_function)(self.handle.as_ptr(), on_memory, watch);
+        }
+    }
+}
+
+impl Device {
+    /// A device with `threads` build threads, 0 for as many as there are processors, that refuses to hold more than `max_bytes`.
+    ///
+    /// # Errors
+    /// `Unsupported` for a library outside [4.3.0, 5) or a processor it cannot use.
+    pub fn new(api: Arc<Api>, threads: usize, max_bytes: Option<u64>) -> Result<Self> {
+        let raw = if threads == 1 { Raw::alone(&api)? } else { Raw::new(api, threads)? };
         let watch = Fixed::new(Watch {
             bytes: AtomicI64::new(0),
             peak_bytes: AtomicI64::new(0),
@@ -80,7 +133,7 @@ impl Device {
             limit_hit: AtomicBool::new(false),
             last_error: Mutex::new(None),
         });
-        let mut device = Self { api, handle, watch, version: [0; 3] };
+        let mut device = Self { raw, threads, watch, version: [0; 3] };
         let version = device.property(ffi::RTC_DEVICE_PROPERTY_VERSION);
         device.version = [version / 10_000, version / 100 % 100, version % 100].map(|n| n as u8);
         if !(40_300..50_000).contains(&version) {
@@ -90,23 +143,20 @@ impl Device {
             )));
         }
         let watch = device.watch.user_data();
-        // SAFETY: `watch` stays where it is and outlives the device handle (see `Drop`).
-        unsafe {
-            (device.api.set_error_function)(device.handle.as_ptr(), Some(on_error), watch);
-            (device.api.set_memory_function)(device.handle.as_ptr(), Some(on_memory), watch);
-        }
+        // SAFETY: `watch` stays where it is until `Drop` takes it back.
+        unsafe { device.raw.report_to(watch) };
         device.check()?;
         Ok(device)
     }
 
     /// The entry points.
     pub fn api(&self) -> &Api {
-        &self.api
+        &self.raw.api
     }
 
     /// The C handle.
     pub fn handle(&self) -> *mut DeviceHandle {
-        self.handle.as_ptr()
+        self.raw.handle.as_ptr()
     }
 
     /// Memory counters.
@@ -132,13 +182,13 @@ impl Device {
 
     fn property(&self, property: Enum) -> isize {
         // SAFETY: a live device.
-        unsafe { (self.api.get_device_property)(self.handle(), property) }
+        unsafe { (self.raw.api.get_device_property)(self.handle(), property) }
     }
 
     /// The error of the set-up calls since the last check, whichever thread it arose on.
     pub fn check(&self) -> Result<()> {
         // SAFETY: a live device; reading clears the code of this thread.
-        let code = unsafe { (self.api.get_device_error)(self.handle()) };
+        let code = unsafe { (self.raw.api.get_device_error)(self.handle()) };
         let logged = self.watch.last_error.lock().map_or(None, |mut last| last.take());
         let (code, text) = match (code, logged) {
             (0, None) => return Ok(()),
@@ -163,8 +213,14 @@ impl Device {
 
 impl Drop for Device {
     fn drop(&mut self) {
-        // SAFETY: created by `rtcNewDevice`, released once; `watch` is dropped after this.
-        unsafe { (self.api.release_device)(self.handle()) };
+        // SAFETY: a live device, and no scene of it is left; `watch` is dropped after this.
+        unsafe { self.raw.report_to(std::ptr::null_mut()) };
+        if self.threads == 1 {
+            let raw = Raw { api: self.raw.api.clone(), handle: self.raw.handle };
+            return IDLE.lock().unwrap_or_else(PoisonError::into_inner).push(raw);
+        }
+        // SAFETY: created by `rtcNewDevice`, released once.
+        unsafe { (self.raw.api.release_device)(self.handle()) };
     }
 }
 

@@ -192,7 +192,7 @@ impl Accelerator for Embree<'_> {
 /// # Errors
 /// `Unsupported` if there is none.
 pub fn describe() -> Result<(String, String)> {
-    let device = Device::new(device::load_library()?, 1, None)?;
+    let device = Device::new(device::load_library()?, 0, None)?;
     let [major, minor, patch] = device.version();
     Ok((format!("Embree {major}.{minor}.{patch}"), device.isa().to_owned()))
 }

@@ -1,0 +1,45 @@
+//! Accelerators that were built, and dropped, leave no thread behind that keeps a processor busy.
+
+#![cfg(all(feature = "embree", target_os = "linux"))]
+
+use std::{fs, thread::sleep, time::Duration};
+
+use glam::DVec3;
+use lightpath::accel::{BuildOptions, build};
+use lightpath::geometry::{Geometry, TriangleMesh};
+use lightpath::monitor::Monitor;
+use lightpath::scene::Backend;
+use lightpath::simd::Isa;
+
+/// Processor time of this process so far, in clock ticks of 10 ms.
+fn ticks() -> u64 {
+    let stat = fs::read_to_string("/proc/self/stat").unwrap();
+    let (_, fields) = stat.rsplit_once(')').unwrap();
+    let fields: Vec<&str> = fields.split_whitespace().collect();
+    // Counted from the state, the third field: utime and stime.
+    [11, 12].map(|i| fields[i].parse::<u64>().unwrap()).iter().sum()
+}
+
+#[test]
+fn nothing_runs_on_when_accelerators_of_one_thread_follow_each_other() {
+    let vertices = (0..3000u32).map(|i| [i, i * 7 % 1000, i * 13 % 500].map(|x| x as f32));
+    let triangles = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let mesh = TriangleMesh::new(vertices.collect(), triangles, false);
+    let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
+    let (isa, monitor) = (Isa::detect(), Monitor::default());
+    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
+    let build = || build(&geometry, Backend::Embree, &options, &monitor);
+    let first = match build() {
+        Err(error) => return eprintln!("skipped: {error}"),
+        Ok(accelerator) => accelerator,
+    };
+    let second = build().unwrap();
+    drop(first);
+    let third = build().unwrap();
+    let before = ticks();
+    sleep(Duration::from_millis(500));
+    let spent = ticks() - before;
+    // A thread that spins takes 50 of them.
+    drop((second, third));
+    assert!(spent <= 10, "{spent} ticks of 10 ms in half a second of sleep");
+}
