@@ -43,8 +43,12 @@ bench: setup ## the benchmarks
 report: build ## measure the shipped scenes: docs/reports/, README's numbers (some 4 minutes; REPORT_SECONDS=300 for longer)
 	scripts/report.py --seconds $(REPORT_SECONDS) $(BINARY)
 
-lint: ## format, clippy with and without default features, shell scripts: no warnings
+lint: ## format, clippy with and without default features, shell scripts: no warnings; all lock files up to date
 	@scripts/setup.sh lint
+	@for folder in fuzz benches/ply_readers; do \
+	    cargo metadata --locked --format-version 1 --manifest-path $$folder/Cargo.toml >/dev/null || \
+	        { echo "refresh it: cargo update --workspace --manifest-path $$folder/Cargo.toml"; exit 1; }; \
+	done
 	cargo fmt --check
 	cargo clippy $(FLAGS) --all-targets -- -D warnings
 	cargo clippy $(FLAGS) --all-targets --no-default-features -- -D warnings

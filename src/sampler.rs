@@ -70,8 +70,8 @@ impl Sampler {
         [s, t]
     }
 
-    /// The first D coordinates of [`Sampler::camera`] in N lanes: those of sample `index[i]` of the pixel
-    /// `[x[i], y[i]]`.
+    /// The first D coordinates of [`Sampler::camera`] in N lanes, D being 2 or 4: those of sample `index[i]` of
+    /// the pixel `[x[i], y[i]]`.
     #[inline(always)]
     pub fn camera_lanes<const D: usize, const N: usize>(
         &self,
@@ -110,7 +110,7 @@ impl Sampler {
         sobol_burley::sample_4d(index % SEQUENCE, 0, seed)
     }
 
-    /// The first D <= 4 coordinates of [`Sampler::point`] in lanes.
+    /// The first D coordinates of [`Sampler::point`] in lanes; D is 2 or 4.
     #[inline(always)]
     fn lanes<const D: usize, const N: usize>(
         &self,

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use glam::DVec3;
-use lightpath::accel::{BuildOptions, build};
+use lightpath::accel::BuildOptions;
 use lightpath::film::{Blank, Window};
 use lightpath::monitor::Monitor;
 use lightpath::scene::{self, Backend, Source};
@@ -103,13 +103,7 @@ fn load(scene: &Value, folder: &Path, resolutions: bool) -> (World, Vec<String>)
 fn render(world: &World, backend: Backend) -> Option<Vec<[u32; 4]>> {
     let (monitor, isa) = (Monitor::default(), Isa::detect());
     let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
-    let accelerator = match build(&world.geometry, backend, &options, &monitor) {
-        Err(error) if backend == Backend::Embree => {
-            eprintln!("skipped: {error}");
-            return None;
-        }
-        built => built.unwrap(),
-    };
+    let accelerator = program::embree::build(&world.geometry, backend, &options)?;
     let [width, height] = world.frame;
     let mut film = Blank::new(world.frame, Window::full(width, height), Vec::new()).unwrap().film();
     lightpath::render::render(world, accelerator.as_ref(), isa, &mut film, &monitor).unwrap();

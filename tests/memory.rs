@@ -10,7 +10,7 @@ use lightpath::{
     scene::{self, Source},
     world::{LoadOptions, World},
 };
-use program::{Done, Scratch};
+use program::Scratch;
 use serde_json::{Value, json};
 
 fn with_shapes(shapes: Value) -> String {
@@ -59,19 +59,11 @@ fn predicted_and_found(scratch: &Scratch) -> Option<[Value; 2]> {
     let info = scratch.run(&["info", "s.json", "--json"]);
     assert_eq!(info.code(), 0, "{}", info.stderr());
     let render = scratch.run(&["render", "s.json", "--json", "--quiet"]);
-    if no_embree(&render) {
-        eprintln!("skipped: {}", render.stderr());
-        return None;
-    }
-    assert_eq!(render.code(), 0, "{}", render.stderr());
+    let render = render.unless_no_embree()?;
     Some([info, render].map(|done| {
         let value: Value = serde_json::from_str(&done.stdout()).unwrap();
         value["memory"].clone()
     }))
-}
-
-fn no_embree(done: &Done) -> bool {
-    ["this build does not have", "cannot load"].iter().any(|text| done.stderr().contains(text))
 }
 
 #[test]
@@ -106,11 +98,7 @@ fn the_film_is_not_there_while_the_accelerator_is_built() {
     scratch.write("s.json", &with_shapes(shapes));
     let peak = |size: &str| {
         let args = ["render", "s.json", "--json", "--quiet", "--threads", "2", "--size", size];
-        let done = scratch.run(&args);
-        if no_embree(&done) {
-            eprintln!("skipped: {}", done.stderr());
-            return None;
-        }
+        let done = scratch.run(&args).unless_no_embree()?;
         let value: Value = serde_json::from_str(&done.stdout()).unwrap();
         value["memory"]["peak_bytes"].as_u64()
     };
@@ -171,7 +159,7 @@ fn a_texture_that_does_not_fit_is_refused_before_it_is_read() {
     }
     assert_eq!(scratch.names(), ["large.png", "s.json"]);
     let done = scratch.run(&["render", "s.json", "--max-memory", "160M"]);
-    assert!(done.code() == 0 || no_embree(&done), "{}", done.stderr());
+    assert!(done.code() == 0 || done.lacks_embree(), "{}", done.stderr());
 }
 
 #[test]

@@ -61,6 +61,17 @@ fn not_ply_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
             b"\x1f\x8b\x08\x00".to_vec(),
             "t.ply: cannot unpack the gzip data: unexpected end of file",
         ),
+        (
+            "zstd frame that asks for too much memory",
+            b"\x28\xb5\x2f\xfd\x00\xa8\x01\x00\x00".to_vec(),
+            "t.ply: cannot unpack the zstd data: a frame asks for a window of 2147483648 bytes; the most is \
+             128 MiB and twice the file's 9 bytes",
+        ),
+        (
+            "zstd data that ends early",
+            b"\x28\xb5\x2f\xfd\x00".to_vec(),
+            "t.ply: cannot unpack the zstd data: the data ends inside the header of a frame",
+        ),
         ("lines that end in CR alone", b"ply\rformat ascii 1.0\r".to_vec(), not),
         (
             "header without its end",

@@ -2,15 +2,15 @@
 //! in their primitive's box, impossible rays, and packets against single rays and an f64 oracle.
 #![cfg(feature = "embree")]
 
+mod embree;
 mod oracle;
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use glam::DVec3;
 use lightpath::{
-    accel::{self, Accelerator, BuildOptions},
+    accel::{Accelerator, BuildOptions},
     geometry::{Geometry, NONE, Sphere, Surfaces, TriangleMesh, refine},
-    monitor::Monitor,
     ray::{Coherence, LANES, Mask, RayPacket},
     scene::Backend,
 };
@@ -38,14 +38,7 @@ fn embree(geometry: &Geometry) -> Option<Box<dyn Accelerator + '_>> {
         isa: lightpath::simd::Isa::detect(),
         max_bytes: None,
     };
-    match accel::build(geometry, Backend::Embree, &options, &Monitor::default()) {
-        Ok(accelerator) => Some(accelerator),
-        Err(error) if error.to_string().contains("cannot load") => {
-            eprintln!("skipped: {error}");
-            None
-        }
-        Err(error) => panic!("{error}"),
-    }
+    embree::build(geometry, Backend::Embree, &options)
 }
 
 /// Either sign, magnitude 1e-8 to 1e8, every decade equally likely.

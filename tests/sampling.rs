@@ -1,6 +1,18 @@
-//! The plan of dimensions of docs/sampling.md: what is stratified together.
+//! The plan of dimensions of docs/sampling.md: what is stratified together, and that the renderer keeps to it.
 
-use lightpath::sampler::Sampler;
+use std::path::Path;
+
+use lightpath::{
+    accel::{self, BuildOptions},
+    film::{Film, Window},
+    monitor::Monitor,
+    render,
+    sampler::Sampler,
+    scene::{self, Backend, Source},
+    simd::Isa,
+    world::{LoadOptions, World},
+};
+use serde_json::{Value, json};
 
 /// Whether 2^m points have one in each of all rectangles of area 2^-m and power-of-two sides.
 fn stratified(points: &[[f32; 2]]) -> bool {
@@ -80,4 +92,105 @@ fn choices_are_uniform_and_differ_by_all_keys() {
     ] {
         assert_ne!(one, other);
     }
+}
+
+const SIDE: u32 = 8;
+const SPP: u32 = 16;
+const SEED: i64 = 5;
+
+/// A white plane z = 0, of which the camera at (0, 0, 1) sees [-1, 1]^2, under a blue point light and under two
+/// area lights of one point per sample, first a red one, then a green one: each over [-0.5, 0.5]^2 at z = 0.25.
+fn lit_plane() -> Value {
+    let square = |id: [i32; 3], samples: u32| {
+        json!({ "type": "arealight", "v0": [-0.5, -0.5, 0.25], "v1": [0.5, -0.5, 0.25], "v2": [0.5, 0.5, 0.25],
+                "id": id, "samples": samples })
+    };
+    json!({
+        "spp": SPP, "seed": SEED,
+        "camera": { "type": "pinhole", "width": SIDE, "height": SIDE, "fov": 90,
+                    "position": [0, 0, 1], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+        "scene": {
+            "attenuation": "quadratic",
+            "lightsources": [{ "type": "pointlight", "position": [0, 0, 0.25], "id": [0, 0, 1] },
+                             square([1, 0, 0], 1), square([0, 1, 0], 1)],
+            "shapes": [{ "type": "plane", "v0": [-9, -9, 0], "v1": [9, -9, 0], "v2": [9, 9, 0],
+                         "v3": [-9, 9, 0], "material": { "kd": 1, "diffusecolor": [1, 1, 1] } }],
+        }
+    })
+}
+
+fn rendered(scene: &Value) -> Vec<[f32; 4]> {
+    let (text, monitor, isa) = (scene.to_string(), Monitor::default(), Isa::detect());
+    let source = Source::Text { name: "s.json", text: text.as_bytes(), folder: Path::new("") };
+    let scene = scene::load(source, &[]).unwrap().scene;
+    let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).unwrap();
+    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
+    let accelerator = accel::build(&world.geometry, Backend::Bvh, &options, &monitor).unwrap();
+    let mut film = Film::new(world.frame, Window::full(SIDE, SIDE)).unwrap();
+    render::render(&world, &*accelerator, isa, &mut film, &monitor).unwrap();
+    film.pixels.to_vec()
+}
+
+/// The mean over a pixel's camera samples of what `light` gives, from the points (s, t) that it is told.
+fn mean(pixel: [u32; 2], square: impl Fn(u32) -> [f32; 2]) -> f64 {
+    let sum: f64 = (0..SPP)
+        .map(|i| {
+            let [x, y, ..] = Sampler::new(SEED).camera(pixel, i).map(f64::from);
+            let across = 2.0 * (f64::from(pixel[0]) + x) / f64::from(SIDE) - 1.0;
+            let up = 1.0 - 2.0 * (f64::from(pixel[1]) + y) / f64::from(SIDE);
+            let [s, t] = square(i).map(f64::from);
+            let (dx, dy, dz) = (s - 0.5 - across, t - 0.5 - up, 0.25);
+            let d2: f64 = dx * dx + dy * dy + dz * dz;
+            // N.L / d^2
+            dz / d2.sqrt() / d2
+        })
+        .sum();
+    sum / f64::from(SPP)
+}
+
+#[test]
+fn the_renderer_takes_single_light_points_from_the_camera_s_sequence() {
+    let pixels = rendered(&lit_plane());
+    let sampler = Sampler::new(SEED);
+    // The largest relative difference, of any pixel, to points of one source and of the other.
+    let (mut own, mut other) = ([0f64; 3], [0f64; 2]);
+    for (pixel, found) in (0..SIDE * SIDE).map(|k| [k % SIDE, k / SIDE]).zip(&pixels) {
+        let joint = mean(pixel, |i| {
+            let [_, _, s, t] = sampler.camera(pixel, i);
+            [s, t]
+        });
+        let of_light = |light: u32| mean(pixel, |i| sampler.light(pixel, i, light, 0));
+        let difference = |c: usize, expected: f64| (f64::from(found[c]) / expected - 1.0).abs();
+        // The point light is number 0, and the first area light, though not the first light, is the one.
+        let expected = [joint, of_light(2), mean(pixel, |_| [0.5; 2])];
+        for c in 0..3 {
+            own[c] = own[c].max(difference(c, expected[c]));
+        }
+        other[0] = other[0].max(difference(0, of_light(1)));
+        other[1] = other[1].max(difference(1, joint));
+    }
+    assert!(own.iter().all(|&worst| worst < 1e-4), "{own:?}");
+    // As far off as the light points of any other sequence are.
+    assert!(other.iter().all(|&worst| worst > 0.05), "{other:?}");
+}
+
+#[test]
+fn lights_of_several_points_have_sequences_of_their_own() {
+    const POINTS: u32 = 4;
+    let mut scene = lit_plane();
+    scene["scene"]["lightsources"][1]["samples"] = json!(POINTS);
+    let sampler = Sampler::new(SEED);
+    let mut worst = [0f64; 2];
+    for (pixel, found) in (0..SIDE * SIDE).map(|k| [k % SIDE, k / SIDE]).zip(rendered(&scene)) {
+        let of = |number: u32| {
+            mean(pixel, |i| sampler.light(pixel, i * POINTS + number, 1, 0)) / f64::from(POINTS)
+        };
+        let expected: f64 = (0..POINTS).map(of).sum();
+        // The first area light has several points, so the other one does not take the camera's, either.
+        let single = mean(pixel, |i| sampler.light(pixel, i, 2, 0));
+        for (c, expected) in [expected, single].into_iter().enumerate() {
+            worst[c] = worst[c].max((f64::from(found[c]) / expected - 1.0).abs());
+        }
+    }
+    assert!(worst.iter().all(|&worst| worst < 1e-4), "{worst:?}");
 }

@@ -1,10 +1,11 @@
 //! Spheres where f64 runs out: tiny and far, huge and near, rays from within, from the surface and
 //! along the outline, against an oracle in integers.
 
+mod embree;
+
 use glam::DVec3;
-use lightpath::accel::{BuildOptions, build};
+use lightpath::accel::BuildOptions;
 use lightpath::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
-use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket};
 use lightpath::scene::Backend;
 use lightpath::simd::Isa;
@@ -165,19 +166,13 @@ impl Wrong {
 }
 
 fn judge(backend: Backend, isa: Isa) -> Option<Wrong> {
-    let (all, monitor) = (Mask([-1; LANES]), Monitor::default());
+    let all = Mask([-1; LANES]);
     let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
     let mut wrong = Wrong::default();
     for case in cases(64) {
         let exact = roots(&case.sphere, case.origin, case.direction);
         let geometry = Geometry::new(DVec3::ZERO, vec![], vec![], vec![case.sphere]).unwrap();
-        let accelerator = match build(&geometry, backend, &options, &monitor) {
-            Err(error) if backend == Backend::Embree => {
-                eprintln!("skipped: {error}");
-                return None;
-            }
-            built => built.unwrap(),
-        };
+        let accelerator = embree::build(&geometry, backend, &options)?;
         for coherence in [Coherence::Coherent, Coherence::Single] {
             let mut found = packet(&case);
             accelerator.closest(&all, &mut found, coherence);

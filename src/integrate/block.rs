@@ -20,7 +20,7 @@ pub struct BlockSums {
 impl BlockSums {
     /// Room for the blocks of a pattern.
     pub fn new(pattern: &Pattern, quantities: usize) -> Self {
-        let pixels = (pattern.block[0] * pattern.block[1]) as usize;
+        let pixels = pattern.pixels();
         let width = pixels * quantities;
         Self { quantities, pixels, sums: Sums::new(width), node: vec![0.0; width] }
     }
@@ -66,7 +66,7 @@ impl BlockSums {
         for (quantity, values) in lanes.iter().enumerate() {
             // Most layers have nothing to say of most packets.
             let bits = values.iter().fold(0, |bits, value| bits | value.to_bits());
-            let sums = if bits == 0 { [0.0; LANES] } else { fold::<RUN>(values) };
+            let sums = if bits == 0 { [0.0; LANES] } else { sum_runs::<RUN>(values) };
             for pixel in 0..LANES / RUN {
                 self.node[pixel * self.quantities + quantity] = sums[pixel];
             }
@@ -87,7 +87,7 @@ impl BlockSums {
 
 /// Sums over each run of `RUN` neighbouring lanes, a power of two: pairs, then pairs of pairs.
 #[inline(always)]
-fn fold<const RUN: usize>(values: &[f64; LANES]) -> [f64; LANES] {
+fn sum_runs<const RUN: usize>(values: &[f64; LANES]) -> [f64; LANES] {
     let (mut sums, mut left, mut run) = (*values, LANES, RUN);
     while run > 1 {
         (left, run) = (left / 2, run / 2);

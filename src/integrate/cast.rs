@@ -12,7 +12,7 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::sampler::Sampler;
 use crate::shading::{
-    Emitter, Lanes3, Light, Lit, Points, ShadowPoints, lane, light_rays, reflect, set_lane,
+    Area, Emitter, Lanes3, Light, Lit, Points, ShadowPoints, lane, light_rays, reflect,
 };
 use crate::world::World;
 
@@ -20,10 +20,23 @@ use crate::world::World;
 /// if it has one point per camera sample and there is no lens.
 #[inline(always)]
 pub fn joint_light(world: &World) -> Option<u32> {
-    let is_area = |light: &Light| matches!(light.emitter, Emitter::Area { .. });
-    let first = world.lights.iter().position(is_area)?;
-    let single = matches!(world.lights[first].emitter, Emitter::Area { samples: 1, .. });
-    (single && !world.camera.has_lens()).then_some(first as u32)
+    let (area, first) =
+        world.lights.iter().zip(0..).find_map(|(light, index)| match light.emitter {
+            Emitter::Area(area) => Some((area, index)),
+            Emitter::Point(_) => None,
+        })?;
+    (area.samples == 1 && !world.camera.has_lens()).then_some(first)
+}
+
+/// A light, and when its light is gathered.
+#[derive(Clone, Copy)]
+struct Lamp<'a> {
+    light: &'a Light,
+    /// Number of the light.
+    index: u32,
+    bounce: u32,
+    /// Whether any point has a specular term.
+    glossy: bool,
 }
 
 /// Room for one packet's shading, kept between packets.
@@ -177,46 +190,39 @@ impl<'a> Cast<'a> {
         let at = &self.points.at;
         let glossy = (0..LANES).fold(false, |any, i| any | ((at.hit.0[i] != 0) & (at.ks[i] > 0.0)));
         for (index, light) in self.world.lights.iter().enumerate() {
-            let index = index as u32;
+            let lamp = Lamp { light, index: index as u32, bounce, glossy };
             match light.emitter {
                 Emitter::Point(q) => {
                     let q = q.to_array().map(|x| [x; LANES]);
-                    self.one_point(light, &q, None, (index, bounce), glossy, counts, record);
+                    self.one_point(&lamp, &q, None, counts, record);
                 }
-                Emitter::Area { corner, edge, height, normal, samples: 1 } => {
-                    let [s, t] = if bounce == 0 && self.joint == Some(index) {
+                Emitter::Area(area) if area.samples == 1 => {
+                    let square = if bounce == 0 && self.joint == Some(lamp.index) {
                         slot.spare
                     } else {
-                        self.sampler.light_lanes([&slot.x, &slot.y], &slot.sample, index, bounce)
+                        let pixels = [&slot.x, &slot.y];
+                        self.sampler.light_lanes(pixels, &slot.sample, lamp.index, bounce)
                     };
-                    let mut q = [[0.0; LANES]; 3];
-                    for i in 0..LANES {
-                        set_lane(&mut q, i, corner + edge * s[i] + height * t[i]);
-                    }
-                    self.one_point(light, &q, normal, (index, bounce), glossy, counts, record);
+                    self.one_point(&lamp, &area.points(&square), area.normal, counts, record);
                 }
-                Emitter::Area { .. } => {
-                    self.area_light(light, slot, index, bounce, glossy, counts, record);
-                }
+                Emitter::Area(area) => self.area_light(&lamp, area, slot, counts, record),
             }
         }
     }
 
-    /// A light of which every lane sees one point.
+    /// A light of which every lane sees one point: that of `q`, on a light of this normal.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)] // All of them change from call to call.
     fn one_point<R: Record>(
         &mut self,
-        light: &Light,
+        lamp: &Lamp,
         q: &Lanes3,
         normal: Option<Vec3>,
-        (index, bounce): (u32, u32),
-        glossy: bool,
         counts: &mut RayCounts,
         record: &mut R,
     ) {
+        let light = lamp.light;
         let (points, rays, lit) = (&self.points.at, &mut self.shadow, &mut self.lit);
-        let active = light_rays(points, q, normal, self.world.falloff, glossy, rays, lit);
+        let active = light_rays(points, q, normal, self.world.falloff, lamp.glossy, rays, lit);
         if !active.any() {
             return;
         }
@@ -229,7 +235,8 @@ impl<'a> Cast<'a> {
                 seen.0[i] = active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
             }
             let split = Split::of(light, lit, &seen);
-            record.light(index, bounce, &self.points.base, &self.throughput, &split);
+            let (base, throughput) = (&self.points.base, &self.throughput);
+            record.light(lamp.index, lamp.bounce, base, throughput, &split);
         }
         for axis in 0..3 {
             for i in 0..LANES {
@@ -241,42 +248,37 @@ impl<'a> Cast<'a> {
         }
     }
 
-    /// The samples of one area light for all lanes: all of them, or those that [`Stage`] asks for.
+    /// The points of one area light for all lanes: all of them, or those that [`Stage`] asks for.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)] // All of them change from call to call.
     fn area_light<R: Record>(
         &mut self,
-        light: &Light,
+        lamp: &Lamp,
+        area: Area,
         slot: &Slot,
-        index: u32,
-        bounce: u32,
-        glossy: bool,
         counts: &mut RayCounts,
         record: &mut R,
     ) {
-        let Emitter::Area { samples, .. } = light.emitter else {
-            return;
-        };
+        let samples = area.samples;
         let hit = self.points.at.hit;
         self.sums = [[0.0; 3]; LANES];
         let mut split = Split::NONE;
         let mut next = Some(Stage::first(samples, self.world.adaptive_shadows));
         while let Some(stage) = next {
             let rays = counts.shadow;
-            let purpose = (index, bounce);
-            let seen =
-                self.light_points::<R>(light, slot, purpose, glossy, &stage, counts, &mut split);
+            let seen = self.light_points::<R>(lamp, area, slot, &stage, counts, &mut split);
             next = None;
             if stage.points.end < samples {
                 let active = (counts.shadow - rays) as u32;
-                let refine = self.sampler.choice(slot.pixel(0), slot.first, index, bounce) < CHANCE;
+                let (pixel, index, bounce) = (slot.pixel(0), lamp.index, lamp.bounce);
+                let refine = self.sampler.choice(pixel, slot.first, index, bounce) < CHANCE;
                 next = Stage::rest(stage.points.end..samples, active, seen, refine);
             }
         }
         let share = 1.0 / f64::from(samples);
         if R::ON {
             split.scale(share);
-            record.light(index, bounce, &self.points.base, &self.throughput, &split);
+            let (base, throughput) = (&self.points.base, &self.throughput);
+            record.light(lamp.index, lamp.bounce, base, throughput, &split);
         }
         for axis in 0..3 {
             for i in 0..LANES {
@@ -289,20 +291,16 @@ impl<'a> Cast<'a> {
 
     /// Adds (lane, sample) pairs in order, 16 a packet; returns how many points were seen.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)] // All of them change from call to call.
     fn light_points<R: Record>(
         &mut self,
-        light: &Light,
+        lamp: &Lamp,
+        area: Area,
         slot: &Slot,
-        (index, bounce): (u32, u32),
-        glossy: bool,
         stage: &Stage,
         counts: &mut RayCounts,
         split: &mut Split,
     ) -> u32 {
-        let Emitter::Area { corner, edge, height, normal, samples } = light.emitter else {
-            return 0;
-        };
+        let Lamp { light, index, bounce, glossy } = *lamp;
         let hit = self.points.at.hit;
         let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
         let mut pairs =
@@ -314,21 +312,18 @@ impl<'a> Cast<'a> {
             let mut count = 0;
             for (lane, sample) in pairs.by_ref().take(LANES) {
                 [x[count], y[count]] = slot.pixel(lane);
-                number[count] = slot.sample[lane].wrapping_mul(samples).wrapping_add(sample);
+                number[count] = slot.sample[lane].wrapping_mul(area.samples).wrapping_add(sample);
                 from[count] = lane;
                 count += 1;
             }
             if count == 0 || self.monitor.stopped() {
                 return seen;
             }
-            let [s, t] = self.sampler.light_lanes([&x, &y], &number, index, bounce);
-            let mut q = [[0.0; LANES]; 3];
-            for i in 0..LANES {
-                set_lane(&mut q, i, corner + edge * s[i] + height * t[i]);
-            }
+            let square = self.sampler.light_lanes([&x, &y], &number, index, bounce);
+            let q = area.points(&square);
             self.gathered.gather(&self.points.at, &from, count);
             let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);
-            let active = light_rays(points, &q, normal, self.world.falloff, glossy, rays, lit);
+            let active = light_rays(points, &q, area.normal, self.world.falloff, glossy, rays, lit);
             if !active.any() {
                 continue;
             }

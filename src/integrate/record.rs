@@ -255,8 +255,7 @@ impl Record for Layers<'_> {
     #[inline(always)]
     fn begin(&mut self) {
         self.sums.clear();
-        let [width, height] = self.pattern.block;
-        let pixels = (width * height) as usize;
+        let pixels = self.pattern.pixels();
         self.nearest[..pixels].fill(Nearest::NONE);
         self.mattes[..pixels].iter_mut().flatten().for_each(Vec::clear);
     }

@@ -42,6 +42,12 @@ impl Pattern {
             sample: std::array::from_fn(|i| i as u32 % samples),
         }
     }
+
+    /// Pixels of a block.
+    #[inline(always)]
+    pub fn pixels(&self) -> usize {
+        (self.block[0] * self.block[1]) as usize
+    }
 }
 
 /// A packet on its way from the camera to its pixels.
@@ -161,6 +167,7 @@ mod tests {
             seen.dedup();
             assert_eq!(seen.len(), LANES);
             assert_eq!(pattern.block[0] * pattern.block[1] * pattern.samples, 16);
+            assert_eq!(pattern.pixels() as u32, pattern.block[0] * pattern.block[1]);
             assert_eq!(lane(15), [pattern.block[0] - 1, pattern.block[1] - 1, pattern.samples - 1]);
         }
     }

@@ -116,7 +116,7 @@ pub fn record(
     };
     let points = world.lights.iter().filter_map(|light| match light.emitter {
         Emitter::Point(q) => Some(q),
-        Emitter::Area { .. } => None,
+        Emitter::Area(_) => None,
     });
     let recorder = Recorder {
         inner: accelerator,

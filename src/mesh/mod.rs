@@ -1,11 +1,10 @@
 //! Meshes: the arrays, the reader of PLY files, and smooth normals.
 
-#[allow(clippy::module_inception)]
-mod mesh;
+mod arrays;
 mod normals;
 mod ply;
 
-pub use mesh::*;
+pub use arrays::*;
 pub use normals::{Point, vertex_normals};
 pub use ply::{
     ElementSummary, PlySummary, PropertySummary, ReadOptions, Scalar, TriangleCount,

@@ -23,19 +23,35 @@ pub struct Light {
 pub enum Emitter {
     /// One point.
     Point(Vec3),
-    /// `corner + s edge + t height`, s, t in [0, 1).
-    Area {
-        /// Corner.
-        corner: Vec3,
-        /// First side.
-        edge: Vec3,
-        /// Second side.
-        height: Vec3,
-        /// Unit normal of a one-sided cosine emitter; `None` shines alike everywhere.
-        normal: Option<Vec3>,
-        /// Points per shading point.
-        samples: u32,
-    },
+    /// A rectangle.
+    Area(Area),
+}
+
+/// A rectangle of light points: `corner + s edge + t height`, s, t in [0, 1).
+#[derive(Debug, Clone, Copy)]
+pub struct Area {
+    /// Corner.
+    pub corner: Vec3,
+    /// First side.
+    pub edge: Vec3,
+    /// Second side.
+    pub height: Vec3,
+    /// Unit normal of a one-sided cosine emitter; `None` shines alike everywhere.
+    pub normal: Option<Vec3>,
+    /// Points per shading point.
+    pub samples: u32,
+}
+
+impl Area {
+    /// The light points of 16 points (s, t) in the unit square.
+    #[inline(always)]
+    pub fn points(&self, [s, t]: &[Lanes; 2]) -> Lanes3 {
+        let mut q = [[0.0; LANES]; 3];
+        for i in 0..LANES {
+            set_lane(&mut q, i, self.corner + self.edge * s[i] + self.height * t[i]);
+        }
+        q
+    }
 }
 
 /// Weights of a light's diffuse and specular colours at 16 points, falloff included.

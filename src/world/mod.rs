@@ -17,7 +17,7 @@ use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind};
-use crate::shading::{Emitter, Light, Owner, Shape, Shapes, UvSource};
+use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvSource};
 
 use self::place::{LARGEST, PlacedMesh};
 
@@ -238,13 +238,13 @@ fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
 fn recentre(light: &crate::scene::Light, origin: DVec3) -> Light {
     let emitter = match &light.kind {
         LightKind::Point { position } => Emitter::Point((*position - origin).as_vec3()),
-        LightKind::Area { corner, edge, height, samples, lambertian } => Emitter::Area {
+        LightKind::Area { corner, edge, height, samples, lambertian } => Emitter::Area(Area {
             corner: (*corner - origin).as_vec3(),
             edge: edge.as_vec3(),
             height: height.as_vec3(),
             normal: lambertian.then(|| edge.cross(*height).normalize().as_vec3()),
             samples: *samples,
-        },
+        }),
     };
     Light { diffuse: light.diffuse, specular: light.specular, emitter }
 }

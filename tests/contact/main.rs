@@ -2,6 +2,8 @@
 //! scene's origin: no surface shadows itself or mirrors itself, and what lies four ulp above it
 //! shadows it. The coursework's fixed offset, beside it, fails both ways.
 
+#[path = "../embree/mod.rs"]
+mod embree;
 mod measure;
 
 use lightpath::accel::{BuildOptions, EmbreeMode, build};
@@ -9,6 +11,7 @@ use lightpath::monitor::Monitor;
 use lightpath::scene::Backend;
 use lightpath::simd::Isa;
 
+use embree::unless_missing;
 use measure::{CLEAR, Count, Origin, Row};
 
 /// The coursework's offset.
@@ -25,13 +28,7 @@ fn measure(
     let options = BuildOptions { threads: 1, embree, isa, max_bytes: None };
     let monitor = Monitor::default();
     let rows = measure::measure(&|g| build(g, backend, &options, &monitor), origin, rays, 7);
-    match rows {
-        Err(error) if backend == Backend::Embree => {
-            eprintln!("skipped: {error}");
-            None
-        }
-        rows => Some(rows.unwrap()),
-    }
+    unless_missing(backend, rows)
 }
 
 fn sum(rows: &[Row], of: impl Fn(&Row) -> Count) -> Count {

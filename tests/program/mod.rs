@@ -1,5 +1,8 @@
 //! Runs the program in a scratch folder.
-#![allow(dead_code)]
+#![allow(dead_code)] // each test program uses its own part of this module
+
+#[path = "../embree/mod.rs"]
+pub mod embree;
 
 use std::{
     fs,
@@ -54,6 +57,21 @@ impl Done {
     pub fn stderr(&self) -> String {
         String::from_utf8_lossy(&self.0.stderr).into_owned()
     }
+
+    /// Whether it failed because Embree is not there; notes it.
+    pub fn lacks_embree(&self) -> bool {
+        self.code() != 0 && embree::no_embree(&self.stderr())
+    }
+
+    /// Itself, which must have succeeded; `None` if it failed because Embree is not there.
+    #[track_caller]
+    pub fn unless_no_embree(self) -> Option<Self> {
+        if self.lacks_embree() {
+            return None;
+        }
+        assert_eq!(self.code(), 0, "{}", self.stderr());
+        Some(self)
+    }
 }
 
 /// Runs it in the working folder of the test.
@@ -73,6 +91,17 @@ pub struct Scratch(tempfile::TempDir);
 impl Scratch {
     pub fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
+    }
+
+    /// A folder with `s.json` and [`PYRAMID`] as `p.ply`; `None` if the scene's render needs Embree, which is not
+    /// there.
+    #[track_caller]
+    pub fn rendering(scene: &str) -> Option<Self> {
+        let scratch = Self::new();
+        scratch.write("s.json", scene);
+        scratch.write("p.ply", PYRAMID);
+        scratch.run(&["render", "s.json", "-o", "probe", "--size", "2x2"]).unless_no_embree()?;
+        Some(scratch)
     }
 
     pub fn path(&self, name: &str) -> PathBuf {

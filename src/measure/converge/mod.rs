@@ -127,10 +127,8 @@ fn work(
         note(&told(&job, &settings.contestants[setting.contestant].name));
         (world.spp, world.sampler, world.seed) = (setting.spp, setting.sampler, job.seed);
         for light in &mut world.lights {
-            if let (Emitter::Area { samples, .. }, Some(n)) =
-                (&mut light.emitter, setting.light_samples)
-            {
-                *samples = n;
+            if let (Emitter::Area(area), Some(n)) = (&mut light.emitter, setting.light_samples) {
+                area.samples = n;
             }
         }
         let started = Instant::now();

@@ -25,6 +25,7 @@ mod summary;
 mod table;
 mod unpack;
 mod vertex;
+mod zstd;
 
 use std::path::Path;
 
@@ -113,7 +114,8 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
         None => whole(bytes, &job, options),
         Some(packing) => {
             let failed = |e: &std::io::Error| source::failed(name.as_ref(), Some(packing), e);
-            stream::read_here(packing.open(bytes), &failed, &job, options)
+            let bytes = packing.open(bytes, Some(bytes.len() as u64));
+            stream::read_here(bytes, &failed, &job, options)
         }
     }
 }

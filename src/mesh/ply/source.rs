@@ -134,7 +134,8 @@ impl Opened {
         match self.packing {
             None => Stream { bytes: Box::new(bytes), length: self.length, packing: None },
             Some(packing) => {
-                Stream { bytes: packing.open(bytes), length: None, packing: Some(packing) }
+                let bytes = packing.open(bytes, self.length);
+                Stream { bytes, length: None, packing: Some(packing) }
             }
         }
     }

@@ -1,13 +1,11 @@
 //! Compressed files: gzip and zstd, known by their first bytes whatever the file is called, and
 //! unpacked while they are read.
 
-use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result, copy, sink};
+use std::io::{BufReader, Read};
 
 use flate2::bufread::MultiGzDecoder;
-use ruzstd::decoding::{
-    BlockDecodingStrategy, FrameDecoder,
-    errors::{FrameDecoderError, ReadFrameHeaderError},
-};
+
+use super::zstd::{self, Frames};
 
 /// How a file is packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,7 +19,7 @@ impl Packing {
     pub(super) fn of(bytes: &[u8]) -> Option<Self> {
         match bytes {
             [0x1f, 0x8b, ..] => Some(Self::Gzip),
-            [0x28, 0xb5, 0x2f, 0xfd, ..] => Some(Self::Zstd),
+            _ if bytes.starts_with(&zstd::MAGIC) => Some(Self::Zstd),
             _ => None,
         }
     }
@@ -33,89 +31,24 @@ impl Packing {
         }
     }
 
-    /// The unpacked bytes of `packed`.
-    pub(super) fn open<'a>(self, packed: impl Read + Send + 'a) -> Box<dyn Read + Send + 'a> {
+    /// The unpacked bytes of `packed`, of which there are `length` if that is known.
+    pub(super) fn open<'a>(
+        self,
+        packed: impl Read + Send + 'a,
+        length: Option<u64>,
+    ) -> Box<dyn Read + Send + 'a> {
         let packed = BufReader::with_capacity(1 << 16, packed);
         match self {
             // All members, as `gunzip` and parallel writers have it.
             Self::Gzip => Box::new(MultiGzDecoder::new(packed)),
-            Self::Zstd => Box::new(Frames { packed, decoder: FrameDecoder::new(), open: false }),
+            Self::Zstd => Box::new(Frames::new(packed, length)),
         }
     }
-}
-
-/// All frames of a zstd file, one after the other.
-struct Frames<R: Read> {
-    packed: BufReader<R>,
-    /// Of one frame at a time.
-    decoder: FrameDecoder,
-    /// Whether `decoder` is inside a frame.
-    open: bool,
-}
-
-/// Bytes that one call of the decoder unpacks, beside the frame's own window.
-const STEP: usize = 1 << 20;
-
-impl<R: Read> Frames<R> {
-    /// Moves into the next frame that holds data; `false` at the end of the file.
-    fn open(&mut self) -> Result<bool> {
-        while !self.packed.fill_buf()?.is_empty() {
-            match self.decoder.reset(&mut self.packed) {
-                Ok(()) => {
-                    self.open = true;
-                    return Ok(true);
-                }
-                Err(FrameDecoderError::ReadFrameHeaderError(ReadFrameHeaderError::SkipFrame {
-                    length,
-                    ..
-                })) => {
-                    let mut skipped = self.packed.by_ref().take(u64::from(length));
-                    copy(&mut skipped, &mut sink())?;
-                }
-                Err(error) => return Err(bad(error)),
-            }
-        }
-        Ok(false)
-    }
-
-    fn check_sum(&self) -> Result<()> {
-        match self.decoder.get_checksum_from_data() {
-            Some(sum) if Some(sum) != self.decoder.get_calculated_checksum() => {
-                Err(bad("the checksum of a frame does not match its data"))
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-impl<R: Read> Read for Frames<R> {
-    fn read(&mut self, out: &mut [u8]) -> Result<usize> {
-        loop {
-            if !self.open && !self.open()? {
-                return Ok(0);
-            }
-            let read = self.decoder.read(out)?;
-            if read > 0 || out.is_empty() {
-                return Ok(read);
-            }
-            if self.decoder.is_finished() {
-                self.check_sum()?;
-                self.open = false;
-            } else {
-                let step = BlockDecodingStrategy::UptoBytes(STEP);
-                self.decoder.decode_blocks(&mut self.packed, step).map_err(bad)?;
-            }
-        }
-    }
-}
-
-fn bad(error: impl ToString) -> Error {
-    Error::new(ErrorKind::InvalidData, error.to_string())
 }
 
 #[cfg(test)]
 mod tests {
-    use std::io::Write;
+    use std::io::{Result, Write};
 
     use flate2::{Compression, write::GzEncoder};
     use ruzstd::encoding::{CompressionLevel, compress_to_vec};
@@ -134,7 +67,8 @@ mod tests {
 
     fn unpacked(packed: &[u8]) -> Result<Vec<u8>> {
         let mut out = Vec::new();
-        Packing::of(packed).unwrap().open(packed).read_to_end(&mut out)?;
+        let length = Some(packed.len() as u64);
+        Packing::of(packed).unwrap().open(packed, length).read_to_end(&mut out)?;
         Ok(out)
     }
 
