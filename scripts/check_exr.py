@@ -152,6 +152,9 @@ def sums_and_mattes():
     python("check_cryptomatte.py", "all.exr", "ball", "plane", "floor", "gloss", "material.sphere")
     render("beside", "--aov", "cryptomatte", "--crypto-sidecar")
     expect(not check_mattes("beside.exr", ["ball", "floor"])[0], "mattes with a manifest beside the picture")
+    for name in ("равнина", 'Käse "日本"'):
+        render("names", "--aov", "cryptomatte", "--set", f"/scene/shapes/1/name={json.dumps(name)}")
+        expect(not check_mattes("names.exr", [name])[0], f"a matte called {name}: {check_mattes('names.exr')}")
     usual = read("all")[1]
     for ranks in (2, 10):
         name = f"ranks{ranks}"

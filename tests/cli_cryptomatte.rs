@@ -193,6 +193,42 @@ fn what_it_takes_follows_the_ranks() {
     assert_eq!(none(2), none(16));
 }
 
+#[test]
+fn names_of_any_language_stand_in_the_file_as_they_are() {
+    let scratch = scratch();
+    // The specification's own example is the first.
+    let names = ["равнина", "Käse \"1\" \\ 日本"];
+    let mut scene = scene(json!({ "layers": ["CryptoObject"] }));
+    for (shape, name) in scene["scene"]["shapes"].as_array_mut().unwrap().iter_mut().zip(names) {
+        shape["name"] = json!(name);
+    }
+    scratch.write("s.json", &scene.to_string());
+    let whole = rendered(&scratch, "whole", &[]);
+    let manifest = "\"равнина\":\"9623511e\",\"Käse \\\"1\\\" \\\\ 日本\":";
+    let found = whole.windows(manifest.len()).any(|bytes| bytes == manifest.as_bytes());
+    assert!(found, "{}", scratch.run(&["info", "whole.exr"]).stdout());
+    assert!(scratch.run(&["info", "whole.exr"]).stdout().contains(manifest));
+    for (name, tile) in [("a", "1/2"), ("b", "2/2")] {
+        rendered(&scratch, name, &["--tile", tile]);
+    }
+    let merge = |flags: &[&str]| {
+        let done = scratch.run(&[&["merge", "a.exr", "b.exr", "--quiet", "-o"], flags].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    };
+    merge(&["merged"]);
+    assert!(scratch.read("merged.exr") == whole);
+    // So may the names of files.
+    rendered(&scratch, "кадр", &["--crypto-sidecar"]);
+    let text = scratch.read("кадр.CryptoObject.json");
+    let known: BTreeMap<String, String> = serde_json::from_slice(&text).unwrap();
+    assert_eq!(known[names[0]], "9623511e");
+    assert!(known.contains_key(names[1]));
+    let file = &announced(&scratch, "кадр.exr")[""];
+    assert!(file.iter().any(|(_, value)| value == "кадр.CryptoObject.json"), "{file:?}");
+    merge(&["картина", "--crypto-sidecar"]);
+    assert!(scratch.read("картина.CryptoObject.json") == text);
+}
+
 /// Attributes of cryptomattes, by the name of the part.
 fn announced(scratch: &Scratch, file: &str) -> BTreeMap<String, BTreeMap<String, String>> {
     let info: Value =

@@ -18,6 +18,7 @@ use crate::film::{ChannelKind, Film};
 use super::{
     Compression, Options,
     parts::{FIRST, Part},
+    text,
 };
 
 /// Rec. ITU-R BT.709 primaries and D65, as OpenEXR's own default states them.
@@ -51,7 +52,7 @@ pub fn header(film: &Film, options: &Options, part: &Part) -> Option<Header> {
     let said = options.attributes.iter().filter(|(name, _)| concerns(name, part, options));
     for (name, value) in said {
         let name = Text::new_or_none(name)?;
-        own.other.insert(name, AttributeValue::Text(Text::new_or_none(value)?));
+        own.other.insert(name, AttributeValue::Text(text::encode(value)));
     }
     if let Some(frame) = options.sequence.frame {
         own.other.insert(Text::from("imageCounter"), AttributeValue::I32(frame));
