@@ -22,6 +22,6 @@ fn main() -> Result<(), lightpath::error::Error> {
     let renderer = Renderer::with_meshes(scene, vec![("tetrahedron", "clay", mesh)])?;
     let accelerator = renderer.accelerator()?;
     let film = renderer.render(accelerator.as_ref())?;
-    renderer.write(&film, Path::new("tetrahedron"))?;
+    renderer.write(&film, accelerator.as_ref(), Path::new("tetrahedron"))?;
     Ok(())
 }

@@ -152,6 +152,42 @@ def sums_and_mattes():
     python("check_cryptomatte.py", "all.exr", "ball", "plane", "floor", "gloss", "material.sphere")
     render("beside", "--aov", "cryptomatte", "--crypto-sidecar")
     expect(not check_mattes("beside.exr", ["ball", "floor"])[0], "mattes with a manifest beside the picture")
+    for name in ("равнина", 'Käse "日本"'):
+        render("names", "--aov", "cryptomatte", "--set", f"/scene/shapes/1/name={json.dumps(name)}")
+        expect(not check_mattes("names.exr", [name])[0], f"a matte called {name}: {check_mattes('names.exr')}")
+    usual = read("all")[1]
+    for ranks in (2, 10):
+        name = f"ranks{ranks}"
+        found = render(name, "--aov", "cryptomatte", "--crypto-ranks", str(ranks))[1]
+        layers = sorted({n.split(".")[0] for n in found} - set("RGBA"))
+        expected = sorted(f"Crypto{of}{i:02}" for of in ("Object", "Material") for i in range(ranks // 2))
+        expect(layers == expected, f"{ranks} ranks: {layers}")
+        mistakes, areas = check_mattes(f"{name}.exr", ["ball"])
+        expect(not mistakes and set(areas) == {"CryptoObject", "CryptoMaterial"}, f"{ranks} ranks: {mistakes}")
+        shared = found.keys() & usual.keys()
+        same(f"{ranks} ranks", {n: found[n] for n in shared}, {n: usual[n] for n in shared})
+
+
+def parts_alone(parts):
+    """Each part says what a reader of it alone needs, and the first what a reader of the first alone needs."""
+    def mattes(part):
+        return {k: v for k, v in part.header.items() if k.startswith("cryptomatte/")}
+
+    def others(part):
+        own = ("channels", "name", "chunkCount")
+        return {k: str(v) for k, v in part.header.items() if k not in own and not k.startswith("cryptomatte/")}
+
+    first = parts[0]
+    expect(mattes(first) == mattes(read("all")[0][0]), f"mattes of the first part: {mattes(first)}")
+    for part in parts[1:]:
+        name = part.name()
+        expect(others(part) == others(first), f"{name}: {sorted(others(part).items() ^ others(first).items())}")
+        if not name.startswith("Crypto"):
+            expect(not mattes(part), f"{name} has mattes: {sorted(mattes(part))}")
+            continue
+        OpenEXR.File(part.header, part.channels).write("alone.exr")
+        mistakes, areas = check_mattes("alone.exr")
+        expect(not mistakes and set(areas) == {name}, f"{name} alone: {areas} {mistakes}")
 
 
 def windows(all_layers):
@@ -188,6 +224,7 @@ def storage(all_layers):
     layers = ["rgba"] + sorted({n.rsplit(".")[0].rstrip("0123456789") for n in TYPES} - set("RGBA"))
     expect(sorted(layers) == sorted(part.name() for part in parts), f"parts {[p.name() for p in parts]}")
     expect(not check_mattes("parts.exr", ["ball"])[0], "mattes in several parts")
+    parts_alone(parts)
     floats = render("float", "--aov", "all", "--float")[1]
     expect(all(p.dtype != np.float16 for p in floats.values()), "halves with --float")
     halves = {n: p.astype(all_layers[n].dtype) if TYPES[n] == HALF else p for n, p in floats.items()}

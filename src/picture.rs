@@ -155,7 +155,7 @@ fn layer_attributes(plan: &Plan, sidecars: &[(&str, &str)]) -> Vec<(String, Stri
 }
 
 /// Where the picture was taken from.
-pub fn view(camera: &Camera) -> exr::View {
+fn view(camera: &Camera) -> exr::View {
     let rounded = |matrix: [[f64; 4]; 4]| std::array::from_fn(|i| matrix[i / 4][i % 4] as f32);
     exr::View {
         world_to_camera: rounded(camera::world_to_camera(camera)),

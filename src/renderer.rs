@@ -8,14 +8,16 @@ use crate::film::{Blank, Film, Window};
 use crate::layers::Plan;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
-use crate::output::exr::Options;
-use crate::output::tonemap::Depth;
-use crate::output::{Outputs, WriteOptions};
-use crate::picture;
+use crate::output::Outputs;
+use crate::output::exr::Sequence;
+use crate::picture::{self, Says, Storage};
 use crate::render;
 use crate::scene::{self, Scene, Shape, ShapeKind, Source, Trimesh};
 use crate::simd::Isa;
 use crate::world::{LoadOptions, World};
+
+/// How Embree is used.
+const EMBREE: EmbreeMode = EmbreeMode::Robust;
 
 /// A scene whose files are read, ready to be rendered as often as one likes.
 ///
@@ -91,7 +93,7 @@ impl Renderer {
     pub fn accelerator(&self) -> Result<Box<dyn Accelerator + '_>> {
         let options = BuildOptions {
             threads: rayon::current_num_threads(),
-            embree: EmbreeMode::Robust,
+            embree: EMBREE,
             isa: Isa::detect(),
             max_bytes: None,
         };
@@ -112,25 +114,33 @@ impl Renderer {
         Ok(film)
     }
 
-    /// Writes a film to `PREFIX.exr` and `PREFIX.png`, whole or not at all; returns their names.
+    /// Writes a film to `PREFIX.exr` and `PREFIX.png`, whole or not at all; returns their names. The header
+    /// says what the program's says, `accelerator` included, but no `lightpath:sceneHash`, which covers
+    /// files.
     ///
     /// # Errors
     /// A folder that cannot be written to; a full disk.
-    pub fn write(&self, film: &Film, prefix: &Path) -> Result<[PathBuf; 2]> {
-        let attributes: Vec<(String, String)> =
-            self.plan.mattes.iter().flat_map(|mattes| mattes.attributes(None)).collect();
-        let options = WriteOptions {
-            tonemap: &self.scene.tonemap,
-            transparent: self.scene.transparent,
-            depth: Depth::default(),
+    pub fn write(
+        &self,
+        film: &Film,
+        accelerator: &dyn Accelerator,
+        prefix: &Path,
+    ) -> Result<[PathBuf; 2]> {
+        let says = Says {
+            plan: &self.plan,
+            sidecars: &[],
+            more: &[],
+            info: &accelerator.info(),
+            embree: EMBREE,
+            isa: Isa::detect(),
+            scene_hash: None,
+            spp: None,
+            sequence: Sequence::default(),
+            render_seconds: None,
             fingerprint: None,
-            exr: Options {
-                attributes: &attributes,
-                view: Some(picture::view(&self.scene.camera)),
-                ..Options::default()
-            },
         };
-        Ok(Outputs::create(prefix)?.write(film, &options, &self.monitor)?.0)
+        let (outputs, storage) = (Outputs::create(prefix)?, Storage::default());
+        Ok(picture::write(outputs, film, &self.scene, says, storage, &self.monitor)?.0)
     }
 }
 

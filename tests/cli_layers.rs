@@ -230,3 +230,28 @@ fn pngs_of_sixteen_bits() {
     assert_eq!([depth("x.png"), depth("y.png")], [16, 8]);
     assert_eq!(render(&scratch, &["--png-bits", "12"]).code(), 2);
 }
+
+#[test]
+fn the_library_writes_what_the_program_writes() {
+    let scratch = Scratch::new();
+    let output =
+        r#""spp": 4, "output": { "layers": ["Z", "N", "cryptomatte"], "cryptoranks": 4 },"#;
+    let text = SCENE.replace(r#""spp": 4,"#, output);
+    scratch.write("s.json", &text);
+    assert_eq!(render(&scratch, &["-o", "program"]).code(), 0);
+    let renderer = lightpath::Renderer::new(lightpath::Scene::from_json(&text).unwrap()).unwrap();
+    let accelerator = renderer.accelerator().unwrap();
+    let film = renderer.render(accelerator.as_ref()).unwrap();
+    renderer.write(&film, accelerator.as_ref(), &scratch.path("library")).unwrap();
+    assert!(scratch.read("library.png") == scratch.read("program.png"));
+    let [library, mut program] =
+        ["library", "program"].map(|n| part(&scratch, &format!("{n}.exr"), 0));
+    // The library was given no file.
+    let hash = program["attributes"].as_object_mut().unwrap().remove("lightpath:sceneHash");
+    assert!(hash.is_some());
+    assert_eq!(library, program);
+    assert_eq!(
+        library["attributes"]["lightpath:backend"].as_str().unwrap().split(' ').next(),
+        Some("bvh")
+    );
+}

@@ -102,6 +102,9 @@ fn images_that_a_mesh_names_and_names_of_mattes_count() {
     let listed = "/output/layers=[\"CryptoMaterial\", \"CryptoObject\"]";
     let hash = here.hash(&[mattes]);
     assert_eq!(hash, here.hash(&[listed]));
+    assert_eq!(hash, here.hash(&[mattes, "/output/cryptoranks=6"]), "the default");
+    assert_ne!(hash, here.hash(&[mattes, "/output/cryptoranks=8"]));
+    assert_eq!(here.hash(&[]), here.hash(&["/output/cryptoranks=8"]), "ranks of nothing");
     here.write("s.json", &SCENE.replace("a.ply", "b.ply"));
     fs::rename(here.path().join("a.ply"), here.path().join("b.ply")).unwrap();
     assert_ne!(hash, here.hash(&[mattes]), "the matte is called trimesh.b now");

@@ -40,6 +40,10 @@ pub struct JobFile {
     /// EXR layers by name, as `--aov` takes them.
     #[serde(default)]
     pub layers: Option<Vec<Name>>,
+    /// How many things a pixel of a cryptomatte can hold, as `--crypto-ranks` takes it.
+    #[serde(default)]
+    #[schemars(range(min = 2, max = 16), extend("multipleOf" = 2))]
+    pub cryptoranks: Option<u32>,
     /// Keys of the scene's `camera`, set in every scene; with `position` nothing is framed. What a run
     /// prints as a mesh's camera makes the same pictures of it again.
     #[serde(default)]

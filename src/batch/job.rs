@@ -209,6 +209,7 @@ fn common(file: &JobFile) -> Overrides {
     let layers = file.layers.as_ref();
     let layers = layers.map(|names| names.iter().map(|n| n.0.clone()).collect::<Vec<String>>());
     all.flag("layers", "/output/layers", layers);
+    all.flag("cryptoranks", "/output/cryptoranks", file.cryptoranks);
     all.append(patches(&file.camera, &file.set));
     all
 }

@@ -195,6 +195,10 @@ pub struct SceneArgs {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub aov: Option<Vec<String>>,
 
+    /// How many things a pixel of a cryptomatte can hold: 2, 4... 16 [default: 6]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub crypto_ranks: Option<i64>,
+
     /// Set any value of the scene; VALUE is JSON, or else a string; repeatable, wins over flags
     #[arg(long, value_name = "/json/pointer=VALUE")]
     pub set: Vec<String>,

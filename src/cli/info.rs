@@ -18,6 +18,7 @@ use crate::{
     film::Window,
     mesh,
     monitor::Monitor,
+    output::exr::text::decode,
     scene::Overrides,
     studio::{self, Points, Template},
     world::{Bounds, Resolution, ulp},
@@ -256,7 +257,7 @@ fn part(header: &Header, report: &mut Report) -> Value {
     others.sort_by_key(|(name, _)| name.to_string());
     for (name, value) in others {
         let text = match value {
-            AttributeValue::Text(text) => text.to_string(),
+            AttributeValue::Text(text) => decode(text),
             AttributeValue::I32(number) => number.to_string(),
             AttributeValue::F32(number) => number.to_string(),
             other => format!("{other:?}"),

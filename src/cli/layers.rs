@@ -6,11 +6,7 @@ use crate::{
     error::{Error, Result},
     film::Film,
     layers::{Mattes, Plan, Recipe},
-    output::{
-        atomic::{Part, TextFile},
-        png, preview as pictures,
-        tonemap::Depth,
-    },
+    output::{Outputs, atomic::Part, png, preview as pictures, tonemap::Depth},
     scene::{Layer, Scene},
 };
 
@@ -23,7 +19,7 @@ pub struct Sidecar {
     pub kind: &'static str,
     /// Its name within the folder.
     pub name: String,
-    file: TextFile,
+    file: Part,
 }
 
 /// Where manifests are written, by the kind of their mattes.
@@ -49,23 +45,28 @@ pub fn sidecar_paths(args: &RenderArgs, scene: &Scene) -> Vec<PathBuf> {
 /// Makes sure that they can be written.
 ///
 /// # Errors
-/// Those of [`TextFile::create`]; a name that no EXR attribute can hold.
+/// Those of [`Part::create`]; a name that no EXR attribute can hold.
 pub fn create_sidecars(args: &RenderArgs, scene: &Scene) -> Result<Vec<Sidecar>> {
     let create = |(kind, path): (&'static str, PathBuf)| {
-        Ok(Sidecar { kind, name: file_name(&path)?, file: TextFile::create(&path)? })
+        Ok(Sidecar { kind, name: file_name(&path)?, file: Part::create(&path)? })
     };
     sidecars(args, scene).into_iter().map(create).collect()
 }
 
-/// Writes the manifests.
+/// Writes the manifests, for `outputs` to name them; where they will be.
 ///
 /// # Errors
 /// `Retry` for a full disk.
-pub fn write_sidecars(plan: &Plan, sidecars: Vec<Sidecar>) -> Result<Vec<PathBuf>> {
+pub fn write_sidecars(
+    plan: &Plan,
+    sidecars: Vec<Sidecar>,
+    outputs: &mut Outputs,
+) -> Result<Vec<PathBuf>> {
     let of = |kind: &str| plan.mattes.iter().find(|mattes| mattes.kind == kind);
-    let write = |sidecar: Sidecar| {
+    let write = |mut sidecar: Sidecar| {
         let manifest = of(sidecar.kind).map(Mattes::manifest).unwrap_or_default();
-        sidecar.file.finish(&(manifest + "\n"))
+        sidecar.file.fill(&(manifest + "\n"))?;
+        Ok(outputs.add(sidecar.file))
     };
     sidecars.into_iter().map(write).collect()
 }
@@ -159,17 +160,18 @@ impl Manifest {
     /// Makes sure that it can be written.
     ///
     /// # Errors
-    /// Those of [`TextFile::create`].
-    pub fn create(self) -> Result<(TextFile, String)> {
-        Ok((TextFile::create(&self.path)?, self.text))
+    /// Those of [`Part::create`].
+    pub fn create(self) -> Result<(Part, String)> {
+        Ok((Part::create(&self.path)?, self.text))
     }
 
-    /// Writes it.
+    /// Writes it, for `outputs` to name it; where it will be.
     ///
     /// # Errors
     /// `Retry` for a full disk.
-    pub fn finish((file, text): (TextFile, String)) -> Result<PathBuf> {
-        file.finish(&(text + "\n"))
+    pub fn write((mut file, text): (Part, String), outputs: &mut Outputs) -> Result<PathBuf> {
+        file.fill(&(text + "\n"))?;
+        Ok(outputs.add(file))
     }
 }
 
@@ -220,18 +222,22 @@ pub fn open_previews(paths: Vec<(String, PathBuf)>) -> Result<Vec<(String, Part)
     paths.into_iter().map(|(name, path)| Ok((name, Part::create(&path)?))).collect()
 }
 
-/// Writes the pictures of layers.
+/// Writes the pictures of layers, for `outputs` to name them; where they will be.
 ///
 /// # Errors
 /// `Retry` for a full disk.
-pub fn write_previews(film: &Film, previews: Vec<(String, Part)>) -> Result<Vec<PathBuf>> {
+pub fn write_previews(
+    film: &Film,
+    previews: Vec<(String, Part)>,
+    outputs: &mut Outputs,
+) -> Result<Vec<PathBuf>> {
     let write = |(name, mut part): (String, Part)| {
         let path = part.target().to_owned();
         let bytes = pictures::bytes(film, &name).unwrap_or_default();
         let color = png::Color { alpha: false, srgb: true, depth: Depth::Eight };
         png::encode(film, &bytes, color, None, part.file(), &path)?;
         part.sync()?;
-        part.commit()
+        Ok(outputs.add(part))
     };
     previews.into_iter().map(write).collect()
 }

@@ -71,7 +71,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let outputs: Vec<PathBuf> = outputs.chain(previews.iter().map(|(_, p)| p.clone())).collect();
     render::not_over(&args.parts, &outputs, "choose another name: -o PREFIX")?;
     signals::watch(&monitor)?;
-    let files = Outputs::create(&prefix)?;
+    let mut files = Outputs::create(&prefix)?;
     let manifests = manifests.into_iter().map(Manifest::create).collect::<Result<Vec<_>>>()?;
     let previews = layers::open_previews(previews)?;
     let mode = if args.quiet { ProgressMode::Off } else { ProgressMode::Auto };
@@ -98,12 +98,11 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let (paths, oddities) = pool.install(|| -> Result<_> {
         monitor.begin(Phase::Load, u64::from(part.whole().height()));
         let film = parts.film(&monitor)?;
-        let written = manifests.into_iter().map(Manifest::finish).collect::<Result<Vec<_>>>()?;
+        let manifests = manifests.into_iter().map(|m| Manifest::write(m, &mut files));
+        let mut beside = manifests.collect::<Result<Vec<_>>>()?;
+        beside.extend(layers::write_previews(&film, previews, &mut files)?);
         let (paths, oddities) = files.write(&film, &options, &monitor)?;
-        let mut paths = paths.to_vec();
-        paths.extend(written);
-        paths.extend(layers::write_previews(&film, previews)?);
-        Ok((paths, oddities))
+        Ok(([&paths[..], &beside].concat(), oddities))
     })?;
     if !args.quiet {
         for warning in picture::odd(&oddities) {

@@ -47,6 +47,7 @@ fn of(args: &SceneArgs) -> Overrides {
     let shadows = args.adaptive_shadows.then_some(true);
     all.flag("--adaptive-shadows", "/adaptiveshadows", shadows);
     all.flag("--aov", "/output/layers", args.aov.clone());
+    all.flag("--crypto-ranks", "/output/cryptoranks", args.crypto_ranks);
     for set in &args.set {
         all.set(set);
     }

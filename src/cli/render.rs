@@ -336,14 +336,13 @@ impl Run<'_> {
             }
             false => args.files.storage(),
         };
-        // Before the EXR that names them.
-        let sidecars = layers::write_sidecars(plan, files.sidecars)?;
-        let (paths, oddities) =
-            picture::write(files.outputs, film, scene, says, storage, self.monitor)?;
+        let mut outputs = files.outputs;
+        let mut beside = layers::write_sidecars(plan, files.sidecars, &mut outputs)?;
+        beside.extend(layers::write_previews(film, files.previews, &mut outputs)?);
+        let (paths, oddities) = picture::write(outputs, film, scene, says, storage, self.monitor)?;
         self.warn(&picture::odd(&oddities));
         let mut paths = paths.to_vec();
-        paths.extend(sidecars);
-        paths.extend(layers::write_previews(film, files.previews)?);
+        paths.extend(beside);
         if let Some((target, file)) = files.scene {
             paths.push(file.finish(&job::saved(self.job, &target)?)?);
         }

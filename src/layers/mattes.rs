@@ -8,9 +8,6 @@ use crate::scene::Scene;
 
 use super::names;
 
-/// Things that a pixel can hold by default.
-pub const RANKS: usize = 6;
-
 /// Mattes of one kind of thing.
 #[derive(Debug, Clone)]
 pub struct Mattes {
@@ -44,10 +41,10 @@ impl Mattes {
         Self { kind, ids, named }
     }
 
-    /// Its channels: ids and coverages in turn, two ranks a layer, all 32-bit float.
-    pub fn channels(&self) -> impl Iterator<Item = Channel> + use<> {
+    /// Its channels: ids and coverages in turn, two of `ranks` a layer, all 32-bit float.
+    pub fn channels(&self, ranks: usize) -> impl Iterator<Item = Channel> + use<> {
         let kind = self.kind;
-        (0..2 * RANKS).map(move |i| {
+        (0..2 * ranks).map(move |i| {
             let name = format!("{kind}{:02}.{}", i / 4, ["R", "G", "B", "A"][i % 4]);
             Channel { name, kind: ChannelKind::Float }
         })

@@ -5,7 +5,7 @@ mod names;
 mod raw;
 mod recipe;
 
-pub use self::mattes::{Mattes, RANKS};
+pub use self::mattes::Mattes;
 pub use self::raw::{BEAUTY, Pixel, Raw};
 pub use self::recipe::{Nearest, Ranks, Recipe, count};
 
@@ -108,9 +108,9 @@ impl Plan {
             }
         }
         for mattes in &plan.mattes {
-            let (first, ranks) = (plan.recipe.channels.len(), RANKS);
+            let (first, ranks) = (plan.recipe.channels.len(), scene.crypto_ranks as usize);
             plan.recipe.mattes.push(Ranks { first, ranks, ids: mattes.ids() });
-            plan.recipe.channels.extend(mattes.channels());
+            plan.recipe.channels.extend(mattes.channels(ranks));
         }
         plan
     }

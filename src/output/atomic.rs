@@ -79,6 +79,16 @@ impl Part {
         self.file.as_file_mut()
     }
 
+    /// Writes a text, whole and on the disk.
+    ///
+    /// # Errors
+    /// `Retry` for a full or failing disk.
+    pub fn fill(&mut self, text: &str) -> Result<()> {
+        let written = self.file().write_all(text.as_bytes());
+        written.map_err(|error| Error::io(&self.target, "write", &error))?;
+        self.sync()
+    }
+
     /// Waits until the data is on the disk.
     ///
     /// # Errors
@@ -207,9 +217,7 @@ impl TextFile {
     pub fn finish(self, text: &str) -> Result<PathBuf> {
         match self {
             Self::Part(mut part) => {
-                let written = part.file().write_all(text.as_bytes());
-                written.map_err(|error| Error::io(part.target(), "write", &error))?;
-                part.sync()?;
+                part.fill(text)?;
                 part.commit()
             }
             Self::Device(path, mut file) => {

@@ -25,7 +25,7 @@ use crate::{
     film::{Channel, ChannelKind, Window},
 };
 
-use super::exr::{Sequence, View};
+use super::exr::{Sequence, View, text::decode};
 
 /// More than any lossless compression of the format makes of a byte.
 const MOST_RATIO: usize = 1100;
@@ -127,7 +127,7 @@ impl Reader {
         for (name, value) in &own.other {
             match value {
                 AttributeValue::Text(text) => {
-                    attributes.push((name.to_string(), text.to_string()));
+                    attributes.push((name.to_string(), decode(text)));
                 }
                 AttributeValue::I32(frame) if *name == *"imageCounter" => {
                     sequence.frame = Some(*frame);

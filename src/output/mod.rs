@@ -146,6 +146,7 @@ pub(crate) fn finite(value: f32) -> f32 {
 pub struct Outputs {
     exr: Part,
     png: Part,
+    beside: Vec<Part>,
 }
 
 /// How a film becomes files.
@@ -179,14 +180,22 @@ impl Outputs {
     /// `Invalid` where the folder is missing, not a folder or not writable.
     pub fn create(prefix: &Path) -> Result<Self> {
         let [exr, png] = Self::names(prefix);
-        Ok(Self { exr: Part::create(&exr)?, png: Part::create(&png)? })
+        Ok(Self { exr: Part::create(&exr)?, png: Part::create(&png)?, beside: Vec::new() })
     }
 
-    /// Writes both files, then renames both. Uses the caller's rayon pool.
+    /// Takes a file of the same picture that is written and synced: it gets its name together with the two.
+    /// Returns that name.
+    pub fn add(&mut self, part: Part) -> PathBuf {
+        let target = part.target().to_owned();
+        self.beside.push(part);
+        target
+    }
+
+    /// Writes both files, then renames all. Uses the caller's rayon pool.
     ///
     /// # Errors
-    /// `Retry` for a full disk, `Interrupted` if a signal came before the renames; then neither
-    /// file exists under its final name.
+    /// `Retry` for a full disk, `Interrupted` if a signal came before the renames; then no file
+    /// has got its final name.
     pub fn write(
         mut self,
         film: &Film,
@@ -214,6 +223,8 @@ impl Outputs {
         exr?;
         png?;
         monitor.check()?;
+        // Before the EXR, which may name them.
+        self.beside.into_iter().try_for_each(|part| part.commit().map(drop))?;
         let paths = [self.exr.commit()?, self.png.commit()?];
         Ok((paths, Oddities::of(film, options.exr.float)))
     }

@@ -42,6 +42,8 @@ pub struct Scene {
     pub tonemap: Tonemap,
     /// EXR layers beside the beauty, each once, in the order of [`Layer`].
     pub layers: Vec<Layer>,
+    /// Things that a pixel of a cryptomatte can hold, even: two in each of its layers.
+    pub crypto_ranks: u32,
     /// How its lights are grouped in layers.
     pub light_groups: LightGroups,
     /// Alpha is coverage instead of 1.

@@ -66,6 +66,7 @@ pub fn expected(root: &Value, schema: &Value) -> String {
         "array" => array(root, schema),
         "string" => "a string".into(),
         "boolean" => "true or false".into(),
+        "integer" if schema["multipleOf"] == 2 => format!("an even integer{}", range(schema)),
         "integer" => format!("an integer{}", range(schema)),
         "number" => format!("a number{}", range(schema)),
         _ => "a value".into(),

@@ -202,7 +202,9 @@ fn in_range(schema: &Value, node: &Node, number: f64) -> bool {
     if let (Some(n), "integer") = (node.integer(), schema["type"].as_str().unwrap_or_default()) {
         let bound =
             |key: &str| schema[key].as_number().and_then(|b| b.to_string().parse::<i128>().ok());
-        return bound("minimum").is_none_or(|b| n >= b) && bound("maximum").is_none_or(|b| n <= b);
+        return bound("minimum").is_none_or(|b| n >= b)
+            && bound("maximum").is_none_or(|b| n <= b)
+            && bound("multipleOf").is_none_or(|b| n % b == 0);
     }
     bound("minimum").is_none_or(|b| number >= b)
         && bound("maximum").is_none_or(|b| number <= b)

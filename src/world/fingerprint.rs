@@ -72,6 +72,10 @@ pub fn fingerprint(
     description.output.layers = layers.collect();
     let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
     let mattes = scene.layers.iter().any(mattes);
+    if !mattes {
+        // Nothing has ranks.
+        description.output.cryptoranks = written::Output::default().cryptoranks;
+    }
 
     let used: BTreeSet<usize> = scene.shapes.iter().map(|shape| shape.material).collect();
     let used = || used.iter().map(|&index| &scene.materials[index]);

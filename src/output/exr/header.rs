@@ -15,7 +15,11 @@ use exr::{
 
 use crate::film::{ChannelKind, Film};
 
-use super::{Compression, Options, parts::Part};
+use super::{
+    Compression, Options,
+    parts::{FIRST, Part},
+    text,
+};
 
 /// Rec. ITU-R BT.709 primaries and D65, as OpenEXR's own default states them.
 const BT709: Chromaticities = Chromaticities {
@@ -25,8 +29,8 @@ const BT709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// `None` where the format cannot hold it. Every part says all that is known of the picture, whichever
-/// of them a reader looks at.
+/// `None` where the format cannot hold it. Every part says what is known of the picture, whichever of them a
+/// reader looks at.
 pub fn header(film: &Film, options: &Options, part: &Part) -> Option<Header> {
     let window = film.window;
     let [left, top] = film.origin();
@@ -45,9 +49,10 @@ pub fn header(film: &Film, options: &Options, part: &Part) -> Option<Header> {
         own.world_to_normalized_device = Some(view.world_to_ndc);
         own.screen_window_width = view.screen_window_width;
     }
-    for (name, value) in options.attributes {
+    let said = options.attributes.iter().filter(|(name, _)| concerns(name, part, options));
+    for (name, value) in said {
         let name = Text::new_or_none(name)?;
-        own.other.insert(name, AttributeValue::Text(Text::new_or_none(value)?));
+        own.other.insert(name, AttributeValue::Text(text::encode(value)));
     }
     if let Some(frame) = options.sequence.frame {
         own.other.insert(Text::from("imageCounter"), AttributeValue::I32(frame));
@@ -81,4 +86,13 @@ pub fn header(film: &Film, options: &Options, part: &Part) -> Option<Header> {
         .with_attributes(own)
         .with_shared_attributes(shared);
     Some(header)
+}
+
+/// Whether a part has an attribute. Those of a cryptomatte stand beside its channels, for readers of single
+/// parts, and in the first part, which is all that some readers look at; a manifest may be long.
+fn concerns(name: &str, part: &Part, options: &Options) -> bool {
+    let matte = name.strip_prefix("cryptomatte/").and_then(|rest| rest.split_once('/'));
+    let Some((key, _)) = matte.filter(|_| part.name != FIRST) else { return true };
+    let kind = format!("cryptomatte/{key}/name");
+    options.attributes.iter().any(|(name, value)| *name == kind && value == part.name)
 }

@@ -13,6 +13,7 @@ mod ordered;
 mod parts;
 mod rows;
 mod sorted;
+pub mod text;
 mod zip;
 
 use std::{

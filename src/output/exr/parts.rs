@@ -4,6 +4,9 @@ use crate::film::{ChannelKind, Film};
 
 use super::Options;
 
+/// The part of the beauty; of everything, where there is one part.
+pub const FIRST: &str = "rgba";
+
 /// A channel of the file and where its values are.
 #[derive(Debug)]
 pub struct Source<'a> {
@@ -27,7 +30,7 @@ pub enum From {
 /// A part of a file, whose name matters where there are several.
 #[derive(Debug)]
 pub struct Part<'a> {
-    /// `rgba`, or the layer's name.
+    /// [`FIRST`], or the layer's name.
     pub name: &'a str,
     /// Its channels in the order of the file: by name.
     pub sources: Vec<Source<'a>>,
@@ -44,11 +47,11 @@ pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<Part<'a>> {
         kind: kind(ChannelKind::Half),
         from: From::Beauty(i),
     });
-    let mut parts = vec![Part { name: "rgba", sources: beauty.collect() }];
+    let mut parts = vec![Part { name: FIRST, sources: beauty.collect() }];
     for (i, channel) in film.planes.channels.iter().enumerate() {
         let name = channel.name.as_str();
         let source = Source { name, kind: kind(channel.kind), from: From::Words(i) };
-        let layer = if options.multipart { layer_of(name) } else { "rgba" };
+        let layer = if options.multipart { layer_of(name) } else { FIRST };
         match parts.iter_mut().find(|part| part.name == layer) {
             Some(part) => part.sources.push(source),
             None => parts.push(Part { name: layer, sources: vec![source] }),

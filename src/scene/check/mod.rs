@@ -78,6 +78,7 @@ pub fn check(
         materials: materials.all,
         tonemap: tonemap(&description),
         layers,
+        crypto_ranks: description.output.cryptoranks,
         light_groups,
         transparent: description.output.transparent,
     };

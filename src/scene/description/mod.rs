@@ -208,13 +208,23 @@ pub enum Transfer {
 }
 
 /// What is written.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Output {
     /// EXR layers by name, as `--aov` takes them.
     pub layers: Vec<Name>,
+    /// How many things a pixel of a cryptomatte can hold, those that cover most: two in each of its layers
+    /// `CryptoObject00`, `CryptoObject01`...
+    #[schemars(range(min = 2, max = 16), extend("multipleOf" = 2))]
+    pub cryptoranks: u32,
     /// Alpha is the fraction of camera samples that hit, instead of 1.
     pub transparent: bool,
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self { layers: Vec::new(), cryptoranks: 6, transparent: false }
+    }
 }
 
 fn one_u32() -> u32 {

@@ -1,0 +1,269 @@
+//! Cryptomattes through the program: how many things a pixel can hold, and which parts of a file say so.
+
+mod program;
+
+use std::collections::BTreeMap;
+
+use exr::prelude::*;
+use program::{Done, Scratch};
+use serde_json::{Value, json};
+
+/// Pixels that see up to a dozen spheres, some of one name.
+fn scene(output: Value) -> Value {
+    let sphere = |i: u32| {
+        let (x, y) = (f64::from(i % 12) - 5.5, f64::from(i / 12) - 3.5);
+        json!({ "type": "sphere", "center": [0.5 * x, 0.5 * y, 0.1 * x], "radius": 0.23,
+                "name": format!("s{}", i % 90), "material": if i % 3 == 0 { "chalk" } else { "ink" } })
+    };
+    json!({
+        "spp": 64, "output": output,
+        "camera": { "type": "pinhole", "width": 4, "height": 3, "fov": 40,
+                    "position": [0, 0, 6], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+        "scene": {
+            "accelerator": "bvh",
+            "lightsources": [{ "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3] }],
+            "materials": { "chalk": {}, "ink": { "kd": 0.1 } },
+            "shapes": (0..96).map(sphere).collect::<Vec<_>>() }
+    })
+}
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("s.json", &scene(json!({ "layers": ["cryptomatte"] })).to_string());
+    scratch
+}
+
+fn render(scratch: &Scratch, name: &str, flags: &[&str]) -> Done {
+    scratch.run(&[&["render", "s.json", "--quiet", "-o", name], flags].concat())
+}
+
+#[track_caller]
+fn rendered(scratch: &Scratch, name: &str, flags: &[&str]) -> Vec<u8> {
+    let done = render(scratch, name, flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    scratch.read(&format!("{name}.exr"))
+}
+
+type Channels = BTreeMap<String, Vec<f32>>;
+
+fn channels(scratch: &Scratch, name: &str) -> Channels {
+    let path = scratch.path(&format!("{name}.exr"));
+    let read = read().no_deep_data().largest_resolution_level().all_channels();
+    let image = read.all_layers().all_attributes().from_file(path).unwrap();
+    let channels = image.layer_data.into_iter().flat_map(|layer| layer.channel_data.list);
+    let channel = |c: AnyChannel<FlatSamples>| {
+        (c.name.to_string(), c.sample_data.values_as_f32().collect::<Vec<f32>>())
+    };
+    channels.map(channel).collect()
+}
+
+/// Id and coverage of every rank of every pixel.
+fn ranks(channels: &Channels, kind: &str) -> Vec<Vec<[f32; 2]>> {
+    let names: Vec<&String> = channels.keys().filter(|name| name.starts_with(kind)).collect();
+    assert_eq!(names.len() % 4, 0, "{names:?}");
+    let channel = |layer: usize, suffix: &str| &channels[&format!("{kind}{layer:02}.{suffix}")];
+    let pixel = |i: usize| {
+        let layer = |n: usize| {
+            let [r, g, b, a] = ["R", "G", "B", "A"].map(|suffix| channel(n, suffix)[i]);
+            [[r, g], [b, a]]
+        };
+        (0..names.len() / 4).flat_map(layer).collect()
+    };
+    (0..channels["A"].len()).map(pixel).collect()
+}
+
+#[test]
+fn a_pixel_holds_as_many_things_as_asked_for() {
+    let scratch = scratch();
+    let usual = rendered(&scratch, "usual", &["--transparent", "--float"]);
+    let same = rendered(&scratch, "same", &["--transparent", "--float", "--crypto-ranks", "6"]);
+    assert!(same == usual, "6 is the default");
+    rendered(&scratch, "most", &["--transparent", "--float", "--crypto-ranks", "16"]);
+    let most = channels(&scratch, "most");
+    let mut coverages = Vec::new();
+    for count in ["2", "4", "6", "10", "16"] {
+        rendered(&scratch, "x", &["--transparent", "--float", "--crypto-ranks", count]);
+        let set = format!("/output/cryptoranks={count}");
+        rendered(&scratch, "set", &["--transparent", "--float", "--set", &set]);
+        assert!(scratch.read("set.exr") == scratch.read("x.exr"), "{count}");
+        let (found, count) = (channels(&scratch, "x"), count.parse::<usize>().unwrap());
+        let mut covered = 0.0;
+        for kind in ["CryptoObject", "CryptoMaterial"] {
+            let (all, some) = (ranks(&most, kind), ranks(&found, kind));
+            for (i, (all, some)) in all.iter().zip(&some).enumerate() {
+                assert_eq!((all.len(), some.len()), (16, count));
+                // Fewer ranks are the first of more: what covers most.
+                assert!(all[..count] == some[..], "{kind}, pixel {i}");
+                assert!(some.windows(2).all(|two| two[0][1] >= two[1][1]));
+                let sum: f32 = some.iter().map(|[_, coverage]| coverage).sum();
+                covered += sum;
+                let alpha = found["A"][i];
+                assert!(sum <= alpha, "{sum} of {alpha}");
+                assert!(count < 16 || sum == alpha, "{sum} of {alpha}");
+            }
+        }
+        coverages.push(covered);
+    }
+    // Every rank is of use in this scene.
+    assert!(coverages.windows(2).all(|two| two[0] < two[1]), "{coverages:?}");
+}
+
+#[test]
+fn ranks_that_no_reader_expects_are_refused() {
+    let scratch = scratch();
+    for bad in ["0", "1", "5", "18", "-2", "4294967298", "9223372036854775807"] {
+        let done = render(&scratch, "x", &["--crypto-ranks", bad]);
+        assert_eq!(done.code(), 2, "{bad}: {}", done.stderr());
+        let expected = format!("found {bad}, expected an even integer in [2, 16]");
+        assert!(done.stderr().contains(&expected), "{}", done.stderr());
+        assert!(done.stderr().contains("--crypto-ranks"), "{}", done.stderr());
+    }
+    for bad in ["six", "4.0", ""] {
+        let done = render(&scratch, "x", &["--crypto-ranks", bad]);
+        assert_eq!(done.code(), 2, "{bad}: {}", done.stderr());
+    }
+    for (bad, found) in [("3", "found 3"), ("\"6\"", "found \"6\""), ("[6]", "found an array")] {
+        let done = render(&scratch, "x", &["--set", &format!("/output/cryptoranks={bad}")]);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        assert!(done.stderr().contains(found), "{}", done.stderr());
+    }
+    assert_eq!(scratch.names(), ["s.json"]);
+}
+
+#[test]
+fn parts_keep_their_ranks() {
+    let scratch = scratch();
+    for ranks in ["2", "14"] {
+        let flags = ["--crypto-ranks", ranks];
+        let whole = rendered(&scratch, "whole", &flags);
+        for (flag, parts) in [("--tile", ["1/2", "2/2"]), ("--samples", ["0..24", "24..64"])] {
+            for (name, part) in ["a", "b"].into_iter().zip(parts) {
+                rendered(&scratch, name, &[&flags[..], &[flag, part]].concat());
+            }
+            let done = scratch.run(&["merge", "a.exr", "b.exr", "-o", "merged", "--quiet"]);
+            assert_eq!(done.code(), 0, "{}", done.stderr());
+            assert!(scratch.read("merged.exr") == whole, "{ranks} by {flag}");
+            rendered(&scratch, "b", &["--crypto-ranks", "6", flag, parts[1]]);
+            let done = scratch.run(&["merge", "a.exr", "b.exr", "-o", "mixed", "--quiet"]);
+            assert_eq!(done.code(), 2, "{}", done.stderr());
+            assert!(done.stderr().contains("b.exr: found another"), "{}", done.stderr());
+        }
+    }
+    assert!(!scratch.names().iter().any(|name| name.starts_with("mixed")));
+}
+
+#[test]
+fn a_job_says_it_for_all_its_frames() {
+    let scratch = scratch();
+    let job = json!({ "inputs": ["s.json"], "cryptoranks": 4, "output": { "folder": "out" } });
+    scratch.write("job.json", &job.to_string());
+    let batch = |flags: &[&str]| {
+        let done = scratch.run(&[&["batch", "job.json", "--quiet", "--no-sheet"], flags].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        ranks(&channels(&scratch, "out/s"), "CryptoObject")[0].len()
+    };
+    assert_eq!(batch(&[]), 4);
+    let kept = scratch.read("out/s.exr");
+    assert_eq!(batch(&["--resume"]), 4);
+    assert!(scratch.read("out/s.exr") == kept);
+    // Flags win, and a frame of other ranks is not the same frame.
+    assert_eq!(batch(&["--resume", "--crypto-ranks", "8"]), 8);
+    scratch.write("job.json", &job.to_string().replace('4', "7"));
+    let done = scratch.run(&["batch", "job.json"]);
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().contains("found 7, expected an even integer"), "{}", done.stderr());
+}
+
+#[test]
+fn what_it_takes_follows_the_ranks() {
+    let scratch = scratch();
+    let film = |output: Value| {
+        scratch.write("m.json", &scene(output).to_string());
+        let done = scratch.run(&["info", "--json", "m.json"]);
+        let info: Value = serde_json::from_str(&done.stdout()).unwrap();
+        info["memory"]["film_bytes"].as_u64().unwrap()
+    };
+    let of = |ranks: u32| film(json!({ "layers": ["CryptoObject"], "cryptoranks": ranks }));
+    let (pixels, word) = (4 * 3, 4);
+    assert_eq!(of(6), film(json!({ "layers": ["CryptoObject"] })));
+    assert_eq!(of(16) - of(6), pixels * word * 2 * 10);
+    assert_eq!(of(6) - of(2), pixels * word * 2 * 4);
+    // Nothing without mattes.
+    let none = |ranks: u32| film(json!({ "layers": ["Z"], "cryptoranks": ranks }));
+    assert_eq!(none(2), none(16));
+}
+
+#[test]
+fn names_of_any_language_stand_in_the_file_as_they_are() {
+    let scratch = scratch();
+    // The specification's own example is the first.
+    let names = ["равнина", "Käse \"1\" \\ 日本"];
+    let mut scene = scene(json!({ "layers": ["CryptoObject"] }));
+    for (shape, name) in scene["scene"]["shapes"].as_array_mut().unwrap().iter_mut().zip(names) {
+        shape["name"] = json!(name);
+    }
+    scratch.write("s.json", &scene.to_string());
+    let whole = rendered(&scratch, "whole", &[]);
+    let manifest = "\"равнина\":\"9623511e\",\"Käse \\\"1\\\" \\\\ 日本\":";
+    let found = whole.windows(manifest.len()).any(|bytes| bytes == manifest.as_bytes());
+    assert!(found, "{}", scratch.run(&["info", "whole.exr"]).stdout());
+    assert!(scratch.run(&["info", "whole.exr"]).stdout().contains(manifest));
+    for (name, tile) in [("a", "1/2"), ("b", "2/2")] {
+        rendered(&scratch, name, &["--tile", tile]);
+    }
+    let merge = |flags: &[&str]| {
+        let done = scratch.run(&[&["merge", "a.exr", "b.exr", "--quiet", "-o"], flags].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    };
+    merge(&["merged"]);
+    assert!(scratch.read("merged.exr") == whole);
+    // So may the names of files.
+    rendered(&scratch, "кадр", &["--crypto-sidecar"]);
+    let text = scratch.read("кадр.CryptoObject.json");
+    let known: BTreeMap<String, String> = serde_json::from_slice(&text).unwrap();
+    assert_eq!(known[names[0]], "9623511e");
+    assert!(known.contains_key(names[1]));
+    let file = &announced(&scratch, "кадр.exr")[""];
+    assert!(file.iter().any(|(_, value)| value == "кадр.CryptoObject.json"), "{file:?}");
+    merge(&["картина", "--crypto-sidecar"]);
+    assert!(scratch.read("картина.CryptoObject.json") == text);
+}
+
+/// Attributes of cryptomattes, by the name of the part.
+fn announced(scratch: &Scratch, file: &str) -> BTreeMap<String, BTreeMap<String, String>> {
+    let info: Value =
+        serde_json::from_str(&scratch.run(&["info", "--json", file]).stdout()).unwrap();
+    let part = |part: &Value| {
+        let attributes = part["attributes"].as_object().unwrap().iter();
+        let mattes = attributes.filter(|(name, _)| name.starts_with("cryptomatte/"));
+        let text = |value: &Value| value.as_str().unwrap().to_string();
+        let mattes = mattes.map(|(name, value)| (name.clone(), text(value))).collect();
+        (part["name"].as_str().unwrap_or_default().to_string(), mattes)
+    };
+    info["parts"].as_array().unwrap().iter().map(part).collect()
+}
+
+#[test]
+fn mattes_are_announced_in_the_first_part_and_in_their_own() {
+    let scratch = scratch();
+    for sidecar in [&[][..], &["--crypto-sidecar"]] {
+        let layers = ["--aov", "Z,N,cryptomatte"];
+        rendered(&scratch, "one", &[&layers[..], sidecar].concat());
+        let one = &announced(&scratch, "one.exr")[""];
+        assert_eq!(one.len(), 8);
+        rendered(&scratch, "many", &[&layers[..], &["--multipart"], sidecar].concat());
+        let many = announced(&scratch, "many.exr");
+        let names: Vec<&str> = many.keys().map(String::as_str).collect();
+        assert_eq!(names, ["CryptoMaterial", "CryptoObject", "N", "Z", "rgba"]);
+        let renamed =
+            |(name, value): (&String, &String)| (name.clone(), value.replace("one.", "many."));
+        assert_eq!(many["rgba"], one.iter().map(renamed).collect());
+        for kind in ["CryptoObject", "CryptoMaterial"] {
+            let own = &many[kind];
+            assert_eq!(own.len(), 4, "{own:?}");
+            assert!(own.iter().any(|(name, value)| name.ends_with("/name") && value == kind));
+            assert!(own.iter().all(|(name, value)| many["rgba"][name] == *value));
+        }
+        assert!(many["N"].is_empty() && many["Z"].is_empty());
+    }
+}
