@@ -6,7 +6,7 @@ mod program;
 
 use std::{fs, os::unix::process::CommandExt, process::Command};
 
-use program::{Done, PYRAMID, Refusals, Table};
+use program::{PYRAMID, Refusals, Table};
 
 const SCENE: &str = r#"{
   "camera": { "type": "pinhole", "width": 8, "height": 6, "fov": 40,
@@ -303,6 +303,7 @@ fn the_least_memory_that_is_named_suffices() {
 #[cfg(feature = "embree")]
 mod embree {
     use super::*;
+    use crate::program::Done;
 
     const FILE: &str = env!("LIGHTPATH_EMBREE_FILE");
 
