@@ -29,7 +29,7 @@ fn read(pair: &str, which: &str) -> (usize, Vec<[f32; 3]>) {
 fn bytes(pixels: &[[f32; 3]]) -> Vec<[u8; 3]> {
     let byte = |v: f32| {
         let v = f64::from(v).clamp(0.0, 1.0);
-        (255.0 * lightpath::output::tonemap::srgb_from_linear(v)).round() as u8
+        lightpath::output::srgb::byte(v)
     };
     pixels.iter().map(|p| p.map(byte)).collect()
 }

@@ -64,13 +64,12 @@ fn not_ply_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         (
             "zstd frame that asks for too much memory",
             b"\x28\xb5\x2f\xfd\x00\xa8\x01\x00\x00".to_vec(),
-            "t.ply: cannot unpack the zstd data: a frame asks for a window of 2147483648 bytes; the most is \
-             128 MiB and twice the file's 9 bytes",
+            "t.ply: cannot unpack the zstd data: Frame requires too much memory for decoding",
         ),
         (
             "zstd data that ends early",
             b"\x28\xb5\x2f\xfd\x00".to_vec(),
-            "t.ply: cannot unpack the zstd data: the data ends inside the header of a frame",
+            "t.ply: cannot unpack the zstd data: incomplete frame",
         ),
         ("lines that end in CR alone", b"ply\rformat ascii 1.0\r".to_vec(), not),
         (

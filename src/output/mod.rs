@@ -10,7 +10,7 @@ pub mod exr_read;
 pub mod finished;
 pub mod png;
 pub mod preview;
-mod srgb;
+pub mod srgb;
 pub mod tonemap;
 
 use std::path::{Path, PathBuf};

@@ -25,7 +25,6 @@ mod summary;
 mod table;
 mod unpack;
 mod vertex;
-mod zstd;
 
 use std::path::Path;
 
@@ -114,7 +113,7 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
         None => whole(bytes, &job, options),
         Some(packing) => {
             let failed = |e: &std::io::Error| source::failed(name.as_ref(), Some(packing), e);
-            let bytes = packing.open(bytes, Some(bytes.len() as u64));
+            let bytes = packing.open(bytes, Some(bytes.len() as u64)).map_err(|e| failed(&e))?;
             stream::read_here(bytes, &failed, &job, options)
         }
     }

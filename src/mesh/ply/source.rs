@@ -38,11 +38,11 @@ impl Source {
             if let Some(length) = opened.length {
                 match Map::new(&opened.file, length) {
                     Some(map) => return Ok(Self::Mapped(map)),
-                    None => return Ok(Self::Stream(opened.stream())),
+                    None => return opened.stream(path).map(Self::Stream),
                 }
             }
         }
-        Ok(Self::Stream(opened.stream()))
+        opened.stream(path).map(Self::Stream)
     }
 }
 
@@ -58,7 +58,7 @@ impl Head {
     pub(super) fn read(path: &Path, limit: u64) -> Result<Self> {
         let opened = Opened::open(path)?;
         let (packing, length) = (opened.packing, opened.length);
-        let mut stream = opened.stream().bytes;
+        let mut stream = opened.stream(path)?.bytes;
         let mut bytes = Vec::new();
         let mut next = FIRST_READ.min(limit);
         while next > 0 {
@@ -129,15 +129,16 @@ impl Opened {
         Ok(Self { file, start, length, packing })
     }
 
-    fn stream(self) -> Stream {
+    fn stream(self, path: &Path) -> Result<Stream> {
         let bytes: Chain<Cursor<Vec<u8>>, File> = Cursor::new(self.start).chain(self.file);
-        match self.packing {
+        Ok(match self.packing {
             None => Stream { bytes: Box::new(bytes), length: self.length, packing: None },
             Some(packing) => {
                 let bytes = packing.open(bytes, self.length);
+                let bytes = bytes.map_err(|e| Error::io(path, "read", &e))?;
                 Stream { bytes, length: None, packing: Some(packing) }
             }
-        }
+        })
     }
 }
 
