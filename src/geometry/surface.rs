@@ -5,7 +5,7 @@
 use glam::DVec3;
 
 use super::passing::passing;
-use super::triangle::refine_triangle;
+use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle};
 use super::{Geometry, GeometryKind, NONE, Sphere};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::simd::prefetch;
@@ -69,22 +69,21 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
         }
         None => gather(geometry, packet, &mut corners, &mut weights, out),
     };
-    let mut unsure = Mask::NONE;
+    let (mut unsure, mut coarse) = (Mask::NONE, Mask::NONE);
     for i in 0..LANES {
         let (origin, direction) = ray(packet, i);
         let triangle = [dvec(&corners[0], i), dvec(&corners[1], i), dvec(&corners[2], i)];
         let weights = (f64::from(weights[0][i]), f64::from(weights[1][i]));
         let point = refine_triangle(triangle, origin, direction, weights);
-        out.u[i] = point.u as f32;
-        out.v[i] = point.v as f32;
-        out.t[i] = point.t as f32;
-        out.error[i] = point.error as f32;
-        let off = (point.t - f64::from(packet.rays.tfar[i])).abs();
-        let sure = point.met & (off <= point.t * T_SLACK);
-        unsure.0[i] = out.hit.0[i] & !spheres.0[i] & -i32::from(!sure);
-        store(out, i, point.position, point.normal, direction);
+        let sure = put(out, i, &point, packet.rays.tfar[i], direction);
+        let planar = out.hit.0[i] & !spheres.0[i];
+        unsure.0[i] = planar & -i32::from(!sure);
+        coarse.0[i] = planar & -i32::from(!point.sharp);
     }
     out.doubtful = Mask::NONE;
+    if coarse.any() {
+        sharpen(&coarse, &corners, &weights, packet, &mut unsure, out);
+    }
     if unsure.any() {
         doubt(&unsure, &corners, packet, out);
     }
@@ -98,6 +97,46 @@ const HALF_ULP: f32 = 0.5001 * f32::EPSILON;
 
 /// By how much, relatively, a backend's t may differ from f64's without a closer look.
 const T_SLACK: f64 = 1.0 / (1u64 << 20) as f64;
+
+/// Stores the point of a triangle that a backend reported at `reported`; whether the ray meets it there
+/// beyond doubt.
+#[inline(always)]
+fn put(
+    out: &mut Surfaces,
+    i: usize,
+    point: &TrianglePoint,
+    reported: f32,
+    direction: DVec3,
+) -> bool {
+    out.u[i] = point.u as f32;
+    out.v[i] = point.v as f32;
+    out.t[i] = point.t as f32;
+    out.error[i] = point.error as f32;
+    store(out, i, point.position, point.normal, direction);
+    let off = (point.t - f64::from(reported)).abs();
+    point.met & (off <= point.t * T_SLACK)
+}
+
+/// Computes the points of lanes again for which f64 has too few digits.
+#[cold]
+#[inline(never)]
+fn sharpen(
+    coarse: &Mask,
+    corners: &[[[f32; LANES]; 3]; 3],
+    weights: &[[f32; LANES]; 2],
+    packet: &RayPacket,
+    unsure: &mut Mask,
+    out: &mut Surfaces,
+) {
+    for i in (0..LANES).filter(|&i| coarse.0[i] != 0) {
+        let (origin, direction) = ray(packet, i);
+        let triangle = [dvec(&corners[0], i), dvec(&corners[1], i), dvec(&corners[2], i)];
+        let weights = (f64::from(weights[0][i]), f64::from(weights[1][i]));
+        let point = sharpen_triangle(triangle, origin, direction, weights);
+        let sure = put(out, i, &point, packet.rays.tfar[i], direction);
+        unsure.0[i] = -i32::from(!sure);
+    }
+}
 
 /// Looks closer at the lanes of triangles that f64 alone is not sure of: at an edge f32 and f64 may see
 /// a ray on different sides, and at a small angle t is hard to tell.

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use super::twofold::Twofold3;
+
 /// A point on a triangle.
 #[derive(Debug, Clone, Copy)]
 pub struct TrianglePoint {
@@ -19,7 +21,12 @@ pub struct TrianglePoint {
     pub error: f64,
     /// Whether the ray's line meets the triangle, to f64 rounding.
     pub met: bool,
+    /// Whether the rounding leaves u and v within [`SHARP`].
+    pub sharp: bool,
 }
+
+/// What u and v may be off by; they are held to 1e-6.
+const SHARP: f64 = 2.5e-7;
 
 /// Moves barycentric weights into the triangle: u, v >= 0, u + v <= 1. NaN becomes 0.
 #[inline(always)]
@@ -65,11 +72,47 @@ pub fn refine_triangle(
     let (u, v) = if sound { (ru, rv) } else { (u, v) };
     let (u, v) = clamp_barycentrics(u, v);
     let position = v0 * (1.0 - u - v).max(0.0) + v1 * u + v2 * v;
-    let spread = sum(to_v0) * sum(direction) * sum(e1) * sum(e2) * inverse.abs();
+    let (side1, side2) = (sum(e1), sum(e2));
+    let moved = 32.0 * f64::EPSILON * sum(to_v0) * sum(direction) * side1 * side2 * inverse.abs();
+    // Without the side that it is multiplied with it is the weights' own error.
+    let sharp = moved <= SHARP * side1.min(side2);
     // Both points lie on the triangle; `min` returns the other operand for a NaN.
-    let error = (32.0 * f64::EPSILON * spread).min(sum(e1) + sum(e2));
-    let error = error + 4.0 * f64::EPSILON * (sum(v0) + sum(v1) + sum(v2));
-    TrianglePoint { position, normal: normal * (1.0 / normal.length()), u, v, t, error, met }
+    let error = moved.min(side1 + side2) + 4.0 * f64::EPSILON * (sum(v0) + sum(v1) + sum(v2));
+    let normal = normal * (1.0 / normal.length());
+    TrianglePoint { position, normal, u, v, t, error, met, sharp }
+}
+
+/// [`refine_triangle`] with some 106 bits, for needles that f64 has too few digits for. Coordinates and direction
+/// are values of f32, so that their differences are exact.
+#[cold]
+#[inline(never)]
+pub fn sharpen_triangle(
+    [v0, v1, v2]: [DVec3; 3],
+    origin: DVec3,
+    direction: DVec3,
+    (u, v): (f64, f64),
+) -> TrianglePoint {
+    let (e1, e2, to_v0) =
+        (Twofold3::between(v0, v1), Twofold3::between(v0, v2), Twofold3::between(origin, v0));
+    let way = Twofold3::between(DVec3::ZERO, direction);
+    let normal = e1.cross(&e2);
+    let det = normal.dot(&way).value();
+    let r = to_v0.cross(&way);
+    let (ru, rv) = (r.dot(&e2).value() / det, -(r.dot(&e1).value() / det));
+    let t = normal.dot(&to_v0).value() / det;
+    let met = (ru >= 0.0) & (rv >= 0.0) & (ru + rv <= 1.0);
+    let (u, v) = if ru.is_finite() & rv.is_finite() { (ru, rv) } else { (u, v) };
+    let (u, v) = clamp_barycentrics(u, v);
+    let position = v0 * (1.0 - u - v).max(0.0) + v1 * u + v2 * v;
+    let (side1, side2) = (sum(v1 - v0), sum(v2 - v0));
+    // The same permanents, each product off by 2^-100 of them, and the divisions.
+    let spread = sum(v0 - origin) * sum(direction) * side1 * side2 / det.abs();
+    let moved = 2f64.powi(-95) * spread + 4.0 * f64::EPSILON * (side1 + side2);
+    let error = moved.min(side1 + side2) + 4.0 * f64::EPSILON * (sum(v0) + sum(v1) + sum(v2));
+    let normal = normal.value();
+    // Its length may be outside of what can be squared.
+    let normal = normal / normal.abs().max_element();
+    TrianglePoint { position, normal: normal.normalize(), u, v, t, error, met, sharp: true }
 }
 
 /// Sum of the coordinates' magnitudes.
@@ -103,6 +146,37 @@ mod tests {
         let corners = [DVec3::new(1.0, -7e7, 1.0), DVec3::new(1.0, 5.6e-7, 1.0), DVec3::Z * 2e7];
         let point = refine_triangle(corners, DVec3::new(9.0, 5.6e-7, 1.0), -DVec3::X, (0.0, 0.0));
         assert_eq!(point.position.y as f32, 5.6e-7);
+    }
+
+    /// A needle sixteen decades long.
+    #[test]
+    fn a_needle_is_met_where_it_is() {
+        let corners = [
+            DVec3::new(3e-8, 1e-8, -2e-8),
+            DVec3::new(6.7108864e7, 3.3554432e7, 1.6777216e7),
+            DVec3::new(1.34217728e8, 6.7108864e7, 3.3554434e7),
+        ]
+        .map(|v| v.as_vec3().as_dvec3());
+        let (origin, direction) =
+            (DVec3::new(0.0, 1048576.0, 4194304.0), DVec3::new(1.0, 0.484375, 0.1875));
+        let fast = refine_triangle(corners, origin, direction, (0.0, 0.0));
+        let point = sharpen_triangle(corners, origin, direction, (0.0, 0.0));
+        assert!(!fast.sharp && point.sharp);
+        // The ray passes the second corner exactly, at 2^26.
+        assert!((point.t / 67_108_864.0 - 1.0).abs() < 1e-12, "{point:?} {fast:?}");
+        assert!((point.u - 1.0).abs() < 1e-12 && point.v.abs() < 1e-12, "{point:?} {fast:?}");
+    }
+
+    #[test]
+    fn both_ways_agree_where_f64_is_enough() {
+        let corners =
+            [DVec3::new(0.5, -1.0, 3.0), DVec3::new(2.0, 0.25, 3.5), DVec3::new(0.0, 4.0, 2.5)];
+        let (origin, direction) = (DVec3::new(0.5, 1.0, -3.0), DVec3::new(0.0625, -0.125, 1.0));
+        let fast = refine_triangle(corners, origin, direction, (0.0, 0.0));
+        let slow = sharpen_triangle(corners, origin, direction, (0.0, 0.0));
+        assert!(fast.sharp && fast.met && slow.met);
+        assert!((fast.position - slow.position).length() <= fast.error);
+        assert!((fast.normal - slow.normal).length() < 1e-14 && (fast.t - slow.t).abs() < 1e-14);
     }
 
     #[test]

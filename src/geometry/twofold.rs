@@ -6,6 +6,8 @@
 
 use std::ops::{Add, Mul, Sub};
 
+use glam::DVec3;
+
 /// `hi + lo`, |lo| <= ulp(hi) / 2.
 #[derive(Debug, Clone, Copy)]
 pub struct Twofold {
@@ -63,6 +65,34 @@ impl Mul for Twofold {
 fn quick(a: f64, b: f64) -> Twofold {
     let hi = a + b;
     Twofold { hi, lo: b - (hi - a) }
+}
+
+/// A vector of them.
+#[derive(Debug, Clone, Copy)]
+pub struct Twofold3([Twofold; 3]);
+
+impl Twofold3 {
+    /// `to - from`, exactly.
+    pub fn between(from: DVec3, to: DVec3) -> Self {
+        Self([0, 1, 2].map(|axis| Twofold::sum(to[axis], -from[axis])))
+    }
+
+    /// The vector product.
+    pub fn cross(&self, other: &Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        Self([b * z - c * y, c * x - a * z, a * y - b * x])
+    }
+
+    /// The scalar product.
+    pub fn dot(&self, other: &Self) -> Twofold {
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        a * x + b * y + c * z
+    }
+
+    /// To the nearest f64, nearly.
+    pub fn value(&self) -> DVec3 {
+        DVec3::from(self.0.map(Twofold::value))
+    }
 }
 
 #[cfg(test)]
