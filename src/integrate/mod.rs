@@ -18,7 +18,7 @@ use crate::accel::Accelerator;
 use crate::film::Window;
 use crate::monitor::Monitor;
 use crate::ray::{LANES, Mask};
-use crate::simd::{Kernel, prefetch};
+use crate::simd::Kernel;
 use crate::world::World;
 
 use self::block::BlockSums;
@@ -119,16 +119,6 @@ struct Tile<'a, 'r, 'f, R> {
 }
 
 impl<R: Record> Finish for Tile<'_, '_, '_, R> {
-    /// The film's lines are on their way while the rays are traced.
-    #[inline(always)]
-    fn expect(&mut self, [x, y]: [u32; 2], pattern: &Pattern) {
-        let w = self.kernel.window;
-        for row in y.max(w.y0)..(y + pattern.block[1]).min(w.y1) {
-            let pixels = &self.kernel.rows[(row - w.y0) as usize];
-            prefetch(pixels, x.saturating_sub(w.x0) as usize);
-        }
-    }
-
     #[inline(always)]
     fn finish(
         &mut self,

@@ -12,10 +12,6 @@ use super::{Integrator, RayCounts};
 
 /// What becomes of a packet whose camera rays are traced.
 pub trait Finish {
-    /// A packet of the block at `corner` will be finished soon.
-    #[inline(always)]
-    fn expect(&mut self, _corner: [u32; 2], _: &Pattern) {}
-
     /// Shades it and adds it to its pixels. Packets come in the order of their units.
     fn finish(
         &mut self,
@@ -47,7 +43,6 @@ pub fn pipeline<F: Finish>(
         let (slot, before) = if traced % 2 == 0 { (even, odd) } else { (odd, even) };
         if let Some(unit) = unit {
             slot.aim(world, &sampler, pattern, unit, samples, joint.is_some());
-            work.expect(unit.0, pattern);
             counts.primary += u64::from(slot.active.count());
             let (active, packet) = (&slot.active, &mut slot.packet);
             accelerator.closest_candidates(active, packet, Coherence::Coherent);
