@@ -166,8 +166,7 @@ mod tests {
             seen.sort_unstable();
             seen.dedup();
             assert_eq!(seen.len(), LANES);
-            assert_eq!(pattern.block[0] * pattern.block[1] * pattern.samples, 16);
-            assert_eq!(pattern.pixels() as u32, pattern.block[0] * pattern.block[1]);
+            assert_eq!(pattern.pixels() * pattern.samples as usize, 16);
             assert_eq!(lane(15), [pattern.block[0] - 1, pattern.block[1] - 1, pattern.samples - 1]);
         }
     }

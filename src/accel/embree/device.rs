@@ -3,7 +3,7 @@
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::Fixed;
@@ -44,7 +44,7 @@ unsafe impl Sync for Raw {}
 /// is likely to need at once are made before the first of them builds anything: where a limit of one
 /// thread is set anew after a build, as making and releasing a device does, workers of TBB (2021 and
 /// later) spin for the rest of the process, one for every other processor.
-static IDLE: Mutex<Vec<Raw>> = Mutex::new(Vec::new());
+static IDLE: Mutex<Option<Vec<Raw>>> = Mutex::new(None);
 
 /// How many devices of one thread are made at once; one takes 50 microseconds and 20 kB.
 const ALONE: usize = 16;
@@ -89,14 +89,11 @@ impl Raw {
 
     /// A device of one build thread: see [`IDLE`].
     fn alone(api: &Arc<Api>) -> Result<Self> {
-        static MADE: OnceLock<()> = OnceLock::new();
         let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
-        if MADE.set(()).is_ok() {
-            for _ in 0..ALONE {
-                idle.push(Self::new(api.clone(), 1)?);
-            }
+        if idle.is_none() {
+            *idle = Some((0..ALONE).map(|_| Self::new(api.clone(), 1)).collect::<Result<_>>()?);
         }
-        let Some(raw) = idle.pop() else {
+        let Some(raw) = idle.as_mut().and_then(Vec::pop) else {
             return Self::new(api.clone(), 1);
         };
         // SAFETY: a live device; reading clears what a former user left.
@@ -120,7 +117,8 @@ impl Raw {
 }
 
 impl Device {
-    /// A device with `threads` build threads, 0 for as many as there are processors, that refuses to hold more than `max_bytes`.
+    /// A device with `threads` build threads, 0 for as many as there are processors, that refuses to hold
+    /// more than `max_bytes`.
     ///
     /// # Errors
     /// `Unsupported` for a library outside [4.3.0, 5) or a processor it cannot use.
@@ -217,7 +215,8 @@ impl Drop for Device {
         unsafe { self.raw.report_to(std::ptr::null_mut()) };
         if self.threads == 1 {
             let raw = Raw { api: self.raw.api.clone(), handle: self.raw.handle };
-            return IDLE.lock().unwrap_or_else(PoisonError::into_inner).push(raw);
+            let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+            return idle.get_or_insert_default().push(raw);
         }
         // SAFETY: created by `rtcNewDevice`, released once.
         unsafe { (self.raw.api.release_device)(self.handle()) };
