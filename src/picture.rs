@@ -1,6 +1,6 @@
 //! The files of a picture: how they are stored, what they say about where it comes from.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::{
     accel::{BuildInfo, EmbreeMode},
@@ -9,7 +9,7 @@ use crate::{
     film::Film,
     layers::{Mattes, Plan},
     monitor::Monitor,
-    output::{Oddities, Outputs, WriteOptions, exr, tonemap::Depth},
+    output::{Oddities, Outputs, WriteOptions, atomic::Part, exr, tonemap::Depth},
     scene::{Backend, Camera, Layer, Scene},
     simd::Isa,
 };
@@ -25,6 +25,73 @@ pub struct Storage {
     pub multipart: bool,
     /// Bits of the PNG's channels.
     pub depth: Depth,
+    /// The names of cryptomattes stand in files beside the EXR, not in its header.
+    pub crypto_sidecar: bool,
+}
+
+/// The files of one picture, being written: `PREFIX.exr`, `PREFIX.png` and the manifests of its
+/// cryptomattes where these stand beside it.
+#[derive(Debug)]
+pub struct Files {
+    outputs: Outputs,
+    manifests: Vec<Manifest>,
+}
+
+/// A manifest beside the picture.
+#[derive(Debug)]
+struct Manifest {
+    /// What its mattes are called.
+    kind: &'static str,
+    /// Its name within the folder.
+    name: String,
+    file: Part,
+}
+
+impl Files {
+    /// Their names; the EXR's and the PNG's first.
+    pub fn names(prefix: &Path, plan: &Plan, storage: Storage) -> Vec<PathBuf> {
+        let manifests = plan.mattes.iter().filter(|_| storage.crypto_sidecar);
+        let manifests = manifests.map(|mattes| manifest_path(prefix, mattes.kind));
+        Outputs::names(prefix).into_iter().chain(manifests).collect()
+    }
+
+    /// Creates the part files.
+    ///
+    /// # Errors
+    /// Those of [`Part::create`]; a name that no EXR attribute can hold.
+    pub fn create(prefix: &Path, plan: &Plan, storage: Storage) -> Result<Self> {
+        let outputs = Outputs::create(prefix)?;
+        let create = |mattes: &Mattes| {
+            let path = manifest_path(prefix, mattes.kind);
+            let name = file_name(&path)?;
+            Ok(Manifest { kind: mattes.kind, name, file: Part::create(&path)? })
+        };
+        let manifests = plan.mattes.iter().filter(|_| storage.crypto_sidecar).map(create);
+        Ok(Self { outputs, manifests: manifests.collect::<Result<_>>()? })
+    }
+
+    /// Takes one more file of the picture: see [`Outputs::add`].
+    pub fn add(&mut self, part: Part) -> PathBuf {
+        self.outputs.add(part)
+    }
+}
+
+/// Where the manifest of a kind of cryptomattes stands that leaves the header.
+pub fn manifest_path(prefix: &Path, kind: &str) -> PathBuf {
+    let mut path = prefix.as_os_str().to_owned();
+    path.push(format!(".{kind}.json"));
+    path.into()
+}
+
+/// The name of a file within its folder, for an attribute.
+///
+/// # Errors
+/// A name that no EXR attribute can hold.
+pub fn file_name(path: &Path) -> Result<String> {
+    path.file_name().and_then(|name| name.to_str()).map(str::to_string).ok_or_else(|| {
+        let message = "found a name that is not UTF-8, which the EXR cannot hold";
+        Error::invalid(path.display().to_string(), message).help("choose another name: -o PREFIX")
+    })
 }
 
 /// What the files of one picture say.
@@ -32,8 +99,6 @@ pub struct Storage {
 pub struct Says<'a> {
     /// The layers and what they mean.
     pub plan: &'a Plan,
-    /// Names of manifests beside the picture, by the kind of their mattes.
-    pub sidecars: &'a [(&'a str, &'a str)],
     /// More header attributes.
     pub more: &'a [(String, String)],
     /// What found the hits.
@@ -54,20 +119,27 @@ pub struct Says<'a> {
     pub fingerprint: Option<&'a str>,
 }
 
-/// Writes the film of a scene.
+/// Writes the film of a scene; returns the names of [`Files`], in their order.
 ///
 /// # Errors
 /// Those of [`Outputs::write`].
 pub fn write(
-    outputs: Outputs,
+    files: Files,
     film: &Film,
     scene: &Scene,
     says: Says,
     storage: Storage,
     monitor: &Monitor,
-) -> Result<([PathBuf; 2], Oddities)> {
+) -> Result<(Vec<PathBuf>, Oddities)> {
+    let Files { mut outputs, manifests } = files;
     let mut attributes = origin(scene, &says);
-    attributes.extend(layer_attributes(says.plan, says.sidecars));
+    attributes.extend(layer_attributes(says.plan, &manifests));
+    let mut beside = Vec::new();
+    for Manifest { kind, mut file, .. } in manifests {
+        let mattes = says.plan.mattes.iter().find(|mattes| mattes.kind == kind);
+        file.fill(&(mattes.map(Mattes::manifest).unwrap_or_default() + "\n"))?;
+        beside.push(outputs.add(file));
+    }
     attributes.extend_from_slice(says.more);
     let options = WriteOptions {
         tonemap: &scene.tonemap,
@@ -84,7 +156,8 @@ pub fn write(
             multipart: storage.multipart,
         },
     };
-    outputs.write(film, &options, monitor)
+    let (paths, oddities) = outputs.write(film, &options, monitor)?;
+    Ok((paths.into_iter().chain(beside).collect(), oddities))
 }
 
 /// Refuses what contradicts the scene's values.
@@ -133,11 +206,11 @@ fn origin(scene: &Scene, says: &Says) -> Vec<(String, String)> {
 }
 
 /// Header attributes of the layers.
-fn layer_attributes(plan: &Plan, sidecars: &[(&str, &str)]) -> Vec<(String, String)> {
+fn layer_attributes(plan: &Plan, manifests: &[Manifest]) -> Vec<(String, String)> {
     let mut attributes = Vec::new();
     for mattes in &plan.mattes {
-        let sidecar = sidecars.iter().find(|(kind, _)| *kind == mattes.kind);
-        attributes.extend(Mattes::attributes(mattes, sidecar.map(|(_, name)| *name)));
+        let beside = manifests.iter().find(|manifest| manifest.kind == mattes.kind);
+        attributes.extend(mattes.attributes(beside.map(|manifest| manifest.name.as_str())));
     }
     let mut say = |name: &str, text: &str| {
         attributes.push((format!("lightpath:{name}"), text.to_string()));

@@ -128,7 +128,6 @@ impl Renderer {
     ) -> Result<[PathBuf; 2]> {
         let says = Says {
             plan: &self.plan,
-            sidecars: &[],
             more: &[],
             info: &accelerator.info(),
             embree: EMBREE,
@@ -139,8 +138,10 @@ impl Renderer {
             render_seconds: None,
             fingerprint: None,
         };
-        let (outputs, storage) = (Outputs::create(prefix)?, Storage::default());
-        Ok(picture::write(outputs, film, &self.scene, says, storage, &self.monitor)?.0)
+        let storage = Storage::default();
+        let files = picture::Files::create(prefix, &self.plan, storage)?;
+        picture::write(files, film, &self.scene, says, storage, &self.monitor)?;
+        Ok(Outputs::names(prefix))
     }
 }
 

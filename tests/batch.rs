@@ -241,6 +241,61 @@ fn frames_say_where_they_stand_in_their_sequence() {
 }
 
 #[test]
+fn manifests_stand_beside_their_frames_and_belong_to_them() {
+    let scratch = scans();
+    let files = ["--aov", "cryptomatte", "--crypto-sidecar", "--png-bits", "16"];
+    let render = ["render", "scans/a.ply", "-o", "alone"];
+    let done = scratch.run(&[&render[..], &files, &SMALL].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let args = ["scans/a.ply", "-o", "out", "--turntable", "2", "--resume", "--no-sheet"];
+    let args = [&args[..], &files].concat();
+    let run = |kept: &str| {
+        let done = batch(&scratch, &args);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        assert!(done.stderr().contains(kept), "{}", done.stderr());
+        done.stderr()
+    };
+    run("2 frames rendered, 0 kept");
+    let text = |name: &str| String::from_utf8(scratch.read(name)).unwrap();
+    for frame in ["out/a/a.0000", "out/a/a.0001"] {
+        for kind in ["CryptoObject", "CryptoMaterial"] {
+            assert_eq!(text(&format!("{frame}.{kind}.json")), text(&format!("alone.{kind}.json")));
+        }
+        let png = scratch.read(&format!("{frame}.png"));
+        assert_eq!(png[24], 16, "bits of a channel");
+        let path = scratch.path(&format!("{frame}.exr"));
+        let meta = exr::meta::MetaData::read_from_file(path, false).unwrap();
+        let other = &meta.headers[0].own_attributes.other;
+        let named: Vec<String> = other
+            .iter()
+            .filter(|(name, _)| name.to_string().ends_with("/manif_file"))
+            .map(|(_, value)| format!("{value:?}"))
+            .collect();
+        assert_eq!(named.len(), 2);
+        let stem = frame.rsplit('/').next().unwrap();
+        assert!(named.iter().all(|name| name.contains(stem)), "{named:?}");
+    }
+    run("0 frames rendered, 2 kept");
+    fs::remove_file(scratch.path("out/a/a.0001.CryptoMaterial.json")).unwrap();
+    let said = run("1 frames rendered, 1 kept");
+    assert!(said.contains("a.0001.CryptoMaterial.json is missing"), "{said}");
+    // As a job file says it; without the two, other files are asked for.
+    let job = r#"{ "inputs": ["scans/a.ply"], "turntable": { "frames": 2 }, "layers": ["cryptomatte"],
+                   "output": { "folder": "out", "cryptosidecar": true, "pngbits": BITS } }"#;
+    scratch.write("job.json", &job.replace("BITS", "16"));
+    let resume = |expected: &str| {
+        let done = batch(&scratch, &["job.json", "--resume", "--no-sheet"]);
+        assert!(done.stderr().contains(expected), "{}", done.stderr());
+        done.code()
+    };
+    assert_eq!(resume("0 frames rendered, 2 kept"), 0);
+    scratch.write("job.json", &job.replace("BITS", "8"));
+    assert_eq!(resume("settings changed"), 0);
+    scratch.write("job.json", &job.replace("BITS", "12"));
+    assert_eq!(resume("pngbits: found 12, expected 8 or 16"), 2);
+}
+
+#[test]
 fn a_still_says_what_render_says_of_its_scene() {
     let scratch = scans();
     let done = batch(&scratch, &["scans/b.ply", "-o", "out", "--no-sheet"]);

@@ -204,10 +204,11 @@ fn names_of_any_language_stand_in_the_file_as_they_are() {
     }
     scratch.write("s.json", &scene.to_string());
     let whole = rendered(&scratch, "whole", &[]);
-    let manifest = "\"равнина\":\"9623511e\",\"Käse \\\"1\\\" \\\\ 日本\":";
-    let found = whole.windows(manifest.len()).any(|bytes| bytes == manifest.as_bytes());
-    assert!(found, "{}", scratch.run(&["info", "whole.exr"]).stdout());
-    assert!(scratch.run(&["info", "whole.exr"]).stdout().contains(manifest));
+    let said = scratch.run(&["info", "whole.exr"]).stdout();
+    for pair in ["\"равнина\":\"9623511e\"", "{\"Käse \\\"1\\\" \\\\ 日本\":"] {
+        assert!(whole.windows(pair.len()).any(|bytes| bytes == pair.as_bytes()), "{said}");
+        assert!(said.contains(pair), "{said}");
+    }
     for (name, tile) in [("a", "1/2"), ("b", "2/2")] {
         rendered(&scratch, name, &["--tile", tile]);
     }

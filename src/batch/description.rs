@@ -132,6 +132,11 @@ pub struct OutputKeys {
     pub compression: Compression,
     /// A part of the EXR for every layer.
     pub multipart: bool,
+    /// Names of cryptomattes in files beside the EXR in place of its header.
+    pub cryptosidecar: bool,
+    /// Bits of the PNG's channels: 8, or 16.
+    #[schemars(range(min = 8, max = 16))]
+    pub pngbits: Option<u8>,
     /// Frames per second, for the EXRs: 24 or 24000/1001.
     pub fps: Option<Name>,
 }

@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 
 use crate::{
     accel::EmbreeMode,
-    output::exr::Sequence,
+    output::{exr::Sequence, tonemap::Depth},
     picture::Storage,
     scene::{Loaded, written},
 };
@@ -35,11 +35,14 @@ pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
     let stored = if storage.float { "float" } else { "half" };
     let repair = if repair { ",repair" } else { "" };
     let parts = if storage.multipart { ",multipart" } else { "" };
+    let sidecar = if storage.crypto_sidecar { ",sidecar" } else { "" };
+    let deep = if storage.depth == Depth::Sixteen { ",png16" } else { "" };
     let numbered = if sequence.frame.is_some() { ",numbered" } else { "" };
     let rate = sequence.per_second.map(|(above, below)| format!(",{above}/{below}"));
     let rate = rate.unwrap_or_default();
     let compression = storage.compression.name();
-    let set = format!("{embree:?},{compression},{stored}{repair}{parts}{numbered}{rate}");
+    let set =
+        format!("{embree:?},{compression},{stored}{repair}{parts}{sidecar}{deep}{numbered}{rate}");
     let (set, program) = (set.to_lowercase(), env!("CARGO_PKG_VERSION"));
     format!("picture={picture} scene={scene} settings={set} program={program}")
 }

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::{
     error::{Error, Failures, Result},
-    output::exr::Sequence,
+    output::{exr::Sequence, tonemap::Depth},
     picture::Storage,
     scene::{Overrides, written::Name},
     studio::{Axis, Fixed, MARGIN, Template, Turning, Turntable},
@@ -118,6 +118,15 @@ impl Job {
             let rate = units::parse_rate(rate);
             failures.keep(rate.map_err(|message| Error::invalid("output fps", message)))
         });
+        let depth = match file.output.pngbits {
+            None | Some(8) => Depth::Eight,
+            Some(16) => Depth::Sixteen,
+            Some(bits) => {
+                let message = format!("found {bits}, expected 8 or 16");
+                failures.keep::<()>(Err(Error::invalid("output pngbits", message)));
+                Depth::Eight
+            }
+        };
         failures.check()?;
         let (Some(template), Some(name)) = (template, name) else {
             return Err(Error::invalid("job", "cannot be read"));
@@ -135,7 +144,8 @@ impl Job {
                 float: file.output.float,
                 compression: file.output.compression,
                 multipart: file.output.multipart,
-                ..Storage::default()
+                depth,
+                crypto_sidecar: file.output.cryptosidecar,
             },
             per_second: rate,
             folder: file.output.folder.map_or(FOLDER.into(), |Name(folder)| folder.into()),

@@ -16,8 +16,7 @@ use crate::{
     film::{Blank, Film, Window},
     layers::Plan,
     memory::{self, Budget, Prediction},
-    output::Outputs,
-    picture::{self, Says},
+    picture::{self, Files, Says, Storage},
     render::{RayCounts, render_layers},
     world::{LoadOptions, World},
 };
@@ -59,8 +58,9 @@ impl Run<'_> {
         let reading = || scene::read(job, &job.inputs[task.input], &monitor);
         let ready = self.loading.install(reading)?;
         let (frames, kept) = ready.frames(job, task, self.options.resume, &self.settings)?;
+        let plan = Plan::new(&ready.loaded.scene);
         for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
-            self.tidy(&Outputs::names(&prefix));
+            self.tidy(&Files::names(&prefix, &plan, job.storage));
         }
         self.kept(input, kept).inspect_err(|error| self.end(error.clone()))?;
         if frames.is_empty() {
@@ -147,7 +147,8 @@ impl Run<'_> {
         if let Some(reason) = &frame.again {
             (self.tell)(Event::Again { reason });
         }
-        let outputs = create(&frame.prefix).inspect_err(|error| self.end_if_full(error))?;
+        let files =
+            create(frame, &plan, self.job.storage).inspect_err(|error| self.end_if_full(error))?;
         let film = match film {
             Some(film) => film,
             None => {
@@ -166,7 +167,6 @@ impl Run<'_> {
             let says = Says {
                 plan: &plan,
                 more: &[],
-                sidecars: &[],
                 info: &built.info,
                 embree: self.options.embree,
                 isa,
@@ -177,7 +177,7 @@ impl Run<'_> {
                 fingerprint: frame.fingerprint.as_deref(),
             };
             let storage = self.job.storage;
-            let write = || picture::write(outputs, film, scene, says, storage, &monitor);
+            let write = || picture::write(files, film, scene, says, storage, &monitor);
             (counts, self.pool.install(write))
         });
         self.status.ended(&monitor);
@@ -213,11 +213,11 @@ impl Run<'_> {
 }
 
 /// Creates the part files of a frame, and the folder they lie in.
-fn create(prefix: &Path) -> Result<Outputs> {
-    if let Some(folder) = prefix.parent() {
+fn create(frame: &Frame, plan: &Plan, storage: Storage) -> Result<Files> {
+    if let Some(folder) = frame.prefix.parent() {
         std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, "create", &error))?;
     }
-    Outputs::create(prefix)
+    Files::create(&frame.prefix, plan, storage)
 }
 
 fn relative(path: &Path, folder: &Path) -> PathBuf {

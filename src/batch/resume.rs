@@ -1,11 +1,8 @@
 //! Whether a frame that is there may stay.
 
-use std::path::Path;
+use std::{ffi::OsStr, path::PathBuf};
 
-use crate::output::{
-    Outputs,
-    finished::{self, Finished},
-};
+use crate::output::finished::{self, Finished};
 
 use super::fingerprint::difference;
 
@@ -20,10 +17,16 @@ pub enum Verdict {
     Again(String),
 }
 
-/// Looks at both files of a frame.
-pub fn look(prefix: &Path, fingerprint: &str) -> Verdict {
-    let [exr, png] = Outputs::names(prefix);
-    let found = [(&exr, finished::exr(&exr)), (&png, finished::png(&png))];
+/// Looks at the files of a frame, which are those of [`Files::names`](crate::picture::Files::names).
+pub fn look(files: &[PathBuf], fingerprint: &str) -> Verdict {
+    let found = files.iter().map(|path| match path.extension().and_then(OsStr::to_str) {
+        Some("exr") => (path, finished::exr(path)),
+        Some("png") => (path, finished::png(path)),
+        // A manifest gets its name before the EXR that says what they are both made of.
+        _ if path.is_file() => (path, Finished::Whole(Some(fingerprint.to_string()))),
+        _ => (path, Finished::Missing),
+    });
+    let found: Vec<(&PathBuf, Finished)> = found.collect();
     if found.iter().all(|(_, state)| *state == Finished::Missing) {
         return Verdict::Render;
     }

@@ -8,11 +8,12 @@ use crate::{
     accel::EmbreeMode,
     error::{Error, Problem, Result},
     film::Window,
+    layers::Plan,
     memory::{self, Prediction},
     mesh::{self, Mesh},
     monitor::Monitor,
-    output::Outputs,
-    paths, picture,
+    paths,
+    picture::{self, Files},
     scene::{self, Loaded, Scene, ShapeKind, Source},
     studio::{self, Shown, Subject},
     world::{self, Contents},
@@ -134,6 +135,7 @@ impl Ready {
     ) -> Result<(Vec<Frame>, Vec<u32>)> {
         // Read once for all frames.
         let mut contents = Contents::default();
+        let plan = Plan::new(&self.loaded.scene);
         let inputs: Vec<PathBuf> = self.files().iter().map(|path| paths::identity(path)).collect();
         let (mut frames, mut kept) = (Vec::new(), Vec::new());
         for number in task.frames.clone() {
@@ -141,15 +143,16 @@ impl Ready {
             let prefix = job.prefix(task.input, number);
             let hash = world::fingerprint(&loaded, settings.repair, &mut contents)?;
             let fingerprint = hash.as_ref().map(|hash| fingerprint(&loaded, settings, hash));
-            for output in Outputs::names(&prefix) {
-                if inputs.contains(&paths::identity(&output)) {
+            let files = Files::names(&prefix, &plan, job.storage);
+            for output in &files {
+                if inputs.contains(&paths::identity(output)) {
                     let message = "would be written over what the batch reads";
                     return Err(Error::invalid(output.display().to_string(), message)
                         .help("choose another folder: -o DIR"));
                 }
             }
             let verdict = match &fingerprint {
-                Some(fingerprint) if resume => resume::look(&prefix, fingerprint),
+                Some(fingerprint) if resume => resume::look(&files, fingerprint),
                 _ => Verdict::Render,
             };
             let again = match verdict {

@@ -14,7 +14,7 @@ use crate::{
     },
     error::{Error, Kind, Problem, Result},
     monitor::Monitor,
-    output::Outputs,
+    output::{Outputs, tonemap::Depth},
     scene::{
         self, Document,
         written::{Angles, Name, Point},
@@ -218,6 +218,8 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
     }
     file.output.float |= frames.float;
     file.output.multipart |= frames.multipart;
+    file.output.cryptosidecar |= frames.crypto_sidecar;
+    file.output.pngbits = frames.png_bits.map(Depth::bits).or(file.output.pngbits);
     if let Some(compression) = frames.compression {
         file.output.compression = compression;
     }

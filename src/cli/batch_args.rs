@@ -5,7 +5,7 @@ use std::{ops::Range, path::PathBuf};
 use clap::{Args, ValueHint};
 
 use crate::{
-    output::exr::Compression,
+    output::{exr::Compression, tonemap::Depth},
     units::{parse_angles, parse_margin, parse_range, parse_rate},
 };
 
@@ -96,6 +96,15 @@ pub struct FrameArgs {
     /// A part of the EXR for every layer
     #[arg(long)]
     pub multipart: bool,
+
+    /// Bits of the PNGs' channels [default: 8]
+    #[arg(long, value_name = "BITS")]
+    pub png_bits: Option<Depth>,
+
+    /// Write the names of cryptomattes to NAME.CryptoObject.json and NAME.CryptoMaterial.json in
+    /// place of the EXR's header
+    #[arg(long)]
+    pub crypto_sidecar: bool,
 
     /// Frames per second, for the EXRs: 24 or 24000/1001
     #[arg(long, value_name = "RATE", value_parser = parse_rate)]

@@ -70,6 +70,7 @@ impl FileArgs {
             compression: self.compression.unwrap_or_default(),
             multipart: self.multipart,
             depth: self.png_bits.unwrap_or_default(),
+            crypto_sidecar: self.crypto_sidecar,
         }
     }
 }

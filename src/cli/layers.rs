@@ -1,75 +1,17 @@
-//! What a render says about its layers: header attributes, the manifests of cryptomattes, previews.
+//! The layers of a render that become files of their own: previews, and the manifests of merged cryptomattes.
 
 use std::path::{Path, PathBuf};
 
 use crate::{
     error::{Error, Result},
     film::Film,
-    layers::{Mattes, Plan, Recipe},
+    layers::Recipe,
     output::{Outputs, atomic::Part, png, preview as pictures, tonemap::Depth},
+    picture::{file_name, manifest_path},
     scene::{Layer, Scene},
 };
 
 use super::{args::RenderArgs, paths};
-
-/// A manifest beside the picture.
-#[derive(Debug)]
-pub struct Sidecar {
-    /// What its mattes are called.
-    pub kind: &'static str,
-    /// Its name within the folder.
-    pub name: String,
-    file: Part,
-}
-
-/// Where manifests are written, by the kind of their mattes.
-fn sidecars(args: &RenderArgs, scene: &Scene) -> Vec<(&'static str, PathBuf)> {
-    if !args.files.crypto_sidecar {
-        return Vec::new();
-    }
-    let prefix = paths::prefix(args.output.as_deref(), &args.input);
-    let kinds = Plan::new(scene).mattes.into_iter().map(|mattes| mattes.kind);
-    let named = kinds.map(|kind| {
-        let mut name = prefix.as_os_str().to_owned();
-        name.push(format!(".{kind}.json"));
-        (kind, PathBuf::from(name))
-    });
-    named.collect()
-}
-
-/// The files that `--crypto-sidecar` writes.
-pub fn sidecar_paths(args: &RenderArgs, scene: &Scene) -> Vec<PathBuf> {
-    sidecars(args, scene).into_iter().map(|(_, path)| path).collect()
-}
-
-/// Makes sure that they can be written.
-///
-/// # Errors
-/// Those of [`Part::create`]; a name that no EXR attribute can hold.
-pub fn create_sidecars(args: &RenderArgs, scene: &Scene) -> Result<Vec<Sidecar>> {
-    let create = |(kind, path): (&'static str, PathBuf)| {
-        Ok(Sidecar { kind, name: file_name(&path)?, file: Part::create(&path)? })
-    };
-    sidecars(args, scene).into_iter().map(create).collect()
-}
-
-/// Writes the manifests, for `outputs` to name them; where they will be.
-///
-/// # Errors
-/// `Retry` for a full disk.
-pub fn write_sidecars(
-    plan: &Plan,
-    sidecars: Vec<Sidecar>,
-    outputs: &mut Outputs,
-) -> Result<Vec<PathBuf>> {
-    let of = |kind: &str| plan.mattes.iter().find(|mattes| mattes.kind == kind);
-    let write = |mut sidecar: Sidecar| {
-        let manifest = of(sidecar.kind).map(Mattes::manifest).unwrap_or_default();
-        sidecar.file.fill(&(manifest + "\n"))?;
-        Ok(outputs.add(sidecar.file))
-    };
-    sidecars.into_iter().map(write).collect()
-}
 
 /// The layers that `--png-layer` shows, and where.
 ///
@@ -187,23 +129,13 @@ pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<V
         };
         let kind = attributes.iter().find(|(name, _)| *name == format!("{key}/name"));
         let kind = kind.map(|(_, kind)| kind.clone()).unwrap_or_default();
-        let mut path = prefix.as_os_str().to_owned();
-        path.push(format!(".{kind}.json"));
-        let path = PathBuf::from(path);
+        let path = manifest_path(prefix, &kind);
         let file = file_name(&path)?;
         let (name, text) = &mut attributes[index];
         *name = format!("{key}/manif_file");
         found.push(Manifest { path, text: std::mem::replace(text, file) });
     }
     Ok(found)
-}
-
-/// The name within its folder.
-fn file_name(path: &Path) -> Result<String> {
-    path.file_name().and_then(|name| name.to_str()).map(str::to_string).ok_or_else(|| {
-        let message = "found a name that is not UTF-8, which the EXR cannot hold";
-        Error::invalid(path.display().to_string(), message).help("choose another name: -o PREFIX")
-    })
 }
 
 /// Makes sure that the pictures of layers can be written.
@@ -222,14 +154,14 @@ pub fn open_previews(paths: Vec<(String, PathBuf)>) -> Result<Vec<(String, Part)
     paths.into_iter().map(|(name, path)| Ok((name, Part::create(&path)?))).collect()
 }
 
-/// Writes the pictures of layers, for `outputs` to name them; where they will be.
+/// Writes the pictures of layers and gives them to `add`, which says where they will be.
 ///
 /// # Errors
 /// `Retry` for a full disk.
 pub fn write_previews(
     film: &Film,
     previews: Vec<(String, Part)>,
-    outputs: &mut Outputs,
+    mut add: impl FnMut(Part) -> PathBuf,
 ) -> Result<Vec<PathBuf>> {
     let write = |(name, mut part): (String, Part)| {
         let path = part.target().to_owned();
@@ -237,7 +169,7 @@ pub fn write_previews(
         let color = png::Color { alpha: false, srgb: true, depth: Depth::Eight };
         png::encode(film, &bytes, color, None, part.file(), &path)?;
         part.sync()?;
-        Ok(outputs.add(part))
+        Ok(add(part))
     };
     previews.into_iter().map(write).collect()
 }

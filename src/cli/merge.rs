@@ -100,7 +100,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         let film = parts.film(&monitor)?;
         let manifests = manifests.into_iter().map(|m| Manifest::write(m, &mut files));
         let mut beside = manifests.collect::<Result<Vec<_>>>()?;
-        beside.extend(layers::write_previews(&film, previews, &mut files)?);
+        beside.extend(layers::write_previews(&film, previews, |part| files.add(part))?);
         let (paths, oddities) = files.write(&film, &options, &monitor)?;
         Ok(([&paths[..], &beside].concat(), oddities))
     })?;

@@ -12,7 +12,7 @@ use crate::{
     mesh::Mesh,
     monitor::Monitor,
     output::{
-        Oddities, Outputs,
+        Oddities,
         atomic::{Part, TextFile},
     },
     picture::{self, Says, Storage},
@@ -25,8 +25,7 @@ use crate::{
 use super::{
     args::{ProgressMode, RenderArgs},
     job::{self, Job},
-    layers::{self, Sidecar},
-    machine,
+    layers, machine,
     memory::{self, Budget},
     paths,
     progress::Progress,
@@ -38,21 +37,19 @@ use super::{
 
 /// Everything that is written, made sure of before the long work.
 struct Files {
-    outputs: Outputs,
-    sidecars: Vec<Sidecar>,
+    picture: picture::Files,
     previews: Vec<(String, Part)>,
     stats: Option<TextFile>,
     scene: Option<(PathBuf, TextFile)>,
 }
 
 impl Files {
-    fn create(args: &RenderArgs, job: &Job) -> Result<Self> {
+    fn create(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Self> {
         let prefix = paths::prefix(args.output.as_deref(), &args.input);
         let text = |path: &PathBuf| TextFile::create(path);
         let scene = args.mesh.write_scene.as_ref();
         Ok(Self {
-            outputs: Outputs::create(&prefix)?,
-            sidecars: layers::create_sidecars(args, &job.loaded.scene)?,
+            picture: picture::Files::create(&prefix, plan, args.files.storage())?,
             previews: layers::create_previews(args, &job.loaded.scene)?,
             stats: args.report.stats.as_ref().map(text).transpose()?,
             scene: scene.map(|path| Ok((path.clone(), text(path)?))).transpose()?,
@@ -87,10 +84,10 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     });
     let budget = budget.transpose()?;
     let help = "choose another name: -o PREFIX, --stats FILE, --write-scene FILE";
-    not_over_inputs(args, &job, &outputs(args, &job)?, help)?;
+    not_over_inputs(args, &job, &outputs(args, &job, &plan)?, help)?;
     // Until here a signal ends the program at once: there is nothing to tidy up.
     signals::watch(&monitor)?;
-    let files = Files::create(args, &job)?;
+    let files = Files::create(args, &job, &plan)?;
     let mode = match args.report.quiet {
         true => ProgressMode::Off,
         false => args.report.progress.unwrap_or(ProgressMode::Auto),
@@ -121,14 +118,13 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 }
 
 /// Everything that will be written.
-fn outputs(args: &RenderArgs, job: &Job) -> Result<Vec<PathBuf>> {
+fn outputs(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Vec<PathBuf>> {
     let prefix = paths::prefix(args.output.as_deref(), &args.input);
     let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
-    let sidecars = layers::sidecar_paths(args, &job.loaded.scene);
     let previews =
         layers::preview_paths(args, &job.loaded.scene)?.into_iter().map(|(_, path)| path);
-    let pictures = Outputs::names(&prefix).into_iter();
-    Ok(pictures.chain(sidecars).chain(previews).chain(others).collect())
+    let pictures = picture::Files::names(&prefix, plan, args.files.storage()).into_iter();
+    Ok(pictures.chain(previews).chain(others).collect())
 }
 
 /// Refuses outputs that would replace what the scene is made of, or each other.
@@ -309,16 +305,12 @@ impl Run<'_> {
     ) -> Result<(Vec<PathBuf>, Oddities)> {
         let started = Instant::now();
         let (args, scene) = (self.args, &self.job.loaded.scene);
-        let named = files.sidecars.iter().map(|sidecar| (sidecar.kind, sidecar.name.clone()));
-        let named: Vec<(&str, String)> = named.collect();
-        let named: Vec<(&str, &str)> = named.iter().map(|(k, name)| (*k, name.as_str())).collect();
         let mut more: Vec<(String, String)> =
             self.piece.attribute(args, scene, hash)?.into_iter().collect();
         more.extend(self.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
         let spp = sampling::spp(self.adaptive.as_ref(), scene);
         let says = Says {
             plan,
-            sidecars: &named,
             more: &more,
             info,
             embree: args.machine.embree(),
@@ -336,20 +328,19 @@ impl Run<'_> {
             }
             false => args.files.storage(),
         };
-        let mut outputs = files.outputs;
-        let mut beside = layers::write_sidecars(plan, files.sidecars, &mut outputs)?;
-        beside.extend(layers::write_previews(film, files.previews, &mut outputs)?);
-        let (paths, oddities) = picture::write(outputs, film, scene, says, storage, self.monitor)?;
+        let Files { mut picture, previews, stats: stats_file, scene: scene_file } = files;
+        let previews = layers::write_previews(film, previews, |part| picture.add(part))?;
+        let (mut paths, oddities) =
+            picture::write(picture, film, scene, says, storage, self.monitor)?;
         self.warn(&picture::odd(&oddities));
-        let mut paths = paths.to_vec();
-        paths.extend(beside);
-        if let Some((target, file)) = files.scene {
+        paths.extend(previews);
+        if let Some((target, file)) = scene_file {
             paths.push(file.finish(&job::saved(self.job, &target)?)?);
         }
         stats.seconds.write = started.elapsed().as_secs_f64();
         stats.seconds.total = self.start.elapsed().as_secs_f64();
         stats.memory.peak_bytes = memory::peak_bytes();
-        if let Some(file) = files.stats {
+        if let Some(file) = stats_file {
             let text = serde_json::to_string_pretty(stats).unwrap_or_default();
             paths.push(file.finish(&(text + "\n"))?);
         }

@@ -15,7 +15,7 @@ pub struct Mattes {
     pub kind: &'static str,
     /// Id of each shape.
     ids: Vec<u32>,
-    /// Names and their ids, in the order of the scene.
+    /// Names and their ids by name: scenes that differ in the order of their parts have one manifest.
     named: Vec<(String, u32)>,
 }
 
@@ -37,7 +37,8 @@ impl Mattes {
         let ids = of_shapes.iter().map(|name| id(name)).collect();
         let mut used: HashSet<&String> = of_shapes.iter().collect();
         let named = names.iter().filter(|name| used.remove(name));
-        let named = named.map(|name| (name.clone(), id(name))).collect();
+        let mut named: Vec<_> = named.map(|name| (name.clone(), id(name))).collect();
+        named.sort();
         Self { kind, ids, named }
     }
 

@@ -22,6 +22,16 @@ pub enum Depth {
     Sixteen,
 }
 
+impl Depth {
+    /// 8 or 16.
+    pub fn bits(self) -> u8 {
+        match self {
+            Self::Eight => 8,
+            Self::Sixteen => 16,
+        }
+    }
+}
+
 /// 8-bit pixels, row-major: 4 bytes each with `transparent`, else 3.
 pub fn to_bytes(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
     to_samples(pixels, tonemap, transparent, Depth::Eight)
