@@ -50,7 +50,7 @@ impl Mask {
     /// Number of lanes that count.
     #[inline(always)]
     pub fn count(&self) -> u32 {
-        self.0.iter().fold(0, |n, &lane| n - lane) as u32
+        self.0.iter().fold(0_i32, |n, &lane| n.wrapping_add(lane)).unsigned_abs()
     }
 }
 

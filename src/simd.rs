@@ -3,7 +3,7 @@
 //! Kernels are plain Rust over 16-lane arrays; [`dispatch`] runs the same code compiled for the
 //! chosen tier, so every tier computes the same bits (no contraction, no approximations).
 
-use std::fmt;
+use std::{fmt, sync::OnceLock};
 
 /// Instruction-set tier of our own kernels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -18,7 +18,13 @@ pub enum Isa {
 
 impl Isa {
     /// The best tier that this machine runs and this build has.
+    #[inline]
     pub fn detect() -> Self {
+        static BEST: OnceLock<Isa> = OnceLock::new();
+        *BEST.get_or_init(Self::look)
+    }
+
+    fn look() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
             let avx2 = is_x86_feature_detected!("avx2")
@@ -80,6 +86,7 @@ pub trait Kernel {
 }
 
 /// Runs `kernel` compiled for `isa`, or for the best tier below it that this machine runs.
+#[inline]
 pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
     match isa.min(Isa::detect()) {
         // SAFETY: `detect` has just found every feature that `run_avx512` enables.

@@ -2,6 +2,8 @@
 //!
 //! All in f64 from the primitive itself, whatever the backend computed, then rounded once.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::passing::passing;
@@ -201,10 +203,10 @@ pub fn prefetch_indices(geometry: &Geometry, packet: &RayPacket) {
     }
 }
 
-/// Asks for the vertices of the triangles that were hit.
+/// Asks for the vertices of the triangles that some lanes hit.
 #[inline(always)]
-pub fn prefetch_vertices(geometry: &Geometry, packet: &RayPacket) {
-    for i in 0..LANES {
+pub fn prefetch_vertices(geometry: &Geometry, packet: &RayPacket, lanes: Range<usize>) {
+    for i in lanes {
         if let Some(mesh) = geometry.meshes.get(packet.hits.geom[i] as usize) {
             if let Some(corners) = mesh.triangles().get(packet.hits.prim[i] as usize) {
                 for &corner in corners {

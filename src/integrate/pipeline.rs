@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::geometry::{prefetch_indices, prefetch_vertices};
-use crate::ray::Coherence;
+use crate::ray::{Coherence, LANES};
 use crate::sampler::Sampler;
 
 use super::cast::{Cast, joint_light};
@@ -37,13 +37,13 @@ pub fn pipeline<F: Finish>(
     let mut counts = RayCounts::default();
     let joint = joint_light(world);
     let mut cast = Cast::new(world, accelerator, sampler, monitor, joint);
-    let mut slots = [Slot::EMPTY; 2];
+    let [even, odd] = &mut [Slot::EMPTY; 2];
+    let (mut slot, mut before) = (even, odd);
     for (traced, unit) in units.map(Some).chain([None]).enumerate() {
-        let [even, odd] = &mut slots;
-        let (slot, before) = if traced % 2 == 0 { (even, odd) } else { (odd, even) };
         if let Some(unit) = unit {
-            slot.aim(world, &sampler, pattern, unit, samples, joint.is_some());
-            counts.primary += u64::from(slot.active.count());
+            let rays = slot.aim(world, &sampler, pattern, unit, samples, joint.is_some());
+            counts.primary += u64::from(rays);
+            prefetch_vertices(&world.geometry, &before.packet, LANES / 2..LANES);
             let (active, packet) = (&slot.active, &mut slot.packet);
             accelerator.closest_candidates(active, packet, Coherence::Coherent);
             prefetch_indices(&world.geometry, &slot.packet);
@@ -51,7 +51,9 @@ pub fn pipeline<F: Finish>(
         if traced > 0 {
             work.finish(before, pattern, &mut cast, &mut counts);
         }
-        prefetch_vertices(&world.geometry, &slot.packet);
+        // Half of the lines now, half after the next aim: all at once are more than a core waits for.
+        prefetch_vertices(&world.geometry, &slot.packet, 0..LANES / 2);
+        std::mem::swap(&mut slot, &mut before);
         if monitor.stopped() {
             break;
         }

@@ -91,8 +91,8 @@ impl Slot {
         [self.x[i], self.y[i]]
     }
 
-    /// Aims the camera rays of the block at `corner`, samples from `first` on, those within `samples`. With
-    /// `spare` and without a lens, which takes them, draws [`Slot::spare`], too.
+    /// Aims the camera rays of the block at `corner`, samples from `first` on, those within `samples`; returns
+    /// how many. With `spare` and without a lens, which takes them, draws [`Slot::spare`], too.
     #[inline(always)]
     pub fn aim(
         &mut self,
@@ -102,9 +102,10 @@ impl Slot {
         (corner, first): ([u32; 2], u32),
         samples: &Range<u32>,
         spare: bool,
-    ) {
+    ) -> u32 {
         (self.corner, self.first) = (corner, first);
         let [width, height] = world.frame;
+        let mut count = 0;
         for i in 0..LANES {
             let (x, y) = (corner[0] + pattern.x[i], corner[1] + pattern.y[i]);
             let sample = first + pattern.sample[i];
@@ -112,7 +113,9 @@ impl Slot {
             self.x[i] = x.wrapping_sub(world.margin);
             self.y[i] = y.wrapping_sub(world.margin);
             let taken = (sample >= samples.start) & (sample < samples.end);
-            self.active.0[i] = -i32::from((x < width) & (y < height) & taken);
+            let active = (x < width) & (y < height) & taken;
+            self.active.0[i] = -i32::from(active);
+            count += u32::from(active);
         }
         self.packet.clear_hits();
         self.packet.rays.tnear = [0.0; LANES];
@@ -143,13 +146,14 @@ impl Slot {
                 set_lane(&mut self.packet.rays.org, i, origin);
                 set_lane(&mut self.packet.rays.dir, i, direction);
             }
-            return;
+            return count;
         }
         for i in 0..LANES {
             let (origin, direction) = world.camera.pinhole_ray(px[i], py[i]);
             set_lane(&mut self.packet.rays.org, i, origin);
             set_lane(&mut self.packet.rays.dir, i, direction);
         }
+        count
     }
 }
 

@@ -23,6 +23,7 @@ use crate::error::Result;
 use crate::geometry::{Geometry, NONE};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+use crate::simd::{self, Isa, Kernel};
 
 /// Below this many active lanes single rays are faster than a packet.
 const SINGLE_BELOW: u32 = 4;
@@ -31,6 +32,7 @@ const SINGLE_BELOW: u32 = 4;
 pub struct Embree<'g> {
     scene: scene::Scene<'g>,
     truth: Truth<'g>,
+    isa: Isa,
 }
 
 impl<'g> Embree<'g> {
@@ -45,7 +47,7 @@ impl<'g> Embree<'g> {
     ) -> Result<Self> {
         let device = Device::new(device::load_library()?, options.threads, options.max_bytes)?;
         let scene = scene::Scene::build(device, geometry, options.embree, monitor)?;
-        Ok(Self { scene, truth: Truth::new(geometry) })
+        Ok(Self { scene, truth: Truth::new(geometry), isa: options.isa })
     }
 
     /// Runs `query` with the arguments that `coherence` and `filter` ask for.
@@ -86,10 +88,11 @@ impl<'g> Embree<'g> {
         active: &Mask,
         rays: &mut Rays,
         coherence: Coherence,
+        lanes: u32,
         filter: Option<Filter>,
     ) {
         let scene = self.scene.handle();
-        if coherence != Coherence::Single && active.count() >= SINGLE_BELOW {
+        if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
             // SAFETY: rays and mask are aligned to 64 bytes and laid out as Embree's.
             return self.query(coherence, filter, |args| unsafe {
                 (self.scene.api().occluded16)(active, scene, rays, args);
@@ -106,10 +109,27 @@ impl<'g> Embree<'g> {
     }
 }
 
-/// Whether any active lane leaves a primitive.
-#[inline(always)]
-fn any_leaving(active: &Mask, rays: &Rays) -> bool {
-    (0..LANES).fold(false, |any, i| any | ((active.0[i] != 0) & (rays.leaving[i] != NONE)))
+/// What a packet asks for. It has just been written in whole registers: narrower loads than these would wait
+/// until it is in the cache.
+struct Asked<'a> {
+    active: &'a Mask,
+    rays: &'a Rays,
+}
+
+impl Kernel for Asked<'_> {
+    /// How many lanes are active, and whether any of them leaves a primitive.
+    type Output = (u32, bool);
+
+    #[inline(always)]
+    fn run(self) -> (u32, bool) {
+        let (mut lanes, mut leaving) = (0, 0);
+        for i in 0..LANES {
+            let active = self.active.0[i];
+            lanes += active & 1;
+            leaving |= active & -i32::from(self.rays.leaving[i] != NONE);
+        }
+        (lanes as u32, leaving != 0)
+    }
 }
 
 fn ray(rays: &Rays, i: usize) -> ffi::Ray {
@@ -151,9 +171,10 @@ impl Accelerator for Embree<'_> {
     }
 
     fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-        let filter = any_leaving(active, &packet.rays).then_some(Filter::Leaving);
+        let (lanes, leaving) = simd::dispatch(self.isa, Asked { active, rays: &packet.rays });
+        let filter = leaving.then_some(Filter::Leaving);
         let scene = self.scene.handle();
-        if coherence != Coherence::Single && active.count() >= SINGLE_BELOW {
+        if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
             // SAFETY: packet and mask are aligned to 64 bytes and laid out as Embree's.
             return self.query(coherence, filter, |args| unsafe {
                 (self.scene.api().intersect16)(active, scene, packet, args);
@@ -178,12 +199,13 @@ impl Accelerator for Embree<'_> {
         // The time, which nothing reads in a scene that does not move, keeps the end of each ray:
         // in a filter `tfar` is the candidate's t.
         rays.time = rays.tfar;
-        self.any_hit(active, rays, coherence, Some(Filter::True(&self.truth)));
+        let (lanes, _) = simd::dispatch(self.isa, Asked { active, rays });
+        self.any_hit(active, rays, coherence, lanes, Some(Filter::True(&self.truth)));
     }
 
     fn occluded_candidates(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-        let filter = any_leaving(active, rays).then_some(Filter::Leaving);
-        self.any_hit(active, rays, coherence, filter);
+        let (lanes, leaving) = simd::dispatch(self.isa, Asked { active, rays });
+        self.any_hit(active, rays, coherence, lanes, leaving.then_some(Filter::Leaving));
     }
 }
 
