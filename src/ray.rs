@@ -47,6 +47,16 @@ impl Mask {
         rest
     }
 
+    /// The first lane that counts; 0 if none does.
+    #[inline(always)]
+    pub fn first(&self) -> usize {
+        let mut bits = 0;
+        for i in 0..LANES {
+            bits |= self.0[i] & (1 << i);
+        }
+        bits.trailing_zeros() as usize % LANES
+    }
+
     /// Number of lanes that count.
     #[inline(always)]
     pub fn count(&self) -> u32 {

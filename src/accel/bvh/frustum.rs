@@ -68,8 +68,7 @@ impl Frustum {
         tfar: &[f32; LANES],
         scene: &Bounds3,
     ) -> Self {
-        let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
-        let lane = query.lane(first);
+        let lane = query.lane(active.first());
         let axes = lane.axes;
         let k = axes[2];
         let slack = 4.0 * greatest(tier, active, &query.margin);
@@ -88,8 +87,8 @@ impl Frustum {
             high: [side; 2],
             forward,
             start: least(tier, active, &starts) - slack,
-            enter: lane.enter[k],
-            leave: lane.leave[k],
+            enter: k + 3 * usize::from(negative),
+            leave: k + 3 - 3 * usize::from(negative),
             slack,
             scene_end: scene_end + slack,
         };
@@ -121,8 +120,8 @@ impl Frustum {
         let mut minus = [0.0; LANES];
         for i in 0..LANES {
             let end = self.forward * query.origin[2][i] + tfar[i] * query.along[i].abs();
-            // A lane without a ray may hold anything.
-            minus[i] = if tfar[i] > f32::NEG_INFINITY { -end } else { f32::INFINITY };
+            // A lane without a ray may hold anything. (A condition that asks for `tfar` alone becomes 16 jumps.)
+            minus[i] = if end > f32::NEG_INFINITY { -end } else { f32::INFINITY };
         }
         min(self.slack - tier.least(&minus), self.scene_end)
     }

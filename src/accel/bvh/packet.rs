@@ -147,7 +147,12 @@ impl<'a, T: Tier> Packet<'a, T> {
                     }
                     self.shorten();
                 }
-                _ => self.closest_in_leaf(entry.child, entering, best),
+                _ => {
+                    self.closest_in_leaf(entry.child, entering, best);
+                    if !stacks.packet.is_empty() {
+                        self.shorten();
+                    }
+                }
             }
         }
     }
@@ -186,7 +191,6 @@ impl<'a, T: Tier> Packet<'a, T> {
             Kind::Spheres(index) => self.closest_in_spheres(index, best),
             Kind::Node(_) | Kind::Empty => {}
         }
-        self.shorten();
     }
 
     /// Adds the rays that anything in a leaf stops, of those that enter its box.
@@ -202,7 +206,7 @@ impl<'a, T: Tier> Packet<'a, T> {
 
     /// The frustum ends with the last ray.
     #[inline(always)]
-    fn shorten(&mut self) {
+    pub fn shorten(&mut self) {
         self.end = self.frustum.end(self.tier, self.query, &self.tfar);
     }
 
@@ -297,15 +301,14 @@ impl<'a, T: Tier> Packet<'a, T> {
             return false;
         }
         self.distances(block.triangle(slot), &mut out.t);
+        // In one loop: what is stored by halves of a register is not there for a whole one at once.
+        let mut doubt = 0;
         for i in 0..LANES {
             let depth = out.t[i] * self.along(i);
             let slack = depth.abs() * DEPTH_SLACK;
             let within = (depth >= f64::from(least_depth[i]) - slack)
                 & (depth <= f64::from(most_depth[i]) + slack);
             unsure[i] |= maybe[i] & -i32::from(!within);
-        }
-        let mut doubt = 0;
-        for i in 0..LANES {
             doubt |= unsure[i];
         }
         if doubt != 0 {

@@ -11,6 +11,10 @@ const U: f32 = f32::EPSILON / 2.0;
 /// finite, so that no 0 * inf arises.
 pub const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
 
+/// By the dominant axis: the two after it in cyclic order, then itself. A static: a table in the code is
+/// written to the stack for every ray.
+static AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
+
 /// 16 rays against boxes and against triangles.
 ///
 /// Directions are scaled by a power of two (exact) so that the largest component is in [1, 2);
@@ -157,11 +161,11 @@ impl Query {
     /// Those of the rays that are coherent with the first of them: of its octant and its dominant axis.
     #[inline(always)]
     pub fn coherent(&self, rays: &Mask) -> Mask {
-        let first = (0..LANES).find(|&i| rays.0[i] != 0).unwrap_or(0);
+        let first = rays.first();
+        let (octant, dominant) = (self.octant[first], self.dominant[first]);
         let mut part = Mask::NONE;
         for i in 0..LANES {
-            let same =
-                (self.octant[i] == self.octant[first]) & (self.dominant[i] == self.dominant[first]);
+            let same = (self.octant[i] == octant) & (self.dominant[i] == dominant);
             part.0[i] = rays.0[i] & -i32::from(same);
         }
         part
@@ -172,7 +176,7 @@ impl Query {
     pub fn lane(&self, i: usize) -> Lane<'_> {
         let i = i % LANES;
         let k = self.dominant[i] as usize;
-        let axes = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]][k % 4];
+        let axes = AXES[k % 4];
         let octant = self.octant[i] as usize % 8;
         let (x, y, z) = (octant & 1, (octant >> 1) & 1, octant >> 2);
         let enter = [3 * x, 1 + 3 * y, 2 + 3 * z];

@@ -166,6 +166,7 @@ impl<T: Tier> Kernel for InLeaf<'_, ClosestTogether<'_, '_, T>> {
         let Self { visitor, leaf, lanes } = self;
         let child = visitor.leaves.child(leaf);
         visitor.together.closest_in_leaf(child, lanes, visitor.found);
+        visitor.together.shorten();
         let tfar = visitor.together.tfar();
         for i in 0..LANES {
             visitor.ends[i] = tfar[i] * LONGER;
