@@ -52,6 +52,24 @@ fn the_package_carries_its_licences_and_its_lock_file() {
     }
 }
 
+#[test]
+fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let output = Command::new(env!("CARGO"))
+        .args(["tree", "--locked", "--offline", "-e", "normal", "--prefix", "none"])
+        .args(["--format", "{p}", "--manifest-path", &format!("{root}/Cargo.toml")])
+        .output()
+        .expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let tree = String::from_utf8(output.stdout).expect("text");
+    let named = fs::read_to_string(format!("{root}/THIRD_PARTY.md")).expect("a list");
+    let used = tree.lines().filter_map(|line| line.split(' ').next());
+    let missing: Vec<&str> = used
+        .filter(|name| *name != env!("CARGO_PKG_NAME") && !named.contains(&format!("`{name}`")))
+        .collect();
+    assert!(tree.lines().count() > 20 && missing.is_empty(), "not in THIRD_PARTY.md: {missing:?}");
+}
+
 /// What is newer than our oldest compiler and what clippy, which sees newer functions, does not see.
 #[test]
 fn no_syntax_is_newer_than_the_oldest_compiler() {
