@@ -153,7 +153,8 @@ impl Run<'_> {
             Some(film) => film,
             None => {
                 let window = Window::full(world.frame[0], world.frame[1]);
-                film.insert(Blank::new(world.frame, window, plan.recipe.channels.clone())?.film())
+                let blank = Blank::new(world.frame, window, plan.recipe.channels.clone())?;
+                film.insert(self.pool.install(|| blank.film()))
             }
         };
         self.status.began(&monitor);

@@ -6,6 +6,8 @@ mod sums;
 pub use self::planes::{Channel, ChannelKind, Planes};
 pub use self::sums::{Node, Sums};
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Kind, Problem, Result};
 
 /// A rectangle of pixels, top-left origin; `x1`, `y1` are excluded.
@@ -99,12 +101,22 @@ impl Blank {
         Ok(Self { frame, window, pixels, planes })
     }
 
-    /// The film, all of its memory touched: no page faults are left to the render.
+    /// The film, all of its memory touched, on the threads of the caller's rayon pool: no page faults are left to
+    /// the render.
     pub fn film(self) -> Film {
         let Self { frame, window, mut pixels, mut planes } = self;
         let count = window.width() as usize * window.height() as usize;
-        pixels.resize(count, [0.0; 4]);
-        planes.words.resize(count * planes.channels.len(), 0);
+        touch(&mut pixels, count, [0.0; 4]);
+        let words = count * planes.channels.len();
+        touch(&mut planes.words, words, 0);
         Film { frame, margin: 0, window, pixels, planes }
     }
+}
+/// Elements that are worth a task of their own.
+const GRAIN: usize = 1 << 16;
+
+/// Makes an array of room for them `count` times `value`. Where pages are given one by one that takes as long as to
+/// trace a ray for every pixel.
+fn touch<T: Copy + Send + Sync>(array: &mut Vec<T>, count: usize, value: T) {
+    (0..count).into_par_iter().with_min_len(GRAIN).map(|_| value).collect_into_vec(array);
 }
