@@ -274,8 +274,12 @@ fn self_shadow(scale: f64) -> Case {
                         for (active, occluded) in seen.occluded(&lights, tally) {
                             for i in lanes(&active) {
                                 tally.rays += 1;
-                                if occluded[i] {
-                                    tally.fail(Kind::SelfShadow, seen.points.position(i));
+                                let (at, normal) = (seen.points.position(i), seen.points.normal(i));
+                                // Seen from within: the ray has come through the side that faces it.
+                                if normal.dot(at) < 0.0 {
+                                    tally.fail(Kind::Leak, at);
+                                } else if occluded[i] {
+                                    tally.fail(Kind::SelfShadow, at);
                                 }
                             }
                         }
