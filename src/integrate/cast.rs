@@ -389,8 +389,7 @@ impl<'a> Cast<'a> {
 /// Whether mirrored rays still run much the same way: all within some 26 degrees of the first.
 #[inline(always)]
 fn coherence(active: &Mask, rays: &Rays) -> Coherence {
-    let first = (0..LANES).find(|&i| active.0[i] != 0).unwrap_or(0);
-    let axis = lane(&rays.dir, first);
+    let axis = lane(&rays.dir, active.first());
     let together = (0..LANES)
         .fold(true, |all, i| all & ((active.0[i] == 0) | (lane(&rays.dir, i).dot(axis) > 0.9)));
     if together { Coherence::Coherent } else { Coherence::Incoherent }
