@@ -87,6 +87,19 @@ impl Sums {
         self.values[node * self.width + quantity]
     }
 
+    /// Sums of neighbouring quantities over all samples.
+    #[inline(always)]
+    pub fn totals(&self, quantities: Range<usize>, totals: &mut Vec<f64>) {
+        totals.clear();
+        totals.extend_from_slice(&self.values[quantities.clone()]);
+        let rest = self.values.get(self.width..).unwrap_or_default();
+        for node in rest.chunks_exact(self.width) {
+            for (total, value) in totals.iter_mut().zip(&node[quantities.clone()]) {
+                *total += value;
+            }
+        }
+    }
+
     /// A quantity's sum over all samples.
     #[inline]
     pub fn total(&self, quantity: usize) -> f64 {
@@ -137,6 +150,9 @@ mod tests {
                     assert_eq!(bits(&merged), bits(&whole));
                     assert_eq!(merged.total(0).to_bits(), whole.total(0).to_bits());
                     assert_eq!(merged.total(1), -whole.total(0));
+                    let mut totals = Vec::new();
+                    merged.totals(0..2, &mut totals);
+                    assert_eq!(totals, [merged.total(0), merged.total(1)]);
                 }
             }
             naive += i32::from((0..n).map(value).sum::<f64>() != whole.total(0));

@@ -4,13 +4,21 @@ use std::ops::Range;
 
 use crate::film::{Node, Sums};
 use crate::ray::LANES;
+use crate::shading::Lanes;
 
 use super::slot::Pattern;
+
+/// A packet's values of one quantity.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+pub struct Values(pub Lanes);
 
 /// Sums of some quantities for each pixel of a block, in the fixed order of [`Sums`].
 #[derive(Debug)]
 pub struct BlockSums {
     quantities: usize,
+    /// Quantities that are the squares of others.
+    squares: usize,
     pixels: usize,
     sums: Sums,
     /// One node's values, pixel by pixel.
@@ -18,11 +26,12 @@ pub struct BlockSums {
 }
 
 impl BlockSums {
-    /// Room for the blocks of a pattern.
-    pub fn new(pattern: &Pattern, quantities: usize) -> Self {
-        let pixels = pattern.pixels();
+    /// Room for the blocks of a pattern: sums of `values` quantities, and of the squares of the last `squares`
+    /// of these.
+    pub fn new(pattern: &Pattern, values: usize, squares: usize) -> Self {
+        let (pixels, quantities) = (pattern.pixels(), values + squares);
         let width = pixels * quantities;
-        Self { quantities, pixels, sums: Sums::new(width), node: vec![0.0; width] }
+        Self { quantities, squares, pixels, sums: Sums::new(width), node: vec![0.0; width] }
     }
 
     /// A new block begins.
@@ -31,44 +40,71 @@ impl BlockSums {
         self.sums.clear();
     }
 
-    /// Adds a packet, of which only samples within `samples` count: its values, by quantity and lane.
+    /// Adds a packet, of which only samples within `samples` count: its values by quantity and lane; what is
+    /// not `filled` is 0.
     #[inline(always)]
     pub fn add(
         &mut self,
         pattern: &Pattern,
         first: u32,
         samples: &Range<u32>,
-        lanes: &[[f64; LANES]],
+        lanes: &[Values],
+        filled: &[bool],
     ) {
         let stride = pattern.samples;
         if samples.start <= first && samples.end - first >= stride {
             match stride {
-                16 => self.fold::<16>(lanes),
-                4 => self.fold::<4>(lanes),
-                _ => self.fold::<1>(lanes),
+                16 => self.fold::<1>(lanes, filled),
+                4 => self.fold::<4>(lanes, filled),
+                _ => self.fold::<16>(lanes, filled),
             }
             return self.sums.push(Node { first, level: stride.ilog2() }, &self.node);
         }
         for sample in samples.start.max(first)..samples.end.min(first.saturating_add(stride)) {
-            for (quantity, values) in lanes.iter().enumerate() {
-                for pixel in 0..self.pixels {
-                    let lane = pixel * stride as usize + (sample - first) as usize;
-                    self.node[pixel * self.quantities + quantity] = values[lane % LANES];
-                }
-            }
+            self.take(pattern, sample - first, lanes, filled);
             self.sums.push(Node { first: sample, level: 0 }, &self.node);
         }
     }
 
-    /// Makes the node of a packet with `RUN` samples of each pixel.
+    /// Makes the node of a packet over all its samples of `PIXELS` pixels.
     #[inline(always)]
-    fn fold<const RUN: usize>(&mut self, lanes: &[[f64; LANES]]) {
-        for (quantity, values) in lanes.iter().enumerate() {
-            // Most layers have nothing to say of most packets.
-            let bits = values.iter().fold(0, |bits, value| bits | value.to_bits());
-            let sums = if bits == 0 { [0.0; LANES] } else { sum_runs::<RUN>(values) };
-            for pixel in 0..LANES / RUN {
+    fn fold<const PIXELS: usize>(&mut self, lanes: &[Values], filled: &[bool]) {
+        let linear = lanes.len() - self.squares;
+        self.node.fill(0.0);
+        for (quantity, (values, &filled)) in lanes.iter().zip(filled).enumerate() {
+            if !filled {
+                continue;
+            }
+            let values = doubles(&values.0);
+            let sums = fold_lanes::<PIXELS>(values);
+            for pixel in 0..PIXELS {
                 self.node[pixel * self.quantities + quantity] = sums[pixel];
+            }
+            if quantity >= linear {
+                let mut squares = values;
+                for i in 0..LANES {
+                    squares[i] *= values[i];
+                }
+                let sums = fold_lanes::<PIXELS>(squares);
+                for pixel in 0..PIXELS {
+                    self.node[pixel * self.quantities + quantity + self.squares] = sums[pixel];
+                }
+            }
+        }
+    }
+
+    /// Makes the node of one sample of a packet.
+    fn take(&mut self, pattern: &Pattern, sample: u32, lanes: &[Values], filled: &[bool]) {
+        let linear = lanes.len() - self.squares;
+        for pixel in 0..self.pixels {
+            let lane = pattern.order[pixel * pattern.samples as usize + sample as usize];
+            let node = &mut self.node[pixel * self.quantities..(pixel + 1) * self.quantities];
+            for (quantity, (values, &filled)) in lanes.iter().zip(filled).enumerate() {
+                let value = if filled { f64::from(values.0[lane]) } else { 0.0 };
+                node[quantity] = value;
+                if quantity >= linear {
+                    node[quantity + self.squares] = value * value;
+                }
             }
         }
     }
@@ -79,21 +115,38 @@ impl BlockSums {
         self.sums.total(pixel * self.quantities + quantity)
     }
 
+    /// All quantities of a pixel, over all samples.
+    #[inline(always)]
+    pub fn totals(&self, pixel: usize, totals: &mut Vec<f64>) {
+        let first = pixel * self.quantities;
+        self.sums.totals(first..first + self.quantities, totals);
+    }
+
     /// A quantity of a pixel in one node of the samples' tree.
     pub fn value(&self, node: usize, pixel: usize, quantity: usize) -> f64 {
         self.sums.value(node, pixel * self.quantities + quantity)
     }
 }
 
-/// Sums over each run of `RUN` neighbouring lanes, a power of two: pairs, then pairs of pairs.
 #[inline(always)]
-fn sum_runs<const RUN: usize>(values: &[f64; LANES]) -> [f64; LANES] {
-    let (mut sums, mut left, mut run) = (*values, LANES, RUN);
-    while run > 1 {
-        (left, run) = (left / 2, run / 2);
+fn doubles(values: &Lanes) -> [f64; LANES] {
+    let mut doubles = [0.0; LANES];
+    for i in 0..LANES {
+        doubles[i] = f64::from(values[i]);
+    }
+    doubles
+}
+
+/// Sums over the samples of each of `PIXELS` pixels, as [`Pattern`] has them in its lanes: neighbours, then
+/// neighbouring pairs, and so on.
+#[inline(always)]
+fn fold_lanes<const PIXELS: usize>(mut values: [f64; LANES]) -> [f64; LANES] {
+    let mut left = LANES;
+    while left > PIXELS {
+        left /= 2;
         for i in 0..left {
-            sums[i] = sums[2 * i] + sums[2 * i + 1];
+            values[i] += values[i + left];
         }
     }
-    sums
+    values
 }

@@ -3,9 +3,10 @@
 use glam::Vec3;
 
 use super::RayCounts;
-use super::record::{Record, Split};
+use super::record::Record;
 use super::roulette::{CHANCE, Stage};
 use super::slot::Slot;
+use super::split::{Split, SplitSums};
 use crate::accel::Accelerator;
 use crate::geometry::{Surfaces, refine};
 use crate::monitor::Monitor;
@@ -30,13 +31,14 @@ pub fn joint_light(world: &World) -> Option<u32> {
 
 /// A light, and when its light is gathered.
 #[derive(Clone, Copy)]
-struct Lamp<'a> {
+pub struct Lamp<'a> {
     light: &'a Light,
     /// Number of the light.
-    index: u32,
-    bounce: u32,
+    pub index: u32,
+    /// 0 at the camera rays' hits.
+    pub bounce: u32,
     /// Whether any point has a specular term.
-    glossy: bool,
+    pub glossy: bool,
 }
 
 /// Room for one packet's shading, kept between packets.
@@ -236,7 +238,7 @@ impl<'a> Cast<'a> {
             }
             let split = Split::of(light, lit, &seen);
             let (base, throughput) = (&self.points.base, &self.throughput);
-            record.light(lamp.index, lamp.bounce, base, throughput, &split);
+            record.light(lamp, base, throughput, &split);
         }
         for axis in 0..3 {
             for i in 0..LANES {
@@ -261,7 +263,7 @@ impl<'a> Cast<'a> {
         let samples = area.samples;
         let hit = self.points.at.hit;
         self.sums = [[0.0; 3]; LANES];
-        let mut split = Split::NONE;
+        let mut split = SplitSums::NONE;
         let mut next = Some(Stage::first(samples, self.world.adaptive_shadows));
         while let Some(stage) = next {
             let rays = counts.shadow;
@@ -276,9 +278,8 @@ impl<'a> Cast<'a> {
         }
         let share = 1.0 / f64::from(samples);
         if R::ON {
-            split.scale(share);
             let (base, throughput) = (&self.points.base, &self.throughput);
-            record.light(lamp.index, lamp.bounce, base, throughput, &split);
+            record.light(lamp, base, throughput, &split.mean(share));
         }
         for axis in 0..3 {
             for i in 0..LANES {
@@ -298,7 +299,7 @@ impl<'a> Cast<'a> {
         slot: &Slot,
         stage: &Stage,
         counts: &mut RayCounts,
-        split: &mut Split,
+        split: &mut SplitSums,
     ) -> u32 {
         let Lamp { light, index, bounce, glossy } = *lamp;
         let hit = self.points.at.hit;
@@ -352,6 +353,9 @@ impl<'a> Cast<'a> {
     /// Adds the background to the active lanes that missed.
     #[inline(always)]
     fn background<R: Record>(&mut self, active: &Mask, hit: &Mask, bounce: u32, record: &mut R) {
+        if active.0 == hit.0 {
+            return;
+        }
         let color = self.world.background.to_array();
         let mut sent = [[0.0; LANES]; 3];
         for axis in 0..3 {
@@ -380,7 +384,7 @@ impl<'a> Cast<'a> {
                 self.radiance[axis][i] += sent[axis][i];
             }
         }
-        if R::ON {
+        if R::ON && self.world.ambient != Vec3::ZERO {
             record.ambient(bounce, &sent);
         }
     }

@@ -11,6 +11,7 @@ mod pipeline;
 mod record;
 mod roulette;
 mod slot;
+mod split;
 
 use std::ops::Range;
 
@@ -21,7 +22,7 @@ use crate::ray::{LANES, Mask};
 use crate::simd::Kernel;
 use crate::world::World;
 
-use self::block::BlockSums;
+use self::block::{BlockSums, Values};
 use self::cast::Cast;
 pub use self::noise::{Goal, Tally};
 pub use self::passes::{LEAST, PassKernel, Passes};
@@ -107,7 +108,7 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
             (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
         let integrator = self.integrator;
-        let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4) };
+        let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
         pipeline(integrator, &pattern, &samples, units, &mut tile)
     }
 }
@@ -158,8 +159,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         if R::ON {
             self.record.packet(slot, &samples, &cast.radiance);
         }
-        let lanes = [r, g, b, &alpha].map(doubles);
-        sums.add(pattern, slot.first, &samples, &lanes);
+        sums.add(pattern, slot.first, &samples, &[*r, *g, *b, alpha].map(Values), &[true; 4]);
         if slot.first.saturating_add(pattern.samples) >= samples.end {
             if self.record.has_words() {
                 self.write_words(slot.corner, pattern, sums);
@@ -170,7 +170,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
     }
 
     /// Writes the layers of a block's pixels, those that are kept.
-    #[inline(never)]
+    #[inline(always)]
     fn write_words(&mut self, [x, y]: [u32; 2], pattern: &Pattern, beauty: &BlockSums) {
         let (w, [width, height]) = (self.window, pattern.block);
         let n = self.samples.end - self.samples.start;
@@ -215,15 +215,6 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
             }
         }
     }
-}
-
-#[inline(always)]
-fn doubles(values: &[f32; LANES]) -> [f64; LANES] {
-    let mut doubles = [0.0; LANES];
-    for i in 0..LANES {
-        doubles[i] = f64::from(values[i]);
-    }
-    doubles
 }
 
 #[inline(always)]

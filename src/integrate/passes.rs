@@ -10,13 +10,13 @@ use crate::film::Window;
 use crate::ray::LANES;
 use crate::simd::Kernel;
 
-use super::block::BlockSums;
+use super::block::{BlockSums, Values};
 use super::cast::Cast;
 use super::noise::{self, Goal, Tally};
 use super::pipeline::{Finish, pipeline};
 use super::record::Record;
 use super::slot::{Pattern, Slot};
-use super::{Integrator, RayCounts, alpha, doubles, morton};
+use super::{Integrator, RayCounts, alpha, morton};
 
 /// The least of samples that a pass takes of a pixel, and what it takes a multiple of.
 pub const LEAST: u32 = LANES as u32;
@@ -88,7 +88,7 @@ impl<H> Passes<H> {
         words: &mut [&mut [u32]],
         record: &mut R,
     ) {
-        let none = BlockSums::new(&Pattern::for_spp(LEAST), 0);
+        let none = BlockSums::new(&Pattern::for_spp(LEAST), 0, 0);
         for (row, y) in (kept.y0..kept.y1).enumerate() {
             for (column, x) in (kept.x0..kept.x1).enumerate() {
                 let index = self.index([x, y]);
@@ -139,7 +139,7 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
             passes: self.passes,
             record: self.record,
             transparent: self.integrator.world.transparent,
-            sums: BlockSums::new(&pattern, 4),
+            sums: BlockSums::new(&pattern, 4, 0),
         };
         pipeline(self.integrator, &pattern, &ALL, units, &mut pass)
     }
@@ -176,12 +176,12 @@ impl<R: Record> Finish for Pass<'_, R> {
             self.record.packet(slot, &ALL, &cast.radiance);
         }
         let [r, g, b] = &cast.radiance;
-        let lanes = [r, g, b, &alpha].map(doubles);
-        self.sums.add(pattern, slot.first, &ALL, &lanes);
-        for (half, lanes) in tally.half.iter_mut().zip(&lanes) {
+        let lanes = [*r, *g, *b, alpha].map(Values);
+        self.sums.add(pattern, slot.first, &ALL, &lanes, &[true; 4]);
+        for (half, Values(lanes)) in tally.half.iter_mut().zip(&lanes) {
             for i in 0..LANES {
-                let second = u64::from(slot.first + i as u32) * 2 >= u64::from(tally.wanted);
-                *half += if second { lanes[i] } else { 0.0 };
+                let second = u64::from(slot.sample[i]) * 2 >= u64::from(tally.wanted);
+                *half += if second { f64::from(lanes[i]) } else { 0.0 };
             }
         }
         if slot.first + LEAST >= tally.wanted {

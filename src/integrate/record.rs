@@ -7,11 +7,13 @@ use std::ops::Range;
 use crate::geometry::Surfaces;
 use crate::layers::{BEAUTY, Nearest, Plan, Raw, count};
 use crate::ray::{LANES, Mask, RayPacket};
-use crate::shading::{Lanes, Lanes3, Light, Lit, Points, lane};
+use crate::shading::{Lanes, Lanes3, Points, lane};
 use crate::world::World;
 
-use super::block::BlockSums;
+use super::block::{BlockSums, Values};
+use super::cast::Lamp;
 use super::slot::{Pattern, Slot};
+use super::split::Split;
 
 /// Watches the light of packets being gathered.
 pub trait Record {
@@ -30,7 +32,7 @@ pub trait Record {
     /// The first hits of a packet's camera rays.
     fn surface(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, points: &Points);
     /// What a light brings, to be multiplied by base colours and throughputs.
-    fn light(&mut self, light: u32, bounce: u32, base: &Lanes3, throughput: &Lanes, split: &Split);
+    fn light(&mut self, lamp: &Lamp, base: &Lanes3, throughput: &Lanes, split: &Split);
     /// Ambient light that the lanes carry.
     fn ambient(&mut self, bounce: u32, sent: &Lanes3);
     /// Background that the lanes carry.
@@ -39,7 +41,7 @@ pub trait Record {
     fn packet(&mut self, slot: &Slot, samples: &Range<u32>, radiance: &Lanes3);
     /// Writes the words of one pixel of the block, of `n` samples, into a row, as pixel `column` of it.
     /// `beauty` holds R, G, B, A.
-    fn write(&self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]);
+    fn write(&mut self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]);
 }
 
 /// The beauty alone; of a part of the samples, its sums as words.
@@ -59,73 +61,17 @@ impl Record for Beauty<'_> {
     #[inline(always)]
     fn begin(&mut self) {}
     fn surface(&mut self, _: &World, _: &RayPacket, _: &Surfaces, _: &Points) {}
-    fn light(&mut self, _: u32, _: u32, _: &Lanes3, _: &Lanes, _: &Split) {}
+    fn light(&mut self, _: &Lamp, _: &Lanes3, _: &Lanes, _: &Split) {}
     fn ambient(&mut self, _: u32, _: &Lanes3) {}
     fn background(&mut self, _: u32, _: &Lanes3) {}
     fn packet(&mut self, _: &Slot, _: &Range<u32>, _: &Lanes3) {}
 
-    fn write(&self, pixel: usize, _: u32, beauty: &BlockSums, column: usize, row: &mut [u32]) {
+    fn write(&mut self, pixel: usize, _: u32, beauty: &BlockSums, column: usize, row: &mut [u32]) {
         let Some(raw) = self.0 else { return };
         let stride = raw.words();
         let words = &mut row[column * stride..(column + 1) * stride];
         let sum = |node: usize, quantity: usize| beauty.value(node, pixel, quantity);
         raw.encode(sum, &Nearest::NONE, &[], words);
-    }
-}
-
-/// What one light brings to each lane, before the base colour: diffuse and specular apart.
-#[derive(Debug, Clone)]
-pub struct Split {
-    diffuse: [[f64; LANES]; 3],
-    specular: [[f64; LANES]; 3],
-    /// Light points that are seen.
-    visible: [f64; LANES],
-}
-
-impl Split {
-    /// No light.
-    pub const NONE: Self =
-        Self { diffuse: [[0.0; LANES]; 3], specular: [[0.0; LANES]; 3], visible: [0.0; LANES] };
-
-    /// A light point of each lane that `visible` has, with the weights of [`Lit`].
-    #[inline(always)]
-    pub fn of(light: &Light, lit: &Lit, visible: &Mask) -> Self {
-        let mut split = Self::NONE;
-        for axis in 0..3 {
-            let (diffuse, specular) = (light.diffuse[axis], light.specular[axis]);
-            for i in 0..LANES {
-                let seen = visible.0[i] != 0;
-                let (d, s) = (diffuse * lit.diffuse[i], specular * lit.specular[i]);
-                split.diffuse[axis][i] = if seen { f64::from(d) } else { 0.0 };
-                split.specular[axis][i] = if seen { f64::from(s) } else { 0.0 };
-            }
-        }
-        for i in 0..LANES {
-            split.visible[i] = if visible.0[i] != 0 { 1.0 } else { 0.0 };
-        }
-        split
-    }
-
-    /// Adds a light point to lane `i`, with the weights of [`Lit`], times `weight`.
-    #[inline(always)]
-    pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32, weight: f64) {
-        for axis in 0..3 {
-            self.diffuse[axis][i] += f64::from(light.diffuse[axis] * diffuse) * weight;
-            self.specular[axis][i] += f64::from(light.specular[axis] * specular) * weight;
-        }
-        self.visible[i] += weight;
-    }
-
-    /// Sums over light points -> their mean.
-    #[inline(always)]
-    pub fn scale(&mut self, share: f64) {
-        for i in 0..LANES {
-            for axis in 0..3 {
-                self.diffuse[axis][i] *= share;
-                self.specular[axis][i] *= share;
-            }
-            self.visible[i] *= share;
-        }
     }
 }
 
@@ -144,40 +90,73 @@ pub struct Layers<'a> {
     /// How a part of the samples is written; all of them are written as channels.
     raw: Option<&'a Raw>,
     pattern: Pattern,
-    /// One packet's values of each quantity of [`crate::layers::Recipe::summed`], in f64.
-    lanes: Vec<[f64; LANES]>,
+    /// One packet's values by quantity: the filtered channels, for the variance R, G, B.
+    lanes: Vec<Values>,
+    /// Which of them the packet has; the others are 0.
+    filled: Vec<bool>,
     /// Their sums over packets.
     sums: BlockSums,
     /// By pixel of the block.
     nearest: [Nearest; LANES],
     /// By pixel of the block and kind of mattes: ids and how often they were met.
     mattes: [Vec<Vec<(u32, u32)>>; LANES],
+    /// The sums of one pixel.
+    totals: Vec<f64>,
 }
 
 impl<'a> Layers<'a> {
     /// Room for the layers of `plan`, of a world of `spp` samples a pixel.
     pub fn new(plan: &'a Plan, raw: Option<&'a Raw>, spp: u32) -> Self {
-        let (pattern, summed) = (Pattern::for_spp(spp), plan.recipe.summed());
+        let pattern = Pattern::for_spp(spp);
+        let (values, squares) = quantities(plan);
         Self {
             plan,
             raw,
             pattern,
-            lanes: vec![[0.0; LANES]; summed],
-            sums: BlockSums::new(&pattern, summed),
+            lanes: vec![Values([0.0; LANES]); values],
+            filled: vec![false; values],
+            sums: BlockSums::new(&pattern, values, squares),
             nearest: [Nearest::NONE; LANES],
             mattes: std::array::from_fn(|_| vec![Vec::new(); plan.mattes.len()]),
+            totals: Vec::new(),
         }
     }
 
-    /// Adds 16 vectors, those of lanes that hit, to the three channels from `first` on.
+    /// Adds 16 values to a quantity.
     #[inline(always)]
-    fn add(&mut self, first: Option<usize>, hit: &Mask, values: &Lanes3) {
-        let Some(first) = first else { return };
-        for (lanes, values) in self.lanes[first..first + 3].iter_mut().zip(values) {
+    fn add(&mut self, quantity: usize, values: &Lanes) {
+        let Values(lanes) = &mut self.lanes[quantity];
+        if self.filled[quantity] {
             for i in 0..LANES {
-                lanes[i] += if hit.0[i] != 0 { f64::from(values[i]) } else { 0.0 };
+                lanes[i] += values[i];
+            }
+        } else {
+            (*lanes, self.filled[quantity]) = (*values, true);
+        }
+    }
+
+    /// Adds 16 vectors to the three channels from `first` on.
+    #[inline(always)]
+    fn add3(&mut self, first: Option<usize>, values: &Lanes3) {
+        let Some(first) = first else { return };
+        for axis in 0..3 {
+            self.add(first + axis, &values[axis]);
+        }
+    }
+
+    /// The same of lanes that hit.
+    #[inline(always)]
+    fn add_hit(&mut self, first: Option<usize>, hit: &Mask, values: &Lanes3) {
+        if first.is_none() {
+            return;
+        }
+        let mut kept = [[0.0; LANES]; 3];
+        for axis in 0..3 {
+            for i in 0..LANES {
+                kept[axis][i] = if hit.0[i] != 0 { values[axis][i] } else { 0.0 };
             }
         }
+        self.add3(first, &kept);
     }
 
     #[inline(always)]
@@ -187,25 +166,64 @@ impl<'a> Layers<'a> {
             let depth = world.camera.depth(lane(&surfaces.position, i).as_dvec3()) as f32;
             depths[i] = if surfaces.hit.0[i] != 0 { depth } else { f32::INFINITY };
         }
-        for i in 0..LANES {
-            let nearest = &mut self.nearest[self.pattern.pixel[i]];
-            if depths[i] < nearest.depth {
-                let local = lane(&surfaces.position, i).as_dvec3();
-                *nearest = Nearest {
-                    depth: depths[i],
-                    position: (local + world.geometry.origin).as_vec3().to_array(),
-                    primitive: surfaces.primitive[i] + 1,
-                    object: world.shapes.shape(packet.hits.geom[i], packet.hits.prim[i]) + 1,
-                };
+        let lanes = self.pattern.order.chunks_exact(self.pattern.samples as usize);
+        for (nearest, lanes) in self.nearest.iter_mut().zip(lanes) {
+            let (mut least, mut first) = (nearest.depth, LANES);
+            for &i in lanes {
+                if depths[i % LANES] < least {
+                    (least, first) = (depths[i % LANES], i);
+                }
             }
+            if first == LANES {
+                continue;
+            }
+            let i = first % LANES;
+            let local = lane(&surfaces.position, i).as_dvec3();
+            *nearest = Nearest {
+                depth: depths[i],
+                position: (local + world.geometry.origin).as_vec3().to_array(),
+                primitive: surfaces.primitive[i] + 1,
+                object: world.shapes.shape(packet.hits.geom[i], packet.hits.prim[i]) + 1,
+            };
         }
     }
 
-    /// Counts the shapes of each pixel, those of neighbouring lanes together.
+    #[inline(always)]
+    fn add_uv(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, hit: &Mask) {
+        let Some(first) = self.plan.uv else { return };
+        if world.shapes.one_shape(packet, hit).is_some_and(|shape| !world.shapes.has_uv(shape)) {
+            return;
+        }
+        let mut uv = [[0.0; LANES]; 2];
+        for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
+            if let Some(at) = world.shapes.uv(&world.geometry, packet, surfaces, i) {
+                (uv[0][i], uv[1][i]) = (at.x, at.y);
+            }
+        }
+        self.add(first, &uv[0]);
+        self.add(first + 1, &uv[1]);
+    }
+
+    /// Counts the shapes of each pixel, those of neighbouring samples together.
     #[inline(always)]
     fn count_shapes(&mut self, world: &World, packet: &RayPacket, hit: &Mask) {
+        if let Some(shape) = world.shapes.one_shape(packet, hit) {
+            let mut times = [0; LANES];
+            for i in 0..LANES {
+                times[self.pattern.pixel[i] % LANES] += u32::from(hit.0[i] != 0);
+            }
+            for pixel in 0..self.pattern.pixels() {
+                if times[pixel] > 0 {
+                    self.count_run(Some((pixel, shape, times[pixel])));
+                }
+            }
+            return;
+        }
         let mut run: Option<(usize, u32, u32)> = None;
-        for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
+        for i in self.pattern.order {
+            if hit.0[i] == 0 {
+                continue;
+            }
             let shape = world.shapes.shape(packet.hits.geom[i], packet.hits.prim[i]);
             let pixel = self.pattern.pixel[i];
             run = match run {
@@ -227,6 +245,24 @@ impl<'a> Layers<'a> {
             count(counts, mattes.id(shape), times);
         }
     }
+
+    /// The words of a part of the samples.
+    #[inline(never)]
+    fn encode(&self, raw: &Raw, pixel: usize, beauty: &BlockSums, column: usize, row: &mut [u32]) {
+        let stride = raw.words();
+        let words = &mut row[column * stride..(column + 1) * stride];
+        let sum = |node: usize, quantity: usize| match quantity.checked_sub(BEAUTY) {
+            Some(quantity) => self.sums.value(node, pixel, quantity),
+            None => beauty.value(node, pixel, quantity),
+        };
+        raw.encode(sum, &self.nearest[pixel], &self.mattes[pixel], words);
+    }
+}
+
+/// Values that are summed, and how many squares beside them.
+fn quantities(plan: &Plan) -> (usize, usize) {
+    let moments = if plan.recipe.variance.is_some() { 3 } else { 0 };
+    (plan.recipe.filtered + moments, moments)
 }
 
 impl Record for Layers<'_> {
@@ -239,8 +275,9 @@ impl Record for Layers<'_> {
     }
 
     fn held(&self) -> Held {
+        let (values, squares) = quantities(self.plan);
         Held {
-            sums: BlockSums::new(&self.pattern, self.plan.recipe.summed()),
+            sums: BlockSums::new(&self.pattern, values, squares),
             nearest: Nearest::NONE,
             mattes: vec![Vec::new(); self.plan.mattes.len()],
         }
@@ -263,18 +300,11 @@ impl Record for Layers<'_> {
     #[inline(always)]
     fn surface(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, points: &Points) {
         let (plan, hit) = (self.plan, &points.at.hit);
-        self.add(plan.normal, hit, &points.at.n);
-        self.add(plan.geometric_normal, hit, &points.at.ng);
-        self.add(plan.albedo, hit, &points.base);
-        if let Some(first) = plan.uv {
-            for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
-                if let Some(uv) = world.shapes.uv(&world.geometry, packet, surfaces, i) {
-                    self.lanes[first][i] += f64::from(uv.x);
-                    self.lanes[first + 1][i] += f64::from(uv.y);
-                }
-            }
-        }
-        if self.plan.recipe.has_nearest() {
+        self.add_hit(plan.normal, hit, &points.at.n);
+        self.add_hit(plan.geometric_normal, hit, &points.at.ng);
+        self.add_hit(plan.albedo, hit, &points.base);
+        self.add_uv(world, packet, surfaces, hit);
+        if plan.recipe.has_nearest() {
             self.keep_nearest(world, packet, surfaces);
         }
         if !plan.mattes.is_empty() {
@@ -283,88 +313,66 @@ impl Record for Layers<'_> {
     }
 
     #[inline(always)]
-    fn light(&mut self, light: u32, bounce: u32, base: &Lanes3, throughput: &Lanes, split: &Split) {
-        let plan = self.plan;
-        let group = plan.lights[light as usize];
-        if let (0, Some((channel, share))) = (bounce, plan.shadows[light as usize]) {
+    fn light(&mut self, lamp: &Lamp, base: &Lanes3, throughput: &Lanes, split: &Split) {
+        let (plan, light) = (self.plan, lamp.index as usize);
+        if let (0, Some((channel, share))) = (lamp.bounce, plan.shadows[light]) {
+            let mut visible = split.visible;
             for i in 0..LANES {
-                self.lanes[channel][i] += split.visible[i] * f64::from(share);
+                visible[i] *= share;
             }
+            self.add(channel, &visible);
         }
-        let parts = match bounce {
-            0 => [plan.diffuse, plan.specular],
-            _ => [plan.reflection; 2],
-        };
+        let (mut diffuse, mut specular) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        let mut both = [[0.0; LANES]; 3];
         for axis in 0..3 {
-            let (mut diffuse, mut specular) = ([0.0; LANES], [0.0; LANES]);
             for i in 0..LANES {
-                let carried = f64::from(base[axis][i]) * f64::from(throughput[i]);
+                let carried = base[axis][i] * throughput[i];
                 // What an unlit lane carries is of no packet in particular.
                 let (d, s) = (split.diffuse[axis][i], split.specular[axis][i]);
-                diffuse[i] = if d == 0.0 { 0.0 } else { d * carried };
-                specular[i] = if s == 0.0 { 0.0 } else { s * carried };
-            }
-            for (first, sent) in parts.iter().zip([&diffuse, &specular]) {
-                if let Some(first) = first {
-                    for i in 0..LANES {
-                        self.lanes[first + axis][i] += sent[i];
-                    }
-                }
-            }
-            if let Some(first) = group {
-                for i in 0..LANES {
-                    self.lanes[first + axis][i] += diffuse[i] + specular[i];
-                }
+                diffuse[axis][i] = if d == 0.0 { 0.0 } else { d * carried };
+                specular[axis][i] = if s == 0.0 { 0.0 } else { s * carried };
+                both[axis][i] = diffuse[axis][i] + specular[axis][i];
             }
         }
+        if lamp.bounce == 0 {
+            self.add3(plan.diffuse, &diffuse);
+            self.add3(plan.specular.filter(|_| lamp.glossy), &specular);
+        } else {
+            self.add3(plan.reflection, &both);
+        }
+        self.add3(plan.lights[light], &both);
     }
 
     #[inline(always)]
     fn ambient(&mut self, bounce: u32, sent: &Lanes3) {
         let plan = self.plan;
-        let first = if bounce == 0 { plan.ambient } else { plan.reflection };
-        self.add(first, &Mask::ALL, sent);
-        self.add(plan.light_ambient, &Mask::ALL, sent);
+        self.add3(if bounce == 0 { plan.ambient } else { plan.reflection }, sent);
+        self.add3(plan.light_ambient, sent);
     }
 
     #[inline(always)]
     fn background(&mut self, bounce: u32, sent: &Lanes3) {
         let plan = self.plan;
-        let first = if bounce == 0 { plan.background } else { plan.reflection };
-        self.add(first, &Mask::ALL, sent);
-        self.add(plan.light_background, &Mask::ALL, sent);
+        self.add3(if bounce == 0 { plan.background } else { plan.reflection }, sent);
+        self.add3(plan.light_background, sent);
     }
 
     #[inline(always)]
     fn packet(&mut self, slot: &Slot, samples: &Range<u32>, radiance: &Lanes3) {
-        if self.plan.recipe.variance.is_some() {
-            let moments = &mut self.lanes[self.plan.recipe.filtered..];
-            for axis in 0..3 {
-                for i in 0..LANES {
-                    let value = f64::from(radiance[axis][i]);
-                    moments[axis][i] = value;
-                    moments[3 + axis][i] = value * value;
-                }
-            }
-        }
-        self.sums.add(&self.pattern, slot.first, samples, &self.lanes);
-        self.lanes.fill([0.0; LANES]);
+        let filtered = self.plan.recipe.filtered;
+        self.add3(self.plan.recipe.variance.map(|_| filtered), radiance);
+        self.sums.add(&self.pattern, slot.first, samples, &self.lanes, &self.filled);
+        self.filled.fill(false);
     }
 
-    fn write(&self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]) {
-        let (nearest, mattes) = (&self.nearest[pixel], &self.mattes[pixel]);
+    #[inline(always)]
+    fn write(&mut self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]) {
         if let Some(raw) = self.raw {
-            let stride = raw.words();
-            let words = &mut row[column * stride..(column + 1) * stride];
-            let sum = |node: usize, quantity: usize| match quantity.checked_sub(BEAUTY) {
-                Some(quantity) => self.sums.value(node, pixel, quantity),
-                None => beauty.value(node, pixel, quantity),
-            };
-            return raw.encode(sum, nearest, mattes, words);
+            return self.encode(raw, pixel, beauty, column, row);
         }
+        self.sums.totals(pixel, &mut self.totals);
         let stride = self.plan.recipe.channels.len();
         let words = &mut row[column * stride..(column + 1) * stride];
-        let sum = |quantity: usize| self.sums.total(pixel, quantity);
-        self.plan.recipe.fill(n, sum, nearest, mattes, words);
+        self.plan.recipe.fill(n, &self.totals, &self.nearest[pixel], &self.mattes[pixel], words);
     }
 }

@@ -20,26 +20,37 @@ pub struct Pattern {
     pub y: [u32; LANES],
     /// Index of that pixel in the block, by lane.
     pub pixel: [usize; LANES],
-    /// Sample within the packet, by lane.
+    /// Sample within the packet, by lane. The lower half of the lanes has the even samples, the upper half
+    /// the odd ones, and so on within each half: so sums over lanes fold by halves in the order of
+    /// [`crate::film::Sums`].
     sample: [u32; LANES],
+    /// The lanes pixel by pixel, samples ascending.
+    pub order: [usize; LANES],
 }
 
 impl Pattern {
     /// The pattern for `spp` samples per pixel.
     pub fn for_spp(spp: u32) -> Self {
-        let (block, samples) = match spp {
+        let (block, samples): (_, u32) = match spp {
             0..4 => ([4, 4], 1),
             4..16 => ([2, 2], 4),
             _ => ([1, 1], 16),
         };
-        let pixel: [usize; LANES] = std::array::from_fn(|i| i / samples as usize);
+        let pixels = LANES / samples as usize;
+        let pixel: [usize; LANES] = std::array::from_fn(|i| i % pixels);
+        // Of so many samples by bit-reversed number.
+        let reversed = |i: u32| i.reverse_bits().checked_shr(32 - samples.ilog2()).unwrap_or(0);
+        let sample: [u32; LANES] = std::array::from_fn(|i| reversed((i / pixels) as u32));
+        let mut order: [usize; LANES] = std::array::from_fn(|i| i);
+        order.sort_by_key(|&i| (pixel[i], sample[i]));
         Self {
             block,
             samples,
             x: pixel.map(|p| p as u32 % block[0]),
             y: pixel.map(|p| p as u32 / block[0]),
             pixel,
-            sample: std::array::from_fn(|i| i as u32 % samples),
+            sample,
+            order,
         }
     }
 
@@ -172,6 +183,13 @@ mod tests {
             assert_eq!(seen.len(), LANES);
             assert_eq!(pattern.pixels() * pattern.samples as usize, 16);
             assert_eq!(lane(15), [pattern.block[0] - 1, pattern.block[1] - 1, pattern.samples - 1]);
+            let ordered = pattern.order.map(|i| (pattern.pixel[i], pattern.sample[i]));
+            let expected = |k: usize| (k / pattern.samples as usize, k as u32 % pattern.samples);
+            assert_eq!(ordered, std::array::from_fn(expected));
+            // Neighbouring samples stand half a packet apart.
+            for k in (0..LANES).step_by(2).filter(|_| pattern.samples > 1) {
+                assert_eq!(pattern.order[k] + LANES / 2, pattern.order[k + 1]);
+            }
         }
     }
 }

@@ -105,10 +105,17 @@ pub fn id(name: &str) -> u32 {
 /// first, of equals the one that was met first; what has no rank left is dropped.
 pub fn rank(ids: &[(u32, u32)], samples: u32, words: &mut [u32]) {
     words.fill(0);
-    let mut ids = ids.to_vec();
-    ids.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let mut sorted = Vec::new();
+    let ids = match ids {
+        [] | [_] => ids,
+        several => {
+            sorted.extend_from_slice(several);
+            sorted.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+            &sorted
+        }
+    };
     for (pair, (id, count)) in words.chunks_exact_mut(2).zip(ids) {
-        let coverage = (f64::from(count) / f64::from(samples)) as f32;
-        pair.copy_from_slice(&[id, coverage.to_bits()]);
+        let coverage = (f64::from(*count) / f64::from(samples)) as f32;
+        pair.copy_from_slice(&[*id, coverage.to_bits()]);
     }
 }

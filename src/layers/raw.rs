@@ -51,10 +51,11 @@ impl Pixel {
 
     /// R, G, B, A of `n` samples, and their other channels into `words`.
     pub fn finish(&self, recipe: &Recipe, n: u32, words: &mut [u32]) -> [f32; 4] {
-        let sum = |quantity: usize| self.sums.total(BEAUTY + quantity);
-        recipe.fill(n, sum, &self.nearest, &self.mattes, words);
+        let mut totals = Vec::new();
+        self.sums.totals(0..BEAUTY + recipe.summed(), &mut totals);
+        recipe.fill(n, &totals[BEAUTY..], &self.nearest, &self.mattes, words);
         let count = f64::from(n);
-        std::array::from_fn(|axis| (self.sums.total(axis) / count) as f32)
+        std::array::from_fn(|axis| (totals[axis] / count) as f32)
     }
 }
 

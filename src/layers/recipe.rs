@@ -86,21 +86,26 @@ impl Recipe {
             && self.mattes.iter().all(|m| m.ranks <= count && fits(m.first, 2 * m.ranks))
     }
 
-    /// Fills the words of a pixel from its `n` samples: `sum` of each quantity of
+    /// Fills the words of a pixel from its `n` samples: the sum of each quantity of
     /// [`Recipe::summed`], the nearest hit, and by kind of mattes how many samples met each id, in the
     /// order in which they were met.
-    #[inline]
+    #[inline(always)]
     pub fn fill(
         &self,
         n: u32,
-        sum: impl Fn(usize) -> f64,
+        sums: &[f64],
         nearest: &Nearest,
         mattes: &[Vec<(u32, u32)>],
         words: &mut [u32],
     ) {
         let count = f64::from(n);
-        for (quantity, word) in words[..self.filtered].iter_mut().enumerate() {
-            *word = ((sum(quantity) / count) as f32).to_bits();
+        let means = words[..self.filtered].iter_mut().zip(sums);
+        if n.is_power_of_two() {
+            // The same numbers as by division, which takes four times as long.
+            let share = 1.0 / count;
+            means.for_each(|(word, sum)| *word = ((sum * share) as f32).to_bits());
+        } else {
+            means.for_each(|(word, sum)| *word = ((sum / count) as f32).to_bits());
         }
         let mut set = |first: Option<usize>, values: &[u32]| {
             if let Some(first) = first {
@@ -112,9 +117,11 @@ impl Recipe {
         set(self.primitive, &[nearest.primitive]);
         set(self.object, &[nearest.object]);
         set(self.samples, &[(n as f32).to_bits()]);
-        if self.variance.is_some() {
-            let moment = |axis: usize| [0, 3].map(|square| sum(self.filtered + square + axis));
-            set(self.variance, &[0, 1, 2].map(|axis| variance(moment(axis), count).to_bits()));
+        if let (Some(_), Some(moments)) = (self.variance, sums[self.filtered..].first_chunk()) {
+            let [r, g, b, r2, g2, b2]: [f64; 6] = *moments;
+            let [r, g, b] =
+                [variance(r, r2, count), variance(g, g2, count), variance(b, b2, count)];
+            set(self.variance, &[r.to_bits(), g.to_bits(), b.to_bits()]);
         }
         for (ranks, ids) in self.mattes.iter().zip(mattes) {
             rank(ids, n, &mut words[ranks.first..ranks.first + 2 * ranks.ranks]);
@@ -123,7 +130,8 @@ impl Recipe {
 }
 
 /// Of samples by their sum and the sum of their squares; divided by n - 1.
-fn variance([sum, squares]: [f64; 2], n: f64) -> f32 {
+#[inline(always)]
+fn variance(sum: f64, squares: f64, n: f64) -> f32 {
     if n < 2.0 { 0.0 } else { ((squares - sum * sum / n) / (n - 1.0)).max(0.0) as f32 }
 }
 

@@ -6,7 +6,7 @@ use super::points::{Points, lane, set_lane};
 use super::texture::Texture;
 use crate::geometry::{Geometry, GeometryKind, Surfaces, round_towards};
 use crate::mesh::Colors;
-use crate::ray::{LANES, RayPacket};
+use crate::ray::{LANES, Mask, RayPacket};
 use crate::scene::{ColorSpace, Filter, Wrap};
 
 /// Blinn-Phong coefficients and where the base colour comes from.
@@ -150,8 +150,31 @@ impl Shapes {
         self.owners[geom as usize].shape(prim)
     }
 
-    /// Texture coordinates under lane `i`, v running down, before any `tScale`; `None` for a mesh
-    /// whose file has none.
+    /// The shape that every lane of `hit` hits, if it is the same mesh or the same primitive.
+    #[inline(always)]
+    pub fn one_shape(&self, packet: &RayPacket, hit: &Mask) -> Option<u32> {
+        if !hit.any() {
+            return None;
+        }
+        let first = hit.first();
+        let (geom, prim) = (packet.hits.geom[first], packet.hits.prim[first]);
+        let owner = &self.owners[geom as usize];
+        let any_prim = matches!(owner, Owner::One(_));
+        let same = (0..LANES).fold(true, |same, i| {
+            let own = (packet.hits.geom[i] == geom) & (any_prim | (packet.hits.prim[i] == prim));
+            same & (own | (hit.0[i] == 0))
+        });
+        same.then(|| owner.shape(prim))
+    }
+
+    /// Whether a shape has texture coordinates; not so a mesh whose file has none.
+    #[inline(always)]
+    pub fn has_uv(&self, shape: u32) -> bool {
+        !matches!(self.shapes[shape as usize].uv, UvSource::None)
+    }
+
+    /// Texture coordinates under lane `i`, v running down, before any `tScale`, if its shape has them.
+    #[inline(always)]
     pub fn uv(
         &self,
         geometry: &Geometry,
@@ -199,18 +222,10 @@ impl Shapes {
     /// over it.
     #[inline(always)]
     fn one_plain_material(&self, packet: &RayPacket, surfaces: &Surfaces) -> Option<&Material> {
-        let first = (0..LANES).find(|&i| surfaces.hit.0[i] != 0)?;
-        let (geom, prim) = (packet.hits.geom[first], packet.hits.prim[first]);
-        let owner = &self.owners[geom as usize];
-        let any_prim = matches!(owner, Owner::One(_));
-        let same = (0..LANES).fold(true, |same, i| {
-            let own = (packet.hits.geom[i] == geom) & (any_prim | (packet.hits.prim[i] == prim));
-            same & (own | (surfaces.hit.0[i] == 0))
-        });
-        let shape = &self.shapes[owner.shape(prim) as usize];
+        let shape = &self.shapes[self.one_shape(packet, &surfaces.hit)? as usize];
         let material = &self.materials[shape.material as usize];
         let plain = material.texture.is_none() && shape.normals.is_none() && shape.colors.is_none();
-        (same && plain).then_some(material)
+        plain.then_some(material)
     }
 
     /// Texture, vertex colours and shading normal of one lane.
@@ -330,6 +345,7 @@ fn smooth(corners: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 3], i: usize, o
 impl UvSource {
     /// Texture coordinates at barycentric `weights` of primitive `prim`. `reported` is u + v as
     /// the backend gave it, which says what half of a quad was hit.
+    #[inline(always)]
     fn at(
         &self,
         prim: u32,
