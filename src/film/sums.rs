@@ -93,7 +93,8 @@ impl Sums {
         totals.clear();
         totals.extend_from_slice(&self.values[quantities.clone()]);
         let rest = self.values.get(self.width..).unwrap_or_default();
-        for node in rest.chunks_exact(self.width) {
+        // Without quantities there is nothing to cut.
+        for node in rest.chunks_exact(self.width.max(1)) {
             for (total, value) in totals.iter_mut().zip(&node[quantities.clone()]) {
                 *total += value;
             }
@@ -158,6 +159,15 @@ mod tests {
             naive += i32::from((0..n).map(value).sum::<f64>() != whole.total(0));
         }
         assert!(naive > 0, "the values should make the order matter");
+    }
+
+    #[test]
+    fn there_may_be_no_quantities() {
+        let mut sums = Sums::new(0);
+        sums.push(Node { first: 0, level: 4 }, &[]);
+        let mut totals = vec![1.0];
+        sums.totals(0..0, &mut totals);
+        assert!(totals.is_empty());
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! All primitives of a scene, relative to one f64 origin, as every accelerator sees them.
 
+mod behind;
 mod passing;
 mod sphere;
 mod surface;

@@ -87,7 +87,7 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
         sharpen(&coarse, &corners, &weights, packet, &mut unsure, out);
     }
     if unsure.any() {
-        doubt(&unsure, &corners, packet, out);
+        doubt(geometry, &unsure, &corners, packet, out);
     }
     if spheres.any() {
         refine_spheres(geometry, &spheres, packet, out);
@@ -116,7 +116,8 @@ fn put(
     out.error[i] = point.error as f32;
     store(out, i, point.position, point.normal, direction);
     let off = (point.t - f64::from(reported)).abs();
-    point.met & (off <= point.t * T_SLACK)
+    // Where the ray starts nothing is sure.
+    point.met & (off < point.t * T_SLACK)
 }
 
 /// Computes the points of lanes again for which f64 has too few digits.
@@ -144,13 +145,23 @@ fn sharpen(
 /// a ray on different sides, and at a small angle t is hard to tell.
 #[cold]
 #[inline(never)]
-fn doubt(unsure: &Mask, corners: &[[[f32; LANES]; 3]; 3], packet: &RayPacket, out: &mut Surfaces) {
+fn doubt(
+    geometry: &Geometry,
+    unsure: &Mask,
+    corners: &[[[f32; LANES]; 3]; 3],
+    packet: &RayPacket,
+    out: &mut Surfaces,
+) {
     for i in (0..LANES).filter(|&i| unsure.0[i] != 0) {
         let (origin, direction) = ray(packet, i);
         let triangle = [dvec(&corners[0], i), dvec(&corners[1], i), dvec(&corners[2], i)];
         let reported = f64::from(packet.rays.tfar[i]);
         let passing = passing(triangle, origin, direction);
-        match passing.filter(|passing| passing.explains(reported)) {
+        let leaving = packet.rays.leaving[i];
+        let passing = passing
+            .filter(|passing| passing.explains(reported))
+            .filter(|_| !geometry.is_left_behind(leaving, origin, direction, triangle));
+        match passing {
             Some(passing) => out.t[i] = passing.t as f32,
             None => out.doubtful.0[i] = -1,
         }

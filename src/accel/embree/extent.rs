@@ -92,7 +92,7 @@ fn sum(v: DVec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::refine_triangle;
+    use crate::geometry::{NONE, refine_triangle};
 
     fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
         [0, 1, 2].map(|i| a[i] - b[i])
@@ -158,6 +158,7 @@ mod tests {
                 v,
                 prim: 0,
                 geom: 0,
+                leaving: NONE,
             };
             hits += 1;
             let is_sure = Extent::new(&mesh).sure(&candidate);

@@ -67,7 +67,7 @@ impl<'g> Truth<'g> {
     }
 
     /// Where the ray passes a triangle or quad that Embree says it meets; `None`, and counted, if it
-    /// does not come near. Of a quad's halves the one that is passed first.
+    /// does not come near, or cannot. Of a quad's halves the one that is passed first.
     #[cold]
     pub fn passing(&self, candidate: &Candidate) -> Option<Found> {
         let at = |corners: [[f32; 3]; 3], turned: bool| {
@@ -89,6 +89,10 @@ impl<'g> Truth<'g> {
             // Decided by our own callback, which asks no filter.
             GeometryKind::Spheres => None,
         };
+        let Candidate { leaving, origin, direction, .. } = *candidate;
+        let behind =
+            |f: &Found| self.geometry.is_left_behind(leaving, origin, direction, f.corners);
+        let found = found.filter(|found| !behind(found));
         if found.is_none() {
             self.false_hits.fetch_add(1, Ordering::Relaxed);
         }
@@ -205,9 +209,11 @@ unsafe fn reject(args: &FilterArguments, mut counts: impl FnMut(Candidate) -> bo
                 v: hit(HIT_V),
                 prim,
                 geom,
+                leaving: ray(RAY_ID).to_bits(),
             };
-            let leaving = ray(RAY_ID).to_bits();
-            if leaving == *(*args.context).bases.add(geom as usize) + prim || !counts(candidate) {
+            if candidate.leaving == *(*args.context).bases.add(geom as usize) + prim
+                || !counts(candidate)
+            {
                 *args.valid.add(lane) = 0;
             }
         }
