@@ -129,23 +129,39 @@ impl Sampler {
             }
             return points;
         }
-        let mut seeds = [0; N];
-        for i in 0..N {
-            seeds[i] = self.key([x[i], y[i]], index[i] / SEQUENCE, purpose) as u32;
+        let key = |i: usize| self.key([x[i], y[i]], index[i] / SEQUENCE, purpose) as u32;
+        let same = (0..N).fold(true, |same, i| {
+            let block = index[i] / SEQUENCE == index[0] / SEQUENCE;
+            same & (x[i] == x[0]) & (y[i] == y[0]) & block
+        });
+        let (mut shuffles, mut scrambles) = ([0; N], [[0; N]; D]);
+        if same {
+            // Samples of one pixel, as in most packets of many: one set, one seed.
+            let set = Set::<D>::of(key(0));
+            shuffles = [set.shuffle; N];
+            for d in 0..D {
+                scrambles[d] = [set.scrambles[d]; N];
+            }
+        } else {
+            for i in 0..N {
+                let set = Set::<D>::of(key(i));
+                shuffles[i] = set.shuffle;
+                for d in 0..D {
+                    scrambles[d][i] = set.scrambles[d];
+                }
+            }
         }
         for i in 0..N {
             // In reverse order of its bits, Sobol's first dimension is the index itself.
             let reversed = (index[i] % SEQUENCE).reverse_bits();
-            let shuffle = hash(seeds[i] ^ SHUFFLE);
-            let index = owen_scramble_rev(reversed, shuffle).reverse_bits() % SEQUENCE;
-            let own = seeds[i].wrapping_mul(0x9c8f_2d3b);
+            let index = owen_scramble_rev(reversed, shuffles[i]).reverse_bits() % SEQUENCE;
             for d in 0..D {
                 let sobol = match d {
                     0 => index,
                     1 => pascal(index),
                     _ => product(&MATRICES[d - 2], index),
                 };
-                let scrambled = owen_scramble_rev(sobol, hash(own ^ SCRAMBLES[d]));
+                let scrambled = owen_scramble_rev(sobol, scrambles[d][i]);
                 points[d][i] = u32_to_f32_norm(scrambled.reverse_bits());
             }
         }
@@ -164,6 +180,25 @@ impl Sampler {
     fn key(&self, [x, y]: [u32; 2], block: u32, purpose: u64) -> u64 {
         let pixel = (u64::from(y) << 32) | u64::from(x);
         mix(mix(mix(self.seed ^ mix(u64::from(block))) ^ pixel) ^ purpose)
+    }
+}
+
+/// How the points of a set are shuffled, and each of D dimensions scrambled.
+struct Set<const D: usize> {
+    shuffle: u32,
+    scrambles: [u32; D],
+}
+
+impl<const D: usize> Set<D> {
+    /// As `sobol_burley` does it.
+    #[inline(always)]
+    fn of(seed: u32) -> Self {
+        let own = seed.wrapping_mul(0x9c8f_2d3b);
+        let mut scrambles = [0; D];
+        for d in 0..D {
+            scrambles[d] = hash(own ^ SCRAMBLES[d]);
+        }
+        Self { shuffle: hash(seed ^ SHUFFLE), scrambles }
     }
 }
 
@@ -260,8 +295,11 @@ mod tests {
                 let sampler = Sampler::of(kind, seed);
                 // Over all seeds every index is met, and two more sequences are begun.
                 for first in (seed as u32 * 37..3 * SEQUENCE).step_by(80) {
-                    let x: [u32; 4] = std::array::from_fn(|i| first / 3 + i as u32 / 2);
-                    let y = [seed as u32, 9, 3, u32::MAX];
+                    // One pixel and several in turn.
+                    let one = first / 80 % 2 == 0;
+                    let x: [u32; 4] =
+                        std::array::from_fn(|i| first / 3 + if one { 0 } else { i as u32 / 2 });
+                    let y = if one { [seed as u32; 4] } else { [seed as u32, 9, 3, u32::MAX] };
                     let index: [u32; 4] = std::array::from_fn(|i| first + 40 * (i as u32 % 2));
                     let four: [[f32; 4]; 4] = sampler.camera_lanes([&x, &y], &index);
                     let two: [[f32; 4]; 2] = sampler.camera_lanes([&x, &y], &index);
