@@ -112,6 +112,7 @@ impl Blank {
         Film { frame, margin: 0, window, pixels, planes }
     }
 }
+
 /// Elements that are worth a task of their own.
 const GRAIN: usize = 1 << 16;
 

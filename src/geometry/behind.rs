@@ -7,7 +7,8 @@ use super::{Geometry, GeometryKind, NONE};
 impl Geometry {
     /// Whether a triangle stands behind the plane of the primitive that a ray leaves, or on it for all that f32 can
     /// tell, where the ray does not go: the other side of a convex edge from which it starts, say. A test in f32 may meet
-    /// it there. Not so of a ray that starts on the other side of that plane, or runs along it.
+    /// it there. Not so of a ray that starts on the other side of that plane, or runs along it. A quad has the planes
+    /// of both its halves, as it need not be quite flat. Points are relative to [`Geometry::origin`].
     pub fn is_left_behind(
         &self,
         leaving: u32,
@@ -19,26 +20,31 @@ impl Geometry {
             return false;
         }
         let (geom, prim) = self.place(leaving);
-        let left = match self.kind(geom) {
-            GeometryKind::Mesh(mesh) => self.meshes[mesh].corners(prim),
+        let behind = |plane| is_behind(plane, origin, direction, corners);
+        match self.kind(geom) {
+            GeometryKind::Mesh(mesh) => behind(self.meshes[mesh].corners(prim)),
             GeometryKind::Quads => {
-                let [v0, v1, _, v3] = self.quads[prim as usize];
-                [v0, v1, v3]
+                let [v0, v1, v2, v3] = self.quads[prim as usize];
+                behind([v0, v1, v3]) && behind([v2, v3, v1])
             }
-            GeometryKind::Spheres => return false,
-        };
-        let [a, b, c] = left.map(|v| DVec3::from(v.map(f64::from)));
-        let normal = (b - a).cross(c - a).normalize_or_zero();
-        let facing = normal.dot(direction.normalize_or_zero());
-        if facing.abs() < f64::from(f32::EPSILON) {
-            return false;
+            GeometryKind::Spheres => false,
         }
-        let above = |v: DVec3| normal.dot(v - a) * facing.signum();
-        let all = [a, b, c].into_iter().chain(corners);
-        let largest = all.fold(0.0, |most, v| v.abs().max_element().max(most));
-        let ulp = f64::from(f32::EPSILON) * largest;
-        above(origin) >= 0.0 && corners.into_iter().all(|corner| above(corner) <= ulp)
     }
+}
+
+/// The same of the plane through three points: an ulp of the largest coordinate is what f32 cannot tell.
+fn is_behind(plane: [[f32; 3]; 3], origin: DVec3, direction: DVec3, corners: [DVec3; 3]) -> bool {
+    let [a, b, c] = plane.map(|v| DVec3::from(v.map(f64::from)));
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let facing = normal.dot(direction.normalize_or_zero());
+    if facing.abs() < f64::from(f32::EPSILON) {
+        return false;
+    }
+    let above = |v: DVec3| normal.dot(v - a) * facing.signum();
+    let all = [a, b, c].into_iter().chain(corners);
+    let largest = all.fold(0.0, |most, v| v.abs().max_element().max(most));
+    let ulp = f64::from(f32::EPSILON) * largest;
+    above(origin) >= -ulp && corners.into_iter().all(|corner| above(corner) <= ulp)
 }
 
 #[cfg(test)]
@@ -71,5 +77,19 @@ mod tests {
         // A corner that rises.
         let rises = [other[0], other[1], DVec3::new(1.0, 0.0, 1e-6)];
         assert!(!roof.is_left_behind(0, origin, DVec3::new(1.0, 0.0, 0.01), rises));
+    }
+
+    #[test]
+    fn a_quad_has_two_planes() {
+        // Its third corner is bent up, so the plane of its second half lies under the first half.
+        let quad = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 1e-3], [0.0, 1.0, 0.0]];
+        let geometry = Geometry::new(DVec3::ZERO, vec![], vec![quad], vec![]).unwrap();
+        let behind = |z: f64| {
+            let corners = [[0.2, 0.2], [0.2, 0.3], [0.3, 0.2]].map(|[x, y]| DVec3::new(x, y, z));
+            geometry.is_left_behind(0, DVec3::new(0.7, 0.7, 4.1e-4), DVec3::Z, corners)
+        };
+        // Under both, and between them.
+        assert!(behind(-1e-3));
+        assert!(!behind(-3e-4));
     }
 }

@@ -38,7 +38,8 @@ pub struct Surfaces {
     /// Which lanes hit anything.
     pub hit: Mask,
     /// Hits of triangles and quads that are false, for all that the test of a backend in f32 may be
-    /// off ([`passing`]), or whose reported t is: what is nearest must be found again.
+    /// off ([`passing`]) or whose reported t is, or that the ray leaves behind ([`Geometry::is_left_behind`]): what is
+    /// nearest must be found again.
     pub doubtful: Mask,
 }
 

@@ -204,7 +204,7 @@ impl<'a> Layers<'a> {
         self.add(first + 1, &uv[1]);
     }
 
-    /// Counts the shapes of each pixel, those of neighbouring samples together.
+    /// Counts the shapes of each pixel.
     #[inline(always)]
     fn count_shapes(&mut self, world: &World, packet: &RayPacket, hit: &Mask) {
         if let Some(shape) = world.shapes.one_shape(packet, hit) {
@@ -214,33 +214,22 @@ impl<'a> Layers<'a> {
             }
             for pixel in 0..self.pattern.pixels() {
                 if times[pixel] > 0 {
-                    self.count_run(Some((pixel, shape, times[pixel])));
+                    self.count_shape(pixel, shape, times[pixel]);
                 }
             }
             return;
         }
-        let mut run: Option<(usize, u32, u32)> = None;
         for i in self.pattern.order {
-            if hit.0[i] == 0 {
-                continue;
+            if hit.0[i] != 0 {
+                let shape = world.shapes.shape(packet.hits.geom[i], packet.hits.prim[i]);
+                self.count_shape(self.pattern.pixel[i], shape, 1);
             }
-            let shape = world.shapes.shape(packet.hits.geom[i], packet.hits.prim[i]);
-            let pixel = self.pattern.pixel[i];
-            run = match run {
-                Some((p, s, times)) if (p, s) == (pixel, shape) => Some((p, s, times + 1)),
-                before => {
-                    self.count_run(before);
-                    Some((pixel, shape, 1))
-                }
-            };
         }
-        self.count_run(run);
     }
 
     /// A shape that was met some times at a pixel of the block.
     #[inline(always)]
-    fn count_run(&mut self, run: Option<(usize, u32, u32)>) {
-        let Some((pixel, shape, times)) = run else { return };
+    fn count_shape(&mut self, pixel: usize, shape: u32, times: u32) {
         for (counts, mattes) in self.mattes[pixel].iter_mut().zip(&self.plan.mattes) {
             count(counts, mattes.id(shape), times);
         }
@@ -261,8 +250,8 @@ impl<'a> Layers<'a> {
 
 /// Values that are summed, and how many squares beside them.
 fn quantities(plan: &Plan) -> (usize, usize) {
-    let moments = if plan.recipe.variance.is_some() { 3 } else { 0 };
-    (plan.recipe.filtered + moments, moments)
+    let squares = if plan.recipe.variance.is_some() { 3 } else { 0 };
+    (plan.recipe.summed() - squares, squares)
 }
 
 impl Record for Layers<'_> {

@@ -1,6 +1,7 @@
 //! Cryptomatte 1.2.0 (Friedman and Jones, "Fully automatic ID mattes with support for motion blur and
 //! transparency", 2015): per pixel, what covers it and how much of it, by hashes of names.
 
+use std::borrow::Cow;
 use std::collections::HashSet;
 
 use crate::film::{Channel, ChannelKind};
@@ -105,16 +106,12 @@ pub fn id(name: &str) -> u32 {
 /// first, of equals the one that was met first; what has no rank left is dropped.
 pub fn rank(ids: &[(u32, u32)], samples: u32, words: &mut [u32]) {
     words.fill(0);
-    let mut sorted = Vec::new();
-    let ids = match ids {
-        [] | [_] => ids,
-        several => {
-            sorted.extend_from_slice(several);
-            sorted.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-            &sorted
-        }
-    };
-    for (pair, (id, count)) in words.chunks_exact_mut(2).zip(ids) {
+    let mut ids = Cow::Borrowed(ids);
+    // Most pixels have one.
+    if ids.len() > 1 {
+        ids.to_mut().sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    }
+    for (pair, (id, count)) in words.chunks_exact_mut(2).zip(&*ids) {
         let coverage = (f64::from(*count) / f64::from(samples)) as f32;
         pair.copy_from_slice(&[*id, coverage.to_bits()]);
     }
