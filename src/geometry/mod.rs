@@ -12,7 +12,9 @@ use glam::DVec3;
 pub use crate::ray::NONE;
 pub use passing::{Passing, passing};
 pub use sphere::Sphere;
-pub use surface::{Surfaces, prefetch_indices, prefetch_vertices, refine, round_towards};
+pub use surface::{
+    Surfaces, position_error, prefetch_indices, prefetch_vertices, refine, round_towards,
+};
 pub use triangle::{clamp_barycentrics, refine_triangle};
 
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`].

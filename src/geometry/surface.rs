@@ -7,7 +7,9 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::passing::passing;
-use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle};
+use super::triangle::{
+    TrianglePoint, position_error as triangle_error, refine_triangle, sharpen_triangle,
+};
 use super::{Geometry, GeometryKind, NONE, Sphere};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::simd::prefetch;
@@ -21,10 +23,6 @@ pub struct Surfaces {
     /// Position rounded away from the surface, to the side that the ray came from: at most 1.5 ulp
     /// per coordinate from the exact point and never behind the surface's tangent plane.
     pub outside: [[f32; LANES]; 3],
-    /// How far `position` may be from where the exact ray meets the exact primitive, if it does, by
-    /// the larger coordinate: its own rounding, and what that of f64 comes to along a surface that the
-    /// ray meets at a small angle.
-    pub error: [f32; LANES],
     /// Where on the ray: rounded once from f64, in units of the ray's direction.
     pub t: [f32; LANES],
     /// Unit geometric normal, turned to the ray's origin.
@@ -48,7 +46,6 @@ impl Surfaces {
     pub const EMPTY: Self = Self {
         position: [[0.0; LANES]; 3],
         outside: [[0.0; LANES]; 3],
-        error: [0.0; LANES],
         t: [0.0; LANES],
         ng: [[0.0; LANES]; 3],
         u: [0.0; LANES],
@@ -95,8 +92,29 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
     }
 }
 
-/// 2^-24, and what this sum itself rounds off.
-const HALF_ULP: f32 = 0.5001 * f32::EPSILON;
+/// How far the position of lane `i`, which hit, may be from where the exact ray meets the exact primitive, if
+/// it does, by the larger coordinate: its own rounding, and what that of f64 comes to along a surface that
+/// the ray meets at a small angle.
+pub fn position_error(geometry: &Geometry, packet: &RayPacket, points: &Surfaces, i: usize) -> f64 {
+    let (origin, direction) = ray(packet, i);
+    let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+    let corners = match geometry.kind(geom) {
+        GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim),
+        GeometryKind::Quads => geometry.quad_half(prim, packet.hits.u[i], packet.hits.v[i]).0,
+        GeometryKind::Spheres => {
+            let t = f64::from(points.t[i]);
+            let sphere = geometry.spheres[prim as usize];
+            return sphere_error(&sphere, origin, direction, t) + rounding(points, i);
+        }
+    };
+    let corners = corners.map(|corner| DVec3::from(corner.map(f64::from)));
+    triangle_error(corners, origin, direction) + rounding(points, i)
+}
+
+/// What a position's own rounding comes to, and what this sum itself rounds off.
+fn rounding(points: &Surfaces, i: usize) -> f64 {
+    0.5001 * f64::from(f32::EPSILON) * dvec(&points.position, i).abs().max_element()
+}
 
 /// By how much, relatively, a backend's t may differ from f64's without a closer look.
 const T_SLACK: f64 = 1.0 / (1u64 << 20) as f64;
@@ -114,7 +132,6 @@ fn put(
     out.u[i] = point.u as f32;
     out.v[i] = point.v as f32;
     out.t[i] = point.t as f32;
-    out.error[i] = point.error as f32;
     store(out, i, point.position, point.normal, direction);
     let off = (point.t - f64::from(reported)).abs();
     // Where the ray starts nothing is sure.
@@ -275,7 +292,6 @@ fn refine_spheres(geometry: &Geometry, lanes: &Mask, packet: &RayPacket, out: &m
         let t = if root.is_nan() { reported } else { root };
         let near = origin + direction * t;
         out.t[i] = t as f32;
-        out.error[i] = sphere_error(&sphere, origin, direction, t) as f32;
         let normal = (near - sphere.center).normalize_or(DVec3::Z);
         store(out, i, sphere.center + normal * sphere.radius, normal, direction);
     }
@@ -304,7 +320,6 @@ fn dvec(v: &[[f32; LANES]; 3], i: usize) -> DVec3 {
 #[inline(always)]
 fn store(out: &mut Surfaces, i: usize, position: DVec3, normal: DVec3, direction: DVec3) {
     let turn = if normal.dot(direction) > 0.0 { -1.0 } else { 1.0 };
-    out.error[i] += HALF_ULP * position.abs().max_element() as f32;
     let (p, n) = (position.to_array(), (normal * turn).to_array());
     for axis in 0..3 {
         let rounded = p[axis] as f32;

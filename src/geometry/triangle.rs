@@ -17,8 +17,6 @@ pub struct TrianglePoint {
     pub v: f64,
     /// Where the ray meets the plane; not finite for a ray along it.
     pub t: f64,
-    /// How far `position` may be from there, by the larger coordinate, if the ray meets the triangle.
-    pub error: f64,
     /// Whether the ray's line meets the triangle, to f64 rounding.
     pub met: bool,
     /// Whether the rounding leaves u and v within [`SHARP`].
@@ -45,12 +43,7 @@ pub fn clamp_barycentrics(u: f64, v: f64) -> (f64, f64) {
 /// The position is the weighted mean of the corners, so it lies on the triangle to f64 rounding
 /// however the ray came, and in the triangle's box even where the corners differ by many orders of
 /// magnitude (sums of edges would cancel there). Where the ray lies in the plane the backend's
-/// (u, v) decide.
-///
-/// `error`: each triple product of to_v0, direction and a side is off by at most 8u times its
-/// permanent (u = 2^-53), which is at most the product of the sums of their coordinates' magnitudes; so
-/// are det and, moved by u times the sides, what the weights multiply. Three such errors over det move
-/// the weights, and the weights move the position by a side each: 64u leaves room for the rest.
+/// (u, v) decide. How far all that may be off says [`position_error`].
 #[inline(always)]
 pub fn refine_triangle(
     [v0, v1, v2]: [DVec3; 3],
@@ -72,14 +65,36 @@ pub fn refine_triangle(
     let (u, v) = if sound { (ru, rv) } else { (u, v) };
     let (u, v) = clamp_barycentrics(u, v);
     let position = v0 * (1.0 - u - v).max(0.0) + v1 * u + v2 * v;
-    let (side1, side2) = (sum(e1), sum(e2));
-    let moved = 32.0 * f64::EPSILON * sum(to_v0) * sum(direction) * side1 * side2 * inverse.abs();
-    // Without the side that it is multiplied with it is the weights' own error.
-    let sharp = moved <= SHARP * side1.min(side2);
-    // Both points lie on the triangle; `min` returns the other operand for a NaN.
-    let error = moved.min(side1 + side2) + 4.0 * f64::EPSILON * (sum(v0) + sum(v1) + sum(v2));
+    // What the weights are off by: see `position_error`.
+    let blur = BLUR * sum(to_v0) * sum(direction) * sum(e1).max(sum(e2));
+    let sharp = blur * inverse.abs() <= SHARP;
     let normal = normal * (1.0 / normal.length());
-    TrianglePoint { position, normal, u, v, t, error, met, sharp }
+    TrianglePoint { position, normal, u, v, t, met, sharp }
+}
+
+/// 64u, u = 2^-53.
+const BLUR: f64 = 32.0 * f64::EPSILON;
+
+/// How far the position may be from where the ray meets the plane, by the larger coordinate, if it meets
+/// the triangle there: that of [`refine_triangle`], or of [`sharpen_triangle`] where that is asked.
+///
+/// Each triple product of to_v0, direction and a side is off by at most 8u times its permanent
+/// (u = 2^-53), which is at most the product of the sums of their coordinates' magnitudes; so are det
+/// and, moved by u times the sides, what the weights multiply. Three such errors over det move the
+/// weights, and the weights move the position by a side each: 64u leaves room for the rest. With some
+/// 106 bits the permanents are the same, each product off by 2^-100 of them, and there are the divisions.
+pub fn position_error([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3) -> f64 {
+    let (e1, e2) = (v1 - v0, v2 - v0);
+    let (side1, side2) = (sum(e1), sum(e2));
+    let det = e1.cross(e2).dot(direction).abs();
+    let spread = sum(v0 - origin) * sum(direction) * side1 * side2 / det;
+    let moved = if BLUR * spread <= SHARP * side1.min(side2) {
+        BLUR * spread
+    } else {
+        2f64.powi(-95) * spread + 4.0 * f64::EPSILON * (side1 + side2)
+    };
+    // Both points lie on the triangle; `min` returns the other operand for a NaN.
+    moved.min(side1 + side2) + 4.0 * f64::EPSILON * (sum(v0) + sum(v1) + sum(v2))
 }
 
 /// [`refine_triangle`] with some 106 bits, for needles that f64 has too few digits for. Coordinates and direction
@@ -104,15 +119,10 @@ pub fn sharpen_triangle(
     let (u, v) = if ru.is_finite() & rv.is_finite() { (ru, rv) } else { (u, v) };
     let (u, v) = clamp_barycentrics(u, v);
     let position = v0 * (1.0 - u - v).max(0.0) + v1 * u + v2 * v;
-    let (side1, side2) = (sum(v1 - v0), sum(v2 - v0));
-    // The same permanents, each product off by 2^-100 of them, and the divisions.
-    let spread = sum(v0 - origin) * sum(direction) * side1 * side2 / det.abs();
-    let moved = 2f64.powi(-95) * spread + 4.0 * f64::EPSILON * (side1 + side2);
-    let error = moved.min(side1 + side2) + 4.0 * f64::EPSILON * (sum(v0) + sum(v1) + sum(v2));
     let normal = normal.value();
     // Its length may be outside of what can be squared.
     let normal = normal / normal.abs().max_element();
-    TrianglePoint { position, normal: normal.normalize(), u, v, t, error, met, sharp: true }
+    TrianglePoint { position, normal: normal.normalize(), u, v, t, met, sharp: true }
 }
 
 /// Sum of the coordinates' magnitudes.
@@ -175,7 +185,8 @@ mod tests {
         let fast = refine_triangle(corners, origin, direction, (0.0, 0.0));
         let slow = sharpen_triangle(corners, origin, direction, (0.0, 0.0));
         assert!(fast.sharp && fast.met && slow.met);
-        assert!((fast.position - slow.position).length() <= fast.error);
+        let error = position_error(corners, origin, direction);
+        assert!((fast.position - slow.position).length() <= error && error < 1e-12);
         assert!((fast.normal - slow.normal).length() < 1e-14 && (fast.t - slow.t).abs() < 1e-14);
     }
 

@@ -4,7 +4,7 @@ use glam::DVec3;
 use lightpath::accel::EmbreeMode;
 use lightpath::accel::brute::Brute;
 use lightpath::accel::lane::{Hit, Ray};
-use lightpath::geometry::{Geometry, Surfaces, refine};
+use lightpath::geometry::{Geometry, Surfaces, position_error, refine};
 use lightpath::ray::{Coherence, LANES};
 use lightpath::scene::Backend;
 
@@ -76,7 +76,8 @@ fn survey(backend: Backend) -> Seen {
                 // Rays that pass an edge within the bound of a test in f32 have no exact hit there.
                 let Some(hit) = exact(&oracle, &ray, geom, prim) else { continue };
                 assert_eq!(points.doubtful.0[i], 0, "{ray:?} {hit:?}");
-                check(&mut seen, &geometry, &points, i, &ray, &hit);
+                let error = position_error(&geometry, &traced, &points, i);
+                check(&mut seen, &geometry, (&points, i, error), &ray, &hit);
             }
         }
     }
@@ -84,7 +85,13 @@ fn survey(backend: Backend) -> Seen {
     seen
 }
 
-fn check(seen: &mut Seen, geometry: &Geometry, points: &Surfaces, i: usize, ray: &Ray, hit: &Hit) {
+fn check(
+    seen: &mut Seen,
+    geometry: &Geometry,
+    (points, i, error): (&Surfaces, usize, f64),
+    ray: &Ray,
+    hit: &Hit,
+) {
     seen.hits += 1;
     let off = ulps(points.t[i], hit.t);
     seen.worst_ulps = seen.worst_ulps.max(off);
@@ -104,7 +111,7 @@ fn check(seen: &mut Seen, geometry: &Geometry, points: &Surfaces, i: usize, ray:
     // The oracle's own t is good to 2^-40.
     let known = (ray.direction * hit.t).abs().max_element() * 2f64.powi(-40);
     let distance = ((at - met).abs().max_element() - known).max(0.0);
-    seen.worst_share = seen.worst_share.max(distance / f64::from(points.error[i]));
+    seen.worst_share = seen.worst_share.max(distance / error);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use crate::ray::{LANES, NONE, RayPacket, Rays};
 const FEW: usize = 16;
 
 /// The closest hits so far.
+#[repr(C, align(64))]
 pub struct Found {
     /// Ray parameters; the ends of the segments until there is a hit.
     pub t: [f64; LANES],

@@ -66,10 +66,6 @@ struct Test {
     weights: [[f32; LANES]; 3],
 }
 
-impl Test {
-    const NONE: Self = Self { hit: [0; LANES], t: [0.0; LANES], weights: [[0.0; LANES]; 3] };
-}
-
 /// The numbers of the bits that are set, from the lowest on.
 struct Bits(u32);
 
@@ -85,13 +81,13 @@ impl Iterator for Bits {
 
 /// 16 rays on their way through the tree.
 pub struct Packet<'a, T> {
+    /// Ends of the segments as the boxes see them; -inf where a ray is done.
+    tfar: [f32; LANES],
     tier: T,
     tree: &'a Tree,
     geometry: &'a Geometry,
     query: &'a Query,
     rays: &'a Rays,
-    /// Ends of the segments as the boxes see them; -inf where a ray is done.
-    tfar: [f32; LANES],
     /// Around the rays.
     frustum: Frustum,
     /// Where it ends: see [`Frustum::end`].
@@ -260,7 +256,7 @@ impl<'a, T: Tier> Packet<'a, T> {
 
     /// One triangle of a leaf against the rays that enter the leaf's box.
     #[inline(always)]
-    fn test(&self, block: &Block, slot: usize, entering: &[i32; LANES], out: &mut Test) -> bool {
+    fn test(&self, block: &Block, slot: usize, entering: &[i32; LANES]) -> Option<Test> {
         let axes = self.frustum.axes;
         let corner = |k: usize| {
             let v = block.corner(k, slot);
@@ -268,6 +264,7 @@ impl<'a, T: Tier> Packet<'a, T> {
         };
         let (p, q, r) = (corner(0), corner(1), corner(2));
         let query = self.query;
+        let mut weights = [[0.0f32; LANES]; 3];
         let mut maybe = [0i32; LANES];
         let mut unsure = [0i32; LANES];
         let (mut least_depth, mut most_depth) = ([0.0f32; LANES], [0.0f32; LANES]);
@@ -283,7 +280,7 @@ impl<'a, T: Tier> Packet<'a, T> {
             let (q0, q1, q2) = (cy * bx, ay * cx, by * ax);
             // Not fused: these become the weights, which are the same in every tier.
             let (u, v, w) = (cx * by - q0, ax * cy - q1, bx * ay - q2);
-            (out.weights[0][i], out.weights[1][i], out.weights[2][i]) = (v, w, u + v + w);
+            (weights[0][i], weights[1][i], weights[2][i]) = (v, w, u + v + w);
             let slack = max(max(q0.abs(), q1.abs()), q2.abs()) * EDGE_SLACK + EDGE_FLOOR;
             let (least, most) = (min(min(u, v), w), max(max(u, v), w));
             let misses = (least < -slack) & (most > slack);
@@ -293,18 +290,23 @@ impl<'a, T: Tier> Packet<'a, T> {
             maybe[i] = entering[i] & -i32::from(!misses);
             unsure[i] = maybe[i] & -i32::from(!sure);
         }
+        let backward = self.frustum.forward < 0.0;
         let mut any = 0;
         for i in 0..LANES {
+            let first = if backward { -most_depth[i] } else { least_depth[i] };
+            let behind = first > query.depth(i, self.tfar[i]);
+            maybe[i] &= -i32::from(!behind);
+            unsure[i] &= maybe[i];
             any |= maybe[i];
         }
         if any == 0 {
-            return false;
+            return None;
         }
-        self.distances(block.triangle(slot), &mut out.t);
+        let mut t = self.distances(block.triangle(slot));
         // In one loop: what is stored by halves of a register is not there for a whole one at once.
         let mut doubt = 0;
         for i in 0..LANES {
-            let depth = out.t[i] * self.along(i);
+            let depth = t[i] * self.along(i);
             let slack = depth.abs() * DEPTH_SLACK;
             let within = (depth >= f64::from(least_depth[i]) - slack)
                 & (depth <= f64::from(most_depth[i]) + slack);
@@ -312,10 +314,12 @@ impl<'a, T: Tier> Packet<'a, T> {
             doubt |= unsure[i];
         }
         if doubt != 0 {
-            self.decide(block, slot, &unsure, &mut maybe, &mut out.t);
+            // Copies: of what a call has seen nothing stays in registers.
+            let (unsure, mut hit, mut at) = (unsure, maybe, t);
+            self.decide(block, slot, &unsure, &mut hit, &mut at);
+            (maybe, t) = (hit, at);
         }
-        out.hit = maybe;
-        true
+        Some(Test { hit: maybe, t, weights })
     }
 
     /// Direction along the dominant axis.
@@ -327,7 +331,8 @@ impl<'a, T: Tier> Packet<'a, T> {
 
     /// Ray parameters of a triangle's plane.
     #[inline(always)]
-    fn distances(&self, corners: [[f32; 3]; 3], t: &mut [f64; LANES]) {
+    fn distances(&self, corners: [[f32; 3]; 3]) -> [f64; LANES] {
+        let mut t = [0.0; LANES];
         let plane = Plane::new(corners);
         let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
         for i in 0..LANES {
@@ -335,6 +340,7 @@ impl<'a, T: Tier> Packet<'a, T> {
             let direction = [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])];
             t[i] = plane.t(origin, direction);
         }
+        t
     }
 
     /// Lanes in doubt, one by one.
@@ -371,12 +377,9 @@ impl<'a, T: Tier> Packet<'a, T> {
             }
             return;
         }
-        let mut test = Test::NONE;
         let entering = spread(entering);
         for slot in Bits(triangles) {
-            if !self.test(block, slot, &entering, &mut test) {
-                continue;
-            }
+            let Some(test) = self.test(block, slot, &entering) else { continue };
             let primitive = block.primitives[slot];
             let second_half = -i32::from(block.is_second_half(slot));
             for i in 0..LANES {
@@ -413,12 +416,9 @@ impl<'a, T: Tier> Packet<'a, T> {
             }
             return;
         }
-        let mut test = Test::NONE;
         let entering = spread(entering);
         for slot in Bits(triangles) {
-            if !self.test(block, slot, &entering, &mut test) {
-                continue;
-            }
+            let Some(test) = self.test(block, slot, &entering) else { continue };
             let primitive = block.primitives[slot];
             for i in 0..LANES {
                 let t = test.t[i];

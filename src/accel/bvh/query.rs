@@ -34,6 +34,7 @@ static AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 /// - A component below `LEAST` is lifted to it: the ray strays by at most LEAST times the scene,
 ///   2^-60 against 2^-22 in `margin`.
 #[derive(Debug)]
+#[repr(C, align(64))]
 pub struct Query {
     /// Inverse direction, made smaller by 4u.
     pub near_inverse: [[f32; LANES]; 3],
@@ -171,6 +172,13 @@ impl Query {
         part
     }
 
+    /// How far along the dominant axis ray `i` is at a scaled parameter, or a bit farther: what lies
+    /// beyond is farther than the parameter.
+    #[inline(always)]
+    pub fn depth(&self, i: usize, t: f32) -> f32 {
+        t * self.along[i].abs() * (1.0 + 8.0 * U)
+    }
+
     /// Ray `i` alone.
     #[inline(always)]
     pub fn lane(&self, i: usize) -> Lane<'_> {
@@ -256,11 +264,10 @@ impl Lane<'_> {
         member[self.i % LANES]
     }
 
-    /// How far along the dominant axis the ray is at a scaled parameter, or a bit farther: what lies
-    /// beyond is farther than the parameter.
+    /// See [`Query::depth`].
     #[inline(always)]
     pub fn depth(&self, t: f32) -> f32 {
-        t * self.of(&self.query.along).abs() * (1.0 + 8.0 * U)
+        self.query.depth(self.i % LANES, t)
     }
 
     /// A vertex, in the order of `axes`, relative to the ray: along the first two axes the distance

@@ -77,10 +77,35 @@ pub fn build(
     let total = references.len() as u64;
     let done = AtomicU64::new(0);
     let builder = Builder { geometry, isa, monitor, total, done: &done };
-    let mut nodes = Vec::new();
     let centroids = centroids_of(references);
-    builder.subtree(Set { references, centroids, first: 0, depth: 0 }, &mut nodes);
-    nodes
+    let pieces = builder.subtree(Set { references, centroids, first: 0, depth: 0 });
+    pieces.nodes.concat()
+}
+
+/// A subtree, in pieces to be strung together: copied once, not at every level.
+struct Pieces {
+    nodes: Vec<Vec<Binary>>,
+    /// Nodes in all pieces.
+    len: usize,
+}
+
+impl Pieces {
+    fn one(nodes: Vec<Binary>) -> Self {
+        Self { len: nodes.len(), nodes: vec![nodes] }
+    }
+
+    fn root(&self) -> &Binary {
+        &self.nodes[0][0]
+    }
+
+    /// A node above two subtrees.
+    fn join(left: Self, right: Self) -> Self {
+        let bounds = left.root().bounds.union(right.root().bounds);
+        let node = Binary { bounds, right: left.len as u32 + 1, ..Binary::UNFINISHED };
+        let len = 1 + left.len + right.len;
+        let nodes = [vec![vec![node]], left.nodes, right.nodes].into_iter().flatten().collect();
+        Self { nodes, len }
+    }
 }
 
 /// Numbers the leaves of each kind in order; returns them all.
@@ -118,29 +143,25 @@ struct Set<'r> {
 }
 
 impl Builder<'_> {
-    /// Appends the tree over a set.
-    fn subtree(self, set: Set, out: &mut Vec<Binary>) {
+    /// The tree over a set.
+    fn subtree(self, set: Set) -> Pieces {
         if self.monitor.stopped() {
             // Whatever this makes is thrown away.
-            out.push(Binary { first: set.first, ..Binary::UNFINISHED });
-            return;
+            return Pieces::one(vec![Binary { first: set.first, ..Binary::UNFINISHED }]);
         }
-        let n = set.references.len() as u64;
-        if set.references.len() < PARALLEL {
+        let n = set.references.len();
+        if n < PARALLEL {
             let bins = &mut Bins::EMPTY.clone();
-            simd::dispatch(self.isa, Serial { builder: self, set, bins, out });
-            let done = self.done.fetch_add(n, Relaxed) + n;
+            // What scans need: leaves of 11 references, and the nodes above them.
+            let mut out = Vec::with_capacity(n / 4);
+            simd::dispatch(self.isa, Serial { builder: self, set, bins, out: &mut out });
+            let done = self.done.fetch_add(n as u64, Relaxed) + n as u64;
             self.monitor.set_done(done * 900 / self.total);
-            return;
+            return Pieces::one(out);
         }
-        let node = out.len();
-        out.push(Binary::UNFINISHED);
         let (left, right) = divide(self.isa, set);
-        let mut behind = Vec::new();
-        rayon::join(|| self.subtree(left, out), || self.subtree(right, &mut behind));
-        let start = out.len();
-        out.append(&mut behind);
-        finish(out, node, start);
+        let (left, right) = rayon::join(|| self.subtree(left), || self.subtree(right));
+        Pieces::join(left, right)
     }
 
     #[inline(always)]
