@@ -43,7 +43,7 @@ pub fn clamp_barycentrics(u: f64, v: f64) -> (f64, f64) {
 /// The position is the weighted mean of the corners, so it lies on the triangle to f64 rounding
 /// however the ray came, and in the triangle's box even where the corners differ by many orders of
 /// magnitude (sums of edges would cancel there). Where the ray lies in the plane the backend's
-/// (u, v) decide. How far all that may be off says [`position_error`].
+/// (u, v) decide. How far all that may be off says [`super::position_error`].
 #[inline(always)]
 pub fn refine_triangle(
     [v0, v1, v2]: [DVec3; 3],

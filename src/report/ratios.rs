@@ -100,11 +100,14 @@ impl Ratio {
 fn marks(span: f64) -> Vec<f64> {
     let wide = [0.01f64, 0.1, 1.0, 10.0, 100.0];
     let middle = [0.25, 0.5, 1.0, 2.0, 4.0];
+    let close = [0.5, 0.7, 1.0, 1.4, 2.0];
     let narrow = [0.8, 0.9, 1.0, 1.1, 1.25];
     let marks = if span >= 10f64.ln() {
         wide
     } else if span >= 2f64.ln() {
         middle
+    } else if span >= 1.45f64.ln() {
+        close
     } else {
         narrow
     };
