@@ -7,9 +7,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::passing::passing;
-use super::triangle::{
-    TrianglePoint, position_error as triangle_error, refine_triangle, sharpen_triangle,
-};
+use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle, triangle_error};
 use super::{Geometry, GeometryKind, NONE, Sphere};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::simd::prefetch;
@@ -92,7 +90,7 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
     }
 }
 
-/// How far the position of lane `i`, which hit, may be from where the exact ray meets the exact primitive, if
+/// How far, in scene units, the position of lane `i`, which hit, may be from where the exact ray meets the exact primitive, if
 /// it does, by the larger coordinate: its own rounding, and what that of f64 comes to along a surface that
 /// the ray meets at a small angle.
 pub fn position_error(geometry: &Geometry, packet: &RayPacket, points: &Surfaces, i: usize) -> f64 {

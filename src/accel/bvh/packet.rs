@@ -81,13 +81,13 @@ impl Iterator for Bits {
 
 /// 16 rays on their way through the tree.
 pub struct Packet<'a, T> {
-    /// Ends of the segments as the boxes see them; -inf where a ray is done.
-    tfar: [f32; LANES],
     tier: T,
     tree: &'a Tree,
     geometry: &'a Geometry,
     query: &'a Query,
     rays: &'a Rays,
+    /// Ends of the segments as the boxes see them; -inf where a ray is done.
+    tfar: [f32; LANES],
     /// Around the rays.
     frustum: Frustum,
     /// Where it ends: see [`Frustum::end`].
@@ -294,6 +294,7 @@ impl<'a, T: Tier> Packet<'a, T> {
         let mut any = 0;
         for i in 0..LANES {
             let first = if backward { -most_depth[i] } else { least_depth[i] };
+            // Behind what the ray has met: no need to look at the plane.
             let behind = first > query.depth(i, self.tfar[i]);
             maybe[i] &= -i32::from(!behind);
             unsure[i] &= maybe[i];
