@@ -60,12 +60,16 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
     out.hit = *hit;
     let mut corners = [[[0.0f32; LANES]; 3]; 3];
     let mut weights = [packet.hits.u, packet.hits.v];
-    let spheres = match one_mesh(geometry, &out.hit, packet) {
-        Some(geom) => {
-            gather_mesh(geometry, geom, packet, &mut corners, &mut out.primitive);
+    let spheres = match one_geometry(geometry, &out.hit, packet) {
+        Some(GeometryKind::Mesh(mesh)) => {
+            gather_mesh(geometry, mesh, packet, &mut corners, &mut out.primitive);
             Mask::NONE
         }
-        None => gather(geometry, packet, &mut corners, &mut weights, out),
+        Some(GeometryKind::Quads) if one_primitive(packet) => {
+            one_quad(geometry, packet, &mut corners, &mut weights, &mut out.primitive);
+            Mask::NONE
+        }
+        _ => gather(geometry, packet, &mut corners, &mut weights, out),
     };
     let (mut unsure, mut coarse) = (Mask::NONE, Mask::NONE);
     for i in 0..LANES {
@@ -184,13 +188,45 @@ fn doubt(
     }
 }
 
-/// The mesh that every lane hits, if there is one.
+/// What every lane hits, if that is one geometry.
 #[inline(always)]
-fn one_mesh(geometry: &Geometry, hit: &Mask, packet: &RayPacket) -> Option<u32> {
+fn one_geometry(geometry: &Geometry, hit: &Mask, packet: &RayPacket) -> Option<GeometryKind> {
     let geom = packet.hits.geom[0];
     let same =
         (0..LANES).fold(true, |same, i| same & (hit.0[i] != 0) & (packet.hits.geom[i] == geom));
-    (same && (geom as usize) < geometry.meshes.len()).then_some(geom)
+    same.then(|| geometry.kind(geom))
+}
+
+/// Whether every lane hits the same primitive of a geometry.
+#[inline(always)]
+fn one_primitive(packet: &RayPacket) -> bool {
+    let prim = &packet.hits.prim;
+    (0..LANES).fold(true, |same, i| same & (prim[i] == prim[0]))
+}
+
+/// Corners of the halves of one quad that the lanes hit.
+#[inline(always)]
+fn one_quad(
+    geometry: &Geometry,
+    packet: &RayPacket,
+    corners: &mut [[[f32; LANES]; 3]; 3],
+    weights: &mut [[f32; LANES]; 2],
+    primitive: &mut [u32; LANES],
+) {
+    let prim = packet.hits.prim[0];
+    *primitive = [geometry.primitive(packet.hits.geom[0], prim); LANES];
+    let [v0, v1, v2, v3] = geometry.quads[prim as usize];
+    let halves = [[v0, v2], [v1, v3], [v3, v1]];
+    for i in 0..LANES {
+        let (u, v) = (weights[0][i], weights[1][i]);
+        let first = u + v <= 1.0;
+        (weights[0][i], weights[1][i]) = if first { (u, v) } else { (1.0 - u, 1.0 - v) };
+        for (corner, [a, b]) in corners.iter_mut().zip(halves) {
+            for axis in 0..3 {
+                corner[axis][i] = if first { a[axis] } else { b[axis] };
+            }
+        }
+    }
 }
 
 /// Corners of one mesh's triangles. First all indices, then all vertices, so that the cache
@@ -198,14 +234,14 @@ fn one_mesh(geometry: &Geometry, hit: &Mask, packet: &RayPacket) -> Option<u32> 
 #[inline(always)]
 fn gather_mesh(
     geometry: &Geometry,
-    geom: u32,
+    mesh: usize,
     packet: &RayPacket,
     corners: &mut [[[f32; LANES]; 3]; 3],
     primitive: &mut [u32; LANES],
 ) {
-    let mesh = &geometry.meshes[geom as usize];
+    let base = geometry.primitive(mesh as u32, 0);
+    let mesh = &geometry.meshes[mesh];
     let (vertices, triangles) = (mesh.vertices(), mesh.triangles());
-    let base = geometry.primitive(geom, 0);
     let mut indices = [[0u32; 3]; LANES];
     for i in 0..LANES {
         indices[i] = triangles[packet.hits.prim[i] as usize];
@@ -359,5 +395,45 @@ mod tests {
             }
             prop_assert!(above >= 0.0);
         }
+    }
+    /// A packet whose rays all hit one quad takes a way of its own; one ray alone does not.
+    #[test]
+    fn a_packet_on_one_quad_is_its_rays_one_by_one() {
+        let quads = vec![
+            [[9.0, 9.0, 9.0], [8.0, 9.0, 9.0], [8.0, 8.0, 9.0], [9.0, 8.0, 9.0]],
+            [[0.0, 0.0, 1.0], [1.0, 0.0, 1.5], [1.0, 1.0, 1.5], [0.0, 1.0, 1.0]],
+        ];
+        let geometry = Geometry::new(DVec3::ZERO, Vec::new(), quads, Vec::new()).unwrap();
+        let mut packet = RayPacket::EMPTY;
+        for i in 0..LANES {
+            let (u, v) = ((i % 4) as f32 * 0.3 + 0.05, (i / 4) as f32 * 0.3 + 0.05);
+            (packet.rays.org[0][i], packet.rays.org[1][i]) = (u - 0.25, v);
+            (packet.rays.dir[0][i], packet.rays.dir[2][i]) = (0.25, 1.0 + 0.5 * u);
+            (packet.hits.u[i], packet.hits.v[i]) = (u, v);
+            (packet.hits.geom[i], packet.hits.prim[i]) = (geometry.quads_id(), 1);
+            packet.rays.tfar[i] = 1.0;
+        }
+        let (mut together, mut alone) = (Surfaces::EMPTY, Surfaces::EMPTY);
+        refine(&geometry, &Mask([-1; LANES]), &packet, &mut together);
+        for i in 0..LANES {
+            let mut one = Mask::NONE;
+            one.0[i] = -1;
+            refine(&geometry, &one, &packet, &mut alone);
+            let point = |s: &Surfaces| {
+                let vectors = [&s.position, &s.outside, &s.ng];
+                let scalars = [s.t[i], s.u[i], s.v[i]].map(f32::to_bits);
+                (
+                    vectors.map(|v| [0, 1, 2].map(|axis| v[axis][i].to_bits())),
+                    scalars,
+                    s.primitive[i],
+                )
+            };
+            assert_eq!(point(&together), point(&alone));
+            assert!(together.hit.0[i] != 0 && together.doubtful.0[i] == 0);
+            let x = f64::from(packet.hits.u[i]);
+            assert!((f64::from(together.position[0][i]) - x).abs() < 1e-6);
+        }
+        let first = (0..LANES).filter(|&i| packet.hits.u[i] + packet.hits.v[i] <= 1.0).count();
+        assert!((4..=12).contains(&first), "both halves are hit");
     }
 }

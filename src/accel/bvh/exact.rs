@@ -94,6 +94,15 @@ fn max3<T: PartialOrd>(a: T, b: T, c: T) -> T {
     if m > c { m } else { c }
 }
 
+/// Where a leaf's triangle begins and ends along a ray's dominant axis, in the ray's direction.
+#[inline(always)]
+pub fn depths(lane: &Lane, block: &Block, i: usize) -> (f32, f32) {
+    let depth = |k: usize| lane.depth_of(block.vertices[lane.axes[2]][block.corner(k, i)]);
+    let (a, b, c) = (depth(0), depth(1), depth(2));
+    let (least, most) = (min3(a, b, c), max3(a, b, c));
+    if lane.octant >> lane.axes[2] & 1 != 0 { (-most, -least) } else { (least, most) }
+}
+
 impl Sheared {
     /// A leaf's triangle.
     #[inline(always)]

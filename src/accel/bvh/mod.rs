@@ -47,7 +47,6 @@ pub use self::validate::Stats;
 
 use self::bounds::Bounds3;
 use self::build::Tree;
-use self::exact::Ray64;
 use self::found::Found;
 use self::packet::{Packet, Stacks};
 use self::query::Query;
@@ -89,13 +88,10 @@ impl<'g> Bvh<'g> {
         &'a self,
         tier: T,
         query: &'a Query,
-        rays: &Rays,
+        rays: &'a Rays,
         i: usize,
     ) -> Single<'a, T> {
-        let lane = query.lane(i);
-        let ray = Ray64::new(rays, i, lane.axes[2]);
-        let scene = (&self.tree, self.geometry);
-        Single::new(tier, scene, lane, ray, rays.leaving[i])
+        Single::new(tier, (&self.tree, self.geometry), query.lane(i), rays)
     }
 }
 

@@ -31,7 +31,7 @@ thread_local! {
 }
 
 /// So many rays are traced on alone.
-const FEW: u32 = 2;
+const FEW: u32 = 3;
 
 /// What is yet to visit.
 pub struct Stacks {
@@ -55,6 +55,20 @@ impl Stacks {
         stack.clear();
         STACK.set(stack);
     }
+}
+
+/// A triangle against the lines of 16 rays, in f32.
+struct Edges {
+    /// Lanes whose line may meet it: all bits set.
+    maybe: [i32; LANES],
+    /// Those of them whose line may also miss it.
+    unsure: [i32; LANES],
+    /// How far along the dominant axis the triangle begins.
+    first: [f32; LANES],
+    /// How far it ends.
+    last: [f32; LANES],
+    /// See [`Found::weights`].
+    weights: [[f32; LANES]; 3],
 }
 
 /// A triangle against 16 rays.
@@ -254,9 +268,9 @@ impl<'a, T: Tier> Packet<'a, T> {
         }
     }
 
-    /// One triangle of a leaf against the rays that enter the leaf's box.
+    /// The lines of the rays that enter a leaf's box against one of its triangles; none if no ray may hit it.
     #[inline(always)]
-    fn test(&self, block: &Block, slot: usize, entering: &[i32; LANES]) -> Option<Test> {
+    fn edges(&self, block: &Block, slot: usize, entering: &[i32; LANES]) -> Option<Edges> {
         let axes = self.frustum.axes;
         let corner = |k: usize| {
             let v = block.corner(k, slot);
@@ -267,7 +281,8 @@ impl<'a, T: Tier> Packet<'a, T> {
         let mut weights = [[0.0f32; LANES]; 3];
         let mut maybe = [0i32; LANES];
         let mut unsure = [0i32; LANES];
-        let (mut least_depth, mut most_depth) = ([0.0f32; LANES], [0.0f32; LANES]);
+        let (mut first, mut last) = ([0.0f32; LANES], [0.0f32; LANES]);
+        let backward = self.frustum.forward < 0.0;
         for i in 0..LANES {
             let (sx, sy) = (query.shear[0][i], query.shear[1][i]);
             let (ox, oy, oz) = (query.origin[0][i], query.origin[1][i], query.origin[2][i]);
@@ -285,32 +300,36 @@ impl<'a, T: Tier> Packet<'a, T> {
             let (least, most) = (min(min(u, v), w), max(max(u, v), w));
             let misses = (least < -slack) & (most > slack);
             let sure = (least > slack) | (most < -slack);
-            least_depth[i] = min(min(az, bz), cz);
-            most_depth[i] = max(max(az, bz), cz);
+            let (least, most) = (min(min(az, bz), cz), max(max(az, bz), cz));
+            (first[i], last[i]) = if backward { (-most, -least) } else { (least, most) };
             maybe[i] = entering[i] & -i32::from(!misses);
             unsure[i] = maybe[i] & -i32::from(!sure);
         }
-        let backward = self.frustum.forward < 0.0;
+        let primitive = block.primitives[slot];
         let mut any = 0;
         for i in 0..LANES {
-            let first = if backward { -most_depth[i] } else { least_depth[i] };
             // Behind what the ray has met: no need to look at the plane.
-            let behind = first > query.depth(i, self.tfar[i]);
-            maybe[i] &= -i32::from(!behind);
+            let behind = first[i] > query.depth(i, self.tfar[i]);
+            let leaving = self.rays.leaving[i] == primitive;
+            maybe[i] &= -i32::from(!(behind | leaving));
             unsure[i] &= maybe[i];
             any |= maybe[i];
         }
-        if any == 0 {
-            return None;
-        }
+        (any != 0).then_some(Edges { maybe, unsure, first, last, weights })
+    }
+
+    /// Where the rays of `edges` meet the triangle, those in doubt decided.
+    #[inline(always)]
+    fn test(&self, block: &Block, slot: usize, edges: Edges) -> Test {
+        let Edges { mut maybe, mut unsure, first, last, weights } = edges;
         let mut t = self.distances(block.triangle(slot));
         // In one loop: what is stored by halves of a register is not there for a whole one at once.
         let mut doubt = 0;
         for i in 0..LANES {
-            let depth = t[i] * self.along(i);
+            let depth = t[i] * self.along(i).abs();
             let slack = depth.abs() * DEPTH_SLACK;
-            let within = (depth >= f64::from(least_depth[i]) - slack)
-                & (depth <= f64::from(most_depth[i]) + slack);
+            let within =
+                (depth >= f64::from(first[i]) - slack) & (depth <= f64::from(last[i]) + slack);
             unsure[i] |= maybe[i] & -i32::from(!within);
             doubt |= unsure[i];
         }
@@ -320,7 +339,7 @@ impl<'a, T: Tier> Packet<'a, T> {
             self.decide(block, slot, &unsure, &mut hit, &mut at);
             (maybe, t) = (hit, at);
         }
-        Some(Test { hit: maybe, t, weights })
+        Test { hit: maybe, t, weights }
     }
 
     /// Direction along the dominant axis.
@@ -380,7 +399,8 @@ impl<'a, T: Tier> Packet<'a, T> {
         }
         let entering = spread(entering);
         for slot in Bits(triangles) {
-            let Some(test) = self.test(block, slot, &entering) else { continue };
+            let Some(edges) = self.edges(block, slot, &entering) else { continue };
+            let test = self.test(block, slot, edges);
             let primitive = block.primitives[slot];
             let second_half = -i32::from(block.is_second_half(slot));
             for i in 0..LANES {
@@ -389,10 +409,7 @@ impl<'a, T: Tier> Packet<'a, T> {
                     | ((t == best.t[i])
                         & (primitive < best.primitive[i])
                         & (best.primitive[i] != NONE));
-                let counts = (test.hit[i] != 0)
-                    & closer
-                    & (t > f64::from(self.rays.tnear[i]))
-                    & (primitive != self.rays.leaving[i]);
+                let counts = (test.hit[i] != 0) & closer & (t > f64::from(self.rays.tnear[i]));
                 best.t[i] = if counts { t } else { best.t[i] };
                 best.primitive[i] = if counts { primitive } else { best.primitive[i] };
                 for (weights, found) in best.weights.iter_mut().zip(&test.weights) {
@@ -419,14 +436,26 @@ impl<'a, T: Tier> Packet<'a, T> {
         }
         let entering = spread(entering);
         for slot in Bits(triangles) {
-            let Some(test) = self.test(block, slot, &entering) else { continue };
-            let primitive = block.primitives[slot];
+            let Some(mut edges) = self.edges(block, slot, &entering) else { continue };
+            let mut rest = 0;
+            for i in 0..LANES {
+                // t is kept within the depths of the corners: where these are clear of the ends, it is not asked for.
+                let within = self.query.within(i, edges.first[i], edges.last[i]);
+                let sure = edges.maybe[i] & !edges.unsure[i] & -i32::from(within);
+                stopped[i] |= sure;
+                self.tfar[i] = if sure != 0 { f32::NEG_INFINITY } else { self.tfar[i] };
+                edges.maybe[i] &= !sure;
+                rest |= edges.maybe[i];
+            }
+            if rest == 0 {
+                continue;
+            }
+            let test = self.test(block, slot, edges);
             for i in 0..LANES {
                 let t = test.t[i];
                 let counts = (test.hit[i] != 0)
                     & (t > f64::from(self.rays.tnear[i]))
-                    & (t < f64::from(self.rays.tfar[i]))
-                    & (primitive != self.rays.leaving[i]);
+                    & (t < f64::from(self.rays.tfar[i]));
                 stopped[i] |= -i32::from(counts);
                 self.tfar[i] = if counts { f32::NEG_INFINITY } else { self.tfar[i] };
             }
@@ -435,9 +464,7 @@ impl<'a, T: Tier> Packet<'a, T> {
 
     #[inline(always)]
     fn single(&self, i: usize) -> Single<'a, T> {
-        let lane = self.query.lane(i);
-        let ray = Ray64::new(self.rays, i, lane.axes[2]);
-        Single::new(self.tier, (self.tree, self.geometry), lane, ray, self.rays.leaving[i])
+        Single::new(self.tier, (self.tree, self.geometry), self.query.lane(i), self.rays)
     }
 
     #[inline(never)]

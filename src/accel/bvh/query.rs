@@ -179,6 +179,17 @@ impl Query {
         t * self.along[i].abs() * (1.0 + 8.0 * U)
     }
 
+    /// Whether all of ray `i` between two distances along the dominant axis lies within its open segment
+    /// for sure.
+    #[inline(always)]
+    pub fn within(&self, i: usize, first: f32, last: f32) -> bool {
+        let along = self.along[i].abs();
+        // 16u are more than the ends were moved by and all roundings here; the least normal number pays for
+        // what underflows.
+        (first > self.tnear[i] * along * (1.0 + 16.0 * U) + f32::MIN_POSITIVE)
+            & (last < self.tfar[i] * along * (1.0 - 16.0 * U) - f32::MIN_POSITIVE)
+    }
+
     /// Ray `i` alone.
     #[inline(always)]
     pub fn lane(&self, i: usize) -> Lane<'_> {
@@ -270,13 +281,25 @@ impl Lane<'_> {
         self.query.depth(self.i % LANES, t)
     }
 
+    /// Of a coordinate along the dominant axis, relative to the ray's origin.
+    #[inline(always)]
+    pub fn depth_of(&self, z: f32) -> f32 {
+        z - self.of(&self.query.origin[2])
+    }
+
+    /// See [`Query::within`].
+    #[inline(always)]
+    pub fn within(&self, first: f32, last: f32) -> bool {
+        self.query.within(self.i % LANES, first, last)
+    }
+
     /// A vertex, in the order of `axes`, relative to the ray: along the first two axes the distance
     /// from the ray at the vertex's depth, then the depth. The same bits in every tier: multiply,
     /// then subtract.
     #[inline(always)]
     pub fn sheared(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         let (origin, shear) = (&self.query.origin, &self.query.shear);
-        let depth = z - self.of(&origin[2]);
+        let depth = self.depth_of(z);
         [
             (x - self.of(&origin[0])) - self.of(&shear[0]) * depth,
             (y - self.of(&origin[1])) - self.of(&shear[1]) * depth,

@@ -1,7 +1,6 @@
 //! The exact tests of leaves that somebody else's tree finds.
 
 use super::LEAST_TOGETHER;
-use super::exact::Ray64;
 use super::found::Found;
 use super::leaves::Leaves;
 use super::packet::Packet;
@@ -98,9 +97,7 @@ impl<T: Tier, S: Search> Kernel for Closest<'_, T, S> {
             }
             for i in 0..LANES {
                 if part.0[i] != 0 {
-                    let lane = query.lane(i);
-                    let ray = Ray64::new(&rays, i, lane.axes[2]);
-                    let single = Single::new(tier, scene, lane, ray, rays.leaving[i]);
+                    let single = Single::new(tier, scene, query.lane(i), &rays);
                     let best = single.nothing();
                     let mut visitor =
                         ClosestAlone { tier, leaves, single, best, i, ends: query.tfar };
@@ -234,9 +231,7 @@ impl<T: Tier, S: Search> Kernel for Occluded<'_, T, S> {
             }
             for i in 0..LANES {
                 if part.0[i] != 0 {
-                    let lane = query.lane(i);
-                    let ray = Ray64::new(rays, i, lane.axes[2]);
-                    let single = Single::new(tier, scene, lane, ray, rays.leaving[i]);
+                    let single = Single::new(tier, scene, query.lane(i), rays);
                     let mut visitor = AnyAlone { tier, leaves, single, i, ends: query.tfar };
                     search.occluded_alone(&scaled, i, &mut visitor);
                     stopped[i] |= -i32::from(visitor.ends[i] == f32::NEG_INFINITY);

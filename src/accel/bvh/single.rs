@@ -1,13 +1,13 @@
 //! One ray through the tree.
 
 use super::build::Tree;
-use super::exact::{Ray64, Sheared};
+use super::exact::{Ray64, Sheared, depths};
 use super::found::Found;
 use super::node::{Child, Kind, SphereLeaf};
 use super::query::Lane;
 use super::simd::{Stack, Tier};
 use crate::geometry::Geometry;
-use crate::ray::NONE;
+use crate::ray::{LANES, NONE, Rays};
 
 /// What a ray hit so far.
 #[derive(Debug, Clone, Copy)]
@@ -66,8 +66,8 @@ pub struct Single<'a, T> {
     geometry: &'a Geometry,
     /// The ray, made ready.
     lane: Lane<'a>,
-    /// The ray in f64.
-    ray: Ray64,
+    /// The ray as the caller gave it, among others.
+    rays: &'a Rays,
     /// The primitive that it leaves.
     leaving: u32,
 }
@@ -79,16 +79,21 @@ impl<'a, T: Tier> Single<'a, T> {
         tier: T,
         (tree, geometry): (&'a Tree, &'a Geometry),
         lane: Lane<'a>,
-        ray: Ray64,
-        leaving: u32,
+        rays: &'a Rays,
     ) -> Self {
-        Self { tier, tree, geometry, lane, ray, leaving }
+        Self { tier, tree, geometry, lane, rays, leaving: rays.leaving[lane.i % LANES] }
+    }
+
+    /// The ray in f64: made where it is looked at, which most rays are not.
+    #[inline(always)]
+    fn ray(&self) -> Ray64 {
+        Ray64::new(self.rays, self.lane.i % LANES, self.lane.axes[2])
     }
 
     /// No hit yet.
     #[inline(always)]
     pub fn nothing(&self) -> Best {
-        Best::sphere(self.ray.tfar, self.lane.of(&self.lane.query.tfar), NONE)
+        Best::sphere(self.ray().tfar, self.lane.of(&self.lane.query.tfar), NONE)
     }
 
     /// The closest hit.
@@ -192,8 +197,9 @@ impl<'a, T: Tier> Single<'a, T> {
             if (found.sure >> i) & 1 == 0 && !seen.inside() {
                 continue;
             }
-            let t = seen.t(&self.ray, block.triangle(slot));
-            if t > self.ray.tnear && best.gives_way(t, primitive) {
+            let ray = self.ray();
+            let t = seen.t(&ray, block.triangle(slot));
+            if t > ray.tnear && best.gives_way(t, primitive) {
                 let tfar = t as f32 * self.lane.of(&self.lane.query.scale);
                 let second_half = block.is_second_half(slot);
                 *best = Best { t, tfar, primitive, edges: seen.edges, second_half };
@@ -214,12 +220,23 @@ impl<'a, T: Tier> Single<'a, T> {
             if block.primitives[slot] == self.leaving {
                 continue;
             }
+            let sure = (found.sure >> i) & 1 != 0;
+            let (first, last) = depths(&self.lane, block, slot);
+            // t is kept within the depths of the corners: where these are clear of the ends, it is not asked for.
+            let within = self.lane.within(first, last);
+            if sure && within {
+                return true;
+            }
             let seen = Sheared::new(&self.lane, block, slot);
-            if (found.sure >> i) & 1 == 0 && !seen.inside() {
+            if !sure && !seen.inside() {
                 continue;
             }
-            let t = seen.t(&self.ray, block.triangle(slot));
-            if t > self.ray.tnear && t < self.ray.tfar {
+            if within {
+                return true;
+            }
+            let ray = self.ray();
+            let t = seen.t(&ray, block.triangle(slot));
+            if t > ray.tnear && t < ray.tfar {
                 return true;
             }
         }
@@ -240,11 +257,11 @@ impl<'a, T: Tier> Single<'a, T> {
     /// Whether any of a leaf's spheres is hit.
     #[inline(never)]
     pub fn any_in_spheres(&self, index: usize) -> bool {
-        self.sphere_hits(&self.tree.spheres[index], self.ray.tfar).next().is_some()
+        self.sphere_hits(&self.tree.spheres[index], self.ray().tfar).next().is_some()
     }
 
     fn sphere_hits(&self, leaf: &SphereLeaf, tfar: f64) -> impl Iterator<Item = (f64, u32)> {
-        let (tier, ray, leaving) = (self.tier, self.ray, self.leaving);
+        let (tier, ray, leaving) = (self.tier, self.ray(), self.leaving);
         let base = self.geometry.bases()[self.geometry.spheres_id() as usize];
         let spheres = &self.geometry.spheres;
         let SphereLeaf(ids) = *leaf;

@@ -17,8 +17,11 @@ use crate::error::Result;
 
 /// Triangles of a block, of which the range of lowest vertices is known.
 const BLOCK: usize = 1 << 14;
-/// Fewest vertices that are worth a task.
-const GRAIN: usize = 1 << 12;
+/// Of this many triangles one is looked at to find out where the others are. A prime number: where triangles
+/// were split, the file repeats itself every 4th or 16th.
+const SAMPLED: usize = 61;
+/// Fewest of these that are worth a task.
+const GRAIN: usize = 1 << 7;
 
 /// Odd multipliers for the second and third vertex: the bits of each round.
 const ROUNDS: [[u32; 2]; 3] =
@@ -31,13 +34,12 @@ pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &Job) -> Result<u64>
         return Ok(0);
     }
     let all = Triangles::new(&faces.triangles);
-    let size = vertices.div_ceil(rayon::current_num_threads()).max(GRAIN);
-    let firsts: Vec<usize> = (0..vertices).step_by(size).collect();
-    let repeated = |first: usize| match job.stopped() {
+    let stretches = all.stretches(vertices);
+    let repeated = |ends: &[u32]| match job.stopped() {
         true => Vec::new(),
-        false => all.repeated(first as u32, size.min(vertices - first)),
+        false => all.repeated(ends[0], (ends[1] - ends[0]) as usize),
     };
-    let repeated: Vec<Vec<u32>> = firsts.into_par_iter().map(repeated).collect();
+    let repeated: Vec<Vec<u32>> = stretches.par_windows(2).map(repeated).collect();
     job.check()?;
     let mut repeated = repeated.concat();
     repeated.sort_unstable();
@@ -65,6 +67,20 @@ impl<'a> Triangles<'a> {
             low..=high
         };
         Self { all, lowest: all.par_chunks(BLOCK).map(range).collect() }
+    }
+
+    /// The ends of stretches of vertices that are the lowest of about as many triangles each, as many as there
+    /// are threads.
+    fn stretches(&self, vertices: usize) -> Vec<u32> {
+        let mut some: Vec<u32> =
+            self.all.iter().step_by(SAMPLED).map(|&triangle| sorted(triangle)[0]).collect();
+        some.sort_unstable();
+        let tasks = rayon::current_num_threads().min(some.len() / GRAIN + 1);
+        let mut ends = vec![0];
+        ends.extend((1..tasks).map(|task| some[task * some.len() / tasks]));
+        ends.push(vertices as u32);
+        ends.dedup();
+        ends
     }
 
     /// Those whose lowest vertex is one of `count` from `first` on and that repeat an earlier one.
