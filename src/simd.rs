@@ -139,9 +139,102 @@ pub fn prefetch_line<T>(values: &[T], index: usize, line: usize) {
     let _ = (values, index, line);
 }
 
+/// Numbers of 32 bits that [`gather`] takes.
+pub trait Word: Copy + Default + sealed::Sealed {}
+
+impl Word for f32 {}
+impl Word for u32 {}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for f32 {}
+    impl Sealed for u32 {}
+}
+
+/// `rows[index[i]]` of 16 lanes i, one array for each component.
+///
+/// In AVX-512 each component is one instruction. Rows that are copied number by number and then read as
+/// vectors wait for the cache.
+///
+/// # Panics
+/// If an index is not below `rows.len()`.
+#[inline(always)]
+pub fn gather<T: Word>(rows: &[[T; 3]], index: &[u32; 16]) -> [[T; 16]; 3] {
+    #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+    if Isa::detect() == Isa::Avx512 && rows.len() <= MOST_ROWS {
+        let last = (0..16).fold(0, |last, i| if index[i] > last { index[i] } else { last });
+        assert!((last as usize) < rows.len(), "row {last} of {}", rows.len());
+        // SAFETY: `detect` has found AVX-512; all indices are those of rows, of which there are few enough.
+        return unsafe { gather_avx512(rows, index) };
+    }
+    gather_portable(rows, index)
+}
+
+#[inline(always)]
+fn gather_portable<T: Word>(rows: &[[T; 3]], index: &[u32; 16]) -> [[T; 16]; 3] {
+    let mut gathered = [[T::default(); 16]; 3];
+    for i in 0..16 {
+        let row = rows[index[i] as usize];
+        for k in 0..3 {
+            gathered[k][i] = row[k];
+        }
+    }
+    gathered
+}
+
+/// So many rows begin at offsets that are positive numbers of 32 bits.
+#[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+const MOST_ROWS: usize = i32::MAX as usize / 3;
+
+/// # Safety
+/// AVX-512 F; every index is below `rows.len()`, which is at most [`MOST_ROWS`].
+#[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+#[allow(clippy::incompatible_msrv)] // Compiled only where build.rs finds a compiler that has them.
+#[inline(always)]
+unsafe fn gather_avx512<T: Word>(rows: &[[T; 3]], index: &[u32; 16]) -> [[T; 16]; 3] {
+    use std::arch::x86_64::{
+        _mm512_add_epi32, _mm512_i32gather_epi32, _mm512_loadu_si512, _mm512_storeu_si512,
+    };
+    let mut gathered = [[T::default(); 16]; 3];
+    // SAFETY: a `Word` has 32 bits, so component k of a row is at 3 times its index, plus k; the caller's promise.
+    unsafe {
+        let index = _mm512_loadu_si512(index.as_ptr().cast());
+        let offsets = _mm512_add_epi32(index, _mm512_add_epi32(index, index));
+        for k in 0..3 {
+            let first = rows.as_ptr().cast::<T>().add(k);
+            let values = _mm512_i32gather_epi32::<4>(offsets, first.cast());
+            _mm512_storeu_si512(gathered[k].as_mut_ptr().cast(), values);
+        }
+    }
+    gathered
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_are_gathered_the_same_way() {
+        let rows: Vec<[f32; 3]> =
+            (0..1000).map(|i| [0.5, 0.25, 0.125].map(|x| x * i as f32)).collect();
+        let words: Vec<[u32; 3]> = rows.iter().map(|row| row.map(f32::to_bits)).collect();
+        for shift in 0..200 {
+            let index = std::array::from_fn(|i| (shift * 31 + i as u32 * 333) % 1000);
+            let expected = gather_portable(&rows, &index);
+            assert_eq!(expected[1][15], rows[index[15] as usize][1]);
+            assert_eq!(gather(&rows, &index), expected);
+            assert_eq!(gather(&words, &index), expected.map(|lanes| lanes.map(f32::to_bits)));
+        }
+        assert_eq!(gather(&rows[..1], &[0; 16]), [[0.0; 16]; 3]);
+    }
+
+    #[test]
+    #[should_panic(expected = "3")]
+    fn no_row_behind_the_last_is_gathered() {
+        let mut index = [0; 16];
+        index[7] = 3;
+        gather(&[[1u32; 3]; 3], &index);
+    }
 
     struct Sum<'a>(&'a [f32; 16]);
 

@@ -10,7 +10,7 @@ use super::passing::passing;
 use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle, triangle_error};
 use super::{Geometry, GeometryKind, NONE, Sphere};
 use crate::ray::{LANES, Mask, RayPacket};
-use crate::simd::prefetch;
+use crate::simd::{self, prefetch};
 
 /// 16 surface points, relative to the scene's origin.
 #[derive(Debug, Clone)]
@@ -229,8 +229,7 @@ fn one_quad(
     }
 }
 
-/// Corners of one mesh's triangles. First all indices, then all vertices, so that the cache
-/// misses of 16 lanes overlap.
+/// Corners of one mesh's triangles.
 #[inline(always)]
 fn gather_mesh(
     geometry: &Geometry,
@@ -241,17 +240,12 @@ fn gather_mesh(
 ) {
     let base = geometry.primitive(mesh as u32, 0);
     let mesh = &geometry.meshes[mesh];
-    let (vertices, triangles) = (mesh.vertices(), mesh.triangles());
-    let mut indices = [[0u32; 3]; LANES];
-    for i in 0..LANES {
-        indices[i] = triangles[packet.hits.prim[i] as usize];
-        primitive[i] = base + packet.hits.prim[i];
+    let triangles = simd::gather(mesh.triangles(), &packet.hits.prim);
+    for k in 0..3 {
+        corners[k] = simd::gather(mesh.vertices(), &triangles[k]);
     }
     for i in 0..LANES {
-        for (corner, &index) in corners.iter_mut().zip(&indices[i]) {
-            let [x, y, z] = vertices[index as usize];
-            (corner[0][i], corner[1][i], corner[2][i]) = (x, y, z);
-        }
+        primitive[i] = base + packet.hits.prim[i];
     }
 }
 
