@@ -11,6 +11,8 @@
 set -eu
 
 rust_needed=1.85
+# What https://sh.rustup.rs serves, from the host that everything else of Rust comes from.
+rustup_script=https://static.rust-lang.org/rustup/rustup-init.sh
 embree_needed=4.3
 
 # The wheel that carries RenderKit's own build of Embree 4.4.0 with its oneTBB, for any x86-64 Linux with
@@ -120,8 +122,8 @@ rust_from_rustup() {
     fi
     scratch=$(mktemp -d)
     curl --proto '=https' --tlsv1.2 --fail --silent --show-error --location \
-        --output "$scratch/rustup-init.sh" https://sh.rustup.rs ||
-        die "https://sh.rustup.rs could not be downloaded." \
+        --output "$scratch/rustup-init.sh" "$rustup_script" ||
+        die "$rustup_script could not be downloaded." \
             "Install Rust $rust_needed or later by hand (https://rustup.rs), and run this again."
     sh "$scratch/rustup-init.sh" -y --no-modify-path --default-toolchain stable --profile default >&2 ||
         die "rustup could not install Rust." \
