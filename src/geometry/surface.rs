@@ -390,6 +390,7 @@ mod tests {
             prop_assert!(above >= 0.0);
         }
     }
+
     /// A packet whose rays all hit one quad takes a way of its own; one ray alone does not.
     #[test]
     fn a_packet_on_one_quad_is_its_rays_one_by_one() {
