@@ -6,6 +6,8 @@
 use super::scalar::{NAMES, Scalar};
 use crate::error::{Error, Result};
 
+/// The only word that must be on its last line.
+const END: &[u8] = b"end_header";
 /// Longest line of a header, in bytes; longer means that the file is something else.
 const MAX_LINE: usize = 1 << 16;
 /// Most lines of a header.
@@ -119,7 +121,7 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
         let Some(line) = lines.next()? else {
             return Err(lines.unfinished());
         };
-        let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());
+        let mut words = words(line);
         let keyword = words.next().unwrap_or_default();
         let words: Vec<&[u8]> = match keyword {
             b"comment" | b"obj_info" => Vec::new(),
@@ -132,7 +134,7 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
             b"format" => format = Some(parse_format(&words, &lines)?),
             b"element" => element(&words, &mut header.elements, &lines)?,
             b"property" => property(&words, &mut header.elements, &lines)?,
-            b"end_header" => break,
+            END => break,
             b"" => return Err(lines.error("an empty line in the header")),
             other => {
                 return Err(lines
@@ -148,6 +150,18 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
     header.data_start = lines.at;
     header.lines = lines.number;
     Ok(header)
+}
+
+/// The words of a line.
+fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
+}
+
+/// Whether the header's last line is among the first bytes of a file: then [`parse`] asks for no
+/// more of them.
+pub(super) fn is_complete(bytes: &[u8]) -> bool {
+    let mut lines = bytes.split_inclusive(|&byte| byte == b'\n');
+    lines.any(|line| line.ends_with(b"\n") && words(line).next() == Some(END))
 }
 
 /// The lines of the header, without their ends (LF or CRLF) and trailing blanks.

@@ -10,6 +10,7 @@ use std::fs::File;
 use std::io::{Chain, Cursor, Read};
 use std::path::Path;
 
+use super::header;
 use super::unpack::Packing;
 use crate::error::{Error, Kind, Problem, Result};
 
@@ -64,7 +65,7 @@ impl Head {
         while next > 0 {
             let read = stream.by_ref().take(next).read_to_end(&mut bytes);
             let read = read.map_err(|e| failed(path, packing, &e))? as u64;
-            if read < next || has_header(&bytes) {
+            if read < next || header::is_complete(&bytes) {
                 break;
             }
             next = (limit - bytes.len() as u64).min(bytes.len() as u64);
@@ -85,15 +86,6 @@ pub(super) fn failed(path: &Path, packing: Option<Packing>, error: &std::io::Err
         }
         _ => Error::io(path, "read", error),
     }
-}
-
-/// Whether the header's last line is there, with the end of that line.
-pub(super) fn has_header(bytes: &[u8]) -> bool {
-    const LAST: &[u8] = b"end_header";
-    // The last byte may be the first half of a line's end.
-    let (_, bytes) = bytes.split_last().unwrap_or((&0, &[]));
-    let mut lines = bytes.split_inclusive(|byte| matches!(byte, b'\r' | b'\n'));
-    lines.any(|line| line.starts_with(LAST) && line.len() > LAST.len())
 }
 
 /// A file, and its first bytes: a pipe gives them only once.

@@ -15,7 +15,6 @@ use super::header::{self, Element, Format, Header, MAX_HEADER};
 use super::job::Job;
 use super::lines::Lines;
 use super::plan::{self, Plan};
-use super::source::has_header;
 use super::table::Table;
 use super::vertex::{self, Vertices};
 use super::{Found, ReadOptions, Unread, finish, layout, whole};
@@ -154,7 +153,7 @@ impl<'a> Window<'a> {
     /// Reads everything.
     fn mesh(mut self, length: Option<u64>, job: &Job, options: ReadOptions) -> Result<Mesh> {
         self.fill(1, job)?;
-        while !has_header(self.data()) && !self.ended && self.data().len() <= MAX_HEADER {
+        while !header::is_complete(self.data()) && !self.ended && self.data().len() <= MAX_HEADER {
             self.fill(2 * self.data().len(), job)?;
         }
         let header = header::parse(self.data(), job.name)?;
