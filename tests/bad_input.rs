@@ -55,6 +55,7 @@ fn scene_rows() -> Vec<(&'static str, Vec<u8>)> {
         ("zero-area plane", shape(flat)),
         ("negative radius", scene("\"radius\": 1", "\"radius\": -1")),
         ("unknown material name", scene("\"material\": {}", "\"material\": \"gold\"")),
+        ("unknown kind of shape", scene("\"type\": \"sphere\"", "\"type\": \"mesh\"")),
         ("missing texture", scene("\"material\": {}", "\"material\": { \"tPath\": \"no.png\" }")),
         (
             "texture that is no image",
@@ -121,6 +122,7 @@ fn scenes() {
     for (what, bytes) in scene_rows() {
         table.add(what, &refusals.file("s.json", &bytes));
     }
+    table.add("mesh of another format", &refusals.file("scan.obj", b"# a mesh\nv 0 0 0\n"));
     table.add("endless file", &refusals.render("/dev/zero", &[]));
     table.check();
 }

@@ -317,6 +317,21 @@ fn all_errors_come_in_file_order() {
 }
 
 #[test]
+fn what_all_kinds_have_is_checked_where_the_kind_is_unknown() {
+    for shape in [
+        r#"{"type": "mesh", "material": {"kd": [1, 1, 1], "kx": 1}, "path": 5}"#,
+        r#"{"material": {"kd": [1, 1, 1], "kx": 1}}"#,
+    ] {
+        let error = text(with(CAMERA, shape).as_bytes(), &[]).unwrap_err();
+        let messages: Vec<&str> = error.problems.iter().map(|p| p.message.as_str()).collect();
+        assert_eq!(messages.len(), 3, "{error}");
+        assert!(messages[0].ends_with("expected `sphere`, `plane`, `triangle` or `trimesh`"));
+        assert_eq!(messages[1], "found an array of 3, expected a number in [0, 1e18]");
+        assert!(messages[2].starts_with("found the unknown key \"kx\""), "{error}");
+    }
+}
+
+#[test]
 fn warnings() {
     let sets = [
         "/camera/position=[0,0.5,0]",

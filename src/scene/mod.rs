@@ -150,6 +150,10 @@ fn hash(description: &Description) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// Formats of meshes that people try to render, by the names of their files.
+const OTHER_MESHES: [&str; 11] =
+    ["obj", "stl", "off", "glb", "gltf", "fbx", "dae", "3ds", "usd", "usdz", "abc"];
+
 fn read(path: &Path) -> Result<Vec<u8>> {
     let failed = |error: std::io::Error| match error.kind() {
         std::io::ErrorKind::IsADirectory => {
@@ -169,6 +173,11 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     };
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(failed)?;
+    let kind = path.extension().and_then(|end| end.to_str()).map(str::to_ascii_lowercase);
+    if let Some(kind) = kind.filter(|kind| OTHER_MESHES.contains(&kind.as_str())) {
+        let message = format!("found a .{kind} file, expected a PLY mesh or a JSON scene");
+        return Err(Error::invalid(path.display().to_string(), message).help(check::CONVERT));
+    }
     file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
         let message =

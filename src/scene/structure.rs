@@ -98,7 +98,8 @@ impl<'a> Walk<'a, '_> {
         let Some(kind) = node.member("type") else {
             let message = format!("missing key `type`, expected {}", list(tags));
             self.problems.error_at(&node.place, pointer, message, None);
-            return self.broken.push(pointer.to_string());
+            self.broken.push(pointer.to_string());
+            return self.shared(branches, members, pointer);
         };
         let branch = match &kind.kind {
             NodeKind::Text(text) => branches.iter().find(|b| tag(b) == Some(text)),
@@ -114,6 +115,18 @@ impl<'a> Walk<'a, '_> {
                 let message = format!("found {}, expected {}", found(kind), list(tags));
                 self.problems.error_at(&kind.place, &join(pointer, "type"), message, help);
                 self.broken.push(pointer.to_string());
+                self.shared(branches, members, pointer);
+            }
+        }
+    }
+
+    /// Of an object whose kind is unknown: the members that every kind has.
+    fn shared(&mut self, branches: &[&'a Value], members: &[Member], pointer: &str) {
+        for member in members.iter().filter(|member| !matches!(&*member.key, "type" | "comment")) {
+            let of_key = &branches[0]["properties"][&member.key];
+            let same = |branch: &&Value| branch["properties"][&member.key] == *of_key;
+            if !of_key.is_null() && branches.iter().all(same) {
+                self.node(of_key, &member.value, &join(pointer, &member.key));
             }
         }
     }

@@ -297,9 +297,10 @@ fn check_size(path: &Path, decoder: &impl ImageDecoder, max_bytes: u64) -> Resul
     }
     let needed = TextureSize::of(decoder).decoding;
     if needed > max_bytes {
+        let more = if needed == u64::MAX { "at least " } else { "" };
         let message = format!(
-            "{width} x {height} pixels need {needed} bytes while they are decoded; the limit is \
-             {max_bytes}"
+            "{width} x {height} pixels need {more}{needed} bytes while they are decoded; the limit \
+             is {max_bytes}"
         );
         return Err(
             Error::new(Kind::Limit, Problem::new(name(path), message)).help("scale the image down")

@@ -10,6 +10,9 @@ use crate::scene::nearest::did_you_mean;
 
 use super::Check;
 
+/// The way out where a mesh is not PLY.
+pub const CONVERT: &str = "convert other formats to PLY first, for example with MeshLab or Blender";
+
 /// Most names of a folder to compare a misspelt one with.
 const MAX_LISTED: usize = 10_000;
 
@@ -25,8 +28,7 @@ impl Check<'_, '_> {
             return path;
         }
         let message = format!("found {written:?}, expected the path of a .ply file");
-        let help = "convert other formats to PLY first, for example with MeshLab or Blender";
-        self.problems.error(pointer, message, Some(help.into()));
+        self.problems.error(pointer, message, Some(CONVERT.into()));
         path
     }
 
