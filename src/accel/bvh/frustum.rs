@@ -9,6 +9,16 @@ use super::query::{Query, max, min};
 pub trait Least: Copy {
     /// That number.
     fn least(self, v: &[f32; LANES]) -> f32;
+
+    /// That of each row.
+    #[inline(always)]
+    fn least_of_rows(self, rows: &[[f32; LANES]; 8]) -> [f32; 8] {
+        let mut least = [0.0; 8];
+        for (least, row) in least.iter_mut().zip(rows) {
+            *least = self.least(row);
+        }
+        least
+    }
 }
 
 /// A plane `x = a + b z` across one of the axes after the dominant one, z along that one.
@@ -39,10 +49,12 @@ pub struct Frustum {
     pub axes: [usize; 3],
     /// Bit a: directions negative along axis a.
     pub octant: usize,
-    /// No ray is below.
-    pub low: [Side; 2],
-    /// No ray is above.
-    pub high: [Side; 2],
+    /// Of the four sides [`Side::a`]: low and low, high and high.
+    a: [f32; 4],
+    /// [`Side::b`].
+    b: [f32; 4],
+    /// [`Side::row`].
+    rows: [u32; 4],
     /// 1 or -1: the direction along the dominant axis.
     pub forward: f32,
     /// No ray starts before, in units of `forward` z.
@@ -59,7 +71,8 @@ pub struct Frustum {
 
 impl Frustum {
     /// Around the active rays of a query, which are coherent ([`Query::coherent`]), in a tree over
-    /// `scene`; `tfar` holds the ends of their segments as boxes see them.
+    /// `scene`; `tfar` holds the ends of their segments as boxes see them. With it where it ends:
+    /// see [`Frustum::end`].
     #[inline(always)]
     pub fn new(
         tier: impl Least,
@@ -67,51 +80,78 @@ impl Frustum {
         active: &Mask,
         tfar: &[f32; LANES],
         scene: &Bounds3,
-    ) -> Self {
+    ) -> (Self, f32) {
         let lane = query.lane(active.first());
         let axes = lane.axes;
         let k = axes[2];
-        let slack = 4.0 * greatest(tier, active, &query.margin);
+        let (mut starts, mut margins) = ([0.0; LANES], [0.0; LANES]);
         let negative = (lane.octant >> k) & 1 != 0;
         let (forward, scene_end) =
             if negative { (-1.0, -scene.lower()[k]) } else { (1.0, scene.upper()[k]) };
-        let mut starts = [0.0; LANES];
         for i in 0..LANES {
             starts[i] = forward * query.origin[2][i];
+            margins[i] = -query.margin[i];
         }
-        let side = Side { a: 0.0, b: 0.0, row: k };
+        let slack = -4.0 * tier.least(&select(active, &margins));
         let mut frustum = Self {
             axes,
             octant: lane.octant,
-            low: [side; 2],
-            high: [side; 2],
+            a: [0.0; 4],
+            b: [0.0; 4],
+            rows: [0; 4],
             forward,
-            start: least(tier, active, &starts) - slack,
+            start: tier.least(&select(active, &starts)) - slack,
             enter: k + 3 * usize::from(negative),
             leave: k + 3 - 3 * usize::from(negative),
             slack,
             scene_end: scene_end + slack,
         };
-        let end = max(frustum.end(tier, query, tfar), frustum.start);
-        let (z0, z1) = (forward * frustum.start, forward * end);
-        let inverse = 1.0 / (z1 - z0);
+        let end = frustum.end(tier, query, tfar);
+        let (z0, z1) = (forward * frustum.start, forward * max(end, frustum.start));
+        // Where the rays are at z0 and at z1, and the same negated for the high sides: the least of each.
+        let mut ends = [[f32::INFINITY; LANES]; 8];
         for axis in 0..2 {
-            let (mut x0, mut x1) = ([0.0; LANES], [0.0; LANES]);
             for i in 0..LANES {
                 let (x, z, s) = (query.origin[axis][i], query.origin[2][i], query.shear[axis][i]);
-                x0[i] = x + s * (z0 - z);
-                x1[i] = x + s * (z1 - z);
+                let (x0, x1) = (x + s * (z0 - z), x + s * (z1 - z));
+                let is_active = active.0[i] != 0;
+                ends[axis][i] = if is_active { x0 } else { f32::INFINITY };
+                ends[2 + axis][i] = if is_active { -x0 } else { f32::INFINITY };
+                ends[4 + axis][i] = if is_active { x1 } else { f32::INFINITY };
+                ends[6 + axis][i] = if is_active { -x1 } else { f32::INFINITY };
             }
-            let (low0, low1) = (least(tier, active, &x0), least(tier, active, &x1));
-            let (high0, high1) = (greatest(tier, active, &x0), greatest(tier, active, &x1));
-            let b = slope((low1 - low0) * inverse);
-            let a = min(low0 - b * z0, low1 - b * z1) - slack;
-            frustum.low[axis] = Side { a, b, row: if b < 0.0 { k + 3 } else { k } };
-            let b = slope((high1 - high0) * inverse);
-            let a = max(high0 - b * z0, high1 - b * z1) + slack;
-            frustum.high[axis] = Side { a, b, row: if b < 0.0 { k } else { k + 3 } };
         }
-        frustum
+        let least = tier.least_of_rows(&ends);
+        let inverse = 1.0 / (z1 - z0);
+        for side in 0..4 {
+            let (x0, x1) = (least[side], least[4 + side]);
+            let b = slope((x1 - x0) * inverse);
+            let a = min(x0 - b * z0, x1 - b * z1) - slack;
+            let high = side >= 2;
+            frustum.a[side] = if high { -a } else { a };
+            frustum.b[side] = if high { -b } else { b };
+            // Of a box that end of its range of z where the plane is outermost.
+            let far = (b < 0.0) | (high & (b == 0.0));
+            frustum.rows[side] = k as u32 + if far { 3 } else { 0 };
+        }
+        (frustum, end)
+    }
+
+    /// No ray is below these.
+    #[inline(always)]
+    pub fn low(&self) -> [Side; 2] {
+        [self.side(0), self.side(1)]
+    }
+
+    /// No ray is above these.
+    #[inline(always)]
+    pub fn high(&self) -> [Side; 2] {
+        [self.side(2), self.side(3)]
+    }
+
+    #[inline(always)]
+    fn side(&self, i: usize) -> Side {
+        Side { a: self.a[i], b: self.b[i], row: self.rows[i] as usize }
     }
 
     /// Where the last ray ends, in units of `forward` z; -inf if all `tfar` are.
@@ -133,22 +173,13 @@ fn slope(b: f32) -> f32 {
     if b.abs() <= 1.5 { b } else { 0.0 }
 }
 
-/// The least value of the active lanes.
+/// The values of the active lanes, infinite for the others. (A loop of its own: where it computes the values,
+/// too, it becomes 16 jumps.)
 #[inline(always)]
-fn least(tier: impl Least, active: &Mask, v: &[f32; LANES]) -> f32 {
+fn select(active: &Mask, v: &[f32; LANES]) -> [f32; LANES] {
     let mut selected = [f32::INFINITY; LANES];
     for i in 0..LANES {
         selected[i] = if active.0[i] != 0 { v[i] } else { f32::INFINITY };
     }
-    tier.least(&selected)
-}
-
-/// The greatest value of the active lanes.
-#[inline(always)]
-fn greatest(tier: impl Least, active: &Mask, v: &[f32; LANES]) -> f32 {
-    let mut minus = [f32::INFINITY; LANES];
-    for i in 0..LANES {
-        minus[i] = if active.0[i] != 0 { -v[i] } else { f32::INFINITY };
-    }
-    -tier.least(&minus)
+    selected
 }

@@ -121,8 +121,7 @@ impl<'a, T: Tier> Packet<'a, T> {
         for i in 0..LANES {
             tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
         }
-        let frustum = Frustum::new(tier, query, active, &tfar, &tree.bounds);
-        let end = frustum.end(tier, query, &tfar);
+        let (frustum, end) = Frustum::new(tier, query, active, &tfar, &tree.bounds);
         Self { tier, tree, geometry, query, rays, tfar, frustum, end }
     }
 

@@ -261,17 +261,17 @@ unsafe fn row(node: &Node, row: usize, half: usize) -> __m256 {
 #[inline(always)]
 unsafe fn outside(node: &Node, frustum: &Frustum, end: f32, half: usize) -> __m256 {
     let ([kx, ky, _], [low_x, low_y], [high_x, high_y]) =
-        (frustum.axes, &frustum.low, &frustum.high);
+        (frustum.axes, frustum.low(), frustum.high());
     // SAFETY: axes are below 3, rows below 6; the caller's promise.
     unsafe {
         let sign = _mm256_and_ps(_mm256_set1_ps(frustum.forward), _mm256_set1_ps(-0.0));
         let enter = _mm256_xor_ps(row(node, frustum.enter, half), sign);
         let leave = _mm256_xor_ps(row(node, frustum.leave, half), sign);
         let at = [
-            side(low_x, row(node, low_x.row, half)),
-            side(high_x, row(node, high_x.row, half)),
-            side(low_y, row(node, low_y.row, half)),
-            side(high_y, row(node, high_y.row, half)),
+            side(&low_x, row(node, low_x.row, half)),
+            side(&high_x, row(node, high_x.row, half)),
+            side(&low_y, row(node, low_y.row, half)),
+            side(&high_y, row(node, high_y.row, half)),
         ];
         let beside = or4(
             _mm256_cmp_ps::<_CMP_LT_OQ>(row(node, kx + 3, half), at[0]),
@@ -292,16 +292,16 @@ unsafe fn outside(node: &Node, frustum: &Frustum, end: f32, half: usize) -> __m2
 #[inline(always)]
 unsafe fn sides_of(block: &Block, frustum: &Frustum, end: f32, half: usize) -> __m256 {
     let ([kx, ky, kz], [low_x, low_y], [high_x, high_y]) =
-        (frustum.axes, &frustum.low, &frustum.high);
+        (frustum.axes, frustum.low(), frustum.high());
     // SAFETY: axes are below 3; the caller's promise.
     unsafe {
         let (x, y) = (coordinate(block, kx, half), coordinate(block, ky, half));
         let z = coordinate(block, kz, half);
         let sides = or4(
-            flag(_mm256_cmp_ps::<_CMP_LT_OQ>(x, side(low_x, z)), 1),
-            flag(_mm256_cmp_ps::<_CMP_GT_OQ>(x, side(high_x, z)), 2),
-            flag(_mm256_cmp_ps::<_CMP_LT_OQ>(y, side(low_y, z)), 4),
-            flag(_mm256_cmp_ps::<_CMP_GT_OQ>(y, side(high_y, z)), 8),
+            flag(_mm256_cmp_ps::<_CMP_LT_OQ>(x, side(&low_x, z)), 1),
+            flag(_mm256_cmp_ps::<_CMP_GT_OQ>(x, side(&high_x, z)), 2),
+            flag(_mm256_cmp_ps::<_CMP_LT_OQ>(y, side(&low_y, z)), 4),
+            flag(_mm256_cmp_ps::<_CMP_GT_OQ>(y, side(&high_y, z)), 8),
         );
         let sign = _mm256_and_ps(_mm256_set1_ps(frustum.forward), _mm256_set1_ps(-0.0));
         let depth = _mm256_xor_ps(z, sign);
@@ -395,6 +395,32 @@ unsafe fn edges(block: &Block, x: Pair, y: Pair, half: usize) -> (u32, u32) {
     }
 }
 
+/// The lesser of the two halves of a row.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn lesser_half(row: &[f32; WIDTH]) -> __m256 {
+    // SAFETY: 8 f32 from each half on; the caller's promise.
+    unsafe {
+        _mm256_min_ps(_mm256_loadu_ps(row.as_ptr()), _mm256_loadu_ps(row.as_ptr().add(HALF)))
+    }
+}
+
+/// The least of the four quarters of each of two rows: one row's 4, then the other's.
+///
+/// # Safety
+/// AVX2.
+#[inline(always)]
+unsafe fn quarters(a: &[f32; WIDTH], b: &[f32; WIDTH]) -> __m256 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let (a, b) = (lesser_half(a), lesser_half(b));
+        let low = _mm256_permute2f128_ps::<0x20>(a, b);
+        _mm256_min_ps(low, _mm256_permute2f128_ps::<0x31>(a, b))
+    }
+}
+
 impl Least for Avx2 {
     #[inline(always)]
     fn least(self, v: &[f32; WIDTH]) -> f32 {
@@ -405,6 +431,23 @@ impl Least for Avx2 {
             let v = _mm_min_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
             let v = _mm_min_ps(v, _mm_movehl_ps(v, v));
             _mm_cvtss_f32(_mm_min_ss(v, _mm_movehdup_ps(v)))
+        }
+    }
+
+    #[inline(always)]
+    fn least_of_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
+        // SAFETY: `self` proves AVX2; 8 f32 from each half of a row on; 8 f32 are what the result holds.
+        unsafe {
+            // 4 values of row i, 4 of row i + 4; these are transposed on the way.
+            let (a, b) = (quarters(&rows[0], &rows[4]), quarters(&rows[1], &rows[5]));
+            let (c, d) = (quarters(&rows[2], &rows[6]), quarters(&rows[3], &rows[7]));
+            let a = _mm256_min_ps(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+            let c = _mm256_min_ps(_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+            let low = _mm256_shuffle_ps::<0b01_00_01_00>(a, c);
+            let found = _mm256_min_ps(low, _mm256_shuffle_ps::<0b11_10_11_10>(a, c));
+            let mut least = [0.0; 8];
+            _mm256_storeu_ps(least.as_mut_ptr(), found);
+            least
         }
     }
 }

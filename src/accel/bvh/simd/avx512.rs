@@ -202,11 +202,54 @@ unsafe fn push(stack: &mut Stack, mask: __mmask16, children: __m512i, near: __m5
     }
 }
 
+/// The lesser of the two halves of each of two rows: one row's 8, then the other's.
+///
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn halves(a: &[f32; WIDTH], b: &[f32; WIDTH]) -> __m512 {
+    // SAFETY: 16 f32 each; the caller's promise.
+    unsafe {
+        let (a, b) = (_mm512_loadu_ps(a.as_ptr()), _mm512_loadu_ps(b.as_ptr()));
+        let low = _mm512_shuffle_f32x4::<0b01_00_01_00>(a, b);
+        _mm512_min_ps(low, _mm512_shuffle_f32x4::<0b11_10_11_10>(a, b))
+    }
+}
+
+/// The same of two results of [`halves`]: 4 lanes for each of the four rows.
+///
+/// # Safety
+/// AVX-512 F.
+#[inline(always)]
+unsafe fn quarters(a: __m512, b: __m512) -> __m512 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let even = _mm512_shuffle_f32x4::<0b10_00_10_00>(a, b);
+        _mm512_min_ps(even, _mm512_shuffle_f32x4::<0b11_01_11_01>(a, b))
+    }
+}
+
 impl Least for Avx512 {
     #[inline(always)]
     fn least(self, v: &[f32; WIDTH]) -> f32 {
         // SAFETY: `self` proves AVX-512; 16 f32.
         unsafe { _mm512_reduce_min_ps(_mm512_loadu_ps(v.as_ptr())) }
+    }
+
+    #[inline(always)]
+    fn least_of_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
+        // SAFETY: `self` proves AVX-512; 16 f32 a row; 8 f32 are what the result holds.
+        unsafe {
+            let a = quarters(halves(&rows[0], &rows[1]), halves(&rows[2], &rows[3]));
+            let b = quarters(halves(&rows[4], &rows[5]), halves(&rows[6], &rows[7]));
+            let both = _mm512_min_ps(_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
+            let both = _mm512_min_ps(both, _mm512_shuffle_ps::<0b01_00_11_10>(both, both));
+            let order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 0, 0, 0, 0, 0, 0, 0, 0);
+            let mut least = [0.0; 8];
+            let found = _mm512_castps512_ps256(_mm512_permutexvar_ps(order, both));
+            _mm256_storeu_ps(least.as_mut_ptr(), found);
+            least
+        }
     }
 }
 
@@ -246,7 +289,7 @@ impl Tier for Avx512 {
     #[inline(always)]
     fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         let ([kx, ky, _], [low_x, low_y], [high_x, high_y]) =
-            (frustum.axes, &frustum.low, &frustum.high);
+            (frustum.axes, frustum.low(), frustum.high());
         // SAFETY: `self` proves AVX-512; axes are below 3, rows below 6.
         unsafe {
             let sign = _mm512_and_ps(_mm512_set1_ps(frustum.forward), _mm512_set1_ps(-0.0));
@@ -256,19 +299,19 @@ impl Tier for Avx512 {
                 | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(leave, _mm512_set1_ps(frustum.start))
                 | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(
                     row(node, kx + 3),
-                    side(low_x, row(node, low_x.row)),
+                    side(&low_x, row(node, low_x.row)),
                 )
                 | _mm512_cmp_ps_mask::<_CMP_GT_OQ>(
                     row(node, kx),
-                    side(high_x, row(node, high_x.row)),
+                    side(&high_x, row(node, high_x.row)),
                 )
                 | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(
                     row(node, ky + 3),
-                    side(low_y, row(node, low_y.row)),
+                    side(&low_y, row(node, low_y.row)),
                 )
                 | _mm512_cmp_ps_mask::<_CMP_GT_OQ>(
                     row(node, ky),
-                    side(high_y, row(node, high_y.row)),
+                    side(&high_y, row(node, high_y.row)),
                 );
             let places =
                 _mm512_permutexvar_epi32(order(node, frustum.octant), _mm512_movm_epi32(outside));
@@ -279,18 +322,18 @@ impl Tier for Avx512 {
     #[inline(always)]
     fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         let ([kx, ky, kz], [low_x, low_y], [high_x, high_y]) =
-            (frustum.axes, &frustum.low, &frustum.high);
+            (frustum.axes, frustum.low(), frustum.high());
         // SAFETY: `self` proves AVX-512; axes are below 3; rows of 16 aligned bytes.
         unsafe {
             let (x, y) = (coordinate(block, kx), coordinate(block, ky));
             let z = coordinate(block, kz);
             let sign = _mm512_and_ps(_mm512_set1_ps(frustum.forward), _mm512_set1_ps(-0.0));
             let depth = _mm512_xor_ps(z, sign);
-            let below = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(x, side(low_x, z));
+            let below = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(x, side(&low_x, z));
             let flags = with(_mm512_setzero_si512(), below, 1);
-            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_GT_OQ>(x, side(high_x, z)), 2);
-            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_LT_OQ>(y, side(low_y, z)), 4);
-            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_GT_OQ>(y, side(high_y, z)), 8);
+            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_GT_OQ>(x, side(&high_x, z)), 2);
+            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_LT_OQ>(y, side(&low_y, z)), 4);
+            let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_GT_OQ>(y, side(&high_y, z)), 8);
             let start = _mm512_set1_ps(frustum.start);
             let flags = with(flags, _mm512_cmp_ps_mask::<_CMP_LT_OQ>(depth, start), 16);
             let end = _mm512_set1_ps(end);

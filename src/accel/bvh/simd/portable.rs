@@ -70,14 +70,13 @@ impl Tier for Portable {
 
     #[inline(always)]
     fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
-        let planes = &node.planes;
+        let (planes, low, high) = (&node.planes, frustum.low(), frustum.high());
         let at = |side: &Side, i: usize| side.a + side.b * planes[side.row][i];
         // A NaN loses every comparison: it prunes nothing.
         let outside = |i: usize| {
             let beside = (0..2).any(|axis| {
                 let k = frustum.axes[axis];
-                planes[k + 3][i] < at(&frustum.low[axis], i)
-                    || planes[k][i] > at(&frustum.high[axis], i)
+                planes[k + 3][i] < at(&low[axis], i) || planes[k][i] > at(&high[axis], i)
             });
             let forward = frustum.forward;
             beside
@@ -92,13 +91,13 @@ impl Tier for Portable {
 
     #[inline(always)]
     fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
-        let [kx, ky, kz] = frustum.axes;
+        let ([kx, ky, kz], lows, highs) = (frustum.axes, frustum.low(), frustum.high());
         let mut flags = [0u8; WIDTH];
         for i in 0..WIDTH {
             let z = block.vertices[kz][i];
             for (axis, k) in [kx, ky].into_iter().enumerate() {
                 let x = block.vertices[k][i];
-                let (low, high) = (&frustum.low[axis], &frustum.high[axis]);
+                let (low, high) = (&lows[axis], &highs[axis]);
                 flags[i] |= u8::from(x < low.a + low.b * z) << (2 * axis);
                 flags[i] |= u8::from(x > high.a + high.b * z) << (2 * axis + 1);
             }

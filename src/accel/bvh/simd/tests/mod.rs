@@ -69,8 +69,7 @@ impl<T: Tier> Kernel for AskFrustum<'_, T> {
         for i in 0..LANES {
             tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
         }
-        let frustum = Frustum::new(tier, query, active, &tfar, scene);
-        let end = frustum.end(tier, query, &tfar);
+        let (frustum, end) = Frustum::new(tier, query, active, &tfar, scene);
         [tier.overlaps(node, &frustum, end), tier.overlapping(block, &frustum, end)]
     }
 }
@@ -81,10 +80,17 @@ struct AskLeast<'a, T> {
 }
 
 impl<T: Tier> Kernel for AskLeast<'_, T> {
-    type Output = f32;
+    type Output = (f32, [f32; 8]);
     #[inline(always)]
-    fn run(self) -> f32 {
-        self.tier.least(self.values)
+    fn run(self) -> (f32, [f32; 8]) {
+        let mut rows = [[0.0; WIDTH]; 8];
+        for (r, row) in rows.iter_mut().enumerate() {
+            for (i, value) in self.values.iter().enumerate() {
+                // Another place in every row, and another value.
+                row[(i + 3 * r) % WIDTH] = value + r as f32;
+            }
+        }
+        (self.tier.least(self.values), self.tier.least_of_rows(&rows))
     }
 }
 
@@ -291,8 +297,10 @@ fn the_least_of_16_numbers_is_found_in_every_place() {
             values[(place + 3) % WIDTH] = f32::INFINITY;
             values[place] = least;
             let values = &values;
-            for (isa, found) in every_tier!(tier => AskLeast { tier, values }) {
+            for (isa, (found, of_rows)) in every_tier!(tier => AskLeast { tier, values }) {
                 assert_eq!(found, least, "{isa}: {place}");
+                let expected: [f32; 8] = std::array::from_fn(|r| least + r as f32);
+                assert_eq!(of_rows, expected, "{isa}: {place}");
             }
         }
     }
