@@ -402,9 +402,7 @@ unsafe fn edges(block: &Block, x: Pair, y: Pair, half: usize) -> (u32, u32) {
 #[inline(always)]
 unsafe fn lesser_half(row: &[f32; WIDTH]) -> __m256 {
     // SAFETY: 8 f32 from each half on; the caller's promise.
-    unsafe {
-        _mm256_min_ps(_mm256_loadu_ps(row.as_ptr()), _mm256_loadu_ps(row.as_ptr().add(HALF)))
-    }
+    unsafe { _mm256_min_ps(_mm256_loadu_ps(row.as_ptr()), _mm256_loadu_ps(row.as_ptr().add(HALF))) }
 }
 
 /// The least of the four quarters of each of two rows: one row's 4, then the other's.

@@ -1,0 +1,146 @@
+//! What stops the rays of a packet.
+
+use std::cell::Cell;
+use std::thread::LocalKey;
+
+use super::{Bits, FEW, Packet, Stacks, Waiting, spread};
+use crate::accel::bvh::node::{Child, Kind, Node};
+use crate::accel::bvh::simd::Tier;
+use crate::ray::LANES;
+
+/// A child yet to visit and the rays that meet it, by bit.
+#[derive(Clone, Copy)]
+pub struct Entry {
+    child: Child,
+    entering: u32,
+}
+
+thread_local! {
+    static STACK: Cell<Vec<Entry>> = const { Cell::new(Vec::new()) };
+}
+
+impl Waiting for Entry {
+    fn kept() -> &'static LocalKey<Cell<Vec<Self>>> {
+        &STACK
+    }
+}
+
+impl<T: Tier> Packet<'_, T> {
+    /// The rays that anything stops: all bits set.
+    #[inline(always)]
+    pub fn occluded(mut self, stacks: &mut Stacks<Entry>) -> [i32; LANES] {
+        let mut stopped = [0; LANES];
+        let mut left = self.left();
+        stacks.packet.push(Entry { child: Child::node(0), entering: left });
+        while let Some(entry) = stacks.packet.pop() {
+            let entering = entry.entering & left;
+            match entry.child.kind() {
+                _ if entering == 0 => {}
+                Kind::Node(index) if entering.count_ones() > FEW => {
+                    self.push_any(&self.tree.nodes[index], &mut stacks.packet);
+                }
+                Kind::Node(_) => {
+                    for i in Bits(entering) {
+                        if self.single(i).occluded_below(entry.child, &mut stacks.single) {
+                            stopped[i] = -1;
+                        }
+                    }
+                    self.stop(&stopped);
+                    left = self.left();
+                }
+                _ => {
+                    self.any_in_leaf(entry.child, entering, &mut stopped);
+                    left = self.left();
+                }
+            }
+        }
+        stopped
+    }
+
+    /// The rays that nothing has stopped so far, by bit. (Without those whose segment is empty.)
+    #[inline(always)]
+    fn left(&self) -> u32 {
+        self.tier.at_most(&self.query.tnear, &self.tfar)
+    }
+
+    /// Pushes the children that any ray meets, in the order of the octant.
+    #[inline(always)]
+    fn push_any(&self, node: &Node, stack: &mut Vec<Entry>) {
+        for place in Bits(self.tier.overlaps(node, &self.frustum, self.end)) {
+            let slot = node.ordered(self.frustum.octant, place);
+            let (near, far) = self.slabs(node, slot);
+            let entering = self.tier.at_most(&near, &far);
+            if entering != 0 {
+                stack.push(Entry { child: node.children[slot], entering });
+            }
+        }
+    }
+
+    /// Adds the rays that anything in a leaf stops, of those that enter its box.
+    #[inline(always)]
+    pub fn any_in_leaf(&mut self, leaf: Child, entering: u32, stopped: &mut [i32; LANES]) {
+        match leaf.kind() {
+            Kind::Triangles(index) => self.any_in_block(index, entering, stopped),
+            Kind::Spheres(index) => self.any_in_spheres(index, stopped),
+            Kind::Node(_) | Kind::Empty => {}
+        }
+        self.stop(stopped);
+    }
+
+    /// Ends stopped rays.
+    #[inline(always)]
+    fn stop(&mut self, stopped: &[i32; LANES]) {
+        for i in 0..LANES {
+            self.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { self.tfar[i] };
+        }
+    }
+
+    #[inline(always)]
+    fn any_in_block(&mut self, index: usize, entering: u32, stopped: &mut [i32; LANES]) {
+        let block = &self.tree.blocks[index];
+        let triangles = self.tier.overlapping(block, &self.frustum, self.end);
+        if entering.count_ones() <= triangles.count_ones() {
+            for i in Bits(entering) {
+                if self.single(i).any_in_block(index) {
+                    stopped[i] = -1;
+                }
+            }
+            return;
+        }
+        let entering = spread(entering);
+        for slot in Bits(triangles) {
+            let Some(mut edges) = self.edges(block, slot, &entering) else { continue };
+            let mut rest = 0;
+            for i in 0..LANES {
+                // t is kept within the depths of the corners: where these are clear of the ends, it is not asked for.
+                let within = self.query.within(i, edges.first[i], edges.last[i]);
+                let sure = edges.maybe[i] & !edges.unsure[i] & -i32::from(within);
+                stopped[i] |= sure;
+                self.tfar[i] = if sure != 0 { f32::NEG_INFINITY } else { self.tfar[i] };
+                edges.maybe[i] &= !sure;
+                rest |= edges.maybe[i];
+            }
+            if rest == 0 {
+                continue;
+            }
+            let test = self.test(block, slot, edges);
+            for i in 0..LANES {
+                let t = test.t[i];
+                let counts = (test.hit[i] != 0)
+                    & (t > f64::from(self.rays.tnear[i]))
+                    & (t < f64::from(self.rays.tfar[i]));
+                stopped[i] |= -i32::from(counts);
+                self.tfar[i] = if counts { f32::NEG_INFINITY } else { self.tfar[i] };
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn any_in_spheres(&self, index: usize, stopped: &mut [i32; LANES]) {
+        for i in 0..LANES {
+            if self.tfar[i] != f32::NEG_INFINITY && self.single(i).any_in_spheres(index) {
+                stopped[i] = -1;
+            }
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! The closest hits of a packet.
+
+use std::cell::Cell;
+use std::thread::LocalKey;
+
+use super::{Bits, FEW, Packet, Stacks, Waiting, spread};
+use crate::accel::bvh::found::Found;
+use crate::accel::bvh::node::{Child, Kind, Node};
+use crate::accel::bvh::simd::Tier;
+use crate::accel::bvh::single::Best;
+use crate::ray::{LANES, NONE};
+
+/// A child yet to visit and the distances at which the rays enter it, infinite for those that miss.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Entry {
+    near: [f32; LANES],
+    child: Child,
+}
+
+thread_local! {
+    static STACK: Cell<Vec<Entry>> = const { Cell::new(Vec::new()) };
+}
+
+impl Waiting for Entry {
+    fn kept() -> &'static LocalKey<Cell<Vec<Self>>> {
+        &STACK
+    }
+}
+
+impl<T: Tier> Packet<'_, T> {
+    /// Updates the closest hits.
+    #[inline(always)]
+    pub fn closest(mut self, stacks: &mut Stacks<Entry>, best: &mut Found) {
+        stacks.packet.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
+        while let Some(entry) = stacks.packet.pop() {
+            let entering = self.tier.at_most(&entry.near, &self.tfar);
+            match entry.child.kind() {
+                _ if entering == 0 => {}
+                Kind::Node(index) if entering.count_ones() > FEW => {
+                    self.push(&self.tree.nodes[index], &mut stacks.packet);
+                }
+                Kind::Node(_) => {
+                    for i in Bits(entering) {
+                        let mut one = Best::of(best, i, self.tfar[i]);
+                        self.single(i).closest_below(entry.child, &mut stacks.single, &mut one);
+                        self.take(i, &one, best);
+                    }
+                    self.shorten();
+                }
+                _ => {
+                    self.closest_in_leaf(entry.child, entering, best);
+                    if !stacks.packet.is_empty() {
+                        self.shorten();
+                    }
+                }
+            }
+        }
+    }
+
+    /// Updates the closest hits of the rays that enter a leaf's box.
+    #[inline(always)]
+    pub fn closest_in_leaf(&mut self, leaf: Child, entering: u32, best: &mut Found) {
+        match leaf.kind() {
+            Kind::Triangles(index) => self.closest_in_block(index, entering, best),
+            Kind::Spheres(index) => self.closest_in_spheres(index, best),
+            Kind::Node(_) | Kind::Empty => {}
+        }
+    }
+
+    /// Takes over what a ray alone has found, if it has found anything.
+    #[inline(always)]
+    fn take(&mut self, i: usize, one: &Best, best: &mut Found) {
+        if one.t != best.t[i] || one.primitive != best.primitive[i] {
+            self.tfar[i] = one.tfar;
+            one.store(best, i);
+        }
+    }
+
+    /// Pushes the children that any ray meets, the nearest last.
+    #[inline(always)]
+    fn push(&self, node: &Node, stack: &mut Vec<Entry>) {
+        for place in Bits(self.tier.overlaps(node, &self.frustum, self.end)) {
+            let slot = node.ordered(self.frustum.octant, place);
+            let (mut near, far) = self.slabs(node, slot);
+            let mut any = 0;
+            for i in 0..LANES {
+                let meets = near[i] <= far[i];
+                any |= i32::from(meets);
+                near[i] = if meets { near[i] } else { f32::INFINITY };
+            }
+            if any != 0 {
+                stack.push(Entry { near, child: node.children[slot] });
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn closest_in_block(&mut self, index: usize, entering: u32, best: &mut Found) {
+        let block = &self.tree.blocks[index];
+        let triangles = self.tier.overlapping(block, &self.frustum, self.end);
+        if entering.count_ones() <= triangles.count_ones() {
+            for i in Bits(entering) {
+                let mut one = Best::of(best, i, self.tfar[i]);
+                self.single(i).closest_in_block(index, &mut one);
+                self.take(i, &one, best);
+            }
+            return;
+        }
+        let entering = spread(entering);
+        for slot in Bits(triangles) {
+            let Some(edges) = self.edges(block, slot, &entering) else { continue };
+            let test = self.test(block, slot, edges);
+            let primitive = block.primitives[slot];
+            let second_half = -i32::from(block.is_second_half(slot));
+            for i in 0..LANES {
+                let t = test.t[i];
+                let closer = (t < best.t[i])
+                    | ((t == best.t[i])
+                        & (primitive < best.primitive[i])
+                        & (best.primitive[i] != NONE));
+                let counts = (test.hit[i] != 0) & closer & (t > f64::from(self.rays.tnear[i]));
+                best.t[i] = if counts { t } else { best.t[i] };
+                best.primitive[i] = if counts { primitive } else { best.primitive[i] };
+                for (weights, found) in best.weights.iter_mut().zip(&test.weights) {
+                    weights[i] = if counts { found[i] } else { weights[i] };
+                }
+                best.second_half[i] = if counts { second_half } else { best.second_half[i] };
+                let tfar = t as f32 * self.query.scale[i];
+                self.tfar[i] = if counts { tfar } else { self.tfar[i] };
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn closest_in_spheres(&mut self, index: usize, best: &mut Found) {
+        for i in 0..LANES {
+            if self.tfar[i] == f32::NEG_INFINITY {
+                continue;
+            }
+            let mut one = Best::of(best, i, self.tfar[i]);
+            self.single(i).closest_in_spheres(index, &mut one);
+            self.take(i, &one, best);
+        }
+    }
+}

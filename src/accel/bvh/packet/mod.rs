@@ -1,0 +1,154 @@
+//! 16 rays of one direction octant through the tree together.
+//!
+//! One ray that bounds them all finds the children of a node that any of them can meet; then the 16
+//! rays are tested against each of these, and against each triangle of a leaf, lane by lane
+//! ([`triangle`]).
+
+mod any;
+mod closest;
+mod triangle;
+
+use std::cell::Cell;
+use std::thread::LocalKey;
+
+use super::build::Tree;
+use super::frustum::Frustum;
+use super::node::Node;
+use super::query::Query;
+use super::simd::{Stack, Tier};
+use super::single::Single;
+use crate::geometry::Geometry;
+use crate::ray::{LANES, Mask, Rays};
+
+/// So many rays are traced on alone.
+const FEW: u32 = 3;
+
+/// What stands on the stack of a traversal.
+pub trait Waiting: Sized + 'static {
+    /// Room for the packets of this thread.
+    fn kept() -> &'static LocalKey<Cell<Vec<Self>>>;
+}
+
+/// What is yet to visit.
+pub struct Stacks<E> {
+    /// By the rays together: the thread's own, whose room it keeps.
+    packet: Vec<E>,
+    /// By one ray alone.
+    single: Stack,
+}
+
+impl<E: Waiting> Stacks<E> {
+    /// Empty stacks. (No closure gets them: that would be compiled for the portable tier.)
+    #[inline(always)]
+    pub fn take() -> Self {
+        Self { packet: E::kept().take(), single: Stack::new() }
+    }
+
+    /// Keeps the room for the thread's next packet.
+    #[inline(always)]
+    pub fn keep(self) {
+        let mut stack = self.packet;
+        stack.clear();
+        E::kept().set(stack);
+    }
+}
+
+/// The numbers of the bits that are set, from the lowest on.
+struct Bits(u32);
+
+impl Iterator for Bits {
+    type Item = usize;
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let lowest = self.0.trailing_zeros() as usize;
+        self.0 &= self.0.wrapping_sub(1);
+        (lowest < LANES).then_some(lowest)
+    }
+}
+
+/// 16 rays on their way through the tree.
+pub struct Packet<'a, T> {
+    tier: T,
+    tree: &'a Tree,
+    geometry: &'a Geometry,
+    query: &'a Query,
+    rays: &'a Rays,
+    /// Ends of the segments as the boxes see them; -inf where a ray is done.
+    tfar: [f32; LANES],
+    /// Around the rays.
+    frustum: Frustum,
+    /// Where it ends: see [`Frustum::end`].
+    end: f32,
+}
+
+impl<'a, T: Tier> Packet<'a, T> {
+    /// The active rays of a query, which are coherent ([`Query::coherent`]).
+    #[inline(always)]
+    pub fn new(
+        tier: T,
+        (tree, geometry): (&'a Tree, &'a Geometry),
+        (query, rays): (&'a Query, &'a Rays),
+        active: &Mask,
+    ) -> Self {
+        let mut tfar = query.tfar;
+        for i in 0..LANES {
+            tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
+        }
+        let (frustum, end) = Frustum::new(tier, query, active, &tfar, &tree.bounds);
+        Self { tier, tree, geometry, query, rays, tfar, frustum, end }
+    }
+
+    /// The kernels.
+    #[inline(always)]
+    pub fn tier(&self) -> T {
+        self.tier
+    }
+
+    /// Ends of the segments as the boxes see them.
+    #[inline(always)]
+    pub fn tfar(&self) -> &[f32; LANES] {
+        &self.tfar
+    }
+
+    /// The frustum ends with the last ray.
+    #[inline(always)]
+    pub fn shorten(&mut self) {
+        self.end = self.frustum.end(self.tier, self.query, &self.tfar);
+    }
+
+    /// The distances at which the rays enter and leave the box of a node's child.
+    #[inline(always)]
+    fn slabs(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
+        let (q, octant) = (self.query, self.frustum.octant);
+        let mut near = q.tnear;
+        let mut far = self.tfar;
+        for axis in 0..3 {
+            let row = (axis + 3 * ((octant >> axis) & 1)) % 6;
+            let enter = node.planes[row][slot];
+            let leave = node.planes[2 * axis + 3 - row][slot];
+            for i in 0..LANES {
+                let t0 = T::mul_sub(enter, q.near_inverse[axis][i], q.near_offset[axis][i]);
+                let t1 = T::mul_sub(leave, q.far_inverse[axis][i], q.far_offset[axis][i]);
+                near[i] = if t0 > near[i] { t0 } else { near[i] };
+                far[i] = if t1 < far[i] { t1 } else { far[i] };
+            }
+        }
+        (near, far)
+    }
+
+    /// One of the rays.
+    #[inline(always)]
+    fn single(&self, i: usize) -> Single<'a, T> {
+        Single::new(self.tier, (self.tree, self.geometry), self.query.lane(i), self.rays)
+    }
+}
+
+/// Bits as lanes: all bits set.
+#[inline(always)]
+fn spread(bits: u32) -> [i32; LANES] {
+    let mut lanes = [0; LANES];
+    for i in 0..LANES {
+        lanes[i] = -(((bits >> i) & 1) as i32);
+    }
+    lanes
+}

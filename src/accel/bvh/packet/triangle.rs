@@ -1,0 +1,151 @@
+//! A triangle of a leaf against a packet: the decisions of [`exact`](crate::accel::bvh::exact), taken
+//! over lanes.
+
+use super::Packet;
+use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, Sheared};
+use crate::accel::bvh::node::Block;
+use crate::accel::bvh::query::{max, min};
+use crate::accel::bvh::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
+use crate::ray::LANES;
+
+/// A triangle against the lines of 16 rays, in f32.
+pub struct Edges {
+    /// Lanes whose line may meet it: all bits set.
+    pub maybe: [i32; LANES],
+    /// Those of them whose line may also miss it.
+    pub unsure: [i32; LANES],
+    /// How far along the dominant axis the triangle begins.
+    pub first: [f32; LANES],
+    /// How far it ends.
+    pub last: [f32; LANES],
+    /// See [`Found::weights`].
+    pub weights: [[f32; LANES]; 3],
+}
+
+/// A triangle against 16 rays.
+pub struct Test {
+    /// Lanes that hit, at `t`: all bits set.
+    pub hit: [i32; LANES],
+    pub t: [f64; LANES],
+    /// See [`Found::weights`].
+    pub weights: [[f32; LANES]; 3],
+}
+
+impl<T: Tier> Packet<'_, T> {
+    /// The lines of the rays that enter a leaf's box against one of its triangles; none if no ray may hit it.
+    #[inline(always)]
+    pub fn edges(&self, block: &Block, slot: usize, entering: &[i32; LANES]) -> Option<Edges> {
+        let axes = self.frustum.axes;
+        let corner = |k: usize| {
+            let v = block.corner(k, slot);
+            [block.vertices[axes[0]][v], block.vertices[axes[1]][v], block.vertices[axes[2]][v]]
+        };
+        let (p, q, r) = (corner(0), corner(1), corner(2));
+        let query = self.query;
+        let mut weights = [[0.0f32; LANES]; 3];
+        let mut maybe = [0i32; LANES];
+        let mut unsure = [0i32; LANES];
+        let (mut first, mut last) = ([0.0f32; LANES], [0.0f32; LANES]);
+        let backward = self.frustum.forward < 0.0;
+        for i in 0..LANES {
+            let (sx, sy) = (query.shear[0][i], query.shear[1][i]);
+            let (ox, oy, oz) = (query.origin[0][i], query.origin[1][i], query.origin[2][i]);
+            let shear = |v: [f32; 3]| {
+                let [x, y, z] = v;
+                let depth = z - oz;
+                ((x - ox) - sx * depth, (y - oy) - sy * depth, depth)
+            };
+            let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (shear(p), shear(q), shear(r));
+            let (q0, q1, q2) = (cy * bx, ay * cx, by * ax);
+            // Not fused: these become the weights, which are the same in every tier.
+            let (u, v, w) = (cx * by - q0, ax * cy - q1, bx * ay - q2);
+            (weights[0][i], weights[1][i], weights[2][i]) = (v, w, u + v + w);
+            let slack = max(max(q0.abs(), q1.abs()), q2.abs()) * EDGE_SLACK + EDGE_FLOOR;
+            let (least, most) = (min(min(u, v), w), max(max(u, v), w));
+            let misses = (least < -slack) & (most > slack);
+            let sure = (least > slack) | (most < -slack);
+            let (least, most) = (min(min(az, bz), cz), max(max(az, bz), cz));
+            (first[i], last[i]) = if backward { (-most, -least) } else { (least, most) };
+            maybe[i] = entering[i] & -i32::from(!misses);
+            unsure[i] = maybe[i] & -i32::from(!sure);
+        }
+        let primitive = block.primitives[slot];
+        let mut any = 0;
+        for i in 0..LANES {
+            // Behind what the ray has met: no need to look at the plane.
+            let behind = first[i] > query.depth(i, self.tfar[i]);
+            let leaving = self.rays.leaving[i] == primitive;
+            maybe[i] &= -i32::from(!(behind | leaving));
+            unsure[i] &= maybe[i];
+            any |= maybe[i];
+        }
+        (any != 0).then_some(Edges { maybe, unsure, first, last, weights })
+    }
+
+    /// Where the rays of `edges` meet the triangle, those in doubt decided.
+    #[inline(always)]
+    pub fn test(&self, block: &Block, slot: usize, edges: Edges) -> Test {
+        let Edges { mut maybe, mut unsure, first, last, weights } = edges;
+        let mut t = self.distances(block.triangle(slot));
+        // In one loop: what is stored by halves of a register is not there for a whole one at once.
+        let mut doubt = 0;
+        for i in 0..LANES {
+            let depth = t[i] * self.along(i).abs();
+            let slack = depth.abs() * DEPTH_SLACK;
+            let within =
+                (depth >= f64::from(first[i]) - slack) & (depth <= f64::from(last[i]) + slack);
+            unsure[i] |= maybe[i] & -i32::from(!within);
+            doubt |= unsure[i];
+        }
+        if doubt != 0 {
+            // Copies: of what a call has seen nothing stays in registers.
+            let (unsure, mut hit, mut at) = (unsure, maybe, t);
+            self.decide(block, slot, &unsure, &mut hit, &mut at);
+            (maybe, t) = (hit, at);
+        }
+        Test { hit: maybe, t, weights }
+    }
+
+    /// Direction along the dominant axis.
+    #[inline(always)]
+    fn along(&self, i: usize) -> f64 {
+        // The scaled one times a power of two: exact but for denormals.
+        f64::from(self.query.along[i]) * f64::from(self.query.scale[i])
+    }
+
+    /// Ray parameters of a triangle's plane.
+    #[inline(always)]
+    fn distances(&self, corners: [[f32; 3]; 3]) -> [f64; LANES] {
+        let mut t = [0.0; LANES];
+        let plane = Plane::new(corners);
+        let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
+        for i in 0..LANES {
+            let origin = [f64::from(ox[i]), f64::from(oy[i]), f64::from(oz[i])];
+            let direction = [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])];
+            t[i] = plane.t(origin, direction);
+        }
+        t
+    }
+
+    /// Lanes in doubt, one by one.
+    #[inline(never)]
+    fn decide(
+        &self,
+        block: &Block,
+        slot: usize,
+        unsure: &[i32; LANES],
+        hit: &mut [i32; LANES],
+        t: &mut [f64; LANES],
+    ) {
+        for i in (0..LANES).filter(|&i| unsure[i] != 0) {
+            let lane = self.query.lane(i);
+            let seen = Sheared::new(&lane, block, slot);
+            if seen.inside() {
+                let ray = Ray64::new(self.rays, i, lane.axes[2]);
+                t[i] = seen.t(&ray, block.triangle(slot));
+            } else {
+                hit[i] = 0;
+            }
+        }
+    }
+}
