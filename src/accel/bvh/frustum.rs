@@ -33,7 +33,7 @@ pub struct Side {
     pub row: usize,
 }
 
-/// What holds all active rays of one octant and one dominant axis k.
+/// What holds all active rays of one dominant axis k and one direction along it.
 ///
 /// Between two depths the least coordinate of any ray is a concave function of z, as the least of
 /// linear functions is, and lies above its chord; the greatest lies below its own. So four planes
@@ -47,7 +47,7 @@ pub struct Side {
 pub struct Frustum {
     /// The two axes after the dominant one, then the dominant one.
     pub axes: [usize; 3],
-    /// Bit a: directions negative along axis a.
+    /// Bit a: the first ray's direction is negative along axis a.
     pub octant: usize,
     /// Of the four sides [`Side::a`]: low and low, high and high.
     a: [f32; 4],
@@ -70,7 +70,7 @@ pub struct Frustum {
 }
 
 impl Frustum {
-    /// Around the active rays of a query, which are coherent ([`Query::coherent`]), in a tree over
+    /// Around the active rays of a query, which are aligned ([`Query::aligned`]), in a tree over
     /// `scene`; `tfar` holds the ends of their segments as boxes see them. With it where it ends:
     /// see [`Frustum::end`].
     #[inline(always)]

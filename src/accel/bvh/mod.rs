@@ -199,7 +199,7 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
         let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (*active, Mask::NONE);
         while rest.any() {
-            let part = query.coherent(&rest);
+            let part = query.aligned(&rest);
             rest = rest.without(&part);
             if part.count() < LEAST_TOGETHER {
                 alone = alone.with(&part);

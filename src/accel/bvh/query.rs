@@ -172,6 +172,21 @@ impl Query {
         part
     }
 
+    /// Those of the rays that are aligned with the first of them: of its dominant axis, and of its direction along
+    /// that.
+    #[inline(always)]
+    pub fn aligned(&self, rays: &Mask) -> Mask {
+        let first = rays.first();
+        let dominant = self.dominant[first];
+        let sign = self.along[first].to_bits() >> 31;
+        let mut part = Mask::NONE;
+        for i in 0..LANES {
+            let same = (self.dominant[i] == dominant) & (self.along[i].to_bits() >> 31 == sign);
+            part.0[i] = rays.0[i] & -i32::from(same);
+        }
+        part
+    }
+
     /// How far along the dominant axis ray `i` is at a scaled parameter, or a bit farther: what lies
     /// beyond is farther than the parameter.
     #[inline(always)]

@@ -63,12 +63,31 @@ impl<T: Tier> Packet<'_, T> {
         self.tier.at_most(&self.query.tnear, &self.tfar)
     }
 
-    /// Pushes the children that any ray meets, in the order of the octant.
+    /// The distances at which the rays enter and leave the box of a node's child: the rays may be of several octants.
+    #[inline(always)]
+    fn slabs_of_any_octant(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
+        let q = self.query;
+        let (mut near, mut far) = (q.tnear, self.tfar);
+        for axis in 0..3 {
+            let (lower, upper) = (node.planes[axis][slot], node.planes[axis + 3][slot]);
+            for i in 0..LANES {
+                let backward = q.near_inverse[axis][i] < 0.0;
+                let (enter, leave) = if backward { (upper, lower) } else { (lower, upper) };
+                let t0 = T::mul_sub(enter, q.near_inverse[axis][i], q.near_offset[axis][i]);
+                let t1 = T::mul_sub(leave, q.far_inverse[axis][i], q.far_offset[axis][i]);
+                near[i] = if t0 > near[i] { t0 } else { near[i] };
+                far[i] = if t1 < far[i] { t1 } else { far[i] };
+            }
+        }
+        (near, far)
+    }
+
+    /// Pushes the children that any ray meets, in the order of the first ray's octant.
     #[inline(always)]
     fn push_any(&self, node: &Node, stack: &mut Vec<Entry>) {
         for place in Bits(self.tier.overlaps(node, &self.frustum, self.end)) {
             let slot = node.ordered(self.frustum.octant, place);
-            let (near, far) = self.slabs(node, slot);
+            let (near, far) = self.slabs_of_any_octant(node, slot);
             let entering = self.tier.at_most(&near, &far);
             if entering != 0 {
                 stack.push(Entry { child: node.children[slot], entering });

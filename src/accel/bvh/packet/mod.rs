@@ -1,4 +1,4 @@
-//! 16 rays of one direction octant through the tree together.
+//! 16 rays that go about the same way through the tree together.
 //!
 //! One ray that bounds them all finds the children of a node that any of them can meet; then the 16
 //! rays are tested against each of these, and against each triangle of a leaf, lane by lane
@@ -82,7 +82,8 @@ pub struct Packet<'a, T> {
 }
 
 impl<'a, T: Tier> Packet<'a, T> {
-    /// The active rays of a query, which are coherent ([`Query::coherent`]).
+    /// The active rays of a query, which are coherent ([`Query::coherent`]), or aligned
+    /// ([`Query::aligned`]) if it is asked for any hit.
     #[inline(always)]
     pub fn new(
         tier: T,
@@ -116,7 +117,7 @@ impl<'a, T: Tier> Packet<'a, T> {
         self.end = self.frustum.end(self.tier, self.query, &self.tfar);
     }
 
-    /// The distances at which the rays enter and leave the box of a node's child.
+    /// The distances at which the rays, which are of one octant, enter and leave the box of a node's child.
     #[inline(always)]
     fn slabs(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
         let (q, octant) = (self.query, self.frustum.octant);
