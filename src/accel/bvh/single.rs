@@ -3,7 +3,7 @@
 use super::build::Tree;
 use super::exact::{Ray64, Sheared, depths};
 use super::found::Found;
-use super::node::{Child, Kind, SphereLeaf};
+use super::node::{Child, Kind};
 use super::query::Lane;
 use super::simd::{Stack, Tier};
 use crate::geometry::Geometry;
@@ -246,7 +246,8 @@ impl<'a, T: Tier> Single<'a, T> {
     /// Updates the closest hit with a leaf's spheres.
     #[inline(never)]
     pub fn closest_in_spheres(&self, index: usize, best: &mut Best) {
-        for (t, primitive) in self.sphere_hits(&self.tree.spheres[index], best.t) {
+        for id in self.tree.spheres[index].0 {
+            let Some((t, primitive)) = self.sphere_hit(id, best.t) else { continue };
             if best.gives_way(t, primitive) {
                 let tfar = t as f32 * self.lane.of(&self.lane.query.scale);
                 *best = Best::sphere(t, tfar, primitive);
@@ -257,27 +258,29 @@ impl<'a, T: Tier> Single<'a, T> {
     /// Whether any of a leaf's spheres is hit.
     #[inline(never)]
     pub fn any_in_spheres(&self, index: usize) -> bool {
-        self.sphere_hits(&self.tree.spheres[index], self.ray().tfar).next().is_some()
+        let tfar = self.ray().tfar;
+        self.tree.spheres[index].0.into_iter().any(|id| self.sphere_hit(id, tfar).is_some())
     }
 
-    fn sphere_hits(&self, leaf: &SphereLeaf, tfar: f64) -> impl Iterator<Item = (f64, u32)> {
-        let (tier, ray, leaving) = (self.tier, self.ray(), self.leaving);
-        let base = self.geometry.bases()[self.geometry.spheres_id() as usize];
-        let spheres = &self.geometry.spheres;
-        let SphereLeaf(ids) = *leaf;
-        ids.into_iter().filter_map(move |id| {
-            let sphere = spheres.get(id as usize)?;
-            let primitive = base + id;
-            tier.meets_sphere();
-            // Beyond tfar by an ulp: an equal distance may belong to a lower primitive.
-            let t = sphere.intersect(
-                ray.origin.into(),
-                ray.direction.into(),
-                ray.tnear,
-                tfar * (1.0 + f64::EPSILON),
-                primitive == leaving,
-            );
-            (!t.is_nan() && t < ray.tfar).then_some((t, primitive))
-        })
+    /// Where a sphere is hit up to `tfar`, and its primitive.
+    #[inline(always)]
+    fn sphere_hit(&self, id: u32, tfar: f64) -> Option<(f64, u32)> {
+        let sphere = self.geometry.spheres.get(id as usize)?;
+        self.tier.meets_sphere();
+        let ray = self.ray();
+        let (origin, direction) = (ray.origin.into(), ray.direction.into());
+        if sphere.surely_missed(origin, direction) {
+            return None;
+        }
+        let primitive = self.geometry.bases()[self.geometry.spheres_id() as usize] + id;
+        let (beyond, leaving) = (just_beyond(tfar), primitive == self.leaving);
+        let t = sphere.intersect(origin, direction, ray.tnear, beyond, leaving);
+        (!t.is_nan() && t < ray.tfar).then_some((t, primitive))
     }
+}
+
+/// Farther than a hit by an ulp: an equal distance may belong to a lower primitive.
+#[inline(always)]
+pub fn just_beyond(t: f64) -> f64 {
+    t * (1.0 + f64::EPSILON)
 }

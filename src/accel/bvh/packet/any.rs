@@ -100,7 +100,7 @@ impl<T: Tier> Packet<'_, T> {
     pub fn any_in_leaf(&mut self, leaf: Child, entering: u32, stopped: &mut [i32; LANES]) {
         match leaf.kind() {
             Kind::Triangles(index) => self.any_in_block(index, entering, stopped),
-            Kind::Spheres(index) => self.any_in_spheres(index, stopped),
+            Kind::Spheres(index) => self.any_in_spheres(index, entering, stopped),
             Kind::Node(_) | Kind::Empty => {}
         }
         self.stop(stopped);
@@ -150,15 +150,6 @@ impl<T: Tier> Packet<'_, T> {
                     & (t < f64::from(self.rays.tfar[i]));
                 stopped[i] |= -i32::from(counts);
                 self.tfar[i] = if counts { f32::NEG_INFINITY } else { self.tfar[i] };
-            }
-        }
-    }
-
-    #[inline(never)]
-    fn any_in_spheres(&self, index: usize, stopped: &mut [i32; LANES]) {
-        for i in 0..LANES {
-            if self.tfar[i] != f32::NEG_INFINITY && self.single(i).any_in_spheres(index) {
-                stopped[i] = -1;
             }
         }
     }

@@ -63,7 +63,7 @@ impl<T: Tier> Packet<'_, T> {
     pub fn closest_in_leaf(&mut self, leaf: Child, entering: u32, best: &mut Found) {
         match leaf.kind() {
             Kind::Triangles(index) => self.closest_in_block(index, entering, best),
-            Kind::Spheres(index) => self.closest_in_spheres(index, best),
+            Kind::Spheres(index) => self.closest_in_spheres(index, entering, best),
             Kind::Node(_) | Kind::Empty => {}
         }
     }
@@ -129,18 +129,6 @@ impl<T: Tier> Packet<'_, T> {
                 let tfar = t as f32 * self.query.scale[i];
                 self.tfar[i] = if counts { tfar } else { self.tfar[i] };
             }
-        }
-    }
-
-    #[inline(never)]
-    fn closest_in_spheres(&mut self, index: usize, best: &mut Found) {
-        for i in 0..LANES {
-            if self.tfar[i] == f32::NEG_INFINITY {
-                continue;
-            }
-            let mut one = Best::of(best, i, self.tfar[i]);
-            self.single(i).closest_in_spheres(index, &mut one);
-            self.take(i, &one, best);
         }
     }
 }

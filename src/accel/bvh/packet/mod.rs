@@ -6,6 +6,7 @@
 
 mod any;
 mod closest;
+mod spheres;
 mod triangle;
 
 use std::cell::Cell;

@@ -1,0 +1,157 @@
+//! A leaf of spheres against a packet, in kernels of their own: most scenes have none.
+
+use super::{Bits, Packet};
+use crate::accel::bvh::found::Found;
+use crate::accel::bvh::simd::Tier;
+use crate::accel::bvh::single::just_beyond;
+use crate::geometry::Sphere;
+use crate::ray::{LANES, NONE};
+use crate::simd::Kernel;
+
+impl<T: Tier> Packet<'_, T> {
+    /// Updates the closest hits of the rays that enter a leaf's box.
+    #[inline(never)]
+    pub fn closest_in_spheres(&mut self, index: usize, entering: u32, best: &mut Found) {
+        self.tier.run(Closest { packet: self, index, entering, best });
+    }
+
+    /// Adds the rays that a sphere stops, of those that enter a leaf's box.
+    #[inline(never)]
+    pub fn any_in_spheres(&mut self, index: usize, entering: u32, stopped: &mut [i32; LANES]) {
+        self.tier.run(Any { packet: self, index, entering, stopped });
+    }
+
+    /// A sphere of the scene and the number of its primitive; none at the end of a leaf.
+    #[inline(always)]
+    fn sphere(&self, id: u32) -> Option<(Sphere, u32)> {
+        let sphere = self.geometry.spheres.get(id as usize)?;
+        Some((*sphere, self.geometry.bases()[self.geometry.spheres_id() as usize] + id))
+    }
+
+    /// Of `rays` those that may hit a sphere, by bit.
+    #[inline(always)]
+    fn may_hit(&self, sphere: &Sphere, rays: u32) -> u32 {
+        let mut missed = [0.0f32; LANES];
+        for i in 0..LANES {
+            let (origin, direction) = self.ray64(i);
+            let misses = sphere.surely_missed(origin.into(), direction.into());
+            missed[i] = if misses { 1.0 } else { 0.0 };
+        }
+        rays & self.tier.at_most(&missed, &[0.0; LANES])
+    }
+
+    /// Where `rays` hit a sphere between `tnear` and `tfar`; NaN for those that do not. The others' may be anything.
+    #[inline(always)]
+    fn sphere_hits(
+        &self,
+        (sphere, primitive): (&Sphere, u32),
+        rays: u32,
+        tfar: &[f64; LANES],
+    ) -> [f64; LANES] {
+        let (mut t, mut is_sure) = ([0.0; LANES], [0.0f32; LANES]);
+        for i in 0..LANES {
+            let (origin, direction) = self.ray64(i);
+            let tnear = f64::from(self.rays.tnear[i]);
+            let leaving = self.rays.leaving[i] == primitive;
+            let (at, sure) =
+                sphere.quickly(origin.into(), direction.into(), tnear, tfar[i], leaving);
+            t[i] = at;
+            is_sure[i] = if sure { 1.0 } else { 0.0 };
+        }
+        for i in Bits(rays & self.tier.at_most(&is_sure, &[0.0; LANES])) {
+            let (origin, direction) = self.ray64(i);
+            let tnear = f64::from(self.rays.tnear[i]);
+            let leaving = self.rays.leaving[i] == primitive;
+            t[i] = sphere.intersect(origin.into(), direction.into(), tnear, tfar[i], leaving);
+        }
+        t
+    }
+
+    #[inline(always)]
+    fn ray64(&self, i: usize) -> ([f64; 3], [f64; 3]) {
+        let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
+        (
+            [f64::from(ox[i]), f64::from(oy[i]), f64::from(oz[i])],
+            [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])],
+        )
+    }
+
+    /// Tells who counts of every sphere that a ray is tested against.
+    #[inline(always)]
+    fn meet_spheres(&self, rays: u32) {
+        for _ in 0..rays.count_ones() {
+            self.tier.meets_sphere();
+        }
+    }
+}
+
+struct Closest<'s, 'a, T> {
+    packet: &'s mut Packet<'a, T>,
+    index: usize,
+    entering: u32,
+    best: &'s mut Found,
+}
+
+impl<T: Tier> Kernel for Closest<'_, '_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { packet, index, entering, best } = self;
+        for id in packet.tree.spheres[index].0 {
+            let Some((sphere, primitive)) = packet.sphere(id) else { continue };
+            packet.meet_spheres(entering);
+            let maybe = packet.may_hit(&sphere, entering);
+            if maybe == 0 {
+                continue;
+            }
+            let mut tfar = [0.0; LANES];
+            for i in 0..LANES {
+                tfar[i] = just_beyond(best.t[i]);
+            }
+            let t = packet.sphere_hits((&sphere, primitive), maybe, &tfar);
+            for i in Bits(maybe) {
+                let equal = t[i] == best.t[i] && primitive < best.primitive[i];
+                let closer = t[i] < best.t[i] || (equal && best.primitive[i] != NONE);
+                if closer && t[i] < f64::from(packet.rays.tfar[i]) {
+                    (best.t[i], best.primitive[i]) = (t[i], primitive);
+                    (best.weights[0][i], best.weights[1][i], best.weights[2][i]) = (0.0, 0.0, 1.0);
+                    best.second_half[i] = 0;
+                    packet.tfar[i] = t[i] as f32 * packet.query.scale[i];
+                }
+            }
+        }
+    }
+}
+
+struct Any<'s, 'a, T> {
+    packet: &'s mut Packet<'a, T>,
+    index: usize,
+    entering: u32,
+    stopped: &'s mut [i32; LANES],
+}
+
+impl<T: Tier> Kernel for Any<'_, '_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { packet, index, entering, stopped } = self;
+        for id in packet.tree.spheres[index].0 {
+            let Some((sphere, primitive)) = packet.sphere(id) else { continue };
+            packet.meet_spheres(entering);
+            let maybe = packet.may_hit(&sphere, entering);
+            if maybe == 0 {
+                continue;
+            }
+            let mut tfar = [0.0; LANES];
+            for i in 0..LANES {
+                tfar[i] = f64::from(packet.rays.tfar[i]);
+            }
+            let t = packet.sphere_hits((&sphere, primitive), maybe, &tfar);
+            for i in Bits(maybe) {
+                if t[i] < tfar[i] {
+                    stopped[i] = -1;
+                }
+            }
+        }
+    }
+}
