@@ -1,6 +1,7 @@
 //! All primitives of a scene, relative to one f64 origin, as every accelerator sees them.
 
 mod behind;
+mod gather;
 mod passing;
 mod sphere;
 mod surface;
@@ -10,11 +11,10 @@ mod twofold;
 use glam::DVec3;
 
 pub use crate::ray::NONE;
+pub use gather::{prefetch_indices, prefetch_vertices};
 pub use passing::{Passing, passing};
 pub use sphere::Sphere;
-pub use surface::{
-    Surfaces, position_error, prefetch_indices, prefetch_vertices, refine, round_towards,
-};
+pub use surface::{Surfaces, position_error, refine, round_towards};
 pub use triangle::{clamp_barycentrics, refine_triangle};
 
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`].

@@ -1,0 +1,152 @@
+//! The corners of what the lanes of a packet hit, out of the scene's arrays.
+
+use std::ops::Range;
+
+use super::{Geometry, GeometryKind};
+use crate::ray::{LANES, Mask, RayPacket};
+use crate::simd::{self, prefetch};
+
+/// Asks for the index triples of the triangles that were hit, to be in the cache when
+/// [`prefetch_vertices`] and [`super::refine`] read them.
+#[inline(always)]
+pub fn prefetch_indices(geometry: &Geometry, packet: &RayPacket) {
+    for i in 0..LANES {
+        if let Some(mesh) = geometry.meshes.get(packet.hits.geom[i] as usize) {
+            prefetch(mesh.triangles(), packet.hits.prim[i] as usize);
+        }
+    }
+}
+
+/// Asks for the vertices of the triangles that some lanes hit.
+#[inline(always)]
+pub fn prefetch_vertices(geometry: &Geometry, packet: &RayPacket, lanes: Range<usize>) {
+    for i in lanes {
+        if let Some(mesh) = geometry.meshes.get(packet.hits.geom[i] as usize) {
+            if let Some(corners) = mesh.triangles().get(packet.hits.prim[i] as usize) {
+                for &corner in corners {
+                    prefetch(mesh.vertices(), corner as usize);
+                }
+            }
+        }
+    }
+}
+
+/// Fetches the corners of the triangles that the lanes `hit`, and the numbers of what they hit in the whole
+/// scene; `weights` of quads become those of their halves. Which lanes hit spheres: their corners are left as they are.
+#[inline(always)]
+pub fn gather(
+    geometry: &Geometry,
+    hit: &Mask,
+    packet: &RayPacket,
+    corners: &mut [[[f32; LANES]; 3]; 3],
+    weights: &mut [[f32; LANES]; 2],
+    primitive: &mut [u32; LANES],
+) -> Mask {
+    match one_geometry(geometry, hit, packet) {
+        Some(GeometryKind::Mesh(mesh)) => {
+            one_mesh(geometry, mesh, packet, corners, primitive);
+            Mask::NONE
+        }
+        Some(GeometryKind::Quads) if one_primitive(packet) => {
+            one_quad(geometry, packet, corners, weights, primitive);
+            Mask::NONE
+        }
+        _ => one_by_one(geometry, hit, packet, corners, weights, primitive),
+    }
+}
+
+/// What every lane hits, if that is one geometry.
+#[inline(always)]
+fn one_geometry(geometry: &Geometry, hit: &Mask, packet: &RayPacket) -> Option<GeometryKind> {
+    let geom = packet.hits.geom[0];
+    let same =
+        (0..LANES).fold(true, |same, i| same & (hit.0[i] != 0) & (packet.hits.geom[i] == geom));
+    same.then(|| geometry.kind(geom))
+}
+
+/// Whether every lane hits the same primitive of a geometry.
+#[inline(always)]
+fn one_primitive(packet: &RayPacket) -> bool {
+    let prim = &packet.hits.prim;
+    (0..LANES).fold(true, |same, i| same & (prim[i] == prim[0]))
+}
+
+/// Corners of the halves of one quad that the lanes hit.
+#[inline(always)]
+fn one_quad(
+    geometry: &Geometry,
+    packet: &RayPacket,
+    corners: &mut [[[f32; LANES]; 3]; 3],
+    weights: &mut [[f32; LANES]; 2],
+    primitive: &mut [u32; LANES],
+) {
+    let prim = packet.hits.prim[0];
+    *primitive = [geometry.primitive(packet.hits.geom[0], prim); LANES];
+    let [v0, v1, v2, v3] = geometry.quads[prim as usize];
+    let halves = [[v0, v2], [v1, v3], [v3, v1]];
+    for i in 0..LANES {
+        let (u, v) = (weights[0][i], weights[1][i]);
+        let first = u + v <= 1.0;
+        (weights[0][i], weights[1][i]) = if first { (u, v) } else { (1.0 - u, 1.0 - v) };
+        for (corner, [a, b]) in corners.iter_mut().zip(halves) {
+            for axis in 0..3 {
+                corner[axis][i] = if first { a[axis] } else { b[axis] };
+            }
+        }
+    }
+}
+
+/// Corners of one mesh's triangles.
+#[inline(always)]
+fn one_mesh(
+    geometry: &Geometry,
+    mesh: usize,
+    packet: &RayPacket,
+    corners: &mut [[[f32; LANES]; 3]; 3],
+    primitive: &mut [u32; LANES],
+) {
+    let base = geometry.primitive(mesh as u32, 0);
+    let mesh = &geometry.meshes[mesh];
+    let triangles = simd::gather(mesh.triangles(), &packet.hits.prim);
+    for k in 0..3 {
+        corners[k] = simd::gather(mesh.vertices(), &triangles[k]);
+    }
+    for i in 0..LANES {
+        primitive[i] = base + packet.hits.prim[i];
+    }
+}
+
+/// Corners of whatever each lane hit.
+#[inline(never)]
+fn one_by_one(
+    geometry: &Geometry,
+    hit: &Mask,
+    packet: &RayPacket,
+    corners: &mut [[[f32; LANES]; 3]; 3],
+    weights: &mut [[f32; LANES]; 2],
+    primitive: &mut [u32; LANES],
+) -> Mask {
+    let mut spheres = Mask::NONE;
+    for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
+        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+        primitive[i] = geometry.primitive(geom, prim);
+        let triangle = match geometry.kind(geom) {
+            GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim),
+            GeometryKind::Quads => {
+                let half = geometry.quad_half(prim, weights[0][i], weights[1][i]);
+                (weights[0][i], weights[1][i]) = (half.1, half.2);
+                half.0
+            }
+            GeometryKind::Spheres => {
+                spheres.0[i] = -1;
+                continue;
+            }
+        };
+        for (corner, vertex) in corners.iter_mut().zip(&triangle) {
+            for axis in 0..3 {
+                corner[axis][i] = vertex[axis];
+            }
+        }
+    }
+    spheres
+}
