@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::RayCounts;
+use super::lamp::Lamp;
 use super::record::Record;
 use super::roulette::{CHANCE, Stage};
 use super::slot::Slot;
@@ -12,9 +13,7 @@ use crate::geometry::{Surfaces, refine};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::sampler::Sampler;
-use crate::shading::{
-    Area, Emitter, Lanes3, Light, Lit, Points, ShadowPoints, lane, light_rays, reflect,
-};
+use crate::shading::{Area, Emitter, Lanes3, Lit, Points, ShadowPoints, lane, light_rays, reflect};
 use crate::world::World;
 
 /// The light whose points share the camera's sequence, in the dimensions of the lens: the first area light,
@@ -27,18 +26,6 @@ pub fn joint_light(world: &World) -> Option<u32> {
             Emitter::Point(_) => None,
         })?;
     (area.samples == 1 && !world.camera.has_lens()).then_some(first)
-}
-
-/// A light, and when its light is gathered.
-#[derive(Clone, Copy)]
-pub struct Lamp<'a> {
-    light: &'a Light,
-    /// Number of the light.
-    pub index: u32,
-    /// 0 at the camera rays' hits.
-    pub bounce: u32,
-    /// Whether any point has a specular term.
-    pub glossy: bool,
 }
 
 /// Room for one packet's shading, kept between packets.

@@ -5,6 +5,7 @@
 
 mod block;
 mod cast;
+mod lamp;
 mod noise;
 mod passes;
 mod pipeline;

@@ -11,7 +11,7 @@ use crate::shading::{Lanes, Lanes3, Points, lane};
 use crate::world::World;
 
 use super::block::{BlockSums, Values};
-use super::cast::Lamp;
+use super::lamp::Lamp;
 use super::slot::{Pattern, Slot};
 use super::split::Split;
 
