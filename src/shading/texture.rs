@@ -622,6 +622,8 @@ mod tests {
         let e = Texture::load_within(&path, None, 23).unwrap_err();
         assert_eq!(e.kind, Kind::Limit);
         error("t.ppm", b"P6 4294967295 4294967295 255\n");
+        let beyond = error("t.ppm", b"P6 2000000000 2000000000 255\n").to_string();
+        assert!(beyond.contains("need at least 18446744073709551615 bytes"), "{beyond}");
         error("t.ppm", b"P4 4294967295 4294967295\n");
         error("t.ppm", b"P6 99999999999999 1 255\n");
         error("t.ppm", b"P6 0 5 255\n");

@@ -272,7 +272,7 @@ impl<'a, T: Tier> Single<'a, T> {
         if sphere.surely_missed(origin, direction) {
             return None;
         }
-        let primitive = self.geometry.bases()[self.geometry.spheres_id() as usize] + id;
+        let primitive = self.geometry.primitive(self.geometry.spheres_id(), id);
         let (beyond, leaving) = (just_beyond(tfar), primitive == self.leaving);
         let t = sphere.intersect(origin, direction, ray.tnear, beyond, leaving);
         (!t.is_nan() && t < ray.tfar).then_some((t, primitive))

@@ -14,7 +14,6 @@ use std::thread::LocalKey;
 
 use super::build::Tree;
 use super::frustum::Frustum;
-use super::node::Node;
 use super::query::Query;
 use super::simd::{Stack, Tier};
 use super::single::Single;
@@ -116,26 +115,6 @@ impl<'a, T: Tier> Packet<'a, T> {
     #[inline(always)]
     pub fn shorten(&mut self) {
         self.end = self.frustum.end(self.tier, self.query, &self.tfar);
-    }
-
-    /// The distances at which the rays, which are of one octant, enter and leave the box of a node's child.
-    #[inline(always)]
-    fn slabs(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
-        let (q, octant) = (self.query, self.frustum.octant);
-        let mut near = q.tnear;
-        let mut far = self.tfar;
-        for axis in 0..3 {
-            let row = (axis + 3 * ((octant >> axis) & 1)) % 6;
-            let enter = node.planes[row][slot];
-            let leave = node.planes[2 * axis + 3 - row][slot];
-            for i in 0..LANES {
-                let t0 = T::mul_sub(enter, q.near_inverse[axis][i], q.near_offset[axis][i]);
-                let t1 = T::mul_sub(leave, q.far_inverse[axis][i], q.far_offset[axis][i]);
-                near[i] = if t0 > near[i] { t0 } else { near[i] };
-                far[i] = if t1 < far[i] { t1 } else { far[i] };
-            }
-        }
-        (near, far)
     }
 
     /// One of the rays.

@@ -21,23 +21,33 @@ impl<T: Tier> Packet<'_, T> {
         self.tier.run(Any { packet: self, index, entering, stopped });
     }
 
-    /// A sphere of the scene and the number of its primitive; none at the end of a leaf.
+    /// Origin and direction of a ray, as the caller gave it.
     #[inline(always)]
-    fn sphere(&self, id: u32) -> Option<(Sphere, u32)> {
-        let sphere = self.geometry.spheres.get(id as usize)?;
-        Some((*sphere, self.geometry.bases()[self.geometry.spheres_id() as usize] + id))
+    fn ray64(&self, i: usize) -> ([f64; 3], [f64; 3]) {
+        let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
+        (
+            [f64::from(ox[i]), f64::from(oy[i]), f64::from(oz[i])],
+            [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])],
+        )
     }
 
-    /// Of `rays` those that may hit a sphere, by bit.
+    /// A sphere of a leaf, the number of its primitive, and of the rays that enter the leaf's box those that may hit
+    /// it, by bit; none if no ray may, and at the end of a leaf.
     #[inline(always)]
-    fn may_hit(&self, sphere: &Sphere, rays: u32) -> u32 {
+    fn candidate(&self, id: u32, entering: u32) -> Option<(Sphere, u32, u32)> {
+        let sphere = *self.geometry.spheres.get(id as usize)?;
         let mut missed = [0.0f32; LANES];
         for i in 0..LANES {
             let (origin, direction) = self.ray64(i);
             let misses = sphere.surely_missed(origin.into(), direction.into());
             missed[i] = if misses { 1.0 } else { 0.0 };
         }
-        rays & self.tier.at_most(&missed, &[0.0; LANES])
+        for _ in 0..entering.count_ones() {
+            self.tier.meets_sphere();
+        }
+        let maybe = entering & self.tier.at_most(&missed, &[0.0; LANES]);
+        let primitive = self.geometry.primitive(self.geometry.spheres_id(), id);
+        (maybe != 0).then_some((sphere, primitive, maybe))
     }
 
     /// Where `rays` hit a sphere between `tnear` and `tfar`; NaN for those that do not. The others' may be anything.
@@ -66,23 +76,6 @@ impl<T: Tier> Packet<'_, T> {
         }
         t
     }
-
-    #[inline(always)]
-    fn ray64(&self, i: usize) -> ([f64; 3], [f64; 3]) {
-        let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
-        (
-            [f64::from(ox[i]), f64::from(oy[i]), f64::from(oz[i])],
-            [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])],
-        )
-    }
-
-    /// Tells who counts of every sphere that a ray is tested against.
-    #[inline(always)]
-    fn meet_spheres(&self, rays: u32) {
-        for _ in 0..rays.count_ones() {
-            self.tier.meets_sphere();
-        }
-    }
 }
 
 struct Closest<'s, 'a, T> {
@@ -98,12 +91,7 @@ impl<T: Tier> Kernel for Closest<'_, '_, T> {
     fn run(self) {
         let Self { packet, index, entering, best } = self;
         for id in packet.tree.spheres[index].0 {
-            let Some((sphere, primitive)) = packet.sphere(id) else { continue };
-            packet.meet_spheres(entering);
-            let maybe = packet.may_hit(&sphere, entering);
-            if maybe == 0 {
-                continue;
-            }
+            let Some((sphere, primitive, maybe)) = packet.candidate(id, entering) else { continue };
             let mut tfar = [0.0; LANES];
             for i in 0..LANES {
                 tfar[i] = just_beyond(best.t[i]);
@@ -136,12 +124,7 @@ impl<T: Tier> Kernel for Any<'_, '_, T> {
     fn run(self) {
         let Self { packet, index, entering, stopped } = self;
         for id in packet.tree.spheres[index].0 {
-            let Some((sphere, primitive)) = packet.sphere(id) else { continue };
-            packet.meet_spheres(entering);
-            let maybe = packet.may_hit(&sphere, entering);
-            if maybe == 0 {
-                continue;
-            }
+            let Some((sphere, primitive, maybe)) = packet.candidate(id, entering) else { continue };
             let mut tfar = [0.0; LANES];
             for i in 0..LANES {
                 tfar[i] = f64::from(packet.rays.tfar[i]);
