@@ -64,6 +64,9 @@ pub fn world_to_ndc(camera: &scene::Camera) -> [[f64; 4]; 4] {
         .map(|[x, y, z, w]| [x / width + 0.5 * z, -y / height + 0.5 * z, z - w, z])
 }
 
+/// Where the frame at distance 1 reaches farther, directions to it are made shorter: a power of two.
+const FARTHEST: f64 = (1u64 << 60) as f64;
+
 impl Camera {
     /// The camera seen from `origin`, the world position of the scene's origin.
     pub fn new(camera: &scene::Camera, origin: DVec3) -> Self {
@@ -77,11 +80,15 @@ impl Camera {
             y: y * (lens.aperture / 2.0),
             focal_distance: lens.focal_distance,
         });
+        // What `unit_of_frame` looks at has to fit into f32.
+        let far = half_width.max(tan) > FARTHEST;
+        let scale = if far { 1.0 / FARTHEST } else { 1.0 };
+        let lens = lens.map(|lens| Lens { focal_distance: lens.focal_distance / scale, ..lens });
         Self {
             position: camera.position - origin,
-            corner: z - x * half_width + y * tan,
-            right: x * (2.0 * half_width / width),
-            down: y * (-2.0 * tan / height),
+            corner: (z - x * half_width + y * tan) * scale,
+            right: x * (2.0 * half_width / width) * scale,
+            down: y * (-2.0 * tan / height) * scale,
             forward: z,
             lens,
         }
@@ -120,7 +127,7 @@ impl Camera {
     /// [`Camera::ray`] of a camera without a lens.
     #[inline(always)]
     pub fn pinhole_ray(&self, x: f32, y: f32) -> (Vec3, Vec3) {
-        (self.position.as_vec3(), unit(self.towards(x, y)))
+        (self.position.as_vec3(), unit_of_frame(self.towards(x, y)))
     }
 
     #[inline(always)]
@@ -132,6 +139,15 @@ impl Camera {
 #[inline(always)]
 fn unit(v: DVec3) -> Vec3 {
     (v * (1.0 / v.dot(v).sqrt())).as_vec3()
+}
+
+/// The same of a direction to a point of the frame: one step of Newton's from a root in f32, off by 2^-45 of
+/// itself at most, which takes half the time of f64's root and division.
+#[inline(always)]
+fn unit_of_frame(v: DVec3) -> Vec3 {
+    let square = v.dot(v);
+    let inverse = f64::from(1.0 / (square as f32).sqrt());
+    (v * (inverse * (1.5 - 0.5 * square * inverse * inverse))).as_vec3()
 }
 
 #[cfg(test)]

@@ -155,11 +155,13 @@ impl Sampler {
             // In reverse order of its bits, Sobol's first dimension is the index itself.
             let reversed = (index[i] % SEQUENCE).reverse_bits();
             let index = owen_scramble_rev(reversed, shuffles[i]).reverse_bits() % SEQUENCE;
+            let later = if D > 2 { product(&MATRICES, index) } else { 0 };
             for d in 0..D {
                 let sobol = match d {
                     0 => index,
                     1 => pascal(index),
-                    _ => product(&MATRICES[d - 2], index),
+                    2 => later & 0xffff,
+                    _ => later >> 16,
                 };
                 let scrambled = owen_scramble_rev(sobol, scrambles[d][i]);
                 points[d][i] = u32_to_f32_norm(scrambled.reverse_bits());
@@ -222,25 +224,33 @@ fn pascal(index: u32) -> u32 {
     sum ^ ((sum >> 8) & 0x00ff)
 }
 
-/// The matrices of `sobol_burley`'s third and fourth dimension: for each bit of the index what it adds to
-/// the coordinate, whose bits are in reverse order.
-const MATRICES: [[u16; 16]; 2] = [
-    [
-        0x0001, 0x0003, 0x0006, 0x0009, 0x0017, 0x003a, 0x0071, 0x00a3, 0x0116, 0x0339, 0x0677,
-        0x09aa, 0x1601, 0x3903, 0x7706, 0xaa09,
-    ],
-    [
-        0x0001, 0x0003, 0x0004, 0x000a, 0x001f, 0x002e, 0x0045, 0x00c9, 0x011b, 0x02a4, 0x079a,
-        0x0b67, 0x101e, 0x302d, 0x4041, 0xa0c3,
-    ],
+/// The matrices of `sobol_burley`'s third and, from bit 16 on, fourth dimension: for each bit of the index what it
+/// adds to the coordinates, whose bits are in reverse order.
+const MATRICES: [u32; 16] = [
+    0x0001_0001,
+    0x0003_0003,
+    0x0004_0006,
+    0x000a_0009,
+    0x001f_0017,
+    0x002e_003a,
+    0x0045_0071,
+    0x00c9_00a3,
+    0x011b_0116,
+    0x02a4_0339,
+    0x079a_0677,
+    0x0b67_09aa,
+    0x101e_1601,
+    0x302d_3903,
+    0x4041_7706,
+    0xa0c3_aa09,
 ];
 
 /// A matrix times the bits of an index, modulo 2.
 #[inline(always)]
-fn product(matrix: &[u16; 16], index: u32) -> u32 {
+fn product(matrix: &[u32; 16], index: u32) -> u32 {
     let mut sum = 0;
     for bit in 0..16 {
-        sum ^= u32::from(matrix[bit]) & ((index >> bit) & 1).wrapping_neg();
+        sum ^= matrix[bit] & ((index >> bit) & 1).wrapping_neg();
     }
     sum
 }

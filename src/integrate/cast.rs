@@ -340,7 +340,7 @@ impl<'a> Cast<'a> {
     /// Adds the background to the active lanes that missed.
     #[inline(always)]
     fn background<R: Record>(&mut self, active: &Mask, hit: &Mask, bounce: u32, record: &mut R) {
-        if active.0 == hit.0 {
+        if !active.without(hit).any() {
             return;
         }
         let color = self.world.background.to_array();

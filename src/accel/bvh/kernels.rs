@@ -65,7 +65,7 @@ impl<T: Tier> Run<'_, T> {
         let mut stack = Stack::new();
         let mut sum = 0;
         for node in self.bvh.tree.nodes.iter().cycle().take(COUNT) {
-            self.tier.push_ordered(node, lane, f32::INFINITY, &mut stack);
+            sum ^= self.tier.nearest(node, lane, f32::INFINITY, &mut stack).0;
             while let Some((child, _)) = stack.pop() {
                 sum ^= child.0;
             }

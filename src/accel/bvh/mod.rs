@@ -50,7 +50,7 @@ use self::build::Tree;
 use self::found::Found;
 use self::packet::{Packet, Stacks};
 use self::query::Query;
-use self::simd::{Stack, Tier};
+use self::simd::{Path, Stack, Tier};
 use self::single::Single;
 use self::visits::{Counting, Counts};
 use super::{Accelerator, BuildInfo, BuildOptions, Visits};
@@ -172,9 +172,9 @@ impl<T: Tier> Kernel for SingleOccluded<'_, T> {
     fn run(self) {
         let Self { tier, bvh, active, rays } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
-        let mut stack = Stack::new();
+        let mut path = Path::new();
         for i in 0..LANES {
-            if active.0[i] != 0 && bvh.single(tier, &query, rays, i).occluded(&mut stack) {
+            if active.0[i] != 0 && bvh.single(tier, &query, rays, i).occluded(&mut path) {
                 rays.tfar[i] = f32::NEG_INFINITY;
             }
         }

@@ -3,9 +3,9 @@
 use super::build::Tree;
 use super::exact::{Ray64, Sheared, depths};
 use super::found::Found;
-use super::node::{Child, Kind};
+use super::node::{Child, Kind, WIDTH};
 use super::query::Lane;
-use super::simd::{Stack, Tier};
+use super::simd::{Path, Stack, Tier};
 use crate::geometry::Geometry;
 use crate::ray::{LANES, NONE, Rays};
 
@@ -107,56 +107,60 @@ impl<'a, T: Tier> Single<'a, T> {
     /// Updates the closest hit with what is below a child.
     #[inline(always)]
     pub fn closest_below(&self, child: Child, stack: &mut Stack, best: &mut Best) {
-        stack.push(child, f32::NEG_INFINITY);
-        while let Some((child, distance)) = stack.pop() {
-            if distance > best.tfar {
-                continue;
-            }
-            match child.kind() {
-                Kind::Node(index) => {
-                    self.tier.push_ordered(&self.tree.nodes[index], &self.lane, best.tfar, stack);
-                    if let Some(next) = stack.second() {
-                        self.tree.prefetch(next);
-                    }
+        let mut child = child;
+        loop {
+            if let Kind::Node(index) = child.kind() {
+                // The nearest child is the next, without a detour by memory.
+                child = self.tier.nearest(&self.tree.nodes[index], &self.lane, best.tfar, stack);
+                if let Some(later) = stack.last() {
+                    self.tree.prefetch(later);
                 }
-                _ => self.closest_in_leaf(child, best),
+                if child != Child::EMPTY {
+                    continue;
+                }
+            } else {
+                self.closest_in_leaf(child, best);
+            }
+            loop {
+                let Some((next, distance)) = stack.pop() else { return };
+                if distance <= best.tfar {
+                    child = next;
+                    break;
+                }
             }
         }
     }
 
     /// Whether anything is hit.
     #[inline(always)]
-    pub fn occluded(&self, stack: &mut Stack) -> bool {
-        self.occluded_below(Child::node(0), stack)
+    pub fn occluded(&self, path: &mut Path) -> bool {
+        self.occluded_below(Child::node(0), path)
     }
 
     /// Whether anything below a child is hit.
     #[inline(always)]
-    pub fn occluded_below(&self, child: Child, stack: &mut Stack) -> bool {
-        stack.push(child, f32::NEG_INFINITY);
-        while let Some((child, _)) = stack.pop() {
-            let hit = match child.kind() {
-                Kind::Node(index) => {
-                    let node = &self.tree.nodes[index];
-                    self.tier.push_any(
-                        node,
-                        &self.lane,
-                        self.lane.of(&self.lane.query.tfar),
-                        stack,
-                    );
-                    if let Some(next) = stack.second() {
-                        self.tree.prefetch(next);
-                    }
-                    false
+    pub fn occluded_below(&self, child: Child, path: &mut Path) -> bool {
+        let Kind::Node(mut index) = child.kind() else { return self.any_in_leaf(child) };
+        let tfar = self.lane.of(&self.lane.query.tfar);
+        let mut left = self.tier.met(&self.tree.nodes[index], &self.lane, tfar);
+        loop {
+            while left == 0 {
+                let Some(step) = path.pop() else { return false };
+                (index, left) = step;
+            }
+            let child = self.tree.nodes[index].children[left.trailing_zeros() as usize % WIDTH];
+            left &= left - 1;
+            if let Kind::Node(below) = child.kind() {
+                if left != 0 {
+                    path.push(index, left);
                 }
-                _ => self.any_in_leaf(child),
-            };
-            if hit {
-                stack.clear();
+                index = below;
+                left = self.tier.met(&self.tree.nodes[index], &self.lane, tfar);
+            } else if self.any_in_leaf(child) {
+                path.clear();
                 return true;
             }
         }
-        false
     }
 
     /// Updates the closest hit with a leaf.

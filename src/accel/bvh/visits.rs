@@ -3,7 +3,7 @@
 use std::cell::Cell;
 
 use super::frustum::{Frustum, Least};
-use super::node::{Block, Node, WIDTH};
+use super::node::{Block, Child, Node, WIDTH};
 use super::query::Lane;
 use super::simd::{Candidates, Stack, Tier};
 use crate::accel::Visits;
@@ -54,14 +54,14 @@ impl<T: Tier> Tier for Counting<'_, T> {
         self.tier.run(kernel)
     }
 
-    fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
+    fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
         self.counts.node();
-        self.tier.push_ordered(node, lane, tfar, stack);
+        self.tier.nearest(node, lane, tfar, stack)
     }
 
-    fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
+    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
         self.counts.node();
-        self.tier.push_any(node, lane, tfar, stack);
+        self.tier.met(node, lane, tfar)
     }
 
     fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {

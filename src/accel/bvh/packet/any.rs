@@ -5,7 +5,7 @@ use std::thread::LocalKey;
 
 use super::{Bits, FEW, Packet, Stacks, Waiting, spread};
 use crate::accel::bvh::node::{Child, Kind, Node};
-use crate::accel::bvh::simd::Tier;
+use crate::accel::bvh::simd::{Path, Tier};
 use crate::ray::LANES;
 
 /// A child yet to visit and the rays that meet it, by bit.
@@ -20,6 +20,11 @@ thread_local! {
 }
 
 impl Waiting for Entry {
+    type Alone = Path;
+    #[inline(always)]
+    fn alone() -> Path {
+        Path::new()
+    }
     fn kept() -> &'static LocalKey<Cell<Vec<Self>>> {
         &STACK
     }

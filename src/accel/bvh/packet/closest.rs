@@ -6,7 +6,7 @@ use std::thread::LocalKey;
 use super::{Bits, FEW, Packet, Stacks, Waiting, spread};
 use crate::accel::bvh::found::Found;
 use crate::accel::bvh::node::{Child, Kind, Node};
-use crate::accel::bvh::simd::Tier;
+use crate::accel::bvh::simd::{Stack, Tier};
 use crate::accel::bvh::single::Best;
 use crate::ray::{LANES, NONE};
 
@@ -23,6 +23,11 @@ thread_local! {
 }
 
 impl Waiting for Entry {
+    type Alone = Stack;
+    #[inline(always)]
+    fn alone() -> Stack {
+        Stack::new()
+    }
     fn kept() -> &'static LocalKey<Cell<Vec<Self>>> {
         &STACK
     }
@@ -33,27 +38,31 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     pub fn closest(mut self, stacks: &mut Stacks<Entry>, best: &mut Found) {
         stacks.packet.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
+        // Whether rays end nearer than the frustum knows: mostly nothing that is left asks for it.
+        let mut shorter = false;
         while let Some(entry) = stacks.packet.pop() {
             let entering = self.tier.at_most(&entry.near, &self.tfar);
-            match entry.child.kind() {
-                _ if entering == 0 => {}
-                Kind::Node(index) if entering.count_ones() > FEW => {
-                    self.push(&self.tree.nodes[index], &mut stacks.packet);
+            if entering == 0 {
+                continue;
+            }
+            if let (Kind::Node(_), ..=FEW) = (entry.child.kind(), entering.count_ones()) {
+                for i in Bits(entering) {
+                    let mut one = Best::of(best, i, self.tfar[i]);
+                    self.single(i).closest_below(entry.child, &mut stacks.single, &mut one);
+                    self.take(i, &one, best);
                 }
-                Kind::Node(_) => {
-                    for i in Bits(entering) {
-                        let mut one = Best::of(best, i, self.tfar[i]);
-                        self.single(i).closest_below(entry.child, &mut stacks.single, &mut one);
-                        self.take(i, &one, best);
-                    }
-                    self.shorten();
-                }
-                _ => {
-                    self.closest_in_leaf(entry.child, entering, best);
-                    if !stacks.packet.is_empty() {
-                        self.shorten();
-                    }
-                }
+                shorter = true;
+                continue;
+            }
+            if shorter {
+                self.shorten();
+                shorter = false;
+            }
+            if let Kind::Node(index) = entry.child.kind() {
+                self.push(&self.tree.nodes[index], &mut stacks.packet);
+            } else {
+                self.closest_in_leaf(entry.child, entering, best);
+                shorter = true;
             }
         }
     }

@@ -15,7 +15,7 @@ use std::thread::LocalKey;
 use super::build::Tree;
 use super::frustum::Frustum;
 use super::query::Query;
-use super::simd::{Stack, Tier};
+use super::simd::Tier;
 use super::single::Single;
 use crate::geometry::Geometry;
 use crate::ray::{LANES, Mask, Rays};
@@ -25,23 +25,27 @@ const FEW: u32 = 3;
 
 /// What stands on the stack of a traversal.
 pub trait Waiting: Sized + 'static {
+    /// What one ray alone has yet to visit.
+    type Alone;
+    /// Nothing.
+    fn alone() -> Self::Alone;
     /// Room for the packets of this thread.
     fn kept() -> &'static LocalKey<Cell<Vec<Self>>>;
 }
 
 /// What is yet to visit.
-pub struct Stacks<E> {
+pub struct Stacks<E: Waiting> {
     /// By the rays together: the thread's own, whose room it keeps.
     packet: Vec<E>,
     /// By one ray alone.
-    single: Stack,
+    single: E::Alone,
 }
 
 impl<E: Waiting> Stacks<E> {
     /// Empty stacks. (No closure gets them: that would be compiled for the portable tier.)
     #[inline(always)]
     pub fn take() -> Self {
-        Self { packet: E::kept().take(), single: Stack::new() }
+        Self { packet: E::kept().take(), single: E::alone() }
     }
 
     /// Keeps the room for the thread's next packet.

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 
 use super::super::frustum::{Frustum, Least, Side};
-use super::super::node::{Block, Node, WIDTH};
+use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::{Isa, Kernel, run_avx2};
@@ -459,7 +459,7 @@ impl Tier for Avx2 {
     }
 
     #[inline(always)]
-    fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
+    fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
         let (to_children, to_distances) = stack.room();
         // SAFETY: `self` proves AVX2 and FMA; there is room for 16 entries: 8 are written at most 8
         // places on.
@@ -468,37 +468,34 @@ impl Tier for Avx2 {
             let (n1, m1) = slabs(node, &lane.slabs(), tfar, 1);
             let (near, order) = ([n0, n1], order(node, lane.octant));
             let met = _mm_movemask_epi8(_mm_shuffle_epi8(bytes([m0, m1]), order)) as u32;
-            let (farther, nearer) = (met & 0xff, met >> 8);
+            let Some(place) = met.checked_ilog2() else { return Child::EMPTY };
+            let nearest = node.children[node.ordered(lane.octant, place as usize)];
+            let others = met ^ (1 << place);
+            if others == 0 {
+                return nearest;
+            }
+            let (farther, nearer) = (others & 0xff, others >> 8);
             let children = children(node);
             let index = _mm256_cvtepu8_epi32(_mm_shuffle_epi8(order, lanes(farther)));
             _mm256_storeu_ps(to_children.cast(), pick(children, index));
             _mm256_storeu_ps(to_distances, pick(near, index));
-            let place = farther.count_ones() as usize;
+            let so_far = farther.count_ones() as usize;
             let order = _mm_unpackhi_epi64(order, order);
             let index = _mm256_cvtepu8_epi32(_mm_shuffle_epi8(order, lanes(nearer)));
-            _mm256_storeu_ps(to_children.add(place).cast(), pick(children, index));
-            _mm256_storeu_ps(to_distances.add(place), pick(near, index));
-            stack.grow(met.count_ones() as usize);
+            _mm256_storeu_ps(to_children.add(so_far).cast(), pick(children, index));
+            _mm256_storeu_ps(to_distances.add(so_far), pick(near, index));
+            stack.grow(others.count_ones() as usize);
+            nearest
         }
     }
 
     #[inline(always)]
-    fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
-        let (to_children, to_distances) = stack.room();
-        // SAFETY: as above.
+    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+        // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
-            let (n0, m0) = slabs(node, &lane.slabs(), tfar, 0);
-            let (n1, m1) = slabs(node, &lane.slabs(), tfar, 1);
-            let [c0, c1] = children(node);
-            let (m0, m1) = (_mm256_movemask_ps(m0) as u32, _mm256_movemask_ps(m1) as u32);
-            let index = _mm256_cvtepu8_epi32(lanes(m0));
-            _mm256_storeu_ps(to_children.cast(), _mm256_permutevar8x32_ps(c0, index));
-            _mm256_storeu_ps(to_distances, _mm256_permutevar8x32_ps(n0, index));
-            let place = m0.count_ones() as usize;
-            let index = _mm256_cvtepu8_epi32(lanes(m1));
-            _mm256_storeu_ps(to_children.add(place).cast(), _mm256_permutevar8x32_ps(c1, index));
-            _mm256_storeu_ps(to_distances.add(place), _mm256_permutevar8x32_ps(n1, index));
-            stack.grow(place + m1.count_ones() as usize);
+            let (_, m0) = slabs(node, &lane.slabs(), tfar, 0);
+            let (_, m1) = slabs(node, &lane.slabs(), tfar, 1);
+            _mm256_movemask_ps(m0) as u32 | (_mm256_movemask_ps(m1) as u32) << HALF
         }
     }
 

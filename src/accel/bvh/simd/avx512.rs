@@ -6,7 +6,7 @@
 use std::arch::x86_64::*;
 
 use super::super::frustum::{Frustum, Least, Side};
-use super::super::node::{Block, Node, WIDTH};
+use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::{Isa, Kernel, run_avx512};
@@ -262,27 +262,30 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
-    fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
+    fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
         // SAFETY: `self` proves AVX-512; the children are 16 aligned u32.
         unsafe {
             let (near, far) = slabs(node, &lane.slabs(), tfar);
             let order = order(node, lane.octant);
-            let children = _mm512_load_si512(node.children.as_ptr().cast());
             let near = _mm512_permutexvar_ps(order, near);
             let far = _mm512_permutexvar_ps(order, far);
-            let children = _mm512_permutexvar_epi32(order, children);
             let mask = _mm512_cmp_ps_mask::<_CMP_NGT_UQ>(near, far);
-            push(stack, mask, children, near);
+            let Some(place) = u32::from(mask).checked_ilog2() else { return Child::EMPTY };
+            let others = mask ^ (1 << place);
+            if others != 0 {
+                let children = _mm512_load_si512(node.children.as_ptr().cast());
+                push(stack, others, _mm512_permutexvar_epi32(order, children), near);
+            }
+            node.children[node.ordered(lane.octant, place as usize)]
         }
     }
 
     #[inline(always)]
-    fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
-        // SAFETY: as above.
+    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+        // SAFETY: `self` proves AVX-512.
         unsafe {
             let (near, far) = slabs(node, &lane.slabs(), tfar);
-            let children = _mm512_load_si512(node.children.as_ptr().cast());
-            push(stack, _mm512_cmp_ps_mask::<_CMP_NGT_UQ>(near, far), children, near);
+            _mm512_cmp_ps_mask::<_CMP_NGT_UQ>(near, far).into()
         }
     }
 

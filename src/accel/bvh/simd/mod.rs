@@ -12,10 +12,10 @@ mod stack;
 #[cfg(test)]
 mod tests;
 
-pub use self::stack::{MAX_DEPTH, Stack};
+pub use self::stack::{MAX_DEPTH, Path, Stack};
 
 use super::frustum::{Frustum, Least};
-use super::node::{Block, Node, WIDTH};
+use super::node::{Block, Child, Node, WIDTH};
 use super::query::Lane;
 use crate::simd::Kernel;
 
@@ -52,11 +52,12 @@ pub trait Tier: Least {
     /// instruction of them is a call.
     fn run<K: Kernel>(self, kernel: K) -> K::Output;
 
-    /// Pushes the children whose boxes the ray meets before `tfar`, the nearest last.
-    fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack);
+    /// The nearest of the children whose boxes the ray meets before `tfar`, or [`Child::EMPTY`]; pushes the others,
+    /// the nearest of these last.
+    fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child;
 
-    /// Pushes the children whose boxes the ray meets before `tfar`, in any order.
-    fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack);
+    /// The children whose boxes the ray meets before `tfar`, by bit.
+    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32;
 
     /// The places, in the order of the octant, of the children whose boxes a frustum meets before
     /// `end`, by bit.

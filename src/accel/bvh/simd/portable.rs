@@ -1,7 +1,7 @@
 //! Plain loops: what every target runs, and what the other tiers are held against.
 
 use super::super::frustum::{Frustum, Least, Side};
-use super::super::node::{Block, Node, WIDTH};
+use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::Kernel;
@@ -48,24 +48,24 @@ impl Tier for Portable {
     }
 
     #[inline(always)]
-    fn push_ordered(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
+    fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
         let (near, far) = slabs(node, &lane.slabs(), tfar);
+        let mut nearest = None;
         for j in 0..WIDTH {
             let i = node.ordered(lane.octant, j);
             if near[i] <= far[i] {
-                stack.push(node.children[i], near[i]);
+                if let Some((child, distance)) = nearest.replace((node.children[i], near[i])) {
+                    stack.push(child, distance);
+                }
             }
         }
+        nearest.map_or(Child::EMPTY, |(child, _)| child)
     }
 
     #[inline(always)]
-    fn push_any(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) {
+    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
         let (near, far) = slabs(node, &lane.slabs(), tfar);
-        for i in 0..WIDTH {
-            if near[i] <= far[i] {
-                stack.push(node.children[i], near[i]);
-            }
-        }
+        self.at_most(&near, &far)
     }
 
     #[inline(always)]

@@ -40,16 +40,10 @@ impl Stack {
         self.len += 1;
     }
 
-    /// Forgets all entries.
+    /// The last entry.
     #[inline(always)]
-    pub fn clear(&mut self) {
-        self.len = 0;
-    }
-
-    /// The entry before the last one.
-    #[inline(always)]
-    pub fn second(&self) -> Option<Child> {
-        let i = self.len.checked_sub(2)?;
+    pub fn last(&self) -> Option<Child> {
+        let i = self.len.checked_sub(1)?;
         // SAFETY: every entry below `len` was written, and `len` is within the arrays.
         Some(unsafe { self.children.get_unchecked(i).assume_init() })
     }
@@ -87,5 +81,45 @@ impl Stack {
     #[inline(always)]
     pub unsafe fn grow(&mut self, n: usize) {
         self.len += n;
+    }
+}
+
+/// Nodes on the way to where a traversal is, each with the children that are yet to visit.
+pub struct Path {
+    steps: [MaybeUninit<(u32, u32)>; MAX_DEPTH],
+    /// Steps, all of them written.
+    len: usize,
+}
+
+impl Path {
+    /// At the root.
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self { steps: [const { MaybeUninit::uninit() }; MAX_DEPTH], len: 0 }
+    }
+
+    /// Adds a node and its children yet to visit, by bit.
+    ///
+    /// # Panics
+    /// If the tree is deeper than [`MAX_DEPTH`].
+    #[inline(always)]
+    pub fn push(&mut self, node: usize, children: u32) {
+        self.steps[self.len].write((node as u32, children));
+        self.len += 1;
+    }
+
+    /// Takes the last node.
+    #[inline(always)]
+    pub fn pop(&mut self) -> Option<(usize, u32)> {
+        self.len = self.len.checked_sub(1)?;
+        // SAFETY: every step below `len` was written, and `len` is within the array.
+        let (node, children) = unsafe { self.steps.get_unchecked(self.len).assume_init() };
+        Some((node as usize, children))
+    }
+
+    /// Forgets all steps.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        self.len = 0;
     }
 }

@@ -16,8 +16,9 @@ use crate::simd::Isa;
 /// What a tier says of one ray, a node and a leaf.
 #[derive(Debug)]
 struct Answers {
-    ordered: Vec<(Child, f32)>,
-    any: Vec<(Child, f32)>,
+    nearest: Child,
+    others: Vec<(Child, f32)>,
+    met: u32,
     candidates: Candidates,
 }
 
@@ -35,11 +36,10 @@ impl<T: Tier> Kernel for Ask<'_, T> {
     fn run(self) -> Answers {
         let Self { tier, node, block, lane, tfar } = self;
         let mut stack = Stack::new();
-        tier.push_ordered(node, lane, tfar, &mut stack);
-        let ordered = drain(&mut stack);
-        tier.push_any(node, lane, tfar, &mut stack);
-        let any = drain(&mut stack);
-        Answers { ordered, any, candidates: tier.candidates(block, lane, tfar) }
+        let nearest = tier.nearest(node, lane, tfar, &mut stack);
+        let others = drain(&mut stack);
+        let met = tier.met(node, lane, tfar);
+        Answers { nearest, others, met, candidates: tier.candidates(block, lane, tfar) }
     }
 }
 
@@ -142,30 +142,26 @@ fn no_tier_misses_a_box_and_all_keep_the_order() {
             let tfar = query.tfar[i];
             for (isa, answers) in every_tier!(tier => Ask { tier, node, block, lane, tfar }) {
                 let order = (0..WIDTH).map(|j| node.children[node.ordered(lane.octant, j)]);
-                let pushed: Vec<Child> = answers.ordered.iter().map(|entry| entry.0).collect();
-                let expected: Vec<Child> = order.filter(|child| pushed.contains(child)).collect();
-                assert_eq!(pushed, expected, "{isa}: {answers:?}");
-                let sorted = |entries: &[(Child, f32)]| {
-                    let mut entries: Vec<_> =
-                        entries.iter().map(|(c, d)| (c.0, d.to_bits())).collect();
-                    entries.sort_unstable();
-                    entries
-                };
-                assert_eq!(sorted(&answers.ordered), sorted(&answers.any), "{isa}");
-                for child in 0..WIDTH {
-                    let distance = answers.ordered.iter().find(|e| e.0 == node.children[child]);
-                    if node.children[child] == Child::EMPTY {
-                        assert_eq!(distance, None, "{isa}");
+                // From far to near: what was pushed, then the nearest.
+                let mut found: Vec<Child> = answers.others.iter().map(|entry| entry.0).collect();
+                found.extend(Some(answers.nearest).filter(|child| *child != Child::EMPTY));
+                let expected: Vec<Child> = order.filter(|child| found.contains(child)).collect();
+                assert_eq!(found, expected, "{isa}: {answers:?}");
+                for (child, &kind) in node.children.iter().enumerate() {
+                    let is_met = (answers.met >> child) & 1 != 0;
+                    assert_eq!(is_met, found.contains(&kind), "{isa}: {answers:?}");
+                    if kind == Child::EMPTY {
                         continue;
                     }
                     match entry(node, child, rays, i, f64::from(rays.tfar[i])) {
                         Some(exact) => {
-                            let distance =
-                                distance.unwrap_or_else(|| panic!("{isa}: {child} {node:?}"));
-                            assert!(f64::from(distance.1) <= exact * scale, "{isa}");
+                            assert!(is_met, "{isa}: {child} {node:?}");
+                            let pushed = answers.others.iter().find(|entry| entry.0 == kind);
+                            let distance = pushed.map_or(f32::NEG_INFINITY, |entry| entry.1);
+                            assert!(f64::from(distance) <= exact * scale, "{isa}");
                             met += 1;
                         }
-                        None => missed += usize::from(distance.is_none()),
+                        None => missed += usize::from(!is_met),
                     }
                 }
             }
