@@ -130,12 +130,14 @@ impl Sampler {
             return points;
         }
         let key = |i: usize| self.key([x[i], y[i]], index[i] / SEQUENCE, purpose) as u32;
-        let same = (0..N).fold(true, |same, i| {
-            let block = index[i] / SEQUENCE == index[0] / SEQUENCE;
-            same & (x[i] == x[0]) & (y[i] == y[0]) & block
-        });
+        // A loop: a closure would be compiled for the portable tier, and called.
+        let mut others = 0;
+        for i in 0..N {
+            let block = (index[i] / SEQUENCE) ^ (index[0] / SEQUENCE);
+            others |= (x[i] ^ x[0]) | (y[i] ^ y[0]) | block;
+        }
         let (mut shuffles, mut scrambles) = ([0; N], [[0; N]; D]);
-        if same {
+        if others == 0 {
             // Samples of one pixel, as in most packets of many: one set, one seed.
             let set = Set::<D>::of(key(0));
             shuffles = [set.shuffle; N];

@@ -160,11 +160,13 @@ impl Shapes {
         let (geom, prim) = (packet.hits.geom[first], packet.hits.prim[first]);
         let owner = &self.owners[geom as usize];
         let any_prim = matches!(owner, Owner::One(_));
-        let same = (0..LANES).fold(true, |same, i| {
+        // A loop: a closure would be compiled for the portable tier, and called.
+        let mut others = 0;
+        for i in 0..LANES {
             let own = (packet.hits.geom[i] == geom) & (any_prim | (packet.hits.prim[i] == prim));
-            same & (own | (hit.0[i] == 0))
-        });
-        same.then(|| owner.shape(prim))
+            others |= hit.0[i] & -i32::from(!own);
+        }
+        (others == 0).then(|| owner.shape(prim))
     }
 
     /// Whether a shape has texture coordinates; not so a mesh whose file has none.

@@ -35,6 +35,16 @@ impl<T: Tier> Packet<'_, T> {
     /// The lines of the rays that enter a leaf's box against one of its triangles; none if no ray may hit it.
     #[inline(always)]
     pub fn edges(&self, block: &Block, slot: usize, entering: &[i32; LANES]) -> Option<Edges> {
+        let primitive = block.primitives[slot];
+        let (mut maybe, mut any) = ([0i32; LANES], 0);
+        for i in 0..LANES {
+            let leaving = self.rays.leaving[i] == primitive;
+            maybe[i] = entering[i] & -i32::from(!leaving);
+            any |= maybe[i];
+        }
+        if any == 0 {
+            return None;
+        }
         let axes = self.frustum.axes;
         let corner = |k: usize| {
             let v = block.corner(k, slot);
@@ -43,7 +53,6 @@ impl<T: Tier> Packet<'_, T> {
         let (p, q, r) = (corner(0), corner(1), corner(2));
         let query = self.query;
         let mut weights = [[0.0f32; LANES]; 3];
-        let mut maybe = [0i32; LANES];
         let mut unsure = [0i32; LANES];
         let (mut first, mut last) = ([0.0f32; LANES], [0.0f32; LANES]);
         let backward = self.frustum.forward < 0.0;
@@ -66,16 +75,14 @@ impl<T: Tier> Packet<'_, T> {
             let sure = (least > slack) | (most < -slack);
             let (least, most) = (min(min(az, bz), cz), max(max(az, bz), cz));
             (first[i], last[i]) = if backward { (-most, -least) } else { (least, most) };
-            maybe[i] = entering[i] & -i32::from(!misses);
+            maybe[i] &= -i32::from(!misses);
             unsure[i] = maybe[i] & -i32::from(!sure);
         }
-        let primitive = block.primitives[slot];
-        let mut any = 0;
+        any = 0;
         for i in 0..LANES {
             // Behind what the ray has met: no need to look at the plane.
             let behind = first[i] > query.depth(i, self.tfar[i]);
-            let leaving = self.rays.leaving[i] == primitive;
-            maybe[i] &= -i32::from(!(behind | leaving));
+            maybe[i] &= -i32::from(!behind);
             unsure[i] &= maybe[i];
             any |= maybe[i];
         }
