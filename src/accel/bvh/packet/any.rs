@@ -3,10 +3,13 @@
 use std::cell::Cell;
 use std::thread::LocalKey;
 
-use super::{Bits, FEW, Packet, Stacks, Waiting, spread};
+use super::{Bits, Packet, Stacks, Waiting, spread};
 use crate::accel::bvh::node::{Child, Kind, Node};
 use crate::accel::bvh::simd::{Path, Tier};
 use crate::ray::LANES;
+
+/// So many rays are traced on alone.
+const FEW: u32 = 4;
 
 /// A child yet to visit and the rays that meet it, by bit.
 #[derive(Clone, Copy)]

@@ -3,12 +3,15 @@
 use std::cell::Cell;
 use std::thread::LocalKey;
 
-use super::{Bits, FEW, Packet, Stacks, Waiting, spread};
+use super::{Bits, Packet, Stacks, Waiting, spread};
 use crate::accel::bvh::found::Found;
 use crate::accel::bvh::node::{Child, Kind, Node};
 use crate::accel::bvh::simd::{Stack, Tier};
 use crate::accel::bvh::single::Best;
 use crate::ray::{LANES, NONE};
+
+/// So many rays are traced on alone.
+const FEW: u32 = 3;
 
 /// A child yet to visit and the distances at which the rays enter it, infinite for those that miss.
 #[derive(Clone, Copy)]

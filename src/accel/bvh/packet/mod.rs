@@ -20,9 +20,6 @@ use super::single::Single;
 use crate::geometry::Geometry;
 use crate::ray::{LANES, Mask, Rays};
 
-/// So many rays are traced on alone.
-const FEW: u32 = 3;
-
 /// What stands on the stack of a traversal.
 pub trait Waiting: Sized + 'static {
     /// What one ray alone has yet to visit.
