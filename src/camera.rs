@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use crate::sampler::disk;
 use crate::scene;
 
-/// A camera relative to the scene's origin. f64, rounded once into each ray: within half an ulp.
+/// A camera relative to the scene's origin. f64, rounded once into each ray: within half an ulp and 2^-45.
 #[derive(Debug, Clone, Copy)]
 pub struct Camera {
     /// Relative to the scene's origin.
