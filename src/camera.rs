@@ -65,7 +65,7 @@ pub fn world_to_ndc(camera: &scene::Camera) -> [[f64; 4]; 4] {
 }
 
 /// Where the frame at distance 1 reaches farther, directions to it are made shorter: a power of two.
-const FARTHEST: f64 = (1u64 << 60) as f64;
+const FARTHEST: f64 = (1u64 << 30) as f64;
 
 impl Camera {
     /// The camera seen from `origin`, the world position of the scene's origin.
@@ -195,6 +195,26 @@ mod tests {
                 let half = f64::from(component.abs() * f32::EPSILON) / 2.0;
                 let error = (f64::from(component) - exact[axis]).abs();
                 assert!(error <= half * 1.0001, "{error:e} of {component} at ({i}, {j})");
+            }
+        }
+    }
+
+    #[test]
+    fn directions_in_the_widest_frames_are_rounded_once() {
+        for fov_deg in [179.0, 179.999_999_9, 180.0 - 3e-14] {
+            let lens = Some(scene::Lens { aperture: 0.5, focal_distance: 4.0 });
+            let spec = scene::Camera { fov_deg, width: 65_536, height: 1, ..camera(lens) };
+            let c = Camera::new(&spec, DVec3::ZERO);
+            let ([x, y, z], tan) = (axes(&spec), (fov_deg / 2.0).to_radians().tan());
+            // The last two in a margin around the frame.
+            for (i, j) in [(0.5, 0.5), (32_768.0, 0.5), (32_768.5, 0.25), (-7e4, 0.0), (7e4, 9.0)] {
+                let (sx, sy) = (f64::from(i), f64::from(j));
+                let to = x * ((2.0 * sx - 65_536.0) * tan) + y * ((1.0 - 2.0 * sy) * tan) + z;
+                let error = (c.pinhole_ray(i, j).1.as_dvec3() - to.normalize()).abs();
+                assert!(error.max_element() < 3.1e-8, "{error:?} at ({i}, {j}), {fov_deg}");
+                let (origin, direction) = c.ray(i, j, [0.5, 0.5]);
+                assert_eq!(origin, c.pinhole_ray(i, j).0);
+                assert!((direction - c.pinhole_ray(i, j).1).length() < 1e-6, "{fov_deg}");
             }
         }
     }
