@@ -98,6 +98,12 @@ impl Node {
         order: [0; 8],
     };
 
+    /// The first of some children, by bit.
+    #[inline(always)]
+    pub fn first(&self, children: u32) -> Child {
+        self.children[children.trailing_zeros() as usize % WIDTH]
+    }
+
     /// Stores an octant's order: child `far_to_near[j]` in the 4 bits from
     /// `32 (j % 2) + 4 (j / 2)` on, where a vector of 32-bit lanes shifts them out.
     pub fn set_order(&mut self, octant: usize, far_to_near: &[u8; WIDTH]) {

@@ -3,7 +3,7 @@
 use super::build::Tree;
 use super::exact::{Ray64, Sheared, depths};
 use super::found::Found;
-use super::node::{Child, Kind, WIDTH};
+use super::node::{Child, Kind};
 use super::query::Lane;
 use super::simd::{Path, Stack, Tier};
 use crate::geometry::Geometry;
@@ -121,13 +121,13 @@ impl<'a, T: Tier> Single<'a, T> {
             } else {
                 self.closest_in_leaf(child, best);
             }
-            loop {
+            child = loop {
                 let Some((next, distance)) = stack.pop() else { return };
-                if distance <= best.tfar {
-                    child = next;
-                    break;
+                if distance > best.tfar {
+                    continue;
                 }
-            }
+                break next;
+            };
         }
     }
 
@@ -148,11 +148,13 @@ impl<'a, T: Tier> Single<'a, T> {
                 let Some(step) = path.pop() else { return false };
                 (index, left) = step;
             }
-            let child = self.tree.nodes[index].children[left.trailing_zeros() as usize % WIDTH];
+            let node = &self.tree.nodes[index];
+            let child = node.first(left);
             left &= left - 1;
             if let Kind::Node(below) = child.kind() {
                 if left != 0 {
                     path.push(index, left);
+                    self.tree.prefetch(node.first(left));
                 }
                 index = below;
                 left = self.tier.met(&self.tree.nodes[index], &self.lane, tfar);
