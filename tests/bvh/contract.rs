@@ -178,3 +178,23 @@ fn what_a_ray_leaves_is_not_hit_but_for_the_far_side_of_a_sphere() {
     }
     assert_eq!(tiers.trace(&ALL, &rays), [None; LANES]);
 }
+
+#[test]
+fn a_ray_along_a_plane_meets_a_triangle_that_its_line_meets() {
+    // Sheared, the ray runs along the edge to the last corner; in f64 it is parallel to the plane and beside it, so
+    // that t of the plane is infinite.
+    let (corner, far) = ([-1.0, -1.0, -1.0], [2.000_000_2, -3.0, 7.0]);
+    let quad = [corner, [0.0, 3.0, 0.0], far, far];
+    let geometry = Geometry::new(DVec3::ZERO, vec![], vec![quad], vec![]).expect("few");
+    let mut rays = Rays::EMPTY;
+    for i in 0..LANES {
+        let scale = 1.0 / (1 << i) as f32;
+        let direction = [3.000_000_2, -2.0, 8.0].map(|d: f32| d * scale);
+        put(&mut rays, i, [-1.0, -1.0, -1.000_000_4], direction);
+    }
+    let hits = Tiers::new(&geometry).with_embree().trace(&ALL, &rays);
+    for (i, hit) in hits.into_iter().enumerate() {
+        let t = hit.expect("a hit").t / (1 << i) as f32;
+        assert!((0.0..=1.000_001).contains(&t), "{t}");
+    }
+}

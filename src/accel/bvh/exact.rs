@@ -139,7 +139,8 @@ impl Sheared {
         let (least, most) = (f64::from(min3(a, b, c)), f64::from(max3(a, b, c)));
         let depth = t * ray.along;
         let slack = depth.abs() * DEPTH_SLACK;
-        if depth >= least - slack && depth <= most + slack {
+        // On this side of the comparisons: beside an infinite depth, of a ray along the plane, it makes a NaN.
+        if depth + slack >= least && depth - slack <= most {
             t
         } else {
             self.clamped(ray, depth, least, most)

@@ -100,7 +100,7 @@ impl<T: Tier> Packet<'_, T> {
             let depth = t[i] * self.along(i).abs();
             let slack = depth.abs() * DEPTH_SLACK;
             let within =
-                (depth >= f64::from(first[i]) - slack) & (depth <= f64::from(last[i]) + slack);
+                (depth + slack >= f64::from(first[i])) & (depth - slack <= f64::from(last[i]));
             unsure[i] |= maybe[i] & -i32::from(!within);
             doubt |= unsure[i];
         }
