@@ -198,3 +198,21 @@ fn a_ray_along_a_plane_meets_a_triangle_that_its_line_meets() {
         assert!((0.0..=1.000_001).contains(&t), "{t}");
     }
 }
+
+#[test]
+fn a_ray_along_a_plane_meets_nothing_beyond_where_its_line_leaves_the_triangle() {
+    // Along the first edge, whose corner is moved by denormals, and on past its end at t = 1: the third corner lies
+    // at t = 2. Other rays of the packet enter the leaf.
+    let vertices = vec![[-7.0, 4e-45, 4e-45], [-1.0, 2.0, 4.0], [5.0, -1.0, -1.0]];
+    let mesh = TriangleMesh::new(vertices, vec![[0, 1, 2]], false);
+    let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).expect("few");
+    let mut rays = Rays::EMPTY;
+    for i in 0..LANES {
+        put(&mut rays, i, [-7.0, 0.0, 0.0], [6.0, 2.0, 4.0]);
+        rays.tnear[i] = if i % 2 == 0 { 0.25 } else { 1.5 };
+    }
+    let hits = Tiers::new(&geometry).with_embree().trace(&ALL, &rays);
+    for (i, hit) in hits.into_iter().enumerate() {
+        assert_eq!(hit.map(|hit| hit.t), (i % 2 == 0).then_some(1.0), "{i}");
+    }
+}

@@ -151,8 +151,9 @@ impl Sheared {
     fn clamped(&self, ray: &Ray64, depth: f64, least: f64, most: f64) -> f64 {
         let [u, v, w] = self.edges;
         let [a, b, c] = self.depths.map(f64::from);
+        // A plane along the ray tells nothing: where the line passes the sheared triangle.
         let mean = (u * a + v * b + w * c) / (u + v + w);
-        let depth = if depth.is_nan() { mean } else { depth };
+        let depth = if depth.is_finite() { depth } else { mean };
         depth.max(least).min(most) / ray.along
     }
 }
