@@ -142,7 +142,7 @@ fn unit(v: DVec3) -> Vec3 {
 }
 
 /// The same of a direction to a point of the frame: one step of Newton's from a root in f32, off by 2^-45 of
-/// itself at most, which takes half the time of f64's root and division.
+/// itself at most, without f64's root and division.
 #[inline(always)]
 fn unit_of_frame(v: DVec3) -> Vec3 {
     let square = v.dot(v);

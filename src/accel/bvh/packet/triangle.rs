@@ -98,6 +98,7 @@ impl<T: Tier> Packet<'_, T> {
         let mut doubt = 0;
         for i in 0..LANES {
             let depth = t[i] * self.along(i).abs();
+            // As in `Sheared::t`: an infinite depth is not within.
             let slack = depth.abs() * DEPTH_SLACK;
             let within =
                 (depth + slack >= f64::from(first[i])) & (depth - slack <= f64::from(last[i]));
