@@ -216,3 +216,20 @@ fn a_ray_along_a_plane_meets_nothing_beyond_where_its_line_leaves_the_triangle()
         assert_eq!(hit.map(|hit| hit.t), (i % 2 == 0).then_some(1.0), "{i}");
     }
 }
+
+#[test]
+fn the_nearest_of_hits_that_are_nearer_than_any_f32_is_found() {
+    // From 4e-45 before a corner that two quads share, 2e12 a unit of t: both are met at t below 1e-56.
+    let corner = [0.0, 4.0, 5.0];
+    let first = [corner, [3.0, 0.0, 3e-45], [-2.0, -4.000_000_5, -3.000_000_7], [-2.0, -4.0, -3.0]];
+    let second = [[3.000_000_7, 4e-45, 1e-45], corner, [-2.0, -4.0, -3.0], [0.0, 4.000_001_4, 5.0]];
+    let geometry = Geometry::new(DVec3::ZERO, vec![], vec![first, second], vec![]).expect("few");
+    let mut rays = Rays::EMPTY;
+    for i in 0..LANES {
+        put(&mut rays, i, [4e-45, 4.0, 5.0], [-1_992_056_200_000.0, -1.0, 0.0]);
+    }
+    let hits = Tiers::new(&geometry).with_embree().trace(&ALL, &rays);
+    for hit in hits {
+        assert_eq!(hit.map(|hit| hit.t), Some(0.0));
+    }
+}

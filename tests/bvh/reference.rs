@@ -124,11 +124,17 @@ fn triangle(
         return None;
     }
     let depths = to.map(|v| v[kz] / along);
-    let (first, last) = (least(depths), most(depths));
+    let (mut first, mut last) = (least(depths), most(depths));
+    for k in (0..3).filter(|&k| direction[k] != 0.0) {
+        let widened = 64.0 * U * reach + f64::from(f32::MIN_POSITIVE);
+        let along = to.map(|v| v[k]);
+        let ends = [least(along) - widened, most(along) + widened].map(|x| x / direction[k]);
+        (first, last) = (first.max(ends[0].min(ends[1])), last.min(ends[0].max(ends[1])));
+    }
     let (least, most) = plane(to, direction).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-    // The tree keeps t between the corners' depths, which it rounds to f32.
-    let down = |t: f64| t - t.abs() * 2.0 * U;
-    let up = |t: f64| t + t.abs() * 2.0 * U;
+    // The tree keeps t between the corners' depths, which it rounds to f32, up to 2u, and in the widened box.
+    let down = |t: f64| t - t.abs() * 4.0 * U;
+    let up = |t: f64| t + t.abs() * 4.0 * U;
     let t = (least.clamp(down(first), down(last)), most.clamp(up(first), up(last)));
     Some(Meeting { primitive, t, certain: away && inside })
 }

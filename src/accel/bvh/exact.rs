@@ -12,9 +12,21 @@ use super::node::Block;
 use super::query::Lane;
 use crate::ray::Rays;
 
-/// How far, relatively, a depth may lie outside of the corners' depths: the rounding of f64, which
-/// takes a plane across the dominant axis out of them, and much less than boxes are widened by.
-pub const DEPTH_SLACK: f64 = 1.0 / (1u64 << 40) as f64;
+/// How far, relatively, a depth may lie outside of the corners' depths: 2u (u = 2^-24), twice what rounding does to
+/// these, which takes a plane across the dominant axis out of them.
+pub const DEPTH_SLACK: f64 = f32::EPSILON as f64;
+
+/// How far, relative to max|v - o| of its corners, a hit may lie outside of a triangle's box: 64u (u = 2^-24), less
+/// than boxes are widened by. The least normal f32 comes on top, for what underflows.
+///
+/// The shear moves a vertex by e, at most 6u max|v - o| in each coordinate, so at the depth where the line passes the
+/// sheared triangle it is within that of the triangle. To the plane, of normal n, it goes on by e.n / d.n along the
+/// dominant axis: by at most 6u max|v - o| times [`STEEP`], unless |d.n| is less than a part of |n| (its sum of
+/// magnitudes) that large. Together 60u, and only what is less steep has to be kept in the box.
+pub const BOX_SLACK: f64 = 32.0 * f32::EPSILON as f64;
+
+/// See [`BOX_SLACK`].
+pub const STEEP: f64 = 9.0;
 
 /// A ray in f64, as the caller gave it.
 #[derive(Debug, Clone, Copy)]
@@ -64,12 +76,20 @@ impl Plane {
         Self { point: [px, py, pz], normal }
     }
 
-    /// Where a ray meets it; NaN or infinite for a ray along it.
+    /// Where a ray meets it, NaN or infinite for a ray along it; and d.n.
     #[inline(always)]
-    pub fn t(&self, [ox, oy, oz]: [f64; 3], [dx, dy, dz]: [f64; 3]) -> f64 {
+    pub fn meet(&self, [ox, oy, oz]: [f64; 3], [dx, dy, dz]: [f64; 3]) -> (f64, f64) {
         let ([px, py, pz], [nx, ny, nz]) = (self.point, self.normal);
         let above = nx * (px - ox) + ny * (py - oy) + nz * (pz - oz);
-        above / (nx * dx + ny * dy + nz * dz)
+        let towards = nx * dx + ny * dy + nz * dz;
+        (above / towards, towards)
+    }
+
+    /// The least |d.n| that is [`STEEP`], times that, for a direction of 1 along its dominant axis.
+    #[inline(always)]
+    pub fn steep(&self) -> f64 {
+        let [nx, ny, nz] = self.normal;
+        nx.abs() + ny.abs() + nz.abs()
     }
 }
 
@@ -131,29 +151,90 @@ impl Sheared {
 
     /// The ray parameter of a triangle that the line meets: that of the triangle's plane in f64
     /// (error of some 1e-15 of the coordinates over the sine of the angle between ray and plane),
-    /// kept within the corners' depths, which a ray almost in the plane would leave.
+    /// kept within the corners' depths and within the triangle's box, which a ray almost in the plane would leave:
+    /// so a hit lies in every box around the triangle, and the order of boxes cannot change an answer.
     #[inline(always)]
     pub fn t(&self, ray: &Ray64, corners: [[f32; 3]; 3]) -> f64 {
-        let t = Plane::new(corners).t(ray.origin, ray.direction);
-        let [a, b, c] = self.depths;
-        let (least, most) = (f64::from(min3(a, b, c)), f64::from(max3(a, b, c)));
+        let plane = Plane::new(corners);
+        let (t, towards) = plane.meet(ray.origin, ray.direction);
+        let (least, most) = self.ends();
         let depth = t * ray.along;
         let slack = depth.abs() * DEPTH_SLACK;
         // On this side of the comparisons: beside an infinite depth, of a ray along the plane, it makes a NaN.
-        if depth + slack >= least && depth - slack <= most {
-            t
-        } else {
-            self.clamped(ray, depth, least, most)
-        }
+        let within = (depth + slack >= least) & (depth - slack <= most);
+        let steep = STEEP * towards.abs() >= plane.steep() * ray.along.abs();
+        if within & (steep || self.passes(depth)) { t } else { self.kept(ray, t, within, corners) }
     }
 
-    #[cold]
-    fn clamped(&self, ray: &Ray64, depth: f64, least: f64, most: f64) -> f64 {
+    /// Whether the line passes the sheared triangle, which is within 6u of the box, so close to a depth that this is
+    /// within the box as well.
+    #[inline(always)]
+    fn passes(&self, depth: f64) -> bool {
+        let ([u, v, w], [a, b, c]) = (self.edges, self.depths.map(f64::from));
+        let ((least, most), weight) = (self.ends(), u + v + w);
+        let reach = if -least > most { -least } else { most };
+        (depth * weight - (u * a + v * b + w * c)).abs() <= 0.5 * BOX_SLACK * reach * weight.abs()
+    }
+
+    /// `t`, kept within the triangle's box, and within the corners' depths unless it is `within` them.
+    #[inline(never)]
+    fn kept(&self, ray: &Ray64, t: f64, within: bool, corners: [[f32; 3]; 3]) -> f64 {
+        let Around { lower, upper } = Around::new(corners, ray.origin);
+        let mut inside = within;
+        for axis in 0..3 {
+            let at = t * ray.direction[axis];
+            inside &= (at >= lower[axis]) & (at <= upper[axis]);
+        }
+        if inside {
+            return t;
+        }
+        let (least, most) = self.ends();
+        let (first, last) = (least / ray.along, most / ray.along);
+        let (mut first, mut last) = (first.min(last), first.max(last));
+        for axis in 0..3 {
+            let d = ray.direction[axis];
+            if d != 0.0 {
+                let (lower, upper) = (lower[axis] / d, upper[axis] / d);
+                (first, last) = (first.max(lower.min(upper)), last.min(lower.max(upper)));
+            }
+        }
+        // Of a ray along the plane, which tells nothing, where its line passes the sheared triangle.
         let [u, v, w] = self.edges;
         let [a, b, c] = self.depths.map(f64::from);
-        // A plane along the ray tells nothing: where the line passes the sheared triangle.
-        let mean = (u * a + v * b + w * c) / (u + v + w);
-        let depth = if depth.is_finite() { depth } else { mean };
-        depth.max(least).min(most) / ray.along
+        let passing = || (u * a + v * b + w * c) / (u + v + w) / ray.along;
+        let t = if t.is_finite() { t } else { passing() };
+        t.max(first).min(last)
+    }
+
+    /// The least and the greatest depth of the corners.
+    #[inline(always)]
+    fn ends(&self) -> (f64, f64) {
+        let [a, b, c] = self.depths;
+        (min3(a, b, c).into(), max3(a, b, c).into())
+    }
+}
+
+/// A triangle's box relative to a ray's origin, widened by [`BOX_SLACK`] and the least normal f32.
+struct Around {
+    lower: [f64; 3],
+    upper: [f64; 3],
+}
+
+impl Around {
+    #[inline(always)]
+    fn new([p, q, r]: [[f32; 3]; 3], origin: [f64; 3]) -> Self {
+        let (mut lower, mut upper, mut reach) = ([0.0; 3], [0.0; 3], 0.0);
+        for axis in 0..3 {
+            let (p, q, r) = (p[axis], q[axis], r[axis]);
+            lower[axis] = f64::from(min3(p, q, r)) - origin[axis];
+            upper[axis] = f64::from(max3(p, q, r)) - origin[axis];
+            let farther = if -lower[axis] > upper[axis] { -lower[axis] } else { upper[axis] };
+            reach = if farther > reach { farther } else { reach };
+        }
+        let slack = reach * BOX_SLACK + f64::from(f32::MIN_POSITIVE);
+        for axis in 0..3 {
+            (lower[axis], upper[axis]) = (lower[axis] - slack, upper[axis] + slack);
+        }
+        Self { lower, upper }
     }
 }

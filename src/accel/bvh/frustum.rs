@@ -39,8 +39,8 @@ pub struct Side {
 /// linear functions is, and lies above its chord; the greatest lies below its own. So four planes
 /// bound the rays, tightly so where they leave from or run to a common point.
 ///
-/// The planes are moved outwards by four times the largest [`Query::margin`]: one is what the exact
-/// test's rounding asks for, the others pay for the rounding of the ends (8u max|v - o| + u|o|), of
+/// The planes are moved outwards by 1.5 times the largest [`Query::margin`], 99u max|v - o| + 6u|o|: a hit may lie
+/// 64u max|v - o| outside of its box, the rest pays for the rounding of the ends (8u max|v - o| + u|o|), of
 /// `a` (3u(max|v - o| + |o|)), and of `a + b z` where it is used. Whatever `b` is, `a` is such that
 /// the plane is outside of all rays at both ends.
 #[derive(Debug, Clone, Copy)]
@@ -92,7 +92,7 @@ impl Frustum {
             starts[i] = forward * query.origin[2][i];
             margins[i] = -query.margin[i];
         }
-        let slack = -4.0 * tier.least(&select(active, &margins));
+        let slack = -1.5 * tier.least(&select(active, &margins));
         let mut frustum = Self {
             axes,
             octant: lane.octant,

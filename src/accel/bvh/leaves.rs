@@ -12,7 +12,7 @@ use crate::simd::Isa;
 
 /// How far from the middle of the scene rays may start, in longest sides of its box, for
 /// [`Leaves::margin`] to hold.
-pub const REACH: f32 = 64.0;
+pub const REACH: f32 = 16.0;
 
 /// Leaves over all primitives of a scene.
 pub struct Leaves<'g> {
@@ -55,10 +55,10 @@ impl<'g> Leaves<'g> {
     }
 
     /// How much boxes have to grow, so that no ray that starts within [`REACH`] misses the box of a
-    /// triangle that the exact test would hit: 6u max|v - o| (see [`super::exact`]), and the box's own
-    /// rounding.
+    /// triangle that the exact test would hit, nor the place of the hit: 64u max|v - o| (see
+    /// [`super::exact::BOX_SLACK`]), and the box's own rounding.
     pub fn margin(&self) -> f32 {
-        4.0 * f32::EPSILON * (REACH + 1.0) * self.size()
+        33.0 * f32::EPSILON * (REACH + 1.0) * self.size() + 4.0 * f32::MIN_POSITIVE
     }
 
     /// Whether all active rays start within [`REACH`].

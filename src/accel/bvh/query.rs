@@ -25,7 +25,8 @@ static AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 /// inverses, so that no rounding prunes what [`super::exact`] would hit:
 /// - The triangle test moves a vertex in the plane normal to the dominant axis by at most
 ///   6u max|v - o| (see there), so where it reports a hit the ray passes within that distance of
-///   the triangle, hence of its box: `margin` >= 6u max|v - o| over the scene's box.
+///   the triangle, hence of its box, and it keeps the hit within 64u max|v - o| of that box: `margin` >=
+///   64u max|v - o| over the scene's box.
 /// - Rounding of `o + margin`, of the product with the inverse, and of the fused operation's
 ///   second operand move a plane by at most 4u|o|: part of `margin`.
 /// - The inverse and the last rounding are relative errors of at most 3.5u: 4u taken off the near
@@ -80,7 +81,7 @@ impl Query {
             let up = f32::from_bits(exponent << 23);
             scale[i] = up;
             tnear[i] = rays.tnear[i] * up * (1.0 - 4.0 * U);
-            tfar[i] = rays.tfar[i] * up * (1.0 + 4.0 * U);
+            tfar[i] = rays.tfar[i] * up * (1.0 + 4.0 * U) + f32::MIN_POSITIVE;
             (direction[0][i], direction[1][i], direction[2][i]) = (x * down, y * down, z * down);
         }
         let (lower, upper) = (scene.lower(), scene.upper());
@@ -96,7 +97,8 @@ impl Query {
             // in the margin.
             let lift = max(LEAST, (reach + origin) * (16.0 / f32::MAX));
             least[i] = lift;
-            margin[i] = (8.0 * U + 2.0 * lift) * reach + 4.0 * U * origin;
+            margin[i] =
+                (66.0 * U + 2.0 * lift) * reach + 4.0 * U * origin + 4.0 * f32::MIN_POSITIVE;
         }
         let mut octant = [0u32; LANES];
         let (mut near_inverse, mut near_offset) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
@@ -187,6 +189,12 @@ impl Query {
         part
     }
 
+    /// What a hit of ray `i` at `t` makes of its end as the boxes see it: scaled, and never less for what underflows.
+    #[inline(always)]
+    pub fn end(&self, i: usize, t: f64) -> f32 {
+        (t as f32 + f32::MIN_POSITIVE) * self.scale[i] + f32::MIN_POSITIVE
+    }
+
     /// How far along the dominant axis ray `i` is at a scaled parameter, or a bit farther: what lies
     /// beyond is farther than the parameter.
     #[inline(always)]
@@ -199,10 +207,10 @@ impl Query {
     #[inline(always)]
     pub fn within(&self, i: usize, first: f32, last: f32) -> bool {
         let along = self.along[i].abs();
-        // 16u are more than the ends were moved by and all roundings here; the least normal number pays for
+        // 16u are more than the ends were moved by and all roundings here; the least normal numbers pay for
         // what underflows.
-        (first > self.tnear[i] * along * (1.0 + 16.0 * U) + f32::MIN_POSITIVE)
-            & (last < self.tfar[i] * along * (1.0 - 16.0 * U) - f32::MIN_POSITIVE)
+        (first > self.tnear[i] * along * (1.0 + 16.0 * U) + 4.0 * f32::MIN_POSITIVE)
+            & (last < self.tfar[i] * along * (1.0 - 16.0 * U) - 4.0 * f32::MIN_POSITIVE)
     }
 
     /// Ray `i` alone.
@@ -300,6 +308,12 @@ impl Lane<'_> {
     #[inline(always)]
     pub fn depth_of(&self, z: f32) -> f32 {
         z - self.of(&self.query.origin[2])
+    }
+
+    /// See [`Query::end`].
+    #[inline(always)]
+    pub fn end(&self, t: f64) -> f32 {
+        self.query.end(self.i % LANES, t)
     }
 
     /// See [`Query::within`].

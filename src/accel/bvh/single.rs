@@ -206,7 +206,7 @@ impl<'a, T: Tier> Single<'a, T> {
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
             if t > ray.tnear && best.gives_way(t, primitive) {
-                let tfar = t as f32 * self.lane.of(&self.lane.query.scale);
+                let tfar = self.lane.end(t);
                 let second_half = block.is_second_half(slot);
                 *best = Best { t, tfar, primitive, edges: seen.edges, second_half };
             }
@@ -255,7 +255,7 @@ impl<'a, T: Tier> Single<'a, T> {
         for id in self.tree.spheres[index].0 {
             let Some((t, primitive)) = self.sphere_hit(id, best.t) else { continue };
             if best.gives_way(t, primitive) {
-                let tfar = t as f32 * self.lane.of(&self.lane.query.scale);
+                let tfar = self.lane.end(t);
                 *best = Best::sphere(t, tfar, primitive);
             }
         }

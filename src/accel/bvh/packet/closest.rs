@@ -158,7 +158,7 @@ impl<T: Tier> Packet<'_, T> {
                     weights[i] = if counts { found[i] } else { weights[i] };
                 }
                 best.second_half[i] = if counts { second_half } else { best.second_half[i] };
-                let tfar = t as f32 * self.query.scale[i];
+                let tfar = self.query.end(i, t);
                 self.tfar[i] = if counts { tfar } else { self.tfar[i] };
             }
         }

@@ -104,7 +104,7 @@ impl<T: Tier> Kernel for Closest<'_, '_, T> {
                     (best.t[i], best.primitive[i]) = (t[i], primitive);
                     (best.weights[0][i], best.weights[1][i], best.weights[2][i]) = (0.0, 0.0, 1.0);
                     best.second_half[i] = 0;
-                    packet.tfar[i] = t[i] as f32 * packet.query.scale[i];
+                    packet.tfar[i] = packet.query.end(i, t[i]);
                 }
             }
         }

@@ -2,7 +2,7 @@
 //! over lanes.
 
 use super::Packet;
-use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, Sheared};
+use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, STEEP, Sheared};
 use crate::accel::bvh::node::Block;
 use crate::accel::bvh::query::{max, min};
 use crate::accel::bvh::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
@@ -93,17 +93,30 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     pub fn test(&self, block: &Block, slot: usize, edges: Edges) -> Test {
         let Edges { mut maybe, mut unsure, first, last, weights } = edges;
-        let mut t = self.distances(block.triangle(slot));
+        let plane = Plane::new(block.triangle(slot));
+        let (mut t, towards) = self.distances(&plane);
+        let least = plane.steep();
         // In one loop: what is stored by halves of a register is not there for a whole one at once.
-        let mut doubt = 0;
+        let (mut doubt, mut any_flat, mut flat) = (0, 0, [0i32; LANES]);
         for i in 0..LANES {
-            let depth = t[i] * self.along(i).abs();
+            let along = self.along(i).abs();
+            let depth = t[i] * along;
             // As in `Sheared::t`: an infinite depth is not within.
             let slack = depth.abs() * DEPTH_SLACK;
             let within =
                 (depth + slack >= f64::from(first[i])) & (depth - slack <= f64::from(last[i]));
+            let steep = STEEP * towards[i].abs() >= least * along;
             unsure[i] |= maybe[i] & -i32::from(!within);
+            flat[i] = maybe[i] & -i32::from(!steep);
             doubt |= unsure[i];
+            any_flat |= flat[i];
+        }
+        if any_flat != 0 {
+            let outside = self.outside(block, slot, &t);
+            for i in 0..LANES {
+                unsure[i] |= flat[i] & outside[i];
+                doubt |= unsure[i];
+            }
         }
         if doubt != 0 {
             // Copies: of what a call has seen nothing stays in registers.
@@ -114,6 +127,35 @@ impl<T: Tier> Packet<'_, T> {
         Test { hit: maybe, t, weights }
     }
 
+    /// Lanes that may be outside of a triangle's box at `t`, as [`exact`](crate::accel::bvh::exact) has it: all bits
+    /// set. The slack here, 32u of what is farthest, and what rounds here, 4u of it, are less than the 64u there.
+    #[inline(always)]
+    fn outside(&self, block: &Block, slot: usize, t: &[f64; LANES]) -> [i32; LANES] {
+        let mut outside = [0i32; LANES];
+        let mut depths = [0.0f32; LANES];
+        for i in 0..LANES {
+            depths[i] = (t[i] * self.along(i)) as f32;
+        }
+        for axis in 0..2 {
+            let row = &block.vertices[self.frustum.axes[axis]];
+            let (p, q, r) = (
+                row[block.corner(0, slot)],
+                row[block.corner(1, slot)],
+                row[block.corner(2, slot)],
+            );
+            let (lower, upper) = (min(min(p, q), r), max(max(p, q), r));
+            for i in 0..LANES {
+                let at = depths[i] * self.query.shear[axis][i];
+                let origin = self.query.origin[axis][i];
+                let (lower, upper) = (lower - origin, upper - origin);
+                let slack = max(-lower, upper) * (16.0 * f32::EPSILON);
+                let within = (at >= lower - slack) & (at <= upper + slack);
+                outside[i] |= -i32::from(!within);
+            }
+        }
+        outside
+    }
+
     /// Direction along the dominant axis.
     #[inline(always)]
     fn along(&self, i: usize) -> f64 {
@@ -121,18 +163,17 @@ impl<T: Tier> Packet<'_, T> {
         f64::from(self.query.along[i]) * f64::from(self.query.scale[i])
     }
 
-    /// Ray parameters of a triangle's plane.
+    /// See [`Plane::meet`].
     #[inline(always)]
-    fn distances(&self, corners: [[f32; 3]; 3]) -> [f64; LANES] {
-        let mut t = [0.0; LANES];
-        let plane = Plane::new(corners);
+    fn distances(&self, plane: &Plane) -> ([f64; LANES], [f64; LANES]) {
+        let (mut t, mut towards) = ([0.0; LANES], [0.0; LANES]);
         let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
         for i in 0..LANES {
             let origin = [f64::from(ox[i]), f64::from(oy[i]), f64::from(oz[i])];
             let direction = [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])];
-            t[i] = plane.t(origin, direction);
+            (t[i], towards[i]) = plane.meet(origin, direction);
         }
-        t
+        (t, towards)
     }
 
     /// Lanes in doubt, one by one.

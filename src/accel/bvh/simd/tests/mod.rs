@@ -204,7 +204,7 @@ fn candidates_miss_nothing_and_are_sure_of_hits_only() {
                 .collect();
             // The end of the segment, or a hit: one of the same distance is a candidate still.
             let end = met[random.below(WIDTH)].filter(|t| *t >= 0.0);
-            let tfar = end.map_or(query.tfar[i], |t| t as f32 * query.scale[i]);
+            let tfar = end.map_or(query.tfar[i], |t| query.end(i, t));
             let end = end.unwrap_or(ray.tfar);
             for (isa, answers) in every_tier!(tier => Ask { tier, node, block, lane, tfar }) {
                 let Candidates { maybe, sure: certain } = answers.candidates;
