@@ -13,6 +13,10 @@ use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 /// Longest sequence of the Sobol tables; longer ones continue with a new scramble.
 const SEQUENCE: u32 = 1 << 16;
 
+/// Indices that stay together when a sequence is shuffled: so many from a multiple of that on. So do those of any
+/// power of two.
+pub const STRETCH: usize = 64;
+
 /// In place of the number of a Sobol sequence, of which there are fewer.
 const INDEPENDENT: u32 = u32::MAX;
 
@@ -153,23 +157,48 @@ impl Sampler {
                 }
             }
         }
+        let mut indices = [0; N];
         for i in 0..N {
-            // In reverse order of its bits, Sobol's first dimension is the index itself.
-            let reversed = (index[i] % SEQUENCE).reverse_bits();
-            let index = owen_scramble_rev(reversed, shuffles[i]).reverse_bits() % SEQUENCE;
-            let later = if D > 2 { product(&MATRICES, index) } else { 0 };
-            for d in 0..D {
-                let sobol = match d {
-                    0 => index,
-                    1 => pascal(index),
-                    2 => later & 0xffff,
-                    _ => later >> 16,
-                };
-                let scrambled = owen_scramble_rev(sobol, scrambles[d][i]);
-                points[d][i] = u32_to_f32_norm(scrambled.reverse_bits());
-            }
+            indices[i] = shuffled(index[i], shuffles[i]);
         }
-        points
+        scrambled(&indices, &scrambles)
+    }
+
+    /// The camera samples `first .. first + STRETCH` of a pixel, `first` a multiple of [`STRETCH`], in the order that
+    /// their points have in Sobol's sequence: those at some places.
+    #[inline(always)]
+    pub fn camera_stretch<const N: usize>(
+        &self,
+        pixel: [u32; 2],
+        first: u32,
+        places: &[u8; N],
+    ) -> [[f32; N]; 4] {
+        let set = Set::<4>::of(self.key(pixel, first / SEQUENCE, 0) as u32);
+        let begin = shuffled(first, set.shuffle) / STRETCH as u32 * STRETCH as u32;
+        let mut indices = [0; N];
+        for i in 0..N {
+            indices[i] = begin + u32::from(places[i]);
+        }
+        let mut scrambles = [[0; N]; 4];
+        for d in 0..4 {
+            scrambles[d] = [set.scrambles[d]; N];
+        }
+        scrambled(&indices, &scrambles)
+    }
+
+    /// The same samples themselves in that order, each as its distance from `first`.
+    #[inline(always)]
+    pub fn camera_stretch_samples(&self, pixel: [u32; 2], first: u32) -> [u8; STRETCH] {
+        let Set { shuffle, .. } = Set::<0>::of(self.key(pixel, first / SEQUENCE, 0) as u32);
+        let mut indices = [0; STRETCH];
+        for i in 0..STRETCH {
+            indices[i] = shuffled(first + i as u32, shuffle);
+        }
+        let mut samples = [0; STRETCH];
+        for i in 0..STRETCH {
+            samples[indices[i] as usize % STRETCH] = i as u8;
+        }
+        samples
     }
 
     /// Independent point `index`: an output of the generator SplitMix64 that starts at the set's key.
@@ -185,6 +214,38 @@ impl Sampler {
         let pixel = (u64::from(y) << 32) | u64::from(x);
         mix(mix(mix(self.seed ^ mix(u64::from(block))) ^ pixel) ^ purpose)
     }
+}
+
+/// Where the shuffle of a set puts a sample in Sobol's sequence: within it and with its neighbours, of every power of
+/// two, as their high bits decide about the lower ones.
+#[inline(always)]
+fn shuffled(sample: u32, shuffle: u32) -> u32 {
+    owen_scramble_rev((sample % SEQUENCE).reverse_bits(), shuffle).reverse_bits() % SEQUENCE
+}
+
+/// Points of Sobol's sequence by their indices, each dimension scrambled.
+#[inline(always)]
+fn scrambled<const D: usize, const N: usize>(
+    indices: &[u32; N],
+    scrambles: &[[u32; N]; D],
+) -> [[f32; N]; D] {
+    let mut points = [[0.0; N]; D];
+    for i in 0..N {
+        let index = indices[i];
+        let later = if D > 2 { product(&MATRICES, index) } else { 0 };
+        for d in 0..D {
+            // In reverse order of its bits, Sobol's first dimension is the index itself.
+            let sobol = match d {
+                0 => index,
+                1 => pascal(index),
+                2 => later & 0xffff,
+                _ => later >> 16,
+            };
+            let scrambled = owen_scramble_rev(sobol, scrambles[d][i]);
+            points[d][i] = u32_to_f32_norm(scrambled.reverse_bits());
+        }
+    }
+    points
 }
 
 /// How the points of a set are shuffled, and each of D dimensions scrambled.

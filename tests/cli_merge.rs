@@ -126,6 +126,28 @@ fn samples_give_the_bytes_of_the_whole() {
 }
 
 #[test]
+fn samples_by_quarters_of_a_light_give_the_bytes_of_samples_in_order() {
+    // One point of an area light for each camera sample, no lens: 64 samples of a pixel are taken together.
+    let scene = SCENE
+        .replace("\"thinlens\"", "\"pinhole\"")
+        .replace("\"aperture\": 0.05, \"focaldistance\": 4,", "")
+        .replace("\"samples\": 4", "\"samples\": 1");
+    let scratch = scratch();
+    scratch.write("s.json", &scene);
+    for (of, ranges) in [("64", ["0..32", "32..64"]), ("150", ["0..40", "40..150"])] {
+        let whole = ["--spp", of];
+        for flags in [&[][..], &["--aov", "variance"], &["--set", "/nbounces=0"]] {
+            render(&scratch, "whole", &[&whole, flags].concat());
+            for (i, range) in ranges.iter().enumerate() {
+                let more = ["--samples", range, "--of", of];
+                render(&scratch, &format!("p{i}"), &[flags, &more].concat());
+            }
+            same(&scratch, &["p1.exr", "p0.exr"], &[], &["exr", "png"]);
+        }
+    }
+}
+
+#[test]
 fn merged_files_are_written_as_the_parts_were_asked_for() {
     let scratch = scratch();
     render(&scratch, "whole", WRITTEN);

@@ -6,6 +6,7 @@ use crate::film::{Node, Sums};
 use crate::ray::LANES;
 use crate::shading::Lanes;
 
+use super::quarters::{PACKETS, packet};
 use super::slot::Pattern;
 
 /// A packet's values of one quantity.
@@ -23,6 +24,10 @@ pub struct BlockSums {
     sums: Sums,
     /// One node's values, pixel by pixel.
     node: Vec<f64>,
+    /// Sums of neighbouring samples: by quantity, the first and the last two packets of [`Quarters`].
+    ///
+    /// [`Quarters`]: super::quarters::Quarters
+    pairs: Vec<[[f64; LANES]; 2]>,
 }
 
 impl BlockSums {
@@ -31,7 +36,8 @@ impl BlockSums {
     pub fn new(pattern: &Pattern, values: usize, squares: usize) -> Self {
         let (pixels, quantities) = (pattern.pixels(), values + squares);
         let width = pixels * quantities;
-        Self { quantities, squares, pixels, sums: Sums::new(width), node: vec![0.0; width] }
+        let (sums, node) = (Sums::new(width), vec![0.0; width]);
+        Self { quantities, squares, pixels, sums, node, pairs: vec![[[0.0; LANES]; 2]; quantities] }
     }
 
     /// A new block begins.
@@ -64,6 +70,37 @@ impl BlockSums {
             self.take(pattern, sample - first, lanes, filled);
             self.sums.push(Node { first: sample, level: 0 }, &self.node);
         }
+    }
+
+    /// Adds a packet of [`Quarters`](super::quarters::Quarters), which would have 16 samples from `first` on, and
+    /// with its last one the node of the group.
+    ///
+    /// The node is the sum that samples in their order have: a shuffle of the kind that samples have only swaps the
+    /// halves of nodes, so its tree is that of indices in the sequence. Neighbours, which differ in j0, stand in the
+    /// same lane of two packets, then halves of the lanes differ in j1, their halves in j2, the pairs of packets in
+    /// j3, and what is left in j4 and j5.
+    #[inline(always)]
+    pub fn add_quarter(&mut self, first: u32, lanes: &[Values]) {
+        let packet = packet(first);
+        for (pairs, values) in self.pairs.iter_mut().zip(lanes) {
+            let (values, pairs) = (doubles(&values.0), &mut pairs[packet / 2]);
+            for i in 0..LANES {
+                pairs[i] = if packet % 2 == 0 { values[i] } else { pairs[i] + values[i] };
+            }
+        }
+        if packet + 1 < PACKETS {
+            return;
+        }
+        for (sum, &[low, high]) in self.node.iter_mut().zip(&self.pairs) {
+            let (mut values, high) = (fold_lanes::<4>(low), fold_lanes::<4>(high));
+            for i in 0..4 {
+                values[i] += high[i];
+            }
+            *sum = (values[0] + values[2]) + (values[1] + values[3]);
+        }
+        let samples = (PACKETS * LANES) as u32;
+        self.sums
+            .push(Node { first: first / samples * samples, level: samples.ilog2() }, &self.node);
     }
 
     /// Makes the node of a packet over all its samples of `PIXELS` pixels.

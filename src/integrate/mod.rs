@@ -9,6 +9,7 @@ mod lamp;
 mod noise;
 mod passes;
 mod pipeline;
+mod quarters;
 mod record;
 mod roulette;
 mod slot;
@@ -121,6 +122,9 @@ struct Tile<'a, 'r, 'f, R> {
 }
 
 impl<R: Record> Finish for Tile<'_, '_, '_, R> {
+    // What records keep of equals is the first.
+    const ANY_ORDER: bool = !R::ON;
+
     #[inline(always)]
     fn finish(
         &mut self,
@@ -160,7 +164,12 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         if R::ON {
             self.record.packet(slot, &samples, &cast.radiance);
         }
-        sums.add(pattern, slot.first, &samples, &[*r, *g, *b, alpha].map(Values), &[true; 4]);
+        let values = [*r, *g, *b, alpha].map(Values);
+        if slot.quarter {
+            sums.add_quarter(slot.first, &values);
+        } else {
+            sums.add(pattern, slot.first, &samples, &values, &[true; 4]);
+        }
         if slot.first.saturating_add(pattern.samples) >= samples.end {
             if self.record.has_words() {
                 self.write_words(slot.corner, pattern, sums);

@@ -154,6 +154,8 @@ struct Pass<'p, R: Record> {
 }
 
 impl<R: Record> Finish for Pass<'_, R> {
+    const ANY_ORDER: bool = false;
+
     #[inline(always)]
     fn finish(
         &mut self,

@@ -7,11 +7,15 @@ use crate::ray::{Coherence, LANES};
 use crate::sampler::Sampler;
 
 use super::cast::{Cast, joint_light};
+use super::quarters::Quarters;
 use super::slot::{Pattern, Slot};
 use super::{Integrator, RayCounts};
 
 /// What becomes of a packet whose camera rays are traced.
 pub trait Finish {
+    /// Whether the samples of a pixel may come in the order of [`Quarters`].
+    const ANY_ORDER: bool;
+
     /// Shades it and adds it to its pixels. Packets come in the order of their units.
     fn finish(
         &mut self,
@@ -37,11 +41,22 @@ pub fn pipeline<F: Finish>(
     let mut counts = RayCounts::default();
     let joint = joint_light(world);
     let mut cast = Cast::new(world, accelerator, sampler, monitor, joint);
+    let by_quarters = F::ANY_ORDER && pattern.samples as usize == LANES;
+    let mut quarters = Quarters::new(world);
     let [even, odd] = &mut [Slot::EMPTY; 2];
     let (mut slot, mut before) = (even, odd);
     for (traced, unit) in units.map(Some).chain([None]).enumerate() {
         if let Some(unit) = unit {
-            let rays = slot.aim(world, &sampler, pattern, unit, samples, joint.is_some());
+            let (corner, first) = unit;
+            slot.first = first;
+            slot.quarter = by_quarters && quarters.has(first, samples);
+            slot.sample = if slot.quarter {
+                let pixel = corner.map(|x| x.wrapping_sub(world.margin));
+                quarters.samples(&sampler, pixel, first)
+            } else {
+                pattern.numbers(first)
+            };
+            let rays = slot.aim(world, &sampler, pattern, corner, samples, joint.is_some());
             counts.primary += u64::from(rays);
             prefetch_vertices(&world.geometry, &before.packet, LANES / 2..LANES);
             let (active, packet) = (&slot.active, &mut slot.packet);

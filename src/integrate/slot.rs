@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::quarters;
 use crate::ray::{LANES, Mask, NONE, RayPacket};
 use crate::sampler::Sampler;
 use crate::shading::{Lanes, set_lane};
@@ -54,6 +55,16 @@ impl Pattern {
         }
     }
 
+    /// Samples by lane, of a packet that begins at `first`.
+    #[inline(always)]
+    pub fn numbers(&self, first: u32) -> [u32; LANES] {
+        let mut numbers = [0; LANES];
+        for i in 0..LANES {
+            numbers[i] = first + self.sample[i];
+        }
+        numbers
+    }
+
     /// Pixels of a block.
     #[inline(always)]
     pub fn pixels(&self) -> usize {
@@ -72,12 +83,14 @@ pub struct Slot {
     pub x: [u32; LANES],
     /// The same, downwards.
     pub y: [u32; LANES],
-    /// Camera sample of that pixel, by lane.
+    /// Camera sample of that pixel, by lane; of [`Quarters`](quarters::Quarters) only if somebody asks.
     pub sample: [u32; LANES],
     /// Top left pixel of the block, in the window's coordinates.
     pub corner: [u32; 2],
-    /// First sample of the packet.
+    /// First sample of the packet; of one of [`Quarters`](quarters::Quarters) what it would be.
     pub first: u32,
+    /// Whether it is one of these.
+    pub quarter: bool,
     /// Points in the unit square that are stratified together with the pixel offsets, for what the caller
     /// of [`Slot::aim`] takes them.
     pub spare: [Lanes; 2],
@@ -93,6 +106,7 @@ impl Slot {
         sample: [0; LANES],
         corner: [0; 2],
         first: 0,
+        quarter: false,
         spare: [[0.0; LANES]; 2],
     };
 
@@ -102,25 +116,23 @@ impl Slot {
         [self.x[i], self.y[i]]
     }
 
-    /// Aims the camera rays of the block at `corner`, samples from `first` on, those within `samples`; returns
-    /// how many. With `spare` and without a lens, which takes them, draws [`Slot::spare`], too.
+    /// Aims the camera rays of the block at `corner`, of [`Slot::sample`] those within `samples`; returns how many. With `spare` and without a lens, which takes them, draws [`Slot::spare`], too.
     #[inline(always)]
     pub fn aim(
         &mut self,
         world: &World,
         sampler: &Sampler,
         pattern: &Pattern,
-        (corner, first): ([u32; 2], u32),
+        corner: [u32; 2],
         samples: &Range<u32>,
         spare: bool,
     ) -> u32 {
-        (self.corner, self.first) = (corner, first);
+        self.corner = corner;
         let [width, height] = world.frame;
         let mut count = 0;
         for i in 0..LANES {
             let (x, y) = (corner[0] + pattern.x[i], corner[1] + pattern.y[i]);
-            let sample = first + pattern.sample[i];
-            self.sample[i] = sample;
+            let sample = self.sample[i];
             self.x[i] = x.wrapping_sub(world.margin);
             self.y[i] = y.wrapping_sub(world.margin);
             let taken = (sample >= samples.start) & (sample < samples.end);
@@ -134,7 +146,9 @@ impl Slot {
         self.packet.rays.leaving = [NONE; LANES];
         let (antialiased, lens) = (world.spp > 1, world.camera.has_lens());
         let pixels = [&self.x, &self.y];
-        let [x, y, s, t] = if lens || spare {
+        let [x, y, s, t] = if self.quarter {
+            quarters::points(sampler, self.pixel(0), self.first)
+        } else if lens || spare {
             sampler.camera_lanes(pixels, &self.sample)
         } else if antialiased {
             let [x, y] = sampler.camera_lanes(pixels, &self.sample);

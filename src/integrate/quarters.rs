@@ -1,0 +1,166 @@
+//! 64 samples of a pixel in four packets, each with the points of one quarter of a light: so the shadow rays of
+//! a packet stay together.
+//!
+//! It is the light that shares the camera's sequence. The first binary digits of Sobol's third and fourth dimension
+//! are sums modulo 2 of digits of the index, as [`crate::sampler`] has their matrices: of j0, j1, j3, j4 and of j0,
+//! j1, j4. Scrambling only changes which quarter is which.
+
+use std::ops::Range;
+
+use crate::ray::LANES;
+use crate::sampler::{Kind, STRETCH, Sampler};
+use crate::shading::Lanes;
+use crate::world::World;
+
+use super::cast::joint_light;
+
+/// Packets of a group.
+pub const PACKETS: usize = 4;
+
+/// Samples of a group.
+const GROUP: u32 = STRETCH as u32;
+
+/// By packet and lane the index in the group's stretch of the sequence, from its digits: j1, j2, j4, j5 are the
+/// lane's, the highest first, j3 is the packet's higher one, and j0 what makes the quarter. The lanes of two packets
+/// that differ in the lower digit of their numbers therefore hold pairs of neighbours; see
+/// [`super::block::BlockSums::add_quarter`].
+const INDICES: [[u8; LANES]; PACKETS] = {
+    let mut indices = [[0; LANES]; PACKETS];
+    let mut at = 0;
+    while at < PACKETS * LANES {
+        let (packet, lane) = (at / LANES, at % LANES);
+        let (j1, j2, j4, j5) = (lane >> 3, lane >> 2 & 1, lane >> 1 & 1, lane & 1);
+        let (j0, j3) = ((packet ^ j1 ^ j4) & 1, packet >> 1);
+        indices[packet][lane] = (j0 | j1 << 1 | j2 << 2 | j3 << 3 | j4 << 4 | j5 << 5) as u8;
+        at += 1;
+    }
+    indices
+};
+
+/// What sample the lanes of packets are.
+pub struct Quarters {
+    /// Whether groups are put in this order.
+    on: bool,
+    /// Whether more than the shared light asks which samples lanes are.
+    asked: bool,
+    /// Of the pixel's present group the sample, counted in it, at each index of the sequence.
+    samples: [u8; STRETCH],
+}
+
+impl Quarters {
+    /// For the packets of a world, 16 samples of one pixel each.
+    #[inline(always)]
+    pub fn new(world: &World) -> Self {
+        // What adaptive shadows leave out depends on the packets.
+        let on = world.sampler == Kind::Sobol && !world.adaptive_shadows;
+        Self {
+            on: on && joint_light(world).is_some(),
+            asked: world.lights.len() > 1 || world.nbounces > 0,
+            samples: [0; STRETCH],
+        }
+    }
+
+    /// Whether the group of a packet, by its first sample, lies within `samples` and is put in this order.
+    #[inline(always)]
+    pub fn has(&self, first: u32, samples: &Range<u32>) -> bool {
+        let group = first / GROUP * GROUP;
+        self.on & (group >= samples.start) & (samples.end.saturating_sub(group) >= GROUP)
+    }
+
+    /// The samples of the packet that would otherwise have 16 from `first` on; if nobody asks, `first`. A group's
+    /// packets come in their order.
+    #[inline(always)]
+    pub fn samples(&mut self, sampler: &Sampler, pixel: [u32; 2], first: u32) -> [u32; LANES] {
+        let (packet, group) = (packet(first), first / GROUP * GROUP);
+        let mut samples = [first; LANES];
+        if !self.asked {
+            return samples;
+        }
+        if packet == 0 {
+            self.samples = sampler.camera_stretch_samples(pixel, group);
+        }
+        for i in 0..LANES {
+            let index = usize::from(INDICES[packet][i]);
+            samples[i] = group + u32::from(self.samples[index % STRETCH]);
+        }
+        samples
+    }
+}
+
+/// Camera points of that packet: [`Sampler::camera`] of its samples.
+#[inline(always)]
+pub fn points(sampler: &Sampler, pixel: [u32; 2], first: u32) -> [Lanes; 4] {
+    sampler.camera_stretch(pixel, first / GROUP * GROUP, &INDICES[packet(first)])
+}
+
+/// Which packet of its group has 16 samples from `first` on.
+#[inline(always)]
+pub fn packet(first: u32) -> usize {
+    (first % GROUP) as usize / LANES
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::block::{BlockSums, Values};
+    use super::super::slot::Pattern;
+    use super::*;
+
+    fn quarters() -> Quarters {
+        Quarters { on: true, asked: true, samples: [0; STRETCH] }
+    }
+
+    #[test]
+    fn a_packet_has_one_quarter_of_the_light() {
+        for seed in 0..20 {
+            let (sampler, mut quarters) = (Sampler::new(seed), quarters());
+            for group in [0, 64, 1 << 16, 12 * 64] {
+                let pixel = [seed as u32 * 3, 7];
+                let (mut seen, mut taken) = (Vec::new(), Vec::new());
+                for packet in 0..4 {
+                    let samples = quarters.samples(&sampler, pixel, group + 16 * packet);
+                    let of = |sample: u32| {
+                        let [_, _, s, t] = sampler.camera(pixel, sample);
+                        [(s * 2.0) as u32, (t * 2.0) as u32]
+                    };
+                    assert!(samples.iter().all(|&sample| of(sample) == of(samples[0])));
+                    let points = points(&sampler, pixel, group + 16 * packet);
+                    for (i, &sample) in samples.iter().enumerate() {
+                        assert_eq!(points.map(|lanes| lanes[i]), sampler.camera(pixel, sample));
+                    }
+                    seen.push(of(samples[0]));
+                    taken.extend(samples);
+                }
+                seen.sort_unstable();
+                assert_eq!(seen, [[0, 0], [0, 1], [1, 0], [1, 1]]);
+                taken.sort_unstable();
+                assert_eq!(taken, (group..group + 64).collect::<Vec<_>>());
+            }
+        }
+    }
+
+    #[test]
+    fn sums_are_those_of_samples_in_order() {
+        let pattern = Pattern::for_spp(64);
+        let (sampler, mut quarters) = (Sampler::new(9), quarters());
+        // The sum depends on the order.
+        let value = |sample: u32| {
+            (sample.wrapping_mul(0x9e37_79b9) as f32) * (sample as f32 % 13.0 - 6.0).exp2()
+        };
+        for samples in [0..64, 0..128, 3..150, 64..128] {
+            let sums = [false, true].map(|grouped| {
+                let mut sums = BlockSums::new(&pattern, 1, 0);
+                for first in (samples.start / 16 * 16..samples.end).step_by(16) {
+                    if grouped && quarters.has(first, &samples) {
+                        let numbers = quarters.samples(&sampler, [5, 6], first);
+                        sums.add_quarter(first, &[Values(numbers.map(value))]);
+                    } else {
+                        let numbers = pattern.numbers(first);
+                        sums.add(&pattern, first, &samples, &[Values(numbers.map(value))], &[true]);
+                    }
+                }
+                sums.total(0, 0).to_bits()
+            });
+            assert_eq!(sums[0], sums[1], "{samples:?}");
+        }
+    }
+}
