@@ -16,8 +16,12 @@ use crate::sampler::Sampler;
 use crate::shading::{Area, Emitter, Lanes3, Lit, Points, ShadowPoints, lane, light_rays, reflect};
 use crate::world::World;
 
+/// Camera samples from which on light and camera share a sequence: of fewer points two sets of their own, in the
+/// first two dimensions, err less.
+const LEAST_JOINT: u32 = 16;
+
 /// The light whose points share the camera's sequence, in the dimensions of the lens: the first area light,
-/// if it has one point per camera sample and there is no lens.
+/// if it has one point per camera sample, of which there are enough, and there is no lens.
 #[inline(always)]
 pub fn joint_light(world: &World) -> Option<u32> {
     let (area, first) =
@@ -25,7 +29,8 @@ pub fn joint_light(world: &World) -> Option<u32> {
             Emitter::Area(area) => Some((area, index)),
             Emitter::Point(_) => None,
         })?;
-    (area.samples == 1 && !world.camera.has_lens()).then_some(first)
+    let shares = area.samples == 1 && world.spp >= LEAST_JOINT && !world.camera.has_lens();
+    shares.then_some(first)
 }
 
 /// Room for one packet's shading, kept between packets.
