@@ -164,8 +164,8 @@ impl Sampler {
         scrambled(&indices, &scrambles)
     }
 
-    /// The camera samples `first .. first + STRETCH` of a pixel, `first` a multiple of [`STRETCH`], in the order that
-    /// their points have in Sobol's sequence: those at some places.
+    /// [`Sampler::camera`] of N of the samples `first .. first + STRETCH`, `first` a multiple of [`STRETCH`]: of those
+    /// that have `places`, each below [`STRETCH`], when these samples are put in the order of Sobol's sequence.
     #[inline(always)]
     pub fn camera_stretch<const N: usize>(
         &self,
@@ -186,7 +186,7 @@ impl Sampler {
         scrambled(&indices, &scrambles)
     }
 
-    /// The same samples themselves in that order, each as its distance from `first`.
+    /// Those samples in that order, each as its distance from `first`.
     #[inline(always)]
     pub fn camera_stretch_samples(&self, pixel: [u32; 2], first: u32) -> [u8; STRETCH] {
         let Set { shuffle, .. } = Set::<0>::of(self.key(pixel, first / SEQUENCE, 0) as u32);

@@ -116,7 +116,8 @@ impl Slot {
         [self.x[i], self.y[i]]
     }
 
-    /// Aims the camera rays of the block at `corner`, of [`Slot::sample`] those within `samples`; returns how many. With `spare` and without a lens, which takes them, draws [`Slot::spare`], too.
+    /// Aims the camera rays of the block at `corner`, of [`Slot::sample`] those within `samples`; returns how many.
+    /// With `spare` and without a lens, which takes them, draws [`Slot::spare`], too.
     #[inline(always)]
     pub fn aim(
         &mut self,
