@@ -132,9 +132,9 @@ fn triangle(
         (first, last) = (first.max(ends[0].min(ends[1])), last.min(ends[0].max(ends[1])));
     }
     let (least, most) = plane(to, direction).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-    // The tree keeps t in the widened box and between the corners' depths, up to 2u; these it rounds to f32, another u.
-    let down = |t: f64| t - t.abs() * 4.0 * U;
-    let up = |t: f64| t + t.abs() * 4.0 * U;
+    // The tree keeps t in the widened box and between the corners' depths, up to u; these it rounds to f32, another u.
+    let down = |t: f64| t - t.abs() * 2.0 * U;
+    let up = |t: f64| t + t.abs() * 2.0 * U;
     let t = (least.clamp(down(first), down(last)), most.clamp(up(first), up(last)));
     Some(Meeting { primitive, t, certain: away && inside })
 }

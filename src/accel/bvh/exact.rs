@@ -12,9 +12,9 @@ use super::node::Block;
 use super::query::Lane;
 use crate::ray::Rays;
 
-/// How far, relatively, a depth may lie outside of the corners' depths: 2u (u = 2^-24), twice what rounding does to
-/// these, which takes a plane across the dominant axis out of them.
-pub const DEPTH_SLACK: f64 = f32::EPSILON as f64;
+/// How far, relatively, a depth may lie outside of the corners' depths: u = 2^-24, which is what rounding does to
+/// these; it takes a plane across the dominant axis out of them.
+pub const DEPTH_SLACK: f64 = 0.5 * f32::EPSILON as f64;
 
 /// How far, relative to max|v - o| of its corners, a hit may lie outside of a triangle's box: 64u (u = 2^-24), less
 /// than boxes are widened by. The least normal f32 comes on top, for what underflows.

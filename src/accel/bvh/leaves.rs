@@ -12,7 +12,7 @@ use crate::simd::Isa;
 
 /// How far from the middle of the scene rays may start, in longest sides of its box, for
 /// [`Leaves::margin`] to hold.
-pub const REACH: f32 = 16.0;
+pub const REACH: f32 = 4.0;
 
 /// Leaves over all primitives of a scene.
 pub struct Leaves<'g> {
