@@ -115,21 +115,24 @@ def converge_lines(name):
             value, error = ratio['rmse']['value'], ratio['rmse']['standard_error']
             lines.append((f'{scene}: RMSE of independent samples / RMSE of `sobol`, 64 a pixel',
                           f'{value:.2f} ± {error:.2f}'))
-    best = {}
+    # Of one kind, as in the text of `converge`: that of most samplers, then of most points.
+    kinds = {}
     for series in report['series']:
-        if series['slope'] and series['slope']['points'] > best.get(series['sampler'], {'points': 0})['points']:
-            best[series['sampler']] = {**series['slope'], 'of': series['points'], 'fixed': series['fixed']}
-    for sampler, slope in sorted(best.items(), reverse=True):
-        ends = [report['points'][i]['samples'] for i in (slope['of'][0], slope['of'][-1])]
-        lines.append((f'{scene}: RMSE against samples a pixel, {ends[0]} to {ends[1]}, `{sampler}`',
+        if series['slope']:
+            kinds.setdefault(series['fixed'], []).append(series)
+    best = max(kinds.values(), key=lambda kind: (len(kind), sum(len(s['points']) for s in kind)), default=[])
+    for series in sorted(best, key=lambda series: series['sampler'], reverse=True):
+        slope, ends = series['slope'], [report['points'][series['points'][i]]['samples'] for i in (0, -1)]
+        lines.append((f"{scene}: RMSE against samples a pixel, {ends[0]} to {ends[1]}, `{series['sampler']}`",
                       f"samples^{slope['slope']:.3f} ± {slope['standard_error']:.3f}"))
+    alone = ' (of the light alone: reference and settings have one ray a pixel)' if report['reference']['spp'] == 1 else ''
     for reached in report['reached'][-2:]:
         point = report['points'][reached['point']]
         lights = f" x {point['light_samples']} light samples" if point['light_samples'] else ''
         text = f"`{point['sampler']}`, {point['spp']} spp{lights}, {point['median_s']:.3g} s"
         for other in (report['points'][i] for i in reached['others']):
             text += f" (`{other['sampler']}`: {other['median_s'] / point['median_s']:.1f} times as long)"
-        lines.append((f"{scene}, {report['size'][0]} x {report['size'][1]}: to reach relmse {reached['relmse']:.0e}", text))
+        lines.append((f"{scene}, {report['size'][0]} x {report['size'][1]}: to reach relmse {reached['relmse']:.0e}{alone}", text))
     return lines
 
 

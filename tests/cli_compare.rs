@@ -5,8 +5,8 @@ mod program;
 use std::path::Path;
 
 use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, ImageAttributes, Layer,
-    LayerAttributes, Text, WritableImage,
+    AnyChannel, AnyChannels, AttributeValue, Compression, Encoding, FlatSamples, Image,
+    ImageAttributes, Layer, LayerAttributes, Text, WritableImage,
 };
 use half::f16;
 use program::{Done, Scratch};
@@ -27,14 +27,19 @@ fn floats(values: &[f32]) -> FlatSamples {
 }
 
 /// An EXR of one part.
-fn write_exr(path: &Path, [width, height]: [usize; 2], channels: &[(&str, FlatSamples)]) {
+fn write_exr(path: &Path, size: [usize; 2], channels: &[(&str, FlatSamples)]) {
+    write_exr_as(Encoding::SMALL_LOSSLESS, path, size, channels);
+}
+
+fn write_exr_as(
+    encoding: Encoding,
+    path: &Path,
+    [width, height]: [usize; 2],
+    channels: &[(&str, FlatSamples)],
+) {
     let list = channels.iter().map(|(name, data)| AnyChannel::new(*name, data.clone())).collect();
-    let layer = Layer::new(
-        (width, height),
-        LayerAttributes::default(),
-        Encoding::SMALL_LOSSLESS,
-        AnyChannels::sort(list),
-    );
+    let layer =
+        Layer::new((width, height), LayerAttributes::default(), encoding, AnyChannels::sort(list));
     Image::from_layer(layer).write().non_parallel().to_file(path).unwrap();
 }
 
@@ -317,6 +322,8 @@ fn a_render_is_compared_with_its_own_picture() {
 #[test]
 fn what_cannot_be_compared_is_refused() {
     let scratch = Scratch::new();
+    let deep: Vec<_> = light([1.0; 6]).into_iter().chain([("Z", floats(&[1.0; 2]))]).collect();
+    write_exr(&scratch.path("z.exr"), [2, 1], &deep);
     two_pixels(&scratch, "a.exr", [1.0; 6]);
     write_exr(&scratch.path("wide.exr"), [3, 1], &["R", "G", "B"].map(|c| (c, floats(&[1.0; 3]))));
     write_exr(&scratch.path("depth.exr"), [2, 1], &[("Z", floats(&[1.0; 2]))]);
@@ -341,8 +348,10 @@ fn what_cannot_be_compared_is_refused() {
         (&["a.exr", "a.exr", "--fail-below", "ssim=1"], "no layer that was compared has a `ssim`"),
         (&["a.exr", "a.exr", "--layer", "beauti"], "did you mean `beauty`?"),
         (&["a.exr", "a.exr", "--exposure", "inf"], "finite number of stops"),
-        (&["a.exr", "a.exr", "--out", "a.exr"], "would be written over"),
+        (&["a.exr", "cut.png", "--out", "cut.png"], "would be written over"),
         (&["a.exr", "a.exr", "--out", "no/map.png"], "there is no such folder"),
+        (&["a.exr", "a.exr", "--out", "map.jpg"], "expected a name that ends in .png"),
+        (&["z.exr", "a.exr", "--layer", "Z"], "found `Z`, which a.exr has not: it has `beauty`"),
         (&["a.exr"], "required"),
     ];
     let before = scratch.names();
@@ -362,16 +371,74 @@ fn what_cannot_be_compared_is_refused() {
 #[test]
 fn damaged_files_never_panic() {
     let scratch = Scratch::new();
-    for name in ["bright-test.exr", "noise-test.png"] {
-        let whole = std::fs::read(format!("{DATA}/{name}")).unwrap();
-        let reference = format!("{DATA}/{name}");
-        for at in (0..whole.len().min(600)).step_by(23) {
+    let lossy = Encoding { compression: Compression::DWAA(None), ..Encoding::SMALL_LOSSLESS };
+    let values = floats(&(0..32 * 24).map(|i| (i % 37) as f32 * 0.1).collect::<Vec<_>>());
+    let channels = ["R", "G", "B"].map(|name| (name, values.clone()));
+    write_exr_as(lossy, &scratch.path("dwaa.exr"), [32, 24], &channels);
+    let data = ["bright-test.exr", "noise-test.png"].map(|name| Path::new(DATA).join(name));
+    for path in data.into_iter().chain([scratch.path("dwaa.exr")]) {
+        let whole = std::fs::read(&path).unwrap();
+        // All of what channels and chunks announce, in turns.
+        for (at, value) in
+            (0..whole.len().min(600)).step_by(5).zip([0, 0xff, 1, 0x80].iter().cycle())
+        {
             let mut bytes = whole.clone();
-            bytes[at] ^= 0xff;
+            bytes[at] = *value;
             std::fs::write(scratch.path("bad"), &bytes).unwrap();
-            let done = scratch.run(&["compare", "bad", &reference]);
-            assert!([0, 1, 2].contains(&done.code()), "{name} {at}: {}", done.stderr());
-            assert!(!done.stderr().contains("panicked"), "{name} {at}: {}", done.stderr());
+            let done = scratch.run(&["compare", "bad", path.to_str().unwrap()]);
+            assert!([0, 1, 2].contains(&done.code()), "{path:?} {at}: {}", done.stderr());
+            assert!(!done.stderr().contains("panicked"), "{path:?} {at}: {}", done.stderr());
         }
     }
+    let mut bytes = std::fs::read(scratch.path("dwaa.exr")).unwrap();
+    // The first chunk begins with its line, which is 0, and its size; then come a version of 2 and the sizes.
+    let version = bytes.windows(8).rposition(|eight| eight == [2, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+    bytes[version + 8 + 6] = 0x7f;
+    std::fs::write(scratch.path("bad"), &bytes).unwrap();
+    for arguments in [
+        &["compare", "bad", "dwaa.exr", "--html", "page.html"][..],
+        &["compare", "dwaa.exr", "bad"],
+    ] {
+        let done = scratch.run(arguments);
+        let stderr = done.stderr();
+        assert_eq!(done.code(), 2, "{stderr}");
+        assert!(stderr.contains("announces more than its pixels need"), "{stderr}");
+    }
+    let mut bytes = std::fs::read(scratch.path("dwaa.exr")).unwrap();
+    // Of the channel list: a name, its end, the kind, three bytes and `linear`, then two sampling factors.
+    let list = bytes.windows(7).position(|seven| seven == b"chlist\0").unwrap() + 7 + 4;
+    bytes[list + 2 + 8] = 0;
+    std::fs::write(scratch.path("bad"), &bytes).unwrap();
+    let stderr = scratch.run(&["compare", "bad", "dwaa.exr"]).stderr();
+    assert!(stderr.contains("zero sampling factor"), "{stderr}");
+    assert_eq!(scratch.names(), ["bad", "dwaa.exr"]);
+}
+
+#[test]
+fn parts_have_the_layers_that_one_part_has() {
+    let scratch = Scratch::new();
+    let scene = r#"{ "camera": { "type": "pinhole", "width": 16, "height": 12, "fov": 40,
+        "position": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0] },
+        "scene": { "ambient": [1, 1, 1], "lightsources": [
+            { "type": "pointlight", "position": [0, 4, 3], "id": [1, 1, 1] }],
+        "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": { "kd": 1, "ka": 1 } }] } }"#;
+    scratch.write("s.json", scene);
+    for (name, flag) in [("one", None), ("parts", Some("--multipart"))] {
+        let fixed =
+            ["render", "s.json", "--backend", "bvh", "--aov", "all", "--spp", "4", "-o", name];
+        let flags: Vec<&str> = fixed.into_iter().chain(flag).collect();
+        let done = scratch.run(&flags);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    }
+    let flags = ["--json", "--layer", "Z", "--layer", "samples", "--layer", "CryptoObject00.R"];
+    let report = json(&scratch.run(&["compare", "parts.exr", "one.exr", "--json"]));
+    assert_eq!(report["only_in_image"], serde_json::json!([]));
+    assert_eq!(report["only_in_reference"], serde_json::json!([]));
+    let done = scratch.run(&[&["compare", "parts.exr", "one.exr"], &flags[..]].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let report = json(&done);
+    let layers = report["layers"].as_array().unwrap();
+    let meanings = layers.iter().map(|layer| layer["meaning"].as_str().unwrap());
+    assert_eq!(meanings.collect::<Vec<_>>(), ["ids", "data", "data"]);
+    assert!(layers.iter().all(|layer| metric(layer, "differ") == 0.0), "{report}");
 }

@@ -196,12 +196,19 @@ fn a_reference_may_be_a_file() {
         (&"ref.exr".into(), &false.into())
     );
     assert_eq!(report["reference"]["rmse"], Value::Null);
-    // The picture itself, by its seed and samples, has no error.
+    // The picture itself, by its seed and samples, has no error, which is warned of; other seeds are the default.
     let own = ["--spp", "64", "--light-samples", "16", "--repeats", "1"];
     let flags =
         [&["--sampler", "sobol", "--reference", "ref.exr", "--json", "o.json"], &own[..]].concat();
-    assert_eq!(study(&scratch, &flags).code(), 0);
-    assert_eq!(number(&json(&scratch, "o.json")["points"][0]["rmse"]["value"]), 0.0);
+    let error = || number(&json(&scratch, "o.json")["points"][0]["rmse"]["value"]);
+    let others = study(&scratch, &flags);
+    assert_eq!(others.code(), 0);
+    assert!(error() > 1e-4 && !others.stderr().contains("warning"), "{}", others.stderr());
+    let aloud = ["converge", "s.json", "--threads", "2", "--seed", "0"];
+    let same = scratch.run(&[&aloud[..], &flags].concat());
+    assert_eq!(same.code(), 0);
+    assert_eq!(error(), 0.0);
+    assert!(same.stderr().contains("the reference has the seed 0"), "{}", same.stderr());
 
     for (file, more, message) in [
         (

@@ -56,6 +56,19 @@ fn a_scene_is_checked_by_kind_of_ray() {
 }
 
 #[test]
+fn the_tree_of_our_own_backend_is_validated() {
+    let scratch = scratch();
+    // `--backend` is the same.
+    let flags = ["crosscheck", "s.json", "--backend", "bvh,brute", "--rays", "500", "--no-picture"];
+    let done = scratch.run(&flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert!(done.stdout().contains("the tree of bvh is as promised: "), "{}", done.stdout());
+    let report: Value =
+        serde_json::from_str(&scratch.run(&[&flags[..], &["--json"]].concat()).stdout()).unwrap();
+    assert!(report["tree"]["valid"].as_str().unwrap().contains("leaves"), "{report}");
+}
+
+#[test]
 fn the_report_is_json_and_does_not_depend_on_threads() {
     let scratch = scratch();
     let done = check(&scratch, &["--json", "--threads", "1"]);

@@ -3,7 +3,7 @@
 use std::{
     path::{Path, PathBuf},
     sync::Arc,
-    time::Duration,
+    time::{Duration, SystemTime},
 };
 
 use clap::ValueEnum;
@@ -15,7 +15,7 @@ use crate::{
         ab::Plan,
         bench::{Contestant, Settings, measure},
         rays::Class,
-        result::{self, Machine, Report, SceneResult, changes},
+        result::{self, Machine, Report, Run, SceneResult, Since},
     },
     monitor::Monitor,
     output::atomic::TextFile,
@@ -42,6 +42,7 @@ const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
 pub fn run(args: &BenchArgs) -> Result<()> {
     let settings = settings(args)?;
     let then = args.baseline.as_deref().map(read_baseline).transpose()?;
+    let run = Run { unix_seconds: unix_seconds(), command: std::env::args().collect() };
     not_over_inputs(args)?;
     look_at_all(&args.inputs)?;
     let monitor = Arc::new(Monitor::default());
@@ -50,6 +51,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let mut report = Report {
         version: result::VERSION,
         machine: machine(settings.isa),
+        run,
         scenes: Vec::with_capacity(args.inputs.len()),
     };
     for input in &args.inputs {
@@ -58,12 +60,18 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         report.scenes.push(scene);
     }
     super::print(&bench_table::growth_text(&report))?;
-    let changes = then.map(|then| changes(&report, &then));
-    if let Some(changes) = &changes {
-        super::print(&bench_table::changes(changes))?;
+    let name = args.baseline.as_deref().unwrap_or(Path::new("")).display().to_string();
+    let since = then.map(|then| Since::new(&report, &name, &then));
+    if let Some(since) = &since {
+        super::print(&bench_table::since(since))?;
     }
-    files.finish(&report, changes.as_deref().unwrap_or_default())?;
+    files.finish(&report, since.as_ref())?;
     right(&report, &settings)
+}
+
+/// Now; 0 if the clock is before 1970.
+fn unix_seconds() -> u64 {
+    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.as_secs())
 }
 
 /// Finds what is wrong with any scene or mesh header before the first is measured.
@@ -234,11 +242,12 @@ fn read_baseline(path: &Path) -> Result<Report> {
 
 /// Refuses outputs that would replace inputs or each other.
 fn not_over_inputs(args: &BenchArgs) -> Result<()> {
-    let mut taken: Vec<PathBuf> = args.inputs.iter().map(|path| paths::identity(path)).collect();
+    let inputs = args.inputs.iter().chain(&args.baseline);
+    let mut taken: Vec<PathBuf> = inputs.map(|path| paths::identity(path)).collect();
     for path in [&args.json, &args.html, &args.save_baseline].into_iter().flatten() {
         let identity = paths::identity(path);
         if taken.contains(&identity) && !identity.starts_with("/dev") {
-            let message = "would be written over what is measured, or twice";
+            let message = "would be written over what is measured or compared with, or twice";
             return Err(Error::invalid(path.display().to_string(), message)
                 .help("choose another name: --json FILE, --html FILE, --save-baseline FILE"));
         }
@@ -262,14 +271,14 @@ impl Files {
         })
     }
 
-    fn finish(self, report: &Report, changes: &[result::Change]) -> Result<()> {
+    fn finish(self, report: &Report, since: Option<&Since>) -> Result<()> {
         let mut written = Vec::new();
         let json = serde_json::to_string_pretty(report).unwrap_or_default() + "\n";
         for file in self.json {
             written.push(file.finish(&json)?);
         }
         if let Some(file) = self.html {
-            written.push(file.finish(&bench_page::page(report, changes).html())?);
+            written.push(file.finish(&bench_page::page(report, since).html())?);
         }
         let lines = written.iter().filter(|path| path.as_path() != Path::new("/dev/stdout"));
         let lines: Vec<String> = lines.map(|path| format!("{}\n", path.display())).collect();

@@ -3,7 +3,7 @@
 use crate::{
     measure::{
         growth::{Growth, Quantity},
-        result::{Change, Entry, Report, Row, SceneResult, What},
+        result::{Entry, Report, Row, SceneResult, Since, What},
     },
     report::{Bar, Bars, Cell, Group, Line, Lines, Page, Ratio, Ratios, Section},
 };
@@ -11,19 +11,28 @@ use crate::{
 use super::{bench_table, units};
 
 /// The page.
-pub fn page(report: &Report, changes: &[Change]) -> Page {
+pub fn page(report: &Report, since: Option<&Since>) -> Page {
     let m = &report.machine;
     let versions = m.versions.iter().map(|(name, version)| format!("{name} {version}"));
     let versions: Vec<String> = versions.collect();
     let mut sections: Vec<Section> = report.scenes.iter().map(section).collect();
     sections.extend(growth(report));
-    sections.extend(baseline(changes));
+    sections.extend(since.and_then(baseline));
     Page {
         title: "Which backend is faster?".into(),
         intro: vec![
-            format!("{}, {} processors, {} kernels; {}", m.cpu, m.cores, m.isa, versions.join(", ")),
+            format!(
+                "{}, {}, {} kernels; {}",
+                m.cpu,
+                match m.cores {
+                    1 => "1 processor".into(),
+                    n => format!("{n} processors"),
+                },
+                m.isa,
+                versions.join(", ")
+            ),
             "All backends traced the same rays in turns (A B B A). Numbers are medians; whiskers and \
-             brackets are 95 % bootstrap intervals. Where an interval holds 1, no difference is shown."
+             brackets are 95 % intervals (bootstrap; of fewer than ten samples Student's t). Where an interval holds 1, no difference is shown."
                 .into(),
         ],
         sections,
@@ -229,7 +238,8 @@ fn growth(report: &Report) -> Option<Section> {
 }
 
 /// What has changed since an earlier run.
-fn baseline(changes: &[Change]) -> Option<Section> {
+fn baseline(since: &Since) -> Option<Section> {
+    let changes = &since.changes;
     let mut names: Vec<(&str, usize)> = Vec::new();
     for change in changes {
         let key = (change.scene.as_str(), change.threads);
@@ -250,7 +260,12 @@ fn baseline(changes: &[Change]) -> Option<Section> {
     });
     let charts: Vec<String> = charts.collect();
     (!charts.is_empty()).then(|| Section {
-        title: "Since the baseline".into(),
+        title: format!("Since the baseline {}", since.baseline),
+        findings: since
+            .elsewhere
+            .iter()
+            .map(|what| (format!("Not the same machine: {what}."), true))
+            .collect(),
         charts,
         ..Section::default()
     })
@@ -259,7 +274,7 @@ fn baseline(changes: &[Change]) -> Option<Section> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::result::{BackendResult, Machine, VERSION};
+    use crate::measure::result::{BackendResult, Machine, Run, VERSION};
 
     fn scene(name: &str, triangles: u64, wrong: u64) -> SceneResult {
         let samples = |t: f64| (0..10).map(|i| t * (1.0 + 0.002 * f64::from(i))).collect();
@@ -301,7 +316,7 @@ mod tests {
             isa: "AVX2".into(),
             versions: [("rustc".to_string(), "1.85".to_string())].into(),
         };
-        page(&Report { version: VERSION, machine, scenes }, &[]).html()
+        page(&Report { version: VERSION, machine, run: Run::default(), scenes }, None).html()
     }
 
     #[test]
@@ -321,8 +336,10 @@ mod tests {
     }
 
     #[test]
-    fn scenes_of_several_sizes_show_growth() {
-        let grown = html(vec![scene("a", 1000, 0), scene("b", 1_000_000, 0)]);
+    fn meshes_of_several_sizes_show_growth() {
+        let scenes = html(vec![scene("a", 1000, 0), scene("b", 1_000_000, 0)]);
+        assert!(!scenes.contains("Growth"));
+        let grown = html(vec![scene("a.ply", 1000, 0), scene("b.ply", 1_000_000, 0)]);
         assert!(grown.contains("Growth") && grown.contains("Peak memory of the build"));
         assert!(grown.contains("bvh \u{2013} n^1.00") && grown.contains("memory held"));
     }

@@ -2,7 +2,7 @@
 
 use crate::measure::{
     growth::{Growth, Quantity},
-    result::{Change, Entry, Report, Row, SceneResult, What},
+    result::{Change, Entry, Report, Row, SceneResult, Since, What},
     stats::Estimate,
 };
 
@@ -32,7 +32,14 @@ pub fn scene(scene: &SceneResult) -> String {
 }
 
 /// What has changed since the baseline.
-pub fn changes(changes: &[Change]) -> String {
+pub fn since(since: &Since) -> String {
+    let elsewhere = since.elsewhere.iter();
+    let warnings: String =
+        elsewhere.map(|what| format!("baseline: NOT THE SAME MACHINE: {what}\n")).collect();
+    warnings + &changes(&since.changes)
+}
+
+fn changes(changes: &[Change]) -> String {
     if changes.is_empty() {
         return "baseline: no scene in common (name and content must be the same)\n".into();
     }
@@ -91,7 +98,10 @@ pub fn quantity_name(quantity: Quantity) -> &'static str {
 pub fn backends(scene: &SceneResult) -> Vec<Vec<String>> {
     let head = ["backend", "version", "isa", "memory", "B/triangle", "peak", "B/triangle", "wrong"];
     let mut rows = vec![head.map(str::to_string).to_vec()];
-    let per = |bytes: u64| format!("{:.1}", bytes as f64 / scene.triangles.max(1) as f64);
+    let per = |bytes: u64| match scene.triangles {
+        0 => String::new(),
+        n => format!("{:.1}", bytes as f64 / n as f64),
+    };
     rows.extend(scene.backends.iter().map(|b| {
         vec![
             b.name.clone(),

@@ -103,6 +103,14 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<Settings> {
             let error = Error::invalid("--layer", message);
             return Err(did_you_mean(name, known()).into_iter().fold(error, Error::help));
         }
+        for file in files {
+            if !file.layers.iter().any(|layer| layer.shown() == name) {
+                let names = list(file.layers.iter().map(|layer| layer.shown()));
+                let message =
+                    format!("found `{name}`, which {} has not: it has {names}", file.path);
+                return Err(Error::invalid("--layer", message));
+            }
+        }
     }
     let tonemap = args.tonemap.map(|name| match name {
         ToneName::Max => ToneOperator::Max,
@@ -144,6 +152,14 @@ fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Ve
 
 /// Refuses outputs that would replace inputs or each other.
 fn not_over_inputs(args: &CompareArgs) -> Result<()> {
+    let is_png = |path: &PathBuf| {
+        path.starts_with("/dev")
+            || path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png"))
+    };
+    if let Some(path) = args.out.iter().find(|path| !is_png(path)) {
+        let message = format!("found {}, expected a name that ends in .png", path.display());
+        return Err(Error::invalid("--out", message));
+    }
     let inputs = [&args.test, &args.reference];
     let mut taken: Vec<PathBuf> = inputs.iter().map(|path| paths::identity(path)).collect();
     for path in [&args.out, &args.html].into_iter().flatten() {

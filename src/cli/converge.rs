@@ -17,7 +17,7 @@ use crate::{
         converge::{self, Grid, Limits, Reference, Settings, Subject, report},
     },
     monitor::Monitor,
-    output::atomic::TextFile,
+    output::{atomic::TextFile, exr_read},
     scene::{LightKind, SamplerKind, Scene},
     simd::Isa,
     world::{LoadOptions, World},
@@ -36,7 +36,7 @@ const LIGHT_SAMPLES: [u32; 3] = [1, 4, 16];
 /// Measures one scene.
 pub fn run(args: &ConvergeArgs) -> Result<()> {
     let started = Instant::now();
-    let limits = limits(args)?;
+    let mut limits = limits(args)?;
     let isa = machine::isa(args.isa)?;
     not_over_inputs(args)?;
     let monitor = Arc::new(Monitor::default());
@@ -56,6 +56,15 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
             super::note(text);
         }
     };
+    if let Some(seed) = args.reference.as_deref().and_then(seed_of) {
+        limits.seed = args.seed.unwrap_or(seed.wrapping_add(1));
+        if (0..i64::from(limits.repeats)).any(|i| limits.seed.wrapping_add(i) == seed) {
+            note(&format!(
+                "warning: the reference has the seed {seed}, as one render of every setting: samples that both have \
+                 make errors too small; choose another --seed"
+            ));
+        }
+    }
     let settings = Settings { contestants, grid, limits, started, isa };
     let pool = machine::pool(args.threads)?;
     let study = pool.install(|| {
@@ -90,7 +99,7 @@ fn limits(args: &ConvergeArgs) -> Result<Limits> {
         let message = format!("found {}, expected seconds in (0, 1e6]", args.budget);
         return Err(Error::invalid("--budget", message));
     }
-    Ok(Limits { budget: args.budget, repeats: args.repeats, seed: args.seed })
+    Ok(Limits { budget: args.budget, repeats: args.repeats, seed: args.seed.unwrap_or(0) })
 }
 
 fn contestants(args: &ConvergeArgs, scene: &Scene, isa: Isa) -> Result<Vec<Contestant>> {
@@ -140,6 +149,11 @@ fn grid(args: &ConvergeArgs, scene: &Scene, contestants: usize) -> Result<Grid> 
         false => light_samples.into_iter().map(Some).collect(),
     };
     Ok(Grid { contestants, samplers, spp: sorted(&args.spp), light_samples })
+}
+
+/// The seed of a picture that this program rendered.
+fn seed_of(path: &Path) -> Option<i64> {
+    exr_read::Reader::open(path).ok()?.attribute("lightpath:seed")?.parse().ok()
 }
 
 /// A reference from a file: its light, of the scene's size.

@@ -102,10 +102,10 @@ fn against_samples(report: &Report) -> String {
             points: series.points.iter().map(at).collect(),
         })
     });
-    let fixed = chosen.first().map_or(String::new(), |series| format!(", at {}", series.fixed));
+    let fixed = chosen.first().map_or(String::new(), |series| text::at(series));
     Lines {
         title: "Error against samples".into(),
-        unit: format!("RMSE, less is better{fixed}"),
+        unit: format!("RMSE{fixed}, less is better"),
         across: "samples a pixel".into(),
         lines: lines.collect(),
         dots: Vec::new(),
@@ -200,9 +200,10 @@ fn numbers(report: &Report) -> Section {
         title: "All numbers".into(),
         findings: text::notes(report).into_iter().map(|note| (capital(note), false)).collect(),
         charts: Vec::new(),
-        tables: vec![
-            ("Slopes".into(), cells(text::series(report))),
-            ("Settings".into(), cells(text::points(report))),
-        ],
+        tables: [("Slopes", text::series(report)), ("Settings", text::points(report))]
+            .into_iter()
+            .filter(|(_, rows)| !rows.is_empty())
+            .map(|(name, rows)| (name.into(), cells(rows)))
+            .collect(),
     }
 }

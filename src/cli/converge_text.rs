@@ -50,17 +50,20 @@ pub fn reference(report: &Report) -> String {
 /// The answer in sentences.
 pub fn findings(report: &Report) -> Vec<String> {
     let mut findings = reached(report, 4);
-    let mut told: Vec<(&str, &str)> = Vec::new();
     for series in headline(report) {
         let Some(slope) = series.slope else { continue };
-        told.push((&series.backend, &series.sampler));
         findings.push(format!(
-            "error falls as samples^{:.2} \u{b1} {:.3} ({}, {} points at {})",
+            "error falls as samples^{:.2} \u{b1} {:.3} ({}, {} points{})",
             slope.slope,
             slope.standard_error,
             shorter(report, &series.backend, &series.sampler),
             slope.points,
-            series.fixed,
+            at(series),
+        ));
+    }
+    for name in without_slope(report) {
+        findings.push(format!(
+            "no slope of {name}: fewer than three of its points of a kind are clear of the reference's own error"
         ));
     }
     if let Some(ratio) = ratio_near(report, 64) {
@@ -101,18 +104,41 @@ pub fn ratio_near(report: &Report, samples: u64) -> Option<&crate::measure::conv
     report.ratios.iter().min_by_key(|ratio| ratio.samples.abs_diff(samples))
 }
 
-/// Of every backend and sampler the series with most points: that of fewest samples on lights, or of most.
+/// The series of one kind, so that their slopes can stand side by side: of the kind that most contestants have a slope
+/// of, then with most points, then of fewest samples on lights.
 pub fn headline(report: &Report) -> Vec<&Series> {
     let mut best: Vec<&Series> = Vec::new();
-    for series in report.series.iter().filter(|series| series.slope.is_some()) {
-        let same = |s: &&&Series| (&s.backend, &s.sampler) == (&series.backend, &series.sampler);
-        match best.iter().position(|s| same(&s)) {
-            Some(at) if best[at].points.len() < series.points.len() => best[at] = series,
-            Some(_) => {}
-            None => best.push(series),
+    let size = |of: &[&Series]| (of.len(), of.iter().map(|s| s.points.len()).sum::<usize>());
+    for kind in &report.series {
+        let same = |s: &&Series| s.fixed == kind.fixed && s.slope.is_some();
+        let all: Vec<&Series> = report.series.iter().filter(same).collect();
+        if size(&all) > size(&best) {
+            best = all;
         }
     }
     best
+}
+
+/// Backends and samplers of which [`headline`] has no slope, as they are called.
+fn without_slope(report: &Report) -> Vec<String> {
+    let told = headline(report);
+    let mut names: Vec<String> = Vec::new();
+    for point in &report.points {
+        let has = |s: &&Series| (&s.backend, &s.sampler) == (&point.backend, &point.sampler);
+        let name = shorter(report, &point.backend, &point.sampler);
+        if !told.iter().any(has) && !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names
+}
+
+/// What a series has in common, after a number of points.
+pub fn at(series: &Series) -> String {
+    match series.fixed.as_str() {
+        "" => String::new(),
+        fixed => format!(" at {fixed}"),
+    }
 }
 
 /// Backend and sampler; the backend only where there are several.
@@ -131,6 +157,13 @@ fn setting(report: &Report, point: &PointResult) -> String {
 /// What a reader must know about the numbers.
 pub fn notes(report: &Report) -> Vec<String> {
     let mut notes = Vec::new();
+    if report.reference.spp == Some(1) {
+        notes.push(
+            "the reference is one ray through each pixel's centre, as all settings are: errors are those of \
+             the light alone, not of edges"
+                .into(),
+        );
+    }
     if report.points.iter().any(|p| p.not_antialiased) {
         notes.push(
             "1 spp is not antialiased: its error is mostly that of edges, and is in no slope"
@@ -174,7 +207,7 @@ pub fn points(report: &Report) -> Vec<Vec<String>> {
     rows
 }
 
-/// All slopes, head first.
+/// All slopes, head first; nothing without one.
 pub fn series(report: &Report) -> Vec<Vec<String>> {
     let head = ["RMSE ~ samples^slope", "of", "slope", "\u{b1}", "points"];
     let mut rows = vec![head.map(str::to_string).to_vec()];
@@ -188,7 +221,7 @@ pub fn series(report: &Report) -> Vec<Vec<String>> {
             slope.points.to_string(),
         ])
     }));
-    rows
+    if rows.len() == 1 { Vec::new() } else { rows }
 }
 
 /// All settings for other programs.

@@ -10,11 +10,13 @@ use serde_json::{Value, json};
 
 use crate::{
     accel::{
-        self, Accelerator, BuildOptions, Visits, brute::Brute, coursework::Coursework, lane::Ray,
+        self, Accelerator, BuildOptions, Visits, brute::Brute, bvh::Bvh, coursework::Coursework,
+        lane::Ray,
     },
     error::{Error, Kind, Problem, Result},
     measure::cross_check::{
-        Answer, Check, Contender, Finding, Verdict, answers, check_rays, compare_pictures, judge,
+        Answer, Check, Contender, Finding, Tree, Verdict, answers, check_rays, compare_pictures,
+        judge,
     },
     monitor::Monitor,
     output::atomic::TextFile,
@@ -102,7 +104,8 @@ fn as_render(args: &CrosscheckArgs, input: &Path) -> RenderArgs {
 struct Built<'g> {
     oracle: Brute<'g>,
     coursework: Option<Coursework<'g>>,
-    others: Vec<(Backend, Box<dyn Accelerator + 'g>)>,
+    bvh: Option<Bvh<'g>>,
+    embree: Option<Box<dyn Accelerator + 'g>>,
     order: Vec<Backend>,
 }
 
@@ -120,27 +123,26 @@ impl<'g> Built<'g> {
         let options = BuildOptions { threads, embree: Default::default(), isa, max_bytes: None };
         let geometry = &world.geometry;
         let oracle = Brute::build(geometry, &options, monitor)?;
-        let (mut coursework, mut others, mut order) = (None, Vec::new(), Vec::new());
+        let (mut coursework, mut bvh, mut embree, mut order) = (None, None, None, Vec::new());
         for backend in asked.unwrap_or(all.to_vec()) {
             match backend {
                 Backend::Brute => {}
                 Backend::Coursework => {
                     coursework = Some(Coursework::build(geometry, &options, monitor)?);
                 }
-                Backend::Embree | Backend::Bvh => {
-                    match accel::build(geometry, backend, &options, monitor) {
-                        Ok(accelerator) => others.push((backend, accelerator)),
-                        Err(error) if skip && error.kind == Kind::Unsupported => {
-                            super::note(&format!("without `{}`: {error}", backend.name()));
-                            continue;
-                        }
-                        Err(error) => return Err(error),
+                Backend::Bvh => bvh = Some(Bvh::build(geometry, &options, monitor)?),
+                Backend::Embree => match accel::build(geometry, backend, &options, monitor) {
+                    Ok(accelerator) => embree = Some(accelerator),
+                    Err(error) if skip && error.kind == Kind::Unsupported => {
+                        super::note(&format!("without `{}`: {error}", backend.name()));
+                        continue;
                     }
-                }
+                    Err(error) => return Err(error),
+                },
             }
             order.push(backend);
         }
-        Ok(Self { oracle, coursework, others, order })
+        Ok(Self { oracle, coursework, bvh, embree, order })
     }
 
     fn contenders(&self) -> Vec<Contender<'_>> {
@@ -148,7 +150,8 @@ impl<'g> Built<'g> {
             let accelerator: &dyn Accelerator = match backend {
                 Backend::Brute => &self.oracle,
                 Backend::Coursework => self.coursework.as_ref()?,
-                _ => &*self.others.iter().find(|(other, _)| *other == backend)?.1,
+                Backend::Bvh => self.bvh.as_ref()?,
+                Backend::Embree => &**self.embree.as_ref()?,
             };
             Some(Contender { backend, accelerator })
         };
@@ -187,6 +190,7 @@ fn check(
         seed: scene.seed,
     };
     let mut report = check_rays(&check, monitor)?;
+    report.tree = built.bvh.as_ref().map(|bvh| Tree::from(bvh.validate()));
     if !args.no_picture {
         report.pictures = compare_pictures(&world, &built.oracle, &contenders, isa, monitor)?;
     }
@@ -228,6 +232,9 @@ struct Replayed<'f> {
 fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) -> Result<()> {
     let place = file.display().to_string();
     let saved = read(file)?;
+    if saved.findings.is_empty() {
+        super::note(&format!("{place}: no wrong answers in it"));
+    }
     let text = saved.scene.to_string();
     let folder = file.parent().unwrap_or(Path::new(""));
     let name = format!("{place}: scene");

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::measure::cross_check::{Answer, Finding, MOST_NEAR, Report, Tally, Verdict};
+use crate::measure::cross_check::{Answer, Finding, MOST_NEAR, Report, Tally, Tree, Verdict};
 
 use super::units;
 
@@ -40,6 +40,11 @@ pub fn report(report: &Report) -> String {
             );
         }
     }
+    match &report.tree {
+        Some(Tree::Valid(what)) => out += &format!("\nthe tree of bvh is as promised: {what}\n"),
+        Some(Tree::Invalid(what)) => out += &format!("\nthe tree of bvh is WRONG: {what}\n"),
+        None => {}
+    }
     if let Some(all) = report.plain_loop {
         let _ = writeln!(
             out,
@@ -64,7 +69,7 @@ pub fn report(report: &Report) -> String {
         );
     }
     if !report.findings.is_empty() {
-        out += "\nWrong answers, the first of each kind:\n";
+        out += "\nWrong answers, the first of each kind and class of rays:\n";
     }
     for found in report.findings.iter().take(SHOWN) {
         out += &finding(found, found.verdict, found.answer, found.truth);

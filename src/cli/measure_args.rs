@@ -15,10 +15,10 @@ pub struct CrosscheckArgs {
     pub input: Option<PathBuf>,
 
     /// Two or more backends [default: all that this machine can run]
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Option<Vec<BackendName>>,
 
-    /// Rays to check, in equal shares of each kind
+    /// Rays to check, in equal shares of each kind; shares of kinds that the scene has not are left out
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
     pub rays: u64,
 
@@ -42,7 +42,7 @@ pub struct CrosscheckArgs {
     #[arg(long, value_name = "/json/pointer=VALUE")]
     pub set: Vec<String>,
 
-    /// Save the wrong answers that were found, with their rays
+    /// Save the first wrong answers of each backend, kind and class of rays, with their packets
     #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath)]
     pub save: Option<PathBuf>,
 
@@ -75,7 +75,7 @@ pub struct BenchArgs {
 
     /// What is compared: embree, embree-exact, embree-fast, bvh, coursework, brute; bvh:TIER forces an
     /// instruction set (portable, avx2, avx512). The others are compared with the first
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_value = BENCH_BACKENDS)]
+    #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',', default_value = BENCH_BACKENDS)]
     pub backends: Vec<String>,
 
     /// Classes of rays: primary, shadow-point, shadow-area, mirror, diffuse [default: all]
@@ -270,9 +270,9 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, allow_negative_numbers = true)]
     pub budget: f64,
 
-    /// First seed
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0)]
-    pub seed: i64,
+    /// First seed [default: 0, or one more than that of the --reference]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub seed: Option<i64>,
 
     /// Picture size in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size)]

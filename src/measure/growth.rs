@@ -1,6 +1,12 @@
 //! How build time and memory grow with the size of the scene.
 
+use std::path::Path;
+
 use super::result::{Report, SceneResult, What};
+use crate::studio;
+
+/// From the smallest to the largest size, for a fit: less says more about the meshes than about growth.
+const SPAN: f64 = 3.0;
 
 /// What grows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,9 +46,10 @@ pub struct Growth {
 }
 
 impl Growth {
-    /// A quantity of every backend.
+    /// A quantity of every backend, over the meshes that were measured alone: scenes have too little in common.
     pub fn of(report: &Report, quantity: Quantity) -> Vec<Self> {
-        let mut scenes: Vec<&SceneResult> = report.scenes.iter().collect();
+        let alone = |scene: &&SceneResult| studio::is_mesh(Path::new(&scene.name));
+        let mut scenes: Vec<&SceneResult> = report.scenes.iter().filter(alone).collect();
         scenes.sort_by_key(|scene| scene.triangles);
         let names = scenes.first().map_or(&[][..], |scene| &scene.backends);
         let of = |(i, name): (usize, String)| {
@@ -55,16 +62,21 @@ impl Growth {
         names.iter().map(|backend| backend.name.clone()).enumerate().map(of).collect()
     }
 
-    /// The exponent e of the power c n^e that fits best: least squares of logarithms. `None` without
-    /// two sizes. n log n has 1.07 between 70 thousand and 18 million.
+    /// The exponent e of the power c n^e that fits best: least squares of logarithms. `None` where the largest size is
+    /// less than [`SPAN`] times the smallest. n log n has 1.07 between 70 thousand and 18 million.
     pub fn exponent(&self) -> Option<f64> {
+        let sizes = || self.points.iter().map(|[n, _]| *n);
+        let (least, most) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
+        if !(most >= SPAN * least) {
+            return None;
+        }
         let logs = self.points.iter().map(|point| point.map(f64::ln));
         let count = self.points.len() as f64;
         let [x, y] = logs.clone().fold([0.0; 2], |[x, y], [a, b]| [x + a, y + b]);
         let [x, y] = [x / count, y / count];
         let [xx, xy] = logs
             .fold([0.0; 2], |[xx, xy], [a, b]| [xx + (a - x) * (a - x), xy + (a - x) * (b - y)]);
-        (xx > 0.0).then(|| xy / xx)
+        Some(xy / xx)
     }
 }
 
@@ -85,6 +97,8 @@ mod tests {
         }
         let n_log_n = growth(|n| n * n.ln()).exponent().unwrap();
         assert!((n_log_n - 1.07).abs() < 0.01, "{n_log_n}");
-        assert_eq!(Growth { backend: String::new(), points: vec![[5.0, 1.0]; 2] }.exponent(), None);
+        for points in [vec![], vec![[5.0, 1.0]; 2], vec![[6322.0, 1.0], [6326.0, 2.0]]] {
+            assert_eq!(Growth { backend: String::new(), points }.exponent(), None);
+        }
     }
 }

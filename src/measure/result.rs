@@ -17,6 +17,9 @@ pub struct Report {
     pub version: u32,
     /// Where it ran.
     pub machine: Machine,
+    /// When, and of what command; of an older file nothing.
+    #[serde(default)]
+    pub run: Run,
     /// In the order of the command line.
     pub scenes: Vec<SceneResult>,
 }
@@ -32,6 +35,15 @@ pub struct Machine {
     pub isa: String,
     /// Of the program and its compiler.
     pub versions: BTreeMap<String, String>,
+}
+
+/// When a run took place, and of what command.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// Start, in seconds since 1970, UTC.
+    pub unix_seconds: u64,
+    /// The command line.
+    pub command: Vec<String>,
 }
 
 /// One scene.
@@ -207,8 +219,42 @@ pub struct Change {
     pub ratio: Estimate,
 }
 
+/// What has changed since an earlier run.
+#[derive(Debug, Clone)]
+pub struct Since {
+    /// Its file, and of which commit it was.
+    pub baseline: String,
+    /// How its machine differs from this one.
+    pub elsewhere: Option<String>,
+    /// Of what both have: the same scene (by name and content), row and backend.
+    pub changes: Vec<Change>,
+}
+
+impl Since {
+    /// Between `then`, which stands in the file `name`, and now.
+    pub fn new(now: &Report, name: &str, then: &Report) -> Self {
+        let commit = then.machine.versions.get("commit").map_or("unknown", String::as_str);
+        Self {
+            baseline: format!("{name}, commit {commit}"),
+            elsewhere: elsewhere(now, then),
+            changes: changes(now, then),
+        }
+    }
+}
+
+/// How the machine or the kernels of two runs differ; `None` if they do not.
+fn elsewhere(now: &Report, then: &Report) -> Option<String> {
+    let (a, b) = (&now.machine, &then.machine);
+    let pairs = [(&a.cpu, &b.cpu), (&a.isa, &b.isa)];
+    let cores = [a.cores, b.cores].map(|n| format!("{n} processors"));
+    let pairs = pairs.into_iter().chain([(&cores[0], &cores[1])]);
+    let different: Vec<String> =
+        pairs.filter(|(a, b)| a != b).map(|(a, b)| format!("{b} then, {a} now")).collect();
+    (!different.is_empty()).then(|| different.join("; "))
+}
+
 /// All that two runs have in common: the same scene (by name and content), row and backend.
-pub fn changes(now: &Report, then: &Report) -> Vec<Change> {
+fn changes(now: &Report, then: &Report) -> Vec<Change> {
     let mut changes = Vec::new();
     for scene in &now.scenes {
         let same = |s: &&SceneResult| s.name == scene.name && s.hash == scene.hash;
@@ -269,7 +315,7 @@ mod tests {
         };
         let machine =
             Machine { cpu: "c".into(), cores: 1, isa: "i".into(), versions: BTreeMap::new() };
-        Report { version: VERSION, machine, scenes: vec![scene] }
+        Report { version: VERSION, machine, run: Run::default(), scenes: vec![scene] }
     }
 
     #[test]
@@ -289,6 +335,18 @@ mod tests {
         let report = report(1.0 / 3.0, "h");
         let text = serde_json::to_string(&report).unwrap();
         assert_eq!(serde_json::from_str::<Report>(&text).unwrap(), report);
+    }
+
+    #[test]
+    fn another_machine_is_told() {
+        let (now, mut then) = (report(1.0, "h"), report(1.0, "h"));
+        assert_eq!(elsewhere(&now, &then), None);
+        then.machine.versions.clear();
+        assert_eq!(elsewhere(&now, &then), None);
+        then.machine.cpu = "another".into();
+        then.machine.cores += 1;
+        let told = elsewhere(&now, &then).unwrap();
+        assert!(told.contains("another then") && told.contains("processors now"), "{told}");
     }
 
     #[test]

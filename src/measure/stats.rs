@@ -1,9 +1,16 @@
-//! Robust statistics of repeated timings: medians, their spread, and intervals without a model.
+//! Robust statistics of repeated timings: medians, their spread, and intervals, without a model where there are
+//! samples enough.
 
 use serde::{Deserialize, Serialize};
 
 /// Resamples of a bootstrap.
 const RESAMPLES: usize = 2000;
+
+/// Samples from which on their resamples tell how far the median may be off.
+const ENOUGH: usize = 10;
+
+/// Of Student's t distribution with 1, 2, ... degrees of freedom what 2.5 % exceed.
+const STUDENT: [f64; ENOUGH - 2] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306];
 
 /// A value and its 95 % confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -45,8 +52,14 @@ pub fn mad(values: &[f64]) -> f64 {
 }
 
 /// The median with its interval: percentiles of the medians of resamples (Efron 1979), by a fixed
-/// seed, so that the same samples give the same interval.
+/// seed, so that the same samples give the same interval. Of fewer than ten values, all > 0, whose resamples would
+/// promise too much, the interval of Student's t for their logarithms; of one value that value.
 pub fn median_interval(values: &[f64]) -> Estimate {
+    if values.len() < ENOUGH {
+        let logs: Vec<f64> = values.iter().map(|x| x.ln()).collect();
+        let half = student(logs.len()) * standard_error(&logs);
+        return around(median(values), mean(&logs), half);
+    }
     let mut random = Random(1);
     let medians = (0..RESAMPLES).map(|_| median(&random.resample(values)));
     percentiles(median(values), medians.collect())
@@ -59,12 +72,40 @@ pub fn paired_ratio(a: &[f64], b: &[f64]) -> Estimate {
     median_interval(&ratios)
 }
 
-/// The same from times that were not taken side by side: the ratio of medians.
+/// The same from times that were not taken side by side: the ratio of medians. (Of few values Welch's t, with
+/// the degrees of freedom of the smaller set.)
 pub fn unpaired_ratio(a: &[f64], b: &[f64]) -> Estimate {
+    let fewer = a.len().min(b.len());
+    if fewer < ENOUGH {
+        let [la, lb] = [a, b].map(|v| v.iter().map(|x| x.ln()).collect::<Vec<_>>());
+        let half = student(fewer) * standard_error(&la).hypot(standard_error(&lb));
+        return around(median(a) / median(b), mean(&la) - mean(&lb), half);
+    }
     let mut random = Random(1);
     let ratio = |a: &[f64], b: &[f64]| median(a) / median(b);
     let ratios = (0..RESAMPLES).map(|_| ratio(&random.resample(a), &random.resample(b)));
     percentiles(ratio(a, b), ratios.collect())
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Of the mean; 0 of one value.
+fn standard_error(values: &[f64]) -> f64 {
+    let (n, mean) = (values.len() as f64, mean(values));
+    let squares: f64 = values.iter().map(|x| (x - mean) * (x - mean)).sum();
+    (squares / ((n - 1.0).max(1.0) * n)).sqrt()
+}
+
+/// Student's t for the mean of n < [`ENOUGH`] values.
+fn student(n: usize) -> f64 {
+    n.checked_sub(2).and_then(|i| STUDENT.get(i)).copied().unwrap_or(0.0)
+}
+
+/// `value` with the interval of a mean of logarithms; it lies within, as the median need not.
+fn around(value: f64, log: f64, half: f64) -> Estimate {
+    Estimate { value, low: value.min((log - half).exp()), high: value.max((log + half).exp()) }
 }
 
 fn percentiles(value: f64, mut values: Vec<f64>) -> Estimate {
@@ -107,10 +148,18 @@ mod tests {
     #[test]
     fn constant_samples_have_an_interval_of_one_point() {
         let all = Estimate { value: 7.0, low: 7.0, high: 7.0 };
-        assert_eq!(median_interval(&[7.0; 9]), all);
+        assert_eq!(median_interval(&[7.0; 19]), all);
         let twice = Estimate { value: 2.0, low: 2.0, high: 2.0 };
-        assert_eq!(paired_ratio(&[4.0, 8.0, 2.0], &[2.0, 4.0, 1.0]), twice);
-        assert_eq!(unpaired_ratio(&[4.0; 3], &[2.0; 5]), twice);
+        assert_eq!(paired_ratio(&[4.0; 12], &[2.0; 12]), twice);
+        assert_eq!(unpaired_ratio(&[4.0; 13], &[2.0; 15]), twice);
+        for few in [
+            paired_ratio(&[4.0, 8.0, 2.0], &[2.0, 4.0, 1.0]),
+            unpaired_ratio(&[4.0; 3], &[2.0; 5]),
+            median_interval(&[2.0]),
+        ] {
+            assert_eq!(few.value, 2.0);
+            assert!((few.low - 2.0).abs() < 1e-12 && (few.high - 2.0).abs() < 1e-12, "{few:?}");
+        }
         assert!(!twice.holds_one());
         assert_eq!(twice.rate(6.0), Estimate { value: 3.0, low: 3.0, high: 3.0 });
     }
@@ -140,6 +189,36 @@ mod tests {
         });
         let held = held.count();
         assert!((360..=396).contains(&held), "{held}");
+    }
+
+    /// So do those of few: at least 93 % of 2000, with 2 to 9 values.
+    #[test]
+    fn intervals_of_few_values_promise_no_more() {
+        let mut random = Random(5);
+        let mut noisy = || {
+            let twelve = (0..12).map(|_| (random.next() >> 11) as f64 / (1u64 << 53) as f64);
+            // Nearly normal.
+            (0.1 * (twelve.sum::<f64>() - 6.0)).exp()
+        };
+        for n in 2..=9 {
+            let mut values = || (0..n).map(|_| noisy()).collect::<Vec<f64>>();
+            let (mut paired, mut unpaired) = (0, 0);
+            for _ in 0..2000 {
+                let (a, b) = (values(), values());
+                paired += usize::from(paired_ratio(&a, &b).holds_one());
+                unpaired += usize::from(unpaired_ratio(&a, &b).holds_one());
+            }
+            assert!(paired >= 1860 && unpaired >= 1860, "{n}: {paired}, {unpaired}");
+        }
+    }
+
+    /// Of 1, 2 and 4 the logarithms are 0, 1 and 2 times that of 2, with a standard error of 1/sqrt(3) of it.
+    #[test]
+    fn the_interval_of_three_values_is_students() {
+        let estimate = median_interval(&[1.0, 2.0, 4.0]);
+        let half = 4.303 / 3f64.sqrt();
+        assert!((estimate.low - 2f64.powf(1.0 - half)).abs() < 1e-12, "{estimate:?}");
+        assert!((estimate.high - 2f64.powf(1.0 + half)).abs() < 1e-12, "{estimate:?}");
     }
 
     #[test]

@@ -26,6 +26,7 @@ use crate::{
 };
 
 use super::exr::{Sequence, View, text::decode};
+use super::exr_check;
 
 /// More than any lossless compression of the format makes of a byte.
 const MOST_RATIO: usize = 1100;
@@ -91,6 +92,9 @@ impl Reader {
         let bytes = [header.layer_size.x(), header.layer_size.y(), header.channels.bytes_per_pixel];
         if bytes.iter().fold(1, |product: u64, n| product.saturating_mul(*n as u64)) > most {
             return Err(refused(path, "fewer bytes than its size needs", "a complete file"));
+        }
+        if lossy {
+            exr_check::check(path)?;
         }
         let display = header.shared_attributes.display_window;
         let (origin, size) = (header.own_attributes.layer_position, header.layer_size);

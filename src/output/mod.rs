@@ -6,6 +6,7 @@
 
 pub mod atomic;
 pub mod exr;
+pub mod exr_check;
 pub mod exr_read;
 pub mod finished;
 pub mod png;

@@ -61,8 +61,7 @@ impl Bars {
         svg.text([0.0, 16.0], Anchor::Start, "title", &self.title);
         svg.text([0.0, 34.0], Anchor::Start, "dim", &self.unit);
         let names: Vec<_> = self.names.iter().cloned().zip(COLORS.into_iter().cycle()).collect();
-        svg.legend([left, 52.0], &names);
-        let top = 66.0;
+        let top = 66.0 + svg.legend([left, 52.0], &names);
         let heights = self.groups.iter().map(|g| g.bars.len() as f64 * BAR + GAP);
         let bottom = top + heights.sum::<f64>();
         for tick in &ticks {

@@ -67,7 +67,7 @@ impl Ratios {
             svg.text([left - 10.0, y + 4.0], Anchor::End, "", &row.label);
             let (a, b) = (x(1.0), x(row.value));
             svg.rect([a.min(b), y - 5.0, (a - b).abs(), 10.0], color);
-            svg.whisker(row.interval.map(x), y);
+            svg.cut_whisker(row.interval.map(x), y, row.interval.map(|v| v.ln().abs() > span));
             svg.circle([b, y], 3.5, color);
             svg.text([right + 10.0, y + 4.0], Anchor::Start, class, &row.text());
         }

@@ -4,13 +4,17 @@ use std::fmt::Write;
 
 /// Colours of contestants in order, told apart by most kinds of colour blindness (Okabe and Ito
 /// 2008, without their red, which marks what is wrong).
-pub const COLORS: [&str; 6] = ["#7f8c9b", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9"];
+pub const COLORS: [&str; 8] =
+    ["#7f8c9b", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#222222", "#d6c400"];
 
 /// What is wrong.
 pub const WRONG: &str = "#c8102e";
 
 /// Width of a character of the charts' font, in its size.
 const CHARACTER: f64 = 0.55;
+
+/// From one row of a legend to the next.
+const LEGEND: f64 = 17.0;
 
 /// An SVG drawing of a fixed width, in CSS pixels.
 #[derive(Debug)]
@@ -71,19 +75,31 @@ impl Svg {
 
     /// A horizontal interval with its ends marked.
     pub fn whisker(&mut self, [low, high]: [f64; 2], y: f64) {
-        let color = "#222";
-        self.line([low, y, high, y], color, 1.2);
-        self.line([low, y - 3.0, low, y + 3.0], color, 1.2);
-        self.line([high, y - 3.0, high, y + 3.0], color, 1.2);
+        self.cut_whisker([low, high], y, [false; 2]);
     }
 
-    /// Names beside their colours in a row.
-    pub fn legend(&mut self, [mut x, y]: [f64; 2], names: &[(String, &str)]) {
+    /// The same, of whose ends some lie outside of the chart: these have no cap.
+    pub fn cut_whisker(&mut self, ends: [f64; 2], y: f64, cut: [bool; 2]) {
+        let color = "#222";
+        self.line([ends[0], y, ends[1], y], color, 1.2);
+        for (x, _) in ends.into_iter().zip(cut).filter(|(_, cut)| !cut) {
+            self.line([x, y - 3.0, x, y + 3.0], color, 1.2);
+        }
+    }
+
+    /// Names beside their colours, in as many rows as they need; how much higher that is than one row.
+    pub fn legend(&mut self, [left, top]: [f64; 2], names: &[(String, &str)]) -> f64 {
+        let (mut x, mut y) = (left, top);
         for (name, color) in names {
+            let width = 15.0 + text_width(name);
+            if x > left && x + width > self.width {
+                (x, y) = (left, y + LEGEND);
+            }
             self.rect([x, y - 9.0, 10.0, 10.0], color);
             self.text([x + 15.0, y], Anchor::Start, "", name);
-            x += 35.0 + text_width(name);
+            x += width + 20.0;
         }
+        y - top
     }
 
     /// The drawing, `height` high, with a title for those who cannot see it. Font and background are
@@ -146,10 +162,13 @@ pub fn ticks(most: f64) -> Vec<f64> {
 /// A power of ten with its SI prefix: `10m`, `1`, `100k`.
 pub fn prefixed(power: f64) -> String {
     let exponent = power.log10().round() as i32;
-    let prefixes = ["n", "\u{b5}", "m", "", "k", "M", "G", "T"];
+    let prefixes = ["", "k", "M", "G", "T"];
     let group = exponent.div_euclid(3);
-    match usize::try_from(group + 3).ok().and_then(|i| prefixes.get(i)) {
+    match usize::try_from(group).ok().and_then(|i| prefixes.get(i)) {
         Some(prefix) => format!("{}{prefix}", 10u32.pow(exponent.rem_euclid(3) as u32)),
+        None if (-3..0).contains(&exponent) => {
+            format!("{power:.*}", exponent.unsigned_abs() as usize)
+        }
         None => format!("1e{exponent}"),
     }
 }
@@ -198,7 +217,7 @@ mod tests {
         let of = |exponent| prefixed(10f64.powi(exponent));
         assert_eq!(
             [-5, -3, -1, 0, 2, 4, 8].map(of),
-            ["10\u{b5}", "1m", "100m", "1", "100", "10k", "100M"]
+            ["1e-5", "0.001", "0.1", "1", "100", "10k", "100M"]
         );
         assert_eq!(of(-10), "1e-10");
     }

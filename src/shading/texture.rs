@@ -18,6 +18,7 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Li
 
 use crate::{
     error::{Error, Kind, Problem, Result},
+    output::exr_check,
     scene::{ColorSpace, Filter, Wrap},
 };
 
@@ -274,6 +275,9 @@ fn decoder(path: &Path, max_bytes: u64) -> Result<(ImageFormat, impl ImageDecode
         return Err(Error::invalid(name(path), "not an image of a known format")
             .help(format!("textures are {FORMATS}")));
     };
+    if format == ImageFormat::OpenExr {
+        exr_check::check(path)?;
+    }
     reader.limits(limits(max_bytes));
     Ok((format, reader.into_decoder().map_err(|e| explain(path, e))?))
 }

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use glam::DVec3;
 use lightpath::accel::bvh::{Bvh, Stats};
-use lightpath::accel::{self, Accelerator};
+use lightpath::accel::{self, Accelerator, BuildOptions};
 use lightpath::error::Kind;
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
 use lightpath::monitor::Monitor;
@@ -183,6 +183,31 @@ fn chains_of_sizes_that_double() {
             .sum();
         assert!(hits > 500, "{hits}");
     }
+}
+
+#[test]
+fn a_chain_is_as_deep_as_it_is_long() {
+    // Each of 240 triangles in a box that is half of the next one's: split off one by one, sixteen to a node.
+    let triangles: Vec<_> = (-120..120)
+        .map(|k| {
+            let size = f32::powi(2.0, k);
+            [[0.0, 0.0, 0.0], [size, 0.0, size], [0.0, size, size]]
+        })
+        .collect();
+    let geometry = geometry(&triangles, vec![], vec![]);
+    let stats = build(&geometry, Isa::detect()).validate().expect("a sound tree");
+    assert!(stats.depth >= 6, "{stats}");
+    assert!(trace(&mut Random(12), &geometry, 60, 1.0) > 300);
+}
+
+#[test]
+fn a_build_that_would_not_fit_is_refused() {
+    let geometry = some(&mut Random(13), 100_000, 0, 0);
+    let little = BuildOptions { max_bytes: Some(100_000), ..options(Isa::detect()) };
+    let refused = Bvh::build(&geometry, &little, &Monitor::default()).err().map(|e| e.kind);
+    assert_eq!(refused, Some(Kind::Limit));
+    let enough = BuildOptions { max_bytes: Some(100_000_000), ..little };
+    assert!(Bvh::build(&geometry, &enough, &Monitor::default()).is_ok());
 }
 
 #[test]

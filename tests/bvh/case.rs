@@ -1,4 +1,4 @@
-//! Bytes -> a small scene and 16 rays -> every tier agrees with the others and with the reference.
+//! Bytes -> a small scene and 64 rays -> every tier agrees with the others and with the reference.
 //! The body of the fuzz target in `fuzz/`, which a test drives with random bytes as well.
 
 use glam::DVec3;

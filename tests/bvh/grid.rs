@@ -1,11 +1,15 @@
 //! Small integers: every quantity of the test is exact, so every answer must be.
 
 use glam::DVec3;
+use lightpath::accel::{self, Accelerator};
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
-use lightpath::ray::{LANES, NONE, Rays};
+use lightpath::monitor::Monitor;
+use lightpath::ray::{Coherence, LANES, NONE, RayPacket, Rays};
+use lightpath::scene::Backend;
+use lightpath::simd::Isa;
 use proptest::{collection::vec, prelude::*};
 
-use super::tiers::{ALL, Hit, Tiers, put, ray};
+use super::tiers::{ALL, Hit, Tiers, options, put, ray};
 
 /// Cells along each axis.
 const SIZE: i64 = 8;
@@ -213,6 +217,106 @@ proptest! {
                 let scale = f64::from(shot.direction.1).exp2();
                 let expected = exact.closest(shot.origin, shot.direction.0, scale, &rays, i);
                 prop_assert_eq!(found[i], expected, "{}", ray(&rays, i));
+            }
+        }
+    }
+}
+
+/// Boxes, and rays along an axis that pass between the edges: even for backends that round no answer is in doubt,
+/// not on the diagonals of sides either, though there it may be either triangle's.
+fn boxed() -> impl Strategy<Value = (Vec<[Point; 2]>, Vec<[Axial; LANES]>)> {
+    let thick = (point(), [1..4i64, 1..4i64, 1..4i64]);
+    let boxes = vec(thick.prop_map(|(p, d)| [p, [p[0] + d[0], p[1] + d[1], p[2] + d[2]]]), 1..12);
+    let within = [1..4i64, 1..4i64, 1..4i64];
+    let axial = (point(), within, 0..3usize, any::<bool>(), -3..4).prop_map(
+        |(cell, within, axis, backward, power)| Axial { cell, within, axis, backward, power },
+    );
+    let packet = vec(axial, LANES).prop_map(|all| std::array::from_fn(|i| all[i].clone()));
+    (boxes, vec(packet, 4))
+}
+
+/// A ray along an axis.
+#[derive(Debug, Clone)]
+struct Axial {
+    /// In which it starts.
+    cell: Point,
+    /// Where in it, in quarters: not on a side of a box either, where Embree begins a segment that we leave open.
+    within: Point,
+    axis: usize,
+    backward: bool,
+    /// Of two: the direction's length.
+    power: i32,
+}
+
+impl Axial {
+    /// In quarters.
+    fn origin(&self) -> Point {
+        [0, 1, 2].map(|k| 4 * self.cell[k] + self.within[k])
+    }
+
+    fn step(&self) -> f32 {
+        if self.backward { -(self.power as f32).exp2() } else { (self.power as f32).exp2() }
+    }
+
+    /// The nearest side of a box before it, in quarters.
+    fn nearest(&self, boxes: &[[Point; 2]]) -> Option<i64> {
+        let origin = self.origin();
+        let across = [(self.axis + 1) % 3, (self.axis + 2) % 3];
+        let beside = |[p, q]: &&[Point; 2]| {
+            across.iter().all(|&k| (4 * p[k]..=4 * q[k]).contains(&origin[k]))
+        };
+        let sides = boxes.iter().filter(beside).flatten().map(|corner| {
+            let ahead = 4 * corner[self.axis] - origin[self.axis];
+            if self.backward { -ahead } else { ahead }
+        });
+        sides.filter(|&distance| distance > 0).min()
+    }
+}
+
+/// What every backend says, and by how many ulp its distances may be off.
+fn backends(geometry: &Geometry) -> Vec<(Backend, Box<dyn Accelerator + '_>, f32)> {
+    let all = [(Backend::Bvh, 0.0), (Backend::Brute, 0.0), (Backend::Coursework, 0.0)];
+    // Its division is an estimate and a step of Newton's.
+    let embree = cfg!(feature = "embree").then_some((Backend::Embree, 2.0));
+    let built = |(backend, ulp)| {
+        let options = options(Isa::detect());
+        let built = accel::build(geometry, backend, &options, &Monitor::default());
+        (backend, built.expect("a backend"), ulp)
+    };
+    all.into_iter().chain(embree).map(built).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn all_backends_agree_on_boxes((boxes, packets) in boxed()) {
+        let scene = Scene { triangles: vec![], boxes, quads: vec![], spheres: vec![] };
+        let exact = Exact::new(&scene);
+        let backends = backends(&exact.geometry);
+        for packet in packets {
+            let mut rays = Rays::EMPTY;
+            for (i, axial) in packet.iter().enumerate() {
+                let mut direction = [0.0; 3];
+                direction[axial.axis] = axial.step();
+                put(&mut rays, i, axial.origin().map(|x| x as f32 / 4.0), direction);
+            }
+            for (backend, accelerator, ulp) in &backends {
+                for way in [Coherence::Single, Coherence::Incoherent, Coherence::Coherent] {
+                    let mut traced = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
+                    accelerator.closest(&ALL, &mut traced, way);
+                    let mut shadow = rays.clone();
+                    accelerator.occluded(&ALL, &mut shadow, way);
+                    for (i, axial) in packet.iter().enumerate() {
+                        let t = axial.nearest(&scene.boxes).map(|d| d as f32 / 4.0 / axial.step().abs());
+                        let found = (traced.hits.geom[i] != NONE).then_some(traced.rays.tfar[i]);
+                        let near = match (found, t) {
+                            (Some(found), Some(t)) => (found - t).abs() <= ulp * f32::EPSILON * t,
+                            (found, t) => found == t,
+                        };
+                        prop_assert!(near, "{backend:?} {way:?}: {found:?}, expected {t:?}: {}", ray(&rays, i));
+                        prop_assert_eq!(shadow.tfar[i] < 0.0, t.is_some(), "{:?} {:?}", backend, way);
+                    }
+                }
             }
         }
     }

@@ -1,8 +1,8 @@
 //! Pictures from files, as layers of channels that can be compared.
 //!
-//! EXR: `R G B` (or `Y`) of a layer are its light; its `X Y Z` are one layer of data, and every other
-//! channel is a layer of its own: `A`, `Z`, `albedo.A`. A part's name is the layer's name where its
-//! channels have none. Integers and cryptomattes are ids. PNG: decoded to linear light, premultiplied.
+//! EXR: `R G B` of a layer are its light, and `Y` of the picture itself; its `X Y Z` and its `Y` are one layer of data
+//! each, and every other channel is a layer of its own: `A`, `Z`, `albedo.A`. A part's name is the layer's name where
+//! its channels have none. Integers and cryptomattes are ids. PNG: decoded to linear light, premultiplied.
 //! Refused: deep data, subsampled channels, parts and PNGs of more than 4 GiB.
 
 use std::{
@@ -13,7 +13,6 @@ use std::{
 };
 
 use exr::{
-    error::Error as ExrError,
     image::{
         AnyChannel, AnyChannels, FlatSamples, Layer as Part,
         read::{image::ReadLayers, layers::ReadChannels, read},
@@ -22,6 +21,7 @@ use exr::{
 };
 
 use crate::error::{Error, Kind, Problem, Result};
+use crate::output::exr_check::{self, exr_error};
 
 use super::layer::{Layer, Meaning, fits};
 use super::png;
@@ -70,20 +70,8 @@ impl Picture {
     }
 }
 
-fn exr_error(path: &Path, error: ExrError) -> Error {
-    let (kind, message) = match error {
-        ExrError::Io(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => {
-            return Error::io(path, "read", &error);
-        }
-        ExrError::NotSupported(what) => {
-            (Kind::Unsupported, format!("cannot read this EXR: {what}"))
-        }
-        other => (Kind::Invalid, format!("cannot read the EXR: {other}")),
-    };
-    Error::new(kind, Problem::new(path.display().to_string(), message))
-}
-
 fn exr_layers(path: &Path) -> Result<Vec<Layer>> {
+    exr_check::check(path)?;
     let failed = |error| exr_error(path, error);
     let meta = MetaData::read_from_file(path, true).map_err(failed)?;
     let bytes = meta.headers.iter().map(|header| header.total_pixel_bytes() as u64);
@@ -159,10 +147,11 @@ fn of_part(
         }
         let (prefix, last) = name.rsplit_once('.').unwrap_or(("", &name));
         let group = match prefix {
+            // A part `Z` of one channel, `Z`.
+            "" if last == own => String::new(),
             "" => own.to_string(),
-            _ if own.is_empty() || prefix == own || prefix.starts_with(&format!("{own}.")) => {
-                prefix.to_string()
-            }
+            // `albedo` and what begins with it, such as `CryptoObject00` in the part `CryptoObject`.
+            _ if prefix.starts_with(own) => prefix.to_string(),
             _ => format!("{own}.{prefix}"),
         };
         groups.entry(group).or_default().insert(last.to_string(), channel);
@@ -181,7 +170,8 @@ fn of_part(
         if !is_ids(&group) {
             take(&["R", "G", "B"], Meaning::Light);
             take(&["X", "Y", "Z"], Meaning::Data);
-            take(&["Y"], Meaning::Light);
+            // A named layer of one number, as `samples` and `shadow_1` are, is no picture.
+            take(&["Y"], if group.is_empty() { Meaning::Light } else { Meaning::Data });
         }
         for (name, channel) in channels {
             let meaning = match is_float(&channel) && !is_ids(&group) {

@@ -119,7 +119,7 @@ pub struct Series {
     pub backend: String,
     /// `sobol` or `random`.
     pub sampler: String,
-    /// The number that stays: `4 light samples`, `1 spp`.
+    /// The number that stays: `4 light samples`, `1 spp`; empty without area lights.
     pub fixed: String,
     /// Indices of points, fewest samples first; those at the floor or without antialiasing are left out.
     pub points: Vec<usize>,
@@ -284,7 +284,7 @@ fn series(points: &[PointResult]) -> Vec<Series> {
     for (i, point) in points.iter().enumerate() {
         let lights = point.light_samples;
         let fixed = [
-            lights.map_or("along spp".into(), |n| format!("{n} light samples")),
+            lights.map_or(String::new(), |n| format!("{n} light samples")),
             format!("{} spp", point.spp),
         ];
         // Without area lights only spp varies.

@@ -16,7 +16,9 @@ mod verdict;
 
 pub use self::cover::{Layer, layers};
 pub use self::pictures::{PictureReport, compare_pictures};
-pub use self::report::{BackendReport, Finding, PlainLoop, Report, SavedRay, Tally};
+pub use self::report::{
+    BackendReport, Finding, PlainLoop, Report, SavedRay, Tally, Tree, must_be_right,
+};
 pub use self::source::Source;
 pub use self::verdict::{Answer, MOST_NEAR, Verdict, judge};
 
@@ -38,7 +40,7 @@ use crate::world::World;
 /// Primitives that `coursework`'s plain loop may test in all: what bounds its time.
 const PLAIN_LOOP_TESTS: u64 = 200_000_000;
 
-/// Wrong answers that are kept of each backend and kind.
+/// Wrong answers that are kept of each backend, kind and class of rays.
 const KEPT: usize = 10;
 
 /// Packets between two looks at the monitor.

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Answer, Case, Contender, Mode, Verdict, answers, judge};
+use super::{Answer, Case, Contender, Mode, Verdict, answers, judge, must_be_right};
 use crate::accel::brute::Brute;
 use crate::accel::lane::{Ray, lanes};
 use crate::accel::{Accelerator, BuildInfo};
@@ -39,7 +39,8 @@ pub struct PictureReport {
     pub same: u64,
     /// Of the rest: a ray passes an outline, or two surfaces at the same depth, within the bounds.
     pub explained: u64,
-    /// Of the rest: a ray that one of the two answers wrong, and whose answer that was.
+    /// Of the rest: a ray that one of the two answers wrong, and which one. A pixel may have rays that either answers
+    /// wrong, and counts twice.
     pub wrong: [u64; 2],
     /// Of the rest: no ray differs.
     pub unexplained: u64,
@@ -54,6 +55,12 @@ impl PictureReport {
     pub fn failure(&self) -> Option<String> {
         let [a, b] = self.backends;
         let share = self.same as f64 / self.pixels as f64;
+        let mut wrong = self.backends.into_iter().zip(self.wrong);
+        if let Some((name, n)) = wrong.find(|&(name, n)| n > 0 && must_be_right(name)) {
+            return Some(format!(
+                "pictures of `{a}` and `{b}`: {n} pixels differ by rays that `{name}` answers wrong"
+            ));
+        }
         if let Some([x, y]) = self.first_unexplained {
             let n = self.unexplained;
             return Some(format!(
@@ -105,16 +112,16 @@ pub fn compare_pictures(
             })
             .collect();
         monitor.check()?;
-        let count = |reason| reasons.iter().filter(|&&r| r == reason).count() as u64;
-        let unexplained = reasons.iter().position(|&r| r == Reason::None);
+        let count = |is: fn(&Reason) -> bool| reasons.iter().filter(|r| is(r)).count() as u64;
+        let unexplained = reasons.iter().position(|r| *r == Reason::default());
         let pixel = |i: usize| [i as u32 % width, i as u32 / width];
         reports.push(PictureReport {
             backends: [first.backend.name(), other.backend.name()],
             pixels: film.pixels.len() as u64,
             same: (film.pixels.len() - different.len()) as u64,
-            explained: count(Reason::Bound),
-            wrong: [count(Reason::Wrong(0)), count(Reason::Wrong(1))],
-            unexplained: count(Reason::None),
+            explained: count(|r| r.bound && r.wrong == [false; 2]),
+            wrong: [count(|r| r.wrong[0]), count(|r| r.wrong[1])],
+            unexplained: count(|r| *r == Reason::default()),
             not_looked_into: (different.len() - looked_into.len()) as u64,
             first_unexplained: unexplained.map(|i| pixel(looked_into[i])),
         });
@@ -126,12 +133,13 @@ fn same(a: &[f32; 4], b: &[f32; 4]) -> bool {
     a.iter().zip(b).all(|(a, b)| a == b || (a - b).abs() <= SAME * a.abs().max(b.abs()))
 }
 
-/// Why a pixel differs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Reason {
-    None,
-    Bound,
-    Wrong(usize),
+/// Why a pixel differs: nothing explains it, unless one of these does.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Reason {
+    /// A ray whose answers differ by what the bounds allow.
+    bound: bool,
+    /// A ray that the first backend, or the second, answers wrong.
+    wrong: [bool; 2],
 }
 
 /// Renders one pixel again and judges the rays that the two backends answer differently.
@@ -143,14 +151,14 @@ fn explain(
     [x, y]: [u32; 2],
     monitor: &Monitor,
 ) -> Reason {
-    let reason = Mutex::new(Reason::None);
+    let reason = Mutex::new(Reason::default());
     let witness = Witness { oracle, contenders: [*first, *other], reason };
     let mut pixel = [[0.0; 4]];
     let mut rows = [&mut pixel[..]];
     let integrator = Integrator { world, accelerator: &witness, monitor };
     let window = Window { x0: x, y0: y, x1: x + 1, y1: y + 1 };
     simd::dispatch(isa, TileKernel::beauty(integrator, window, &mut rows));
-    witness.reason.into_inner().unwrap_or(Reason::None)
+    witness.reason.into_inner().unwrap_or_default()
 }
 
 /// Answers as its first backend does, and notes where the second answers otherwise. Packets are
@@ -177,17 +185,12 @@ impl Witness<'_> {
             let truth = Answer::truth(self.oracle, &ray, shadow);
             let verdict =
                 |k: usize| judge(self.oracle, &ray, truth, both[k][i], self.contenders[k].factor());
-            let reason = match [verdict(0), verdict(1)] {
-                [first, _] if first.is_wrong() => Reason::Wrong(0),
-                [_, other] if other.is_wrong() => Reason::Wrong(1),
+            let verdicts = [verdict(0), verdict(1)];
+            if let Ok(mut reason) = self.reason.lock() {
                 // The same primitive, t rounded otherwise: shading does not look at t.
-                [Verdict::Agree, Verdict::Agree] => Reason::None,
-                _ => Reason::Bound,
-            };
-            if let Ok(mut known) = self.reason.lock() {
-                if matches!((*known, reason), (Reason::None, _) | (Reason::Bound, Reason::Wrong(_)))
-                {
-                    *known = reason;
+                reason.bound |= verdicts != [Verdict::Agree; 2];
+                for (wrong, verdict) in reason.wrong.iter_mut().zip(verdicts) {
+                    *wrong |= verdict.is_wrong();
                 }
             }
         }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Answer, Case, Check, Contender, Mode, Part, PictureReport, Verdict, known};
 use crate::accel::BuildInfo;
+use crate::accel::bvh::Stats;
 use crate::measure::rays::Recorded;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::scene::Backend;
@@ -127,6 +128,24 @@ impl BackendReport {
     }
 }
 
+/// What [`Bvh::validate`] says.
+///
+/// [`Bvh::validate`]: crate::accel::bvh::Bvh::validate
+#[derive(Debug, Clone, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tree {
+    /// It is what the builder promises; what it is made of.
+    Valid(String),
+    /// What it is not.
+    Invalid(String),
+}
+
+impl From<Result<Stats, String>> for Tree {
+    fn from(validated: Result<Stats, String>) -> Self {
+        validated.map_or_else(Self::Invalid, |stats| Self::Valid(stats.to_string()))
+    }
+}
+
 /// The answers of `coursework` held against a loop over all its tests.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct PlainLoop {
@@ -221,7 +240,8 @@ impl Finding {
     }
 }
 
-fn must_be_right(backend: &str) -> bool {
+/// Whether a wrong answer of the backend of this name fails a check.
+pub fn must_be_right(backend: &str) -> bool {
     [Backend::Bvh, Backend::Brute].iter().any(|right| right.name() == backend)
 }
 
@@ -250,14 +270,16 @@ pub struct Report {
     pub primitives: u64,
     /// In the order they were asked for.
     pub backends: Vec<BackendReport>,
+    /// Of the tree of `bvh`, if it is among them: what it is made of, or what is wrong with it.
+    pub tree: Option<Tree>,
     /// Of `coursework`, if it is among them.
     pub plain_loop: Option<PlainLoop>,
-    /// The first wrong answers of each backend and kind.
+    /// The first wrong answers of each backend, kind and class of rays.
     pub findings: Vec<Finding>,
     /// How the pictures compare.
     pub pictures: Vec<PictureReport>,
     #[serde(skip)]
-    kept: BTreeMap<(String, String, Verdict), usize>,
+    kept: BTreeMap<(String, String, Verdict, String), usize>,
 }
 
 impl Report {
@@ -281,6 +303,7 @@ impl Report {
             rays: 0,
             primitives: u64::from(*check.world.geometry.bases().last().unwrap_or(&0)),
             backends: backends.collect(),
+            tree: None,
             plain_loop: check.coursework.map(|_| PlainLoop::default()),
             findings: Vec::new(),
             pictures: Vec::new(),
@@ -288,7 +311,7 @@ impl Report {
         }
     }
 
-    /// Adds a packet's verdicts; keeps at most `most` wrong answers of each backend and kind.
+    /// Adds a packet's verdicts; keeps at most `most` wrong answers of each backend, kind and class of rays.
     pub fn add(&mut self, part: &Part, most: usize) {
         let source = &part.case.source;
         self.rays += u64::from(part.case.packet.active.count());
@@ -330,7 +353,8 @@ impl Report {
         [answer, truth]: [Answer; 2],
         most: usize,
     ) {
-        let kept = self.kept.entry((backend.into(), against.into(), verdict)).or_default();
+        let source = part.case.source.clone();
+        let kept = self.kept.entry((backend.into(), against.into(), verdict, source)).or_default();
         if *kept >= most {
             return;
         }
@@ -353,6 +377,9 @@ impl Report {
     pub fn failures(&self) -> Vec<String> {
         let mut failures: Vec<String> =
             self.backends.iter().flat_map(BackendReport::failures).collect();
+        if let Some(Tree::Invalid(what)) = &self.tree {
+            failures.push(format!("the tree of `bvh` is not what its builder promises: {what}"));
+        }
         if let Some(PlainLoop { rays, wrong: wrong @ 1.. }) = self.plain_loop {
             failures.push(format!(
                 "`coursework` answers {wrong} of {rays} rays unlike the plain loop over its own tests"

@@ -179,6 +179,35 @@ fn every_lie_is_found_and_named() {
 }
 
 #[test]
+fn one_pixel_of_ours_that_is_wrong_fails() {
+    let picture = |backends, wrong| PictureReport {
+        backends,
+        pixels: 10_000,
+        same: 9_999,
+        explained: 0,
+        wrong,
+        unexplained: 0,
+        not_looked_into: 0,
+        first_unexplained: None,
+    };
+    let failure = picture(["embree", "bvh"], [0, 1]).failure().unwrap();
+    assert!(failure.contains("1 pixels differ by rays that `bvh` answers wrong"), "{failure}");
+    assert!(picture(["bvh", "embree"], [1, 0]).failure().is_some());
+    // A fact about Embree, and few enough.
+    assert_eq!(picture(["bvh", "embree"], [0, 1]).failure(), None);
+}
+
+#[test]
+fn a_tree_that_is_not_as_promised_fails() {
+    let mut report = report(Lie::None);
+    report.tree = Some(Err::<crate::accel::bvh::Stats, _>("a gap".to_string()).into());
+    assert_eq!(report.failures().len(), 1);
+    assert!(report.failures()[0].contains("a gap"));
+    report.tree = Some(Ok::<_, String>(crate::accel::bvh::Stats::default()).into());
+    assert_eq!(report.failures(), Vec::<String>::new());
+}
+
+#[test]
 fn embree_may_be_wrong_as_often_as_is_known() {
     // All of what it gets wrong are the shortest directions, where that is a known fact.
     let tiny = report_on(Backend::Embree, Lie::BlindToTiny);

@@ -1,0 +1,96 @@
+//! What a damaged EXR announces, looked at before anything is unpacked: the library believes some of it.
+
+use std::{fs::File, io::BufReader, path::Path};
+
+use exr::{
+    block::{
+        chunk::{Chunk, CompressedBlock},
+        read as read_blocks,
+    },
+    compression::Compression,
+    error::Error as ExrError,
+    meta::{BlockDescription, header::Header},
+};
+
+use crate::error::{Error, Kind, Problem, Result};
+
+/// Numbers at the start of a chunk of DWAA or DWAB: its version, the sizes of its sections, packed and not, the
+/// counts of their values, and how these are packed (OpenEXR, `internal_dwa_compressor.h`).
+const COUNTERS: usize = 11;
+
+/// Those of them that announce sizes.
+const SIZES: std::ops::Range<usize> = 1..10;
+
+/// Checks what would make the library divide by zero, or ask for memory that nothing in the file justifies.
+///
+/// # Errors
+/// `Invalid` for a file that cannot be read as EXR, a sampling factor of zero, a chunk that announces more than its
+/// pixels need.
+pub fn check(path: &Path) -> Result<()> {
+    let failed = |error| exr_error(path, error);
+    let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
+    let blocks = read_blocks(BufReader::new(file), true).map_err(failed)?;
+    let headers = blocks.headers().to_vec();
+    for channel in headers.iter().flat_map(|header| &header.channels.list) {
+        if channel.sampling.x() == 0 || channel.sampling.y() == 0 {
+            let message = format!("found a zero sampling factor in the channel `{}`", channel.name);
+            return Err(Error::invalid(path.display().to_string(), message));
+        }
+    }
+    if !headers.iter().any(is_dwa) {
+        return Ok(());
+    }
+    for chunk in blocks.all_chunks(true).map_err(failed)? {
+        let chunk = chunk.map_err(failed)?;
+        let header = &headers[chunk.layer_index];
+        if is_dwa(header) && announced(&chunk) > most(header) {
+            let message = "found a chunk that announces more than its pixels need";
+            return Err(Error::invalid(path.display().to_string(), message));
+        }
+    }
+    Ok(())
+}
+
+fn is_dwa(header: &Header) -> bool {
+    matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_))
+}
+
+/// The largest size that a chunk of DWAA or DWAB announces; 0 if it is too short for any.
+fn announced(chunk: &Chunk) -> u64 {
+    let bytes = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
+        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
+        CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => return 0,
+    };
+    let Some(counters) = bytes.get(..8 * COUNTERS) else { return 0 };
+    let values = counters
+        .chunks_exact(8)
+        .map(|eight| eight.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b)));
+    values.enumerate().filter(|(i, _)| SIZES.contains(i)).map(|(_, value)| value).max().unwrap_or(0)
+}
+
+/// What no size of a chunk exceeds: four times its pixels, whole blocks of 8 x 8 of them, and a little.
+fn most(header: &Header) -> u64 {
+    let (width, height) = match header.blocks {
+        BlockDescription::ScanLines => {
+            (header.layer_size.width(), header.compression.scan_lines_per_block())
+        }
+        BlockDescription::Tiles(tiles) => (tiles.tile_size.width(), tiles.tile_size.height()),
+    };
+    let pixels = (width as u64 + 8).saturating_mul(height as u64 + 8);
+    pixels.saturating_mul(4 * header.channels.bytes_per_pixel as u64).saturating_add(1 << 12)
+}
+
+/// What the library says, as an error of ours.
+pub fn exr_error(path: &Path, error: ExrError) -> Error {
+    let (kind, message) = match error {
+        ExrError::Io(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => {
+            return Error::io(path, "read", &error);
+        }
+        ExrError::NotSupported(what) => {
+            (Kind::Unsupported, format!("cannot read this EXR: {what}"))
+        }
+        other => (Kind::Invalid, format!("cannot read the EXR: {other}")),
+    };
+    Error::new(kind, Problem::new(path.display().to_string(), message))
+}
