@@ -23,7 +23,7 @@ BENCHED = ['scenes/still-life.json', 'scenes/spot.json']
 # nothing but the light is sampled.
 STUDIES = {
     'fig16-area-light-shadow': ['--size', '180x120', '--spp', '1', '--light-samples', '4,16,64,256,1024'],
-    'still-life': ['--size', '480x360', '--spp', '1,4,16,64', '--light-samples', '1,4'],
+    'still-life': ['--size', '240x180', '--spp', '1,4,16,64', '--light-samples', '1,4'],
     'thin-lens': ['--size', '480x270', '--spp', '1,4,16,64,256', '--light-samples', '1'],
 }
 

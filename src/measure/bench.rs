@@ -154,7 +154,7 @@ impl<'a> Bench<'a> {
 
     fn builds(&self) -> Result<Row> {
         let threads = rayon::current_num_threads();
-        (self.note)(&format!("build, {threads} thread(s)"));
+        (self.note)(&format!("build, {}", workers(threads)));
         let contestants = &self.settings.contestants;
         let samples = interleave(contestants.len(), self.settings.slow_plan, self.monitor, |i| {
             let started = Instant::now();
@@ -210,7 +210,7 @@ impl<'a> Bench<'a> {
         let mut rows = Vec::new();
         for replay in self.replays(recording) {
             let (class, mode) = (replay.class, replay.mode);
-            (self.note)(&format!("{}, {}, {threads} thread(s)", class.name(), mode.name()));
+            (self.note)(&format!("{}, {}, {}", class.name(), mode.name(), workers(threads)));
             let samples = interleave(built.len(), self.settings.plan, self.monitor, |i| {
                 Ok(replay.seconds(built[i]))
             })?;
@@ -233,7 +233,7 @@ impl<'a> Bench<'a> {
 
     fn image(&self, built: &[&dyn Accelerator]) -> Result<Row> {
         let threads = rayon::current_num_threads();
-        (self.note)(&format!("image, {threads} thread(s)"));
+        (self.note)(&format!("image, {}", workers(threads)));
         let [width, height] = self.world.frame;
         let mut film = Film::new([width, height], Window::full(width, height))?;
         let mut work = vec![0; built.len()];
@@ -246,4 +246,9 @@ impl<'a> Bench<'a> {
         })?;
         Ok(Row::new(What::Image, "image", "", threads, &work, samples))
     }
+}
+
+/// `1 thread`, `2 threads`
+fn workers(n: usize) -> String {
+    if n == 1 { "1 thread".into() } else { format!("{n} threads") }
 }

@@ -105,7 +105,7 @@ impl BackendReport {
     /// Sets how many answers may be wrong.
     fn allow(&mut self, backend: Backend) {
         let most = |(source, tally): &(String, Tally)| {
-            known::rate(backend, source).map(|rate| known::most(rate, tally.rays))
+            known::rate(backend, source).map(|rate| known::most(rate, tally.rays).min(tally.rays))
         };
         self.allowed = self.sources.iter().filter_map(most).collect();
     }
