@@ -16,30 +16,13 @@ use crate::sampler::Sampler;
 use crate::shading::{Area, Emitter, Lanes3, Lit, Points, ShadowPoints, lane, light_rays, reflect};
 use crate::world::World;
 
-/// Camera samples from which on light and camera share a sequence: of fewer points two sets of their own, in the
-/// first two dimensions, err less.
-const LEAST_JOINT: u32 = 16;
-
-/// The light whose points share the camera's sequence, in the dimensions of the lens: the first area light,
-/// if it has one point per camera sample, of which there are enough, and there is no lens.
-#[inline(always)]
-pub fn joint_light(world: &World) -> Option<u32> {
-    let (area, first) =
-        world.lights.iter().zip(0..).find_map(|(light, index)| match light.emitter {
-            Emitter::Area(area) => Some((area, index)),
-            Emitter::Point(_) => None,
-        })?;
-    let shares = area.samples == 1 && world.spp >= LEAST_JOINT && !world.camera.has_lens();
-    shares.then_some(first)
-}
-
 /// Room for one packet's shading, kept between packets.
 pub struct Cast<'a> {
     world: &'a World,
     accelerator: &'a dyn Accelerator,
     sampler: Sampler,
     monitor: &'a Monitor,
-    /// See [`joint_light`].
+    /// See [`joint_light`](super::joint::joint_light).
     joint: Option<u32>,
     surfaces: Surfaces,
     points: Points,

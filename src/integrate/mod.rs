@@ -5,6 +5,7 @@
 
 mod block;
 mod cast;
+mod joint;
 mod lamp;
 mod noise;
 mod passes;

@@ -6,7 +6,8 @@ use crate::geometry::{prefetch_indices, prefetch_vertices};
 use crate::ray::{Coherence, LANES};
 use crate::sampler::Sampler;
 
-use super::cast::{Cast, joint_light};
+use super::cast::Cast;
+use super::joint::joint_light;
 use super::quarters::Quarters;
 use super::slot::{Pattern, Slot};
 use super::{Integrator, RayCounts};

@@ -12,7 +12,7 @@ use crate::sampler::{Kind, STRETCH, Sampler};
 use crate::shading::Lanes;
 use crate::world::World;
 
-use super::cast::joint_light;
+use super::joint::joint_light;
 
 /// Packets of a group.
 pub const PACKETS: usize = 4;

@@ -63,7 +63,7 @@ impl Growth {
     }
 
     /// The exponent e of the power c n^e that fits best: least squares of logarithms. `None` where the largest size is
-    /// less than [`SPAN`] times the smallest. n log n has 1.07 between 70 thousand and 18 million.
+    /// less than 3 times the smallest. n log n has 1.07 between 70 thousand and 18 million.
     pub fn exponent(&self) -> Option<f64> {
         let sizes = || self.points.iter().map(|[n, _]| *n);
         let (least, most) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));

@@ -91,7 +91,8 @@ impl Svg {
     pub fn legend(&mut self, [left, top]: [f64; 2], names: &[(String, &str)]) -> f64 {
         let (mut x, mut y) = (left, top);
         for (name, color) in names {
-            let width = 15.0 + text_width(name);
+            // Some names are wider than most characters are.
+            let width = 15.0 + 1.15 * text_width(name);
             if x > left && x + width > self.width {
                 (x, y) = (left, y + LEGEND);
             }
