@@ -184,6 +184,12 @@ fn info_describes_a_mesh() {
     assert_eq!(value["polygons_split"], 1);
     assert_eq!(value["bounds"][1][1], 2.0);
     scratch.write("bad.ply", &program::PYRAMID.replace("3 0 1 4", "3 0 1 9"));
+    let accelerator = |backend: &str| {
+        let output = scratch.run(&["info", "m.ply", "--json", "--backend", backend]);
+        let report: serde_json::Value = serde_json::from_str(&output.stdout()).unwrap();
+        report["memory"]["accelerator_bytes"].as_u64().unwrap()
+    };
+    assert!(accelerator("bvh") > accelerator("brute"));
     let output = scratch.run(&["info", "bad.ply"]);
     assert_eq!(output.code(), 2);
     assert!(output.stderr().contains("bad.ply"), "{}", output.stderr());

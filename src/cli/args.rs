@@ -325,6 +325,10 @@ pub struct InfoArgs {
     /// Read mesh files instead of mapping them into memory
     #[arg(long)]
     pub no_mmap: bool,
+
+    /// Backend whose memory is predicted [default: the scene's]
+    #[arg(long, value_name = "NAME")]
+    pub backend: Option<BackendName>,
 }
 
 impl MachineArgs {

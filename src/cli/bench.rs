@@ -42,7 +42,8 @@ const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
 pub fn run(args: &BenchArgs) -> Result<()> {
     let settings = settings(args)?;
     let then = args.baseline.as_deref().map(read_baseline).transpose()?;
-    let run = Run { unix_seconds: unix_seconds(), command: std::env::args().collect() };
+    let command = std::env::args_os().skip(1).map(|part| part.to_string_lossy().into_owned());
+    let run = Run { unix_seconds: unix_seconds(), command: command.collect() };
     not_over_inputs(args)?;
     look_at_all(&args.inputs)?;
     let monitor = Arc::new(Monitor::default());

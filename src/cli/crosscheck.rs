@@ -62,12 +62,7 @@ fn backends(names: Option<&[BackendName]>) -> Result<Option<Vec<Backend>>> {
     let Some(names) = names else { return Ok(None) };
     let mut backends: Vec<Backend> = Vec::new();
     for name in names {
-        let backend = match name {
-            BackendName::Embree => Backend::Embree,
-            BackendName::Bvh => Backend::Bvh,
-            BackendName::Coursework => Backend::Coursework,
-            BackendName::Brute => Backend::Brute,
-        };
+        let backend = name.backend();
         if !backends.contains(&backend) {
             backends.push(backend);
         }

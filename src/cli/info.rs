@@ -25,7 +25,7 @@ use crate::{
 };
 
 use super::{
-    args::InfoArgs,
+    args::{BackendName, InfoArgs},
     info_scene,
     memory::{self, Prediction},
     report::{Extent, Report},
@@ -77,7 +77,7 @@ fn describe(path: &Path, args: &InfoArgs) -> Result<Report> {
         b"ply\n" | b"ply\r" => ply(path, args, &mut report)?,
         [0x76, 0x2f, 0x31, 0x01] => exr(path, &mut report)?,
         _ if studio::is_mesh(path) => ply(path, args, &mut report)?,
-        _ => info_scene::describe(path, args.no_mmap, &mut report)?,
+        _ => info_scene::describe(path, args, &mut report)?,
     }
     Ok(report)
 }
@@ -110,7 +110,7 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     if let Some(texture) = summary.texture_files.first() {
         report.add("texture_file", json!(texture), format!("texture: {texture}"));
     }
-    if let Some(prediction) = prediction(path) {
+    if let Some(prediction) = prediction(path, args) {
         let line = format!(
             "memory in the studio: about {} at most: {prediction}",
             units::bytes(prediction.peak_bytes)
@@ -151,13 +151,13 @@ fn resolution(mesh: &mesh::Mesh, bounds: Bounds, report: &mut Report) {
 }
 
 /// What a render in the built-in studio would take, by the header alone.
-fn prediction(path: &Path) -> Option<Prediction> {
+fn prediction(path: &Path, args: &InfoArgs) -> Option<Prediction> {
     let loaded = studio::unframed(path, &Template::studio(), &Overrides::default()).ok()?;
     let camera = &loaded.scene.camera;
     let window = Window::full(camera.width, camera.height);
     let prediction = memory::predict(&loaded.scene, window).ok()?;
-    let footprint =
-        Footprint::of(loaded.scene.backend, rayon::current_num_threads(), EmbreeMode::Robust);
+    let backend = args.backend.map_or(loaded.scene.backend, BackendName::backend);
+    let footprint = Footprint::of(backend, rayon::current_num_threads(), EmbreeMode::Robust);
     Some(match footprint {
         Ok(footprint) => prediction.with(&footprint),
         Err(_) => prediction,

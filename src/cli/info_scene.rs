@@ -15,30 +15,33 @@ use crate::{
 };
 
 use super::{
+    args::{BackendName, InfoArgs},
     memory,
     report::{Extent, Report},
     units,
 };
 
 /// Checks a scene and says what is in it.
-pub fn describe(path: &Path, no_mmap: bool, report: &mut Report) -> Result<()> {
+pub fn describe(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    let options = LoadOptions { resolutions: true, no_mmap, ..LoadOptions::default() };
+    let options =
+        LoadOptions { resolutions: true, no_mmap: args.no_mmap, ..LoadOptions::default() };
     let (world, more) = World::load(scene, options, &Monitor::default())?;
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
-    let footprint = Footprint::of(scene.backend, rayon::current_num_threads(), EmbreeMode::Robust);
+    let backend = args.backend.map_or(scene.backend, BackendName::backend);
+    let footprint = Footprint::of(backend, rayon::current_num_threads(), EmbreeMode::Robust);
     report.add("type", json!("scene"), "scene");
     let picture = format!(
         "{width} x {height} pixels, {} spp, {} mirror bounces, backend {}",
         scene.spp,
         scene.nbounces,
-        scene.backend.name()
+        backend.name()
     );
     report.add("size", json!([width, height]), picture);
     report.add("spp", json!(scene.spp), "");
-    report.add("backend", json!(scene.backend.name()), "");
+    report.add("backend", json!(backend.name()), "");
     contents(scene, report);
     let triangles = world.triangles();
     let line = format!("{} triangles", units::count(triangles));

@@ -4,6 +4,7 @@ use clap::{ValueEnum, builder::PossibleValue};
 
 use crate::{
     output::{exr::Compression, tonemap::Depth},
+    scene::Backend,
     studio,
 };
 
@@ -71,6 +72,18 @@ pub enum BackendName {
     Coursework,
     /// Every primitive: slow, the oracle
     Brute,
+}
+
+impl BackendName {
+    /// What is meant.
+    pub fn backend(self) -> Backend {
+        match self {
+            Self::Embree => Backend::Embree,
+            Self::Bvh => Backend::Bvh,
+            Self::Coursework => Backend::Coursework,
+            Self::Brute => Backend::Brute,
+        }
+    }
 }
 
 /// Names of the samplers.

@@ -42,7 +42,7 @@ pub struct Machine {
 pub struct Run {
     /// Start, in seconds since 1970, UTC.
     pub unix_seconds: u64,
-    /// The command line.
+    /// The command line, without the program.
     pub command: Vec<String>,
 }
 
