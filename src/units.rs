@@ -114,6 +114,11 @@ pub fn count(count: u64) -> String {
     text
 }
 
+/// `1 thread`, `2 threads`.
+pub fn plural(count: usize, one: &str) -> String {
+    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
+}
+
 /// Seconds for people: `0.82 s`, `3:07`, `2:03:07`.
 pub fn duration(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;

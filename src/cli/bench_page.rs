@@ -24,10 +24,7 @@ pub fn page(report: &Report, since: Option<&Since>) -> Page {
             format!(
                 "{}, {}, {} kernels; {}",
                 m.cpu,
-                match m.cores {
-                    1 => "1 processor".into(),
-                    n => format!("{n} processors"),
-                },
+                units::plural(m.cores, "processor"),
                 m.isa,
                 versions.join(", ")
             ),
@@ -74,10 +71,7 @@ fn section(scene: &SceneResult) -> Section {
 }
 
 fn count(threads: usize) -> String {
-    match threads {
-        1 => "1 thread".into(),
-        n => format!("{n} threads"),
-    }
+    units::plural(threads, "thread")
 }
 
 fn cells(rows: Vec<Vec<String>>) -> Vec<Vec<Cell>> {

@@ -120,10 +120,7 @@ pub fn backends(scene: &SceneResult) -> Vec<Vec<String>> {
 /// The timings with so many threads, head first.
 pub fn timings(scene: &SceneResult, threads: usize) -> Vec<Vec<String>> {
     let first = &scene.backends[0].name;
-    let title = match threads {
-        1 => "1 thread".to_string(),
-        n => format!("{n} threads"),
-    };
+    let title = units::plural(threads, "thread");
     let against = format!("/ {first}");
     let head =
         [&title, "backend", "M/s", "median", "MAD", &against, "", "nodes/ray", "prims/ray", ""];

@@ -63,7 +63,7 @@ pub fn findings(report: &Report) -> Vec<String> {
     }
     for name in without_slope(report) {
         findings.push(format!(
-            "no slope of {name}: fewer than three of its points of a kind are clear of the reference's own error"
+            "no slope of {name}: of the same kind it has fewer than three points that are clear of the reference's own error"
         ));
     }
     if let Some(ratio) = ratio_near(report, 64) {
@@ -119,9 +119,12 @@ pub fn headline(report: &Report) -> Vec<&Series> {
     best
 }
 
-/// Backends and samplers of which [`headline`] has no slope, as they are called.
+/// Backends and samplers of which [`headline`] has no slope while it has one of others, as they are called.
 fn without_slope(report: &Report) -> Vec<String> {
     let told = headline(report);
+    if told.is_empty() {
+        return Vec::new();
+    }
     let mut names: Vec<String> = Vec::new();
     for point in &report.points {
         let has = |s: &&Series| (&s.backend, &s.sampler) == (&point.backend, &point.sampler);
@@ -157,7 +160,7 @@ fn setting(report: &Report, point: &PointResult) -> String {
 /// What a reader must know about the numbers.
 pub fn notes(report: &Report) -> Vec<String> {
     let mut notes = Vec::new();
-    if report.reference.spp == Some(1) {
+    if report.reference.spp == Some(1) && report.points.iter().all(|point| point.spp == 1) {
         notes.push(
             "the reference is one ray through each pixel's centre, as all settings are: errors are those of \
              the light alone, not of edges"

@@ -17,6 +17,7 @@ use crate::ray::LANES;
 use crate::render::render;
 use crate::scene::Backend;
 use crate::simd::Isa;
+use crate::units::plural;
 use crate::world::World;
 
 /// One of those that are compared.
@@ -154,7 +155,7 @@ impl<'a> Bench<'a> {
 
     fn builds(&self) -> Result<Row> {
         let threads = rayon::current_num_threads();
-        (self.note)(&format!("build, {}", workers(threads)));
+        (self.note)(&format!("build, {}", plural(threads, "thread")));
         let contestants = &self.settings.contestants;
         let samples = interleave(contestants.len(), self.settings.slow_plan, self.monitor, |i| {
             let started = Instant::now();
@@ -210,7 +211,12 @@ impl<'a> Bench<'a> {
         let mut rows = Vec::new();
         for replay in self.replays(recording) {
             let (class, mode) = (replay.class, replay.mode);
-            (self.note)(&format!("{}, {}, {}", class.name(), mode.name(), workers(threads)));
+            (self.note)(&format!(
+                "{}, {}, {}",
+                class.name(),
+                mode.name(),
+                plural(threads, "thread")
+            ));
             let samples = interleave(built.len(), self.settings.plan, self.monitor, |i| {
                 Ok(replay.seconds(built[i]))
             })?;
@@ -233,7 +239,7 @@ impl<'a> Bench<'a> {
 
     fn image(&self, built: &[&dyn Accelerator]) -> Result<Row> {
         let threads = rayon::current_num_threads();
-        (self.note)(&format!("image, {}", workers(threads)));
+        (self.note)(&format!("image, {}", plural(threads, "thread")));
         let [width, height] = self.world.frame;
         let mut film = Film::new([width, height], Window::full(width, height))?;
         let mut work = vec![0; built.len()];
@@ -246,9 +252,4 @@ impl<'a> Bench<'a> {
         })?;
         Ok(Row::new(What::Image, "image", "", threads, &work, samples))
     }
-}
-
-/// `1 thread`, `2 threads`
-fn workers(n: usize) -> String {
-    if n == 1 { "1 thread".into() } else { format!("{n} threads") }
 }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::answers::Agreement;
 use super::stats::{Estimate, mad, median_interval, paired_ratio, unpaired_ratio};
+use crate::units::plural;
 
 /// Changes when a reader of older files would misunderstand newer ones.
 pub const VERSION: u32 = 1;
@@ -246,7 +247,7 @@ impl Since {
 fn elsewhere(now: &Report, then: &Report) -> Option<String> {
     let (a, b) = (&now.machine, &then.machine);
     let pairs = [(&a.cpu, &b.cpu), (&a.isa, &b.isa)];
-    let cores = [a.cores, b.cores].map(|n| format!("{n} processors"));
+    let cores = [a.cores, b.cores].map(|n| plural(n, "processor"));
     let pairs = pairs.into_iter().chain([(&cores[0], &cores[1])]);
     let different: Vec<String> =
         pairs.filter(|(a, b)| a != b).map(|(a, b)| format!("{b} then, {a} now")).collect();
@@ -346,7 +347,10 @@ mod tests {
         then.machine.cpu = "another".into();
         then.machine.cores += 1;
         let told = elsewhere(&now, &then).unwrap();
-        assert!(told.contains("another then") && told.contains("processors now"), "{told}");
+        assert!(
+            told.contains("another then") && told.contains("2 processors then, 1 processor now"),
+            "{told}"
+        );
     }
 
     #[test]

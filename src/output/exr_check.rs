@@ -90,7 +90,7 @@ pub fn exr_error(path: &Path, error: ExrError) -> Error {
         ExrError::NotSupported(what) => {
             (Kind::Unsupported, format!("cannot read this EXR: {what}"))
         }
-        other => (Kind::Invalid, format!("cannot read the EXR: {other}")),
+        other => (Kind::Invalid, format!("cannot read this EXR: {other}")),
     };
     Error::new(kind, Problem::new(path.display().to_string(), message))
 }

@@ -14,19 +14,18 @@ use exr::{
         reader::{ChunksReader, Reader as Blocks},
     },
     compression::Compression,
-    error::Error as ExrError,
     meta::{BlockDescription, attribute::AttributeValue, attribute::SampleType},
 };
 use half::f16;
 use rayon::prelude::*;
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Result},
     film::{Channel, ChannelKind, Window},
 };
 
 use super::exr::{Sequence, View, text::decode};
-use super::exr_check;
+use super::exr_check::{self, exr_error};
 
 /// More than any lossless compression of the format makes of a byte.
 const MOST_RATIO: usize = 1100;
@@ -238,16 +237,4 @@ impl Reader {
 
 fn refused(path: &Path, found: &str, expected: &str) -> Error {
     Error::invalid(path.display().to_string(), format!("found {found}, expected {expected}"))
-}
-
-fn exr_error(path: &Path, error: ExrError) -> Error {
-    match error {
-        ExrError::Io(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => {
-            Error::io(path, "read", &error)
-        }
-        other => {
-            let message = format!("cannot read this EXR: {other}");
-            Error::new(Kind::Invalid, Problem::new(path.display().to_string(), message))
-        }
-    }
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 /// Colours of contestants in order, told apart by most kinds of colour blindness (Okabe and Ito
-/// 2008, without their red, which marks what is wrong).
+/// 2008, without their red, which marks what is wrong, and with a darker yellow).
 pub const COLORS: [&str; 8] =
     ["#7f8c9b", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#222222", "#d6c400"];
 
@@ -160,7 +160,7 @@ pub fn ticks(most: f64) -> Vec<f64> {
     (0..=(most / step).ceil() as u32).map(|i| f64::from(i) * step).collect()
 }
 
-/// A power of ten with its SI prefix: `10m`, `1`, `100k`.
+/// A power of ten: `1e-5`, `0.01`, `1`, above that with its SI prefix, `100k`.
 pub fn prefixed(power: f64) -> String {
     let exponent = power.log10().round() as i32;
     let prefixes = ["", "k", "M", "G", "T"];

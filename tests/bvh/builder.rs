@@ -186,8 +186,8 @@ fn chains_of_sizes_that_double() {
 }
 
 #[test]
-fn a_chain_is_as_deep_as_it_is_long() {
-    // Each of 240 triangles in a box that is half of the next one's: split off one by one, sixteen to a node.
+fn a_chain_makes_a_tree_that_is_deep_for_its_size() {
+    // Each of 240 triangles in a box that is half of the next one's: the large ones are split off, level by level.
     let triangles: Vec<_> = (-120..120)
         .map(|k| {
             let size = f32::powi(2.0, k);

@@ -150,8 +150,7 @@ fn of_part(
             // A part `Z` of one channel, `Z`.
             "" if last == own => String::new(),
             "" => own.to_string(),
-            // `albedo` and what begins with it, such as `CryptoObject00` in the part `CryptoObject`.
-            _ if prefix.starts_with(own) => prefix.to_string(),
+            _ if names_itself(prefix, own) => prefix.to_string(),
             _ => format!("{own}.{prefix}"),
         };
         groups.entry(group).or_default().insert(last.to_string(), channel);
@@ -183,6 +182,15 @@ fn of_part(
         }
     }
     Ok(layers)
+}
+
+/// Whether a channel's layer has the part's name in it: `albedo` or `albedo.left` in the part `albedo`, the ranks
+/// `CryptoObject00`, ... in the part `CryptoObject`.
+fn names_itself(layer: &str, part: &str) -> bool {
+    let rest = layer.strip_prefix(part);
+    rest.is_some_and(|rest| {
+        part.is_empty() || rest.starts_with('.') || rest.bytes().all(|b| b.is_ascii_digit())
+    })
 }
 
 fn layer(
