@@ -11,7 +11,8 @@ light sample. Steps, each of which adds to the state file, so that they can be r
   check   both at 4096 spp, 128 x 128: relmse must be below 1e-4, else exit 1
   wall    wall time of the whole process at 1, 16, 64 spp, in turns A B B A (--rounds)
   refer   a reference of 1024 spp by lightpath at full size, with another seed
-  error   render phase alone, in turns, and RMSE at 1, 4, 16, 64 spp for both samplers of Mitsuba
+  error   render phase alone, in turns, and RMSE at 1, 4, 16, 64 spp for both samplers of Mitsuba, and, beside the last two,
+          of lightpath with `--noise-of picture`, which Mitsuba has no counterpart of
   table   prints everything as Markdown; --into FILE replaces what stands there between the marks of the backend
 relmse: mean d^2 / (r^2 + 0.01). Both programs use all threads that this process may use.
 """
@@ -33,6 +34,9 @@ sys.path = [path for path in sys.path if os.path.abspath(path) != HERE]
 SPP = [1, 16, 64]
 CURVE = [1, 4, 16, 64]
 SAMPLERS = ['independent', 'multijitter']
+# Targets of `--noise T --noise-of picture`, in whose errors those of so many samples lie.
+TARGETS = {16: ['0.2', '0.1'], 64: ['0.05', '0.02']}
+ADAPTIVE = 'lightpath, adaptive'
 MARKS = ['<!-- mitsuba, {}: begin -->', '<!-- mitsuba, {}: end -->']
 # Ratios lightpath / Mitsuba that are asked for: bar, goal.
 BARS = {'wall 1': (0.4, 0.2), 'wall 16': (0.5, 0.25), 'wall 64': (0.6, 0.35),
@@ -229,12 +233,16 @@ class Bench:
             for name, scene in scenes.items():
                 np.array(mi.render(scene, spp=spp, seed=99))
             for round in range(self.args.rounds):
-                order = ['lightpath', *SAMPLERS]
-                for which in order + order[::-1]:
-                    entry = curve.setdefault(which, {}).setdefault(str(spp), {'seconds': [], 'rmse': []})
+                order = [('lightpath', spp), *((ADAPTIVE, target) for target in TARGETS.get(spp, [])),
+                         *((name, spp) for name in SAMPLERS)]
+                for which, point in order + order[::-1]:
+                    entry = curve.setdefault(which, {}).setdefault(str(point), {'seconds': [], 'rmse': []})
                     seed = len(entry['seconds']) + 1
-                    if which == 'lightpath':
-                        stats = self.lightpath(self.scene, 'e', spp, '--float', '--seed', str(seed))
+                    if which not in scenes:
+                        more = ['--float', '--seed', str(seed)]
+                        if which == ADAPTIVE:
+                            more += ['--noise', point, '--noise-of', 'picture']
+                        stats = self.lightpath(self.scene, 'e', 16 if which == ADAPTIVE else spp, *more)
                         seconds = stats['seconds']['render']
                         image = self.pixels(os.path.join(self.folder, 'e.exr'))
                     else:
@@ -243,22 +251,22 @@ class Bench:
                         seconds = time.perf_counter() - started
                     entry['seconds'].append(seconds)
                     entry['rmse'].append(float(np.sqrt(np.mean((image - reference) ** 2))))
-            shown = [f"{w} {statistics.median(curve[w][str(spp)]['seconds']):.3f} s "
-                     f"{statistics.median(curve[w][str(spp)]['rmse']):.2e}" for w in curve]
+            shown = [f"{w} {p} {statistics.median(curve[w][str(p)]['seconds']):.3f} s "
+                     f"{statistics.median(curve[w][str(p)]['rmse']):.2e}" for w, p in order]
             print(f'{spp} spp: ' + ', '.join(shown), flush=True)
         self.state['mean'] = float(reference.mean())
         return True
 
     def points(self, which):
-        entries = self.state['error'][which].items()
-        return sorted((statistics.median(e['rmse']), statistics.median(e['seconds']), int(spp))
-                      for spp, e in entries)
+        entries = self.state['error'].get(which, {}).items()
+        return sorted((statistics.median(e['rmse']), statistics.median(e['seconds']), point)
+                      for point, e in entries)
 
-    def ours_at(self, rmse):
+    def ours_at(self, rmse, which):
         """Seconds of lightpath at an RMSE: between its points, both axes logarithmic; None beyond them. Below
         1 spp there is no picture, so a larger error than that of 1 spp costs as much as 1 spp."""
-        points = self.points('lightpath')
-        if rmse >= points[-1][0]:
+        points = self.points(which)
+        if which == 'lightpath' and rmse >= points[-1][0]:
             return points[-1][1]
         for (e0, t0, _), (e1, t1, _) in zip(points, points[1:]):
             if e0 <= rmse <= e1:
@@ -288,20 +296,21 @@ class Bench:
                 lines.append(f"| {spp} spp | {a:.2f} s | {b:.2f} s | {a / b:.2f} | {n} | {verdict('wall ' + spp, a / b)} |")
         if 'error' in self.state:
             mean, size = self.state['mean'], self.state['error_size']
-            lines += ['', f'| render phase, {size} x {size} | spp | seconds | RMSE / mean |', '|---|---|---|---|']
-            for which in ['lightpath', *SAMPLERS]:
-                for rmse, seconds, spp in reversed(self.points(which)):
-                    lines.append(f'| {which} | {spp} | {seconds:.3f} | {rmse / mean:.4f} |')
-            lines += ['', '| time to the same RMSE as | Mitsuba | lightpath | ratio | bar |', '|---|---|---|---|---|']
+            lines += ['', f'| render phase, {size} x {size} | spp, or target | seconds | RMSE / mean |', '|---|---|---|---|']
+            for which in ['lightpath', ADAPTIVE, *SAMPLERS]:
+                for rmse, seconds, point in reversed(self.points(which)):
+                    lines.append(f'| {which} | {point} | {seconds:.3f} | {rmse / mean:.4f} |')
+            lines += ['', '| time to the same RMSE as | Mitsuba | lightpath | ratio | `--noise-of picture` | ratio | bar, for the lesser |',
+                      '|---|---|---|---|---|---|---|']
             for which in SAMPLERS:
                 for rmse, seconds, spp in reversed(self.points(which)):
-                    ours = self.ours_at(rmse)
-                    if ours is None:
-                        lines.append(f'| {which}, {spp} spp | {seconds:.3f} s | more than 64 spp | | |')
-                        continue
-                    ratio = ours / seconds
-                    lines.append(f'| {which}, {spp} spp | {seconds:.3f} s | {ours:.3f} s | {ratio:.2f} | '
-                                 f'{verdict(which, ratio)} |')
+                    cells, ratios = [], []
+                    for series in ['lightpath', ADAPTIVE]:
+                        ours = self.ours_at(rmse, series)
+                        cells.append('| |' if ours is None else f'{ours:.3f} s | {ours / seconds:.2f} |')
+                        ratios += [] if ours is None else [ours / seconds]
+                    said = verdict(which, min(ratios)) if ratios else 'beyond what was measured'
+                    lines.append(f'| {which}, {spp} spp | {seconds:.3f} s | ' + ' '.join(cells) + f' {said} |')
         text = '\n'.join(lines) + '\n'
         if self.args.into:
             page = open(self.args.into).read()

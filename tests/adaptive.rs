@@ -109,18 +109,25 @@ fn passes_give_the_bits_of_one_go() {
 #[test]
 fn the_same_bytes_for_any_threads_and_as_a_crop() {
     let Some(scratch) = scratch() else { return };
-    let flags = ["--noise", "0.1", "--max-spp", "64", "--light-samples", "1", "--aov", "samples,N"];
-    let stats = render(&scratch, "one", &[&flags[..], &["--threads", "1"]].concat());
+    for relative in ["pixel", "picture"] {
+        same_bytes_for_any_threads_and_as_a_crop(&scratch, relative);
+    }
+}
+
+fn same_bytes_for_any_threads_and_as_a_crop(scratch: &Scratch, relative: &str) {
+    let flags = ["--noise", "0.1", "--noise-of", relative, "--max-spp", "64"];
+    let flags = [&flags[..], &["--light-samples", "1", "--aov", "samples,N"]].concat();
+    let stats = render(scratch, "one", &[&flags[..], &["--threads", "1"]].concat());
     let (least, most) = (&stats["samples"]["least"], &stats["samples"]["most"]);
     assert_eq!((least.as_u64(), most.as_u64()), (Some(16), Some(64)));
     for threads in ["2", "5"] {
-        render(&scratch, "many", &[&flags[..], &["--threads", threads]].concat());
+        render(scratch, "many", &[&flags[..], &["--threads", threads]].concat());
         assert!(scratch.read("one.exr") == scratch.read("many.exr"), "{threads} threads");
     }
-    let full = pixels(&scratch, "one");
+    let full = pixels(scratch, "one");
     let crop = ["--crop", "7", "11", "41", "33"];
-    render(&scratch, "crop", &[&flags[..], &crop].concat());
-    let crop = pixels(&scratch, "crop");
+    render(scratch, "crop", &[&flags[..], &crop].concat());
+    let crop = pixels(scratch, "crop");
     for (y, row) in crop.iter().enumerate() {
         assert_eq!(row[..], full[y + 11][7..41], "row {y}");
     }
@@ -171,12 +178,39 @@ fn means(scratch: &Scratch, flags: &[&str], seeds: std::ops::Range<u32>) -> (f64
 fn stopping_early_hardly_biases_the_picture() {
     let Some(scratch) = scratch() else { return };
     let (truth, exact) = means(&scratch, &["--spp", "1024", "--light-samples", "1"], 0..4);
-    let flags = ["--noise", "0.1", "--light-samples", "1"];
-    let (stopped, error) = means(&scratch, &flags, 100..124);
-    let bias = (stopped - truth) / truth;
-    eprintln!("bias {bias:.2e}, standard errors {:.1e} {:.1e}", error / truth, exact / truth);
-    // A fiftieth of the noise that is asked for.
-    assert!(bias.abs() < 0.002, "{bias}");
+    for relative in ["pixel", "picture"] {
+        let flags = ["--noise", "0.1", "--noise-of", relative, "--light-samples", "1"];
+        let (stopped, error) = means(&scratch, &flags, 100..124);
+        let bias = (stopped - truth) / truth;
+        let (error, exact) = (error / truth, exact / truth);
+        eprintln!("{relative}: bias {bias:.2e}, standard errors {error:.1e} {exact:.1e}");
+        // A fiftieth of the noise that is asked for.
+        assert!(bias.abs() < 0.002, "{relative}: {bias}");
+    }
+}
+
+#[test]
+fn noise_of_the_picture_takes_fewer_samples_for_the_same_rmse() {
+    let Some(scratch) = scratch() else { return };
+    let one = ["--light-samples", "1"];
+    render(&scratch, "reference", &[&one[..], &["--spp", "4096", "--seed", "77"]].concat());
+    let reference = pixels(&scratch, "reference");
+    // Mean samples a pixel and RMSE.
+    let point = |flags: &[&str]| {
+        let stats = render(&scratch, "x", &[&one[..], flags].concat());
+        let found = pixels(&scratch, "x");
+        let off = found.iter().flatten().zip(reference.iter().flatten());
+        let squares = off.map(|(x, r)| (0..3).map(|c| f64::from(x[c] - r[c]).powi(2)).sum::<f64>());
+        let samples = stats["samples"]["mean"].as_f64();
+        (samples, (squares.sum::<f64>() / (3.0 * 50.0 * 40.0)).sqrt())
+    };
+    let (_, even) = point(&["--spp", "64"]);
+    let (samples, adaptive) = point(&["--noise", "0.03", "--noise-of", "picture"]);
+    let (more, pixel) = point(&["--noise", "0.1"]);
+    let (samples, more) = (samples.unwrap(), more.unwrap());
+    eprintln!("64: {even:.2e}; picture {samples:.1}: {adaptive:.2e}; pixel {more:.1}: {pixel:.2e}");
+    assert!(samples < 0.75 * 64.0, "{samples}");
+    assert!(adaptive < even && adaptive < pixel, "{adaptive} {even} {pixel}");
 }
 
 #[test]
@@ -257,6 +291,8 @@ fn contradictions_are_refused() {
         }
     };
     refused(&["--max-spp", "64"], &["--max-spp: found without --noise and --time"]);
+    refused(&["--noise-of", "picture"], &["--noise <TARGET>"]);
+    refused(&["--noise", "0.1", "--noise-of", "all"], &["pixel, picture"]);
     refused(&["--noise", "0"], &["--noise: found 0, expected a number above 0 and up to 1"]);
     refused(&["--noise", "-1"], &["--noise: found -1"]);
     refused(&["--noise", "NaN"], &["--noise: found NaN"]);

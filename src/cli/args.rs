@@ -15,7 +15,7 @@ pub use super::file_args::FileArgs;
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, ConvergeArgs, CrosscheckArgs};
 pub use super::merge::MergeArgs;
 pub use super::names::{
-    Axis, BackendName, IsaName, ProgressMode, SamplerName, SchemaName, ToneName,
+    Axis, BackendName, IsaName, NoiseOf, ProgressMode, SamplerName, SchemaName, ToneName,
 };
 pub use super::split::SplitArgs;
 pub use super::submit::SubmitArgs;
@@ -220,6 +220,10 @@ pub struct SamplingArgs {
     /// what every pixel gets (16 at least)
     #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
     pub noise: Option<f64>,
+
+    /// What TARGET is relative to [default: pixel]
+    #[arg(long, value_name = "OF", requires = "noise")]
+    pub noise_of: Option<NoiseOf>,
 
     /// Samples that no pixel exceeds with --noise or --time, a power of two [default: 4096 with
     /// --noise, else 65536]

@@ -3,6 +3,7 @@
 use clap::{ValueEnum, builder::PossibleValue};
 
 use crate::{
+    integrate::Relative,
     output::{exr::Compression, tonemap::Depth},
     scene::Backend,
     studio,
@@ -93,6 +94,25 @@ pub enum SamplerName {
     Sobol,
     /// Uniform and independent: the coursework's
     Random,
+}
+
+/// What `--noise` is relative to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum NoiseOf {
+    /// Each pixel's own radiance: all become as good
+    Pixel,
+    /// The frame's mean radiance, more where a pixel has more samples: the least RMSE for the time
+    Picture,
+}
+
+impl NoiseOf {
+    /// What is meant.
+    pub fn relative(self) -> Relative {
+        match self {
+            Self::Pixel => Relative::Pixel,
+            Self::Picture => Relative::Picture,
+        }
+    }
 }
 
 /// An axis of a mesh file.

@@ -5,13 +5,13 @@ use std::time::Duration;
 use crate::{
     error::{Error, Problem, Result},
     film::Window,
-    integrate::LEAST,
+    integrate::{LEAST, Relative},
     layers::Plan,
     render::Adaptive,
     scene::Scene,
 };
 
-use super::args::SamplingArgs;
+use super::args::{NoiseOf, SamplingArgs};
 
 /// Samples of a pixel at most: the length of a Sobol sequence, beyond which another begins.
 const LONGEST: u32 = 1 << 16;
@@ -70,7 +70,8 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
         };
         return Err(Error::invalid(place, message).help(help));
     }
-    Ok(Some(Adaptive { first, most, noise, time: time.map(Duration::from_secs_f64) }))
+    let relative = args.noise_of.map(NoiseOf::relative).unwrap_or_default();
+    Ok(Some(Adaptive { first, most, noise, relative, time: time.map(Duration::from_secs_f64) }))
 }
 
 /// What it keeps beside the film.
@@ -85,6 +86,9 @@ pub fn attributes(adaptive: &Adaptive) -> Vec<(String, String)> {
     let mut say = |name: &str, text: String| attributes.push((format!("lightpath:{name}"), text));
     if let Some(noise) = adaptive.noise {
         say("noise", noise.to_string());
+        if adaptive.relative == Relative::Picture {
+            say("noiseof", "picture".into());
+        }
     }
     if let Some(time) = adaptive.time {
         say("time", time.as_secs_f64().to_string());

@@ -27,7 +27,7 @@ use crate::world::World;
 
 use self::block::{BlockSums, Values};
 use self::cast::Cast;
-pub use self::noise::{Goal, Tally};
+pub use self::noise::{Goal, Relative, Tally};
 pub use self::passes::{LEAST, PassKernel, Passes};
 use self::pipeline::{Finish, pipeline};
 pub use self::record::{Beauty, Layers, Record};

@@ -13,16 +13,13 @@ use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::film::{Film, Planes, Window};
 use crate::integrate::{
-    Beauty, Goal, Integrator, LEAST, Layers, PassKernel, Passes, RayCounts, Record, TILE, Tally,
+    Beauty, Goal, Integrator, LEAST, Layers, PassKernel, Passes, RayCounts, Record, Relative, TILE,
+    Tally,
 };
 use crate::layers::Plan;
 use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
 use crate::world::World;
-
-/// The level that stands for the picture's dark parts, relative to its mean radiance: the root of the 0.01
-/// in `relmse`, for a picture of mean 1.
-const DARK: f64 = 0.1;
 
 /// Pixels of the frame, at most, that tell its brightness, and the least distance between them.
 const PROBES: f64 = 1024.0;
@@ -40,6 +37,8 @@ pub struct Adaptive {
     pub most: u32,
     /// Relative standard error at which a pixel is good.
     pub noise: Option<f64>,
+    /// What that is relative to.
+    pub relative: Relative,
     /// When no pass is begun any more that would end later. The first one always is taken.
     pub time: Option<Duration>,
 }
@@ -92,7 +91,8 @@ pub fn render_adaptive(
     let mut counts = RayCounts::default();
     if let Some(noise) = adaptive.noise {
         let (mean, rays) = job.brightness();
-        job.goal = Some(Goal { noise, floor: DARK * mean, most: adaptive.most });
+        let Adaptive { relative, most, .. } = adaptive;
+        job.goal = Some(Goal { noise, relative, mean, most });
         counts = rays;
     }
     let (rays, taken) = if plan.is_empty() {
