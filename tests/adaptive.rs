@@ -210,6 +210,7 @@ fn noise_of_the_picture_takes_fewer_samples_for_the_same_rmse() {
     let (samples, more) = (samples.unwrap(), more.unwrap());
     eprintln!("64: {even:.2e}; picture {samples:.1}: {adaptive:.2e}; pixel {more:.1}: {pixel:.2e}");
     assert!(samples < 0.75 * 64.0, "{samples}");
+    assert!(samples < 1.1 * more, "{samples} {more}");
     assert!(adaptive < even && adaptive < pixel, "{adaptive} {even} {pixel}");
 }
 

@@ -101,7 +101,7 @@ pub enum SamplerName {
 pub enum NoiseOf {
     /// Each pixel's own radiance: all become as good
     Pixel,
-    /// The frame's mean radiance, more where a pixel has more samples: the least RMSE for the time
+    /// The frame's mean radiance, more where a pixel has more samples: the least RMSE for the samples
     Picture,
 }
 

@@ -42,17 +42,17 @@ pub enum Relative {
 /// in `relmse`, for a picture of mean 1.
 const DARK: f64 = 0.1;
 
-/// With so many samples [`Goal::noise`] is the error of a good pixel.
-const SAMPLES: f64 = 16.0;
+/// Relative to the picture, [`Goal::noise`] is the error of a good pixel with so many samples.
+const NOMINAL_SAMPLES: f64 = 16.0;
 
 /// When a pixel has samples enough.
 #[derive(Debug, Clone, Copy)]
 pub struct Goal {
-    /// Relative standard error.
+    /// Relative standard error of a good pixel; relative to the picture, of one with 16 samples.
     pub noise: f64,
     /// What that is relative to.
     pub relative: Relative,
-    /// Mean radiance of the frame.
+    /// Mean radiance of the frame, over R, G, B.
     pub mean: f64,
     /// Samples that no pixel exceeds.
     pub most: u32,
@@ -75,7 +75,7 @@ impl Goal {
         let limit = self.noise * self.noise;
         match self.relative {
             Relative::Pixel => limit,
-            Relative::Picture => limit * f64::from(samples) / SAMPLES,
+            Relative::Picture => limit * f64::from(samples) / NOMINAL_SAMPLES,
         }
     }
 }

@@ -37,7 +37,7 @@ pub struct Adaptive {
     pub most: u32,
     /// Relative standard error at which a pixel is good.
     pub noise: Option<f64>,
-    /// What that is relative to.
+    /// What `noise` is relative to.
     pub relative: Relative,
     /// When no pass is begun any more that would end later. The first one always is taken.
     pub time: Option<Duration>,
