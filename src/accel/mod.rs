@@ -102,6 +102,12 @@ pub trait Accelerator: Send + Sync {
         self.occluded(active, rays, coherence);
     }
 
+    /// Whether for sure no ray between the active ones, which leave one point, meets anything: none whose direction is
+    /// a sum of theirs with factors >= 0, rounded once. At least `tnear` and `tfar` are those of camera rays.
+    fn nothing_between(&self, _: &Mask, _: &Rays) -> bool {
+        false
+    }
+
     /// What [`Accelerator::closest`], or [`Accelerator::occluded`] if `shadow`, looks at for these
     /// rays, summed over them; `None` where the backend cannot tell. May be slow.
     fn visits(&self, _: &Mask, _: &Rays, _shadow: bool, _: Coherence) -> Option<Visits> {

@@ -13,6 +13,7 @@ mod pipeline;
 mod quarters;
 mod record;
 mod roulette;
+mod sky;
 mod slot;
 mod split;
 
@@ -33,6 +34,7 @@ use self::pipeline::{Finish, pipeline};
 pub use self::record::{Beauty, Layers, Record};
 pub use self::slot::Pattern;
 
+use self::sky::Sky;
 use self::slot::Slot;
 
 /// Pixels along a tile's side; a multiple of every packet's block.
@@ -103,16 +105,31 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
     type Output = RayCounts;
 
     #[inline(always)]
-    fn run(self) -> RayCounts {
-        let pattern = Pattern::for_spp(self.integrator.world.spp);
+    fn run(mut self) -> RayCounts {
+        let integrator = self.integrator;
+        let world = integrator.world;
+        let pattern = Pattern::for_spp(world.spp);
         let samples = self.samples.clone();
+        let mut sky = Sky::new(world, integrator.accelerator);
+        let mut told = 0;
+        let mut blocks: Vec<[u32; 2]> = Vec::with_capacity((TILE * TILE) as usize);
+        for corner in corners(&pattern, self.window) {
+            if !R::ON && sky.has(corner) {
+                self.write_sky(corner, pattern.block);
+                told += u64::from(pattern.within_frame(world.frame, corner))
+                    * u64::from(samples.end - samples.start);
+            } else {
+                blocks.push(corner);
+            }
+        }
         let begin = samples.start / pattern.samples * pattern.samples;
-        let units = corners(&pattern, self.window).flat_map(|corner| {
+        let units = blocks.iter().flat_map(|&corner| {
             (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
-        let integrator = self.integrator;
         let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
-        pipeline(integrator, &pattern, &samples, units, &mut tile)
+        let mut counts = pipeline(integrator, &pattern, &samples, units, &mut tile);
+        counts.primary += told;
+        counts
     }
 }
 
@@ -192,6 +209,15 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
                 self.record.write(pixel, n, beauty, (column - w.x0) as usize, words);
             }
         }
+    }
+
+    /// Writes the pixels of a block in which there is nothing: the mean of equals is one of them, exactly.
+    #[inline(always)]
+    fn write_sky(&mut self, corner: [u32; 2], block: [u32; 2]) {
+        let world = self.integrator.world;
+        let [r, g, b] = world.background.to_array();
+        let pixel = if world.transparent { [0.0; 4] } else { [r, g, b, 1.0] };
+        self.write(corner, block, |_| pixel);
     }
 
     /// Writes a block's pixels by their index in it, those that are kept.

@@ -65,6 +65,13 @@ impl Pattern {
         numbers
     }
 
+    /// Pixels of the frame in the block at `corner`.
+    #[inline(always)]
+    pub fn within_frame(&self, frame: [u32; 2], corner: [u32; 2]) -> u32 {
+        let [width, height] = [0, 1].map(|k| self.block[k].min(frame[k] - corner[k]));
+        width * height
+    }
+
     /// Pixels of a block.
     #[inline(always)]
     pub fn pixels(&self) -> usize {

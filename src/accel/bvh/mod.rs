@@ -216,6 +216,26 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
     }
 }
 
+/// Whether the hull of the active rays reaches any leaf.
+struct Reaches<'a, T> {
+    tier: T,
+    bvh: &'a Bvh<'a>,
+    active: &'a Mask,
+    rays: &'a Rays,
+}
+
+impl<T: Tier> Kernel for Reaches<'_, T> {
+    type Output = bool;
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Self { tier, bvh, active, rays } = self;
+        let query = Query::new(rays, &bvh.tree.bounds);
+        // Whoever asks does not ask often: rays of several axes are not looked at part by part.
+        active.without(&query.aligned(active)).any()
+            || Packet::new(tier, (&bvh.tree, bvh.geometry), (&query, rays), active).reaches()
+    }
+}
+
 impl Bvh<'_> {
     fn closest_with<T: Tier>(
         &self,
@@ -270,6 +290,11 @@ impl Accelerator for Bvh<'_> {
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         with_tier!(self.isa, tier => self.occluded_with(tier, active, rays, coherence));
+    }
+
+    fn nothing_between(&self, active: &Mask, rays: &Rays) -> bool {
+        let bvh = self;
+        with_tier!(self.isa, tier => !tier.run(Reaches { tier, bvh, active, rays }));
     }
 
     fn visits(
