@@ -102,8 +102,9 @@ pub trait Accelerator: Send + Sync {
         self.occluded(active, rays, coherence);
     }
 
-    /// Whether for sure no ray between the active ones, which leave one point, meets anything: none whose direction is
-    /// a sum of theirs with factors >= 0, rounded once. At least `tnear` and `tfar` are those of camera rays.
+    /// Whether for sure no ray between the active ones, which leave one point, meets anything: none from that point
+    /// whose direction is a sum of theirs with factors >= 0, rounded once. `tnear` is 0, `tfar` infinite. May always
+    /// say no.
     fn nothing_between(&self, _: &Mask, _: &Rays) -> bool {
         false
     }

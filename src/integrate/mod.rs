@@ -30,7 +30,7 @@ use self::block::{BlockSums, Values};
 use self::cast::Cast;
 pub use self::noise::{Goal, Relative, Tally};
 pub use self::passes::{LEAST, PassKernel, Passes};
-use self::pipeline::{Finish, pipeline};
+use self::pipeline::{Finish, Unit, pipeline};
 pub use self::record::{Beauty, Layers, Record};
 pub use self::slot::Pattern;
 
@@ -43,7 +43,7 @@ pub const TILE: u32 = 32;
 /// Rays traced, by class.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RayCounts {
-    /// From the camera.
+    /// From the camera, with those that whole squares of the picture were told of: see [`Accelerator::nothing_between`].
     pub primary: u64,
     /// Towards lights.
     pub shadow: u64,
@@ -110,21 +110,23 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
         let world = integrator.world;
         let pattern = Pattern::for_spp(world.spp);
         let samples = self.samples.clone();
-        let mut sky = Sky::new(world, integrator.accelerator);
+        let count = samples.end - samples.start;
+        let mut sky = Sky::new(world, integrator.accelerator, count, pattern.block);
         let mut told = 0;
-        let mut blocks: Vec<[u32; 2]> = Vec::with_capacity((TILE * TILE) as usize);
+        let mut blocks = Vec::with_capacity((TILE * TILE) as usize / pattern.pixels());
         for corner in corners(&pattern, self.window) {
-            if !R::ON && sky.has(corner) {
+            let empty = sky.has(corner);
+            if empty && !self.record.has_words() {
                 self.write_sky(corner, pattern.block);
-                told += u64::from(pattern.within_frame(world.frame, corner))
-                    * u64::from(samples.end - samples.start);
+                told += u64::from(pattern.within_frame(world.frame, corner)) * u64::from(count);
             } else {
-                blocks.push(corner);
+                blocks.push((corner, empty));
             }
         }
         let begin = samples.start / pattern.samples * pattern.samples;
-        let units = blocks.iter().flat_map(|&corner| {
-            (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
+        let units = blocks.iter().flat_map(|&(corner, empty)| {
+            let firsts = (begin..samples.end).step_by(pattern.samples as usize);
+            firsts.map(move |first| Unit { corner, first, empty })
         });
         let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
         let mut counts = pipeline(integrator, &pattern, &samples, units, &mut tile);

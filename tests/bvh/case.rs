@@ -70,6 +70,34 @@ pub fn run(bytes: &[u8]) {
                 panic!("lane {i}, {}: {wrong}\n{geometry:?}", super::tiers::ray(&rays, i));
             }
         }
+        between(&mut bytes, &geometry, &tiers, &rays);
+    }
+}
+
+/// Where a tier says that nothing is between the first rays, no ray between them hits anything.
+fn between(bytes: &mut Bytes, geometry: &Geometry, tiers: &Tiers, rays: &Rays) {
+    let corners = 1 + bytes.below(4);
+    let mut cone = Rays::EMPTY;
+    for i in 0..corners {
+        put(&mut cone, i, rays.org.map(|o| o[0]), rays.dir.map(|d| d[i]));
+    }
+    let asked = Mask(std::array::from_fn(|i| -i32::from(i < corners)));
+    if cone.possible(&asked) != asked || tiers.telling_nothing_between(&asked, &cone) == 0 {
+        return;
+    }
+    let mut mixed = Rays::EMPTY;
+    for i in 0..LANES {
+        let shares: [f64; 4] = std::array::from_fn(|_| f64::from(bytes.u8() % 16));
+        let direction = cone.dir.map(|d| (0..corners).map(|k| shares[k] * f64::from(d[k])).sum());
+        // Rounded once, of whatever length: not beyond the range of f32.
+        let largest = direction.iter().fold(0.0, |most: f64, x: &f64| most.max(x.abs()));
+        put(&mut mixed, i, cone.org.map(|o| o[0]), direction.map(|x| (x / largest) as f32));
+    }
+    let active = mixed.possible(&Mask([-1; LANES]));
+    let hits = tiers.trace(&active, &mixed);
+    if let Some(i) = hits.iter().position(Option::is_some) {
+        let (ray, cone) = (super::tiers::ray(&mixed, i), cone.dir.map(|d| d[..corners].to_vec()));
+        panic!("{ray} is between {cone:?}, where there is nothing\n{geometry:?}");
     }
 }
 

@@ -72,6 +72,11 @@ impl<'g> Tiers<'g> {
         Self { geometry, trees: vec![ours(geometry, isa)] }
     }
 
+    /// The tiers that say that nothing is between the active rays.
+    pub fn telling_nothing_between(&self, active: &Mask, rays: &Rays) -> usize {
+        self.trees.iter().filter(|(_, tree)| tree.nothing_between(active, rays)).count()
+    }
+
     /// What the active rays hit.
     ///
     /// # Panics

@@ -40,7 +40,7 @@ pub struct Side {
 /// bound the rays, tightly so where they leave from or run to a common point.
 ///
 /// The planes are moved outwards by 1.5 times the largest [`Query::margin`], 99u max|v - o| + 6u|o|: a hit may lie
-/// 64u max|v - o| outside of its box, the rest pays for the rounding of the ends (8u max|v - o| + u|o|), of
+/// 64u max|v - o| outside of its box, 13u pay for the rounding of the ends (8u max|v - o| + u|o|), of
 /// `a` (3u(max|v - o| + |o|)), and of `a + b z` where it is used. Whatever `b` is, `a` is such that
 /// the plane is outside of all rays at both ends.
 #[derive(Debug, Clone, Copy)]

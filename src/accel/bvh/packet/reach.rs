@@ -9,7 +9,7 @@ impl<T: Tier> Packet<'_, T> {
     ///
     /// That holds for every ray between those of the packet if they leave one point: its slope is between theirs, as
     /// a quotient of linear functions of the factors has its extremes at the corners, and rounding moves either by 3u
-    /// at most, so 6u max|v - o| together, which the frustum's slack has left.
+    /// at most: 6u max|v - o| together, of some 20u that the frustum's slack has left.
     #[inline(always)]
     pub fn reaches(&self) -> bool {
         let mut stack = Stack::new();
