@@ -30,7 +30,7 @@ use self::block::{BlockSums, Values};
 use self::cast::Cast;
 pub use self::noise::{Goal, Relative, Tally};
 pub use self::passes::{LEAST, PassKernel, Passes};
-use self::pipeline::{Finish, Unit, pipeline};
+use self::pipeline::{Finish, pipeline};
 pub use self::record::{Beauty, Layers, Record};
 pub use self::slot::Pattern;
 
@@ -111,22 +111,22 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
         let pattern = Pattern::for_spp(world.spp);
         let samples = self.samples.clone();
         let count = samples.end - samples.start;
-        let mut sky = Sky::new(world, integrator.accelerator, count, pattern.block);
+        // What is recorded, and sums to be merged, take their samples one by one.
+        let mut sky = (!self.record.has_words())
+            .then(|| Sky::new(world, integrator.accelerator, count, pattern.block));
         let mut told = 0;
         let mut blocks = Vec::with_capacity((TILE * TILE) as usize / pattern.pixels());
         for corner in corners(&pattern, self.window) {
-            let empty = sky.has(corner);
-            if empty && !self.record.has_words() {
+            if sky.as_mut().is_some_and(|sky| sky.has(corner)) {
                 self.write_sky(corner, pattern.block);
                 told += u64::from(pattern.within_frame(world.frame, corner)) * u64::from(count);
             } else {
-                blocks.push((corner, empty));
+                blocks.push(corner);
             }
         }
         let begin = samples.start / pattern.samples * pattern.samples;
-        let units = blocks.iter().flat_map(|&(corner, empty)| {
-            let firsts = (begin..samples.end).step_by(pattern.samples as usize);
-            firsts.map(move |first| Unit { corner, first, empty })
+        let units = blocks.iter().flat_map(|&corner| {
+            (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
         let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
         let mut counts = pipeline(integrator, &pattern, &samples, units, &mut tile);

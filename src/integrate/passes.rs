@@ -13,9 +13,8 @@ use crate::simd::Kernel;
 use super::block::{BlockSums, Values};
 use super::cast::Cast;
 use super::noise::{self, Goal, Tally};
-use super::pipeline::{Finish, Unit, pipeline};
+use super::pipeline::{Finish, pipeline};
 use super::record::Record;
-use super::sky::Sky;
 use super::slot::{Pattern, Slot};
 use super::{Integrator, RayCounts, alpha, morton};
 
@@ -126,21 +125,15 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
         let side = w.width().max(w.height()).next_power_of_two();
         let pixels =
             (0..side * side).map(morton).filter(|[x, y]| *x < w.width() && *y < w.height());
-        let Integrator { world, accelerator, .. } = self.integrator;
-        let mut sky = Sky::new(world, accelerator, LEAST, pattern.block);
-        let todo: Vec<([u32; 2], Range<u32>, bool)> = pixels
-            .filter_map(|[x, y]| {
+        let todo: Vec<([u32; 2], Range<u32>)> = pixels
+            .map(|[x, y]| {
                 let corner = [w.x0 + x, w.y0 + y];
                 let tally = &passes.tallies[passes.index(corner)];
-                // Asked for once: what is empty has no noise, so that its first samples are enough.
-                (tally.taken < tally.wanted).then(|| {
-                    let empty = tally.taken == 0 && sky.has(corner);
-                    (corner, tally.taken..tally.wanted, empty)
-                })
+                (corner, tally.taken..tally.wanted)
             })
             .collect();
-        let units = todo.into_iter().flat_map(|(corner, samples, empty)| {
-            samples.step_by(LEAST as usize).map(move |first| Unit { corner, first, empty })
+        let units = todo.into_iter().flat_map(|(corner, samples)| {
+            samples.step_by(LEAST as usize).map(move |first| (corner, first))
         });
         let mut pass = Pass {
             passes: self.passes,

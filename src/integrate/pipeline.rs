@@ -12,17 +12,6 @@ use super::quarters::Quarters;
 use super::slot::{Pattern, Slot};
 use super::{Integrator, RayCounts};
 
-/// A packet that is to be traced.
-#[derive(Clone, Copy)]
-pub struct Unit {
-    /// Top left pixel of its block.
-    pub corner: [u32; 2],
-    /// Its first sample.
-    pub first: u32,
-    /// Whether its rays are known to meet nothing.
-    pub empty: bool,
-}
-
 /// What becomes of a packet whose camera rays are traced.
 pub trait Finish {
     /// Whether the samples of a pixel may come in the order of [`Quarters`].
@@ -39,13 +28,13 @@ pub trait Finish {
 }
 
 /// Traces packet k, finishes packet k - 1, and so on: while one packet is traced, the memory that the
-/// other needs for shading is on its way.
+/// other needs for shading is on its way. A unit is a block's corner and its packet's first sample.
 #[inline(always)]
 pub fn pipeline<F: Finish>(
     integrator: Integrator,
     pattern: &Pattern,
     samples: &Range<u32>,
-    units: impl Iterator<Item = Unit>,
+    units: impl Iterator<Item = ([u32; 2], u32)>,
     work: &mut F,
 ) -> RayCounts {
     let Integrator { world, accelerator, monitor } = integrator;
@@ -59,7 +48,7 @@ pub fn pipeline<F: Finish>(
     let (mut slot, mut before) = (even, odd);
     for (traced, unit) in units.map(Some).chain([None]).enumerate() {
         if let Some(unit) = unit {
-            let Unit { corner, first, empty } = unit;
+            let (corner, first) = unit;
             slot.first = first;
             slot.quarter = by_quarters && quarters.has(first, samples);
             slot.sample = if slot.quarter {
@@ -71,11 +60,9 @@ pub fn pipeline<F: Finish>(
             let rays = slot.aim(world, &sampler, pattern, corner, samples, joint.is_some());
             counts.primary += u64::from(rays);
             prefetch_vertices(&world.geometry, &before.packet, LANES / 2..LANES);
-            if !empty {
-                let (active, packet) = (&slot.active, &mut slot.packet);
-                accelerator.closest_candidates(active, packet, Coherence::Coherent);
-                prefetch_indices(&world.geometry, &slot.packet);
-            }
+            let (active, packet) = (&slot.active, &mut slot.packet);
+            accelerator.closest_candidates(active, packet, Coherence::Coherent);
+            prefetch_indices(&world.geometry, &slot.packet);
         }
         if traced > 0 {
             work.finish(before, pattern, &mut cast, &mut counts);
