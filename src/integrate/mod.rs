@@ -110,20 +110,7 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
         let world = integrator.world;
         let pattern = Pattern::for_spp(world.spp);
         let samples = self.samples.clone();
-        let count = samples.end - samples.start;
-        // What is recorded, and sums to be merged, take their samples one by one.
-        let mut sky = (!self.record.has_words())
-            .then(|| Sky::new(world, integrator.accelerator, count, pattern.block));
-        let mut told = 0;
-        let mut blocks = Vec::with_capacity((TILE * TILE) as usize / pattern.pixels());
-        for corner in corners(&pattern, self.window) {
-            if sky.as_mut().is_some_and(|sky| sky.has(corner)) {
-                self.write_sky(corner, pattern.block);
-                told += u64::from(pattern.within_frame(world.frame, corner)) * u64::from(count);
-            } else {
-                blocks.push(corner);
-            }
-        }
+        let (blocks, told) = self.blocks(&pattern);
         let begin = samples.start / pattern.samples * pattern.samples;
         let units = blocks.iter().flat_map(|&corner| {
             (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
@@ -158,6 +145,27 @@ impl<R: Record> Finish for Tile<'_, '_, '_, R> {
 }
 
 impl<R: Record> TileKernel<'_, '_, '_, R> {
+    /// Corners of the blocks whose samples are to be taken, and how many camera rays the others have, which are
+    /// written.
+    #[inline(never)]
+    fn blocks(&mut self, pattern: &Pattern) -> (Vec<[u32; 2]>, u64) {
+        let (world, count) = (self.integrator.world, self.samples.end - self.samples.start);
+        // What is recorded, and sums to be merged, take their samples one by one.
+        let mut sky = (!self.record.has_words())
+            .then(|| Sky::new(world, self.integrator.accelerator, count, pattern.block));
+        let mut told = 0;
+        let mut blocks = Vec::with_capacity((TILE * TILE) as usize / pattern.pixels());
+        for corner in corners(pattern, self.window) {
+            if sky.as_mut().is_some_and(|sky| sky.has(corner)) {
+                self.write_sky(corner, pattern.block);
+                told += u64::from(pattern.within_frame(world.frame, corner)) * u64::from(count);
+            } else {
+                blocks.push(corner);
+            }
+        }
+        (blocks, told)
+    }
+
     /// Shades a traced packet, adds it to its pixels' sums and, after the last sample, writes the
     /// pixels.
     #[inline(always)]
