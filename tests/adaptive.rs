@@ -5,7 +5,7 @@ mod program;
 
 use std::io::Cursor;
 
-use exr::prelude::{ReadChannels, ReadLayers, read_all_flat_layers_from_file};
+use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read_all_flat_layers_from_file};
 use program::{Done, PYRAMID, Scratch};
 use serde_json::Value;
 
@@ -63,11 +63,16 @@ fn pixels(scratch: &Scratch, name: &str) -> Vec<Vec<[f32; 4]>> {
         .pixels
 }
 
-/// Every channel by its name, as text that tells every value apart.
-fn channels(scratch: &Scratch, name: &str) -> Vec<(String, String)> {
+/// Every channel by its name, and the bits of its samples.
+fn channels(scratch: &Scratch, name: &str) -> Vec<(String, Vec<u32>)> {
     let image = read_all_flat_layers_from_file(scratch.path(&format!("{name}.exr"))).unwrap();
     let list = image.layer_data[0].channel_data.list.clone();
-    list.into_iter().map(|c| (c.name.to_string(), format!("{:?}", c.sample_data))).collect()
+    let bits = |samples: &FlatSamples| match samples {
+        FlatSamples::F16(halves) => halves.iter().map(|x| x.to_bits().into()).collect(),
+        FlatSamples::F32(floats) => floats.iter().map(|x| x.to_bits()).collect(),
+        FlatSamples::U32(words) => words.clone(),
+    };
+    list.into_iter().map(|c| (c.name.to_string(), bits(&c.sample_data))).collect()
 }
 
 fn attribute(scratch: &Scratch, name: &str, key: &str) -> Option<String> {
