@@ -4,6 +4,7 @@ mod program;
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
+use exr::prelude::FlatSamples;
 use lightpath::{
     accel::{Accelerator, BuildInfo, BuildOptions, bvh::Bvh},
     film::{Film, Window},
@@ -55,9 +56,9 @@ impl Accelerator for Telling<'_> {
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         self.tree.occluded(active, rays, coherence);
     }
-    fn nothing_between(&self, active: &Mask, rays: &Rays) -> bool {
-        let told = self.tells && self.tree.nothing_between(active, rays);
-        self.told.fetch_add(u64::from(told), Relaxed);
+    fn nothing_between(&self, active: &Mask, rays: &Rays) -> Option<bool> {
+        let told = self.tells.then(|| self.tree.nothing_between(active, rays)).flatten();
+        self.told.fetch_add(u64::from(told == Some(true)), Relaxed);
         told
     }
 }
@@ -100,10 +101,9 @@ fn pictures_are_the_same_bit_for_bit() {
                 let what = format!("{spp} spp, {transparent}, {window:?}");
                 assert!(bits == expected, "{what}");
                 assert_eq!(counts, one_by_one, "{what}");
-                assert!(
-                    spp < 16 || (told > 0 && traced < all),
-                    "{what}: {told}, {traced} of {all}"
-                );
+                // In the crop no square has 1024 rays of few samples each.
+                let few = window == crop && spp < 16;
+                assert!(few || (told > 0 && traced < all), "{what}: {told}, {traced} of {all}");
             }
         }
     }
@@ -133,10 +133,15 @@ fn layers_parts_and_passes_are_those_of_a_tree_that_tells_nothing() {
     }
 }
 
-/// By layer and channel all samples as they are stored, without what the header says.
-fn pixels(scratch: &Scratch, name: &str) -> Vec<(String, String)> {
+/// By layer and channel the bits of all samples, without what the header says.
+fn pixels(scratch: &Scratch, name: &str) -> Vec<(String, Vec<u32>)> {
     let image = exr::prelude::read_all_flat_layers_from_file(scratch.path(&format!("{name}.exr")));
     let image = image.unwrap();
     let layers = image.layer_data.iter().flat_map(|layer| &layer.channel_data.list);
-    layers.map(|c| (c.name.to_string(), format!("{:?}", c.sample_data))).collect()
+    let bits = |samples: &FlatSamples| match samples {
+        FlatSamples::F16(halves) => halves.iter().map(|x| x.to_bits().into()).collect(),
+        FlatSamples::F32(floats) => floats.iter().map(|x| x.to_bits()).collect(),
+        FlatSamples::U32(words) => words.clone(),
+    };
+    layers.map(|c| (c.name.to_string(), bits(&c.sample_data))).collect()
 }

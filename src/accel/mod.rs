@@ -103,10 +103,10 @@ pub trait Accelerator: Send + Sync {
     }
 
     /// Whether for sure no ray between the active ones, which leave one point, meets anything: none from that point
-    /// whose direction is a sum of theirs with factors >= 0, rounded once. `tnear` is 0, `tfar` infinite. May always
-    /// say no.
-    fn nothing_between(&self, _: &Mask, _: &Rays) -> bool {
-        false
+    /// whose direction is a sum of theirs with factors >= 0, rounded once. `tnear` is 0, `tfar` infinite. `None`
+    /// where the backend can never tell.
+    fn nothing_between(&self, _: &Mask, _: &Rays) -> Option<bool> {
+        None
     }
 
     /// What [`Accelerator::closest`], or [`Accelerator::occluded`] if `shadow`, looks at for these

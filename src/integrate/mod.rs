@@ -146,7 +146,7 @@ impl<R: Record> Finish for Tile<'_, '_, '_, R> {
 
 impl<R: Record> TileKernel<'_, '_, '_, R> {
     /// Corners of the blocks whose samples are to be taken, and how many camera rays the others have, which are
-    /// written.
+    /// written. (Once a tile: apart from the loop over packets.)
     #[inline(never)]
     fn blocks(&mut self, pattern: &Pattern) -> (Vec<[u32; 2]>, u64) {
         let (world, count) = (self.integrator.world, self.samples.end - self.samples.start);
@@ -222,7 +222,6 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
     }
 
     /// Writes the pixels of a block in which there is nothing: the mean of equals is one of them, exactly.
-    #[inline(always)]
     fn write_sky(&mut self, corner: [u32; 2], block: [u32; 2]) {
         let world = self.integrator.world;
         let [r, g, b] = world.background.to_array();

@@ -55,7 +55,11 @@ impl<'a> Sky<'a> {
             let side = TILE >> level;
             let corner = corner.map(|x| x / side * side);
             if self.squares[level].corner != corner {
-                self.squares[level] = Square { corner, empty: self.ask(corner, side) };
+                let Some(empty) = self.ask(corner, side) else {
+                    self.levels = 0;
+                    return false;
+                };
+                self.squares[level] = Square { corner, empty };
             }
             if self.squares[level].empty {
                 return true;
@@ -64,8 +68,8 @@ impl<'a> Sky<'a> {
         false
     }
 
-    /// Whether for sure no camera ray of the square at `corner` meets anything.
-    fn ask(&self, [x, y]: [u32; 2], side: u32) -> bool {
+    /// Whether for sure no camera ray of the square at `corner` meets anything; `None` if nobody can tell.
+    fn ask(&self, [x, y]: [u32; 2], side: u32) -> Option<bool> {
         let at = |pixel: u32| pixel.wrapping_sub(self.world.margin) as i32 as f32;
         let mut rays = Rays::EMPTY;
         let mut active = Mask::NONE;

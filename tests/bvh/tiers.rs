@@ -74,7 +74,10 @@ impl<'g> Tiers<'g> {
 
     /// The tiers that say that nothing is between the active rays.
     pub fn telling_nothing_between(&self, active: &Mask, rays: &Rays) -> usize {
-        self.trees.iter().filter(|(_, tree)| tree.nothing_between(active, rays)).count()
+        self.trees
+            .iter()
+            .filter(|(_, tree)| tree.nothing_between(active, rays) == Some(true))
+            .count()
     }
 
     /// What the active rays hit.

@@ -292,9 +292,9 @@ impl Accelerator for Bvh<'_> {
         with_tier!(self.isa, tier => self.occluded_with(tier, active, rays, coherence));
     }
 
-    fn nothing_between(&self, active: &Mask, rays: &Rays) -> bool {
+    fn nothing_between(&self, active: &Mask, rays: &Rays) -> Option<bool> {
         let bvh = self;
-        with_tier!(self.isa, tier => !tier.run(Reaches { tier, bvh, active, rays }));
+        with_tier!(self.isa, tier => Some(!tier.run(Reaches { tier, bvh, active, rays })));
     }
 
     fn visits(
