@@ -19,6 +19,8 @@ pub enum Phase {
     Render = 2,
     /// Writing files.
     Write = 3,
+    /// Judging answers; `done` of `total` are packets of rays.
+    Check = 4,
 }
 
 /// Counters that the job writes and a progress display polls; a signal that stops the job.
@@ -54,7 +56,8 @@ impl Monitor {
             0 => Phase::Load,
             1 => Phase::Build,
             2 => Phase::Render,
-            _ => Phase::Write,
+            3 => Phase::Write,
+            _ => Phase::Check,
         }
     }
 

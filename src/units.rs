@@ -114,9 +114,10 @@ pub fn count(count: u64) -> String {
     text
 }
 
-/// `1 thread`, `2 threads`.
-pub fn plural(count: usize, one: &str) -> String {
-    if count == 1 { format!("1 {one}") } else { format!("{count} {one}s") }
+/// `1 thread`, `2,000 threads`.
+pub fn plural(number: usize, one: &str) -> String {
+    let s = if number == 1 { "" } else { "s" };
+    format!("{} {one}{s}", count(number as u64))
 }
 
 /// Seconds for people: `0.82 s`, `3:07`, `2:03:07`.

@@ -243,6 +243,29 @@ fn cryptomattes_are_ids() {
 }
 
 #[test]
+fn grey_against_colours_is_noted() {
+    let scratch = Scratch::new();
+    let values = |scale: f32| -> Vec<f32> { (0..64).map(|i| scale * i as f32).collect() };
+    write_exr(&scratch.path("grey.exr"), [8, 8], &[("Y", floats(&values(1.0)))]);
+    let colours = ["R", "G", "B"].map(|name| (name, floats(&values(1.0))));
+    write_exr(&scratch.path("colours.exr"), [8, 8], &colours);
+    let note = "grey.exr is grey: its Y is taken for R, G and B alike";
+    for (files, grey) in
+        [(["grey.exr", "colours.exr"], [true, false]), (["colours.exr", "grey.exr"], [false, true])]
+    {
+        let [a, b] = files;
+        assert!(scratch.run(&["compare", a, b]).stdout().contains(note));
+        let report = json(&scratch.run(&["compare", a, b, "--json"]));
+        let layer = &report["layers"][0];
+        assert_eq!(layer["grey"], serde_json::json!({ "image": grey[0], "reference": grey[1] }));
+        assert_eq!(metric(layer, "rmse"), 0.0);
+    }
+    for file in ["grey.exr", "colours.exr"] {
+        assert!(!scratch.run(&["compare", file, file]).stdout().contains("is grey"));
+    }
+}
+
+#[test]
 fn half_floats_are_noted_with_their_floor() {
     let scratch = Scratch::new();
     let exact: Vec<f32> =

@@ -14,6 +14,14 @@ const SCENE: &str = r#"{
 }"#;
 
 #[test]
+fn one_flag_that_is_wrong_twice_is_named_once() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let text = scratch.run(&["render", "s.json", "--size", "0x0"]).stderr();
+    assert_eq!(text.matches("--size").count(), 1, "{text}");
+}
+
+#[test]
 fn usage_errors_exit_2_and_say_why() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
@@ -154,7 +162,7 @@ fn info_names_every_error_of_every_file() {
     scratch.write("worse.json", &SCENE.replace("\"fov\": 40", "\"fov\": 400, \"fuv\": 1"));
     let output = scratch.run(&["info", "good.json"]);
     assert_eq!(output.code(), 0, "{}", output.stderr());
-    for expected in ["8 x 6 pixels", "1 spheres", "1 point", "memory", "hash"] {
+    for expected in ["8 x 6 pixels", "1 sphere, 0 planes", "1 point", "memory", "hash"] {
         assert!(output.stdout().contains(expected), "{}", output.stdout());
     }
     let output = scratch.run(&["info", "bad.json", "good.json", "worse.json"]);

@@ -54,7 +54,7 @@ impl Status {
                     monitor.done.load(Relaxed).min(total) as f64 / total as f64
                 }
                 Phase::Write => 1.0,
-                Phase::Load | Phase::Build => 0.0,
+                Phase::Load | Phase::Build | Phase::Check => 0.0,
             };
             (frames + part, rays + monitor.rays.load(Relaxed))
         })

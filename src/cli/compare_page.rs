@@ -43,7 +43,8 @@ fn section(args: &CompareArgs, layer: &Compared, failed: &[String]) -> Section {
     }
     let failures = failed.iter().filter_map(|failure| failure.strip_prefix(&own));
     findings.extend(failures.map(|failure| (failure.to_string(), true)));
-    findings.extend(text::floor(args, layer).map(|note| (note, false)));
+    let notes = [text::grey(args, layer), text::floor(args, layer)];
+    findings.extend(notes.into_iter().flatten().map(|note| (note, false)));
     let mut rows = vec![["metric", "value", "formula"].map(Cell::from).to_vec()];
     for (metric, value) in layer.values.iter() {
         let cells =

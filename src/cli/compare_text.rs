@@ -23,7 +23,11 @@ pub fn text(args: &CompareArgs, found: &Comparison) -> String {
             let value = number(metric, value);
             let _ = writeln!(out, "  {:<8}{value:>13}  {}", metric.name(), metric.formula());
         }
-        let notes = [floor(args, layer), layer.non_finite.map(|_| non_finite(args, layer))];
+        let notes = [
+            grey(args, layer),
+            floor(args, layer),
+            layer.non_finite.map(|_| non_finite(args, layer)),
+        ];
         for note in notes.into_iter().flatten() {
             let _ = writeln!(out, "  {note}");
         }
@@ -73,6 +77,16 @@ pub fn number(metric: Metric, value: f64) -> String {
         Metric::Ssim | Metric::Flip | Metric::HdrFlip => format!("{value:.6}"),
         _ => format!("{value:.4e}"),
     }
+}
+
+/// That one of two is grey.
+pub fn grey(args: &CompareArgs, layer: &Compared) -> Option<String> {
+    let who = match [layer.test.is_grey(), layer.reference.is_grey()] {
+        [true, false] => &args.test,
+        [false, true] => &args.reference,
+        _ => return None,
+    };
+    Some(format!("{} is grey: its Y is taken for R, G and B alike", who.display()))
 }
 
 /// What half floats alone may do.
@@ -148,6 +162,7 @@ fn layer(layer: &Compared) -> Value {
         "size": layer.test.size,
         "metrics": metrics,
         "non_finite": non_finite,
+        "grey": { "image": layer.test.is_grey(), "reference": layer.reference.is_grey() },
         "half": { "image": layer.half[0], "reference": layer.half[1], "floor": floor },
     })
 }

@@ -27,10 +27,12 @@ use crate::{
 
 use super::{
     args::{
-        BackendName, CrosscheckArgs, FileArgs, MachineArgs, MeshArgs, RenderArgs, ReportArgs,
-        SamplingArgs, SceneArgs,
+        BackendName, CrosscheckArgs, FileArgs, MachineArgs, MeshArgs, ProgressMode, RenderArgs,
+        ReportArgs, SamplingArgs, SceneArgs,
     },
-    crosscheck_text as text, job, machine, render, signals,
+    crosscheck_text as text, job, machine,
+    progress::Progress,
+    render, render_progress, signals,
 };
 
 /// Largest file that `--replay` reads.
@@ -166,13 +168,14 @@ fn check(
     let saves: Vec<PathBuf> = args.save.iter().cloned().collect();
     render::not_over_inputs(&flags, &job, &saves, "choose another name: --save FILE.json")?;
     signals::watch(monitor)?;
+    let progress = Progress::start(ProgressMode::Auto, render_progress::meter(monitor));
     let save = args.save.as_ref().map(|path| TextFile::create(path)).transpose()?;
     let ready = std::mem::take(&mut job.ready);
     let scene = &job.loaded.scene;
     let (world, warnings) =
         World::load(scene, LoadOptions { ready, ..LoadOptions::default() }, monitor)?;
     for warning in job.warnings.iter().chain(&warnings) {
-        super::note(&format!("warning: {warning}"));
+        progress.message(&format!("warning: {warning}"));
     }
     let built = Built::new(&world, backends, isa, monitor)?;
     let contenders = built.contenders();
@@ -189,6 +192,7 @@ fn check(
     if !args.no_picture {
         report.pictures = compare_pictures(&world, &built.oracle, &contenders, isa, monitor)?;
     }
+    drop(progress);
     if let (Some(file), Some(path)) = (save, &args.save) {
         let scene = serde_json::from_str(&job::saved(&job, path)?).unwrap_or_default();
         let saved = Saved { scene, findings: report.findings.clone() };

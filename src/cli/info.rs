@@ -122,7 +122,7 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     }
     let mesh = studio::read(path, false, args.no_mmap, &Monitor::default())?;
     let triangles = mesh.triangles.len() as u64;
-    report.add("triangles", json!(triangles), format!("{} triangles", units::count(triangles)));
+    report.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
     notes(&mesh.notes, report);
     let points = Points::of(&mesh);
     let unused = points.unused();

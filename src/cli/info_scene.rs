@@ -34,9 +34,9 @@ pub fn describe(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()>
     let footprint = Footprint::of(backend, rayon::current_num_threads(), EmbreeMode::Robust);
     report.add("type", json!("scene"), "scene");
     let picture = format!(
-        "{width} x {height} pixels, {} spp, {} mirror bounces, backend {}",
+        "{width} x {height} pixels, {} spp, {}, backend {}",
         scene.spp,
-        scene.nbounces,
+        units::plural(scene.nbounces as usize, "mirror bounce"),
         backend.name()
     );
     report.add("size", json!([width, height]), picture);
@@ -44,8 +44,7 @@ pub fn describe(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()>
     report.add("backend", json!(backend.name()), "");
     contents(scene, report);
     let triangles = world.triangles();
-    let line = format!("{} triangles", units::count(triangles));
-    report.add("triangles", json!(triangles), line);
+    report.add("triangles", json!(triangles), units::plural(triangles as usize, "triangle"));
     resolution(&world, report);
     let mut warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
     match footprint {
@@ -112,7 +111,15 @@ fn contents(scene: &Scene, report: &mut Report) {
     let shapes =
         json!({ "sphere": spheres, "plane": planes, "triangle": triangles, "trimesh": meshes });
     let line = format!(
-        "shapes: {spheres} spheres, {planes} planes, {triangles} triangles, {meshes} meshes"
+        "shapes: {}, {}, {}, {}",
+        units::plural(spheres, "sphere"),
+        units::plural(planes, "plane"),
+        units::plural(triangles, "triangle"),
+        if meshes == 1 {
+            "1 mesh".to_string()
+        } else {
+            format!("{} meshes", units::count(meshes as u64))
+        }
     );
     report.add("shapes", shapes, line);
     let is_area = |light: &&scene::Light| matches!(light.kind, LightKind::Area { .. });

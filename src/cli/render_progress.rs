@@ -37,7 +37,7 @@ pub fn meter(monitor: &Arc<Monitor>) -> impl FnMut() -> Reading + Send + use<> {
             total,
             overall: match phase {
                 Phase::Load | Phase::Build => 0.0,
-                Phase::Render => done as f64 / total.max(1) as f64,
+                Phase::Render | Phase::Check => done as f64 / total.max(1) as f64,
                 Phase::Write => 1.0,
             },
             message: message(phase, rays_per_s, eta_s),
@@ -60,6 +60,7 @@ fn name(phase: Phase) -> &'static str {
         Phase::Build => "build",
         Phase::Render => "render",
         Phase::Write => "write",
+        Phase::Check => "check",
     }
 }
 

@@ -64,7 +64,10 @@ impl Overrides {
     /// Names the flag instead of the `--set` it became.
     pub fn explain(&self, error: Error) -> Error {
         let problems = error.problems.into_iter().map(|problem| self.named(problem));
-        Error { kind: error.kind, problems: problems.collect() }
+        let mut problems: Vec<Problem> = problems.collect();
+        // One flag may be two overrides, as `--size 0x0` is.
+        problems.dedup();
+        Error { kind: error.kind, problems }
     }
 
     fn named(&self, problem: Problem) -> Problem {

@@ -53,6 +53,11 @@ impl Layer {
     pub fn shown(&self) -> &str {
         if self.name.is_empty() { "beauty" } else { &self.name }
     }
+
+    /// Whether its light is one channel, that of R, G and B alike.
+    pub fn is_grey(&self) -> bool {
+        self.meaning == Meaning::Light && self.channels.len() == 1
+    }
 }
 
 /// `Limit` for more bytes than [`MAX_BYTES`].

@@ -62,7 +62,8 @@ pub fn layers(path: &Path) -> Result<Vec<Layer>> {
         values,
         half: false,
     };
-    let mut layers = vec![layer("", Meaning::Light, &["R", "G", "B"], light)];
+    let names: &[&str] = if channels < 3 { &["Y"] } else { &["R", "G", "B"] };
+    let mut layers = vec![layer("", Meaning::Light, names, light)];
     if with_alpha {
         layers.push(layer("A", Meaning::Data, &["A"], alpha));
     }

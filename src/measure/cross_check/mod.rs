@@ -32,7 +32,7 @@ use crate::accel::coursework::Coursework;
 use crate::accel::lane::{Hit, Ray, lanes};
 use crate::accel::{Accelerator, Visits};
 use crate::error::Result;
-use crate::monitor::Monitor;
+use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Hits, LANES, RayPacket};
 use crate::scene::Backend;
 use crate::world::World;
@@ -162,6 +162,7 @@ pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
     // Every n-th packet goes through the plain loop as well.
     let stride = (plan.packets() as u64 * LANES as u64).div_ceil(loops).max(1) as usize;
     let mut report = Report::new(check);
+    monitor.begin(Phase::Check, plan.packets() as u64);
     // In portions, so that memory stays bounded and a signal is seen.
     for first in (0..plan.packets()).step_by(PORTION) {
         let portion: Vec<Part> = (first..plan.packets().min(first + PORTION))
@@ -171,6 +172,7 @@ pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
             .collect();
         monitor.check()?;
         portion.iter().for_each(|part| report.add(part, KEPT));
+        monitor.set_done((first + portion.len()) as u64);
     }
     report.allow_known(check.contenders);
     Ok(report)
