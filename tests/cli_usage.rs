@@ -22,6 +22,15 @@ fn one_flag_that_is_wrong_twice_is_named_once() {
 }
 
 #[test]
+fn warnings_name_the_flag_too() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let run = scratch.run(&["render", "s.json", "--adaptive-shadows", "--nbounces", "0"]);
+    assert_eq!(run.code(), 0);
+    assert!(run.stderr().contains("warning: --adaptive-shadows: found true"), "{}", run.stderr());
+}
+
+#[test]
 fn usage_errors_exit_2_and_say_why() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);

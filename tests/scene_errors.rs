@@ -353,6 +353,17 @@ fn warnings() {
     let light = r#"/scene/lightsources=[{"type":"pointlight","position":[0,0,0.5],"id":[1,1,1]}]"#;
     let loaded = text(with(CAMERA, sphere()).as_bytes(), &[light]).unwrap();
     says(loaded.warnings[0].to_string(), &["found the light inside the sphere"]);
+    for (samples, warned) in [(4, true), (5, false)] {
+        let lights = format!(
+            r#"/scene/lightsources=[{{"type":"arealight","v0":[3,3,3],"v1":[4,3,3],"v2":[3,3,4],"id":[1,1,1],"samples":{samples}}}]"#
+        );
+        let sets = [lights.as_str(), "/adaptiveshadows=true"];
+        let loaded = text(with(CAMERA, sphere()).as_bytes(), &sets).unwrap();
+        let found: Vec<String> = loaded.warnings.iter().map(|p| p.to_string()).collect();
+        let expected = "no area light has more than 4 `samples`; every shadow ray is traced";
+        assert_eq!(found.iter().any(|text| text.contains(expected)), warned, "{found:?}");
+        assert_eq!(found.len(), usize::from(warned), "{found:?}");
+    }
 }
 
 #[test]

@@ -9,12 +9,13 @@
 
 use std::ops::Range;
 
+use crate::scene::FIRST_SHADOW_POINTS;
+
 /// The probability of tracing the other points where the first ones agree.
 pub const CHANCE: f32 = 0.125;
 
-/// The first points are this part of all, but no fewer than [`FEWEST`].
+/// The first points are this part of all, but no fewer than [`FIRST_SHADOW_POINTS`].
 const PART: u32 = 4;
-const FEWEST: u32 = 4;
 
 /// Some of the points of a light, for each shading point.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,7 +40,7 @@ impl Stage {
     /// All of a light's points, or those that decide about the others.
     #[inline(always)]
     pub fn first(points: u32, adaptive: bool) -> Self {
-        let part = points.div_ceil(PART).max(FEWEST).min(points);
+        let part = points.div_ceil(PART).max(FIRST_SHADOW_POINTS).min(points);
         Self::plain(0..if adaptive { part } else { points })
     }
 

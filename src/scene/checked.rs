@@ -9,6 +9,9 @@ pub use crate::sampler::Kind as SamplerKind;
 
 use super::layers::{Layer, LightGroups};
 
+/// Points of an area light that adaptive shadows trace at least, before they leave any out.
+pub const FIRST_SHADOW_POINTS: u32 = 4;
+
 /// What a scene file means. World units, right-handed; colours linear BT.709, unbounded.
 #[derive(Debug, Clone)]
 pub struct Scene {

@@ -3,9 +3,12 @@
 
 use serde_json::Value;
 
-use crate::error::{Error, Problem};
+use crate::error::{Error, Problem, Result};
 
-use super::description::{Description, Light};
+use super::{
+    Loaded, Source,
+    description::{Description, Light},
+};
 
 /// Overrides in the order in which they are applied, and the flags they come from.
 #[derive(Debug, Clone, Default)]
@@ -56,18 +59,22 @@ impl Overrides {
         self.list = first.list;
     }
 
-    /// As the scene parser takes them.
-    pub fn sets(&self) -> Vec<String> {
-        self.list.iter().map(|(_, _, set)| set.clone()).collect()
+    /// Loads a scene with all of them; errors and warnings name the flag instead of the `--set` it became.
+    pub fn load(&self, source: Source) -> Result<Loaded> {
+        let sets: Vec<String> = self.list.iter().map(|(_, _, set)| set.clone()).collect();
+        match super::load(source, &sets) {
+            Ok(loaded) => Ok(Loaded { warnings: self.all_named(loaded.warnings), ..loaded }),
+            Err(Error { kind, problems }) => {
+                Err(Error { kind, problems: self.all_named(problems) })
+            }
+        }
     }
 
-    /// Names the flag instead of the `--set` it became.
-    pub fn explain(&self, error: Error) -> Error {
-        let problems = error.problems.into_iter().map(|problem| self.named(problem));
-        let mut problems: Vec<Problem> = problems.collect();
+    fn all_named(&self, problems: Vec<Problem>) -> Vec<Problem> {
+        let mut named: Vec<Problem> = problems.into_iter().map(|p| self.named(p)).collect();
         // One flag may be two overrides, as `--size 0x0` is.
-        problems.dedup();
-        Error { kind: error.kind, problems }
+        named.dedup();
+        named
     }
 
     fn named(&self, problem: Problem) -> Problem {

@@ -83,8 +83,9 @@ fn within(template: &Template, path: &Path) -> Result<String> {
 }
 
 fn load(template: &Template, ours: &Overrides, user: &Overrides) -> Result<Loaded> {
-    let sets = [ours.sets(), user.sets()].concat();
-    crate::scene::load(template.source(), &sets).map_err(|error| user.explain(ours.explain(error)))
+    let mut all = ours.clone();
+    all.append(user.clone());
+    all.load(template.source())
 }
 
 /// JSON pointer of the shape that the mesh replaces.

@@ -28,7 +28,7 @@ use crate::{
     error::{Problem, Result},
     mesh::Mesh,
     monitor::Monitor,
-    scene::{self, Loaded, Overrides, ShapeKind, Source},
+    scene::{Loaded, Overrides, ShapeKind, Source},
 };
 
 /// Distance of the picture's borders from the mesh, as a fraction of its width and height.
@@ -127,11 +127,10 @@ pub fn load(
     light_samples: Option<u32>,
     warnings: &mut Vec<Problem>,
 ) -> Result<Loaded> {
-    let load = |o: &Overrides| scene::load(source, &o.sets()).map_err(|error| o.explain(error));
-    let mut loaded = load(&overrides)?;
+    let mut loaded = overrides.load(source)?;
     if let Some(samples) = light_samples {
         if overrides.light_samples(samples, &loaded.description) {
-            loaded = load(&overrides)?;
+            loaded = overrides.load(source)?;
         } else {
             let message = "has no effect: the scene has no area light";
             warnings.push(Problem::new("--light-samples", message));

@@ -2,12 +2,13 @@
 
 use glam::DVec3;
 
-use crate::scene::checked::{LightKind, Scene, ShapeKind};
+use crate::scene::checked::{FIRST_SHADOW_POINTS, LightKind, Scene, ShapeKind};
 
 use super::Check;
 
 impl Check<'_, '_> {
-    /// Warns of a camera or a light that a sphere swallows, and of mirrors that never mirror.
+    /// Warns of a camera or a light that a sphere swallows, of mirrors that never mirror, and of adaptive shadows that
+    /// leave no ray out.
     pub(super) fn look_over(&mut self, scene: &Scene) {
         let spheres: Vec<(usize, DVec3, f64)> = scene
             .shapes
@@ -44,6 +45,14 @@ impl Check<'_, '_> {
         if scene.nbounces == 0 && scene.materials.iter().any(|m| m.kr > 0.0) {
             let message = "found 0 although a material has `kr` > 0; no mirror will mirror";
             self.problems.warn("/nbounces", message, Some("set `nbounces` to 1 or more".into()));
+        }
+        let spares = |kind: &LightKind| matches!(*kind, LightKind::Area { samples, .. } if samples > FIRST_SHADOW_POINTS);
+        if scene.adaptive_shadows && !scene.lights.iter().any(|light| spares(&light.kind)) {
+            let message = format!(
+                "found true, but no area light has more than {FIRST_SHADOW_POINTS} `samples`; every shadow ray is traced"
+            );
+            let help = "give lights more `samples`, or leave it out";
+            self.problems.warn("/adaptiveshadows", message, Some(help.into()));
         }
     }
 }
