@@ -128,7 +128,7 @@ def converge_lines(name):
     alone = ' (of the light alone: reference and settings have one ray a pixel)' if report['reference']['spp'] == 1 else ''
     for reached in report['reached'][-2:]:
         point = report['points'][reached['point']]
-        lights = f" x {point['light_samples']} light samples" if point['light_samples'] else ''
+        lights = f" x {n:,} light sample{'s' if n > 1 else ''}" if (n := point['light_samples']) else ''
         text = f"`{point['sampler']}`, {point['spp']} spp{lights}, {point['median_s']:.3g} s"
         for other in (report['points'][i] for i in reached['others']):
             text += f" (`{other['sampler']}`: {other['median_s'] / point['median_s']:.1f} times as long)"

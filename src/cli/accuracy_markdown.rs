@@ -67,9 +67,9 @@ pub fn machine(report: &Report) -> Vec<String> {
         let versions = m.versions.iter().filter(|(name, _)| *name != "commit");
         let versions: Vec<String> = versions.map(|(name, v)| format!("{name} {v}")).collect();
         lines.push(format!(
-            "{}, {} processors, best tier {}; {}",
+            "{}, {}, best tier {}; {}",
             m.cpu,
-            m.cores,
+            units::plural(m.cores, "processor"),
             m.isa,
             versions.join(", ")
         ));

@@ -6,6 +6,7 @@ use crate::measure::{
     converge::{Estimate, PointResult, Report, Series},
     metrics::Metric,
 };
+use crate::units::plural;
 
 use super::bench_table::table;
 
@@ -26,7 +27,8 @@ pub fn reference(report: &Report) -> String {
     let source = match (&r.file, r.spp, r.light_samples) {
         (Some(file), ..) => format!("{file}, whose own error is not known"),
         (None, spp, lights) => {
-            let lights = lights.map_or(String::new(), |n| format!(" x {n} light samples"));
+            let lights = lights
+                .map_or(String::new(), |n| format!(" x {}", plural(n as usize, "light sample")));
             format!(
                 "the mean of {} renders of {} spp{lights}, itself off by RMSE {}, relmse {}",
                 r.passes.unwrap_or(0),
@@ -153,7 +155,9 @@ pub fn shorter(report: &Report, backend: &str, sampler: &str) -> String {
 }
 
 fn setting(report: &Report, point: &PointResult) -> String {
-    let lights = point.light_samples.map_or(String::new(), |n| format!(" x {n} light samples"));
+    let lights = point
+        .light_samples
+        .map_or(String::new(), |n| format!(" x {}", plural(n as usize, "light sample")));
     format!("{}, {} spp{lights}", shorter(report, &point.backend, &point.sampler), point.spp)
 }
 

@@ -7,6 +7,7 @@ use super::grid::Setting;
 use super::study::{Limits, Point, Study};
 use crate::measure::result::Machine;
 use crate::measure::stats::{mad, median};
+use crate::units::plural;
 
 /// Changes when a reader of older files would misunderstand newer ones.
 pub const VERSION: u32 = 1;
@@ -284,7 +285,7 @@ fn series(points: &[PointResult]) -> Vec<Series> {
     for (i, point) in points.iter().enumerate() {
         let lights = point.light_samples;
         let fixed = [
-            lights.map_or(String::new(), |n| format!("{n} light samples")),
+            lights.map_or(String::new(), |n| plural(n as usize, "light sample")),
             format!("{} spp", point.spp),
         ];
         // Without area lights only spp varies.
