@@ -5,7 +5,7 @@ mod program;
 
 use std::io::Cursor;
 
-use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read_all_flat_layers_from_file};
+use exr::prelude::{ReadChannels, ReadLayers, read_all_flat_layers_from_file};
 use program::{Done, PYRAMID, Scratch};
 use serde_json::Value;
 
@@ -63,18 +63,6 @@ fn pixels(scratch: &Scratch, name: &str) -> Vec<Vec<[f32; 4]>> {
         .pixels
 }
 
-/// Every channel by its name, and the bits of its samples.
-fn channels(scratch: &Scratch, name: &str) -> Vec<(String, Vec<u32>)> {
-    let image = read_all_flat_layers_from_file(scratch.path(&format!("{name}.exr"))).unwrap();
-    let list = image.layer_data[0].channel_data.list.clone();
-    let bits = |samples: &FlatSamples| match samples {
-        FlatSamples::F16(halves) => halves.iter().map(|x| x.to_bits().into()).collect(),
-        FlatSamples::F32(floats) => floats.iter().map(|x| x.to_bits()).collect(),
-        FlatSamples::U32(words) => words.clone(),
-    };
-    list.into_iter().map(|c| (c.name.to_string(), bits(&c.sample_data))).collect()
-}
-
 fn attribute(scratch: &Scratch, name: &str, key: &str) -> Option<String> {
     let done = scratch.run(&["info", &format!("{name}.exr"), "--json"]);
     let info: Value = serde_json::from_str(&done.stdout()).unwrap();
@@ -97,7 +85,7 @@ fn passes_give_the_bits_of_one_go() {
         render(&scratch, "passes", &[&aov[..], &["--noise", "1e-9", "--max-spp", "64"]].concat());
     // The background has no noise.
     assert_eq!(stats["samples"]["most"], 64);
-    let (go, passes) = (channels(&scratch, "go"), channels(&scratch, "passes"));
+    let (go, passes) = (scratch.channels("go.exr"), scratch.channels("passes.exr"));
     let samples = go.iter().position(|(name, _)| name == "samples.Y").unwrap();
     assert_eq!(go.len(), passes.len());
     if stats["samples"]["least"] == 64 {

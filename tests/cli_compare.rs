@@ -260,7 +260,13 @@ fn grey_against_colours_is_noted() {
         assert_eq!(layer["grey"], serde_json::json!({ "image": grey[0], "reference": grey[1] }));
         assert_eq!(metric(layer, "rmse"), 0.0);
     }
-    for file in ["grey.exr", "colours.exr"] {
+    image::GrayImage::from_pixel(2, 2, image::Luma([99])).save(scratch.path("grey.png")).unwrap();
+    image::RgbImage::from_pixel(2, 2, image::Rgb([99; 3]))
+        .save(scratch.path("colours.png"))
+        .unwrap();
+    let text = scratch.run(&["compare", "grey.png", "colours.png"]).stdout();
+    assert!(text.contains("grey.png is grey: its Y is taken"), "{text}");
+    for file in ["grey.exr", "colours.exr", "grey.png", "colours.png"] {
         assert!(!scratch.run(&["compare", file, file]).stdout().contains("is grey"));
     }
 }

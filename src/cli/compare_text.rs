@@ -79,7 +79,7 @@ pub fn number(metric: Metric, value: f64) -> String {
     }
 }
 
-/// That one of two is grey.
+/// Which of two files is grey, where the other has colours.
 pub fn grey(args: &CompareArgs, layer: &Compared) -> Option<String> {
     let who = match [layer.test.is_grey(), layer.reference.is_grey()] {
         [true, false] => &args.test,

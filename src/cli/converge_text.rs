@@ -27,12 +27,10 @@ pub fn reference(report: &Report) -> String {
     let source = match (&r.file, r.spp, r.light_samples) {
         (Some(file), ..) => format!("{file}, whose own error is not known"),
         (None, spp, lights) => {
-            let lights = lights
-                .map_or(String::new(), |n| format!(" x {}", plural(n as usize, "light sample")));
             format!(
-                "the mean of {} renders of {} spp{lights}, itself off by RMSE {}, relmse {}",
+                "the mean of {} renders of {}, itself off by RMSE {}, relmse {}",
                 r.passes.unwrap_or(0),
-                spp.unwrap_or(0),
+                samples(spp.unwrap_or(0), lights),
                 error(r.rmse.unwrap_or(0.0)),
                 error(r.relmse.unwrap_or(0.0)),
             )
@@ -155,10 +153,14 @@ pub fn shorter(report: &Report, backend: &str, sampler: &str) -> String {
 }
 
 fn setting(report: &Report, point: &PointResult) -> String {
-    let lights = point
-        .light_samples
-        .map_or(String::new(), |n| format!(" x {}", plural(n as usize, "light sample")));
-    format!("{}, {} spp{lights}", shorter(report, &point.backend, &point.sampler), point.spp)
+    let samples = samples(point.spp, point.light_samples);
+    format!("{}, {samples}", shorter(report, &point.backend, &point.sampler))
+}
+
+/// `4 spp x 16 light samples`; without area lights `4 spp`.
+fn samples(spp: u32, lights: Option<u32>) -> String {
+    let lights = lights.map(|n| format!(" x {}", plural(n as usize, "light sample")));
+    format!("{spp} spp{}", lights.unwrap_or_default())
 }
 
 /// What a reader must know about the numbers.

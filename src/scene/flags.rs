@@ -60,6 +60,9 @@ impl Overrides {
     }
 
     /// Loads a scene with all of them; errors and warnings name the flag instead of the `--set` it became.
+    ///
+    /// # Errors
+    /// Those of [`load`](super::load).
     pub fn load(&self, source: Source) -> Result<Loaded> {
         let sets: Vec<String> = self.list.iter().map(|(_, _, set)| set.clone()).collect();
         match super::load(source, &sets) {

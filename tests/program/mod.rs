@@ -10,6 +10,8 @@ use std::{
     process::{Command, Output, Stdio},
 };
 
+use exr::prelude::{FlatSamples, read_all_flat_layers_from_file};
+
 /// A pyramid on a square, apex at y = 2; one quad and four triangles.
 pub const PYRAMID: &str = "ply
 format ascii 1.0
@@ -115,6 +117,18 @@ impl Scratch {
 
     pub fn read(&self, name: &str) -> Vec<u8> {
         fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// Of an EXR every channel of every part by its name, and the bits of its samples.
+    pub fn channels(&self, name: &str) -> Vec<(String, Vec<u32>)> {
+        let image = read_all_flat_layers_from_file(self.path(name)).unwrap();
+        let bits = |samples: &FlatSamples| match samples {
+            FlatSamples::F16(halves) => halves.iter().map(|x| x.to_bits().into()).collect(),
+            FlatSamples::F32(floats) => floats.iter().map(|x| x.to_bits()).collect(),
+            FlatSamples::U32(words) => words.clone(),
+        };
+        let channels = image.layer_data.iter().flat_map(|layer| &layer.channel_data.list);
+        channels.map(|c| (c.name.to_string(), bits(&c.sample_data))).collect()
     }
 
     pub fn command(&self, args: &[&str]) -> Command {
