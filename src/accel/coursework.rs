@@ -18,7 +18,7 @@ use glam::{BVec3, DVec3};
 use super::lane::{Hit, Ray, lanes};
 use super::{Accelerator, BuildInfo, BuildOptions, Visits};
 use crate::error::{Error, Kind, Problem, Result};
-use crate::geometry::{Geometry, GeometryKind, Sphere};
+use crate::geometry::{Geometry, GeometryKind, Nearby, Sphere};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
@@ -279,6 +279,22 @@ impl Accelerator for Coursework<'_> {
         }
     }
 
+    fn near(&self, geometry: &Geometry, [low, high]: &Nearby, found: &mut dyn FnMut(u32)) {
+        let nearby = Bounds { min: corner(*low), max: corner(*high) };
+        self.scene.near(&nearby, &mut |shape| match self.shapes[shape as usize] {
+            Shape::Quad(prim) => found(geometry.primitive(geometry.quads_id(), prim)),
+            Shape::Sphere(_) => {}
+            Shape::Mesh(geom) => {
+                let mut triangle = |prim| found(geometry.primitive(geom, prim));
+                match &self.meshes[geom as usize] {
+                    Some(tree) => tree.near(&nearby, &mut triangle),
+                    None => (0..geometry.meshes[geom as usize].triangles().len() as u32)
+                        .for_each(triangle),
+                }
+            }
+        });
+    }
+
     /// Boxes of nodes, and of whole meshes, count as nodes.
     fn visits(&self, active: &Mask, rays: &Rays, _: bool, _: Coherence) -> Option<Visits> {
         let mut visits = Visits::default();
@@ -404,6 +420,25 @@ impl Tree {
                             stack.push(child);
                         }
                     }
+                }
+            }
+        }
+    }
+
+    /// Calls `found` for all shapes in leaves whose boxes reach into another.
+    fn near(&self, nearby: &Bounds, found: &mut dyn FnMut(u32)) {
+        let mut stack = vec![0];
+        while let Some(node) = stack.pop() {
+            let Node { bounds, content } = &self.nodes[node as usize];
+            if bounds.min.cmpgt(nearby.max).any() || bounds.max.cmplt(nearby.min).any() {
+                continue;
+            }
+            match *content {
+                Content::Leaf { first, end } => {
+                    self.order[first as usize..end as usize].iter().for_each(|&shape| found(shape));
+                }
+                Content::Inner(children) => {
+                    stack.extend(children.into_iter().filter(|&child| child != EMPTY));
                 }
             }
         }

@@ -13,7 +13,7 @@ pub use footprint::Footprint;
 use crate::error::Result;
 #[cfg(not(feature = "embree"))]
 use crate::error::{Error, Kind, Problem};
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, GeometryKind, Nearby};
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 use crate::scene::Backend;
@@ -109,11 +109,44 @@ pub trait Accelerator: Send + Sync {
         None
     }
 
+    /// Calls `found` for every triangle and quad of `geometry`, which this was built over, whose box reaches
+    /// into another, by its primitive number, and perhaps for some more. Any order.
+    fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+        near_by_all(geometry, nearby, found);
+    }
+
     /// What [`Accelerator::closest`], or [`Accelerator::occluded`] if `shadow`, looks at for these
     /// rays, summed over them; `None` where the backend cannot tell. May be slow.
     fn visits(&self, _: &Mask, _: &Rays, _shadow: bool, _: Coherence) -> Option<Visits> {
         None
     }
+}
+
+/// [`Accelerator::near`] by a look at every primitive.
+fn near_by_all(geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+    let count = geometry.bases().last().copied().unwrap_or(0);
+    (0..count).filter(|&primitive| is_near(geometry, primitive, nearby)).for_each(found);
+}
+
+/// Whether a primitive is a triangle or quad whose box reaches into another.
+fn is_near(geometry: &Geometry, primitive: u32, nearby: &Nearby) -> bool {
+    let (geom, prim) = geometry.place(primitive);
+    match geometry.kind(geom) {
+        GeometryKind::Mesh(mesh) => reaches(&geometry.meshes[mesh].corners(prim), nearby),
+        GeometryKind::Quads => reaches(&geometry.quads[prim as usize], nearby),
+        GeometryKind::Spheres => false,
+    }
+}
+
+/// Whether the box around some corners reaches into another.
+#[inline(always)]
+fn reaches(corners: &[[f32; 3]], [low, high]: &Nearby) -> bool {
+    (0..3).all(|k| {
+        let (below, above) = corners
+            .iter()
+            .fold((true, true), |(b, a), v| (b & (v[k] < low[k]), a & (v[k] > high[k])));
+        !below & !above
+    })
 }
 
 /// Builds `backend` over `geometry`.

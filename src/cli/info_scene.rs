@@ -46,6 +46,7 @@ pub fn describe(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()>
     let triangles = world.triangles();
     report.add("triangles", json!(triangles), units::plural(triangles as usize, "triangle"));
     resolution(&world, report);
+    precision(&world, report);
     let mut warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
     match footprint {
         Ok(footprint) => prediction = prediction.with(&footprint),
@@ -95,6 +96,28 @@ fn resolution(world: &World, report: &mut Report) {
     if extents.len() > 1 {
         report.lines.append(&mut lines);
     }
+}
+
+/// How far positions are rounded near the camera, and what they are relative to.
+fn precision(world: &World, report: &mut Report) {
+    let origin = &world.origin;
+    if !origin.nearest.is_finite() {
+        return;
+    }
+    let place = if origin.at_camera { "the camera" } else { "the middle of the scene" };
+    let line = format!(
+        "precision: positions {:.1e} from the camera are rounded to {:.1e}, {:.1e} of a pixel, relative to {place}",
+        origin.nearest, origin.rounding, origin.pixels
+    );
+    let value = json!({
+        "origin": origin.position.to_array(),
+        "at_camera": origin.at_camera,
+        "extent": origin.extent,
+        "nearest": origin.nearest,
+        "rounding": origin.rounding,
+        "pixels": origin.pixels,
+    });
+    report.add("precision", value, line);
 }
 
 fn contents(scene: &Scene, report: &mut Report) {

@@ -1,6 +1,8 @@
 //! All primitives of a scene, relative to one f64 origin, as every accelerator sees them.
 
+mod ahead;
 mod behind;
+mod crevice;
 mod gather;
 mod passing;
 mod sphere;
@@ -11,11 +13,13 @@ mod twofold;
 use glam::DVec3;
 
 pub use crate::ray::NONE;
+pub use ahead::{NEAR_START, is_after_start};
+pub use crevice::{Crevice, Nearby, WallHit};
 pub use gather::{prefetch_indices, prefetch_vertices};
 pub use passing::{Passing, passing};
 pub use sphere::Sphere;
-pub use surface::{Surfaces, position_error, refine, round_towards};
-pub use triangle::{clamp_barycentrics, refine_triangle};
+pub use surface::{Surfaces, hit_triangle, position_error, refine, round_towards};
+pub use triangle::{TrianglePoint, clamp_barycentrics, refine_triangle};
 
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`].
 #[derive(Debug, Default)]

@@ -14,9 +14,10 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// A box around the sphere, one to two ulp larger than need be.
+    /// A box around the sphere, three to five ulp larger than need be: more than a product of a side with a
+    /// ray's inverse direction rounds off.
     pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
-        let below = |x: f32| x - x.abs() * f32::EPSILON - f32::MIN_POSITIVE;
+        let below = |x: f32| x - 4.0 * x.abs() * f32::EPSILON - f32::MIN_POSITIVE;
         let lower = (self.center - self.radius).to_array().map(|x| below(x as f32));
         let upper = (self.center + self.radius).to_array().map(|x| -below(-(x as f32)));
         (lower, upper)

@@ -4,6 +4,7 @@
 
 use glam::DVec3;
 
+use super::ahead::is_after_start;
 use super::gather::gather;
 use super::passing::passing;
 use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle, triangle_error};
@@ -31,6 +32,9 @@ pub struct Surfaces {
     pub primitive: [u32; LANES],
     /// Which lanes hit anything.
     pub hit: Mask,
+    /// Hits of triangles and quads so close to an edge that a ray which leaves them may slip past a neighbour:
+    /// see [`Crevice`](super::Crevice).
+    pub at_edge: Mask,
     /// Hits of triangles and quads that are false, for all that the test of a backend in f32 may be
     /// off ([`passing`]) or whose reported t is, or that the ray leaves behind ([`Geometry::is_left_behind`]): what is
     /// nearest must be found again.
@@ -48,6 +52,7 @@ impl Surfaces {
         v: [0.0; LANES],
         primitive: [NONE; LANES],
         hit: Mask::NONE,
+        at_edge: Mask::NONE,
         doubtful: Mask::NONE,
     };
 }
@@ -70,6 +75,7 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
         let planar = out.hit.0[i] & !spheres.0[i];
         unsure.0[i] = planar & -i32::from(!sure);
         coarse.0[i] = planar & -i32::from(!point.sharp);
+        out.at_edge.0[i] = planar & -i32::from(point.at_edge);
     }
     out.doubtful = Mask::NONE;
     if coarse.any() {
@@ -81,6 +87,28 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
     if spheres.any() {
         refine_spheres(geometry, &spheres, packet, out);
     }
+}
+
+/// The triangle that lane `i` of a traced packet hit (a quad's half) and the point on it, in f64; `None` for a
+/// sphere.
+pub fn hit_triangle(
+    geometry: &Geometry,
+    packet: &RayPacket,
+    i: usize,
+) -> Option<([DVec3; 3], TrianglePoint)> {
+    let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+    let (u, v) = (packet.hits.u[i], packet.hits.v[i]);
+    let (corners, u, v) = match geometry.kind(geom) {
+        GeometryKind::Mesh(mesh) => (geometry.meshes[mesh].corners(prim), u, v),
+        GeometryKind::Quads => geometry.quad_half(prim, u, v),
+        GeometryKind::Spheres => return None,
+    };
+    let corners = corners.map(|corner| DVec3::from(corner.map(f64::from)));
+    let ((origin, direction), reported) = (ray(packet, i), (f64::from(u), f64::from(v)));
+    let point = refine_triangle(corners, origin, direction, reported);
+    let point =
+        if point.sharp { point } else { sharpen_triangle(corners, origin, direction, reported) };
+    Some((corners, point))
 }
 
 /// How far, in scene units, the position of lane `i`, which hit, may be from where the exact ray meets the exact primitive, if
@@ -109,6 +137,9 @@ fn rounding(points: &Surfaces, i: usize) -> f64 {
 
 /// By how much, relatively, a backend's t may differ from f64's without a closer look.
 const T_SLACK: f64 = 1.0 / (1u64 << 20) as f64;
+
+/// A reported t that is farther off, relatively, says nothing of which hit is nearest.
+const T_COARSE: f64 = 1.0 / (1u64 << 12) as f64;
 
 /// Stores the point of a triangle that a backend reported at `reported`; whether the ray meets it there
 /// beyond doubt.
@@ -169,6 +200,9 @@ fn doubt(
         let leaving = packet.rays.leaving[i];
         let passing = passing
             .filter(|passing| passing.explains(reported))
+            .filter(|passing| is_after_start(triangle, origin, direction, passing.t))
+            // Far from f64's t, whatever the reason: something else may be nearer.
+            .filter(|passing| (passing.t - reported).abs() <= passing.t.abs() * T_COARSE)
             .filter(|_| !geometry.is_left_behind(leaving, origin, direction, triangle));
         match passing {
             Some(passing) => out.t[i] = passing.t as f32,

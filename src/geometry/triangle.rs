@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::crevice::REACH;
 use super::twofold::Twofold3;
 
 /// A point on a triangle.
@@ -21,6 +22,9 @@ pub struct TrianglePoint {
     pub met: bool,
     /// Whether the rounding leaves u and v within [`SHARP`].
     pub sharp: bool,
+    /// Whether an edge is so near that a test in f32 or the rounding of the point may see it on the other
+    /// side.
+    pub at_edge: bool,
 }
 
 /// What u and v may be off by; they are held to 1e-6.
@@ -68,8 +72,12 @@ pub fn refine_triangle(
     // What the weights are off by: see `triangle_error`.
     let blur = BLUR * sum(to_v0) * sum(direction) * sum(e1).max(sum(e2));
     let sharp = blur * inverse.abs() <= SHARP;
-    let normal = normal * (1.0 / normal.length());
-    TrianglePoint { position, normal, u, v, t, met, sharp }
+    // The distance from the edge opposite of a corner is its weight times |n| over that edge's length.
+    let (area, side) = (normal.length(), sum(e1) + sum(e2));
+    let least = f64::min(f64::min(u, v), 1.0 - u - v);
+    let at_edge = !(least * area > REACH * side * (position.abs().max_element() + side));
+    let normal = normal * (1.0 / area);
+    TrianglePoint { position, normal, u, v, t, met, sharp, at_edge }
 }
 
 /// 64u, u = 2^-53.
@@ -124,7 +132,7 @@ pub fn sharpen_triangle(
     let normal = normal.value();
     // Its length may be outside of what can be squared.
     let normal = normal / normal.abs().max_element();
-    TrianglePoint { position, normal: normal.normalize(), u, v, t, met, sharp: true }
+    TrianglePoint { position, normal: normal.normalize(), u, v, t, met, sharp: true, at_edge: true }
 }
 
 /// The triple product of two sides and the direction, with some 106 bits.

@@ -3,9 +3,11 @@
 use glam::Vec3;
 
 use super::RayCounts;
+use super::crevices::Crevices;
 use super::lamp::Lamp;
 use super::record::Record;
 use super::roulette::{CHANCE, Stage};
+use super::shadows::{OWN, ShadowRays};
 use super::slot::Slot;
 use super::split::{Split, SplitSums};
 use crate::accel::Accelerator;
@@ -13,7 +15,7 @@ use crate::geometry::{Surfaces, refine};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::sampler::Sampler;
-use crate::shading::{Area, Emitter, Lanes3, Lit, Points, ShadowPoints, lane, light_rays, reflect};
+use crate::shading::{Area, Emitter, Lanes3, Lit, Points, ShadowPoints, lane, reflect};
 use crate::world::World;
 
 /// Room for one packet's shading, kept between packets.
@@ -25,6 +27,9 @@ pub struct Cast<'a> {
     /// See [`joint_light`](super::joint::joint_light).
     joint: Option<u32>,
     surfaces: Surfaces,
+    crevices: Crevices,
+    /// Lanes whose hits no test in f32 can confirm: those of walls in [`Crevices`].
+    certain: Mask,
     points: Points,
     shadow: Rays,
     lit: Lit,
@@ -53,6 +58,8 @@ impl<'a> Cast<'a> {
             monitor,
             joint,
             surfaces: Surfaces::EMPTY,
+            crevices: Crevices::default(),
+            certain: Mask::NONE,
             points: Points::EMPTY,
             shadow: Rays::EMPTY,
             lit: Lit::EMPTY,
@@ -76,6 +83,7 @@ impl<'a> Cast<'a> {
         let mut first_hit = Mask::NONE;
         self.throughput = [1.0; LANES];
         self.radiance = [[0.0; LANES]; 3];
+        self.certain = Mask::NONE;
         for bounce in 0..=world.nbounces {
             if bounce > 0 {
                 if self.monitor.stopped() {
@@ -104,6 +112,7 @@ impl<'a> Cast<'a> {
             if world.ambient != Vec3::ZERO {
                 self.ambient(&hit, bounce, record);
             }
+            self.find_crevices(slot, &hit, bounce);
             self.lights(slot, bounce, counts, record);
         }
         first_hit
@@ -117,8 +126,9 @@ impl<'a> Cast<'a> {
             return hit;
         }
         refine(&self.world.geometry, &hit, &slot.packet, &mut self.surfaces);
-        if self.surfaces.doubtful.any() {
-            self.look_again(slot);
+        let doubtful = self.surfaces.doubtful.without(&self.certain);
+        if doubtful.any() {
+            self.look_again(slot, &doubtful);
             let hit = slot.packet.hit(active);
             refine(&self.world.geometry, &hit, &slot.packet, &mut self.surfaces);
             return hit;
@@ -129,14 +139,28 @@ impl<'a> Cast<'a> {
     /// Traces the lanes again whose hits are doubtful.
     #[cold]
     #[inline(never)]
-    fn look_again(&mut self, slot: &mut Slot) {
-        let doubtful = self.surfaces.doubtful;
+    fn look_again(&mut self, slot: &mut Slot, doubtful: &Mask) {
         for i in (0..LANES).filter(|&i| doubtful.0[i] != 0) {
             // No camera ray and no mirrored ray ends.
             slot.packet.rays.tfar[i] = f32::INFINITY;
             slot.packet.hits.geom[i] = NONE;
         }
-        self.accelerator.closest(&doubtful, &mut slot.packet, Coherence::Incoherent);
+        self.accelerator.closest(doubtful, &mut slot.packet, Coherence::Incoherent);
+    }
+
+    /// Finds what rises beside the points that lie at an edge, if any ray leaves them.
+    #[inline(always)]
+    fn find_crevices(&mut self, slot: &Slot, hit: &Mask, bounce: u32) {
+        self.crevices.clear();
+        let world = self.world;
+        let mut at_edge = Mask::NONE;
+        for i in 0..LANES {
+            at_edge.0[i] = hit.0[i] & self.surfaces.at_edge.0[i];
+        }
+        if at_edge.any() && (!world.lights.is_empty() || bounce < world.nbounces) {
+            let (geometry, packet) = (&world.geometry, &slot.packet);
+            self.crevices.find(geometry, self.accelerator, packet, &self.surfaces, &at_edge);
+        }
     }
 
     /// Traces the mirrored rays of the last points; returns the lanes that have one.
@@ -151,7 +175,17 @@ impl<'a> Cast<'a> {
             counts.reflection += u64::from(active.count());
             let coherence = coherence(&active, rays);
             slot.packet.clear_hits();
-            self.accelerator.closest_candidates(&active, &mut slot.packet, coherence);
+            let mut rest = active;
+            if !self.crevices.is_empty() {
+                let geometry = &self.world.geometry;
+                let packet = &mut slot.packet;
+                let (done, certain) =
+                    self.crevices.closest(geometry, self.accelerator, &active, packet);
+                (rest, self.certain) = (active.without(&done), certain);
+            } else {
+                self.certain = Mask::NONE;
+            }
+            self.accelerator.closest_candidates(&rest, &mut slot.packet, coherence);
         }
         active
     }
@@ -180,31 +214,34 @@ impl<'a> Cast<'a> {
                         let pixels = [&slot.x, &slot.y];
                         self.sampler.light_lanes(pixels, &slot.sample, lamp.index, bounce)
                     };
-                    self.one_point(&lamp, &area.points(&square), area.normal, counts, record);
+                    self.one_point(&lamp, &area.points(&square), Some(&area), counts, record);
                 }
                 Emitter::Area(area) => self.area_light(&lamp, area, slot, counts, record),
             }
         }
     }
 
-    /// A light of which every lane sees one point: that of `q`, on a light of this normal.
+    /// A light of which every lane sees one point: that of `q`, on the area if it has one.
     #[inline(always)]
     fn one_point<R: Record>(
         &mut self,
         lamp: &Lamp,
         q: &Lanes3,
-        normal: Option<Vec3>,
+        area: Option<&Area>,
         counts: &mut RayCounts,
         record: &mut R,
     ) {
         let light = lamp.light;
         let (points, rays, lit) = (&self.points.at, &mut self.shadow, &mut self.lit);
-        let active = light_rays(points, q, normal, self.world.falloff, lamp.glossy, rays, lit);
+        let (world, glossy) = (self.world, lamp.glossy);
+        let aimed = ShadowRays::aim(points, (q, area), world.falloff, glossy, rays, lit);
+        let active = aimed.active;
         if !active.any() {
             return;
         }
         counts.shadow += u64::from(active.count());
-        self.accelerator.occluded(&active, rays, Coherence::Coherent);
+        let scene = (&*world.geometry, self.accelerator);
+        aimed.trace(scene, &self.crevices, &OWN, rays, Coherence::Coherent);
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
         if R::ON {
             let mut seen = Mask::NONE;
@@ -299,13 +336,16 @@ impl<'a> Cast<'a> {
             let q = area.points(&square);
             self.gathered.gather(&self.points.at, &from, count);
             let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);
-            let active = light_rays(points, &q, area.normal, self.world.falloff, glossy, rays, lit);
+            let (world, light_points) = (self.world, (&q, Some(&area)));
+            let aimed = ShadowRays::aim(points, light_points, world.falloff, glossy, rays, lit);
+            let active = aimed.active;
             if !active.any() {
                 continue;
             }
             if stage.traced {
                 counts.shadow += u64::from(active.count());
-                self.accelerator.occluded(&active, rays, Coherence::Coherent);
+                let scene = (&*world.geometry, self.accelerator);
+                aimed.trace(scene, &self.crevices, &from, rays, Coherence::Coherent);
             }
             for j in (0..count).filter(|&j| active.0[j] != 0) {
                 let visible = rays.tfar[j] >= 0.0;

@@ -5,6 +5,7 @@
 
 mod block;
 mod cast;
+mod crevices;
 mod joint;
 mod lamp;
 mod noise;
@@ -13,6 +14,7 @@ mod pipeline;
 mod quarters;
 mod record;
 mod roulette;
+mod shadows;
 mod sky;
 mod slot;
 mod split;
@@ -28,10 +30,12 @@ use crate::world::World;
 
 use self::block::{BlockSums, Values};
 use self::cast::Cast;
+pub use self::crevices::Crevices;
 pub use self::noise::{Goal, Relative, Tally};
 pub use self::passes::{LEAST, PassKernel, Passes};
 use self::pipeline::{Finish, pipeline};
 pub use self::record::{Beauty, Layers, Record};
+pub use self::shadows::{OWN, ShadowRays};
 pub use self::slot::Pattern;
 
 use self::sky::Sky;

@@ -11,7 +11,7 @@ use glam::Vec3;
 use crate::accel::{Accelerator, BuildInfo};
 use crate::error::Result;
 use crate::film::Window;
-use crate::geometry::{Geometry, Surfaces, refine};
+use crate::geometry::{Geometry, Nearby, Surfaces, refine};
 use crate::integrate::{Integrator, Pattern, TILE, TileKernel};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
@@ -262,6 +262,10 @@ impl Accelerator for Recorder<'_> {
         });
         self.inner.closest(active, packet, coherence);
         self.with(|state| self.diffuse(state, &packet.hit(active), packet));
+    }
+
+    fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+        self.inner.near(geometry, nearby, found);
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, _: Coherence) {

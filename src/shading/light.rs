@@ -1,6 +1,6 @@
 //! Lights: where they are, and Blinn-Phong light at 16 points from 16 light points.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
 use crate::geometry::NONE;
@@ -40,6 +40,11 @@ pub struct Area {
     pub normal: Option<Vec3>,
     /// Points per shading point.
     pub samples: u32,
+    /// Unit normal of the rectangle, in f64.
+    pub plane: DVec3,
+    /// How far, along that normal, surfaces that the light lies in, and its points, may be from its plane; 0 for a
+    /// light that lies in none.
+    pub flush: f32,
 }
 
 impl Area {
@@ -113,7 +118,8 @@ pub fn light_rays(
         rays.tnear[i] = 0.0;
         let scale = origin.abs().max_element() + q.abs().max_element();
         let ulps = 4.0 * f32::EPSILON * (1.0 + scale / direction.abs().max_element());
-        rays.tfar[i] = 1.0 - ulps;
+        // A light that is nearer than its own rounding is not before the ray's start.
+        rays.tfar[i] = (1.0 - ulps).max(0.0);
         // A lifted origin may have its own facet between itself and a light below the facet's
         // horizon; otherwise a planar primitive cannot shadow a point of its own.
         let own_counts = (points.lifted.0[i] != 0) & (l.dot(lane(&points.ng, i)) < 0.0);

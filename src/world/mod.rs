@@ -2,6 +2,7 @@
 
 mod bounds;
 mod fingerprint;
+mod origin;
 mod place;
 mod resolution;
 mod textures;
@@ -23,6 +24,7 @@ use self::place::{LARGEST, PlacedMesh};
 
 pub use self::bounds::Bounds;
 pub use self::fingerprint::{Contents, fingerprint};
+pub use self::origin::Origin;
 pub use self::place::placement;
 pub use self::resolution::{Resolution, ulp};
 
@@ -90,6 +92,8 @@ pub struct World {
     pub transparent: bool,
     /// What single precision leaves of the meshes, if [`LoadOptions::resolutions`] asked.
     pub resolutions: Vec<Resolution>,
+    /// Why coordinates are relative to `geometry.origin`, and what that leaves near the camera.
+    pub origin: Origin,
 }
 
 impl World {
@@ -107,10 +111,11 @@ impl World {
         let mut warnings = Vec::new();
         let mut failures = Failures::default();
         let looks = failures.keep(textures::load(scene, options.texture_bytes, &mut warnings));
-        let mut bounds = Bounds::EMPTY;
+        let mut bounds = Vec::with_capacity(scene.shapes.len());
         let mut meshes = Vec::new();
         let mut own_textures = Vec::new();
         for (index, shape) in scene.shapes.iter().enumerate() {
+            let mut own = Bounds::of_shape(&shape.kind);
             if let ShapeKind::Trimesh(spec) = &shape.kind {
                 let textured = scene.materials[shape.material].texture.is_some();
                 let mesh = options.mesh(&spec.path, monitor);
@@ -120,7 +125,7 @@ impl World {
                 }
                 let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut warnings));
                 let Some(mesh) = failures.keep(mesh) else { continue };
-                bounds = bounds.union(mesh.bounds());
+                own = mesh.bounds();
                 if mesh.bounds().outside_view(&scene.camera) {
                     warnings.push(Problem::new(
                         &spec.place,
@@ -129,7 +134,7 @@ impl World {
                 }
                 meshes.push((index, mesh));
             }
-            bounds = bounds.union(Bounds::of_shape(&shape.kind));
+            bounds.push(own);
             monitor.set_done(index as u64 + 1);
             monitor.check()?;
         }
@@ -138,8 +143,11 @@ impl World {
         let left = options.texture_bytes;
         let own = textures::load_own(&own_textures, scene, left, &mut looks)?;
         let (textures, materials) = looks;
-        check_size(bounds, &mut warnings)?;
-        let origin = bounds.origin();
+        check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut warnings)?;
+        let shapes = scene.shapes.iter().map(|shape| &shape.kind);
+        let chosen = Origin::choose(&scene.camera, shapes.zip(bounds));
+        warnings.extend(chosen.warning());
+        let origin = chosen.position;
         let (mut resolutions, mut doubts) = (Vec::new(), Vec::new());
         if options.resolutions {
             resolutions.extend(meshes.iter().map(|(_, mesh)| mesh.resolution(origin)));
@@ -158,17 +166,17 @@ impl World {
             doubt.settle(mesh)
         });
         warnings.extend(settled);
-        let world = Self { resolutions, ..Self::over(Arc::new(geometry), Arc::new(shapes), scene) };
+        let world =
+            Self { resolutions, ..Self::over(Arc::new(geometry), Arc::new(shapes), chosen, scene) };
         Ok((world, warnings))
     }
 
     /// Everything but the shapes, which are there.
-    fn over(geometry: Arc<Geometry>, shapes: Arc<Shapes>, scene: &Scene) -> Self {
-        let origin = geometry.origin;
+    fn over(geometry: Arc<Geometry>, shapes: Arc<Shapes>, chosen: Origin, scene: &Scene) -> Self {
+        let origin = chosen.position;
         Self {
-            geometry,
             shapes,
-            lights: scene.lights.iter().map(|light| recentre(light, origin)).collect(),
+            lights: scene.lights.iter().map(|light| recentre(light, &geometry)).collect(),
             camera: Camera::new(&scene.camera, origin),
             frame: [scene.camera.width, scene.camera.height],
             margin: 0,
@@ -182,6 +190,8 @@ impl World {
             falloff: scene.falloff,
             transparent: scene.transparent,
             resolutions: Vec::new(),
+            origin: chosen,
+            geometry,
         }
     }
 
@@ -189,7 +199,7 @@ impl World {
     /// this world's geometry serves that one too. `scene` differs from the one that was loaded in
     /// nothing that concerns shapes or materials.
     pub fn frame_of(&self, scene: &Scene) -> Self {
-        Self::over(Arc::clone(&self.geometry), Arc::clone(&self.shapes), scene)
+        Self::over(Arc::clone(&self.geometry), Arc::clone(&self.shapes), self.origin, scene)
     }
 
     /// Lets `margin` more pixels be rendered on every side of the camera's frame, whose own pixels stay
@@ -235,16 +245,16 @@ fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
     Ok(())
 }
 
-fn recentre(light: &crate::scene::Light, origin: DVec3) -> Light {
+fn recentre(light: &crate::scene::Light, geometry: &Geometry) -> Light {
+    let origin = geometry.origin;
     let emitter = match &light.kind {
         LightKind::Point { position } => Emitter::Point((*position - origin).as_vec3()),
-        LightKind::Area { corner, edge, height, samples, lambertian } => Emitter::Area(Area {
-            corner: (*corner - origin).as_vec3(),
-            edge: edge.as_vec3(),
-            height: height.as_vec3(),
-            normal: lambertian.then(|| edge.cross(*height).normalize().as_vec3()),
-            samples: *samples,
-        }),
+        LightKind::Area { corner, edge, height, samples, lambertian } => {
+            let corner = (*corner - origin).as_vec3();
+            let mut area = Area::new(corner, *edge, *height, *lambertian, *samples);
+            area.set_flush(geometry);
+            Emitter::Area(area)
+        }
     };
     Light { diffuse: light.diffuse, specular: light.specular, emitter }
 }

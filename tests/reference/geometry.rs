@@ -49,7 +49,8 @@ impl Shape {
         let whole = |t: f64| Contact { t, part: 0, weights: [0.0; 3] };
         match self {
             Shape::Sphere { center, radius, .. } => {
-                let least = if left.is_some() { SPHERE_SKIN * radius } else { 0.0 };
+                // A ray that starts on the surface does not meet it there.
+                let least = if left.is_some() { SPHERE_SKIN } else { 1e-12 } * radius;
                 sphere(ray, *center, *radius, least, limit).map(whole)
             }
             Shape::Plane(_) | Shape::Triangle(_) if left.is_some() => None,

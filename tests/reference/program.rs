@@ -26,7 +26,7 @@ pub fn render(scene: &Path) -> Picture {
 }
 
 /// Reads the RGBA of the first layer that has it.
-fn read_exr(path: &Path) -> Picture {
+pub fn read_exr(path: &Path) -> Picture {
     let file = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()

@@ -10,6 +10,7 @@
 
 use super::node::Block;
 use super::query::Lane;
+use crate::geometry::is_after_start;
 use crate::ray::Rays;
 
 /// How far, relatively, a depth may lie outside of the corners' depths: u = 2^-24, which is what rounding does to
@@ -56,6 +57,13 @@ impl Ray64 {
             tnear: rays.tnear[i].into(),
             tfar: rays.tfar[i].into(),
         }
+    }
+
+    /// Whether the ray has started before it meets a triangle at `t`: see [`is_after_start`].
+    #[inline(always)]
+    pub fn is_started(&self, t: f64, corners: [[f32; 3]; 3]) -> bool {
+        let corners = corners.map(|corner| corner.map(f64::from).into());
+        is_after_start(corners, self.origin.into(), self.direction.into(), t)
     }
 }
 

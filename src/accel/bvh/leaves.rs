@@ -61,6 +61,13 @@ impl<'g> Leaves<'g> {
         33.0 * f32::EPSILON * (REACH + 1.0) * self.size() + 4.0 * f32::MIN_POSITIVE
     }
 
+    /// The triangles and quads of a leaf, by their primitive numbers.
+    pub fn primitives(&self, leaf: u32) -> impl Iterator<Item = u32> + '_ {
+        let block = self.tree.blocks.get(leaf as usize);
+        let all = block.into_iter().flat_map(|block| block.primitives);
+        all.filter(|&primitive| primitive != crate::ray::NONE)
+    }
+
     /// Whether all active rays start within [`REACH`].
     pub fn reaches(&self, active: &Mask, rays: &Rays) -> bool {
         let (lower, upper) = (self.tree.bounds.lower(), self.tree.bounds.upper());

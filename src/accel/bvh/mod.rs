@@ -30,6 +30,7 @@ pub mod kernels;
 // For Embree's tree.
 #[cfg_attr(not(feature = "embree"), allow(dead_code))]
 pub(super) mod leaves;
+mod near;
 mod node;
 
 mod packet;
@@ -55,7 +56,7 @@ use self::single::Single;
 use self::visits::{Counting, Counts};
 use super::{Accelerator, BuildInfo, BuildOptions, Visits};
 use crate::error::Result;
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, Nearby};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::simd::{Isa, Kernel};
@@ -108,7 +109,7 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
     #[inline(always)]
     fn run(self) {
         let Self { tier, bvh, active, packet } = self;
-        let query = Query::new(&packet.rays, &bvh.tree.bounds);
+        let query = Query::new(&packet.rays, &bvh.tree.flat_bounds);
         let mut found = Found::nothing(&packet.rays);
         let mut stack = Stack::new();
         for i in 0..LANES {
@@ -137,7 +138,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
     #[inline(always)]
     fn run(self) -> Mask {
         let Self { tier, bvh, active, packet } = self;
-        let query = Query::new(&packet.rays, &bvh.tree.bounds);
+        let query = Query::new(&packet.rays, &bvh.tree.flat_bounds);
         let scene = (&bvh.tree, bvh.geometry);
         let mut found = Found::nothing(&packet.rays);
         let mut stacks = Stacks::take();
@@ -171,7 +172,7 @@ impl<T: Tier> Kernel for SingleOccluded<'_, T> {
     #[inline(always)]
     fn run(self) {
         let Self { tier, bvh, active, rays } = self;
-        let query = Query::new(rays, &bvh.tree.bounds);
+        let query = Query::new(rays, &bvh.tree.flat_bounds);
         let mut path = Path::new();
         for i in 0..LANES {
             if active.0[i] != 0 && bvh.single(tier, &query, rays, i).occluded(&mut path) {
@@ -194,7 +195,7 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
     #[inline(always)]
     fn run(self) -> Mask {
         let Self { tier, bvh, active, rays } = self;
-        let query = Query::new(rays, &bvh.tree.bounds);
+        let query = Query::new(rays, &bvh.tree.flat_bounds);
         let scene = (&bvh.tree, bvh.geometry);
         let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (*active, Mask::NONE);
@@ -229,7 +230,7 @@ impl<T: Tier> Kernel for Reaches<'_, T> {
     #[inline(always)]
     fn run(self) -> bool {
         let Self { tier, bvh, active, rays } = self;
-        let query = Query::new(rays, &bvh.tree.bounds);
+        let query = Query::new(rays, &bvh.tree.flat_bounds);
         // Whoever asks does not ask often: rays of several axes are not looked at part by part.
         active.without(&query.aligned(active)).any()
             || Packet::new(tier, (&bvh.tree, bvh.geometry), (&query, rays), active).reaches()
@@ -295,6 +296,10 @@ impl Accelerator for Bvh<'_> {
     fn nothing_between(&self, active: &Mask, rays: &Rays) -> Option<bool> {
         let bvh = self;
         with_tier!(self.isa, tier => Some(!tier.run(Reaches { tier, bvh, active, rays })));
+    }
+
+    fn near(&self, _: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+        self.near_in_tree(nearby, found);
     }
 
     fn visits(

@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 use super::device::{self, Device};
 use super::ffi::{self, QueryArguments};
 use super::leaf::Context;
+use super::near::near;
 use super::scene::Scene;
 use super::{NO_HIT, ray};
 use crate::accel::bvh::Bvh;
@@ -15,7 +16,7 @@ use crate::accel::bvh::leaves::Leaves;
 use crate::accel::bvh::search::{Search, Visitor};
 use crate::accel::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, Nearby};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 
@@ -160,5 +161,11 @@ impl Accelerator for Exact<'_> {
             return self.far().occluded(active, rays, coherence);
         }
         self.leaves().occluded(active, rays, coherence, self);
+    }
+
+    fn near(&self, _: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+        near(&self.scene, nearby, &mut |_, leaf| {
+            self.leaves().primitives(leaf).for_each(&mut *found)
+        });
     }
 }

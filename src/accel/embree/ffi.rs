@@ -138,6 +138,36 @@ pub struct FilterArguments {
     pub n: c_uint,
 }
 
+/// `RTCPointQuery`.
+#[repr(C, align(16))]
+pub struct PointQuery {
+    pub point: [f32; 3],
+    pub time: f32,
+    pub radius: f32,
+}
+
+/// `RTCPointQueryContext` for one level of instances.
+#[repr(C, align(16))]
+pub struct PointQueryContext {
+    pub world2inst: [f32; 16],
+    pub inst2world: [f32; 16],
+    pub inst_id: c_uint,
+    pub inst_prim_id: c_uint,
+    pub inst_stack_size: c_uint,
+}
+
+/// `RTCPointQueryFunctionArguments`.
+#[repr(C, align(16))]
+pub struct PointQueryArguments {
+    pub query: *mut PointQuery,
+    pub user: *mut c_void,
+    pub prim_id: c_uint,
+    pub geom_id: c_uint,
+    pub context: *mut PointQueryContext,
+    pub similarity_scale: f32,
+}
+
+pub type PointQueryFunction = unsafe extern "C" fn(*const PointQueryArguments) -> bool;
 pub type ErrorFunction = unsafe extern "C" fn(*mut c_void, Enum, *const c_char);
 pub type MemoryFunction = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
 pub type ProgressFunction = unsafe extern "C" fn(*mut c_void, f64) -> bool;
@@ -207,6 +237,9 @@ api! {
     intersect16 = "rtcIntersect16": fn(*const Mask, Scene, *mut RayPacket, *mut QueryArguments);
     occluded1 = "rtcOccluded1": fn(Scene, *mut Ray, *mut QueryArguments);
     occluded16 = "rtcOccluded16": fn(*const Mask, Scene, *mut Rays, *mut QueryArguments);
+    point_query = "rtcPointQuery": fn(
+        Scene, *mut PointQuery, *mut PointQueryContext, Option<PointQueryFunction>, *mut c_void
+    ) -> bool;
 }
 
 /// Name, size, alignment and member offsets of every declared structure, as
@@ -358,6 +391,41 @@ pub const LAYOUTS: &[Layout] = &[
             ("N", offset_of!(FilterArguments, n)),
         ],
     ),
+    (
+        "RTCPointQuery",
+        size_of::<PointQuery>(),
+        align_of::<PointQuery>(),
+        &[
+            ("x", offset_of!(PointQuery, point)),
+            ("time", offset_of!(PointQuery, time)),
+            ("radius", offset_of!(PointQuery, radius)),
+        ],
+    ),
+    (
+        "RTCPointQueryContext",
+        size_of::<PointQueryContext>(),
+        align_of::<PointQueryContext>(),
+        &[
+            ("world2inst", offset_of!(PointQueryContext, world2inst)),
+            ("inst2world", offset_of!(PointQueryContext, inst2world)),
+            ("instID", offset_of!(PointQueryContext, inst_id)),
+            ("instPrimID", offset_of!(PointQueryContext, inst_prim_id)),
+            ("instStackSize", offset_of!(PointQueryContext, inst_stack_size)),
+        ],
+    ),
+    (
+        "RTCPointQueryFunctionArguments",
+        size_of::<PointQueryArguments>(),
+        align_of::<PointQueryArguments>(),
+        &[
+            ("query", offset_of!(PointQueryArguments, query)),
+            ("userPtr", offset_of!(PointQueryArguments, user)),
+            ("primID", offset_of!(PointQueryArguments, prim_id)),
+            ("geomID", offset_of!(PointQueryArguments, geom_id)),
+            ("context", offset_of!(PointQueryArguments, context)),
+            ("similarityScale", offset_of!(PointQueryArguments, similarity_scale)),
+        ],
+    ),
 ];
 
 const _: () = {
@@ -367,5 +435,7 @@ const _: () = {
     assert!(offset_of!(RayPacket, hits) == 768 && offset_of!(Rays, leaving) == 640);
     assert!(size_of::<Bounds>() == 32 && size_of::<QueryArguments>() == 32);
     assert!(offset_of!(QueryContext, bases) == 8);
+    assert!(size_of::<PointQuery>() == 32 && size_of::<PointQueryContext>() == 144);
+    assert!(size_of::<PointQueryArguments>() == 48);
     assert!(size_of::<UserArguments>() == 48 && size_of::<FilterArguments>() == 48);
 };

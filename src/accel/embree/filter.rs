@@ -13,7 +13,7 @@ use glam::DVec3;
 use super::candidate::Candidate;
 use super::extent::Extent;
 use super::ffi::FilterArguments;
-use crate::geometry::{Geometry, GeometryKind, Passing, passing, refine_triangle};
+use crate::geometry::{Geometry, GeometryKind, Passing, is_after_start, passing, refine_triangle};
 
 /// What tells true candidates.
 pub struct Truth<'g> {
@@ -117,11 +117,12 @@ impl<'g> Truth<'g> {
         let point = refine_triangle(corners, origin, direction, (0.0, 0.0));
         let within = |t: f64| (t > tnear) & (t < tfar);
         if point.met & within(point.t) {
-            return true;
+            return is_after_start(corners, origin, direction, point.t);
         }
         // At an end of the ray a candidate counts for all that its t may be off.
         self.passing(candidate)
-            .is_some_and(|at| within(at.passing.t) || at.passing.explains(candidate.t))
+            .filter(|at| within(at.passing.t) || at.passing.explains(candidate.t))
+            .is_some_and(|at| is_after_start(at.corners, origin, direction, at.passing.t))
     }
 }
 
@@ -161,7 +162,9 @@ impl<'a> Look<'a> {
             let least = best_found.passing.t;
             t < least || (t == least && number(candidate) < number(&best))
         });
-        if nearer && t > candidate.tnear && t < candidate.tfar {
+        let Candidate { origin, direction, tnear, tfar, .. } = *candidate;
+        let within = t > tnear && t < tfar && is_after_start(found.corners, origin, direction, t);
+        if nearer && within {
             self.best.set(Some((found, *candidate)));
         }
     }

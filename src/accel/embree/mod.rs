@@ -8,6 +8,7 @@ mod ffi;
 mod filter;
 mod fixed;
 mod leaf;
+mod near;
 mod scene;
 mod second_look;
 mod sphere;
@@ -18,9 +19,9 @@ pub use self::ffi::{LAYOUTS, Layout};
 use self::device::Device;
 use self::ffi::{QueryArguments, QueryContext};
 use self::filter::{Filter, Truth};
-use super::{Accelerator, BuildInfo, BuildOptions};
+use super::{Accelerator, BuildInfo, BuildOptions, is_near};
 use crate::error::Result;
-use crate::geometry::{Geometry, NONE};
+use crate::geometry::{Geometry, NONE, Nearby};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::simd::{self, Isa, Kernel};
@@ -111,9 +112,12 @@ impl<'g> Embree<'g> {
 
 /// What a packet asks for. It has just been written in whole registers: narrower loads than these would wait
 /// until it is in the cache.
+///
+/// Embree's segments are closed, ours are open: a ray that starts at 0 starts at the least normal number
+/// there, so that a hit at 0 is none.
 struct Asked<'a> {
     active: &'a Mask,
-    rays: &'a Rays,
+    rays: &'a mut Rays,
 }
 
 impl Kernel for Asked<'_> {
@@ -127,6 +131,8 @@ impl Kernel for Asked<'_> {
             let active = self.active.0[i];
             lanes += active & 1;
             leaving |= active & -i32::from(self.rays.leaving[i] != NONE);
+            let tnear = self.rays.tnear[i];
+            self.rays.tnear[i] = if tnear > f32::MIN_POSITIVE { tnear } else { f32::MIN_POSITIVE };
         }
         (lanes as u32, leaving != 0)
     }
@@ -171,7 +177,7 @@ impl Accelerator for Embree<'_> {
     }
 
     fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-        let (lanes, leaving) = simd::dispatch(self.isa, Asked { active, rays: &packet.rays });
+        let (lanes, leaving) = simd::dispatch(self.isa, Asked { active, rays: &mut packet.rays });
         let filter = leaving.then_some(Filter::Leaving);
         let scene = self.scene.handle();
         if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
@@ -199,12 +205,22 @@ impl Accelerator for Embree<'_> {
         // The time, which nothing reads in a scene that does not move, keeps the end of each ray:
         // in a filter `tfar` is the candidate's t.
         rays.time = rays.tfar;
-        let (lanes, _) = simd::dispatch(self.isa, Asked { active, rays });
+        let (lanes, _) = simd::dispatch(self.isa, Asked { active, rays: &mut *rays });
         self.any_hit(active, rays, coherence, lanes, Some(Filter::True(&self.truth)));
     }
 
+    fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+        near::near(&self.scene, nearby, &mut |geom, prim| {
+            // Embree offers all that its leaves there hold.
+            let primitive = geometry.primitive(geom, prim);
+            if is_near(geometry, primitive, nearby) {
+                found(primitive);
+            }
+        });
+    }
+
     fn occluded_candidates(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-        let (lanes, leaving) = simd::dispatch(self.isa, Asked { active, rays });
+        let (lanes, leaving) = simd::dispatch(self.isa, Asked { active, rays: &mut *rays });
         self.any_hit(active, rays, coherence, lanes, leaving.then_some(Filter::Leaving));
     }
 }

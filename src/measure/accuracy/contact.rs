@@ -2,6 +2,7 @@
 //! scales from 1e-6 to 1e6 and up to 1e7 times the object's size away from the world's origin.
 
 use std::path::Path;
+use std::time::Instant;
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -12,6 +13,7 @@ use super::column::Built;
 use super::judge::trace;
 use super::shadow::Points;
 use super::tally::{Kind, Tally, ulp};
+use crate::accel::Accelerator;
 use crate::accel::lane::lanes;
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE};
@@ -19,7 +21,7 @@ use crate::measure::random::Random;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
 use crate::scene::{self, Source};
-use crate::shading::set_lane;
+use crate::shading::{Area, set_lane};
 use crate::world::{LoadOptions, World};
 
 const GROUP: &str = "contact";
@@ -41,7 +43,7 @@ const CONTACT: f64 = 4.0;
 
 /// The primitives that objects are made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Made {
+pub(super) enum Made {
     Triangles,
     Quads,
     Spheres,
@@ -51,7 +53,7 @@ const MADE: [Made; 3] = [Made::Triangles, Made::Quads, Made::Spheres];
 
 /// An object in its world.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+pub(super) struct Place {
     scale: f64,
     offset: DVec3,
     turn: DMat3,
@@ -93,7 +95,7 @@ impl Place {
 }
 
 /// A world of shapes, as it would be read from a file.
-fn world(shapes: &[Value], offset: &DVec3, scale: f64) -> Result<World> {
+pub(super) fn world(shapes: &[Value], offset: &DVec3, scale: f64) -> Result<World> {
     let at = |v: DVec3| json!((*offset + v * scale).to_array());
     let scene = json!({
         "camera": { "type": "pinhole", "width": 16, "height": 16, "fov": 50,
@@ -132,7 +134,7 @@ fn convex(made: Made, place: &Place) -> Vec<Value> {
 }
 
 /// A direction within the hemisphere around `normal`, its cosine at least `least`.
-fn above(random: &mut Random, normal: DVec3, least: f64) -> DVec3 {
+pub(super) fn above(random: &mut Random, normal: DVec3, least: f64) -> DVec3 {
     let side = random.direction().cross(normal).normalize_or(normal.any_orthonormal_vector());
     let cosine = random.within(least, 1.0);
     normal * cosine + side * (1.0 - cosine * cosine).sqrt()
@@ -162,7 +164,7 @@ fn looks(
 
 /// Traces packets through a world: `looks` makes them, `judge` aims at lights from what a column
 /// saw and says what is wrong.
-fn check(
+pub(super) fn check(
     run: &mut Run,
     geometry: &Geometry,
     salt: u64,
@@ -188,7 +190,8 @@ fn check(
                         let all = Mask([-1; LANES]);
                         tally.nanoseconds +=
                             trace(&**accelerator, &all, &mut packet, false, Coherence::Coherent);
-                        let points = Points::new(geometry, &packet.hit(&all), &packet);
+                        let scene = (geometry, &**accelerator);
+                        let points = Points::new(scene, &packet.hit(&all), &packet);
                         let seen = Seen {
                             geometry,
                             column,
@@ -212,33 +215,53 @@ fn check(
 }
 
 /// What a column saw of a packet.
-struct Seen<'a> {
+pub(super) struct Seen<'a> {
     geometry: &'a Geometry,
-    column: &'a super::column::Column,
-    accelerator: &'a dyn crate::accel::Accelerator,
+    pub column: &'a super::column::Column,
+    accelerator: &'a dyn Accelerator,
     packet: &'a RayPacket,
-    points: Points,
+    pub points: Points,
 }
 
 impl Seen<'_> {
     /// For each way to ask: which lanes have a shadow ray, and which of them are occluded.
-    fn occluded(&self, lights: &[DVec3; LANES], tally: &mut Tally) -> Vec<(Mask, [bool; LANES])> {
+    pub fn occluded(
+        &self,
+        lights: &[DVec3; LANES],
+        area: Option<&Area>,
+        tally: &mut Tally,
+    ) -> Vec<(Mask, [bool; LANES])> {
         let mut q = [[0.0; LANES]; 3];
         for (i, light) in lights.iter().enumerate() {
             set_lane(&mut q, i, light.as_vec3());
         }
-        let (active, rays) = self.points.shadow_rays(self.column.backend(), &q);
+        let backend = self.column.backend();
+        let (aimed, rays) = self.points.shadow_rays(backend, (&q, area));
         let ways = self.column.ways(Coherence::Coherent).into_iter();
         ways.map(|way| {
-            let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
-            tally.nanoseconds += trace(self.accelerator, &active, &mut packet, true, way);
-            (active, packet.rays.tfar.map(|tfar| tfar == f32::NEG_INFINITY))
+            let (mut rays, started) = (rays.clone(), Instant::now());
+            self.points.trace(backend, self.scene(), &aimed, &mut rays, way);
+            tally.nanoseconds += started.elapsed().as_nanos() as u64;
+            (aimed.active, rays.tfar.map(|tfar| tfar == f32::NEG_INFINITY))
         })
         .collect()
     }
 
+    /// What rays are traced in.
+    pub fn scene(&self) -> (&Geometry, &dyn Accelerator) {
+        (self.geometry, self.accelerator)
+    }
+
+    /// Which points lie below a light's plane, on the side of the scene's middle, by more than rounding.
+    pub fn is_below(&self, area: &Area) -> [bool; LANES] {
+        std::array::from_fn(|i| {
+            let at = self.points.position(i) - area.corner.as_dvec3();
+            at.dot(area.plane).abs() > 1e-4 * at.length()
+        })
+    }
+
     /// Primitive of lane `i`, if it hit one.
-    fn primitive(&self, i: usize) -> Option<u32> {
+    pub fn primitive(&self, i: usize) -> Option<u32> {
         let hits = &self.packet.hits;
         (hits.geom[i] != NONE).then(|| self.geometry.primitive(hits.geom[i], hits.prim[i]))
     }
@@ -271,7 +294,7 @@ fn self_shadow(scale: f64) -> Case {
                             let normal = seen.points.normal(i);
                             seen.points.position(i) + above(random, normal, 0.01) * distance
                         });
-                        for (active, occluded) in seen.occluded(&lights, tally) {
+                        for (active, occluded) in seen.occluded(&lights, None, tally) {
                             for i in lanes(&active) {
                                 tally.rays += 1;
                                 let (at, normal) = (seen.points.position(i), seen.points.normal(i));
@@ -391,7 +414,7 @@ fn in_contact(
                 let distance = 10f64.powf(random.within(-0.5, 2.0)) * scale;
                 seen.points.position(i) + above(random, up, 0.05) * distance
             });
-            for (active, occluded) in seen.occluded(&lights, tally) {
+            for (active, occluded) in seen.occluded(&lights, None, tally) {
                 for i in lanes(&active) {
                     tally.rays += 1;
                     let point = seen.points.position(i);

@@ -2,7 +2,7 @@
 //!
 //! A [`Case`] is a row of the table: what is traced, what must come out, and by what mark it passes.
 //! Its file builds the geometry and aims the rays (`watertight`, `degenerate`, `rays`, `grazing`,
-//! `quads`, `contact`, `spheres`, `map_coordinates`, `conservative`); [`Run`] traces them on every
+//! `quads`, `contact`, `secondary`, `spheres`, `map_coordinates`, `conservative`); [`Run`] traces them on every
 //! [`Column`] and `judge` counts what is wrong.
 
 mod case;
@@ -18,6 +18,7 @@ mod picture;
 mod quads;
 mod rays;
 mod report;
+mod secondary;
 mod shadow;
 mod spheres;
 mod tally;
@@ -42,6 +43,7 @@ pub fn catalogue() -> Vec<Case> {
         grazing::cases(),
         quads::cases(),
         contact::cases(),
+        secondary::cases(),
         spheres::cases(),
         map_coordinates::cases(),
         conservative::cases(),

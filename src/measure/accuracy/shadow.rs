@@ -2,11 +2,13 @@
 
 use glam::{DVec3, Vec3};
 
+use crate::accel::Accelerator;
 use crate::accel::lane::lanes;
 use crate::geometry::{Geometry, NONE, Surfaces, refine};
-use crate::ray::{LANES, Mask, RayPacket, Rays};
+use crate::integrate::{Crevices, OWN, ShadowRays};
+use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::scene::Backend;
-use crate::shading::{Falloff, Lanes3, Lit, ShadowPoints, lane, light_rays, set_lane};
+use crate::shading::{self, Area, Falloff, Lanes3, Lit, ShadowPoints, lane, reflect, set_lane};
 
 /// How far the coursework moved the origins of secondary rays along the normal, in world units.
 const COURSEWORK_OFFSET: f64 = 1e-4;
@@ -15,13 +17,24 @@ const COURSEWORK_OFFSET: f64 = 1e-4;
 pub struct Points {
     surfaces: Surfaces,
     points: ShadowPoints,
+    crevices: Crevices,
 }
 
 impl Points {
     /// Of the lanes that `hit`.
-    pub fn new(geometry: &Geometry, hit: &Mask, packet: &RayPacket) -> Self {
+    pub fn new(
+        (geometry, accelerator): (&Geometry, &dyn Accelerator),
+        hit: &Mask,
+        packet: &RayPacket,
+    ) -> Self {
         let mut surfaces = Surfaces::EMPTY;
         refine(geometry, hit, packet, &mut surfaces);
+        let mut crevices = Crevices::default();
+        let mut at_edge = surfaces.at_edge;
+        (0..LANES).for_each(|i| at_edge.0[i] &= hit.0[i]);
+        if at_edge.any() {
+            crevices.find(geometry, accelerator, packet, &surfaces, &at_edge);
+        }
         let mut points = ShadowPoints::EMPTY;
         points.hit = *hit;
         points.position = surfaces.position;
@@ -33,7 +46,7 @@ impl Points {
             let direction = Vec3::from([0, 1, 2].map(|k| packet.rays.dir[k][i]));
             set_lane(&mut points.view, i, -direction.normalize_or(Vec3::X));
         }
-        Self { surfaces, points }
+        Self { surfaces, points, crevices }
     }
 
     /// Position of lane `i`, rounded to f32.
@@ -46,19 +59,54 @@ impl Points {
         lane(&self.surfaces.ng, i).as_dvec3()
     }
 
-    /// The rays to the lights `q`, and which there are.
-    pub fn shadow_rays(&self, backend: Backend, q: &Lanes3) -> (Mask, Rays) {
+    /// The rays to the lights `q`, on an area if they have one.
+    pub fn shadow_rays<'a>(
+        &self,
+        backend: Backend,
+        light: (&Lanes3, Option<&'a Area>),
+    ) -> (ShadowRays<'a>, Rays) {
         let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
-        let active = light_rays(&self.points, q, None, Falloff::None, false, &mut rays, &mut lit);
+        let aimed = ShadowRays::aim(&self.points, light, Falloff::None, false, &mut rays, &mut lit);
         if backend == Backend::Coursework {
-            for i in lanes(&active) {
+            for i in lanes(&aimed.active) {
                 let origin = self.position(i) + self.normal(i) * COURSEWORK_OFFSET;
                 let origin = origin.as_vec3();
                 set_lane(&mut rays.org, i, origin);
-                set_lane(&mut rays.dir, i, lane(q, i) - origin);
+                set_lane(&mut rays.dir, i, lane(light.0, i) - origin);
                 (rays.tfar[i], rays.leaving[i]) = (1.0, NONE);
             }
         }
-        (active, rays)
+        (aimed, rays)
+    }
+
+    /// Traces such rays as rendering does; those of `coursework` as that did.
+    pub fn trace(
+        &self,
+        backend: Backend,
+        scene: (&Geometry, &dyn Accelerator),
+        aimed: &ShadowRays,
+        rays: &mut Rays,
+        coherence: Coherence,
+    ) {
+        match backend {
+            Backend::Coursework => scene.1.occluded(&aimed.active, rays, coherence),
+            _ => aimed.trace(scene, &self.crevices, &OWN, rays, coherence),
+        }
+    }
+
+    /// The mirrored rays of the points, traced.
+    pub fn mirrored(
+        &self,
+        (geometry, accelerator): (&Geometry, &dyn Accelerator),
+        coherence: Coherence,
+    ) -> (Mask, RayPacket) {
+        let mut points = shading::Points::EMPTY;
+        points.at = self.points.clone();
+        points.kr = [1.0; LANES];
+        let mut packet = RayPacket::EMPTY;
+        let active = reflect(&points, &self.surfaces.outside, &mut packet.rays);
+        let (done, _) = self.crevices.closest(geometry, accelerator, &active, &mut packet);
+        accelerator.closest(&active.without(&done), &mut packet, coherence);
+        (active, packet)
     }
 }

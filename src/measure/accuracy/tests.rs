@@ -154,7 +154,7 @@ fn names_are_unique_and_every_part_of_the_catalogue_is_there() {
     let names: HashSet<(&str, &str)> = cases.iter().map(|c| (c.group, c.name.as_str())).collect();
     assert_eq!(names.len(), cases.len());
     let groups: HashSet<&str> = cases.iter().map(|case| case.group).collect();
-    assert_eq!(groups.len(), 9);
+    assert_eq!(groups.len(), 10);
 }
 
 #[test]

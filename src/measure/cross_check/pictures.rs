@@ -11,6 +11,7 @@ use crate::accel::lane::{Ray, lanes};
 use crate::accel::{Accelerator, BuildInfo};
 use crate::error::Result;
 use crate::film::{Film, Window};
+use crate::geometry::{Geometry, Nearby};
 use crate::integrate::{Integrator, TileKernel};
 use crate::measure::rays::Recorded;
 use crate::monitor::Monitor;
@@ -205,6 +206,10 @@ impl Accelerator for Witness<'_> {
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         self.compare(active, &packet.rays, false, coherence);
         self.contenders[0].accelerator.closest(active, packet, coherence);
+    }
+
+    fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+        self.contenders[0].accelerator.near(geometry, nearby, found);
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {

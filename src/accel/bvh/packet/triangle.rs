@@ -6,6 +6,7 @@ use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, STEEP, Sheared};
 use crate::accel::bvh::node::Block;
 use crate::accel::bvh::query::{max, min};
 use crate::accel::bvh::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
+use crate::geometry::NEAR_START;
 use crate::ray::LANES;
 
 /// A triangle against the lines of 16 rays, in f32.
@@ -106,7 +107,9 @@ impl<T: Tier> Packet<'_, T> {
             let within =
                 (depth + slack >= f64::from(first[i])) & (depth - slack <= f64::from(last[i]));
             let steep = STEEP * towards[i].abs() >= least * along;
-            unsure[i] |= maybe[i] & -i32::from(!within);
+            let far = max(-first[i], last[i]);
+            let started = depth > NEAR_START * f64::from(far);
+            unsure[i] |= maybe[i] & -i32::from(!(within & started));
             flat[i] = maybe[i] & -i32::from(!steep);
             doubt |= unsure[i];
             any_flat |= flat[i];
@@ -192,6 +195,7 @@ impl<T: Tier> Packet<'_, T> {
             if seen.inside() {
                 let ray = Ray64::new(self.rays, i, lane.axes[2]);
                 t[i] = seen.t(&ray, block.triangle(slot));
+                hit[i] = -i32::from(ray.is_started(t[i], block.triangle(slot)));
             } else {
                 hit[i] = 0;
             }

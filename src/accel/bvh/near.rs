@@ -1,0 +1,40 @@
+//! What lies near a point.
+
+use super::Bvh;
+use super::node::{Child, Kind, WIDTH};
+use crate::accel::reaches;
+use crate::geometry::Nearby;
+use crate::ray::NONE;
+
+impl Bvh<'_> {
+    /// See [`crate::accel::Accelerator::near`].
+    pub(super) fn near_in_tree(&self, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+        let [low, high] = nearby;
+        let mut stack = vec![Child::node(0)];
+        while let Some(child) = stack.pop() {
+            match child.kind() {
+                Kind::Node(index) => {
+                    let node = &self.tree.nodes[index];
+                    let mut reached = [true; WIDTH];
+                    for axis in 0..3 {
+                        for i in 0..WIDTH {
+                            reached[i] &= (node.planes[axis][i] <= high[axis])
+                                & (node.planes[axis + 3][i] >= low[axis]);
+                        }
+                    }
+                    stack.extend((0..WIDTH).filter(|&i| reached[i]).map(|i| node.children[i]));
+                }
+                Kind::Triangles(index) => {
+                    let block = &self.tree.blocks[index];
+                    for slot in 0..WIDTH {
+                        let primitive = block.primitives[slot];
+                        if primitive != NONE && reaches(&block.triangle(slot), nearby) {
+                            found(primitive);
+                        }
+                    }
+                }
+                Kind::Spheres(_) | Kind::Empty => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! What lies near a point, by Embree's point query.
+
+use std::ffi::c_void;
+
+use super::ffi::{PointQuery, PointQueryArguments, PointQueryContext};
+use super::scene::Scene;
+use crate::geometry::Nearby;
+use crate::ray::NONE;
+
+/// Wider than what rounding takes off the radius.
+const WIDER: f32 = 1.0 + 16.0 * f32::EPSILON;
+
+type Found<'f> = &'f mut dyn FnMut(u32, u32);
+
+/// Calls `found` with geometry and primitive id of all whose boxes reach into the sphere around a box, and
+/// perhaps for some more.
+pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: Found) {
+    let point = [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k]);
+    let radius = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt() * WIDER;
+    let mut query = PointQuery { point, time: 0.0, radius };
+    let mut context = PointQueryContext {
+        world2inst: [0.0; 16],
+        inst2world: [0.0; 16],
+        inst_id: NONE,
+        inst_prim_id: NONE,
+        inst_stack_size: 0,
+    };
+    let user = std::ptr::from_mut(&mut found).cast::<c_void>();
+    // SAFETY: a live scene; query and context are laid out as Embree's and outlive the call, as does `found`,
+    // which the callback alone uses.
+    unsafe {
+        (scene.api().point_query)(scene.handle(), &mut query, &mut context, Some(on_found), user);
+    }
+}
+
+unsafe extern "C" fn on_found(args: *const PointQueryArguments) -> bool {
+    // SAFETY: Embree passes valid arguments with the user data of `near`.
+    let (args, found) = unsafe { (&*args, &mut *(*args).user.cast::<Found>()) };
+    found(args.geom_id, args.prim_id);
+    // The radius is as it was.
+    false
+}

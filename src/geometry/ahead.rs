@@ -1,0 +1,62 @@
+//! Whether a ray meets a plane after its start.
+//!
+//! A ray starts after its origin: what holds the origin itself is not met there. In f64 the parameter of
+//! such a plane is zero or noise of either sign, so near zero its sign is decided with some 106 bits.
+
+use glam::DVec3;
+
+use super::twofold::Twofold3;
+
+/// What some ten roundings of 2^-104 come to, relative to the permanent of the product, 16 times over.
+const ROUNDING: f64 = 1.0 / (1u128 << 96) as f64;
+
+/// A hit nearer than this part of the triangle's farthest coordinate may lie where the ray starts.
+pub const NEAR_START: f64 = 1.0 / (1u64 << 12) as f64;
+
+/// Whether a triangle that a ray meets at `t`, as f64 has it, lies after the ray's start.
+#[inline(always)]
+pub fn is_after_start(corners: [DVec3; 3], origin: DVec3, direction: DVec3, t: f64) -> bool {
+    let [a, b, c] = corners.map(|v| (v - origin).abs());
+    let far = a.max(b).max(c).max_element();
+    t * direction.abs().max_element() > NEAR_START * far || is_ahead(corners, origin, direction)
+}
+
+/// Whether `origin + t direction` meets the plane of a triangle at a t > 0: not if the origin lies in the
+/// plane, nor if the ray runs along it. Coordinates are values of f32, so that their differences are exact.
+#[cold]
+#[inline(never)]
+pub fn is_ahead([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3) -> bool {
+    let (e1, e2) = (Twofold3::between(v0, v1), Twofold3::between(v0, v2));
+    let normal = e1.cross(&e2);
+    let way = Twofold3::between(DVec3::ZERO, direction);
+    let towards = normal.dot(&way).value();
+    let above = normal.dot(&Twofold3::between(origin, v0)).value();
+    let sum = |v: DVec3| v.x.abs() + v.y.abs() + v.z.abs();
+    let permanent = sum(v1 - v0) * sum(v2 - v0) * sum(v0 - origin);
+    above.abs() > ROUNDING * permanent && (above > 0.0) == (towards > 0.0) && towards != 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_corner_is_not_ahead_of_itself() {
+        let corners = [[0.1f32, 0.7, -0.3], [1.3, 0.2, 0.9], [-0.6, 0.4, 0.35]]
+            .map(|v| DVec3::from(v.map(f64::from)));
+        for origin in corners {
+            for direction in [DVec3::X, DVec3::new(0.3, -0.9, 0.2), -DVec3::Z] {
+                assert!(!is_ahead(corners, origin, direction));
+            }
+        }
+    }
+
+    #[test]
+    fn the_next_number_is_ahead_or_behind() {
+        let corners = [DVec3::new(-1.0, 0.0, -1.0), DVec3::X, DVec3::Z];
+        let above = DVec3::new(0.1, f64::from(f32::MIN_POSITIVE), 0.2);
+        assert!(is_ahead(corners, above, -DVec3::Y));
+        assert!(!is_ahead(corners, above, DVec3::Y));
+        assert!(!is_ahead(corners, above, DVec3::X));
+    }
+}

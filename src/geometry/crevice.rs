@@ -1,0 +1,215 @@
+//! The surfaces that meet near a point, as a ray that leaves it has to see them.
+//!
+//! A hit's point is rounded to f32 outside of its own primitive. Where that primitive shares an edge with
+//! another one that rises above it - the inner edge of a room - the rounded point may lie behind the
+//! other one, and a test in f32, whose corners move, may let a ray slip between the two. So near an edge
+//! the walls are tested in f64 from the exact point, which lies in front of all of them.
+
+use glam::DVec3;
+
+use super::{Geometry, GeometryKind};
+
+/// How far, in units of a corner's distance, the triangle test may move a corner, and of a coordinate, how
+/// far rounding moves a point: 8.5u and 5.2u with u = 2^-24, rounded up.
+pub const REACH: f64 = 9.0 / (1u64 << 24) as f64;
+
+/// Weights that are outside by this little are inside: some thousand roundings of f64.
+const EQUAL: f64 = 1.0 / (1u64 << 43) as f64;
+
+/// How far the point is moved into its own triangle, relative to the way to its middle and to its coordinates: far
+/// more than f64 rounds off, far less than f32 does. So it lies on no edge, and in front of the walls.
+const INWARD: [f64; 2] = [1.0 / (1u64 << 36) as f64, 1.0 / (1u64 << 44) as f64];
+
+/// A box of f32 in which a point's neighbours lie.
+pub type Nearby = [[f32; 3]; 2];
+
+/// A triangle that rises above the surface which a ray leaves.
+#[derive(Debug, Clone, Copy)]
+struct Wall {
+    /// Primitive number in the whole scene.
+    primitive: u32,
+    corners: [DVec3; 3],
+    /// `(v1 - v0) x (v2 - v0)`.
+    normal: DVec3,
+    /// Whether these are the corners v2, v3, v1 of a quad.
+    second_half: bool,
+}
+
+/// Where a ray from the exact point meets a wall.
+#[derive(Debug, Clone, Copy)]
+pub struct WallHit {
+    /// In units of the direction; >= 0.
+    pub t: f64,
+    /// Primitive number in the whole scene.
+    pub primitive: u32,
+    /// Weight of the second corner, as a backend reports it.
+    pub u: f32,
+    /// Weight of the third corner, likewise.
+    pub v: f32,
+}
+
+/// A point near an edge of its primitive, and the walls that stand there.
+#[derive(Debug, Clone)]
+pub struct Crevice {
+    /// The point in f64, a hair inside of its triangle.
+    point: DVec3,
+    walls: Vec<Wall>,
+    /// Whether the rounded point lies in front of all of them.
+    pub is_clear: bool,
+}
+
+impl Crevice {
+    /// The box to look for neighbours of `point` in, on a triangle of these corners.
+    pub fn nearby(point: DVec3, corners: [DVec3; 3]) -> Nearby {
+        let far = corners.iter().fold(0.0, |far: f64, v| far.max((*v - point).abs().max_element()));
+        let reach = 2.0 * REACH * (point.abs().max_element() + far) + f64::from(f32::MIN_POSITIVE);
+        let outward = |v: DVec3, sign: f64| {
+            let moved = v + sign * reach;
+            (moved + sign * moved.abs() * f64::from(f32::EPSILON)).as_vec3().to_array()
+        };
+        [outward(point, -1.0), outward(point, 1.0)]
+    }
+
+    /// What stands around `point` on the triangle `own` of primitive `leaving`, whose unit normal is turned to
+    /// the viewer, among the `neighbours`; rays start at `origin`. `None` if nothing rises above it.
+    pub fn new(
+        geometry: &Geometry,
+        (point, origin): (DVec3, DVec3),
+        (own, up, leaving): ([DVec3; 3], DVec3, u32),
+        neighbours: &[u32],
+    ) -> Option<Self> {
+        let mut walls = Vec::new();
+        for &primitive in neighbours.iter().filter(|&&primitive| primitive != leaving) {
+            for (corners, second_half) in triangles(geometry, primitive) {
+                let [a, b, c] = corners;
+                let normal = (b - a).cross(c - a);
+                if corners.iter().any(|&v| rises(v, point, own[0], up)) {
+                    walls.push(Wall { primitive, corners, normal, second_half });
+                }
+            }
+        }
+        let middle = (own[0] + own[1] + own[2]) / 3.0 - point;
+        let [least, of_coordinates] = INWARD;
+        let share = of_coordinates * point.abs().max_element() / middle.abs().max_element();
+        let point = point + middle * share.max(least).min(0.25);
+        let is_clear = walls.iter().all(|wall| wall.has_on_one_side(point, origin));
+        (!walls.is_empty()).then_some(Self { point, walls, is_clear })
+    }
+
+    /// The first wall that a ray from the point meets before `tfar`.
+    pub fn meet(&self, direction: DVec3, tfar: f64) -> Option<WallHit> {
+        let hits = self.walls.iter().filter_map(|wall| wall.meet(self.point, direction));
+        hits.filter(|hit| hit.t < tfar).min_by(|a, b| a.t.total_cmp(&b.t))
+    }
+
+    /// Whether a primitive is one of the walls: [`Crevice::meet`] decides about it.
+    pub fn has(&self, primitive: u32) -> bool {
+        self.walls.iter().any(|wall| wall.primitive == primitive)
+    }
+}
+
+/// Whether a corner stands above the plane through `own` with the unit normal `up`, by more than rounding.
+fn rises(corner: DVec3, point: DVec3, own: DVec3, up: DVec3) -> bool {
+    let size = (corner - point).length() + (own - point).length() + point.length();
+    (corner - own).dot(up) > EQUAL * size
+}
+
+impl Wall {
+    /// Whether two points lie on the same side of the plane, both by more than rounding.
+    fn has_on_one_side(&self, p: DVec3, q: DVec3) -> bool {
+        let [a, b, c] = self.corners;
+        let above = |v: DVec3| (v - a).dot(self.normal);
+        let size = (b - a).length() * (c - a).length() * ((a - p).length() + p.length());
+        above(p) * above(q) > 0.0 && above(q).abs() > EQUAL * size
+    }
+
+    /// Where a ray from `point` meets it; edges belong to it.
+    fn meet(&self, point: DVec3, direction: DVec3) -> Option<WallHit> {
+        let [a, b, c] = self.corners;
+        let (e1, e2, to_a) = (b - a, c - a, a - point);
+        let det = self.normal.dot(direction);
+        let t = to_a.dot(self.normal) / det;
+        let r = to_a.cross(direction);
+        let (u, v) = (r.dot(e2) / det, -r.dot(e1) / det);
+        let permanent = to_a.length() * direction.length() * e1.length().max(e2.length());
+        let slack = (EQUAL * (1.0 + permanent / det.abs())).min(1.0 / 1024.0);
+        // A NaN, of a ray along the plane, is no hit.
+        if !(t >= 0.0 && u >= -slack && v >= -slack && u + v <= 1.0 + slack) {
+            return None;
+        }
+        let (u, v) = super::clamp_barycentrics(u, v);
+        let (u, v) = if self.second_half { (1.0 - u, 1.0 - v) } else { (u, v) };
+        Some(WallHit { t, primitive: self.primitive, u: u as f32, v: v as f32 })
+    }
+}
+
+/// The triangles of a planar primitive, and whether each is the second half of a quad.
+fn triangles(geometry: &Geometry, primitive: u32) -> Vec<([DVec3; 3], bool)> {
+    let (geom, prim) = geometry.place(primitive);
+    let doubles = |corners: [[f32; 3]; 3]| corners.map(|v| DVec3::from(v.map(f64::from)));
+    match geometry.kind(geom) {
+        GeometryKind::Mesh(mesh) => vec![(doubles(geometry.meshes[mesh].corners(prim)), false)],
+        GeometryKind::Quads => {
+            let [v0, v1, v2, v3] = geometry.quads[prim as usize];
+            vec![(doubles([v0, v1, v3]), false), (doubles([v2, v3, v1]), true)]
+        }
+        GeometryKind::Spheres => Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A floor, z = 0, x and y >= 0, and walls on the planes x = 0 and y = 0.
+    fn corner() -> Geometry {
+        let quads = vec![
+            [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+            [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]],
+            [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, 0.0]],
+        ];
+        Geometry::new(DVec3::ZERO, vec![], quads, vec![]).unwrap()
+    }
+
+    fn at(point: DVec3, origin: DVec3) -> Option<Crevice> {
+        let geometry = corner();
+        let own = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        Crevice::new(&geometry, (point, origin), (own, DVec3::Z, 0), &[0, 1, 2])
+    }
+
+    #[test]
+    fn a_ray_into_the_wall_meets_it_even_from_the_edge() {
+        let point = DVec3::new(0.0, 0.3, 0.0);
+        let crevice = at(point, DVec3::new(-1e-8, 0.3, 1e-9)).unwrap();
+        assert!(!crevice.is_clear && crevice.has(1) && !crevice.has(0));
+        let hit = crevice.meet(DVec3::new(-1.0, 0.0, 1e-6), 1.0).unwrap();
+        assert!(hit.primitive == 1 && (0.0..1e-10).contains(&hit.t));
+        assert!(crevice.meet(DVec3::new(1e-9, 0.0, 1.0), f64::INFINITY).is_none(), "off the wall");
+        // Both walls, from the vertex.
+        let crevice = at(DVec3::ZERO, DVec3::ZERO).unwrap();
+        for direction in [DVec3::new(-1.0, 0.5, 0.1), DVec3::new(0.5, -1.0, 0.1)] {
+            assert!(crevice.meet(direction, 1.0).is_some());
+        }
+        assert!(crevice.meet(DVec3::ONE, 1.0).is_none());
+    }
+
+    #[test]
+    fn a_point_before_the_wall_is_before_it() {
+        let point = DVec3::new(1e-7, 0.3, 0.0);
+        let crevice = at(point, point).unwrap();
+        assert!(crevice.is_clear);
+        let hit = crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1.0).unwrap();
+        assert!((hit.t - 1e-7).abs() < 1e-10);
+        assert!(crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1e-8).is_none(), "the light is nearer");
+    }
+
+    #[test]
+    fn what_falls_away_is_no_wall() {
+        let geometry = corner();
+        let own = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let point = DVec3::new(0.0, 0.3, 0.0);
+        // Seen from below, the walls are behind the floor.
+        let seen = Crevice::new(&geometry, (point, point), (own, -DVec3::Z, 0), &[0, 1, 2]);
+        assert!(seen.is_none());
+    }
+}

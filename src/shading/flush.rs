@@ -1,0 +1,138 @@
+//! Area lights that lie in a surface: a panel in a ceiling, a window in a wall.
+//!
+//! Such a surface cannot shadow its light, but its rounding may stand before that of the light's points. So
+//! a shadow ray ends before the plane by the distance that the two are apart, which at a small angle is far
+//! along the ray.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::light::Area;
+use super::points::{ShadowPoints, lane};
+use crate::geometry::{Geometry, GeometryKind};
+use crate::ray::{LANES, Mask, Rays};
+
+/// u: half an ulp of 1.
+const UNIT: f64 = 0.5 * f32::EPSILON as f64;
+
+/// See [`Area::gap`].
+const COPLANAR: f64 = 4.0 * UNIT;
+
+/// A ray that would end before this because of its light's plane is traced to its end instead.
+const GRAZING: f64 = 1.0 - 1.0 / 256.0;
+
+/// N.L of a point in a light's plane that sees the light beside it.
+const ALONG: f64 = 1e-4;
+
+impl Area {
+    /// A light of `samples` points with these sides, in the scene's recentred space, that lies in no surface yet.
+    pub fn new(corner: Vec3, edge: DVec3, height: DVec3, lambertian: bool, samples: u32) -> Self {
+        let plane = edge.cross(height).normalize();
+        let normal = lambertian.then(|| plane.as_vec3());
+        let (edge, height) = (edge.as_vec3(), height.as_vec3());
+        Self { corner, edge, height, normal, samples, plane, flush: 0.0 }
+    }
+
+    /// How far a primitive reaches from the light's plane, if it lies in it for all that f32 can tell: a wall,
+    /// a ceiling. What is farther from it than 4u of its largest coordinate (u = 2^-24) lies before or behind the
+    /// light; corners in the light's own plane are rounded by 1.8u.
+    pub fn gap(&self, geometry: &Geometry, primitive: u32) -> Option<f64> {
+        let (geom, prim) = geometry.place(primitive);
+        let corner = self.corner.as_dvec3();
+        let gap = |corners: &[[f32; 3]]| {
+            let corners = corners.iter().map(|v| DVec3::from(v.map(f64::from)));
+            let (gap, largest) = corners.fold((0.0f64, 0.0f64), |(gap, largest), v| {
+                let off = (v - corner).dot(self.plane).abs();
+                (gap.max(off), largest.max(v.abs().max_element()))
+            });
+            let largest = largest.max(corner.abs().max_element());
+            (gap <= COPLANAR * largest).then_some(gap)
+        };
+        match geometry.kind(geom) {
+            GeometryKind::Mesh(mesh) => gap(&geometry.meshes[mesh].corners(prim)),
+            GeometryKind::Quads => gap(&geometry.quads[prim as usize]),
+            GeometryKind::Spheres => None,
+        }
+    }
+
+    /// Whether a primitive lies in the light's plane.
+    pub fn holds(&self, geometry: &Geometry, primitive: u32) -> bool {
+        self.gap(geometry, primitive).is_some()
+    }
+
+    /// Sets [`Area::flush`] by the triangles and quads that the light lies in.
+    pub fn set_flush(&mut self, geometry: &Geometry) {
+        let [a, b] = [self.corner, self.corner + self.edge + self.height].map(|v| v.as_dvec3());
+        let [c, d] = [self.corner + self.edge, self.corner + self.height].map(|v| v.as_dvec3());
+        let (low, high) = (a.min(b).min(c).min(d), a.max(b).max(c).max(d));
+        let largest = low.abs().max(high.abs()).max_element();
+        let reaches = |corners: &[[f32; 3]]| {
+            let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+            let [below, above] = corners.iter().fold(none, |[below, above], v| {
+                let v = DVec3::from(v.map(f64::from));
+                [below.min(v), above.max(v)]
+            });
+            let far = below.abs().max(above.abs()).max_element().max(largest);
+            let slack = DVec3::splat(2.0 * COPLANAR * far);
+            below.cmple(high + slack).all() && above.cmpge(low - slack).all()
+        };
+        let most = |a: f64, b: f64| a.max(b);
+        let mut gap = f64::NEG_INFINITY;
+        for (geom, mesh) in (0..).zip(&geometry.meshes) {
+            let gaps = (0..mesh.triangles().len() as u32).into_par_iter().with_min_len(1 << 14);
+            let gaps = gaps.filter(|&prim| reaches(&mesh.corners(prim)));
+            let gaps = gaps.filter_map(|prim| self.gap(geometry, geometry.primitive(geom, prim)));
+            gap = gap.max(gaps.reduce(|| f64::NEG_INFINITY, most));
+        }
+        let quads = (0..geometry.quads.len() as u32)
+            .filter(|&prim| reaches(&geometry.quads[prim as usize]))
+            .filter_map(|prim| self.gap(geometry, geometry.primitive(geometry.quads_id(), prim)));
+        gap = quads.fold(gap, most);
+        // Points of the light are sums of three products in f32.
+        let own = 8.0 * UNIT * (largest + f64::from(self.edge.length() + self.height.length()));
+        self.flush = if gap >= 0.0 { (gap + own) as f32 } else { 0.0 };
+    }
+
+    /// Ends the rays to points of a light that lies in a surface before that surface, and returns those for
+    /// which that is not near the light: what these meet has to be asked for its plane ([`Area::holds`]). Rays along
+    /// the plane from points in it bring nothing: they are switched off.
+    #[inline(always)]
+    pub fn end_before_plane(
+        &self,
+        points: &ShadowPoints,
+        rays: &mut Rays,
+        active: &mut Mask,
+    ) -> Mask {
+        let ([x, y, z], flush) = (self.plane.to_array(), f64::from(self.flush));
+        let mut grazing = Mask::NONE;
+        for i in 0..LANES {
+            let [dx, dy, dz] = [rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]].map(f64::from);
+            // How far the ray starts from the plane.
+            let height = (dx * x + dy * y + dz * z).abs();
+            let end = 1.0 - flush / height;
+            let near = end >= GRAZING;
+            let tfar = rays.tfar[i];
+            let end = if near { end as f32 } else { tfar };
+            rays.tfar[i] = if end < tfar { end } else { tfar };
+            grazing.0[i] = active.0[i] & -i32::from(!near);
+        }
+        if grazing.any() {
+            self.leave_out(points, rays, active, &mut grazing);
+        }
+        grazing
+    }
+
+    /// Switches off the rays that run along the plane from a surface in it.
+    #[cold]
+    #[inline(never)]
+    fn leave_out(&self, points: &ShadowPoints, rays: &Rays, active: &mut Mask, grazing: &mut Mask) {
+        for i in 0..LANES {
+            let direction = lane(&rays.dir, i).as_dvec3();
+            let within = direction.dot(self.plane).abs() <= f64::from(self.flush);
+            let along = lane(&points.n, i).as_dvec3().dot(direction) <= ALONG * direction.length();
+            if within && along {
+                (active.0[i], grazing.0[i]) = (0, 0);
+            }
+        }
+    }
+}

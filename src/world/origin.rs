@@ -1,0 +1,153 @@
+//! Which point the scene's coordinates are taken relative to, and what precision that leaves.
+//!
+//! Rays and corners are f32. A coordinate is rounded by up to 2^-24 of its distance from the origin, so
+//! the origin belongs where the picture needs its precision. The middle of the scene's box serves all
+//! cameras alike, and is taken as long as the box is not large beside what the camera sees nearby.
+//! Otherwise the camera itself is the origin: then everything is rounded by at most 2^-24 of its own
+//! distance from the camera, far less than a pixel, however large the scene is.
+
+use glam::DVec3;
+
+use super::bounds::Bounds;
+use crate::error::Problem;
+use crate::scene::{Camera, ShapeKind};
+
+/// The box's middle is the origin while half of the longest side is at most this many times the camera's
+/// distance from the nearest shape: positions are then off by at most 2^-16 of their distance.
+const MAX_RATIO: f64 = 256.0;
+
+/// A camera inside of a shape's box is taken to be this part of the box's longest side away from it.
+const INSIDE: f64 = 1.0 / 256.0;
+
+/// A camera that is nearer to a shape than this part of its size stands on it.
+const STANDING: f64 = 1e-9;
+
+/// Rounding above this part of a pixel is warned of.
+const MAX_PIXELS: f64 = 1.0 / 16.0;
+
+/// Half an ulp of 1 in single and in double precision.
+const SINGLE: f64 = 1.0 / (1u64 << 24) as f64;
+const DOUBLE: f64 = 1.0 / (1u64 << 53) as f64;
+
+/// Where coordinates are relative to, and how far they are rounded near the camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Origin {
+    /// World position of the origin.
+    pub position: DVec3,
+    /// Whether that is the camera's position instead of the middle of the scene's box.
+    pub at_camera: bool,
+    /// Longest side of the scene's box, in world units.
+    pub extent: f64,
+    /// A lower bound on the camera's distance from the nearest shape that it does not stand on, in world units;
+    /// infinite without such a shape.
+    pub nearest: f64,
+    /// How far a coordinate at that distance may be rounded, in world units.
+    pub rounding: f64,
+    /// The same, seen from the camera, in pixels.
+    pub pixels: f64,
+}
+
+impl Origin {
+    /// Chooses the origin for a scene whose shapes have these boxes, in file order.
+    pub fn choose<'s>(
+        camera: &Camera,
+        shapes: impl Iterator<Item = (&'s ShapeKind, Bounds)>,
+    ) -> Self {
+        let (mut all, mut largest) = (Bounds::EMPTY, 0.0f64);
+        let (mut least, mut nearest) = (f64::INFINITY, f64::INFINITY);
+        for (shape, bounds) in shapes {
+            all = all.union(bounds);
+            let distance = distance(camera.position, shape, bounds);
+            least = least.min(distance);
+            if distance > STANDING * bounds.longest_side() {
+                nearest = nearest.min(distance);
+            }
+            if let ShapeKind::Sphere { center, radius, .. } = shape {
+                largest = largest.max((*center - camera.position).length() + radius);
+            }
+        }
+        let extent = all.longest_side().max(0.0);
+        let at_camera = least.is_finite() && extent / 2.0 > MAX_RATIO * least;
+        let position = if at_camera { camera.position } else { all.origin() };
+        let away = (camera.position - position).abs().max_element();
+        if !nearest.is_finite() {
+            return Self { position, at_camera, extent, nearest, rounding: 0.0, pixels: 0.0 };
+        }
+        let rounding = SINGLE * (away + nearest) + 4.0 * DOUBLE * largest;
+        let pixel = 2.0 * (camera.fov_deg.to_radians() / 2.0).tan() / f64::from(camera.height);
+        let pixels = rounding / nearest / pixel;
+        Self { position, at_camera, extent, nearest, rounding, pixels }
+    }
+
+    /// What there is to say where the rounding is visible.
+    pub fn warning(&self) -> Option<Problem> {
+        let Self { extent, nearest, rounding, pixels, .. } = *self;
+        let message = format!(
+            "the scene is {extent:.1e} wide and its nearest shape {nearest:.1e} from the camera: \
+             there, positions are rounded to {rounding:.1e}, {pixels:.2} of a pixel"
+        );
+        let help = "leave out what is so far away, or choose smaller spheres";
+        (pixels > MAX_PIXELS).then(|| Problem::new("scene", message).help(help))
+    }
+}
+
+/// A lower bound on the distance of a shape from a point: exact for spheres, that of its box for others.
+fn distance(point: DVec3, shape: &ShapeKind, bounds: Bounds) -> f64 {
+    if let ShapeKind::Sphere { center, radius, .. } = shape {
+        return ((*center - point).length() - radius).abs();
+    }
+    let outside = (bounds.min - point).max(point - bounds.max).max(DVec3::ZERO).length();
+    if outside > 0.0 { outside } else { INSIDE * bounds.longest_side() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(position: DVec3) -> Camera {
+        let (lookat, up) = (DVec3::NEG_Z, DVec3::Y);
+        Camera { width: 160, height: 120, fov_deg: 60.0, position, lookat, up, lens: None }
+    }
+
+    fn sphere(radius: f64) -> ShapeKind {
+        ShapeKind::Sphere { center: DVec3::new(0.0, -radius, 0.0), radius, pole: 2 }
+    }
+
+    fn choose(position: DVec3, shapes: &[ShapeKind]) -> Origin {
+        Origin::choose(&camera(position), shapes.iter().map(|s| (s, Bounds::of_shape(s))))
+    }
+
+    #[test]
+    fn ordinary_scenes_have_their_middle_as_origin() {
+        let origin = choose(DVec3::new(0.0, 1.0, 3.0), &[sphere(1.0)]);
+        assert_eq!(origin.position, DVec3::new(0.0, -1.0, 0.0));
+        assert!(!origin.at_camera && origin.warning().is_none());
+    }
+
+    #[test]
+    fn on_a_planet_the_camera_is_the_origin() {
+        for radius in [1e4, 6.371e6, 1e9] {
+            let eye = DVec3::new(0.5, 1.7, 4.0);
+            let origin = choose(eye, &[sphere(radius), sphere(1.0)]);
+            assert!(origin.at_camera && origin.position == eye);
+            assert!(origin.pixels < 1e-3, "{origin:?}");
+        }
+    }
+
+    #[test]
+    fn what_doubles_cannot_hold_is_warned_of() {
+        let origin = choose(DVec3::new(0.5, 1.7, 4.0), &[sphere(1e14)]);
+        let warning = origin.warning().unwrap().to_string();
+        assert!(warning.contains("of a pixel"), "{warning}");
+    }
+
+    #[test]
+    fn a_camera_inside_of_a_box_is_near_it() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::ONE, DVec3::new(0.0, 1.0, 1.0)];
+        let plane = ShapeKind::Plane { corners };
+        let origin = choose(DVec3::splat(0.5), std::slice::from_ref(&plane));
+        assert!(!origin.at_camera, "a room is seen from within");
+        let far = ShapeKind::Sphere { center: DVec3::X * 1e4, radius: 1.0, pole: 2 };
+        assert!(choose(DVec3::splat(0.5), &[plane, far]).at_camera);
+    }
+}
