@@ -53,7 +53,9 @@ must hit. Spheres are held against roots computed in integers.
 **Wrong.** A test that moves corners by its rounding may see an outline elsewhere; that is no failure as long
 as the bound of that test explains it (`bvh` and `coursework` 6u max|v - o|, u = 2^-24; Embree, which publishes
 none, four times that; `brute` nothing). Where triangles share edges their corners move together, so that the
-bound explains no gap between them. Such answers are counted apart, as *within the bound*.
+bound explains no gap between them. Such answers are counted apart, as *within the bound*. The bound does not excuse
+a hit where the ray starts: in `origin on a surface` the primitive itself must be right. The rows before it did not
+show that Embree met such surfaces at t = 0, as that lies within its bound.
 
 **ulp** is the largest error of t in units of the last place of the exact t. **relative** is the largest
 distance of the refined point (f64 from the primitive, stored as f32) from the exact one, relative to the

@@ -54,7 +54,9 @@ pub struct Crevice {
     /// The point in f64, a hair inside of its triangle.
     point: DVec3,
     walls: Vec<Wall>,
-    /// Whether the rounded point lies in front of all of them.
+    /// The rounded point that rays start at: in front of all walls, where there is such a point of f32 nearby.
+    pub origin: [f32; 3],
+    /// Whether it is in front of all of them.
     pub is_clear: bool,
 }
 
@@ -71,10 +73,11 @@ impl Crevice {
     }
 
     /// What stands around `point` on the triangle `own` of primitive `leaving`, whose unit normal is turned to
-    /// the viewer, among the `neighbours`; rays start at `origin`. `None` if nothing rises above it.
+    /// the viewer, among the `neighbours`; `origin` is the point rounded outside of its own triangle. `None` if
+    /// nothing rises above it.
     pub fn new(
         geometry: &Geometry,
-        (point, origin): (DVec3, DVec3),
+        (point, origin): (DVec3, [f32; 3]),
         (own, up, leaving): ([DVec3; 3], DVec3, u32),
         neighbours: &[u32],
     ) -> Option<Self> {
@@ -92,8 +95,20 @@ impl Crevice {
         let [least, of_coordinates] = INWARD;
         let share = of_coordinates * point.abs().max_element() / middle.abs().max_element();
         let point = point + middle * share.max(least).min(0.25);
-        let is_clear = walls.iter().all(|wall| wall.has_on_one_side(point, origin));
-        (!walls.is_empty()).then_some(Self { point, walls, is_clear })
+        if walls.is_empty() {
+            return None;
+        }
+        let clearance = |origin: [f32; 3]| {
+            let at = DVec3::from(origin.map(f64::from));
+            let own = (at - own[0]).dot(up);
+            walls.iter().fold(own, |least, wall| least.min(wall.clearance(point, at)))
+        };
+        let mut best = (clearance(origin), origin);
+        if best.0 <= 0.0 {
+            let around = around(point).map(|origin| (clearance(origin), origin));
+            best = around.fold(best, |best, one| if one.0 > best.0 { one } else { best });
+        }
+        Some(Self { point, walls, origin: best.1, is_clear: best.0 > 0.0 })
     }
 
     /// The first wall that a ray from the point meets before `tfar`.
@@ -108,6 +123,21 @@ impl Crevice {
     }
 }
 
+/// How many steps of f32 away a better origin is looked for, in each coordinate.
+const STEPS: i32 = 2;
+
+/// The numbers of f32 around a point, up to [`STEPS`] steps away.
+fn around(point: DVec3) -> impl Iterator<Item = [f32; 3]> {
+    let nearest = point.as_vec3().to_array();
+    let step = |x: f32, n: i32| x + n as f32 * (x.abs() * f32::EPSILON).max(f32::MIN_POSITIVE);
+    let steps = || -STEPS..=STEPS;
+    steps().flat_map(move |i| {
+        steps().flat_map(move |j| {
+            steps().map(move |k| [step(nearest[0], i), step(nearest[1], j), step(nearest[2], k)])
+        })
+    })
+}
+
 /// Whether a corner stands above the plane through `own` with the unit normal `up`, by more than rounding.
 fn rises(corner: DVec3, point: DVec3, own: DVec3, up: DVec3) -> bool {
     let size = (corner - point).length() + (own - point).length() + point.length();
@@ -115,12 +145,13 @@ fn rises(corner: DVec3, point: DVec3, own: DVec3, up: DVec3) -> bool {
 }
 
 impl Wall {
-    /// Whether two points lie on the same side of the plane, both by more than rounding.
-    fn has_on_one_side(&self, p: DVec3, q: DVec3) -> bool {
+    /// How far `q` is from the plane, if it lies on the side of `p` by more than rounding; else nothing or less.
+    fn clearance(&self, p: DVec3, q: DVec3) -> f64 {
         let [a, b, c] = self.corners;
         let above = |v: DVec3| (v - a).dot(self.normal);
+        let side = above(p).signum();
         let size = (b - a).length() * (c - a).length() * ((a - p).length() + p.length());
-        above(p) * above(q) > 0.0 && above(q).abs() > EQUAL * size
+        (above(q) * side - EQUAL * size) / self.normal.length()
     }
 
     /// Where a ray from `point` meets it; edges belong to it.
@@ -171,7 +202,7 @@ mod tests {
         Geometry::new(DVec3::ZERO, vec![], quads, vec![]).unwrap()
     }
 
-    fn at(point: DVec3, origin: DVec3) -> Option<Crevice> {
+    fn at(point: DVec3, origin: [f32; 3]) -> Option<Crevice> {
         let geometry = corner();
         let own = [DVec3::ZERO, DVec3::X, DVec3::Y];
         Crevice::new(&geometry, (point, origin), (own, DVec3::Z, 0), &[0, 1, 2])
@@ -180,13 +211,14 @@ mod tests {
     #[test]
     fn a_ray_into_the_wall_meets_it_even_from_the_edge() {
         let point = DVec3::new(0.0, 0.3, 0.0);
-        let crevice = at(point, DVec3::new(-1e-8, 0.3, 1e-9)).unwrap();
-        assert!(!crevice.is_clear && crevice.has(1) && !crevice.has(0));
+        let crevice = at(point, [-1e-8, 0.3, 1e-9]).unwrap();
+        assert!(crevice.is_clear && crevice.has(1) && !crevice.has(0));
+        assert!(crevice.origin[0] > 0.0 && crevice.origin[2] > 0.0, "{:?}", crevice.origin);
         let hit = crevice.meet(DVec3::new(-1.0, 0.0, 1e-6), 1.0).unwrap();
         assert!(hit.primitive == 1 && (0.0..1e-10).contains(&hit.t));
         assert!(crevice.meet(DVec3::new(1e-9, 0.0, 1.0), f64::INFINITY).is_none(), "off the wall");
         // Both walls, from the vertex.
-        let crevice = at(DVec3::ZERO, DVec3::ZERO).unwrap();
+        let crevice = at(DVec3::ZERO, [0.0; 3]).unwrap();
         for direction in [DVec3::new(-1.0, 0.5, 0.1), DVec3::new(0.5, -1.0, 0.1)] {
             assert!(crevice.meet(direction, 1.0).is_some());
         }
@@ -196,7 +228,7 @@ mod tests {
     #[test]
     fn a_point_before_the_wall_is_before_it() {
         let point = DVec3::new(1e-7, 0.3, 0.0);
-        let crevice = at(point, point).unwrap();
+        let crevice = at(point, [1e-7, 0.3, 1e-9]).unwrap();
         assert!(crevice.is_clear);
         let hit = crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1.0).unwrap();
         assert!((hit.t - 1e-7).abs() < 1e-10);
@@ -209,7 +241,8 @@ mod tests {
         let own = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let point = DVec3::new(0.0, 0.3, 0.0);
         // Seen from below, the walls are behind the floor.
-        let seen = Crevice::new(&geometry, (point, point), (own, -DVec3::Z, 0), &[0, 1, 2]);
+        let seen =
+            Crevice::new(&geometry, (point, [0.0, 0.3, -1e-9]), (own, -DVec3::Z, 0), &[0, 1, 2]);
         assert!(seen.is_none());
     }
 }

@@ -159,7 +159,11 @@ impl<'a> Cast<'a> {
         }
         if at_edge.any() && (!world.lights.is_empty() || bounce < world.nbounces) {
             let (geometry, packet) = (&world.geometry, &slot.packet);
-            self.crevices.find(geometry, self.accelerator, packet, &self.surfaces, &at_edge);
+            self.crevices.find(geometry, self.accelerator, packet, &mut self.surfaces, &at_edge);
+            let at = &mut self.points.at;
+            for i in (0..LANES).filter(|&i| at_edge.0[i] != 0 && at.lifted.0[i] == 0) {
+                (0..3).for_each(|k| at.origin[k][i] = self.surfaces.outside[k][i]);
+            }
         }
     }
 

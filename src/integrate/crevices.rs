@@ -29,7 +29,7 @@ impl Crevices {
         self.of.is_empty()
     }
 
-    /// Finds those of the lanes `at_edge` of a traced packet.
+    /// Finds those of the lanes `at_edge` of a traced packet, and moves their rounded points before what rises there.
     #[cold]
     #[inline(never)]
     pub fn find(
@@ -37,7 +37,7 @@ impl Crevices {
         geometry: &Geometry,
         accelerator: &dyn Accelerator,
         packet: &RayPacket,
-        surfaces: &Surfaces,
+        surfaces: &mut Surfaces,
         at_edge: &Mask,
     ) {
         let mut neighbours = Vec::new();
@@ -47,12 +47,15 @@ impl Crevices {
             let nearby = Crevice::nearby(point.position, corners);
             accelerator.near(geometry, &nearby, &mut |primitive| neighbours.push(primitive));
             let lane = |v: &[[f32; LANES]; 3]| DVec3::from([0, 1, 2].map(|k| f64::from(v[k][i])));
-            let (origin, ng) = (lane(&surfaces.outside), lane(&surfaces.ng));
+            let (origin, ng) = ([0, 1, 2].map(|k| surfaces.outside[k][i]), lane(&surfaces.ng));
             // Turned to the viewer as the rounded one is.
             let normal = if point.normal.dot(ng) < 0.0 { -point.normal } else { point.normal };
             let own = (corners, normal, surfaces.primitive[i]);
             let crevice = Crevice::new(geometry, (point.position, origin), own, &neighbours);
-            self.of.extend(crevice.map(|crevice| (i, crevice)));
+            if let Some(crevice) = crevice {
+                (0..3).for_each(|k| surfaces.outside[k][i] = crevice.origin[k]);
+                self.of.push((i, crevice));
+            }
         }
     }
 

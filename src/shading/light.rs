@@ -190,6 +190,20 @@ mod tests {
     }
 
     #[test]
+    fn a_light_nearer_than_its_rounding_is_seen() {
+        // Far from the origin the end of the segment is less sure than the segment is long.
+        let mut points = one_point();
+        let at = Vec3::new(1000.0, 500.0, 0.0);
+        set_lane(&mut points.position, 0, at);
+        set_lane(&mut points.origin, 0, at);
+        let mut q = [[0.0; LANES]; 3];
+        set_lane(&mut q, 0, at + Vec3::Y * 1e-4);
+        let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
+        let active = light_rays(&points, &q, None, Falloff::None, false, &mut rays, &mut lit);
+        assert!(active.count() == 1 && rays.tfar[0] >= 0.0, "{}", rays.tfar[0]);
+    }
+
+    #[test]
     fn no_light_from_behind_or_from_the_point_itself() {
         assert_eq!(at(Vec3::new(0.0, -1.0, 0.0), Falloff::None, None).0.count(), 0);
         assert_eq!(at(Vec3::ZERO, Falloff::Linear, None).0.count(), 0);

@@ -27,7 +27,9 @@ const LARGEST_FACTOR: f64 = 4.0;
 pub enum Expect {
     /// The oracle's answer, up to the bound of the backend's own test.
     Oracle,
-    /// The same, and of exactly equal hits the lowest primitive.
+    /// The oracle's primitive, or nothing where it finds nothing, whatever the bound.
+    Primitive,
+    /// The same as `Oracle`, and of exactly equal hits the lowest primitive.
     Lowest,
     /// A closed surface is in the way: every ray hits, before these t.
     Closed([f64; LANES]),
@@ -192,6 +194,17 @@ impl One<'_> {
             (Some(_), true) => Answer::Occluded,
             (Some(hit), false) => hit.into(),
         };
+        if matches!(self.shot.expect, Expect::Primitive) {
+            return match (exact, answer) {
+                (Answer::Miss, Answer::Miss) | (Answer::Occluded, Answer::Occluded) => None,
+                (Answer::Hit { .. }, Answer::Hit { .. }) => {
+                    let found = (packet.hits.geom[i], packet.hits.prim[i]);
+                    (truth.map(|hit| (hit.geom, hit.prim)) != Some(found)).then_some(Kind::FalseHit)
+                }
+                (_, Answer::Miss) => Some(Kind::Leak),
+                _ => Some(Kind::FalseHit),
+            };
+        }
         let ray = Ray::of(&self.shot.rays, i);
         let verdict = judge(self.oracle, &ray, exact, answer, self.column.factor());
         if matches!((self.shot.expect, verdict), (Expect::Lowest, Verdict::Tie)) {

@@ -8,7 +8,7 @@ use super::judge::{Expect, Shot, trace};
 use super::meshes::{corners, inside, scan, scene};
 use super::tally::{Kind, Tally};
 use crate::error::Result;
-use crate::geometry::TriangleMesh;
+use crate::geometry::{Sphere, TriangleMesh};
 use crate::measure::random::Random;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 
@@ -226,7 +226,49 @@ pub fn cases() -> Vec<Case> {
             }
         }),
         ends(),
+        on_a_surface(),
     ]
+}
+
+/// Primitives that hold the origins of all rays, and walls around, far away.
+fn on_a_surface() -> Case {
+    let what = "from points that a floor holds exactly - within a triangle, on its edge, on its corner, within a quad, on \
+                a sphere, axis-parallel and tilted - in any direction: the floor is not met there, what is behind it is. \
+                Whatever the bound of a backend's test, the primitive must be right";
+    let mark = Mark::Coarse(1e-3, "a sphere may be met again just behind its start");
+    Case::new(GROUP, "origin on a surface", what, mark, |run| {
+        for slope in [0.0, 0.25, 0.625] {
+            // On a lattice of 1/64, so that points of the plane are f32 exactly.
+            let at = |x: f64, y: f64| DVec3::new(x, y, slope * x - 0.5 * slope * y);
+            let [a, b, c] = [at(-0.5, -0.75), at(0.75, -0.5), at(-0.25, 0.75)];
+            let wall =
+                |z: f64| [[-8.0, -8.0], [9.0, -8.0], [0.0, 9.0]].map(|[x, y]| DVec3::new(x, y, z));
+            let mesh = super::meshes::soup(&[[a, b, c], wall(6.0), wall(-6.0)]);
+            let quad = [at(3.0, -1.0), at(5.0, -1.0), at(5.0, 1.0), at(3.0, 1.0)];
+            let quad = quad.map(|v| v.as_vec3().to_array());
+            let ball = Sphere { center: DVec3::new(-4.0, 0.0, 0.0), radius: 1.0 };
+            let geometry = super::meshes::geometry(vec![mesh], vec![quad], vec![ball]);
+            run.shoot(&geometry, Amount { packets: 100, slow: 5, truth: 1 }, |random| {
+                let mut shot = Shot::new(Expect::Primitive);
+                for i in 0..LANES {
+                    let share = f64::from(random.below(5)) / 4.0;
+                    let origin = match random.below(5) {
+                        0 => at(
+                            f64::from(random.below(17)) / 64.0,
+                            f64::from(random.below(17)) / 64.0,
+                        ),
+                        1 => a.lerp(b, share),
+                        2 => [a, b, c][random.below(3) as usize],
+                        3 => at(3.0 + 2.0 * share, f64::from(random.below(33)) / 32.0 - 0.5),
+                        _ => ball.center + DVec3::AXES[random.below(3) as usize] * random.sign(),
+                    };
+                    start(random, &mut shot, i, origin);
+                }
+                shot
+            })?;
+        }
+        Ok(())
+    })
 }
 
 /// Segments are open: a hit at tfar or tnear does not count, one float farther it does.

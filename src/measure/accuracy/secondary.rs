@@ -39,6 +39,9 @@ enum Room {
     Scan,
 }
 
+/// Rays rise from their surface by more than their direction is rounded.
+const LEAST_COSINE: f64 = 1e-6;
+
 const ROOMS: [Room; 4] = [Room::Quads, Room::Triangles, Room::Ball, Room::Scan];
 
 impl Room {
@@ -130,7 +133,7 @@ fn closed(room: Room, name: &str) -> Case {
                     let outside = std::array::from_fn(|i| {
                         let normal = seen.points.normal(i);
                         let far = 10f64.powf(random.within(1.0, 3.0)) * scale;
-                        seen.points.position(i) + above(random, normal, 0.0) * far
+                        seen.points.position(i) + above(random, normal, LEAST_COSINE) * far
                     });
                     for (active, occluded) in seen.occluded(&outside, None, tally) {
                         for i in lanes(&active) {

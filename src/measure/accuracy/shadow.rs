@@ -33,7 +33,7 @@ impl Points {
         let mut at_edge = surfaces.at_edge;
         (0..LANES).for_each(|i| at_edge.0[i] &= hit.0[i]);
         if at_edge.any() {
-            crevices.find(geometry, accelerator, packet, &surfaces, &at_edge);
+            crevices.find(geometry, accelerator, packet, &mut surfaces, &at_edge);
         }
         let mut points = ShadowPoints::EMPTY;
         points.hit = *hit;

@@ -1,0 +1,128 @@
+//! Pictures of rooms whose light is a panel in the ceiling, turned, held against the independent ray tracer of
+//! `reference/`; and lights of almost no area, which are points.
+
+mod program;
+mod reference;
+
+use glam::{DMat3, DVec3};
+use program::Scratch;
+use reference::{Density, Picture, compare, scene::Scene};
+use serde_json::{Value, json};
+
+const BACKENDS: [&str; 3] = ["bvh", "embree", "coursework"];
+
+/// A glossy room from -1 to 1, open towards +z, turned; its light 1 x 0.75 at the height `lamp`.
+fn room(turn: DMat3, lamp: f64, light: &dyn Fn([DVec3; 3]) -> Value) -> Value {
+    let at = |x: f64, y: f64, z: f64| (turn * DVec3::new(x, y, z)).to_array();
+    let wall = |corners: [[f64; 3]; 4], color: [f64; 3]| {
+        let [v0, v1, v2, v3] = corners.map(|[x, y, z]| at(x, y, z));
+        json!({ "type": "plane", "v0": v0, "v1": v1, "v2": v2, "v3": v3,
+                "material": { "diffusecolor": color, "ks": 0.5, "specularexponent": 12 } })
+    };
+    let corner = |x: f64, z: f64| turn * DVec3::new(x, lamp, z);
+    let grey = [0.7, 0.7, 0.7];
+    json!({
+        "camera": { "type": "pinhole", "width": 60, "height": 60, "fov": 50, "position": at(0.1, 0.05, 2.8),
+                    "target": at(0.0, 0.0, 0.0), "up": (turn * DVec3::Y).to_array() },
+        "scene": {
+            "ambient": [0.02, 0.02, 0.02],
+            "lightsources": [light([corner(-0.5, -0.4), corner(0.5, -0.4), corner(-0.5, 0.35)])],
+            "shapes": [
+                wall([[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, -1.0]], grey),
+                wall([[-1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]], grey),
+                wall([[-1.0, -1.0, -1.0], [1.0, -1.0, -1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]], grey),
+                wall([[-1.0, -1.0, 1.0], [-1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, 1.0, 1.0]], [0.8, 0.3, 0.3]),
+                wall([[1.0, -1.0, 1.0], [1.0, -1.0, -1.0], [1.0, 1.0, -1.0], [1.0, 1.0, 1.0]], [0.3, 0.8, 0.3])]
+        }
+    })
+}
+
+fn panel([v0, v1, v2]: [DVec3; 3]) -> Value {
+    json!({ "type": "arealight", "v0": v0.to_array(), "v1": v1.to_array(), "v2": v2.to_array(),
+            "id": [1, 1, 1], "is": [1, 1, 1], "samples": 64 })
+}
+
+/// The pictures of every backend that is there.
+fn pictures(scratch: &Scratch, scene: &Value) -> Vec<(&'static str, Picture)> {
+    scratch.write("s.json", &scene.to_string());
+    let each = |backend| {
+        let done =
+            scratch.run(&["render", "s.json", "--backend", backend, "-o", backend, "--float"]);
+        done.unless_no_embree()?;
+        Some((backend, reference::program::read_exr(&scratch.path(&format!("{backend}.exr")))))
+    };
+    BACKENDS.into_iter().filter_map(each).collect()
+}
+
+fn turns() -> [DMat3; 3] {
+    let turn = |a: f64, b: f64| DMat3::from_rotation_x(a) * DMat3::from_rotation_z(b);
+    [turn(0.0, 0.0), turn(0.7, 0.4), turn(-1.3, 2.1)]
+}
+
+#[test]
+fn a_panel_in_a_ceiling_lights_the_room() {
+    let scratch = Scratch::new();
+    for turn in turns() {
+        let scene = room(turn, 1.0, &panel);
+        let pictures = pictures(&scratch, &scene);
+        let expected = reference::render(&Scene::load(&scratch.path("s.json")), Density::default());
+        for (backend, actual) in pictures {
+            compare::assert_same_sampled(&format!("panel-{backend}"), &actual, &expected);
+        }
+    }
+}
+
+/// A hair behind the ceiling there is no light in the room, a hair before it there is all of it.
+#[test]
+fn a_hair_before_and_behind_the_ceiling() {
+    let scratch = Scratch::new();
+    let mean = |picture: &Picture| picture.pixels.iter().map(|p| p[0]).sum::<f64>() / 3600.0;
+    for turn in turns() {
+        let flush = pictures(&scratch, &room(turn, 1.0, &panel));
+        for (lamp, share) in [(1.0 - 1e-5, 1.0), (1.0 + 1e-5, 0.0)] {
+            for ((backend, flush), (_, hair)) in
+                flush.iter().zip(pictures(&scratch, &room(turn, lamp, &panel)))
+            {
+                // What is left is ambient.
+                let (all, lit) = (mean(flush), mean(&hair));
+                let expected = if share == 1.0 { all } else { 0.0125 };
+                assert!(
+                    (lit - expected).abs() < 2e-3 * all + 2e-3,
+                    "{backend} {lamp}: {lit}, {all}"
+                );
+            }
+        }
+    }
+}
+
+/// Lights of almost no area shine like points.
+#[test]
+fn a_light_of_almost_no_area_is_a_point() {
+    let scratch = Scratch::new();
+    for side in [1e-6, 1e-12, 1e-20] {
+        let small = |[v0, v1, v2]: [DVec3; 3]| {
+            let [v1, v2] = [v1, v2].map(|v| v0 + (v - v0) * side);
+            // Beside coordinates of 1 doubles hold no side of 1e-20: along an axis, at 0.
+            let (v0, v1, v2) = match v1 == v0 {
+                true => (DVec3::ZERO, DVec3::X * side, DVec3::Z * side),
+                false => (v0, v1, v2),
+            };
+            json!({ "type": "arealight", "v0": v0.to_array(), "v1": v1.to_array(), "v2": v2.to_array(),
+                    "id": [1, 1, 1], "is": [1, 1, 1], "samples": 4 })
+        };
+        let turn = turns()[1];
+        let area = room(turn, 0.5, &small);
+        let point = area["scene"]["lightsources"][0]["v0"].clone();
+        let mut with_point = area.clone();
+        with_point["scene"]["lightsources"][0] =
+            json!({ "type": "pointlight", "position": point, "id": [1, 1, 1], "is": [1, 1, 1] });
+        let (areas, points) = (pictures(&scratch, &area), pictures(&scratch, &with_point));
+        for ((backend, a), (_, b)) in areas.iter().zip(&points) {
+            let differs = |(a, b): &(&[f64; 4], &[f64; 4])| {
+                (0..3).any(|c| (a[c] - b[c]).abs() > 1e-4 * b[c].abs().max(0.01))
+            };
+            let wrong = a.pixels.iter().zip(&b.pixels).filter(differs).count();
+            assert!(wrong <= 3, "{backend}, side {side:e}: {wrong} pixels differ");
+        }
+    }
+}
