@@ -54,9 +54,9 @@ pub struct Crevice {
     /// The point in f64, a hair inside of its triangle.
     point: DVec3,
     walls: Vec<Wall>,
-    /// The rounded point that rays start at: in front of all walls, where there is such a point of f32 nearby.
+    /// Where rays start: the rounded point, moved before steep walls that it lies behind.
     pub origin: [f32; 3],
-    /// Whether it is in front of all of them.
+    /// Whether that is in front of all walls.
     pub is_clear: bool,
 }
 
@@ -81,34 +81,39 @@ impl Crevice {
         (own, up, leaving): ([DVec3; 3], DVec3, u32),
         neighbours: &[u32],
     ) -> Option<Self> {
+        let nearby = Self::nearby(point, own);
         let mut walls = Vec::new();
         for &primitive in neighbours.iter().filter(|&&primitive| primitive != leaving) {
             for (corners, second_half) in triangles(geometry, primitive) {
                 let [a, b, c] = corners;
                 let normal = (b - a).cross(c - a);
-                if corners.iter().any(|&v| rises(v, point, own[0], up)) {
+                let is_wall = corners.iter().any(|&v| rises(v, point, own[0], up));
+                // Of a quad only the half that is here.
+                if is_wall && reaches(corners, &nearby) {
                     walls.push(Wall { primitive, corners, normal, second_half });
                 }
             }
+        }
+        if walls.is_empty() {
+            return None;
         }
         let middle = (own[0] + own[1] + own[2]) / 3.0 - point;
         let [least, of_coordinates] = INWARD;
         let share = of_coordinates * point.abs().max_element() / middle.abs().max_element();
         let point = point + middle * share.max(least).min(0.25);
-        if walls.is_empty() {
-            return None;
-        }
-        let clearance = |origin: [f32; 3]| {
-            let at = DVec3::from(origin.map(f64::from));
-            let own = (at - own[0]).dot(up);
-            walls.iter().fold(own, |least, wall| least.min(wall.clearance(point, at)))
+        let steep = |wall: &&Wall| wall.normal.dot(up).abs() < STEEP * wall.normal.length();
+        let is_before = |origin: DVec3| {
+            (origin - own[0]).dot(up) > 0.0
+                && walls.iter().filter(steep).all(|wall| wall.has_on_one_side(point, origin))
         };
-        let mut best = (clearance(origin), origin);
-        if best.0 <= 0.0 {
-            let around = around(point).map(|origin| (clearance(origin), origin));
-            best = around.fold(best, |best, one| if one.0 > best.0 { one } else { best });
+        let mut origin = origin;
+        if !is_before(doubles(origin)) {
+            let better = around(point).filter(|&origin| is_before(doubles(origin)));
+            let near = |a: &[f32; 3]| doubles(*a).distance_squared(point);
+            origin = better.min_by(|a, b| near(a).total_cmp(&near(b))).unwrap_or(origin);
         }
-        Some(Self { point, walls, origin: best.1, is_clear: best.0 > 0.0 })
+        let is_clear = walls.iter().all(|wall| wall.has_on_one_side(point, doubles(origin)));
+        Some(Self { point, walls, origin, is_clear })
     }
 
     /// The first wall that a ray from the point meets before `tfar`.
@@ -117,25 +122,13 @@ impl Crevice {
         hits.filter(|hit| hit.t < tfar).min_by(|a, b| a.t.total_cmp(&b.t))
     }
 
-    /// Whether a primitive is one of the walls: [`Crevice::meet`] decides about it.
-    pub fn has(&self, primitive: u32) -> bool {
-        self.walls.iter().any(|wall| wall.primitive == primitive)
+    /// Whether a primitive is one of the walls and a ray leads away from it: from the rounded point the ray may
+    /// meet it all the same, which is false. A wall that the ray leads to but passes is not left out: beside it,
+    /// where another one begins, only the test that both share is without gaps.
+    pub fn leaves(&self, primitive: u32, direction: DVec3) -> bool {
+        let mut of = self.walls.iter().filter(|wall| wall.primitive == primitive).peekable();
+        of.peek().is_some() && of.any(|wall| wall.distance(self.point, direction) < 0.0)
     }
-}
-
-/// How many steps of f32 away a better origin is looked for, in each coordinate.
-const STEPS: i32 = 2;
-
-/// The numbers of f32 around a point, up to [`STEPS`] steps away.
-fn around(point: DVec3) -> impl Iterator<Item = [f32; 3]> {
-    let nearest = point.as_vec3().to_array();
-    let step = |x: f32, n: i32| x + n as f32 * (x.abs() * f32::EPSILON).max(f32::MIN_POSITIVE);
-    let steps = || -STEPS..=STEPS;
-    steps().flat_map(move |i| {
-        steps().flat_map(move |j| {
-            steps().map(move |k| [step(nearest[0], i), step(nearest[1], j), step(nearest[2], k)])
-        })
-    })
 }
 
 /// Whether a corner stands above the plane through `own` with the unit normal `up`, by more than rounding.
@@ -144,14 +137,44 @@ fn rises(corner: DVec3, point: DVec3, own: DVec3, up: DVec3) -> bool {
     (corner - own).dot(up) > EQUAL * size
 }
 
+/// How many steps of f32 away a better origin is looked for, in each coordinate.
+const STEPS: i32 = 2;
+
+/// Walls that stand at more than 11 degrees to the point's own triangle are steep: before those an origin can be
+/// moved without getting over another triangle.
+const STEEP: f64 = 0.98;
+
+/// The numbers of f32 around a point, up to [`STEPS`] steps away.
+fn around(point: DVec3) -> impl Iterator<Item = [f32; 3]> {
+    let [x, y, z] = point.as_vec3().to_array();
+    let step = |x: f32, n: i32| x + n as f32 * (x.abs() * f32::EPSILON).max(f32::MIN_POSITIVE);
+    let steps = || -STEPS..=STEPS;
+    let pairs = steps().flat_map(move |i| steps().map(move |j| (i, j)));
+    pairs.flat_map(move |(i, j)| steps().map(move |k| [step(x, i), step(y, j), step(z, k)]))
+}
+
+fn doubles(v: [f32; 3]) -> DVec3 {
+    DVec3::from(v.map(f64::from))
+}
+
+/// Whether the box around a triangle reaches into another.
+fn reaches([a, b, c]: [DVec3; 3], [low, high]: &Nearby) -> bool {
+    let (below, above) = (a.min(b).min(c), a.max(b).max(c));
+    below.cmple(doubles(*high)).all() && above.cmpge(doubles(*low)).all()
+}
+
 impl Wall {
-    /// How far `q` is from the plane, if it lies on the side of `p` by more than rounding; else nothing or less.
-    fn clearance(&self, p: DVec3, q: DVec3) -> f64 {
+    /// Whether two points lie on the same side of the plane, both by more than rounding.
+    fn has_on_one_side(&self, p: DVec3, q: DVec3) -> bool {
         let [a, b, c] = self.corners;
         let above = |v: DVec3| (v - a).dot(self.normal);
-        let side = above(p).signum();
         let size = (b - a).length() * (c - a).length() * ((a - p).length() + p.length());
-        (above(q) * side - EQUAL * size) / self.normal.length()
+        above(p) * above(q) > 0.0 && above(q).abs() > EQUAL * size
+    }
+
+    /// Where a ray from `point` meets the plane, in units of the direction; not finite for a ray along it.
+    fn distance(&self, point: DVec3, direction: DVec3) -> f64 {
+        (self.corners[0] - point).dot(self.normal) / self.normal.dot(direction)
     }
 
     /// Where a ray from `point` meets it; edges belong to it.
@@ -159,7 +182,7 @@ impl Wall {
         let [a, b, c] = self.corners;
         let (e1, e2, to_a) = (b - a, c - a, a - point);
         let det = self.normal.dot(direction);
-        let t = to_a.dot(self.normal) / det;
+        let t = self.distance(point, direction);
         let r = to_a.cross(direction);
         let (u, v) = (r.dot(e2) / det, -r.dot(e1) / det);
         let permanent = to_a.length() * direction.length() * e1.length().max(e2.length());
@@ -177,7 +200,7 @@ impl Wall {
 /// The triangles of a planar primitive, and whether each is the second half of a quad.
 fn triangles(geometry: &Geometry, primitive: u32) -> Vec<([DVec3; 3], bool)> {
     let (geom, prim) = geometry.place(primitive);
-    let doubles = |corners: [[f32; 3]; 3]| corners.map(|v| DVec3::from(v.map(f64::from)));
+    let doubles = |corners: [[f32; 3]; 3]| corners.map(doubles);
     match geometry.kind(geom) {
         GeometryKind::Mesh(mesh) => vec![(doubles(geometry.meshes[mesh].corners(prim)), false)],
         GeometryKind::Quads => {
@@ -212,8 +235,12 @@ mod tests {
     fn a_ray_into_the_wall_meets_it_even_from_the_edge() {
         let point = DVec3::new(0.0, 0.3, 0.0);
         let crevice = at(point, [-1e-8, 0.3, 1e-9]).unwrap();
-        assert!(crevice.is_clear && crevice.has(1) && !crevice.has(0));
-        assert!(crevice.origin[0] > 0.0 && crevice.origin[2] > 0.0, "{:?}", crevice.origin);
+        assert!(crevice.is_clear && crevice.origin[0] > 0.0 && crevice.origin[2] > 0.0);
+        assert!(
+            crevice.leaves(1, DVec3::X)
+                && !crevice.leaves(1, -DVec3::X)
+                && !crevice.leaves(0, DVec3::X)
+        );
         let hit = crevice.meet(DVec3::new(-1.0, 0.0, 1e-6), 1.0).unwrap();
         assert!(hit.primitive == 1 && (0.0..1e-10).contains(&hit.t));
         assert!(crevice.meet(DVec3::new(1e-9, 0.0, 1.0), f64::INFINITY).is_none(), "off the wall");

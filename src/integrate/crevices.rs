@@ -29,7 +29,7 @@ impl Crevices {
         self.of.is_empty()
     }
 
-    /// Finds those of the lanes `at_edge` of a traced packet, and moves their rounded points before what rises there.
+    /// Finds those of the lanes `at_edge` of a traced packet, and moves the origins of their rays.
     #[cold]
     #[inline(never)]
     pub fn find(
@@ -80,16 +80,16 @@ impl Crevices {
         let (mut rest, mut stopped) = (*active, Mask::NONE);
         for i in (0..LANES).filter(|&i| active.0[i] != 0) {
             let (crevice, is_grazing) = (self.of(from[i] % LANES), grazing.0[i] != 0);
-            let met = crevice.is_some_and(|crevice| {
-                crevice.meet(direction(rays, i), rays.tfar[i].into()).is_some()
-            });
+            let way = direction(rays, i);
+            let met =
+                crevice.is_some_and(|crevice| crevice.meet(way, rays.tfar[i].into()).is_some());
             let is_clear = crevice.is_none_or(|crevice| crevice.is_clear) && !is_grazing;
             if is_clear && !met {
                 continue;
             }
             rest.0[i] = 0;
             let passed = |primitive: u32| {
-                let wall = crevice.is_some_and(|crevice| crevice.has(primitive));
+                let wall = crevice.is_some_and(|crevice| crevice.leaves(primitive, way));
                 wall || (is_grazing && passes(primitive))
             };
             let is_stopped = met || {
@@ -120,10 +120,11 @@ impl Crevices {
         let (mut done, mut certain) = (Mask::NONE, Mask::NONE);
         for (i, crevice) in self.of.iter().filter(|(i, _)| active.0[*i] != 0) {
             done.0[*i] = -1;
-            let hit = crevice.meet(direction(&packet.rays, *i), f64::INFINITY);
+            let way = direction(&packet.rays, *i);
+            let hit = crevice.meet(way, f64::INFINITY);
             // Something else may stand before the wall.
             packet.rays.tfar[*i] = hit.map_or(f32::INFINITY, |hit| hit.t as f32);
-            let passed = |primitive| crevice.has(primitive);
+            let passed = |primitive| crevice.leaves(primitive, way);
             if pass(geometry, accelerator, packet, *i, passed) {
                 continue;
             }
