@@ -304,7 +304,7 @@ fn the_openjd_template_is_valid_and_runs() {
     assert_eq!(checked.code(), 0, "{}{}", checked.stdout(), checked.stderr());
     let scratch = scratch("32x24", 1, FRAMES);
     let path = |name: &str| scratch.path(name).display().to_string();
-    let done = openjd(&path("job.json"), &path("farm"), "0-59", "7");
+    let done = openjd("Sheet", &path("job.json"), &path("farm"), "0-59", "7");
     assert_eq!(done.code(), 0, "{}{}", done.stdout(), done.stderr());
     assert!(done.stdout().contains("openjd_progress: 100"), "{}", done.stdout());
     assert!(scratch.path("farm/index.html").is_file());
@@ -316,7 +316,13 @@ fn the_openjd_template_is_valid_and_runs() {
             std::fs::copy(scratch.path(file), scratch.path(folder).join(file)).unwrap();
         }
         let farm = format!("{folder}/farm");
-        let done = openjd(&path(&format!("{folder}/job.json")), &path(&farm), "0-3", "2");
+        let job = path(&format!("{folder}/job.json"));
+        // The first step alone, as the second would render what the first has put somewhere else.
+        let done = openjd("Frames", &job, &path(&farm), "0-3", "2");
+        assert_eq!(done.code(), 0, "{folder}: {}{}", done.stdout(), done.stderr());
+        let made = names_in(&scratch.path(&farm).join("pyramid"));
+        assert_eq!(made.len(), 8, "{folder}: {made:?}: {}", done.stdout());
+        let done = openjd("Sheet", &job, &path(&farm), "0-3", "2");
         // The rest of the frames are rendered by the step of the sheet.
         assert_eq!(done.code(), 0, "{folder}: {}{}", done.stdout(), done.stderr());
         same_names(&scratch.path("farm/pyramid"), &scratch.path(&farm).join("pyramid"));
@@ -326,11 +332,11 @@ fn the_openjd_template_is_valid_and_runs() {
     assert!(!Path::new("pwned").exists());
 }
 
-/// `openjd run` of both steps, in a folder of its own.
-fn openjd(job: &str, output: &str, frames: &str, per_task: &str) -> Done {
+/// `openjd run` of a step and what it depends on.
+fn openjd(step: &str, job: &str, output: &str, frames: &str, per_task: &str) -> Done {
     let mut command = Command::new("openjd");
     command.arg("run").arg(root().join("farm/openjd-template.yaml"));
-    command.args(["--step", "Sheet", "--run-dependencies"]);
+    command.args(["--step", step, "--run-dependencies"]);
     for (name, value) in [
         ("Job", job),
         ("Output", output),

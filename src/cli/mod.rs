@@ -97,6 +97,7 @@ fn with_hint(mut error: clap::Error) -> clap::Error {
 /// # Errors
 /// Everything that went wrong; the kind decides the exit code.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    signals::outlive_size_limits();
     if arguments.version {
         return print(&version::text(arguments.verbose));
     }

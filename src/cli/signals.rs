@@ -28,8 +28,6 @@ pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
         ending.push(SIGHUP);
     }
     let mut signals = Signals::new(ending).map_err(failed)?;
-    // Once it is handled, a write beyond `ulimit -f` is an error like others and not the end.
-    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map_err(failed)?;
     let monitor = Arc::clone(monitor);
     std::thread::Builder::new()
         .name("signals".into())
@@ -43,6 +41,12 @@ pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
         })
         .map_err(failed)?;
     Ok(())
+}
+
+/// Makes a write beyond `ulimit -f` an error like others, and not the end of the process.
+pub fn outlive_size_limits() {
+    // Where the system refuses a handler, all is as it was.
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }
 
 /// Whether the process was started with a signal ignored; false where the system does not tell.
