@@ -52,7 +52,7 @@ lint: ## format, clippy with and without default features, shell scripts: no war
 	cargo fmt --check
 	cargo clippy $(FLAGS) --all-targets -- -D warnings
 	cargo clippy $(FLAGS) --all-targets --no-default-features -- -D warnings
-	shellcheck scripts/*.sh .ci/run
+	shellcheck scripts/*.sh farm/*.sh .ci/run
 
 docs: setup ## the API documentation, no warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc $(FLAGS) --no-deps

@@ -137,7 +137,7 @@ def header_and_types():
     rate = header.get("framesPerSecond")
     expect(rate == 24, f"framesPerSecond is {rate}")
     names = ["software", "worldToCamera", "worldToNDC", "screenWindowWidth"]
-    names += ["lightpath:" + name for name in ("version", "sceneHash", "backend", "isa", "Z", "P", "N")]
+    names += ["lightpath:" + name for name in ("version", "sceneHash", "backend", "Z", "P", "N")]
     expect(not [name for name in names if name not in header], f"attributes: {sorted(header)}")
     expect("renderTimeSeconds" not in header, "the time is in the header without being asked for")
     info = lightpath("info", "all.exr").stdout

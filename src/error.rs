@@ -3,6 +3,10 @@
 //! An error carries every problem that was found, not only the first, so that a user mends a
 //! file once. Only `main` prints errors and picks the exit code.
 
+mod printable;
+
+pub use printable::{is_hidden, printable, printable_lines};
+
 use std::fmt;
 
 /// `Result` with [`Error`].
@@ -52,11 +56,11 @@ impl Problem {
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.place.is_empty() {
-            write!(f, "{}: ", self.place)?;
+            write!(f, "{}: ", printable(&self.place))?;
         }
-        f.write_str(&self.message)?;
+        f.write_str(&printable(&self.message))?;
         match &self.help {
-            Some(help) => write!(f, "\n  help: {help}"),
+            Some(help) => write!(f, "\n  help: {}", printable(help)),
             None => Ok(()),
         }
     }
@@ -94,9 +98,13 @@ impl Error {
             | E::IsADirectory
             | E::NotADirectory
             | E::ReadOnlyFilesystem
+            | E::AlreadyExists
+            | E::InvalidData
             | E::InvalidInput => Kind::Invalid,
-            // ENAMETOOLONG has no stable name in this edition's oldest compiler.
-            _ if error.raw_os_error() == Some(36) => Kind::Invalid,
+            // The limit of the file system or of `ulimit -f`.
+            E::FileTooLarge => Kind::Limit,
+            // ENAMETOOLONG and ELOOP have no stable name in the oldest compiler.
+            _ if matches!(error.raw_os_error(), Some(36 | 40)) => Kind::Invalid,
             _ => Kind::Retry,
         };
         let place = path.display().to_string();

@@ -1,7 +1,5 @@
-//! Work for a farm: how frames are shared out among the tasks of an array job, and the scripts that Slurm
-//! gets. Everything that schedules, retries and waits is Slurm's.
-
-use std::fmt::Write;
+//! Work for a farm: how frames are shared out among the tasks of an array job, and what `sbatch` is given.
+//! Everything that schedules, retries and waits is Slurm's.
 
 /// Frames of a batch, shared out among tasks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,16 +41,22 @@ impl Chunks {
     }
 }
 
-/// What Slurm is told.
+/// The script of a task of the array job. Its arguments: program, job, folder, frames, frames per task.
+pub const FRAMES_SCRIPT: &str = include_str!("../farm/slurm-frames.sh");
+/// The script of the job that follows. Its arguments: program, job, folder.
+pub const SHEET_SCRIPT: &str = include_str!("../farm/slurm-sheet.sh");
+
+/// What Slurm is asked for. Names go to `sbatch` and to its scripts as arguments, so that nothing
+/// reads them as options, as lines of `#SBATCH` or as commands.
 #[derive(Debug, Clone)]
 pub struct Slurm {
-    /// What the queue calls it.
+    /// Name of the job in the queue.
     pub name: String,
-    /// The program.
+    /// Absolute path of the program.
     pub program: String,
-    /// The job file.
+    /// Absolute path of the job file.
     pub job: String,
-    /// The folder of the frames, which all nodes share.
+    /// Absolute path of the folder of the frames, which all nodes share.
     pub folder: String,
     /// How frames are shared out.
     pub chunks: Chunks,
@@ -64,92 +68,58 @@ pub struct Slurm {
     pub memory_mib: u64,
     /// The most that a task may take, as Slurm writes times.
     pub time: Option<String>,
-    /// More of `#SBATCH`, as they stand.
+    /// More options of `sbatch`, as they stand.
     pub options: Vec<String>,
 }
 
-/// How often a task that may succeed later is tried again.
-const RETRIES: u32 = 3;
-
 impl Slurm {
-    /// The script of the array job: one range of frames a task.
-    pub fn frames(&self) -> String {
+    /// Arguments of `sbatch` for the array job, whose script is the file `script`.
+    pub fn frames(&self, script: &str) -> Vec<String> {
         let last = self.chunks.tasks() - 1;
         let percent = self.at_a_time.map_or(String::new(), |n| format!("%{n}"));
-        let mut text = self.head("", &[format!("--array=0-{last}{percent}"), "--requeue".into()]);
+        let mut words = self.options("", "%A_%a", &[format!("--array=0-{last}{percent}")]);
         let Chunks { frames, per_task } = self.chunks;
-        let (program, job, folder) =
-            (quoted(&self.program), quoted(&self.job), quoted(&self.folder));
-        let _ = write!(
-            text,
-            "\n\
-             # A task may run twice, also at the same time: every frame gets its name when it is complete, and\n\
-             # --resume keeps those that are there.\n\
-             first=$((SLURM_ARRAY_TASK_ID * {per_task}))\n\
-             end=$((first + {per_task} < {frames} ? first + {per_task} : {frames}))\n\
-             child=\n\
-             trap 'if [ -n \"$child\" ]; then kill -TERM \"$child\"; fi' TERM USR1\n\
-             {program} batch {job} -o {folder} --range \"$first..$end\" --resume --progress plain &\n\
-             child=$!\n\
-             status=0\n\
-             wait \"$child\" || status=$?\n\
-             # A signal ends the first wait; the program then finishes what it must.\n\
-             while kill -0 \"$child\" 2>/dev/null; do wait \"$child\" || status=$?; done\n\
-             case $status in\n\
-             \x20   # Some inputs are bad: another try would not help. The last job lists them and fails.\n\
-             \x20   1) exit 0 ;;\n\
-             \x20   # Disk full, no memory, stopped by a signal: again, but not for ever.\n\
-             \x20   3 | 130 | 143)\n\
-             \x20       if [ \"${{SLURM_RESTART_COUNT:-0}}\" -lt {RETRIES} ]; then\n\
-             \x20           scontrol requeue \"${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID\" && sleep 60\n\
-             \x20       fi ;;\n\
-             esac\n\
-             exit \"$status\"\n"
-        );
-        text
+        words.extend([script, &self.program, &self.job, &self.folder].map(str::to_string));
+        words.extend([frames, per_task].map(|count| count.to_string()));
+        words
     }
 
-    /// The script of the job that follows: makes sure that all frames are there, writes the contact sheet.
-    pub fn sheet(&self) -> String {
-        let mut text = self.head("-sheet", &["--requeue".to_string()]);
-        let (program, job, folder) =
-            (quoted(&self.program), quoted(&self.job), quoted(&self.folder));
-        let _ = write!(
-            text,
-            "\n# Renders what is still missing, if anything is.\n\
-             exec {program} batch {job} -o {folder} --resume --progress plain\n"
-        );
-        text
+    /// Arguments of `sbatch` for the job that follows the array job `after`, however that ends.
+    pub fn sheet(&self, script: &str, after: &str) -> Vec<String> {
+        let mut words = self.options("-sheet", "%j", &[format!("--dependency=afterany:{after}")]);
+        words.extend([script, &self.program, &self.job, &self.folder].map(str::to_string));
+        words
     }
 
-    fn head(&self, suffix: &str, more: &[String]) -> String {
-        let mut options = vec![format!("--job-name={}{suffix}", self.name)];
-        options.extend_from_slice(more);
-        options.push(format!("--cpus-per-task={}", self.cpus));
-        options.push(format!("--mem={}M", self.memory_mib));
-        options.extend(self.time.as_ref().map(|time| format!("--time={time}")));
+    fn options(&self, suffix: &str, log: &str, more: &[String]) -> Vec<String> {
+        let mut words = vec!["--parsable".to_string(), format!("--job-name={}{suffix}", self.name)];
+        words.extend_from_slice(more);
+        words.push("--requeue".to_string());
+        words.push(format!("--cpus-per-task={}", self.cpus));
+        words.push(format!("--mem={}M", self.memory_mib));
+        words.extend(self.time.as_ref().map(|time| format!("--time={time}")));
         // A minute before the time is up; the program then ends with what it has.
-        options.push("--signal=B:USR1@60".to_string());
-        options.push("--open-mode=append".to_string());
-        let log = if suffix.is_empty() { "%A_%a" } else { "%j" };
-        options.push(format!("--output={}/slurm/{log}.log", self.folder));
-        options.extend_from_slice(&self.options);
-        let lines: String =
-            options.iter().map(|option| format!("#SBATCH {}\n", sbatch(option))).collect();
-        format!("#!/bin/bash\n{lines}set -u\n")
+        words.push("--signal=B:USR1@60".to_string());
+        words.push("--open-mode=append".to_string());
+        // Slurm replaces a percent sign and what follows it, but for two of them.
+        words.push(format!("--output={}/slurm/{log}.log", self.folder.replace('%', "%%")));
+        words.extend_from_slice(&self.options);
+        words
     }
+}
+
+/// A command as a POSIX shell reads it: each word in quotes unless it needs none.
+pub fn command_line(program: &str, words: &[String]) -> String {
+    let words = words.iter().map(|word| quoted(word));
+    std::iter::once(program.to_string()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
 /// A word of the shell.
 fn quoted(text: &str) -> String {
-    format!("'{}'", text.replace('\'', r"'\''"))
-}
-
-/// An option in a line of `#SBATCH`, whose blanks end a word.
-fn sbatch(option: &str) -> String {
-    match option.contains([' ', '\t', '#']) {
-        true => format!("\"{option}\""),
-        false => option.to_string(),
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@".contains(c);
+    match !text.is_empty() && text.chars().all(plain) {
+        true => text.to_string(),
+        false => format!("'{}'", text.replace('\'', r"'\''")),
     }
 }
 
@@ -187,8 +157,10 @@ mod tests {
 
     #[test]
     fn names_are_words_of_the_shell() {
+        assert_eq!(quoted("/a-b_c.1"), "/a-b_c.1");
         assert_eq!(quoted("a b"), "'a b'");
         assert_eq!(quoted("it's"), r"'it'\''s'");
-        assert_eq!(sbatch("--output=a b/c"), "\"--output=a b/c\"");
+        assert_eq!(quoted(""), "''");
+        assert_eq!(command_line("sbatch", &["%A".into(), "x".into()]), "sbatch '%A' x");
     }
 }

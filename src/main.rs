@@ -8,11 +8,7 @@ fn main() -> ExitCode {
     let arguments = match lightpath::cli::Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {
-            let error = lightpath::cli::with_hint(error);
-            // Help goes to stdout with code 0, usage errors to stderr with code 2.
-            let code = u8::try_from(error.exit_code()).unwrap_or(2);
-            let _ = error.print();
-            return ExitCode::from(code);
+            return ExitCode::from(lightpath::cli::usage(error));
         }
     };
     match lightpath::cli::run(&arguments) {

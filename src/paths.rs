@@ -56,6 +56,21 @@ pub fn named(path: &Path) -> Result<String> {
     })
 }
 
+/// Refuses a name that a terminal, a log or a farm would take for more than a name.
+///
+/// # Errors
+/// `Invalid` for control characters, line breaks among them.
+pub fn printable(path: &Path) -> Result<()> {
+    match path.to_string_lossy().contains(char::is_control) {
+        false => Ok(()),
+        true => {
+            let message =
+                "found a control character, such as a line break, in the name of an output";
+            Err(Error::invalid(path.display().to_string(), message).help("choose another name"))
+        }
+    }
+}
+
 /// `path` as seen from `folder`, with `/`; both relative to the working folder or absolute.
 ///
 /// # Errors

@@ -11,7 +11,6 @@ use crate::{
     monitor::Monitor,
     output::{Oddities, Outputs, WriteOptions, atomic::Part, exr, tonemap::Depth},
     scene::{Backend, Camera, Layer, Scene},
-    simd::Isa,
 };
 
 /// How pictures are stored.
@@ -105,8 +104,6 @@ pub struct Says<'a> {
     pub info: &'a BuildInfo,
     /// How Embree was used, if it was.
     pub embree: EmbreeMode,
-    /// Instructions of the shading.
-    pub isa: Isa,
     /// SHA-256 of what decides the pixels ([`crate::world::fingerprint`]); none where a mesh came through a pipe.
     pub scene_hash: Option<&'a str>,
     /// Samples of each pixel, where these are not just the scene's.
@@ -185,17 +182,17 @@ pub fn suits(scene: &Scene, embree: EmbreeMode, storage: Storage) -> Result<()> 
     Ok(())
 }
 
-/// What the EXR says about its origin: nothing that differs between two equal pictures.
+/// What the EXR says about its origin: nothing that differs between two equal pictures, so no instruction
+/// set either.
 fn origin(scene: &Scene, says: &Says) -> Vec<(String, String)> {
     let mode = match scene.backend {
         Backend::Embree => format!(", {:?}", says.embree).to_lowercase(),
         _ => String::new(),
     };
-    let (name, info) = (scene.backend.name(), says.info);
-    let backend = format!("{name} ({} {}{mode})", info.version, info.isa);
+    let name = scene.backend.name();
+    let backend = format!("{name} ({}{mode})", says.info.version);
     let said = [
         ("backend", Some(backend)),
-        ("isa", Some(says.isa.to_string())),
         ("sceneHash", says.scene_hash.map(str::to_string)),
         ("seed", Some(scene.seed.to_string())),
         ("spp", Some(says.spp.map_or_else(|| scene.spp.to_string(), str::to_string))),

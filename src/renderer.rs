@@ -131,7 +131,6 @@ impl Renderer {
             more: &[],
             info: &accelerator.info(),
             embree: EMBREE,
-            isa: Isa::detect(),
             scene_hash: None,
             spp: None,
             sequence: Sequence::default(),

@@ -49,17 +49,23 @@ pub fn parse_rate(text: &str) -> Result<(i32, u32), String> {
     if above > 0 && below > 0 { Ok((above, below)) } else { Err(expected()) }
 }
 
-/// `-90,0,0` -> three numbers.
+/// `-90,0,0` -> degrees.
 pub fn parse_angles(text: &str) -> Result<[f64; 3], String> {
-    let expected = || "expected three angles in degrees, for example -90,0,0".to_string();
-    let parts: Vec<f64> = text
-        .split(',')
-        .map(|t| t.trim().parse().map_err(|_| expected()))
-        .collect::<Result<_, _>>()?;
-    match parts.iter().all(|angle| angle.abs() <= 1e6) {
-        true => parts.try_into().map_err(|_| expected()),
-        false => Err(expected()),
-    }
+    let angles = three(text).filter(|angles| angles.iter().all(|angle| angle.abs() <= 1e6));
+    angles.ok_or_else(|| "expected three angles in degrees, for example -90,0,0".to_string())
+}
+
+/// `0,1.5,-2` -> a point in world units, coordinates as far from 0 as scenes may have them.
+pub fn parse_point(text: &str) -> Result<[f64; 3], String> {
+    let point = three(text).filter(|point| point.iter().all(|x| x.abs() <= 1e18));
+    point.ok_or_else(|| {
+        "expected the three coordinates of a point, for example 0,1.5,-2".to_string()
+    })
+}
+
+fn three(text: &str) -> Option<[f64; 3]> {
+    let parts: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    parts?.try_into().ok()
 }
 
 /// `0.08`: below a half, where nothing would be left of the picture.
@@ -114,6 +120,22 @@ pub fn count(count: u64) -> String {
     text
 }
 
+/// `0-3, 7, 9-12` of ascending numbers; many ranges are cut short.
+pub fn ranges(numbers: &[u32]) -> String {
+    const MAX_RANGES: usize = 20;
+    let mut ranges = numbers.chunk_by(|a, b| a.checked_add(1) == Some(*b));
+    let text = |range: &[u32]| match range {
+        [first, .., last] => format!("{first}-{last}"),
+        _ => range.first().map_or(String::new(), u32::to_string),
+    };
+    let shown: Vec<String> = ranges.by_ref().take(MAX_RANGES).map(text).collect();
+    let rest: usize = ranges.map(<[u32]>::len).sum();
+    match rest {
+        0 => shown.join(", "),
+        _ => format!("{} and {rest} more", shown.join(", ")),
+    }
+}
+
 /// `1 thread`, `2,000 threads`.
 pub fn plural(number: usize, one: &str) -> String {
     let s = if number == 1 { "" } else { "s" };
@@ -133,6 +155,14 @@ pub fn duration(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn ranges_of_numbers() {
+        assert_eq!(ranges(&[]), "");
+        assert_eq!(ranges(&[0, 1, 2, 7, 9, 10]), "0-2, 7, 9-10");
+        let even: Vec<u32> = (0..50).map(|n| 2 * n).collect();
+        assert!(ranges(&even).ends_with("36, 38 and 30 more"), "{}", ranges(&even));
+    }
 
     #[test]
     fn rates() {
@@ -159,6 +189,10 @@ mod tests {
         assert_eq!(parse_angles("-90, 0,1e1"), Ok([-90.0, 0.0, 10.0]));
         for bad in ["", "1,2", "1,2,3,4", "a,b,c", "nan,0,0", "1e9,0,0"] {
             assert!(parse_angles(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_point("2600000.5, 0,-1e18"), Ok([2_600_000.5, 0.0, -1e18]));
+        for bad in ["", "1,2", "1,2,3,4", "a,b,c", "nan,0,0", "inf,0,0", "1e19,0,0"] {
+            assert!(parse_point(bad).is_err_and(|said| said.contains("coordinates")), "{bad}");
         }
         assert_eq!(parse_range("3..7"), Ok(3..7));
         for bad in ["", "3", "3..3", "7..3", "..3", "3..", "3..=7", "-1..3"] {

@@ -77,7 +77,8 @@ fn the_printed_camera_makes_the_same_files_again() {
     let done = batch(&scratch, &args);
     assert_eq!(done.code(), 0, "{}", done.stderr());
     let said = done.stderr();
-    let camera = said.lines().find_map(|line| line.strip_prefix("scans/c.ply: camera ")).unwrap();
+    let camera =
+        said.lines().find_map(|line| line.strip_prefix("framed scans/c.ply: camera ")).unwrap();
     let recorded = journal(&scratch, "out/batch.jsonl");
     let mesh = recorded.iter().find(|record| record["event"] == "mesh").unwrap();
     assert_eq!(mesh["camera"], serde_json::from_str::<Value>(camera).unwrap());

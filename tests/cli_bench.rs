@@ -116,6 +116,67 @@ fn a_baseline_is_compared_with() {
     assert!(done.stdout().contains("no scene in common"), "{}", done.stdout());
 }
 
+/// A damaged baseline is refused with its name, or compared with; what that says may be nonsense, but the run
+/// ends well. Both happen, or this would test nothing.
+#[test]
+fn a_damaged_baseline_is_refused_or_compared_with() {
+    let scratch = pyramid();
+    let base = ["p.ply", "--backends", "bvh", "--classes", "primary", "--quiet"];
+    let first = bench(&scratch, &[&base[..], &["--save-baseline", "b.json"]].concat());
+    assert_eq!(first.code(), 0, "{}", first.stderr());
+    let whole = scratch.read("b.json");
+    let mut codes = [0, 0];
+    let mut run = |what: &str, bytes: &[u8], expected: Option<i32>| {
+        std::fs::write(scratch.path("m.json"), bytes).unwrap();
+        let done = bench(&scratch, &[&base[..], &["--baseline", "m.json"]].concat());
+        let (code, said) = (done.code(), done.stderr());
+        assert!(code == 0 || code == 2, "{what}: exit {code}: {said}");
+        assert!(expected.is_none_or(|expected| code == expected), "{what}: exit {code}: {said}");
+        assert_eq!(code == 2, said.contains("m.json: "), "{what}: {said}");
+        codes[usize::from(code == 2)] += 1;
+    };
+    let mut random = 1u64;
+    let mut below = |n: usize| {
+        random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (random >> 33) as usize % n
+    };
+    let digits: Vec<usize> = (0..whole.len()).filter(|&i| whole[i].is_ascii_digit()).collect();
+    for n in 0..40 {
+        let mut bytes = whole.clone();
+        let at = below(bytes.len());
+        let what = match n % 4 {
+            0 => {
+                bytes[digits[below(digits.len())]] = b'0' + below(10) as u8;
+                "a digit"
+            }
+            1 => {
+                bytes[at] ^= 1 << below(8);
+                "a bit"
+            }
+            2 => {
+                bytes.truncate(at);
+                "an end"
+            }
+            _ => {
+                bytes.remove(at);
+                "a byte less"
+            }
+        };
+        run(&format!("{what} at {at}"), &bytes, None);
+    }
+    run("no UTF-8", b"\xff\xfe{}", Some(2));
+    run("untouched", &whole, Some(0));
+    // What a reader might divide by, or take the middle of.
+    for seconds in ["[]", "[0.0]", "[-1.0, 2.0]", "[1e308, 1e308, 1e308]"] {
+        let mut then: serde_json::Value = serde_json::from_slice(&whole).unwrap();
+        for row in then["scenes"][0]["rows"].as_array_mut().unwrap() {
+            row["entries"][0]["seconds"] = serde_json::from_str(seconds).unwrap();
+        }
+        run(seconds, then.to_string().as_bytes(), None);
+    }
+    assert!(codes[0] >= 5 && codes[1] >= 5, "{codes:?}");
+}
+
 #[test]
 fn bad_use_is_refused_and_nothing_is_written() {
     let scratch = pyramid();

@@ -177,6 +177,27 @@ fn a_budget_is_kept_and_what_it_leaves_out_is_listed() {
     assert!(!scratch.path("no.html").exists());
 }
 
+#[cfg(unix)]
+#[test]
+fn a_stop_does_not_use_up_the_budget() {
+    let scratch = scratch();
+    let flags = ["converge", "s.json", "--spp", "1,4", "--light-samples", "1", "--size", "200x150"];
+    let flags = [&flags[..], &["--budget", "4", "--json", "r.json", "--quiet"]].concat();
+    let mut command = scratch.command(&flags);
+    let mut child = command.stdout(std::process::Stdio::null()).spawn().unwrap();
+    let send = |signal: &str, pid: u32| {
+        let kill = format!("kill -s {signal} {pid}");
+        assert!(std::process::Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    };
+    // As Ctrl-Z does in the first second, for longer than the budget.
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    send("STOP", child.id());
+    std::thread::sleep(std::time::Duration::from_millis(4500));
+    send("CONT", child.id());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(scratch.path("r.json").is_file());
+}
+
 #[test]
 fn a_reference_may_be_a_file() {
     let scratch = scratch();

@@ -344,6 +344,7 @@ fn parts_that_no_other_run_makes_again_are_refused() {
     let film = Film::new([4, 4], Window::full(4, 4)).unwrap();
     let part = Part {
         fingerprint: None,
+        isa: None,
         whole: [0, 0, 4, 4],
         tile: None,
         samples: [0, 1],
@@ -352,12 +353,13 @@ fn parts_that_no_other_run_makes_again_are_refused() {
         files: Files::new(&scene.tonemap),
         recipe: Default::default(),
     };
-    let said = (part::ATTRIBUTE.to_string(), serde_json::to_string(&part).unwrap());
-    for (reproducible, code) in [("yes", 0), ("no", 2)] {
+    let write = |name: &str, part: &Part, reproducible: &str| {
+        let said = serde_json::to_string(part).unwrap();
         let attributes =
-            [said.clone(), ("lightpath:reproducible".to_string(), reproducible.to_string())];
+            [(part::ATTRIBUTE, said.as_str()), ("lightpath:reproducible", reproducible)];
+        let attributes = attributes.map(|(name, value)| (name.to_string(), value.to_string()));
         let options = exr::Options { attributes: &attributes, ..exr::Options::default() };
-        let path = scratch.path("part.exr");
+        let path = scratch.path(name);
         let mut file = std::fs::File::options()
             .read(true)
             .write(true)
@@ -366,8 +368,17 @@ fn parts_that_no_other_run_makes_again_are_refused() {
             .open(&path)
             .unwrap();
         exr::write(&film, &options, &mut file, &path).unwrap();
+    };
+    for (reproducible, code) in [("yes", 0), ("no", 2)] {
+        write("part.exr", &part, reproducible);
         let done = merge(&scratch, &["part.exr"], &[]);
         assert_eq!(done.code(), code, "{}", done.stderr());
         assert_eq!(done.stderr().contains("another run"), code == 2, "{}", done.stderr());
     }
+    // Embree's last bits may be those of its instruction set; other backends have none.
+    for (name, isa) in [("sse.exr", "SSE"), ("avx.exr", "AVX-512")] {
+        write(name, &Part { isa: Some(isa.to_string()), ..part.clone() }, "yes");
+    }
+    let said = ["avx.exr", "another instruction set of Embree: AVX-512, expected SSE"];
+    refused(&merge(&scratch, &["sse.exr", "avx.exr"], &[]), &said);
 }

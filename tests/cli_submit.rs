@@ -1,4 +1,4 @@
-//! `lightpath submit slurm --dry-run`: the scripts, and what they say. tests/slurm.rs runs them.
+//! `lightpath submit slurm`: what `sbatch` is given, whatever names say. tests/farm.rs runs it.
 
 mod program;
 
@@ -18,6 +18,11 @@ fn submit(scratch: &Scratch, flags: &[&str]) -> program::Done {
     scratch.run(&[&["submit", "slurm", "job.json", "-o", "out", "--dry-run"], flags].concat())
 }
 
+/// The commands that a dry run says.
+fn commands(said: &str) -> Vec<&str> {
+    said.lines().filter(|line| line.starts_with("sbatch ")).collect()
+}
+
 #[test]
 fn scripts_share_out_every_frame() {
     let scratch = scratch(24);
@@ -27,23 +32,14 @@ fn scripts_share_out_every_frame() {
         &[&flags[..], &["--sbatch=--partition=long", "--at-a-time", "5"]].concat(),
     );
     assert_eq!(done.code(), 0, "{}", done.stderr());
-    let text = String::from_utf8(scratch.read("out/slurm/frames.sh")).unwrap();
-    for line in [
-        "#SBATCH --array=0-8%5",
-        "#SBATCH --requeue",
-        "#SBATCH --cpus-per-task=4",
-        "#SBATCH --mem=3072M",
-        "#SBATCH --time=1:00:00",
-        "#SBATCH --partition=long",
-        "first=$((SLURM_ARRAY_TASK_ID * 8))",
-        "end=$((first + 8 < 72 ? first + 8 : 72))",
-    ] {
-        assert!(text.lines().any(|found| found == line), "{line} is not in\n{text}");
-    }
-    assert!(text.contains("--resume"), "{text}");
     let said = done.stdout();
-    assert!(said.contains("--dependency=afterok:"), "{said}");
-    assert!(said.contains("--kill-on-invalid-dep=yes"), "{said}");
+    let [frames, sheet] = [commands(&said)[0], commands(&said)[1]];
+    let shared = ["--cpus-per-task=4", "--mem=3072M", "--time=1:00:00", "--partition=long"];
+    for option in shared.into_iter().chain(["--array=0-8%5", "--requeue"]) {
+        assert!(frames.replace('\'', "").contains(&format!(" {option} ")), "{option}: {said}");
+    }
+    assert!(frames.ends_with(" 72 8"), "{said}");
+    assert!(sheet.contains(" --dependency=afterany:ID "), "{said}");
     // Bash reads both.
     for name in ["frames.sh", "sheet.sh"] {
         let path = scratch.path("out/slurm").join(name);
@@ -59,8 +55,8 @@ fn memory_and_chunks_are_predicted() {
     assert_eq!(done.code(), 0, "{}", done.stderr());
     // Six frames would take ten minutes, and six divide a mesh.
     assert!(done.stderr().contains("12 tasks of 6 frames"), "{}", done.stderr());
-    let text = String::from_utf8(scratch.read("out/slurm/frames.sh")).unwrap();
-    let memory = text.lines().find_map(|line| line.strip_prefix("#SBATCH --mem=")).unwrap();
+    let said = done.stdout();
+    let memory = said.split(' ').find_map(|word| word.strip_prefix("--mem=")).unwrap();
     let mib: u64 = memory.trim_end_matches('M').parse().unwrap();
     assert!((60..2000).contains(&mib), "{mib} MiB");
     let done = submit(&scratch, &[]);
@@ -98,4 +94,120 @@ fn without_slurm_it_says_so() {
     let done = program::Done::of(command.env("PATH", "/nowhere"));
     assert_eq!(done.code(), 2);
     assert!(done.stderr().contains("cannot run sbatch"), "{}", done.stderr());
+}
+
+/// Names that mean something to a shell, to `#SBATCH` lines or to Slurm's own file names.
+const HOSTILE: [&str; 8] = [
+    "$(touch pwned)",
+    "`touch pwned`",
+    "a; touch pwned;",
+    "it's \"quoted\" #x",
+    "100%j %A_%a %%",
+    "$HOME ~ * ? [a-z] {a,b}",
+    "& | < > ( ) ! =",
+    " -o x ",
+];
+
+/// A folder of programs with an `sbatch` that runs its script at once, as task 0 of an array.
+fn slurm_of_one_task(scratch: &Scratch) -> std::ffi::OsString {
+    use std::os::unix::fs::PermissionsExt;
+    let text = "#!/bin/bash\nwhile [[ $1 == -* ]]; do shift; done\n\
+                SLURM_ARRAY_JOB_ID=1 SLURM_ARRAY_TASK_ID=0 bash \"$@\" >&2 && echo 1\n";
+    scratch.write("bin/sbatch", text);
+    let executable = std::fs::Permissions::from_mode(0o755);
+    std::fs::set_permissions(scratch.path("bin/sbatch"), executable).unwrap();
+    let mut path = scratch.path("bin").into_os_string();
+    path.push(":");
+    path.push(std::env::var_os("PATH").unwrap_or_default());
+    path
+}
+
+#[test]
+fn names_are_never_run() {
+    let scratch = scratch(1);
+    let job = r#"{ "inputs": ["*.ply"], "size": [16, 12],
+                   "set": { "/scene/accelerator": "bvh", "/spp": 1 } }"#;
+    scratch.write("job.json", job);
+    let path = slurm_of_one_task(&scratch);
+    for name in HOSTILE {
+        std::fs::create_dir(scratch.path(name)).unwrap();
+        for file in ["job.json", "a.ply", "b.ply", "c.ply"] {
+            std::fs::copy(scratch.path(file), scratch.path(name).join(file)).unwrap();
+        }
+        let (job, out) = (format!("./{name}/job.json"), format!("./{name}/$(touch pwned)"));
+        let mut dry = scratch.command(&["submit", "slurm", &job, "-o", &out, "--dry-run"]);
+        let dry = program::Done::of(dry.env("PATH", &path));
+        assert_eq!(dry.code(), 0, "{name}: {}", dry.stderr());
+        // As a user pastes what it says into a shell; the rest is what it does itself.
+        let commands = format!("set -e\n{}", commands(&dry.stdout()).join("\n"));
+        let mut shell = std::process::Command::new("bash");
+        shell.current_dir(scratch.path("")).args(["-c", &commands]).env("PATH", &path);
+        let ran = program::Done::of(&mut shell);
+        assert_eq!(ran.code(), 0, "{name}: {commands}{}", ran.stderr());
+        assert_eq!(ran.stdout(), "1\n1\n", "{name}: {commands}");
+        for file in ["a.exr", "b.exr", "c.exr", "index.html"] {
+            assert!(scratch.path(&out).join(file).is_file(), "{name}: {file}: {}", ran.stderr());
+        }
+        std::fs::remove_dir_all(scratch.path(&out)).unwrap();
+        let mut real = scratch.command(&["submit", "slurm", &job, "-o", &out]);
+        let real = program::Done::of(real.env("PATH", &path));
+        assert_eq!(real.code(), 0, "{name}: {}", real.stderr());
+        assert!(scratch.path(&out).join("index.html").is_file(), "{name}: {}", real.stderr());
+    }
+    let mut expected = vec!["a.ply", "b.ply", "bin", "c.ply", "job.json"];
+    expected.extend(HOSTILE);
+    expected.sort_unstable();
+    assert_eq!(scratch.names(), expected);
+}
+
+#[test]
+fn any_name_reaches_the_task_as_it_is() {
+    use proptest::{
+        prelude::*,
+        test_runner::{Config, TestRunner},
+    };
+    let scratch = scratch(1);
+    let path = slurm_of_one_task(&scratch);
+    // In place of a task: says which words it got.
+    scratch.write("bin/sbatch", "#!/bin/bash\nprintf '%s\\n' \"$@\" >&2\n");
+    let name = "[ -\\[\\]-~\u{e9}\u{20ac}]{1,12}";
+    let mut runner = TestRunner::new(Config { cases: 48, ..Config::default() });
+    let ran = runner.run(&name.prop_filter("a path", |name| !name.contains('/')), |name| {
+        let out = scratch.path("").join(format!("x{name}x"));
+        let out = out.to_str().unwrap();
+        let mut dry = scratch.command(&["submit", "slurm", "job.json", "-o", out, "--dry-run"]);
+        let dry = program::Done::of(dry.env("PATH", &path));
+        prop_assert_eq!(dry.code(), 0, "{}", dry.stderr());
+        let said = dry.stdout();
+        let mut shell = std::process::Command::new("bash");
+        let shell = shell.args(["-c", &commands(&said).join("\n")]).env("PATH", &path);
+        let words = program::Done::of(shell).stderr();
+        let log = format!("--output={}/slurm/%A_%a.log", out.replace('%', "%%"));
+        for word in [out, &format!("{out}/slurm/frames.sh"), &format!("{out}/slurm/sheet.sh"), &log]
+        {
+            prop_assert!(words.lines().any(|found| found == word), "{word:?} is not in\n{words}");
+        }
+        Ok(())
+    });
+    ran.unwrap();
+}
+
+#[test]
+fn what_slurm_cannot_name_is_refused() {
+    let scratch = scratch(1);
+    for (name, said) in [
+        ("a\nb", "a\\nb: found a control character"),
+        ("a\u{1b}[2Jb", "found a control character"),
+        ("a\\b", "found a backslash"),
+    ] {
+        let done = scratch.run(&["submit", "slurm", "job.json", "-o", name, "--dry-run"]);
+        assert_eq!(done.code(), 2, "{name:?}: {}", done.stderr());
+        assert!(done.stderr().contains(said), "{name:?}: {}", done.stderr());
+        assert!(!scratch.path(name).exists(), "{name:?}");
+        let folder = name.replace('\\', "\\\\").replace('\n', "\\n").replace('\u{1b}', "\\u001b");
+        let job = format!(r#"{{ "inputs": ["*.ply"], "output": {{ "folder": "{folder}" }} }}"#);
+        scratch.write("named.json", &job);
+        let done = scratch.run(&["submit", "slurm", "named.json", "--dry-run"]);
+        assert_eq!(done.code(), 2, "{name:?}: {}", done.stderr());
+    }
 }

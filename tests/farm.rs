@@ -6,10 +6,11 @@ mod program;
 use std::{
     path::{Path, PathBuf},
     process::Command,
+    sync::atomic::{AtomicU32, Ordering::Relaxed},
     time::{Duration, Instant},
 };
 
-use program::{Done, PYRAMID, Scratch};
+use program::{Done, PYRAMID, Scratch, names_in};
 
 const FRAMES: usize = 60;
 
@@ -30,12 +31,12 @@ fn skipped(what: &str, how: &str) {
 }
 
 /// A turntable of one mesh.
-fn scratch(size: &str, spp: u32) -> Scratch {
+fn scratch(size: &str, spp: u32, frames: usize) -> Scratch {
     let scratch = Scratch::new();
     scratch.write("pyramid.ply", PYRAMID);
     let (width, height) = size.split_once('x').unwrap();
     let job = format!(
-        r#"{{ "inputs": ["pyramid.ply"], "turntable": {{ "frames": {FRAMES} }},
+        r#"{{ "inputs": ["pyramid.ply"], "turntable": {{ "frames": {frames} }},
              "set": {{ "/spp": {spp}, "/camera/width": {width}, "/camera/height": {height},
                        "/scene/accelerator": "bvh" }} }}"#
     );
@@ -56,7 +57,7 @@ fn pictures(folder: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 #[track_caller]
-fn same_pictures(scratch: &Scratch, farm: &str) {
+fn same_pictures(scratch: &Scratch, farm: &str, frames: usize) {
     // By the same name: what a picture says of its scene has the paths in it.
     let job = scratch.path("job.json").display().to_string();
     let done = scratch.run(&["batch", &job, "-o", "one", "--quiet"]);
@@ -67,21 +68,55 @@ fn same_pictures(scratch: &Scratch, farm: &str) {
         |all: &[(String, Vec<u8>)]| all.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
     // Nothing is missing, and nothing half is left beside it.
     assert_eq!(names(&one), names(&farm));
-    assert_eq!(one.len(), 2 * FRAMES, "{:?}", names(&one));
+    assert_eq!(one.len(), 2 * frames, "{:?}", names(&one));
     assert!(one == farm, "a picture differs from that of one machine");
 }
 
 /// A cluster that ends with the test.
 struct Cluster {
     folder: tempfile::TempDir,
+    port: u32,
 }
 
 impl Cluster {
+    /// A cluster of `nodes` of `cpus`; `None`, and a word about it, where there is no Slurm.
+    fn up(nodes: &str, cpus: &str) -> Option<Self> {
+        static CLUSTERS: AtomicU32 = AtomicU32::new(0);
+        let programs = ["slurmctld", "slurmd", "sbatch", "munged", "unshare", "nsenter"];
+        if let Some(missing) = programs.into_iter().find(|program| !has(program)) {
+            skipped(
+                &format!("a test with Slurm: there is no {missing}"),
+                "apt-get install slurmctld slurmd slurm-client munge",
+            );
+            return None;
+        }
+        let is_root = Command::new("id").arg("-u").output().is_ok_and(|o| o.stdout == b"0\n");
+        if !is_root {
+            skipped("a test with Slurm: not root", "run the tests as root");
+            return None;
+        }
+        // Other clusters may run on this machine: of another checkout's tests, or of this program's.
+        let number = CLUSTERS.fetch_add(1, Relaxed);
+        let port = 20_000 + (std::process::id() * 3 + number) % 2_000 * 10;
+        let cluster = Self { folder: tempfile::tempdir().unwrap(), port };
+        cluster.ok(&["up", nodes, cpus]);
+        Some(cluster)
+    }
+
+    /// Submits `job` in tasks of one processor.
+    #[track_caller]
+    fn submit(&self, scratch: &Scratch, job: &str, folder: &str, per_task: &str) {
+        let args = ["submit", "slurm", job, "-o", folder, "--frames-per-task", per_task];
+        let args = [&args[..], &["--cpus", "1", "--memory", "200M"]].concat();
+        let mut command = scratch.command(&args);
+        let done = Done::of(command.env("SLURM_CONF", self.state().join("slurm.conf")));
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    }
+
     fn run(&self, args: &[&str]) -> Done {
         let mut command = Command::new(root().join("scripts/slurm_cluster.sh"));
-        // Other clusters may run on this machine: of another checkout's tests.
-        let port = 20_000 + std::process::id() % 2_000 * 10;
-        command.env("SLURM_CLUSTER", self.state()).env("SLURM_CLUSTER_PORT", port.to_string());
+        let port = self.port.to_string();
+        command.env("SLURM_CLUSTER", self.state()).env("SLURM_CLUSTER_PORT", port);
         Done::of(command.args(args))
     }
 
@@ -122,35 +157,9 @@ impl Drop for Cluster {
 
 #[test]
 fn a_cluster_that_loses_nodes_loses_no_frame() {
-    let programs = ["slurmctld", "slurmd", "sbatch", "munged", "unshare", "nsenter"];
-    let is_root = Command::new("id").arg("-u").output().is_ok_and(|o| o.stdout == b"0\n");
-    if let Some(missing) = programs.into_iter().find(|program| !has(program)) {
-        return skipped(
-            &format!("the cluster test: there is no {missing}"),
-            "apt-get install slurmctld slurmd slurm-client munge",
-        );
-    }
-    if !is_root {
-        return skipped("the cluster test: not root", "run the tests as root");
-    }
-    let cluster = Cluster { folder: tempfile::tempdir().unwrap() };
-    let scratch = scratch("160x120", 24);
-    cluster.ok(&["up", "3", "2"]);
-    let mut command = scratch.command(&[
-        "submit",
-        "slurm",
-        "job.json",
-        "-o",
-        "farm",
-        "--frames-per-task",
-        "1",
-        "--cpus",
-        "1",
-        "--memory",
-        "200M",
-    ]);
-    let done = Done::of(command.env("SLURM_CONF", cluster.state().join("slurm.conf")));
-    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let Some(cluster) = Cluster::up("3", "2") else { return };
+    let scratch = scratch("160x120", 24, FRAMES);
+    cluster.submit(&scratch, "job.json", "farm", "1");
     let finished = || {
         let names = std::fs::read_dir(scratch.path("farm/pyramid")).into_iter().flatten();
         let names = names.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
@@ -178,16 +187,104 @@ fn a_cluster_that_loses_nodes_loses_no_frame() {
     cluster.ok(&["start-node", "3"]);
     cluster.ok(&["wait", "600"]);
     // The sheet came after all tasks had ended well.
-    assert!(scratch.path("farm/index.html").is_file(), "{}", logs(&scratch));
+    assert!(scratch.path("farm/index.html").is_file(), "{}", logs(&scratch, "farm"));
     let restarts =
         std::fs::read_to_string(cluster.state().join("slurmctld.log")).unwrap_or_default();
     assert!(restarts.contains("equeue"), "no task was requeued: the kills hit nothing\n{restarts}");
-    same_pictures(&scratch, "farm");
+    same_pictures(&scratch, "farm", FRAMES);
 }
 
-fn logs(scratch: &Scratch) -> String {
+/// Processes of this program and of its tasks' shells that Slurm runs, by the number of their task.
+fn processes_of(cluster: &Cluster, task: u32) -> Vec<(u32, String)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir("/proc").unwrap().flatten() {
+        let Ok(pid) = entry.file_name().to_string_lossy().parse::<u32>() else { continue };
+        let environment = std::fs::read(entry.path().join("environ")).unwrap_or_default();
+        let has = |text: String| environment.split(|&b| b == 0).any(|v| v == text.as_bytes());
+        let ours = has(format!("SLURM_CONF={}", cluster.state().join("slurm.conf").display()))
+            && has(format!("SLURM_ARRAY_TASK_ID={task}"));
+        let name = std::fs::read_to_string(entry.path().join("comm")).unwrap_or_default();
+        // slurmstepd is Slurm's own.
+        if ours && ["lightpath", "slurm_script", "bash"].contains(&name.trim()) {
+            found.push((pid, name.trim().to_string()));
+        }
+    }
+    found
+}
+
+/// What the kernel does when there is no memory left: at first it kills the program, and with groups the
+/// whole task, its shell too.
+#[test]
+fn a_task_without_memory_runs_again_and_the_sheet_says_what_is_missing() {
+    let Some(cluster) = Cluster::up("1", "2") else { return };
+    let frames = 4;
+    let scratch = scratch("320x240", 64, frames);
+    cluster.submit(&scratch, "job.json", "farm", "1");
+    let kill = |pid: u32| {
+        let killed = Command::new("sh").args(["-c", &format!("kill -s KILL {pid}")]).status();
+        assert!(killed.unwrap().success());
+    };
+    let running = |task: u32, name: &str| {
+        let all = processes_of(&cluster, task);
+        all.into_iter().find(|(_, known)| known == name).map(|(pid, _)| pid)
+    };
+    cluster.wait_for("task 0 does not begin", 120, || running(0, "lightpath").is_some());
+    kill(running(0, "lightpath").unwrap());
+    cluster.wait_for("task 3 does not begin", 120, || running(3, "lightpath").is_some());
+    let shells = processes_of(&cluster, 3);
+    // The shell first: it must not see what becomes of its child.
+    for (pid, _) in shells.iter().filter(|(_, name)| name != "lightpath") {
+        kill(*pid);
+    }
+    for (pid, _) in shells.iter().filter(|(_, name)| name == "lightpath") {
+        kill(*pid);
+    }
+    cluster.ok(&["wait", "300"]);
+    let there =
+        |frame: u32| scratch.path(&format!("farm/pyramid/pyramid.{frame:04}.exr")).is_file();
+    // The first was tried again; of the last Slurm knows nothing but its end.
+    assert_eq!([0, 1, 2, 3].map(there), [true, true, true, false], "{}", logs(&scratch, "farm"));
+    let page = String::from_utf8(scratch.read("farm/index.html")).unwrap();
+    assert!(page.contains("3 of 4 frames"), "{page}");
+    let said = logs(&scratch, "farm");
+    assert!(said.contains("pyramid.ply: frame 3 is missing"), "{said}");
+    let ended = cluster.slurm("scontrol", &["show", "job", "-o"]);
+    let sheet = ended.lines().find(|line| line.contains("-sheet ")).unwrap_or_default();
+    assert!(sheet.contains("JobState=FAILED") && sheet.contains("ExitCode=1:0"), "{ended}");
+    // Submitted again, only that is rendered.
+    cluster.submit(&scratch, "job.json", "farm", "1");
+    cluster.ok(&["wait", "300"]);
+    same_pictures(&scratch, "farm", frames);
+}
+
+#[test]
+fn names_reach_slurm_as_they_are() {
+    let Some(cluster) = Cluster::up("1", "2") else { return };
+    let scratch = scratch("16x12", 1, 4);
+    for folder in
+        ["a b", "$(touch pwned)`touch pwned`", "it's \"x\" #y; touch pwned", "%j %A_%a 100%% %"]
+    {
+        std::fs::create_dir(scratch.path(folder)).unwrap();
+        for file in ["job.json", "pyramid.ply"] {
+            std::fs::copy(scratch.path(file), scratch.path(folder).join(file)).unwrap();
+        }
+        let (job, farm) = (format!("./{folder}/job.json"), format!("./{folder}/farm"));
+        cluster.submit(&scratch, &job, &farm, "2");
+        cluster.ok(&["wait", "120"]);
+        let log = names_in(&scratch.path(&farm).join("slurm"));
+        let logs = log.iter().filter(|name| name.ends_with(".log")).count();
+        assert_eq!(logs, 3, "{folder}: {log:?}");
+        assert!(scratch.path(&farm).join("index.html").is_file(), "{folder}: {log:?}");
+        assert_eq!(pictures(&scratch.path(&farm).join("pyramid")).len(), 8, "{folder}");
+    }
+    let names = scratch.names();
+    assert!(!names.contains(&"pwned".to_string()) && names.len() == 6, "{names:?}");
+}
+
+fn logs(scratch: &Scratch, farm: &str) -> String {
     let mut text = String::new();
-    for entry in std::fs::read_dir(scratch.path("farm/slurm")).into_iter().flatten().flatten() {
+    for entry in std::fs::read_dir(scratch.path(farm).join("slurm")).into_iter().flatten().flatten()
+    {
         text += &format!("\n{}:\n", entry.path().display());
         text += &std::fs::read_to_string(entry.path()).unwrap_or_default();
     }
@@ -205,24 +302,55 @@ fn the_openjd_template_is_valid_and_runs() {
     let template = root().join("farm/openjd-template.yaml");
     let checked = Done::of(Command::new("openjd").arg("check").arg(&template));
     assert_eq!(checked.code(), 0, "{}{}", checked.stdout(), checked.stderr());
-    let scratch = scratch("32x24", 1);
-    let parameter = |name: &str, value: &str| ["-p".to_string(), format!("{name}={value}")];
-    let program = env!("CARGO_BIN_EXE_lightpath");
+    let scratch = scratch("32x24", 1, FRAMES);
     let path = |name: &str| scratch.path(name).display().to_string();
-    let mut command = Command::new("openjd");
-    command.arg("run").arg(&template).args(["--step", "Sheet", "--run-dependencies"]);
-    for (name, value) in [
-        ("Job", path("job.json").as_str()),
-        ("Output", path("farm").as_str()),
-        ("Frames", "0-59"),
-        ("FramesPerTask", "7"),
-        ("Lightpath", program),
-    ] {
-        command.args(parameter(name, value));
-    }
-    let done = Done::of(command.env_remove("SLURM_CPUS_PER_TASK"));
+    let done = openjd("Sheet", &path("job.json"), &path("farm"), "0-59", "7");
     assert_eq!(done.code(), 0, "{}{}", done.stdout(), done.stderr());
     assert!(done.stdout().contains("openjd_progress: 100"), "{}", done.stdout());
     assert!(scratch.path("farm/index.html").is_file());
-    same_pictures(&scratch, "farm");
+    same_pictures(&scratch, "farm", FRAMES);
+    // Names are names, whatever a shell would make of them.
+    for folder in ["$(touch pwned)", "`touch pwned`", "\"; touch pwned; \"", "it's # & | *"] {
+        std::fs::create_dir(scratch.path(folder)).unwrap();
+        for file in ["job.json", "pyramid.ply"] {
+            std::fs::copy(scratch.path(file), scratch.path(folder).join(file)).unwrap();
+        }
+        let farm = format!("{folder}/farm");
+        let job = path(&format!("{folder}/job.json"));
+        // The first step alone, as the second would render what the first has put somewhere else.
+        let done = openjd("Frames", &job, &path(&farm), "0-3", "2");
+        assert_eq!(done.code(), 0, "{folder}: {}{}", done.stdout(), done.stderr());
+        let made = names_in(&scratch.path(&farm).join("pyramid"));
+        assert_eq!(made.len(), 8, "{folder}: {made:?}: {}", done.stdout());
+        let done = openjd("Sheet", &job, &path(&farm), "0-3", "2");
+        // The rest of the frames are rendered by the step of the sheet.
+        assert_eq!(done.code(), 0, "{folder}: {}{}", done.stdout(), done.stderr());
+        same_names(&scratch.path("farm/pyramid"), &scratch.path(&farm).join("pyramid"));
+    }
+    let names = scratch.names();
+    assert!(!names.contains(&"pwned".to_string()), "{names:?}");
+    assert!(!Path::new("pwned").exists());
+}
+
+/// `openjd run` of a step and what it depends on.
+fn openjd(step: &str, job: &str, output: &str, frames: &str, per_task: &str) -> Done {
+    let mut command = Command::new("openjd");
+    command.arg("run").arg(root().join("farm/openjd-template.yaml"));
+    command.args(["--step", step, "--run-dependencies"]);
+    for (name, value) in [
+        ("Job", job),
+        ("Output", output),
+        ("Frames", frames),
+        ("FramesPerTask", per_task),
+        ("Lightpath", env!("CARGO_BIN_EXE_lightpath")),
+    ] {
+        command.args(["-p".to_string(), format!("{name}={value}")]);
+    }
+    Done::of(command.env_remove("SLURM_CPUS_PER_TASK"))
+}
+
+/// The same names in both folders.
+#[track_caller]
+fn same_names(one: &Path, other: &Path) {
+    assert_eq!(names_in(one), names_in(other));
 }

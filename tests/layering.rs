@@ -35,7 +35,7 @@ const FLOORS: &[(&str, u32)] = &[
     ("sampler", 1),
     ("math", 1),
     ("simd", 1),
-    ("farm", 1), // scripts for a farm
+    ("farm", 1), // what a farm is given
     ("report", 1),
     ("paths", 1),
     ("units", 1),

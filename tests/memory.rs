@@ -54,6 +54,31 @@ fn sheet(side: u32) -> Vec<u8> {
     bytes
 }
 
+/// Too little memory to load Embree, or to use it, is a failure worth another try, not an Embree that is missing.
+#[cfg(unix)]
+#[test]
+fn embree_without_memory_may_be_tried_again() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", &with_shapes(json!([ball(0.0, json!({}))])));
+    let args = ["render", "s.json", "-o", "x", "--backend", "embree", "--threads", "2", "--quiet"];
+    if scratch.run(&args).unless_no_embree().is_none() {
+        return;
+    }
+    let mut not_loaded = 0;
+    for mib in (60..300).step_by(8) {
+        let limited = format!("ulimit -v {}; exec \"$0\" \"$@\"", mib << 10);
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", &limited, env!("CARGO_BIN_EXE_lightpath")]).args(args);
+        let done = program::Done::of(command.current_dir(scratch.path("")));
+        let said = done.stderr();
+        if said.contains("error: Embree: ") {
+            assert_eq!(done.code(), 3, "{mib} MiB: {said}");
+            not_loaded += usize::from(said.contains("cannot load"));
+        }
+    }
+    assert!(not_loaded > 0, "Embree was loaded in whatever was left");
+}
+
 /// `memory` of `info` and of the statistics of a render; `None` where Embree is not installed.
 fn predicted_and_found(scratch: &Scratch) -> Option<[Value; 2]> {
     let info = scratch.run(&["info", "s.json", "--json"]);

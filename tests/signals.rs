@@ -97,6 +97,41 @@ fn a_render_stops() {
     let scratch = scratch();
     stops(&scratch, "slow.json", "render", "INT", 130);
     stops(&scratch, "slow.json", "render", "TERM", 143);
+    // A terminal that closes, and Ctrl-\.
+    stops(&scratch, "slow.json", "render", "HUP", 129);
+    stops(&scratch, "slow.json", "render", "QUIT", 131);
+}
+
+#[test]
+fn a_job_of_nohup_outlives_its_terminal() {
+    let scratch = scratch();
+    let render = "trap '' HUP; exec \"$0\" render slow.json -o out/x --size 300x300 --spp 16 \
+                  --set /scene/accelerator=bvh --quiet";
+    let mut command = Command::new("sh");
+    command.args(["-c", render, env!("CARGO_BIN_EXE_lightpath")]).current_dir(scratch.path(""));
+    let mut child = Running(command.spawn().unwrap());
+    let start = Instant::now();
+    while names_in(&scratch.path("out")).is_empty() {
+        assert!(start.elapsed() < PROMPT, "it does not begin");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    send("HUP", &child.0);
+    assert_eq!(child.0.wait().unwrap().code(), Some(0));
+    assert_eq!(names_in(&scratch.path("out")), ["x.exr", "x.png"]);
+}
+
+#[test]
+fn a_limit_of_file_sizes_is_an_error_and_leaves_nothing() {
+    let scratch = scratch();
+    // In blocks of 512 or 1024 bytes; the EXR has more than that.
+    let render = "ulimit -f 4; exec \"$0\" render slow.json -o out/x --size 128x128 --spp 1 --float \
+                  --compression none --set /scene/accelerator=bvh --quiet";
+    let mut command = Command::new("sh");
+    command.args(["-c", render, env!("CARGO_BIN_EXE_lightpath")]).current_dir(scratch.path(""));
+    let done = program::Done::of(&mut command);
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().starts_with("error: out/x."), "{}", done.stderr());
+    assert_eq!(names_in(&scratch.path("out")), [""; 0]);
 }
 
 #[test]

@@ -1,6 +1,9 @@
 //! Paths, folders and patterns -> files.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
 
 use crate::{
     error::{Error, Result},
@@ -36,13 +39,48 @@ pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
         _ => text.to_string(),
     };
     let matches =
-        glob::glob(&pattern).map_err(|error| nothing(&format!("which is no pattern: {error}")))?;
-    let files: Vec<PathBuf> =
-        matches.filter_map(|path| path.ok()).filter(|p| p.is_file()).collect();
+        matches(&pattern).map_err(|error| nothing(&format!("which is no pattern: {error}")))?;
+    let files: Vec<PathBuf> = matches.into_iter().filter(|path| path.is_file()).collect();
     match files.is_empty() {
         true => Err(nothing("a pattern that matches no file")),
         false => Ok(files),
     }
+}
+
+/// What a pattern matches, each path once. `**` stands for the folders of any depth that are no links:
+/// links may lead upwards, and then the paths through them have no end.
+fn matches(pattern: &str) -> std::result::Result<BTreeSet<PathBuf>, glob::PatternError> {
+    let (above, below) = match pattern.split_once("**/") {
+        // Also where it is no name of its own, which `glob` complains about.
+        Some((above, below)) if above.is_empty() || above.ends_with('/') => (above, below),
+        _ => return Ok(glob::glob(pattern)?.filter_map(|path| path.ok()).collect()),
+    };
+    // All of them once, however many `**` follow each other.
+    let below = below.trim_start_matches("**/");
+    let roots = match above {
+        "" => BTreeSet::from([PathBuf::new()]),
+        above => matches(above)?,
+    };
+    let mut found = BTreeSet::new();
+    let mut folders: Vec<PathBuf> = roots.into_iter().collect();
+    while let Some(folder) = folders.pop() {
+        let start = match folder.to_str() {
+            Some("") => String::new(),
+            Some(name) => format!("{}/", glob::Pattern::escape(name.trim_end_matches('/'))),
+            // No job file can say the names in it either.
+            None => continue,
+        };
+        found.extend(matches(&(start + below))?);
+        let listed = match folder.as_os_str().is_empty() {
+            true => std::fs::read_dir("."),
+            false => std::fs::read_dir(&folder),
+        };
+        let entries = listed.into_iter().flatten().flatten();
+        let real = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
+        // As `glob` does, hidden folders count.
+        folders.extend(real.map(|entry| folder.join(entry.file_name())));
+    }
+    Ok(found)
 }
 
 fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {

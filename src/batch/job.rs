@@ -11,6 +11,7 @@ use serde_json::Value;
 use crate::{
     error::{Error, Failures, Result},
     output::{exr::Sequence, tonemap::Depth},
+    paths,
     picture::Storage,
     scene::{Overrides, written::Name},
     studio::{Axis, Fixed, MARGIN, Template, Turning, Turntable},
@@ -107,6 +108,9 @@ impl Job {
         };
         let name = failures.keep(Pattern::parse("output name", pattern));
         if let Some(name) = &name {
+            for (number, input) in found.iter().enumerate() {
+                failures.keep(name.check(&input.path, number));
+            }
             failures.keep(distinct(name, &found, frames, pattern));
         }
         let both = file.up.is_some() && file.rotate.is_some();
@@ -127,6 +131,9 @@ impl Job {
                 Depth::Eight
             }
         };
+        if let Some(Name(folder)) = &file.output.folder {
+            failures.keep(paths::printable(Path::new(folder)));
+        }
         failures.check()?;
         let (Some(template), Some(name)) = (template, name) else {
             return Err(Error::invalid("job", "cannot be read"));

@@ -10,6 +10,8 @@ use std::{
     time::{SystemTime, UNIX_EPOCH},
 };
 
+#[cfg(unix)]
+use rustix::fs::OFlags;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -123,8 +125,7 @@ impl Journal {
     /// Where it cannot be written.
     pub fn open(path: &Path) -> Result<Self> {
         let failed = |error: std::io::Error| Error::io(path, "write", &error);
-        let mut options = OpenOptions::new();
-        let mut file = options.read(true).append(true).create(true).open(path).map_err(failed)?;
+        let mut file = open(path)?;
         // A line that a crash of the machine cut off must not swallow the next one.
         if file.seek(SeekFrom::End(-1)).is_ok() {
             let mut last = [0];
@@ -148,6 +149,33 @@ impl Journal {
     }
 }
 
+/// Opens a regular file of this very name. Through a link the journal would grow somewhere else, and
+/// opening a pipe waits for its reader.
+fn open(path: &Path) -> Result<File> {
+    let place = || path.display().to_string();
+    let expected = "expected the journal of this folder, a regular file";
+    let strange = |what: &str| {
+        let error = Error::invalid(place(), format!("found {what}, {expected}"));
+        Err(error.help("remove it, or choose another folder: -o DIR"))
+    };
+    let mut options = OpenOptions::new();
+    options.read(true).append(true).create(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::custom_flags(
+        &mut options,
+        (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32,
+    );
+    if path.is_symlink() {
+        return strange("a link");
+    }
+    let file = options.open(path).map_err(|error| Error::io(path, "write", &error))?;
+    match file.metadata() {
+        Ok(data) if data.is_file() => Ok(file),
+        Ok(_) => strange("a pipe or a device"),
+        Err(error) => Err(Error::io(path, "read", &error)),
+    }
+}
+
 /// All records of all journals in a folder, in the order of their names; lines that cannot be read
 /// are left out.
 pub fn read(folder: &Path) -> Vec<Record> {
@@ -156,6 +184,8 @@ pub fn read(folder: &Path) -> Vec<Record> {
         name.starts_with("batch") && name.ends_with(".jsonl")
     };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    // Neither links nor pipes, as they are not written either.
+    let entries = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(ours).collect();
     paths.sort();
     let text = |path: &PathBuf| std::fs::read_to_string(path).unwrap_or_default();

@@ -170,7 +170,6 @@ impl Run<'_> {
                 more: &[],
                 info: &built.info,
                 embree: self.options.embree,
-                isa,
                 scene_hash: frame.hash.as_deref(),
                 spp: None,
                 sequence: self.job.sequence(frame.number),

@@ -3,7 +3,7 @@
 use std::path::{Component, Path, PathBuf};
 
 use crate::{
-    error::{Error, Result},
+    error::{Error, Problem, Result},
     paths,
     scene::did_you_mean,
 };
@@ -63,12 +63,35 @@ impl Pattern {
         pieces.retain(|piece| *piece != Piece::Text(String::new()));
         let pattern = Self(pieces);
         let sample = pattern.of(Path::new("parent/stem"), 0, 0);
-        let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
-        if sample.file_name().is_none() || whole.ends_with('/') || !sample.components().all(plain) {
+        if whole.ends_with('/') || !is_within(&sample) {
             let message = format!("found {text:?}, expected a name within the output folder");
             return Err(complain(message).help("-o names the folder"));
         }
         Ok(pattern)
+    }
+
+    /// Refuses an input whose frames would lie outside of the output folder, or have control
+    /// characters in their names: `...ply` has the stem `..`.
+    ///
+    /// # Errors
+    /// `Invalid`, at the input.
+    pub fn check(&self, input: &Path, number: usize) -> Result<()> {
+        let name = self.of(input, number, 0);
+        let place = input.display().to_string();
+        if !is_within(&name) {
+            let message = format!(
+                "found frames of the name {name:?}, expected a name within the output folder"
+            );
+            return Err(Error::invalid(place, message).help("rename the input, or choose --name"));
+        }
+        paths::printable(&name).map_err(|error| Error {
+            problems: error
+                .problems
+                .into_iter()
+                .map(|p| Problem { place: place.clone(), ..p })
+                .collect(),
+            ..error
+        })
     }
 
     /// Whether frames of one input have different names.
@@ -90,6 +113,12 @@ impl Pattern {
         }
         name.into()
     }
+}
+
+/// Whether a name stays in the folder that it is joined to.
+fn is_within(name: &Path) -> bool {
+    let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
+    name.file_name().is_some() && name.components().all(plain)
 }
 
 /// The name of the folder that an input lies in.

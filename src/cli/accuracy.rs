@@ -1,9 +1,6 @@
 //! `lightpath accuracy`: the hard cases on every backend, then a table, JSON, pages.
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::{path::PathBuf, sync::Arc};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
@@ -144,8 +141,6 @@ impl Files {
         if let Some(file) = self.markdown {
             written.push(file.finish(&accuracy_markdown::page(report))?);
         }
-        let lines = written.iter().filter(|path| path.as_path() != Path::new("/dev/stdout"));
-        let lines: Vec<String> = lines.map(|path| format!("{}\n", path.display())).collect();
-        super::print(&lines.concat())
+        super::print_paths(&written)
     }
 }

@@ -12,7 +12,7 @@ use crate::{
         self, Event, Flags, Job, JobFile, LimitKeys, Options, Outcome, Status, TurntableKeys,
         WrittenInput, sheet,
     },
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Kind, Problem, Result, printable},
     monitor::Monitor,
     output::{Outputs, tonemap::Depth},
     scene::{
@@ -36,7 +36,8 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     }
     let options = options(args, &limits)?;
     if args.run.sheet_only {
-        return written(&sheet::write(&job, options.threads)?);
+        super::print_paths(&sheet::write(&job, options.threads)?)?;
+        return complete(&job);
     }
     let monitor = Arc::new(Monitor::default());
     let status = Arc::new(Status::default());
@@ -52,9 +53,11 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         }
     };
     let tell = |event: Event| match event {
-        Event::Framed { input, camera } => say(format!("{input}: camera {camera}")),
+        Event::Framed { input, camera } => {
+            say(format!("framed {}: camera {camera}", printable(input)))
+        }
         Event::Warning { input, problem } => say(format!("warning: {}", about(input, problem))),
-        Event::Again { reason } => say(format!("again: {reason}")),
+        Event::Again { reason } => say(format!("again: {}", printable(reason))),
         Event::Frame { outputs } => progress.result(outputs),
         Event::Failed { input, error } => {
             for problem in &error.problems {
@@ -76,13 +79,21 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         ));
     }
     if outcome.signal.is_none() && !args.run.no_sheet && options.range.is_none() {
-        written(&sheet::write(&job, options.threads)?)?;
+        super::print_paths(&sheet::write(&job, options.threads)?)?;
     }
     verdict(&job, outcome)
 }
 
-fn written(paths: &[PathBuf]) -> Result<()> {
-    paths.iter().try_for_each(|path| super::print(&format!("{}\n", path.display())))
+/// Fails where frames are missing, with the reasons.
+fn complete(job: &Job) -> Result<()> {
+    let mut problems = sheet::missing(job);
+    if problems.is_empty() {
+        return Ok(());
+    }
+    let message = format!("{} of {} inputs lack frames:", problems.len(), job.inputs.len());
+    let help = "run the batch again with --resume; on a farm, submit the job again";
+    problems.insert(0, Problem::new("", message));
+    Err(Error { kind: Kind::Check, problems }.help(help))
 }
 
 /// A problem with the file that it is about.
@@ -258,7 +269,7 @@ fn list(job: &Job, args: &BatchArgs) -> Result<()> {
                 "frame": frame,
                 "outputs": outputs.map(|path| path.display().to_string()),
             });
-            super::print(&format!("{line}\n"))?;
+            super::print_json(&line)?;
         }
     }
     Ok(())

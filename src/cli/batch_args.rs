@@ -6,7 +6,7 @@ use clap::{Args, ValueHint};
 
 use crate::{
     output::{exr::Compression, tonemap::Depth},
-    units::{parse_angles, parse_margin, parse_range, parse_rate},
+    units::{parse_angles, parse_margin, parse_point, parse_range, parse_rate},
 };
 
 use super::args::{MachineArgs, SceneArgs};
@@ -78,7 +78,7 @@ pub struct FrameArgs {
     pub start: Option<f64>,
 
     /// A point of the turntable's axis [default: the middle of a mesh, the target of a scene's camera]
-    #[arg(long, value_name = "X,Y,Z", requires = "turntable", value_parser = parse_angles, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", requires = "turntable", value_parser = parse_point, allow_hyphen_values = true)]
     pub pivot: Option<[f64; 3]>,
 
     /// Only frames A to B - 1 of all frames, mesh after mesh, counted from 0

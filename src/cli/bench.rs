@@ -10,7 +10,7 @@ use clap::ValueEnum;
 
 use crate::accel::EmbreeMode;
 use crate::{
-    error::{Error, Failures, Kind, Problem, Result},
+    error::{Error, Failures, Kind, Problem, Result, printable},
     measure::{
         ab::Plan,
         bench::{Contestant, Settings, measure},
@@ -97,7 +97,7 @@ fn measure_scene(
     let name = input.display().to_string();
     let note = |text: &str| {
         if !args.quiet {
-            super::note(&format!("{name}: {text}"));
+            super::note(&format!("{}: {text}", printable(&name)));
         }
     };
     note("loading");
@@ -281,9 +281,7 @@ impl Files {
         if let Some(file) = self.html {
             written.push(file.finish(&bench_page::page(report, since).html())?);
         }
-        let lines = written.iter().filter(|path| path.as_path() != Path::new("/dev/stdout"));
-        let lines: Vec<String> = lines.map(|path| format!("{}\n", path.display())).collect();
-        super::print(&lines.concat())
+        super::print_paths(&written)
     }
 }
 

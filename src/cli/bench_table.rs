@@ -1,16 +1,20 @@
 //! What `bench` found out, as lines of text.
 
-use crate::measure::{
-    growth::{Growth, Quantity},
-    result::{Change, Entry, Report, Row, SceneResult, Since, What},
-    stats::Estimate,
+use crate::{
+    error::printable,
+    measure::{
+        growth::{Growth, Quantity},
+        result::{Change, Entry, Report, Row, SceneResult, Since, What},
+        stats::Estimate,
+    },
 };
 
 use super::units;
 
 /// One scene.
 pub fn scene(scene: &SceneResult) -> String {
-    let mut lines = vec![format!("{}: {} triangles", scene.name, units::count(scene.triangles))];
+    let name = printable(&scene.name);
+    let mut lines = vec![format!("{name}: {} triangles", units::count(scene.triangles))];
     let rays = scene.rays.iter().map(|(class, n)| match n {
         0 => format!("no {class}"),
         n => format!("{} {class}", units::count(*n)),
@@ -47,7 +51,7 @@ fn changes(changes: &[Change]) -> String {
     let mut rows = vec![head.map(str::to_string).to_vec()];
     rows.extend(changes.iter().map(|change| {
         vec![
-            change.scene.clone(),
+            printable(&change.scene).into_owned(),
             change.row.clone(),
             change.threads.to_string(),
             change.backend.clone(),

@@ -33,10 +33,10 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     let failed = failed(args, &found, &limits)?;
     let written = files.finish(args, &found, &failed)?;
     if args.json {
-        super::print(&format!("{}\n", text::json(args, &found, &failed, &written)))?;
+        super::print_json(&text::json(args, &found, &failed, &written))?;
     } else {
-        let paths = written.iter().map(|path| format!("{}\n", path.display()));
-        super::print(&(text::text(args, &found) + &paths.collect::<String>()))?;
+        super::print(&text::text(args, &found))?;
+        super::print_paths(&written)?;
     }
     if failed.is_empty() {
         return Ok(());

@@ -1,10 +1,14 @@
 //! What `compare` found out, for people and as JSON.
 
-use std::{fmt::Write, path::PathBuf};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+};
 
 use serde_json::{Map, Value, json};
 
 use crate::{
+    error::printable,
     measure::{
         compare::{Compared, Comparison, NonFinite},
         metrics::Metric,
@@ -41,7 +45,7 @@ pub fn text(args: &CompareArgs, found: &Comparison) -> String {
 
 /// What x, r and d are, and how pictures are made.
 pub fn legend(args: &CompareArgs, found: &Comparison) -> String {
-    let [a, b] = [&args.test, &args.reference].map(|path| path.display().to_string());
+    let [a, b] = [&args.test, &args.reference].map(|path| shown(path));
     format!(
         "x: {a}, r: {b} (the reference), d = x - r; over all pixels and channels, in linear light. \
          8-bit pictures: sRGB, {}",
@@ -65,7 +69,8 @@ fn curve(found: &Comparison) -> String {
 pub fn heading(layer: &Compared) -> String {
     let test = &layer.test;
     let [width, height] = test.size;
-    format!("{}: {}, {width} x {height} pixels", test.shown(), test.channels.join(" "))
+    let line = format!("{}: {}, {width} x {height} pixels", test.shown(), test.channels.join(" "));
+    printable(&line).into_owned()
 }
 
 /// Five digits; decibels and similarities as they are usually given.
@@ -86,7 +91,7 @@ pub fn grey(args: &CompareArgs, layer: &Compared) -> Option<String> {
         [false, true] => &args.reference,
         _ => return None,
     };
-    Some(format!("{} is grey: its Y is taken for R, G and B alike", who.display()))
+    Some(format!("{} is grey: its Y is taken for R, G and B alike", shown(who)))
 }
 
 /// What half floats alone may do.
@@ -94,8 +99,8 @@ pub fn floor(args: &CompareArgs, layer: &Compared) -> Option<String> {
     let floor = layer.floor?;
     let who = match layer.half {
         [true, true] => "both files hold".to_string(),
-        [true, false] => format!("{} holds", args.test.display()),
-        [false, _] => format!("{} holds", args.reference.display()),
+        [true, false] => format!("{} holds", shown(&args.test)),
+        [false, _] => format!("{} holds", shown(&args.reference)),
     };
     Some(format!(
         "{who} half floats: their rounding alone may give rmse {:.1e}, relmse {:.1e}",
@@ -110,9 +115,9 @@ pub fn non_finite(args: &CompareArgs, layer: &Compared) -> String {
     };
     format!(
         "{}: {a} pixels of {} and {b} of {} are not finite, the first at {x}, {y}",
-        layer.test.shown(),
-        args.test.display(),
-        args.reference.display()
+        printable(layer.test.shown()),
+        shown(&args.test),
+        shown(&args.reference)
     )
 }
 
@@ -120,7 +125,14 @@ pub fn non_finite(args: &CompareArgs, layer: &Compared) -> String {
 pub fn alone(args: &CompareArgs, found: &Comparison) -> Vec<String> {
     let files = [&args.test, &args.reference].into_iter().zip(&found.alone);
     let files = files.filter(|(_, names)| !names.is_empty());
-    files.map(|(path, names)| format!("only in {}: {}", path.display(), names.join(", "))).collect()
+    files
+        .map(|(path, names)| format!("only in {}: {}", shown(path), printable(&names.join(", "))))
+        .collect()
+}
+
+/// A name on a terminal.
+fn shown(path: &Path) -> String {
+    printable(&path.display().to_string()).into_owned()
 }
 
 /// For programs.

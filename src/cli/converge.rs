@@ -228,8 +228,6 @@ impl Files {
         if let Some(file) = self.html {
             written.push(file.finish(&converge_page::page(found, study).html())?);
         }
-        let lines = written.iter().filter(|path| path.as_path() != Path::new("/dev/stdout"));
-        let lines: Vec<String> = lines.map(|path| format!("{}\n", path.display())).collect();
-        super::print(&lines.concat())
+        super::print_paths(&written)
     }
 }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use crate::error::printable;
 use crate::measure::{
     converge::{Estimate, PointResult, Report, Series},
     metrics::Metric,
@@ -38,13 +39,14 @@ pub fn reference(report: &Report) -> String {
     };
     let half = if r.half { " and rounded to 16 bits" } else { "" };
     let [width, height] = report.size;
-    format!(
+    let line = format!(
         "{}, {width} x {height}, {} threads; reference: {source}{half}; relmse: {}; RMSE: {}",
         report.scene,
         report.threads,
         Metric::Relmse.formula(),
         Metric::Rmse.formula(),
-    )
+    );
+    printable(&line).into_owned()
 }
 
 /// The answer in sentences.

@@ -13,7 +13,7 @@ use crate::{
         self, Accelerator, BuildOptions, Visits, brute::Brute, bvh::Bvh, coursework::Coursework,
         lane::Ray,
     },
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Kind, Problem, Result, printable},
     measure::cross_check::{
         Answer, Check, Contender, Finding, Tree, Verdict, answers, check_rays, compare_pictures,
         judge,
@@ -202,7 +202,7 @@ fn check(
     if args.json {
         let mut value = json!(report);
         value["failures"] = report.failures().into();
-        super::print(&format!("{value}\n"))?;
+        super::print_json(&value)?;
     } else {
         super::print(&text::report(&report))?;
     }
@@ -232,7 +232,7 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     let place = file.display().to_string();
     let saved = read(file)?;
     if saved.findings.is_empty() {
-        super::note(&format!("{place}: no wrong answers in it"));
+        super::note(&format!("{}: no wrong answers in it", printable(&place)));
     }
     let text = saved.scene.to_string();
     let folder = file.parent().unwrap_or(Path::new(""));
@@ -277,7 +277,7 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
         });
     }
     if args.json {
-        super::print(&format!("{}\n", json!({ "replayed": results })))?;
+        super::print_json(&json!({ "replayed": results }))?;
     } else {
         let line = |r: &Replayed| text::finding(r.finding, r.verdict, r.answer, r.truth);
         super::print(&results.iter().map(line).collect::<String>())?;

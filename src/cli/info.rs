@@ -38,10 +38,11 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     let mut problems: Vec<Problem> = Vec::new();
     for path in &args.files {
         match describe(path, args) {
-            Ok(report) => super::print(&report.text(path, args.json))?,
+            Ok(report) if args.json => super::print_json(&report.json())?,
+            Ok(mut report) => super::print(&report.begin(path))?,
             Err(error) => {
                 if args.json {
-                    super::print(&format!("{}\n", complaint(path, &error)))?;
+                    super::print_json(&complaint(path, &error))?;
                 }
                 kind = kind.or(Some(error.kind));
                 problems.extend(error.problems);

@@ -53,20 +53,34 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use clap::error::{ContextKind, ContextValue};
+use clap::{
+    Parser,
+    error::{ContextKind, ContextValue},
+};
 
 use crate::{
-    error::{Error, Result},
+    error::{Error, Result, is_hidden, printable, printable_lines},
     memory, paths, units,
 };
 
 /// Prints a message; a stderr that is closed or full must not stop a render.
 pub fn note(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(std::io::stderr(), "{}", printable_lines(text));
+}
+
+/// Prints a usage error, or help, and returns the exit code.
+pub fn usage(error: clap::Error) -> u8 {
+    // clap repeats words as they are: again with words that can be shown.
+    let words = std::env::args_os().map(|word| printable(&word.to_string_lossy()).into_owned());
+    let shown = Arguments::try_parse_from(words).err().unwrap_or(error);
+    let error = with_hint(shown);
+    let _ = error.print();
+    // Help goes to stdout with code 0, usage errors to stderr with code 2.
+    u8::try_from(error.exit_code()).unwrap_or(2)
 }
 
 /// Adds what was probably meant: a file alone is to be rendered.
-pub fn with_hint(mut error: clap::Error) -> clap::Error {
+fn with_hint(mut error: clap::Error) -> clap::Error {
     let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else {
         return error;
     };
@@ -83,6 +97,7 @@ pub fn with_hint(mut error: clap::Error) -> clap::Error {
 /// # Errors
 /// Everything that went wrong; the kind decides the exit code.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    signals::outlive_size_limits();
     if arguments.version {
         return print(&version::text(arguments.verbose));
     }
@@ -107,18 +122,43 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// Writes a result to stdout. A reader that has gone (`| head`) is no error.
 fn print(text: &str) -> Result<()> {
-    print_bytes(text.as_bytes())
+    print_bytes(printable_lines(text).as_bytes())
+}
+
+/// Writes a JSON value and a line break to stdout.
+fn print_json(value: &impl serde::Serialize) -> Result<()> {
+    let text = serde_json::to_string(value).unwrap_or_default();
+    // serde leaves some of these as they are; all stand within strings, where JSON has another way to write them.
+    let escaped = |c: char| match is_hidden(c) {
+        true => format!("\\u{:04x}", u32::from(c)),
+        false => c.to_string(),
+    };
+    let text = match text.contains(is_hidden) {
+        true => text.chars().map(escaped).collect(),
+        false => text,
+    };
+    print_bytes((text + "\n").as_bytes())
 }
 
 /// Prints the names of written files, one a line.
 fn print_paths(paths: &[PathBuf]) -> Result<()> {
+    print_bytes(&path_lines(paths))
+}
+
+/// The names of written files, one a line. No output has control characters in its name.
+fn path_lines(paths: &[PathBuf]) -> Vec<u8> {
     let mut lines = Vec::new();
     for path in paths.iter().filter(|path| *path != Path::new("/dev/stdout")) {
         // A name need not be UTF-8.
-        lines.extend_from_slice(path.as_os_str().as_encoded_bytes());
+        let name = path.as_os_str().as_encoded_bytes();
+        // What render farms read as a command at the beginning of a line.
+        if name.starts_with(b"openjd_") || name.starts_with(b"ALF_") {
+            lines.extend_from_slice(b"./");
+        }
+        lines.extend_from_slice(name);
         lines.push(b'\n');
     }
-    print_bytes(&lines)
+    lines
 }
 
 fn print_bytes(bytes: &[u8]) -> Result<()> {

@@ -85,12 +85,7 @@ impl Progress {
 
     /// Prints the names of finished files to stdout without tearing the bar.
     pub fn result(&self, paths: &[PathBuf]) {
-        let mut lines = Vec::new();
-        for path in paths {
-            // A name need not be UTF-8.
-            lines.extend_from_slice(path.as_os_str().as_encoded_bytes());
-            lines.push(b'\n');
-        }
+        let lines = super::path_lines(paths);
         // A reader that has gone does not stop a batch.
         let print = || super::print_bytes(&lines).unwrap_or_default();
         match &self.bar {

@@ -306,7 +306,7 @@ impl Run<'_> {
         let started = Instant::now();
         let (args, scene) = (self.args, &self.job.loaded.scene);
         let mut more: Vec<(String, String)> =
-            self.piece.attribute(args, scene, hash)?.into_iter().collect();
+            self.piece.attribute(args, scene, info, hash)?.into_iter().collect();
         more.extend(self.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
         let spp = sampling::spp(self.adaptive.as_ref(), scene);
         let says = Says {
@@ -314,7 +314,6 @@ impl Run<'_> {
             more: &more,
             info,
             embree: args.machine.embree(),
-            isa: self.isa,
             scene_hash: hash,
             spp: Some(&spp),
             sequence: args.files.sequence(),
@@ -363,7 +362,7 @@ fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
     if args.report.json {
         let mut value = json!(stats);
         value["outputs"] = paths.iter().map(|path| path.display().to_string()).collect();
-        return super::print(&format!("{value}\n"));
+        return super::print_json(&value);
     }
     super::print_paths(paths)
 }

@@ -4,6 +4,8 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
+use crate::error::printable;
+
 use super::units;
 
 /// The steps of single precision against the shortest edge, world units.
@@ -55,21 +57,18 @@ impl Report {
         }
     }
 
-    /// The lines so far, to be shown before the rest is known.
+    /// The lines under the file's name; those so far where more may follow.
     pub fn begin(&mut self, path: &Path) -> String {
         let lines = std::mem::take(&mut self.lines);
         let name = match std::mem::replace(&mut self.begun, true) {
             true => String::new(),
-            false => format!("{}\n", path.display()),
+            false => printable(&path.display().to_string()).into_owned() + "\n",
         };
-        lines.iter().fold(name, |text, line| text + "  " + line + "\n")
+        lines.iter().fold(name, |text, line| text + "  " + &printable(line) + "\n")
     }
 
-    /// All of it, as lines under the file's name or as one line of JSON.
-    pub fn text(mut self, path: &Path, json: bool) -> String {
-        if json {
-            return format!("{}\n", Value::Object(self.json));
-        }
-        self.begin(path)
+    /// All of it, for programs.
+    pub fn json(self) -> Value {
+        Value::Object(self.json)
     }
 }

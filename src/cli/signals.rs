@@ -1,10 +1,13 @@
-//! SIGINT and SIGTERM: the first asks the job to stop, which removes what was being written; the
-//! second does not wait.
+//! Signals that end a job: the first asks it to stop, which removes what was being written; the second
+//! does not wait.
 
-use std::sync::{Arc, atomic::Ordering::Relaxed};
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering::Relaxed},
+};
 
 use signal_hook::{
-    consts::{SIGINT, SIGTERM},
+    consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ},
     iterator::Signals,
 };
 
@@ -19,7 +22,12 @@ use crate::{
 /// Where the system refuses a handler or a thread.
 pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
     let failed = |error: std::io::Error| Error::io("<signals>".as_ref(), "watch", &error);
-    let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(failed)?;
+    let mut ending = vec![SIGINT, SIGTERM, SIGQUIT];
+    // `nohup` asks for a job that outlives its terminal.
+    if !is_ignored(SIGHUP) {
+        ending.push(SIGHUP);
+    }
+    let mut signals = Signals::new(ending).map_err(failed)?;
     let monitor = Arc::clone(monitor);
     std::thread::Builder::new()
         .name("signals".into())
@@ -33,4 +41,18 @@ pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
         })
         .map_err(failed)?;
     Ok(())
+}
+
+/// Makes a write beyond `ulimit -f` an error like others, and not the end of the process.
+pub fn outlive_size_limits() {
+    // Where the system refuses a handler, all is as it was.
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
+}
+
+/// Whether the process was started with a signal ignored; false where the system does not tell.
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask >> (signal - 1) & 1 == 1
 }

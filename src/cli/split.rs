@@ -5,11 +5,12 @@ use std::ops::Range;
 use clap::Args;
 
 use crate::{
+    accel::BuildInfo,
     error::{Error, Result},
     film::{Channel, Window},
     layers::{Plan, Raw, Recipe},
     merge::{Files, Part, part},
-    scene::Scene,
+    scene::{Backend, Scene},
 };
 
 use super::{
@@ -168,6 +169,7 @@ impl Piece {
         &self,
         args: &RenderArgs,
         scene: &Scene,
+        info: &BuildInfo,
         fingerprint: Option<&str>,
     ) -> Result<Option<(String, String)>> {
         if !self.is_exact(args) && self.window == self.whole {
@@ -185,6 +187,7 @@ impl Piece {
         let Window { x0, y0, x1, y1 } = self.whole;
         let part = Part {
             fingerprint: fingerprint.map(str::to_string),
+            isa: (scene.backend == Backend::Embree).then(|| info.isa.clone()),
             whole: [x0, y0, x1, y1],
             tile: split.tile,
             samples: [self.samples.start, self.samples.end],

@@ -12,7 +12,7 @@ use crate::{
     accel::{EmbreeMode, Footprint},
     batch::{self, Job, Record},
     error::{Error, Kind, Problem, Result},
-    farm::{Chunks, Slurm},
+    farm::{self, Chunks, Slurm},
     output::atomic::TextFile,
     paths,
     scene::{Light, LightKind},
@@ -84,7 +84,7 @@ pub struct SlurmArgs {
     #[arg(long, value_name = "TIME")]
     pub time: Option<String>,
 
-    /// More for #SBATCH, repeatable: --sbatch=--partition=cpu
+    /// More options of sbatch, repeatable: --sbatch=--partition=cpu
     #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
     pub sbatch: Vec<String>,
 }
@@ -107,10 +107,9 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
     let slurm = plan(args, &job)?;
     let folder = job.folder.join("slurm");
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, "create", &error))?;
-    let scripts = [("frames.sh", slurm.frames()), ("sheet.sh", slurm.sheet())];
     let mut written = Vec::new();
-    for (name, text) in scripts {
-        written.push(TextFile::create(&folder.join(name))?.finish(&text)?);
+    for (name, text) in [("frames.sh", farm::FRAMES_SCRIPT), ("sheet.sh", farm::SHEET_SCRIPT)] {
+        written.push(TextFile::create(&folder.join(name))?.finish(text)?);
     }
     let Chunks { frames, per_task } = slurm.chunks;
     super::note(&format!(
@@ -122,15 +121,15 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
         units::bytes(slurm.memory_mib << 20),
     ));
     super::print_paths(&written)?;
+    let script = |name: &str| format!("{}/slurm/{name}", slurm.folder);
+    let frames = slurm.frames(&script("frames.sh"));
+    let sheet = |after: &str| slurm.sheet(&script("sheet.sh"), after);
     if args.dry_run {
-        let [frames, sheet] = [&written[0], &written[1]].map(|path| path.display().to_string());
-        return super::print(&format!(
-            "sbatch --parsable {frames}\nsbatch --parsable --dependency=afterok:ID --kill-on-invalid-dep=yes {sheet}\n"
-        ));
+        let commands = [frames, sheet("ID")].map(|words| farm::command_line("sbatch", &words));
+        return super::print(&(commands.join("\n") + "\n"));
     }
-    let array = submit(&written[0], &[])?;
-    let after = format!("--dependency=afterok:{array}");
-    let sheet = submit(&written[1], &[&after, "--kill-on-invalid-dep=yes"])?;
+    let array = submit(&frames)?;
+    let sheet = submit(&sheet(&array))?;
     super::print(&format!("{array}\n{sheet}\n"))
 }
 
@@ -182,16 +181,20 @@ fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {
         return Err(Error::invalid("--frames-per-task", message)
             .help("more frames a task, or --max-tasks if the cluster's MaxArraySize allows it"));
     }
-    let absolute = |path: &Path| -> Result<String> {
-        let path = std::path::absolute(path).map_err(|error| Error::io(path, "find", &error))?;
-        paths::named(&path)
-    };
     let program = std::env::current_exe();
     let program = program.map_err(|error| Error::io("lightpath".as_ref(), "find", &error))?;
     for option in args.sbatch.iter().chain(&args.time) {
-        if option.contains(['\n', '"']) {
-            return Err(Error::invalid("--sbatch", "found a line break or a quotation mark"));
+        if option.contains(char::is_control) {
+            return Err(Error::invalid(
+                "--sbatch",
+                "found a line break or another control character",
+            ));
         }
+    }
+    let folder = absolute(&job.folder)?;
+    if folder.contains('\\') {
+        let message = "found a backslash, expected a name that Slurm can write logs to";
+        return Err(Error::invalid(folder, message).help("choose another folder: -o DIR"));
     }
     let stem = args.job.file_stem().unwrap_or_default().to_string_lossy();
     let safe = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
@@ -199,7 +202,7 @@ fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {
         name: format!("lightpath-{}", stem.chars().map(safe).collect::<String>()),
         program: absolute(&program)?,
         job: absolute(&args.job)?,
-        folder: absolute(&job.folder)?,
+        folder,
         chunks,
         at_a_time: args.at_a_time,
         cpus: args.cpus,
@@ -275,9 +278,19 @@ fn median(folder: &Path) -> Option<f64> {
     seconds.get(seconds.len() / 2).copied().filter(|median| *median > 0.0)
 }
 
-/// Hands a script to Slurm; the number of the job.
-fn submit(script: &Path, options: &[&str]) -> Result<String> {
-    let output = Command::new("sbatch").arg("--parsable").args(options).arg(script).output();
+/// An absolute path as an argument of a program.
+///
+/// # Errors
+/// A name that is not UTF-8 or has a control character.
+fn absolute(path: &Path) -> Result<String> {
+    let path = std::path::absolute(path).map_err(|error| Error::io(path, "find", &error))?;
+    paths::printable(&path)?;
+    paths::named(&path)
+}
+
+/// Hands a job to Slurm; its number.
+fn submit(words: &[String]) -> Result<String> {
+    let output = Command::new("sbatch").args(words).output();
     let output = output.map_err(|error| {
         let message = format!("cannot run sbatch: {error}");
         Error::new(Kind::Unsupported, Problem::new("slurm", message))
@@ -288,8 +301,7 @@ fn submit(script: &Path, options: &[&str]) -> Result<String> {
         (true, Some(id)) if !id.is_empty() => Ok(id.to_string()),
         _ => {
             let said = String::from_utf8_lossy(&output.stderr);
-            let message = format!("sbatch refused {}: {}", script.display(), said.trim());
-            Err(Error::invalid("slurm", message))
+            Err(Error::invalid("slurm", format!("sbatch refused: {}", said.trim())))
         }
     }
 }

@@ -22,6 +22,8 @@ pub use self::part::{Files, Part};
 
 /// Bytes of the parts' rows that are held at a time, about.
 const BAND_BYTES: usize = 128 << 20;
+/// What parts by Embree must have in common.
+const INSTRUCTIONS: &str = "instruction set of Embree";
 /// The attribute by which a render says that another run gives other pixels.
 const UNREPRODUCIBLE: &str = "lightpath:reproducible";
 /// How many faults a message names.
@@ -277,6 +279,8 @@ impl Open {
                 format!("{:?}", a.files),
             ),
         ];
+        let isa = |part: &Part| part.isa.clone().unwrap_or_else(|| "none".into());
+        facts.push((INSTRUCTIONS.to_string(), isa(b), isa(a)));
         let (theirs, ours) = (texts(other), texts(self));
         for (name, value) in &theirs {
             let known = ours.iter().find(|(known, _)| known == name);
@@ -298,10 +302,10 @@ impl Open {
         let message =
             format!("found another {what}: {found}, expected {expected} as in {}", self.name);
         let help = match what.as_str() {
-            "lightpath:backend" | "lightpath:isa" => {
+            INSTRUCTIONS => {
                 "processors of different kinds give different last bits: render all parts on one kind"
             }
-            "software" => "render all parts with one version of the program",
+            "software" | "lightpath:backend" => "render all parts with one version of the program",
             _ => "merge parts of one picture: same scene, meshes, textures and flags",
         };
         Some(Problem::new(other.name.clone(), message).help(help))

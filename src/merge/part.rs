@@ -18,6 +18,10 @@ pub const ATTRIBUTE: &str = "lightpath:part";
 pub struct Part {
     /// SHA-256 of what the picture is made of; none where a mesh came through a pipe.
     pub fingerprint: Option<String>,
+    /// Embree's instruction set, whose last bits may be its own. None of a backend that computes the same
+    /// bits in all of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub isa: Option<String>,
     /// The pixels that all parts have together: x0, y0, x1, y1, the last two excluded.
     pub whole: [u32; 4],
     /// `[I, N]` of `--tile I/N`.

@@ -16,7 +16,10 @@ use std::{
 
 use tempfile::NamedTempFile;
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    paths,
+};
 
 /// Ending of files that are not complete.
 const SUFFIX: &str = ".part";
@@ -36,6 +39,7 @@ impl Part {
     /// a folder or a device; `Retry` where the disk is full.
     pub fn create(target: &Path) -> Result<Self> {
         let place = || target.display().to_string();
+        paths::printable(target)?;
         let Some(name) = target.file_name() else {
             return Err(Error::invalid(place(), "found no file name to write to"));
         };
@@ -202,6 +206,7 @@ impl TextFile {
     pub fn create(target: &Path) -> Result<Self> {
         match std::fs::metadata(target) {
             Ok(data) if !data.is_file() && !data.is_dir() => {
+                paths::printable(target)?;
                 let opened = OpenOptions::new().write(true).open(target);
                 let file = opened.map_err(|error| Error::io(target, "open", &error))?;
                 Ok(Self::Device(target.to_owned(), file))

@@ -63,8 +63,21 @@ pub fn load_library() -> Result<Arc<Api>> {
         )
     };
     // SAFETY: Embree's and TBB's initialisers have no preconditions.
-    let library = unsafe { libloading::Library::new(file) }.map_err(|e| missing(&e))?;
+    let library = unsafe { libloading::Library::new(file) };
+    let library = library.map_err(|error| match has_room() {
+        true => missing(&error),
+        false => {
+            let message = format!("cannot load {file}: out of memory: {error}");
+            Error::new(Kind::Retry, Problem::new("Embree", message))
+        }
+    })?;
     Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
+}
+
+/// Whether the address space that Embree and TBB take, 44 MB of files, is there. The system says of
+/// their segments only that they cannot be mapped, whatever the reason.
+fn has_room() -> bool {
+    Vec::<u8>::new().try_reserve_exact(128 << 20).is_ok()
 }
 
 impl Raw {

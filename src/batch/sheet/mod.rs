@@ -2,6 +2,7 @@
 //! `sheet.png`.
 
 mod entry;
+mod missing;
 mod page;
 mod png;
 mod thumbnails;
@@ -16,6 +17,8 @@ use crate::{
 };
 
 use super::{job::Job, journal};
+
+pub use missing::missing;
 
 use entry::Entry;
 use thumbnails::Strip;

@@ -76,6 +76,10 @@ fn card(html: &mut String, entry: &Entry, strip: Option<&Strip>) {
         let _ = writeln!(html, "<p class=\"message\">{}</p>", escape(message));
     }
     let mut facts = vec![("frames", format!("{} of {}", entry.frames.len(), entry.of))];
+    let absent: Vec<u32> = (0..entry.of).filter(|n| !entry.frames.contains_key(n)).collect();
+    if missing {
+        facts.push(("missing", units::ranges(&absent)));
+    }
     if let Some(mesh) = &entry.mesh {
         facts.push(("triangles", units::count(mesh.triangles)));
         let read = format!("{} + {}", units::duration(mesh.load_s), units::duration(mesh.build_s));

@@ -4,6 +4,7 @@
 //! `result` how it is written down. Only this file renders: accelerators are built once, then the world's
 //! settings change from render to render.
 
+mod clock;
 mod crop;
 mod fit;
 mod grid;
@@ -27,6 +28,7 @@ pub use result::{
 };
 pub use study::{Limits, Point, Study};
 
+use self::clock::Clock;
 use super::bench::Contestant;
 use super::metrics::non_finite;
 use crate::accel::{self, Accelerator, BuildOptions};
@@ -71,18 +73,20 @@ pub fn run(
 ) -> Result<Study> {
     let inner = &Monitor::default();
     let (done, waiting) = channel::<()>();
-    let budget = Duration::from_secs_f64(settings.limits.budget);
+    let budget = settings.limits.budget;
+    let clock = &Clock::since(settings.started);
     let study = std::thread::scope(|scope| {
         // Ends a render that takes longer than expected, and hands signals on.
         scope.spawn(move || {
             let tick = Duration::from_millis(20);
             while waiting.recv_timeout(tick) == Err(RecvTimeoutError::Timeout) {
-                let late = if settings.started.elapsed() > budget { BUDGET } else { 0 };
+                clock.tick();
+                let late = if clock.elapsed_s() > budget { BUDGET } else { 0 };
                 let signal = monitor.signal.load(Relaxed);
                 inner.signal.store(if signal == 0 { late } else { signal }, Relaxed);
             }
         });
-        let study = work(world, settings, reference, inner, note);
+        let study = work(world, settings, reference, (inner, clock), note);
         drop(done);
         study
     });
@@ -104,7 +108,7 @@ fn work(
     world: &mut World,
     settings: &Settings,
     reference: Option<Reference>,
-    monitor: &Monitor,
+    (monitor, clock): (&Monitor, &Clock),
     note: &(dyn Fn(&str) + Sync),
 ) -> Result<Study> {
     let mut built: Vec<Box<dyn Accelerator + '_>> = Vec::new();
@@ -122,7 +126,7 @@ fn work(
     let mut film = Film::new([width, height], Window::full(width, height))?;
     let mut study = Study::new(settings.grid.clone(), settings.limits, width as usize, reference);
     let mut values = Vec::with_capacity(3 * film.pixels.len());
-    while let Some(job) = study.next(settings.started.elapsed().as_secs_f64()) {
+    while let Some(job) = study.next(clock.elapsed_s()) {
         let setting = job.setting;
         note(&told(&job, &settings.contestants[setting.contestant].name));
         (world.spp, world.sampler, world.seed) = (setting.spp, setting.sampler, job.seed);
@@ -131,14 +135,14 @@ fn work(
                 area.samples = n;
             }
         }
-        let started = Instant::now();
+        let started_s = clock.elapsed_s();
         let accelerator = &*built[setting.contestant];
         let counts = match render(world, accelerator, settings.isa, &mut film, monitor) {
             // What was cut short does not count; what is known may be enough.
             Err(error) if error.kind == Kind::Interrupted(BUDGET) => break,
             other => other?,
         };
-        let seconds = started.elapsed().as_secs_f64();
+        let seconds = clock.elapsed_s() - started_s;
         values.clear();
         values.extend(film.pixels.iter().flat_map(|[r, g, b, _]| [r, g, b]));
         let (bad, _) = non_finite(&values, 3);

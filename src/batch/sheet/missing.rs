@@ -1,0 +1,36 @@
+//! What a batch has not made: which frames of which input, and why.
+
+use crate::{
+    batch::{job::Job, journal},
+    error::Problem,
+    output::Outputs,
+    units,
+};
+
+use super::entry::Entry;
+
+/// One problem for each input that lacks frames; empty when every frame has its EXR and its PNG.
+///
+/// The reason is the last failure in the journals. There is none of a task that was killed.
+pub fn missing(job: &Job) -> Vec<Problem> {
+    let entries = Entry::all(job, &journal::read(&job.folder));
+    let problem = |entry: &Entry| {
+        let is_there = |frame: &u32| {
+            Outputs::names(&job.prefix(entry.number, *frame)).iter().all(|path| path.is_file())
+        };
+        let frames: Vec<u32> = (0..job.frames()).filter(|frame| !is_there(frame)).collect();
+        if frames.is_empty() {
+            return None;
+        }
+        let what = match (frames.len() == job.frames() as usize, frames.len()) {
+            (true, _) => "all frames are missing".to_string(),
+            (false, 1) => format!("frame {} is missing", units::ranges(&frames)),
+            (false, _) => format!("frames {} are missing", units::ranges(&frames)),
+        };
+        let message = entry.message();
+        let why = message.as_ref().and_then(|message| message.lines().next());
+        let why = why.unwrap_or("no task made them or said why not");
+        Some(Problem::new(&entry.input, format!("{what}: {why}")))
+    };
+    entries.iter().filter_map(problem).collect()
+}
