@@ -1,6 +1,7 @@
 //! All primitives of a scene, relative to one f64 origin, as every accelerator sees them.
 
 mod behind;
+mod exact;
 mod gather;
 mod passing;
 mod sphere;
@@ -11,6 +12,7 @@ mod twofold;
 use glam::DVec3;
 
 pub use crate::ray::NONE;
+pub use exact::exact_position;
 pub use gather::{prefetch_indices, prefetch_vertices};
 pub use passing::{Passing, passing};
 pub use sphere::Sphere;

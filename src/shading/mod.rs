@@ -5,8 +5,10 @@ mod light;
 mod look;
 mod points;
 mod texture;
+mod uv;
 
 pub use light::{Area, Emitter, Falloff, Light, Lit, light_rays};
-pub use look::{Material, Owner, Shape, Shapes, UvSource, VertexColors};
+pub use look::{Material, Owner, Shape, Shapes, VertexColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
 pub use texture::{DEFAULT_MAX_BYTES, Texture, TextureSize};
+pub use uv::{UvFrame, UvSource};

@@ -154,14 +154,8 @@ impl PlacedMesh {
         }
         shape.uv = match mesh.uvs {
             None => UvSource::None,
-            Some(Uvs::PerVertex(mut uv)) => {
-                uv.par_iter_mut().for_each(flip);
-                UvSource::PerVertex(uv)
-            }
-            Some(Uvs::PerCorner(mut uv)) => {
-                uv.par_iter_mut().for_each(|corners| corners.iter_mut().for_each(flip));
-                UvSource::PerCorner(uv)
-            }
+            Some(Uvs::PerVertex(uv)) => UvSource::PerVertex(uv),
+            Some(Uvs::PerCorner(uv)) => UvSource::PerCorner(uv),
         };
         shape.colors = mesh.colors.filter(|_| spec.vertex_colors).map(|values| {
             let stored = match values {
@@ -172,11 +166,6 @@ impl PlacedMesh {
         });
         TriangleMesh::new(vertices, mesh.triangles, !spec.bvh)
     }
-}
-
-/// File coordinates have v up, ours runs down.
-fn flip(uv: &mut [f32; 2]) {
-    uv[1] = 1.0 - uv[1];
 }
 
 /// The file's normals, turned with the mesh, at unit length; zero where the file's is zero.

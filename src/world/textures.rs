@@ -54,7 +54,7 @@ pub fn load(
             texture,
             filter: spec.map_or(Filter::Bilinear, |t| t.filter),
             wrap: spec.and_then(|t| t.wrap),
-            uv_scale: spec.map_or(glam::Vec2::ONE, |t| t.scale),
+            uv_scale: spec.map_or(glam::DVec2::ONE, |t| t.scale),
         });
     }
     failures.check()?;
