@@ -3,6 +3,7 @@
 
 mod light;
 mod look;
+mod pnm;
 mod points;
 mod texture;
 mod uv;
@@ -10,5 +11,5 @@ mod uv;
 pub use light::{Area, Emitter, Falloff, Light, Lit, light_rays};
 pub use look::{Material, Owner, Shape, Shapes, VertexColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
-pub use texture::{DEFAULT_MAX_BYTES, Texture, TextureSize};
+pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture, TextureSize};
 pub use uv::{UvFrame, UvSource};

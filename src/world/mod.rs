@@ -136,7 +136,7 @@ impl World {
         failures.check()?;
         let mut looks = looks.unwrap_or_default();
         let left = options.texture_bytes;
-        let own = textures::load_own(&own_textures, scene, left, &mut looks)?;
+        let own = textures::load_own(&own_textures, scene, left, &mut looks, &mut warnings)?;
         let (textures, materials) = looks;
         check_size(bounds, &mut warnings)?;
         let origin = bounds.origin();
@@ -147,7 +147,11 @@ impl World {
         } else {
             doubts.extend(meshes.iter().map(|(_, mesh)| mesh.doubt(origin)));
         }
+        let without_area: Vec<_> = meshes.iter().map(|(_, mesh)| mesh.without_area()).collect();
         let (geometry, shapes) = gather(scene, meshes, origin)?;
+        for (found, mesh) in without_area.iter().zip(&geometry.meshes) {
+            warnings.extend(found.iter().flat_map(|found| found.warnings(mesh)));
+        }
         let mut shapes = Shapes { materials, textures, ..shapes };
         for (shape, material) in own {
             shapes.shapes[shape].material = material;
