@@ -14,11 +14,11 @@ use serde_json::{Map, Value, json};
 
 use crate::{
     accel::{EmbreeMode, Footprint},
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Problem, Result},
     film::Window,
     mesh,
     monitor::Monitor,
-    output::exr::text::decode,
+    output::{exr::text::decode, exr_check::exr_error},
     scene::Overrides,
     studio::{self, Points, Template},
     world::{Bounds, Resolution, ulp},
@@ -125,6 +125,14 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     let triangles = mesh.triangles.len() as u64;
     report.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
     notes(&mesh.notes, report);
+    let line = match mesh.stitches.len() {
+        0 => String::new(),
+        n => format!(
+            "{} of them between points of a line: kept where turning opens them",
+            units::count(n as u64)
+        ),
+    };
+    report.add("stitches", json!(mesh.stitches.len()), line);
     let points = Points::of(&mesh);
     let unused = points.unused();
     let line = match unused {
@@ -190,10 +198,7 @@ fn notes(notes: &mesh::Notes, report: &mut Report) {
 
 fn exr(path: &Path, report: &mut Report) -> Result<()> {
     let read = MetaData::read_from_file(path, true);
-    let meta = read.map_err(|error| {
-        let message = format!("cannot read the EXR header: {error}");
-        Error::new(Kind::Invalid, Problem::new(path.display().to_string(), message))
-    })?;
+    let meta = read.map_err(|error| exr_error(path, error))?;
     let parts = meta.headers.len();
     report.add(
         "type",

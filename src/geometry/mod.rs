@@ -3,9 +3,11 @@
 mod ahead;
 mod behind;
 mod crevice;
+mod exact;
 mod gather;
 mod passing;
 mod sphere;
+mod stitches;
 mod surface;
 mod triangle;
 mod twofold;
@@ -15,6 +17,7 @@ use glam::DVec3;
 pub use crate::ray::NONE;
 pub use ahead::{NEAR_START, is_after_start};
 pub use crevice::{Crevice, Nearby, WallHit};
+pub use exact::exact_position;
 pub use gather::{prefetch_indices, prefetch_vertices};
 pub use passing::{Passing, passing};
 pub use sphere::Sphere;
@@ -28,6 +31,8 @@ pub struct TriangleMesh {
     vertices: Vec<[f32; 3]>,
     /// Vertex indices, each below `vertices().len()`.
     triangles: Vec<[u32; 3]>,
+    /// Which triangle is beside each of the last ones, which are stitches.
+    stitches: Vec<u32>,
     /// The coursework's `bvh: false`: its backend loops over the triangles.
     pub loop_only: bool,
 }
@@ -38,7 +43,7 @@ impl TriangleMesh {
         debug_assert!(triangles.iter().flatten().all(|&i| (i as usize) < vertices.len()));
         vertices.reserve_exact(1);
         vertices.push([0.0; 3]);
-        Self { vertices, triangles, loop_only }
+        Self { vertices, triangles, stitches: Vec::new(), loop_only }
     }
 
     /// The vertices.
@@ -63,9 +68,10 @@ impl TriangleMesh {
         [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 
-    /// Bytes of both arrays.
+    /// Bytes of all arrays.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(&self.vertices[..]) + size_of_val(&self.triangles[..])) as u64
+        let indices = size_of_val(&self.triangles[..]) + size_of_val(&self.stitches[..]);
+        (size_of_val(&self.vertices[..]) + indices) as u64
     }
 }
 
@@ -83,6 +89,8 @@ pub struct Geometry {
     pub spheres: Vec<Sphere>,
     /// Sum of the primitives of all geometries before each one, and the total.
     bases: Vec<u32>,
+    /// Whether any mesh has stitches.
+    stitched: bool,
 }
 
 /// Which kind of primitive a geometry id names.
@@ -114,7 +122,8 @@ impl Geometry {
             total += count as u64;
             bases.push(u32::try_from(total).ok().filter(|&n| n < NONE).ok_or(total)?);
         }
-        Ok(Self { origin, meshes, quads, spheres, bases })
+        let stitched = meshes.iter().any(|mesh| mesh.stitches() > 0);
+        Ok(Self { origin, meshes, quads, spheres, bases, stitched })
     }
 
     /// Id of the geometry that holds all quads.

@@ -24,10 +24,11 @@ pub struct Surfaces {
     pub t: [f32; LANES],
     /// Unit geometric normal, turned to the ray's origin.
     pub ng: [[f32; LANES]; 3],
-    /// Barycentric weight of the second corner (of the half of a quad), in [0, 1].
-    pub u: [f32; LANES],
+    /// Barycentric weight of the second corner (of the half of a quad), in [0, 1]; not rounded, as texture
+    /// coordinates are made of it.
+    pub u: [f64; LANES],
     /// Barycentric weight of the third corner, in [0, 1].
-    pub v: [f32; LANES],
+    pub v: [f64; LANES],
     /// Primitive number in the whole scene.
     pub primitive: [u32; LANES],
     /// Which lanes hit anything.
@@ -55,6 +56,12 @@ impl Surfaces {
         at_edge: Mask::NONE,
         doubtful: Mask::NONE,
     };
+
+    /// Barycentric weights of lane `i`, which hit a triangle or the half of a quad; each in [0, 1].
+    #[inline(always)]
+    pub fn weights(&self, i: usize) -> [f64; 3] {
+        [(1.0 - self.u[i] - self.v[i]).max(0.0), self.u[i], self.v[i]]
+    }
 }
 
 /// Computes the surface points of the lanes of a traced packet that `hit`.
@@ -151,8 +158,8 @@ fn put(
     reported: f32,
     direction: DVec3,
 ) -> bool {
-    out.u[i] = point.u as f32;
-    out.v[i] = point.v as f32;
+    out.u[i] = point.u;
+    out.v[i] = point.v;
     out.t[i] = point.t as f32;
     store(out, i, point.position, point.normal, direction);
     let off = (point.t - f64::from(reported)).abs();
@@ -215,17 +222,23 @@ fn doubt(
 fn refine_spheres(geometry: &Geometry, lanes: &Mask, packet: &RayPacket, out: &mut Surfaces) {
     for i in (0..LANES).filter(|&i| lanes.0[i] != 0) {
         let sphere = geometry.spheres[packet.hits.prim[i] as usize];
-        let (origin, direction) = ray(packet, i);
-        // The backend's t names the root; the root itself is found again in f64.
-        let reported = f64::from(packet.rays.tfar[i]);
-        let slack = reported.abs() * 1e-6;
-        let root = sphere.intersect(origin, direction, reported - slack, reported + slack, false);
-        let t = if root.is_nan() { reported } else { root };
-        let near = origin + direction * t;
+        let (t, normal) = on_sphere(&sphere, packet, i);
+        let (_, direction) = ray(packet, i);
         out.t[i] = t as f32;
-        let normal = (near - sphere.center).normalize_or(DVec3::Z);
         store(out, i, sphere.center + normal * sphere.radius, normal, direction);
     }
+}
+
+/// Where on its ray lane `i` meets the sphere that it hit, and the outward normal there.
+pub(super) fn on_sphere(sphere: &Sphere, packet: &RayPacket, i: usize) -> (f64, DVec3) {
+    let (origin, direction) = ray(packet, i);
+    // The backend's t names the root; the root itself is found again in f64.
+    let reported = f64::from(packet.rays.tfar[i]);
+    let slack = reported.abs() * 1e-6;
+    let root = sphere.intersect(origin, direction, reported - slack, reported + slack, false);
+    let t = if root.is_nan() { reported } else { root };
+    let near = origin + direction * t;
+    (t, (near - sphere.center).normalize_or(DVec3::Z))
 }
 
 /// How far the point of a root in f64 may be from the exact one: the discriminant is off by some 64u
@@ -238,7 +251,7 @@ fn sphere_error(sphere: &Sphere, origin: DVec3, direction: DVec3, t: f64) -> f64
 }
 
 #[inline(always)]
-fn ray(packet: &RayPacket, i: usize) -> (DVec3, DVec3) {
+pub(super) fn ray(packet: &RayPacket, i: usize) -> (DVec3, DVec3) {
     (dvec(&packet.rays.org, i), dvec(&packet.rays.dir, i))
 }
 
@@ -319,7 +332,7 @@ mod tests {
             refine(&geometry, &one, &packet, &mut alone);
             let point = |s: &Surfaces| {
                 let vectors = [&s.position, &s.outside, &s.ng];
-                let scalars = [s.t[i], s.u[i], s.v[i]].map(f32::to_bits);
+                let scalars = [f64::from(s.t[i]), s.u[i], s.v[i]].map(f64::to_bits);
                 (
                     vectors.map(|v| [0, 1, 2].map(|axis| v[axis][i].to_bits())),
                     scalars,

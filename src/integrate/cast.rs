@@ -125,15 +125,22 @@ impl<'a> Cast<'a> {
         if !hit.any() {
             return hit;
         }
-        refine(&self.world.geometry, &hit, &slot.packet, &mut self.surfaces);
+        self.refine_hits(slot, &hit);
         let doubtful = self.surfaces.doubtful.without(&self.certain);
         if doubtful.any() {
             self.look_again(slot, &doubtful);
             let hit = slot.packet.hit(active);
-            refine(&self.world.geometry, &hit, &slot.packet, &mut self.surfaces);
+            self.refine_hits(slot, &hit);
             return hit;
         }
         hit
+    }
+
+    #[inline(always)]
+    fn refine_hits(&mut self, slot: &mut Slot, hit: &Mask) {
+        let geometry = &self.world.geometry;
+        geometry.beside_stitches(hit, &mut slot.packet);
+        refine(geometry, hit, &slot.packet, &mut self.surfaces);
     }
 
     /// Traces the lanes again whose hits are doubtful.

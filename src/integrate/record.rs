@@ -197,7 +197,7 @@ impl<'a> Layers<'a> {
         let mut uv = [[0.0; LANES]; 2];
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             if let Some(at) = world.shapes.uv(&world.geometry, packet, surfaces, i) {
-                (uv[0][i], uv[1][i]) = (at.x, at.y);
+                (uv[0][i], uv[1][i]) = (at.x as f32, at.y as f32);
             }
         }
         self.add(first, &uv[0]);

@@ -1,6 +1,10 @@
 //! What a damaged EXR announces, looked at before anything is unpacked: the library believes some of it.
 
-use std::{fs::File, io::BufReader, path::Path};
+use std::{
+    fs::File,
+    io::{BufReader, Read},
+    path::Path,
+};
 
 use exr::{
     block::{
@@ -8,7 +12,7 @@ use exr::{
         read as read_blocks,
     },
     compression::Compression,
-    error::Error as ExrError,
+    error::{Error as ExrError, Result as ExrResult},
     meta::{BlockDescription, header::Header},
 };
 
@@ -25,12 +29,15 @@ const SIZES: std::ops::Range<usize> = 1..10;
 ///
 /// # Errors
 /// `Invalid` for a file that cannot be read as EXR, a sampling factor of zero, a chunk that announces more than its
-/// pixels need.
+/// pixels need; `Unsupported` for a compression that cannot be read.
 pub fn check(path: &Path) -> Result<()> {
     let failed = |error| exr_error(path, error);
     let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
     let blocks = read_blocks(BufReader::new(file), true).map_err(failed)?;
     let headers = blocks.headers().to_vec();
+    if headers.iter().any(is_unreadable) {
+        check_compression(path)?;
+    }
     for channel in headers.iter().flat_map(|header| &header.channels.list) {
         if channel.sampling.x() == 0 || channel.sampling.y() == 0 {
             let message = format!("found a zero sampling factor in the channel `{}`", channel.name);
@@ -43,7 +50,8 @@ pub fn check(path: &Path) -> Result<()> {
     for chunk in blocks.all_chunks(true).map_err(failed)? {
         let chunk = chunk.map_err(failed)?;
         let header = &headers[chunk.layer_index];
-        if is_dwa(header) && announced(&chunk) > most(header) {
+        let stored = stored_bytes(header, &chunk).map_err(failed)?;
+        if is_dwa(header) && announced(&chunk, stored) > most(header) {
             let message = "found a chunk that announces more than its pixels need";
             return Err(Error::invalid(path.display().to_string(), message));
         }
@@ -51,17 +59,33 @@ pub fn check(path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Whether the library knows the compression by name alone.
+pub fn is_unreadable(header: &Header) -> bool {
+    matches!(header.compression, Compression::HTJ2K32 | Compression::HTJ2K256)
+}
+
 fn is_dwa(header: &Header) -> bool {
     matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_))
 }
 
-/// The largest size that a chunk of DWAA or DWAB announces; 0 if it is too short for any.
-fn announced(chunk: &Chunk) -> u64 {
+/// Bytes of a chunk's pixels. A chunk of this size is stored as it is: no compression made it smaller.
+fn stored_bytes(header: &Header, chunk: &Chunk) -> ExrResult<usize> {
+    let indices = header.get_block_data_indices(&chunk.compressed_block)?;
+    let bounds = header.get_absolute_block_pixel_coordinates(indices)?;
+    Ok(bounds.size.area().saturating_mul(header.channels.bytes_per_pixel))
+}
+
+/// The largest size that a chunk of DWAA or DWAB announces; 0 if it is too short for any, or its pixels are
+/// `stored` as they are.
+fn announced(chunk: &Chunk, stored: usize) -> u64 {
     let bytes = match &chunk.compressed_block {
         CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
         CompressedBlock::Tile(block) => &block.compressed_pixels_le,
         CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => return 0,
     };
+    if bytes.len() == stored {
+        return 0;
+    }
     let Some(counters) = bytes.get(..8 * COUNTERS) else { return 0 };
     let values = counters
         .chunks_exact(8)
@@ -81,8 +105,45 @@ fn most(header: &Header) -> u64 {
     pixels.saturating_mul(4 * header.channels.bytes_per_pixel as u64).saturating_add(1 << 12)
 }
 
+/// How a header begins to tell its compression; its number follows.
+const COMPRESSION: &[u8] = b"compression\0compression\0\x01\0\0\0";
+
+/// The largest number of a compression that can be read: DWAB.
+const LAST_COMPRESSION: u8 = 9;
+
+/// Looks whether what is wrong with an EXR is a compression that the library does not have.
+///
+/// # Errors
+/// `Unsupported`, with its name.
+pub fn check_compression(path: &Path) -> Result<()> {
+    let mut start = Vec::new();
+    let Ok(file) = File::open(path) else { return Ok(()) };
+    if file.take(1 << 16).read_to_end(&mut start).is_err() || !start.starts_with(b"v/1\x01") {
+        return Ok(());
+    }
+    let length = COMPRESSION.len();
+    let numbers = start.windows(length + 1).filter(|window| window.starts_with(COMPRESSION));
+    let Some(number) = numbers.map(|window| window[length]).find(|&n| n > LAST_COMPRESSION) else {
+        return Ok(());
+    };
+    let name = match number {
+        10 => "HTJ2K256".to_string(),
+        11 => "HTJ2K32".to_string(),
+        13 => "ZSTD".to_string(),
+        other => format!("number {other}"),
+    };
+    let message = format!(
+        "found the compression {name}, expected none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA or DWAB"
+    );
+    Err(Error::new(Kind::Unsupported, Problem::new(path.display().to_string(), message))
+        .help("save the file with ZIP: nothing is lost"))
+}
+
 /// What the library says, as an error of ours.
 pub fn exr_error(path: &Path, error: ExrError) -> Error {
+    if let Err(unknown) = check_compression(path) {
+        return unknown;
+    }
     let (kind, message) = match error {
         ExrError::Io(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => {
             return Error::io(path, "read", &error);

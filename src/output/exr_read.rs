@@ -83,6 +83,9 @@ impl Reader {
             let help = "a render with --part or --tile keeps --multipart for the merged file";
             return Err(refused(path, "several parts", "one").help(help));
         };
+        if exr_check::is_unreadable(header) {
+            exr_check::check_compression(path)?;
+        }
         if header.deep || header.blocks != BlockDescription::ScanLines {
             return Err(refused(path, "tiles or deep data", "scanlines"));
         }

@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 pub use crate::sampler::Kind as SamplerKind;
 
@@ -263,7 +263,7 @@ pub struct TextureUse {
     /// `None`: sRGB for integer images, linear for float images.
     pub color_space: Option<ColorSpace>,
     /// u, v are multiplied by it after any flip.
-    pub scale: Vec2,
+    pub scale: DVec2,
 }
 
 /// Texture filter.

@@ -143,7 +143,7 @@ fn defaults_are_those_of_the_tables() {
     assert_eq!(m.diffuse_color, glam::Vec3::ONE);
     let texture = scene.materials[1].texture.as_ref().unwrap();
     assert_eq!((texture.filter, texture.wrap, texture.color_space), (Filter::Bilinear, None, None));
-    assert_eq!(texture.scale, glam::Vec2::ONE);
+    assert_eq!(texture.scale, glam::DVec2::ONE);
     let t = scene.tonemap;
     assert_eq!((t.operator, t.exposure, t.srgb), (ToneOperator::Max, 0.0, true));
 }

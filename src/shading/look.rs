@@ -1,9 +1,10 @@
 //! What a surface looks like: material, texture, vertex colours, shading normals.
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec2, Vec3};
 
 use super::points::{Points, lane, set_lane};
 use super::texture::Texture;
+use super::uv::UvSource;
 use crate::geometry::{Geometry, GeometryKind, Surfaces, round_towards};
 use crate::mesh::Colors;
 use crate::ray::{LANES, Mask, RayPacket};
@@ -31,27 +32,7 @@ pub struct Material {
     /// What lies beyond the image; `None` is the shape's default.
     pub wrap: Option<Wrap>,
     /// u, v are multiplied by it.
-    pub uv_scale: Vec2,
-}
-
-/// Where texture coordinates come from; v runs down.
-#[derive(Debug, Clone)]
-pub enum UvSource {
-    /// There are none.
-    None,
-    /// Latitude and longitude; `pole` is the axis 0, 1, 2.
-    Sphere {
-        /// Which axis the poles are on.
-        pole: u8,
-    },
-    /// One per corner of a quad.
-    Quad([Vec2; 4]),
-    /// One per corner of this triangle.
-    Triangle([Vec2; 3]),
-    /// One per vertex of the mesh.
-    PerVertex(Vec<[f32; 2]>),
-    /// Three per triangle of the mesh.
-    PerCorner(Vec<[[f32; 2]; 3]>),
+    pub uv_scale: DVec2,
 }
 
 /// Vertex colours as stored and how to decode them.
@@ -175,7 +156,8 @@ impl Shapes {
         !matches!(self.shapes[shape as usize].uv, UvSource::None)
     }
 
-    /// Texture coordinates under lane `i`, v running down, before any `tScale`, if its shape has them.
+    /// Texture coordinates under lane `i`, which hit: v runs down, before any `tScale`. `None` for a shape
+    /// without.
     #[inline(always)]
     pub fn uv(
         &self,
@@ -183,27 +165,15 @@ impl Shapes {
         packet: &RayPacket,
         surfaces: &Surfaces,
         i: usize,
-    ) -> Option<Vec2> {
-        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-        let corners = match geometry.kind(geom) {
-            GeometryKind::Mesh(mesh) => Some(geometry.meshes[mesh].triangles()[prim as usize]),
-            _ => None,
-        };
-        let (u, v) = (surfaces.u[i], surfaces.v[i]);
-        let half = packet.hits.u[i] + packet.hits.v[i];
-        let sphere = || sphere_point(geometry, surfaces, prim, i);
-        let shape = &self.shapes[self.shape(geom, prim) as usize];
-        shape.uv.at(prim, corners, [1.0 - u - v, u, v], half, sphere)
+    ) -> Option<DVec2> {
+        let shape = self.shape(packet.hits.geom[i], packet.hits.prim[i]);
+        self.shapes[shape as usize].uv.at(geometry, packet, surfaces, i)
     }
 
     /// Bytes of vertex data: normals, texture coordinates, colours.
     pub fn vertex_bytes(&self) -> u64 {
         let shapes = self.shapes.iter().map(|shape| {
-            let uv = match &shape.uv {
-                UvSource::PerVertex(uv) => size_of_val(&uv[..]),
-                UvSource::PerCorner(uv) => size_of_val(&uv[..]),
-                _ => 0,
-            };
+            let uv = shape.uv.bytes();
             let colors = shape.colors.as_ref().map_or(0, |colors| match &colors.values {
                 Colors::U8(c) => size_of_val(&c[..]),
                 Colors::U16(c) => size_of_val(&c[..]),
@@ -242,7 +212,7 @@ impl Shapes {
         out: &mut Points,
     ) {
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-        let (u, v) = (surfaces.u[i], surfaces.v[i]);
+        let (u, v) = (surfaces.u[i] as f32, surfaces.v[i] as f32);
         let weights = [1.0 - u - v, u, v];
         let corners = match geometry.kind(geom) {
             GeometryKind::Mesh(mesh) => Some(geometry.meshes[mesh].triangles()[prim as usize]),
@@ -250,21 +220,11 @@ impl Shapes {
         };
         let material = &self.materials[shape.material as usize];
         if let Some(texture) = material.texture {
-            let half = packet.hits.u[i] + packet.hits.v[i];
-            if let Some(uv) = shape
-                .uv
-                .at(prim, corners, weights, half, || sphere_point(geometry, surfaces, prim, i))
-            {
+            if let Some(uv) = shape.uv.at(geometry, packet, surfaces, i) {
                 let uv = uv * material.uv_scale;
-                let wrap = match (material.wrap, &shape.uv) {
-                    (Some(wrap), _) => [wrap, wrap],
-                    (None, UvSource::Sphere { .. }) => [Wrap::Repeat, Wrap::Clamp],
-                    (None, UvSource::PerVertex(_) | UvSource::PerCorner(_)) => [Wrap::Repeat; 2],
-                    (None, _) => [Wrap::Clamp; 2],
-                };
+                let wrap = material.wrap.map_or_else(|| shape.uv.wrap(), |wrap| [wrap, wrap]);
                 let texture = &self.textures[texture as usize];
-                let color =
-                    texture.lookup(uv.x.into(), uv.y.into(), material.filter, wrap[0], wrap[1]);
+                let color = texture.lookup(uv.x, uv.y, material.filter, wrap[0], wrap[1]);
                 set_lane(&mut out.base, i, color);
             }
         } else if let (Some(colors), Some(corners)) = (&shape.colors, corners) {
@@ -303,14 +263,6 @@ fn weighted(weights: [f32; 3], values: [Vec3; 3]) -> Vec3 {
     values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
 }
 
-/// The point of the unit sphere under lane `i`: the outward normal.
-fn sphere_point(geometry: &Geometry, surfaces: &Surfaces, prim: u32, i: usize) -> DVec3 {
-    let center = geometry.spheres[prim as usize].center;
-    let ng = lane(&surfaces.ng, i).as_dvec3();
-    let outward = (lane(&surfaces.position, i).as_dvec3() - center).dot(ng);
-    ng * outward.signum()
-}
-
 /// Interpolated normal, and the shadow origin lifted off the facets.
 ///
 /// Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II ch. 4:
@@ -344,46 +296,6 @@ fn smooth(corners: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 3], i: usize, o
     }
 }
 
-impl UvSource {
-    /// Texture coordinates at barycentric `weights` of primitive `prim`. `reported` is u + v as
-    /// the backend gave it, which says what half of a quad was hit.
-    #[inline(always)]
-    fn at(
-        &self,
-        prim: u32,
-        corners: Option<[u32; 3]>,
-        weights: [f32; 3],
-        reported: f32,
-        sphere: impl FnOnce() -> DVec3,
-    ) -> Option<Vec2> {
-        let interpolate =
-            |[a, b, c]: [Vec2; 3]| Some(a * weights[0] + b * weights[1] + c * weights[2]);
-        match self {
-            Self::None => None,
-            Self::Sphere { pole } => Some(sphere_uv(sphere(), *pole)),
-            Self::Quad([a, b, c, d]) => {
-                interpolate(if reported <= 1.0 { [*a, *b, *d] } else { [*c, *d, *b] })
-            }
-            Self::Triangle(uv) => interpolate(*uv),
-            Self::PerVertex(uv) => interpolate(corners?.map(|c| Vec2::from(uv[c as usize]))),
-            Self::PerCorner(uv) => interpolate(uv[prim as usize].map(Vec2::from)),
-        }
-    }
-}
-
-/// `u = 0.5 + atan2(p.x, -p.y)/(2 pi)`, `v = 0.5 - asin(p.z)/pi`, poles moved to `pole`.
-fn sphere_uv(p: DVec3, pole: u8) -> Vec2 {
-    use std::f64::consts::{PI, TAU};
-    let p = match pole {
-        0 => DVec3::new(p.y, p.z, p.x),
-        1 => DVec3::new(p.z, p.x, p.y),
-        _ => p,
-    };
-    let u = 0.5 + p.x.atan2(-p.y) / TAU;
-    let v = 0.5 - p.z.clamp(-1.0, 1.0).asin() / PI;
-    Vec2::new(u as f32, v as f32)
-}
-
 impl VertexColors {
     fn at(&self, vertex: u32) -> Vec3 {
         let i = vertex as usize;
@@ -402,22 +314,6 @@ impl VertexColors {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn sphere_coordinates_of_known_points() {
-        let at = |p: DVec3, pole| {
-            let uv = sphere_uv(p, pole);
-            [uv.x, uv.y]
-        };
-        assert_eq!(at(-DVec3::Y, 2), [0.5, 0.5]);
-        assert_eq!(at(DVec3::X, 2), [0.75, 0.5]);
-        assert_eq!(at(-DVec3::X, 2), [0.25, 0.5]);
-        assert_eq!(at(DVec3::Z, 2)[1], 0.0);
-        assert_eq!(at(-DVec3::Z, 2)[1], 1.0);
-        assert_eq!(at(DVec3::X, 0)[1], 0.0);
-        assert_eq!(at(DVec3::Y, 1)[1], 0.0);
-        assert_eq!(at(-DVec3::Z, 0), [0.5, 0.5]);
-    }
 
     #[test]
     fn a_convex_corner_lifts_the_shadow_origin() {

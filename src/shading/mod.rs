@@ -4,10 +4,13 @@
 mod flush;
 mod light;
 mod look;
+mod pnm;
 mod points;
 mod texture;
+mod uv;
 
 pub use light::{Area, Emitter, Falloff, Light, Lit, light_rays};
-pub use look::{Material, Owner, Shape, Shapes, UvSource, VertexColors};
+pub use look::{Material, Owner, Shape, Shapes, VertexColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
-pub use texture::{DEFAULT_MAX_BYTES, Texture, TextureSize};
+pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture, TextureSize};
+pub use uv::{UvFrame, UvSource};

@@ -2,10 +2,12 @@
 //!
 //! Reads PPM and its kin, PNG, JPEG, Radiance HDR and OpenEXR, told apart by content, never by
 //! file name. Texels are decoded to linear light before any filtering: sRGB for integer images
-//! of any format, none for float images, unless the scene says otherwise. Embedded colour
+//! of any format, none for float images, unless the scene says otherwise. Integers are divided by
+//! the largest of their type, those of Netpbm files by what their header calls white. Embedded colour
 //! profiles, gamma chunks and EXIF orientations are not applied; alpha is dropped.
 //! Refuses what is larger than a given number of bytes (known from the header, before pixels are
-//! decoded), what ends too early, and float images with texels that are not finite.
+//! decoded), what ends too early, and float images with texels that are not finite. Negative
+//! texels are kept and counted.
 
 use std::{
     fs::File,
@@ -16,6 +18,7 @@ use std::{
 use glam::Vec3;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
+use super::pnm;
 use crate::{
     error::{Error, Kind, Problem, Result},
     output::exr_check,
@@ -34,6 +37,16 @@ pub struct Texture {
     height: u32,
     texels: Texels,
     had_alpha: bool,
+    negative: Option<Negative>,
+}
+
+/// Texels with a negative value, which no surface reflects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Negative {
+    /// How many, >= 1.
+    pub texels: u64,
+    /// Column and row of the first, from the top left.
+    pub first: [u32; 2],
 }
 
 /// Bytes that an image takes.
@@ -86,8 +99,7 @@ impl Texture {
     /// # Errors
     /// What [`Texture::load`] would say of the header.
     pub fn size(path: &Path) -> Result<TextureSize> {
-        let (_, decoder) = decoder(path, u64::MAX)?;
-        Ok(TextureSize::of(&decoder))
+        Ok(TextureSize::of(&decoder(path, u64::MAX)?.decoder))
     }
 
     /// Reads an image file that needs at most `max_bytes` while it is decoded.
@@ -96,7 +108,7 @@ impl Texture {
         color_space: Option<ColorSpace>,
         max_bytes: u64,
     ) -> Result<Self> {
-        let (format, decoder) = decoder(path, max_bytes)?;
+        let Opened { format, decoder, white } = decoder(path, max_bytes)?;
         let had_alpha = decoder.color_type().has_alpha();
         check_size(path, &decoder, max_bytes)?;
         if format == ImageFormat::Jpeg {
@@ -104,15 +116,29 @@ impl Texture {
         }
         let image = DynamicImage::from_decoder(decoder).map_err(|e| explain(path, e))?;
         let (width, height) = (image.width(), image.height());
-        let texels = decode(image, color_space);
+        let place = |texel: u64| {
+            let width = u64::from(width);
+            [(texel % width) as u32, (texel / width) as u32]
+        };
+        let texels = decode(image, color_space, white).map_err(|texel| {
+            let ([x, y], white) = (place(texel), white.unwrap_or_default());
+            Error::invalid(
+                name(path),
+                format!(
+                    "texel ({x}, {y}) is more than {white}, the largest that the header allows"
+                ),
+            )
+        })?;
         if let Some(texel) = texels.first_non_finite() {
-            let (x, y) = (texel % u64::from(width), texel / u64::from(width));
+            let [x, y] = place(texel);
             return Err(Error::invalid(
                 name(path),
                 format!("texel ({x}, {y}) is NaN or infinite; every value must be finite"),
             ));
         }
-        Ok(Self { width, height, texels, had_alpha })
+        let negative =
+            texels.negative().map(|(texels, first)| Negative { texels, first: place(first) });
+        Ok(Self { width, height, texels, had_alpha, negative })
     }
 
     /// Width in texels, >= 1.
@@ -128,6 +154,11 @@ impl Texture {
     /// Whether the file has an alpha channel, which is ignored.
     pub fn had_alpha(&self) -> bool {
         self.had_alpha
+    }
+
+    /// The texels with negative values, which are kept, if there are any.
+    pub fn negative(&self) -> Option<Negative> {
+        self.negative
     }
 
     /// Bytes of memory that the texels take.
@@ -190,6 +221,15 @@ impl Texels {
             }
         }
     }
+
+    /// How many texels have a negative value, and the first of them (row by row).
+    fn negative(&self) -> Option<(u64, u64)> {
+        let Texels::Floats(floats) = self else { return None };
+        let negative = |rgb: &[f32]| rgb.iter().any(|&value| value < 0.0);
+        let first = floats.chunks_exact(3).position(negative)?;
+        let rest = floats[3 * first..].chunks_exact(3).filter(|rgb| negative(rgb));
+        Some((rest.count() as u64, first as u64))
+    }
 }
 
 /// Texel index `floor + offset` on an axis of `size` texels. `floor` may be anything: `as`
@@ -225,8 +265,16 @@ pub(super) fn linear_from_srgb(value: f64) -> f64 {
     linear.copysign(value)
 }
 
-/// Drops alpha, spreads grey to RGB and makes values linear.
-fn decode(image: DynamicImage, color_space: Option<ColorSpace>) -> Texels {
+/// Drops alpha, spreads grey to RGB and makes values linear. `white`: what integers are divided by, if not
+/// the largest of their type.
+///
+/// # Errors
+/// The first texel (row by row) that is larger than `white`.
+fn decode(
+    image: DynamicImage,
+    color_space: Option<ColorSpace>,
+    white: Option<u16>,
+) -> std::result::Result<Texels, u64> {
     let color = image.color();
     let bytes_per_value = color.bytes_per_pixel() / color.channel_count();
     let is_float = matches!(image, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
@@ -235,19 +283,29 @@ fn decode(image: DynamicImage, color_space: Option<ColorSpace>) -> Texels {
         ColorSpace::Srgb => linear_from_srgb(stored) as f32,
         ColorSpace::Linear => stored as f32,
     };
+    let beyond = |at: Option<usize>| at.map_or(Ok(()), |at| Err(at as u64 / 3));
     if is_float {
         let mut floats = image.into_rgb32f().into_raw();
         for value in &mut floats {
             *value = linear(f64::from(*value));
         }
-        Texels::Floats(floats)
+        Ok(Texels::Floats(floats))
     } else if bytes_per_value == 1 {
-        let table = std::array::from_fn(|byte| linear(byte as f64 / 255.0));
-        Texels::Bytes(image.into_rgb8().into_raw(), Box::new(table))
+        let bytes = image.into_rgb8().into_raw();
+        let white = white.unwrap_or(255);
+        if white < 255 {
+            beyond(bytes.iter().position(|&byte| u16::from(byte) > white))?;
+        }
+        let table = std::array::from_fn(|byte| linear(byte as f64 / f64::from(white)));
+        Ok(Texels::Bytes(bytes, Box::new(table)))
     } else {
         let words = image.into_rgb16().into_raw();
-        let floats = words.iter().map(|&word| linear(f64::from(word) / 65535.0));
-        Texels::Floats(floats.collect())
+        let white = white.unwrap_or(65535);
+        if white < 65535 {
+            beyond(words.iter().position(|&word| word > white))?;
+        }
+        let floats = words.iter().map(|&word| linear(f64::from(word) / f64::from(white)));
+        Ok(Texels::Floats(floats.collect()))
     }
 }
 
@@ -266,8 +324,16 @@ fn open(path: &Path) -> Result<BufReader<File>> {
     Ok(BufReader::with_capacity(1 << 16, file))
 }
 
-/// The file's header, read.
-fn decoder(path: &Path, max_bytes: u64) -> Result<(ImageFormat, impl ImageDecoder)> {
+/// An image file whose header is read.
+struct Opened {
+    format: ImageFormat,
+    decoder: Box<dyn ImageDecoder>,
+    /// What integers are divided by, if not the largest of their type.
+    white: Option<u16>,
+}
+
+/// Reads the header.
+fn decoder(path: &Path, max_bytes: u64) -> Result<Opened> {
     let mut reader = ImageReader::new(open(path)?)
         .with_guessed_format()
         .map_err(|e| Error::io(path, "read the texture", &e))?;
@@ -275,11 +341,18 @@ fn decoder(path: &Path, max_bytes: u64) -> Result<(ImageFormat, impl ImageDecode
         return Err(Error::invalid(name(path), "not an image of a known format")
             .help(format!("textures are {FORMATS}")));
     };
+    let failed = |error| explain(path, error);
+    if format == ImageFormat::Pnm {
+        let (mut decoder, white) = pnm::decoder(reader.into_inner()).map_err(failed)?;
+        decoder.set_limits(limits(max_bytes)).map_err(failed)?;
+        return Ok(Opened { format, decoder: Box::new(decoder), white });
+    }
     if format == ImageFormat::OpenExr {
         exr_check::check(path)?;
     }
     reader.limits(limits(max_bytes));
-    Ok((format, reader.into_decoder().map_err(|e| explain(path, e))?))
+    let decoder = reader.into_decoder().map_err(failed)?;
+    Ok(Opened { format, decoder: Box::new(decoder), white: None })
 }
 
 /// What the decoders may allocate for themselves. Ours is [`check_size`].
@@ -349,6 +422,9 @@ fn truncated(path: &Path) -> Error {
 
 /// What the decoder said, in our words.
 fn explain(path: &Path, error: ImageError) -> Error {
+    if let Err(unknown) = exr_check::check_compression(path) {
+        return unknown;
+    }
     match error {
         ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => truncated(path),
         ImageError::IoError(e) if e.raw_os_error().is_some() => {
@@ -542,6 +618,71 @@ mod tests {
         let t = load("t.ppm", b"P6 1 1 65535\n\x80\x00\x00\x00\xff\xff");
         let half = linear_from_srgb(32768.0 / 65535.0) as f32;
         assert_eq!(t.lookup(0.0, 0.0, N, C, C), Vec3::new(half, 0.0, 1.0));
+    }
+
+    /// Every sample of every kind of Netpbm file, divided by what its header calls white.
+    #[test]
+    fn samples_of_any_maxval_are_exact() {
+        for white in [1u32, 2, 100, 200, 254, 255, 256, 1000, 4095, 65534, 65535] {
+            let wide = white > 255;
+            let samples: Vec<u32> = (0..=white).collect();
+            let ascii: Vec<String> = samples.iter().map(u32::to_string).collect();
+            let two = |x: &u32| (*x as u16).to_be_bytes();
+            let binary: Vec<u8> = match wide {
+                true => samples.iter().flat_map(two).collect(),
+                false => samples.iter().map(|x| *x as u8).collect(),
+            };
+            let count = samples.len();
+            let header = |magic: &str| format!("{magic}\n{count} 1\n{white}\n").into_bytes();
+            let grey = |texel: u32| vec![texel; 3];
+            let thirds: Vec<u8> = match wide {
+                true => samples.iter().flat_map(|x| grey(*x)).flat_map(|x| two(&x)).collect(),
+                false => samples.iter().flat_map(|x| grey(*x)).map(|x| x as u8).collect(),
+            };
+            let pam = format!(
+                "P7\nWIDTH {count}\nHEIGHT 1\nDEPTH 1\nMAXVAL {white}\nTUPLTYPE GRAYSCALE\nENDHDR\n"
+            );
+            let files = [
+                [header("P2"), ascii.join(" ").into_bytes()].concat(),
+                [header("P5"), binary.clone()].concat(),
+                [header("P6"), thirds].concat(),
+                [pam.into_bytes(), binary].concat(),
+            ];
+            for data in files {
+                let (_folder, path) = file("t.ppm", &data);
+                for space in [ColorSpace::Linear, ColorSpace::Srgb] {
+                    let texture = Texture::load(&path, Some(space)).unwrap();
+                    for &sample in &samples {
+                        let exact = f64::from(sample) / f64::from(white);
+                        let exact = match space {
+                            ColorSpace::Linear => exact,
+                            ColorSpace::Srgb => linear_from_srgb(exact),
+                        };
+                        let u = (f64::from(sample) + 0.5) / count as f64;
+                        let found = texture.lookup(u, 0.5, N, C, C);
+                        let start = String::from_utf8_lossy(&data[..2]);
+                        assert_eq!(
+                            found,
+                            Vec3::splat(exact as f32),
+                            "{start}: {sample} of {white}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn samples_above_the_maxval_are_refused() {
+        for data in [&b"P3 2 1 100 1 2 3 4 101 6"[..], b"P5 2 1 100\n\x64\x65", b"P2 2 1 300 5 301"]
+        {
+            let message = error("t.ppm", data).to_string();
+            assert!(message.contains("texel (1, 0)"), "{message}");
+            assert!(
+                message.contains("more than 100") || message.contains("more than 300"),
+                "{message}"
+            );
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@ mod textures;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec3};
 
 use crate::camera::Camera;
 use crate::error::{Error, Failures, Kind, Problem, Result};
@@ -18,7 +18,7 @@ use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind};
-use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvSource};
+use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvFrame, UvSource};
 
 use self::place::{LARGEST, PlacedMesh};
 
@@ -141,7 +141,7 @@ impl World {
         failures.check()?;
         let mut looks = looks.unwrap_or_default();
         let left = options.texture_bytes;
-        let own = textures::load_own(&own_textures, scene, left, &mut looks)?;
+        let own = textures::load_own(&own_textures, scene, left, &mut looks, &mut warnings)?;
         let (textures, materials) = looks;
         check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut warnings)?;
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
@@ -155,7 +155,11 @@ impl World {
         } else {
             doubts.extend(meshes.iter().map(|(_, mesh)| mesh.doubt(origin)));
         }
+        let without_area: Vec<_> = meshes.iter().map(|(_, mesh)| mesh.without_area()).collect();
         let (geometry, shapes) = gather(scene, meshes, origin)?;
+        for (found, mesh) in without_area.iter().zip(&geometry.meshes) {
+            warnings.extend(found.iter().flat_map(|found| found.warnings(mesh)));
+        }
         let mut shapes = Shapes { materials, textures, ..shapes };
         for (shape, material) in own {
             shapes.shapes[shape].material = material;
@@ -272,6 +276,7 @@ fn gather(
     let (mut corners, mut triangle_shapes) = (Vec::new(), Vec::new());
     for (index, shape) in scene.shapes.iter().enumerate() {
         let index = index as u32;
+        let textured = scene.materials[shape.material].texture.is_some();
         let uv = match &shape.kind {
             ShapeKind::Sphere { center, radius, pole } => {
                 spheres.push(Sphere { center: *center - origin, radius: *radius });
@@ -281,12 +286,12 @@ fn gather(
             ShapeKind::Plane { corners } => {
                 quads.push(corners.map(local));
                 quad_shapes.push(index);
-                UvSource::Quad(quad_uv(corners))
+                linear(textured, || UvFrame::of_quad(&corners.map(|p| p - origin)))
             }
             ShapeKind::Triangle { corners: triangle } => {
                 corners.extend(triangle.map(local));
                 triangle_shapes.push(index);
-                UvSource::Triangle(triangle_uv(triangle))
+                linear(textured, || UvFrame::of_triangle(&triangle.map(|p| p - origin)))
             }
             ShapeKind::Trimesh(_) => UvSource::None,
         };
@@ -312,48 +317,7 @@ fn gather(
     Ok((geometry, Shapes { owners, shapes, materials: Vec::new(), textures: Vec::new() }))
 }
 
-/// With a = v2 - v3, b = v0 - v3: u = (P - v3).a/|a|^2, v = 1 - (P - v3).b/|b|^2; linear in P, so
-/// the corners' values say it all.
-fn quad_uv(corners: &[DVec3; 4]) -> [Vec2; 4] {
-    let [v0, _, v2, v3] = *corners;
-    let (a, b) = (v2 - v3, v0 - v3);
-    corners.map(|p| {
-        let d = p - v3;
-        Vec2::new((d.dot(a) / a.dot(a)) as f32, (1.0 - d.dot(b) / b.dot(b)) as f32)
-    })
-}
-
-/// With e = v1 - v0, h the part of v2 - v0 perpendicular to e, [m, M] the range of the corners
-/// along e: u = 1 - ((P - v0).e/|e| - m)/(M - m), v = (P - v0).h/|h|^2.
-fn triangle_uv(corners: &[DVec3; 3]) -> [Vec2; 3] {
-    let [v0, v1, v2] = *corners;
-    let e = (v1 - v0).normalize();
-    let h = (v2 - v0) - e * (v2 - v0).dot(e);
-    let along = corners.map(|p| (p - v0).dot(e));
-    let (low, high) = along.iter().fold((f64::MAX, f64::MIN), |(l, h), &x| (l.min(x), h.max(x)));
-    corners.map(|p| {
-        let d = p - v0;
-        Vec2::new((1.0 - (d.dot(e) - low) / (high - low)) as f32, (d.dot(h) / h.dot(h)) as f32)
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_plane_maps_v3_to_the_bottom_left() {
-        let corners = [DVec3::Y, DVec3::new(2.0, 1.0, 0.0), DVec3::X * 2.0, DVec3::ZERO];
-        let [v0, v1, v2, v3] = quad_uv(&corners);
-        assert_eq!([v3, v2, v0, v1], [Vec2::Y, Vec2::ONE, Vec2::ZERO, Vec2::X]);
-    }
-
-    #[test]
-    fn a_triangle_maps_into_its_bounding_rectangle() {
-        let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(1.0, 2.0, 0.0)];
-        assert_eq!(triangle_uv(&corners), [Vec2::X, Vec2::ZERO, Vec2::new(0.75, 1.0)]);
-        // A third corner that sticks out widens the range.
-        let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(-4.0, 2.0, 0.0)];
-        assert_eq!(triangle_uv(&corners)[0].x, 0.5);
-    }
+/// The texture coordinates of a plane or a triangle: only what is textured keeps its frame.
+fn linear(textured: bool, frame: impl FnOnce() -> UvFrame) -> UvSource {
+    if textured { UvSource::Linear(Box::new(frame())) } else { UvSource::Corners }
 }

@@ -129,6 +129,13 @@ impl PlacedMesh {
         doubtful.then(|| Doubt { place: place.clone(), path: path.clone(), ulp: ulp_there })
     }
 
+    /// What became of triangles without area, to be said when the mesh is placed; `None` without any.
+    pub fn without_area(&self) -> Option<WithoutArea> {
+        let count = self.mesh.notes.degenerate_dropped;
+        let path = || self.spec.path.display().to_string();
+        (count > 0).then(|| WithoutArea { path: path(), count })
+    }
+
     /// Vertices relative to `origin`, and the vertex data that `shape` needs.
     pub fn finish(self, origin: DVec3, shape: &mut Shape) -> TriangleMesh {
         let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
@@ -154,14 +161,8 @@ impl PlacedMesh {
         }
         shape.uv = match mesh.uvs {
             None => UvSource::None,
-            Some(Uvs::PerVertex(mut uv)) => {
-                uv.par_iter_mut().for_each(flip);
-                UvSource::PerVertex(uv)
-            }
-            Some(Uvs::PerCorner(mut uv)) => {
-                uv.par_iter_mut().for_each(|corners| corners.iter_mut().for_each(flip));
-                UvSource::PerCorner(uv)
-            }
+            Some(Uvs::PerVertex(uv)) => UvSource::PerVertex(uv),
+            Some(Uvs::PerCorner(uv)) => UvSource::PerCorner(uv),
         };
         shape.colors = mesh.colors.filter(|_| spec.vertex_colors).map(|values| {
             let stored = match values {
@@ -170,13 +171,28 @@ impl PlacedMesh {
             };
             VertexColors { values, space: spec.vertex_color_space.unwrap_or(stored) }
         });
-        TriangleMesh::new(vertices, mesh.triangles, !spec.bvh)
+        TriangleMesh::new(vertices, mesh.triangles, !spec.bvh).with_stitches(&mesh.stitches)
     }
 }
 
-/// File coordinates have v up, ours runs down.
-fn flip(uv: &mut [f32; 2]) {
-    uv[1] = 1.0 - uv[1];
+/// Triangles of a file that have no area there.
+pub struct WithoutArea {
+    path: String,
+    count: u64,
+}
+
+impl WithoutArea {
+    /// How many are dropped, and how many kept as stitches of `mesh`, which is placed.
+    pub fn warnings(&self, mesh: &TriangleMesh) -> impl Iterator<Item = Problem> {
+        let kept = mesh.stitches() as u64;
+        let dropped = self.count.saturating_sub(kept);
+        let counts = [
+            (dropped, "degenerate triangles (zero area) were dropped"),
+            (kept, "triangles without area are kept: they close T-junctions that rounding opens"),
+        ];
+        let told = counts.into_iter().filter(|(count, _)| *count > 0);
+        told.map(|(count, what)| Problem::new(&self.path, format!("{count} {what}")))
+    }
 }
 
 /// The file's normals, turned with the mesh, at unit length; zero where the file's is zero.
@@ -210,7 +226,6 @@ fn bounds(mesh: &Mesh, used: &[bool], place: impl Fn(DVec3) -> DVec3 + Sync) -> 
 fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {
     let notes = &mesh.notes;
     let dropped = [
-        (notes.degenerate_dropped, "degenerate triangles (zero area) were dropped"),
         (notes.duplicates_dropped, "duplicate triangles were dropped"),
         (notes.repaired_dropped, "triangles with bad vertices were dropped (--repair)"),
         (notes.faces_too_small, "faces with fewer than three corners were skipped"),

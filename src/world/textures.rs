@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Failures, Problem, Result};
 use crate::mesh::Mesh;
 use crate::scene::{Filter, Scene, TextureUse};
-use crate::shading::{DEFAULT_MAX_BYTES, Material, Texture};
+use crate::shading::{DEFAULT_MAX_BYTES, Material, Negative, Texture};
 
 /// Loads the textures of the materials that shapes use, into at most `budget` bytes.
 pub fn load(
@@ -54,7 +54,7 @@ pub fn load(
             texture,
             filter: spec.map_or(Filter::Bilinear, |t| t.filter),
             wrap: spec.and_then(|t| t.wrap),
-            uv_scale: spec.map_or(glam::Vec2::ONE, |t| t.scale),
+            uv_scale: spec.map_or(glam::DVec2::ONE, |t| t.scale),
         });
     }
     failures.check()?;
@@ -85,6 +85,7 @@ pub fn load_own(
     scene: &Scene,
     budget: Option<u64>,
     looks: &mut (Vec<Texture>, Vec<Material>),
+    warnings: &mut Vec<Problem>,
 ) -> Result<Vec<(usize, u32)>> {
     let (textures, materials) = looks;
     let mut failures = Failures::default();
@@ -94,6 +95,8 @@ pub fn load_own(
         let left = budget.map_or(DEFAULT_MAX_BYTES, |budget| budget.saturating_sub(taken));
         let texture = Texture::load_within(path, None, left.min(DEFAULT_MAX_BYTES));
         let Some(texture) = failures.keep(texture) else { continue };
+        let place = path.display().to_string();
+        warn_of_negative(&place, path, &texture, warnings);
         let plain = &materials[scene.shapes[*shape].material];
         let material = Material { texture: Some(textures.len() as u32), ..plain.clone() };
         textures.push(texture);
@@ -119,4 +122,17 @@ fn warn(spec: &TextureUse, texture: &Texture, warnings: &mut Vec<Problem>) {
         let message = format!("the alpha channel of {} is ignored", spec.path.display());
         warnings.push(Problem::new(&spec.place, message));
     }
+    warn_of_negative(&spec.place, &spec.path, texture, warnings);
+}
+
+/// Texels that no surface has: they make radiance negative.
+fn warn_of_negative(place: &str, path: &Path, texture: &Texture, warnings: &mut Vec<Problem>) {
+    let Some(Negative { texels, first: [x, y] }) = texture.negative() else { return };
+    let message = format!(
+        "{texels} texels of {} are negative, the first at ({x}, {y}); they are kept, and what they cover \
+         has negative radiance",
+        path.display()
+    );
+    let help = "a colour is at least 0: clip the image, or convert it to a wider gamut";
+    warnings.push(Problem::new(place, message).help(help));
 }

@@ -103,7 +103,7 @@ fn check(
     };
     // On a quad's diagonal either half will do.
     if hit.geom != geometry.quads_id() || (hit.u + hit.v - 1.0).abs() > 1e-6 {
-        let weights = (f64::from(points.u[i]) - u).abs().max((f64::from(points.v[i]) - v).abs());
+        let weights = (points.u[i] - u).abs().max((points.v[i] - v).abs());
         seen.worst_weight = seen.worst_weight.max(weights);
     }
     let met = ray.origin + ray.direction * hit.t;

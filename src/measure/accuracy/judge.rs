@@ -310,8 +310,8 @@ pub fn measure_hits(
             tally.worst_relative = tally.worst_relative.max(relative);
         }
         if let GeometryKind::Mesh(_) = geometry.kind(exact.geom) {
-            let error = (f64::from(surfaces.u[i]) - exact.u).abs();
-            let error = error.max((f64::from(surfaces.v[i]) - exact.v).abs());
+            let error = (surfaces.u[i] - exact.u).abs();
+            let error = error.max((surfaces.v[i] - exact.v).abs());
             tally.worst_weight = tally.worst_weight.max(error);
         }
     }

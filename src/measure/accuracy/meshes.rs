@@ -14,7 +14,12 @@ pub struct Shape {
     pub vertices: Vec<DVec3>,
     /// Indices of vertices.
     pub triangles: Vec<[u32; 3]>,
+    /// From every point of a box around the origin of this part of the mesh's own, all of the mesh is in sight.
+    pub core: f64,
 }
+
+/// [`Shape::core`] of a shape without spikes.
+const CORE: f64 = 0.3;
 
 /// Vertices that are looked up by their coordinates.
 #[derive(Default)]
@@ -72,7 +77,7 @@ pub fn icosphere(levels: usize) -> Shape {
             .collect();
     }
     let triangles = faces.iter().map(|face| face.map(|v| vertices.index(v))).collect();
-    Shape { vertices: vertices.vertices, triangles }
+    Shape { vertices: vertices.vertices, triangles, core: CORE }
 }
 
 /// A cube from -1 to 1 whose sides have 2 n^2 triangles each.
@@ -96,7 +101,22 @@ pub fn cube(n: u32) -> Shape {
             }
         }
     }
-    Shape { vertices: vertices.vertices, triangles }
+    Shape { vertices: vertices.vertices, triangles, core: CORE }
+}
+
+/// A ball of radius 1/3 whose faces are spikes of length 2/3: 20 * 4^levels tips of three thin triangles each, all of
+/// which have the tip first.
+pub fn spiky_ball(levels: usize) -> Shape {
+    let Shape { mut vertices, triangles, .. } = icosphere(levels);
+    let mut spikes = Vec::with_capacity(3 * triangles.len());
+    for [a, b, c] in triangles {
+        let sum: DVec3 = [a, b, c].map(|v| vertices[v as usize]).iter().sum();
+        let tip = vertices.len() as u32;
+        vertices.push(sum.normalize() * 3.0);
+        spikes.extend([[tip, a, b], [tip, b, c], [tip, c, a]]);
+    }
+    vertices.iter_mut().for_each(|v| *v /= 3.0);
+    Shape { vertices, triangles: spikes, core: 0.1 }
 }
 
 /// What a closed scan looks like: 20,480 triangles of uneven size over folds and noise; its middle
@@ -181,7 +201,7 @@ mod tests {
     #[test]
     fn closed_meshes_are_closed_and_of_the_size_they_say() {
         for (shape, triangles) in
-            [(icosphere(3), 1280), (cube(8), 768), (scan(), 20480), (icosphere(5), 20480)]
+            [(icosphere(3), 1280), (cube(8), 768), (scan(), 20480), (spiky_ball(4), 15360)]
         {
             assert!(shape.is_closed());
             assert_eq!(shape.triangles.len(), triangles);

@@ -17,6 +17,8 @@ pub(super) struct Tally {
     pub(super) too_small: u64,
     pub(super) split: u64,
     pub(super) degenerate: u64,
+    /// Those of them that are between three different points.
+    pub(super) stitches: Vec<[u32; 3]>,
     /// Triangles that use a bad index or vertex.
     pub(super) unusable: u64,
     /// Triangles of each `texnumber`.
@@ -35,6 +37,7 @@ impl Tally {
         self.too_small += next.too_small;
         self.split += next.split;
         self.degenerate += next.degenerate;
+        self.stitches.extend(next.stitches);
         self.unusable += next.unusable;
         for (number, triangles) in next.textures {
             *self.textures.entry(number).or_default() += triangles;
@@ -165,6 +168,9 @@ impl<'a, P: Point> Checker<'a, P> {
         let normal = cross(sub(pb, pa), sub(pc, pa));
         if normal == [0.0; 3] {
             self.tally.degenerate += 1;
+            if pa != pb && pb != pc && pc != pa {
+                self.tally.stitches.push([a, b, c]);
+            }
             return None;
         }
         // A non-finite corner makes it non-finite: infinite or NaN products never cancel out.

@@ -188,6 +188,8 @@ fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
         ..Notes::default()
     };
     tally.write(&mut notes);
+    let mut stitches = Faces { triangles: tally.stitches.split_off(0), ..Faces::default() };
+    duplicates::drop(&mut stitches, vertex_count, job)?;
     notes.duplicates_dropped = duplicates;
     let number = tally.main_texture().and_then(|n| usize::try_from(n).ok());
     let named = number.and_then(|n| header.texture_files.get(n)).or(header.texture_files.first());
@@ -195,6 +197,7 @@ fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
     Ok(Mesh {
         positions: vertices.positions,
         triangles,
+        stitches: stitches.triangles,
         normals: vertices.normals,
         uvs: uvs.map(Uvs::PerCorner).or(vertices.uvs.map(Uvs::PerVertex)),
         colors: vertices.colors,

@@ -119,7 +119,7 @@ impl Check<'_, '_> {
                 description::Wrap::Clamp => Wrap::Clamp,
             }),
             color_space: written.colorspace.map(ColorSpace::from),
-            scale: glam::DVec2::new(u, v).as_vec2(),
+            scale: glam::DVec2::new(u, v),
         })
     }
 

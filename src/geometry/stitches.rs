@@ -1,0 +1,175 @@
+//! Stitches: triangles that had no area until they were placed, between a long edge and the points on it that
+//! only the other side uses.
+//!
+//! Rounding moves these points off the edge. What opens between them is the stitch, as it has the same rounded
+//! corners: with it the mesh stays closed. It is as narrow as the rounding, so its normal means nothing; a hit
+//! counts as one of the triangle beside it.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::triangle::clamp_barycentrics;
+use super::twofold::Twofold3;
+use super::{Geometry, GeometryKind, TriangleMesh};
+use crate::ray::{LANES, Mask, RayPacket};
+
+impl TriangleMesh {
+    /// Adds those of `candidates` behind the triangles that have an area and whose corners are all corners of
+    /// triangles. Indices must be below the number of vertices.
+    #[must_use]
+    pub fn with_stitches(mut self, candidates: &[[u32; 3]]) -> Self {
+        let open: Vec<bool> = candidates.iter().map(|&corners| self.has_area(corners)).collect();
+        if !open.contains(&true) {
+            return self;
+        }
+        let beside = self.beside(candidates);
+        let kept = (0..candidates.len()).filter(|&i| open[i]);
+        let kept: Vec<_> = kept.filter_map(|i| Some((candidates[i], beside[i]?))).collect();
+        self.triangles.reserve_exact(kept.len());
+        self.triangles.extend(kept.iter().map(|(stitch, _)| stitch));
+        self.stitches = kept.into_iter().map(|(_, beside)| beside).collect();
+        self
+    }
+
+    /// How many of the last triangles are stitches.
+    pub fn stitches(&self) -> usize {
+        self.stitches.len()
+    }
+
+    /// The triangle beside stitch `prim`; `None` for any other triangle.
+    #[inline]
+    fn beside_stitch(&self, prim: u32) -> Option<u32> {
+        let first = self.triangles.len() - self.stitches.len();
+        let stitch = (prim as usize).checked_sub(first)?;
+        self.stitches.get(stitch).copied()
+    }
+
+    /// Whether the corners are off a line, by however little: a gap as narrow as that lets rays through.
+    fn has_area(&self, corners: [u32; 3]) -> bool {
+        let [a, b, c] = corners.map(|v| exact(self.vertices[v as usize]));
+        let normal = Twofold3::between(a, b).cross(&Twofold3::between(a, c)).value();
+        normal != DVec3::ZERO && normal.is_finite()
+    }
+
+    /// For each of `stitches` the triangle across its longest edge, or across that of a stitch which has this edge
+    /// and a longer one, and so on; else any triangle at one of its corners. `None` where a corner belongs to no
+    /// triangle.
+    fn beside(&self, stitches: &[[u32; 3]]) -> Vec<Option<u32>> {
+        let longest: Vec<[u32; 2]> = stitches.iter().map(|&stitch| self.longest(stitch)).collect();
+        let mut marked = vec![false; self.vertices.len()];
+        // By edge the first stitch that has a longer one.
+        let mut longer: HashMap<[u32; 2], Option<usize>> = HashMap::new();
+        for (index, &stitch) in stitches.iter().enumerate() {
+            stitch.iter().for_each(|&v| marked[v as usize] = true);
+            for edge in edges(stitch) {
+                let first = longer.entry(edge).or_default();
+                *first = first.or((edge != longest[index]).then_some(index));
+            }
+        }
+        let mut at_corner: HashMap<u32, u32> = HashMap::new();
+        let mut at_edge: HashMap<[u32; 2], u32> = HashMap::new();
+        for (prim, &triangle) in (0..).zip(&self.triangles) {
+            for v in triangle.into_iter().filter(|&v| marked[v as usize]) {
+                at_corner.entry(v).or_insert(prim);
+            }
+            let both = |[a, b]: &[u32; 2]| marked[*a as usize] && marked[*b as usize];
+            for edge in edges(triangle).into_iter().filter(both) {
+                if longer.contains_key(&edge) {
+                    at_edge.entry(edge).or_insert(prim);
+                }
+            }
+        }
+        let next = |index: usize| longer[&longest[index]];
+        let across = follow(stitches.len(), |index| at_edge.get(&longest[index]).copied(), next);
+        let one = |(stitch, across): (&[u32; 3], Option<u32>)| {
+            let [a, b, c] = stitch.map(|v| at_corner.get(&v).copied());
+            let (a, _, _) = (a?, b?, c?);
+            across.or(Some(a))
+        };
+        stitches.iter().zip(across).map(one).collect()
+    }
+
+    fn longest(&self, stitch: [u32; 3]) -> [u32; 2] {
+        let [a, b, c] = edges(stitch);
+        let longer = |p, q| if self.squared_length(p) >= self.squared_length(q) { p } else { q };
+        longer(longer(a, b), c)
+    }
+
+    fn squared_length(&self, [a, b]: [u32; 2]) -> f64 {
+        let [a, b] = [a, b].map(|v| exact(self.vertices[v as usize]));
+        a.distance_squared(b)
+    }
+}
+
+/// For each of `count` what is `found` there, or at the first of those that follow it where anything is; each is
+/// looked at once.
+fn follow(
+    count: usize,
+    found: impl Fn(usize) -> Option<u32>,
+    next: impl Fn(usize) -> Option<usize>,
+) -> Vec<Option<u32>> {
+    let mut results: Vec<Option<Option<u32>>> = vec![None; count];
+    let mut path = Vec::new();
+    for start in 0..count {
+        let mut at = Some(start);
+        let result = loop {
+            let Some(index) = at else { break None };
+            if let Some(known) = results[index] {
+                break known;
+            }
+            // What comes back to itself finds nothing.
+            results[index] = Some(None);
+            path.push(index);
+            if let Some(prim) = found(index) {
+                break Some(prim);
+            }
+            at = next(index);
+        };
+        path.drain(..).for_each(|index| results[index] = Some(result));
+    }
+    results.into_iter().map(Option::flatten).collect()
+}
+
+/// Each edge with its lower vertex first.
+fn edges([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
+    [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
+}
+
+fn exact(vertex: [f32; 3]) -> DVec3 {
+    DVec3::from(vertex.map(f64::from))
+}
+
+impl Geometry {
+    /// Moves hits of stitches to the triangles beside them, from which they are no farther than coordinates are
+    /// rounded by. To be called before [`super::refine`]; costs nothing where there are none.
+    #[inline(always)]
+    pub fn beside_stitches(&self, hit: &Mask, packet: &mut RayPacket) {
+        if self.stitched {
+            self.move_beside(hit, packet);
+        }
+    }
+
+    #[inline(never)]
+    fn move_beside(&self, hit: &Mask, packet: &mut RayPacket) {
+        for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
+            let GeometryKind::Mesh(mesh) = self.kind(packet.hits.geom[i]) else { continue };
+            let mesh = &self.meshes[mesh];
+            let Some(prim) = mesh.beside_stitch(packet.hits.prim[i]) else { continue };
+            let vector = |of: &[[f32; LANES]; 3]| exact([of[0][i], of[1][i], of[2][i]]);
+            let t = f64::from(packet.rays.tfar[i]);
+            let point = vector(&packet.rays.org) + vector(&packet.rays.dir) * t;
+            let (u, v) = weights(point, mesh.corners(prim).map(exact));
+            packet.hits.prim[i] = prim;
+            (packet.hits.u[i], packet.hits.v[i]) = (u as f32, v as f32);
+        }
+    }
+}
+
+/// Barycentric weights of the second and third corner at the point of the triangle below `point`.
+fn weights(point: DVec3, [a, b, c]: [DVec3; 3]) -> (f64, f64) {
+    let (e1, e2, p) = (b - a, c - a, point - a);
+    let normal = e1.cross(e2);
+    let area = normal.dot(normal);
+    clamp_barycentrics(p.cross(e2).dot(normal) / area, e1.cross(p).dot(normal) / area)
+}

@@ -1,0 +1,40 @@
+//! Netpbm files (P1 to P7) with their samples as they are: what the header calls white is told beside them.
+//!
+//! The decoder scales samples to 8 or 16 bits, and rounds. A header that says 255 or 65535 leaves it nothing to
+//! scale.
+
+use std::io::{Cursor, Read};
+
+use image::codecs::pnm::{
+    ArbitraryHeader, ArbitraryTuplType, GraymapHeader, PixmapHeader, PnmDecoder, PnmHeader,
+};
+use image::error::ImageResult;
+
+/// The decoder of a file that begins at `reader`, and the sample that means white; `None` where that is 255 or
+/// 65535 anyway.
+pub fn decoder<R: Read>(reader: R) -> ImageResult<(PnmDecoder<impl Read>, Option<u16>)> {
+    let (rest, header) = PnmDecoder::new(reader)?.into_inner();
+    let white = header.maximal_sample();
+    let full = if white > 255 { 65535 } else { 255 };
+    let (header, white) = match saying(&header, full) {
+        Some(unscaled) if white != full => (unscaled, u16::try_from(white).ok()),
+        _ => (header, None),
+    };
+    let mut start = Vec::new();
+    header.write(&mut start)?;
+    Ok((PnmDecoder::new(Cursor::new(start).chain(rest))?, white))
+}
+
+/// The header with another largest sample; `None` where samples are bits.
+fn saying(header: &PnmHeader, white: u32) -> Option<PnmHeader> {
+    use ArbitraryTuplType::{BlackAndWhite, BlackAndWhiteAlpha};
+    if let Some(&grey) = header.as_graymap() {
+        return Some(GraymapHeader { maxwhite: white, ..grey }.into());
+    }
+    if let Some(&colors) = header.as_pixmap() {
+        return Some(PixmapHeader { maxval: white, ..colors }.into());
+    }
+    let any = header.as_arbitrary()?.clone();
+    let bits = matches!(any.tupltype, Some(BlackAndWhite | BlackAndWhiteAlpha));
+    (!bits).then(|| ArbitraryHeader { maxval: white, ..any }.into())
+}

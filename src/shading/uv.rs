@@ -1,0 +1,182 @@
+//! Texture coordinates of a hit: f64 from the ray and the primitive on, until the texel is known.
+
+use glam::{DVec2, DVec3};
+
+use crate::geometry::{Geometry, GeometryKind, Surfaces, exact_position};
+use crate::ray::RayPacket;
+use crate::scene::Wrap;
+
+/// Where texture coordinates come from.
+#[derive(Debug, Clone)]
+pub enum UvSource {
+    /// There are none.
+    None,
+    /// Latitude and longitude; `pole` is the axis 0, 1, 2.
+    Sphere {
+        /// Which axis the poles are on.
+        pole: u8,
+    },
+    /// Linear functions of the position on a plane or a single triangle.
+    Linear(Box<UvFrame>),
+    /// The same from the corners that the geometry holds, which are rounded: no texture needs them.
+    Corners,
+    /// One per vertex of the mesh; v up, as in the file.
+    PerVertex(Vec<[f32; 2]>),
+    /// Three per triangle of the mesh; v up, as in the file.
+    PerCorner(Vec<[[f32; 2]; 3]>),
+}
+
+impl UvSource {
+    /// (u, v) under lane `i` of a traced packet, which hit this shape; v runs down.
+    pub(super) fn at(
+        &self,
+        geometry: &Geometry,
+        packet: &RayPacket,
+        surfaces: &Surfaces,
+        i: usize,
+    ) -> Option<DVec2> {
+        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+        let position = || exact_position(geometry, packet, surfaces, i);
+        match (self, geometry.kind(geom)) {
+            (Self::Sphere { pole }, GeometryKind::Spheres) => {
+                Some(sphere_uv(position() - geometry.spheres[prim as usize].center, *pole))
+            }
+            (Self::Linear(frame), _) => Some(frame.at(position())),
+            (Self::Corners, GeometryKind::Quads) => {
+                let corners = geometry.quads[prim as usize].map(exact);
+                Some(UvFrame::of_quad(&corners).at(position()))
+            }
+            (Self::Corners, GeometryKind::Mesh(mesh)) => {
+                let corners = geometry.meshes[mesh].corners(prim).map(exact);
+                Some(UvFrame::of_triangle(&corners).at(position()))
+            }
+            (Self::PerVertex(uv), GeometryKind::Mesh(mesh)) => {
+                let corners = geometry.meshes[mesh].triangles()[prim as usize];
+                Some(of_file(corners.map(|corner| uv[corner as usize]), surfaces.weights(i)))
+            }
+            (Self::PerCorner(uv), _) => Some(of_file(uv[prim as usize], surfaces.weights(i))),
+            _ => None,
+        }
+    }
+
+    /// What lies beyond the image where the scene does not say: in u and in v.
+    pub(super) fn wrap(&self) -> [Wrap; 2] {
+        match self {
+            Self::Sphere { .. } => [Wrap::Repeat, Wrap::Clamp],
+            Self::PerVertex(_) | Self::PerCorner(_) => [Wrap::Repeat; 2],
+            Self::None | Self::Linear(_) | Self::Corners => [Wrap::Clamp; 2],
+        }
+    }
+
+    /// Bytes beside the value itself.
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::PerVertex(uv) => size_of_val(&uv[..]),
+            Self::PerCorner(uv) => size_of_val(&uv[..]),
+            Self::Linear(frame) => size_of_val(&**frame),
+            Self::None | Self::Sphere { .. } | Self::Corners => 0,
+        }
+    }
+}
+
+fn exact(vertex: [f32; 3]) -> DVec3 {
+    DVec3::from(vertex.map(f64::from))
+}
+
+/// The mean of a file's coordinates, turned to run down.
+fn of_file(corners: [[f32; 2]; 3], weights: [f64; 3]) -> DVec2 {
+    let [a, b, c] = corners.map(|uv| DVec2::from(uv.map(f64::from)));
+    let mean = a * weights[0] + b * weights[1] + c * weights[2];
+    DVec2::new(mean.x, 1.0 - mean.y)
+}
+
+/// u and v as linear functions of the position.
+#[derive(Debug, Clone, Copy)]
+pub struct UvFrame {
+    /// Where (u, v) is `start`; relative to the scene's origin.
+    corner: DVec3,
+    start: DVec2,
+    /// Change of u with the position.
+    u: DVec3,
+    /// Change of v with the position.
+    v: DVec3,
+}
+
+impl UvFrame {
+    /// With a = v2 - v3, b = v0 - v3: u = (P - v3).a/|a|^2, v = 1 - (P - v3).b/|b|^2. Corners relative to the
+    /// scene's origin.
+    pub fn of_quad(&[v0, _, v2, v3]: &[DVec3; 4]) -> Self {
+        let (a, b) = (v2 - v3, v0 - v3);
+        Self { corner: v3, start: DVec2::Y, u: a / a.dot(a), v: -b / b.dot(b) }
+    }
+
+    /// With e = v1 - v0, h the part of v2 - v0 perpendicular to e, [m, M] the range of the corners
+    /// along e: u = 1 - ((P - v0).e/|e| - m)/(M - m), v = (P - v0).h/|h|^2. Corners relative to the scene's
+    /// origin.
+    pub fn of_triangle(corners: &[DVec3; 3]) -> Self {
+        let [v0, v1, v2] = *corners;
+        let e = (v1 - v0).normalize();
+        let h = (v2 - v0) - e * (v2 - v0).dot(e);
+        let along = corners.map(|p| (p - v0).dot(e));
+        let (low, high) =
+            along.iter().fold((f64::MAX, f64::MIN), |(l, h), &x| (l.min(x), h.max(x)));
+        let range = high - low;
+        let start = DVec2::new(1.0 + low / range, 0.0);
+        Self { corner: v0, start, u: -e / range, v: h / h.dot(h) }
+    }
+
+    fn at(&self, position: DVec3) -> DVec2 {
+        let d = position - self.corner;
+        self.start + DVec2::new(d.dot(self.u), d.dot(self.v))
+    }
+}
+
+/// `u = 0.5 + atan2(p.x, -p.y)/(2 pi)`, `v = 0.5 - asin(p.z/|p|)/pi`, poles moved to `pole`; `p` of any
+/// length. The arcsine as an arctangent keeps its digits at the poles.
+fn sphere_uv(p: DVec3, pole: u8) -> DVec2 {
+    use std::f64::consts::{PI, TAU};
+    let p = match pole {
+        0 => DVec3::new(p.y, p.z, p.x),
+        1 => DVec3::new(p.z, p.x, p.y),
+        _ => p,
+    };
+    let u = 0.5 + p.x.atan2(-p.y) / TAU;
+    let v = 0.5 - p.z.atan2((p.x * p.x + p.y * p.y).sqrt()) / PI;
+    DVec2::new(u, v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sphere_coordinates_of_known_points() {
+        let at = |p: DVec3, pole| sphere_uv(p * 3.0, pole).to_array();
+        assert_eq!(at(-DVec3::Y, 2), [0.5, 0.5]);
+        assert_eq!(at(DVec3::X, 2), [0.75, 0.5]);
+        assert_eq!(at(-DVec3::X, 2), [0.25, 0.5]);
+        assert_eq!(at(DVec3::Z, 2)[1], 0.0);
+        assert_eq!(at(-DVec3::Z, 2)[1], 1.0);
+        assert_eq!(at(DVec3::X, 0)[1], 0.0);
+        assert_eq!(at(DVec3::Y, 1)[1], 0.0);
+        assert_eq!(at(-DVec3::Z, 0), [0.5, 0.5]);
+    }
+
+    #[test]
+    fn a_plane_maps_v3_to_the_bottom_left() {
+        let corners = [DVec3::Y, DVec3::new(2.0, 1.0, 0.0), DVec3::X * 2.0, DVec3::ZERO];
+        let [v0, v1, v2, v3] = corners.map(|p| UvFrame::of_quad(&corners).at(p));
+        assert_eq!([v3, v2, v0, v1], [DVec2::Y, DVec2::ONE, DVec2::ZERO, DVec2::X]);
+    }
+
+    #[test]
+    fn a_triangle_maps_into_its_bounding_rectangle() {
+        let at_corners =
+            |corners: [DVec3; 3]| corners.map(|p| UvFrame::of_triangle(&corners).at(p));
+        let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(1.0, 2.0, 0.0)];
+        assert_eq!(at_corners(corners), [DVec2::X, DVec2::ZERO, DVec2::new(0.75, 1.0)]);
+        // A third corner that sticks out widens the range.
+        let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(-4.0, 2.0, 0.0)];
+        assert_eq!(at_corners(corners)[0].x, 0.5);
+    }
+}
