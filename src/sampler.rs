@@ -318,6 +318,11 @@ fn product(matrix: &[u32; 16], index: u32) -> u32 {
     sum
 }
 
+/// A seed whose points are independent of those of `seed`, for what must not depend on the picture's own.
+pub fn other_seed(seed: i64) -> i64 {
+    mix(!u64::from_ne_bytes(seed.to_ne_bytes())) as i64
+}
+
 /// SplitMix64's step (Steele, Lea, Flood 2014).
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
