@@ -221,8 +221,8 @@ fn noise_of_the_picture_takes_fewer_samples_for_the_same_rmse() {
         (samples, (squares.sum::<f64>() / (3.0 * 50.0 * 40.0)).sqrt())
     };
     let (_, even) = point(&["--spp", "64"]);
-    let (samples, adaptive) = point(&["--noise", "0.03", "--noise-of", "picture"]);
-    let (more, pixel) = point(&["--noise", "0.1"]);
+    let (samples, adaptive) = point(&["--noise", "0.025", "--noise-of", "picture"]);
+    let (more, pixel) = point(&["--noise", "0.08"]);
     let (samples, more) = (samples.unwrap(), more.unwrap());
     eprintln!("64: {even:.2e}; picture {samples:.1}: {adaptive:.2e}; pixel {more:.1}: {pixel:.2e}");
     assert!(samples < 0.75 * 64.0, "{samples}");

@@ -129,7 +129,8 @@ fn samples_give_the_bytes_of_the_whole() {
 fn samples_of_adaptive_shadows_are_cut_between_packets() {
     let scratch = scratch();
     let shadows = ["--adaptive-shadows", "--light-samples", "16"];
-    for (spp, parts) in [("24", ["0..16", "16..24"]), ("12", ["0..8", "8..12"]), ("3", ["0..1", "1..3"])]
+    for (spp, parts) in
+        [("24", ["0..16", "16..24"]), ("12", ["0..8", "8..12"]), ("3", ["0..1", "1..3"])]
     {
         let flags = [&shadows[..], &["--spp", spp]].concat();
         render(&scratch, "whole", &flags);

@@ -104,7 +104,12 @@ fn level(film: &Film) -> f64 {
 }
 
 /// Mean radiance with its standard error: over plain pictures of so many samples.
-fn plain(world: &mut World, accelerator: &dyn Accelerator, spp: u32, seeds: Range<i64>) -> [f64; 2] {
+fn plain(
+    world: &mut World,
+    accelerator: &dyn Accelerator,
+    spp: u32,
+    seeds: Range<i64>,
+) -> [f64; 2] {
     world.spp = spp;
     let mut film = film(world);
     let levels: Vec<f64> = seeds
@@ -157,7 +162,7 @@ fn bias([found, error]: [f64; 2], [truth, exact]: [f64; 2]) -> [f64; 2] {
 }
 
 /// Seeds of references, apart from those of what is measured.
-const REFERENCE: Range<i64> = 1000..1008;
+const REFERENCE: Range<i64> = 1000..1032;
 
 #[test]
 fn the_mean_of_a_picture_does_not_depend_on_when_its_pixels_stop() {
@@ -171,7 +176,7 @@ fn the_mean_of_a_picture_does_not_depend_on_when_its_pixels_stop() {
     ];
     for (kind, open, noise, relative) in worst {
         let ([off, z], samples) = with_world(&scene(kind, open), |world, accelerator| {
-            let truth = plain(world, accelerator, 8192, REFERENCE);
+            let truth = plain(world, accelerator, 2048, REFERENCE);
             let (found, samples) = adaptive(world, accelerator, noise, relative, 0..96);
             (bias(found, truth), samples)
         });
@@ -192,10 +197,11 @@ fn the_table_of_biases() {
     for kind in [Kind::Slit, Kind::Grate, Kind::Wire, Kind::Glint] {
         for open in [1.0, 0.5, 0.1, 0.05, 0.01, 0.003, 0.001, 0.0005, 0.0001] {
             with_world(&scene(kind, open), |world, accelerator| {
-                let truth = plain(world, accelerator, 1 << 15, REFERENCE);
+                let truth = plain(world, accelerator, 1 << 13, REFERENCE);
                 for noise in [0.02, 0.1, 0.3] {
                     for relative in [Relative::Pixel, Relative::Picture] {
-                        let (found, samples) = adaptive(world, accelerator, noise, relative, 0..256);
+                        let (found, samples) =
+                            adaptive(world, accelerator, noise, relative, 0..256);
                         let [off, z] = bias(found, truth);
                         let spread = found[1] * 16.0 / truth[0];
                         println!(
@@ -225,7 +231,7 @@ fn penumbra() -> Value {
 }
 
 #[test]
-fn adaptive_shadows_are_never_below_black_and_never_above_full_light() {
+fn adaptive_shadows_never_make_light_negative() {
     for samples in [8, 16, 64] {
         for sampler in ["sobol", "random"] {
             let mut scene = penumbra();

@@ -270,7 +270,10 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
 pub fn limit(world: &World, window: Window) -> [u32; 2] {
     let [right, bottom] = world.frame_end();
     let [width, height] = world.frame;
-    [if window.x0 < right { right } else { width }, if window.y0 < bottom { bottom } else { height }]
+    [
+        if window.x0 < right { right } else { width },
+        if window.y0 < bottom { bottom } else { height },
+    ]
 }
 
 #[inline(always)]

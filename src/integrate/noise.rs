@@ -163,7 +163,8 @@ mod tests {
     #[test]
     fn samples_are_the_nearest_power_of_two_that_is_expected_to_do() {
         let samples = |goal: Goal, error: f64| goal.samples(16, error);
-        for (error, expected) in [(0.0, 16), (1.4, 16), (1.5, 32), (2.8, 32), (2.9, 64), (9e9, 64)] {
+        for (error, expected) in [(0.0, 16), (1.4, 16), (1.5, 32), (2.8, 32), (2.9, 64), (9e9, 64)]
+        {
             assert_eq!(samples(GOAL, error), expected, "{error}");
         }
         // Stratified samples need fewer, and of the picture more samples may err more.

@@ -59,7 +59,8 @@ pub fn pipeline<F: Finish>(
             } else {
                 pattern.numbers(first)
             };
-            let rays = slot.aim(world, &sampler, pattern, (corner, limit), samples, joint.is_some());
+            let rays =
+                slot.aim(world, &sampler, pattern, (corner, limit), samples, joint.is_some());
             counts.primary += u64::from(rays);
             prefetch_vertices(&world.geometry, &before.packet, LANES / 2..LANES);
             let (active, packet) = (&slot.active, &mut slot.packet);

@@ -162,7 +162,12 @@ mod tests {
         Goal { noise: 0.1, relative: Relative::Pixel, mean: 0.0, most: 1024, rate: 1.5 };
 
     /// Both plans of pixels whose errors after 16, 32 ... samples are `error`.
-    fn plans(goal: &Goal, width: usize, count: usize, error: impl Fn(usize, u32) -> f32) -> [Vec<u32>; 2] {
+    fn plans(
+        goal: &Goal,
+        width: usize,
+        count: usize,
+        error: impl Fn(usize, u32) -> f32,
+    ) -> [Vec<u32>; 2] {
         let mut errors = Errors::new(width, 16);
         (0..count).for_each(|at| errors.set(at, count, 16, error(at, 16)));
         let first = errors.first_plan(goal);
@@ -180,8 +185,7 @@ mod tests {
     #[test]
     fn neighbours_of_a_noisy_pixel_get_more_and_distant_ones_and_itself_do_not() {
         let noisy = 12 * 5 + 5;
-        let [_, second] =
-            plans(&GOAL, 12, 144, |at, _| if at == noisy { 1e4 } else { 0.0 });
+        let [_, second] = plans(&GOAL, 12, 144, |at, _| if at == noisy { 1e4 } else { 0.0 });
         let more = |x: usize, y: usize| second[12 * y + x] > 16;
         assert!(more(6, 5) && more(4, 4) && more(7, 5) && more(9, 5));
         assert!(!more(5, 5) && !more(10, 5) && !more(0, 0) && !more(11, 11));
