@@ -88,7 +88,7 @@ fn render_with<R: Record>(
 ) -> Result<RayCounts> {
     monitor.begin(Phase::Render, pixels(film.window));
     let integrator = Integrator { world, accelerator, monitor };
-    let counts = tiles(film)
+    let counts = tiles(film, world.frame_end())
         .into_par_iter()
         .map(|mut tile| {
             if monitor.stopped() {
@@ -123,19 +123,26 @@ struct Tile<'f> {
     words: Vec<&'f mut [u32]>,
 }
 
-/// Cuts the film along the frame's absolute tile grid.
-fn tiles(film: &mut Film) -> Vec<Tile<'_>> {
+/// Cuts the film along the frame's absolute tile grid, and where the camera's frame ends on the right and below.
+fn tiles(film: &mut Film, [right, bottom]: [u32; 2]) -> Vec<Tile<'_>> {
     let window = film.window;
-    let cuts = |from: u32, to: u32| {
-        (from / TILE..to.div_ceil(TILE)).map(move |t| (from.max(t * TILE), to.min((t + 1) * TILE)))
+    let cuts = |from: u32, to: u32, end: u32| {
+        let grid = (from / TILE + 1..to.div_ceil(TILE)).map(|t| t * TILE);
+        let mut cuts: Vec<u32> = [from, to].into_iter().chain(grid).collect();
+        cuts.extend((from + 1..to).contains(&end).then_some(end));
+        cuts.sort_unstable();
+        cuts.dedup();
+        cuts
     };
+    let pairs = |cuts: &[u32]| cuts.windows(2).map(|pair| (pair[0], pair[1])).collect::<Vec<_>>();
+    let columns = pairs(&cuts(window.x0, window.x1, right));
     let mut tiles = Vec::new();
     let mut rows = film.pixels.chunks_mut(window.width() as usize);
     let stride = film.planes.channels.len();
     let mut words = film.planes.words.chunks_mut((window.width() as usize * stride).max(1));
-    for (y0, y1) in cuts(window.y0, window.y1) {
+    for (y0, y1) in pairs(&cuts(window.y0, window.y1, bottom)) {
         let first = tiles.len();
-        for (x0, x1) in cuts(window.x0, window.x1) {
+        for &(x0, x1) in &columns {
             let window = Window { x0, y0, x1, y1 };
             tiles.push(Tile { window, rows: Vec::new(), words: Vec::new() });
         }
@@ -166,7 +173,9 @@ mod tests {
     fn tiles_cover_a_window_once() {
         let window = Window { x0: 5, y0: 30, x1: 100, y1: 65 };
         let mut film = Film::new([200, 100], window).unwrap();
-        for tile in tiles(&mut film) {
+        let end = [70, 64];
+        for tile in tiles(&mut film, end) {
+            assert!(tile.window.x1 <= 70 || tile.window.x0 >= 70);
             assert_eq!(tile.rows.len(), tile.window.height() as usize);
             assert_eq!(tile.window.x0 / TILE, (tile.window.x1 - 1) / TILE);
             for (dy, row) in tile.rows.into_iter().enumerate() {

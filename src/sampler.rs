@@ -97,11 +97,12 @@ impl Sampler {
         self.lanes([x, y], index, light_purpose(light, bounce))
     }
 
-    /// A number in [0, 1) for a decision about camera sample `index` and light `light` after `bounce`
+    /// Two independent numbers in [0, 1) for decisions about camera sample `index` and light `light` after `bounce`
     /// mirror bounces, independent of all points.
-    pub fn choice(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> f32 {
+    pub fn choices(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> [f64; 2] {
         let purpose = (1 << 63) | (u64::from(bounce) << 32) | u64::from(light);
-        u32_to_f32_norm(self.key(pixel, index, purpose) as u32)
+        let key = self.key(pixel, index, purpose);
+        [key, mix(key)].map(|bits| (bits >> 11) as f64 / (1u64 << 53) as f64)
     }
 
     fn point(&self, pixel: [u32; 2], index: u32, purpose: u64) -> [f32; 4] {
@@ -316,6 +317,11 @@ fn product(matrix: &[u32; 16], index: u32) -> u32 {
         sum ^= matrix[bit] & ((index >> bit) & 1).wrapping_neg();
     }
     sum
+}
+
+/// A seed whose points are independent of those of `seed`, for what must not depend on the picture's own.
+pub fn other_seed(seed: i64) -> i64 {
+    mix(!u64::from_ne_bytes(seed.to_ne_bytes())) as i64
 }
 
 /// SplitMix64's step (Steele, Lea, Flood 2014).

@@ -127,6 +127,29 @@ fn same_bytes_for_any_threads_and_as_a_crop(scratch: &Scratch, relative: &str) {
 }
 
 #[test]
+fn overscan_leaves_the_pixels_of_the_frame_as_they_are() {
+    let Some(scratch) = scratch() else { return };
+    // Neither side is a multiple of a packet's or a tile's.
+    let size = ["--size", "50x43", "--max-spp", "64", "--light-samples", "1"];
+    let noise = |of| [&size[..], &["--noise", "0.1", "--noise-of", of]].concat();
+    let shadows = |spp| vec!["--size", "50x43", "--adaptive-shadows", "--spp", spp];
+    let ways = [noise("pixel"), noise("picture"), shadows("1"), shadows("4"), shadows("16")];
+    for flags in ways {
+        render(&scratch, "frame", &flags);
+        let frame = pixels(&scratch, "frame");
+        for overscan in [5, 32, 40] {
+            let more = overscan.to_string();
+            render(&scratch, "wide", &[&flags[..], &["--overscan", &more]].concat());
+            let wide = pixels(&scratch, "wide");
+            let rows = frame.iter().zip(&wide[overscan..]);
+            let pairs = rows.flat_map(|(row, wide)| row.iter().zip(&wide[overscan..]));
+            let other = pairs.filter(|(a, b)| a.map(f32::to_bits) != b.map(f32::to_bits)).count();
+            assert_eq!(other, 0, "{flags:?} --overscan {overscan}");
+        }
+    }
+}
+
+#[test]
 fn the_error_that_is_asked_for_is_reached() {
     let Some(scratch) = scratch() else { return };
     render(&scratch, "reference", &["--spp", "4096", "--light-samples", "1", "--seed", "77"]);
@@ -198,8 +221,8 @@ fn noise_of_the_picture_takes_fewer_samples_for_the_same_rmse() {
         (samples, (squares.sum::<f64>() / (3.0 * 50.0 * 40.0)).sqrt())
     };
     let (_, even) = point(&["--spp", "64"]);
-    let (samples, adaptive) = point(&["--noise", "0.03", "--noise-of", "picture"]);
-    let (more, pixel) = point(&["--noise", "0.1"]);
+    let (samples, adaptive) = point(&["--noise", "0.025", "--noise-of", "picture"]);
+    let (more, pixel) = point(&["--noise", "0.08"]);
     let (samples, more) = (samples.unwrap(), more.unwrap());
     eprintln!("64: {even:.2e}; picture {samples:.1}: {adaptive:.2e}; pixel {more:.1}: {pixel:.2e}");
     assert!(samples < 0.75 * 64.0, "{samples}");
@@ -300,4 +323,9 @@ fn contradictions_are_refused() {
     let room = ["--max-spp: there is no room for more samples", "--max-spp 128 or more"];
     refused(&["--noise", "0.1", "--spp", "50", "--max-spp", "64"], &room);
     refused(&["--noise", "0.1", "--spp", "4000000000"], &["--spp: there is no room"]);
+    let cut = ["--adaptive-shadows", "--spp", "24", "--samples"];
+    refused(&[&cut[..], &["0..8"]].concat(), &["--samples: found 0..8", "multiples of 16"]);
+    refused(&[&cut[..], &["8..24"]].concat(), &["--samples: found 8..24", "multiples of 16"]);
+    let cut = ["--adaptive-shadows", "--spp", "12", "--samples", "0..6"];
+    refused(&cut, &["--samples: found 0..6", "multiples of 4", "0..4 or 0..8"]);
 }

@@ -126,6 +126,22 @@ fn samples_give_the_bytes_of_the_whole() {
 }
 
 #[test]
+fn samples_of_adaptive_shadows_are_cut_between_packets() {
+    let scratch = scratch();
+    let shadows = ["--adaptive-shadows", "--light-samples", "16"];
+    for (spp, parts) in
+        [("24", ["0..16", "16..24"]), ("12", ["0..8", "8..12"]), ("3", ["0..1", "1..3"])]
+    {
+        let flags = [&shadows[..], &["--spp", spp]].concat();
+        render(&scratch, "whole", &flags);
+        for (name, part) in ["a", "b"].into_iter().zip(parts) {
+            render(&scratch, name, &[&flags[..], &["--samples", part]].concat());
+        }
+        same(&scratch, &["b.exr", "a.exr"], &[], &["exr", "png"]);
+    }
+}
+
+#[test]
 fn samples_by_quarters_of_a_light_give_the_bytes_of_samples_in_order() {
     // One point of an area light for each camera sample, no lens: 64 samples of a pixel are taken together.
     let scene = SCENE

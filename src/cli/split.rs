@@ -8,6 +8,7 @@ use crate::{
     accel::BuildInfo,
     error::{Error, Result},
     film::{Channel, Window},
+    integrate::Pattern,
     layers::{Plan, Raw, Recipe},
     merge::{Files, Part, part},
     scene::{Backend, Scene},
@@ -110,6 +111,7 @@ impl Piece {
             Some([a, b]) => a..b,
             None => 0..spp,
         };
+        between_packets(&samples, scene)?;
         let recipe = plan.recipe.clone();
         let raw = (samples != (0..spp)).then(|| Raw::new(&recipe, samples.clone()));
         let piece = Self { whole, window, margin, samples, recipe, raw };
@@ -200,6 +202,31 @@ impl Piece {
             serde_json::to_string(&part).map_err(|e| Error::invalid("--part", e.to_string()))?;
         Ok(Some((part::ATTRIBUTE.to_string(), text)))
     }
+}
+
+/// Refuses samples that begin or end within a packet where adaptive shadows decide about whole packets.
+///
+/// # Errors
+/// Such samples.
+fn between_packets(samples: &Range<u32>, scene: &Scene) -> Result<()> {
+    let packet = Pattern::for_spp(scene.spp).samples;
+    let cut = |at: u32| at % packet != 0 && at != scene.spp;
+    let Range { start, end } = *samples;
+    if !scene.spares_shadow_rays() || !(cut(start) || cut(end)) {
+        return Ok(());
+    }
+    let message = format!(
+        "found {start}..{end}, expected multiples of {packet} or the end, {}: adaptive shadows decide about {packet} \
+         samples of a pixel together",
+        scene.spp
+    );
+    let start = start / packet * packet;
+    let [below, above] = [end / packet * packet, end.next_multiple_of(packet).min(scene.spp)];
+    let help = match below > start && below != above {
+        true => format!("{start}..{below} or {start}..{above}"),
+        false => format!("{start}..{above}"),
+    };
+    Err(Error::invalid("--samples", message).help(help))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::RayCounts;
 use super::crevices::Crevices;
 use super::lamp::Lamp;
 use super::record::Record;
-use super::roulette::{CHANCE, Stage};
+use super::roulette::{LightPoint, Sparing, Sum};
 use super::shadows::{OWN, ShadowRays};
 use super::slot::Slot;
 use super::split::{Split, SplitSums};
@@ -34,8 +34,6 @@ pub struct Cast<'a> {
     shadow: Rays,
     lit: Lit,
     gathered: ShadowPoints,
-    /// Light of one area light, by lane, before the base colour; f64, as there may be many.
-    sums: [[f64; 3]; LANES],
     throughput: [f32; LANES],
     /// Radiance that the packet's lanes carry.
     pub radiance: Lanes3,
@@ -64,7 +62,6 @@ impl<'a> Cast<'a> {
             shadow: Rays::EMPTY,
             lit: Lit::EMPTY,
             gathered: ShadowPoints::EMPTY,
-            sums: [[0.0; 3]; LANES],
             throughput: [1.0; LANES],
             radiance: [[0.0; LANES]; 3],
         }
@@ -273,7 +270,7 @@ impl<'a> Cast<'a> {
         }
     }
 
-    /// The points of one area light for all lanes: all of them, or those that [`Stage`] asks for.
+    /// The points of one area light for all lanes: all of them, or those that [`Sparing`] asks for.
     #[inline(always)]
     fn area_light<R: Record>(
         &mut self,
@@ -285,63 +282,101 @@ impl<'a> Cast<'a> {
     ) {
         let samples = area.samples;
         let hit = self.points.at.hit;
-        self.sums = [[0.0; 3]; LANES];
-        let mut split = SplitSums::NONE;
-        let mut next = Some(Stage::first(samples, self.world.adaptive_shadows));
-        while let Some(stage) = next {
-            let rays = counts.shadow;
-            let seen = self.light_points::<R>(lamp, area, slot, &stage, counts, &mut split);
-            next = None;
-            if stage.points.end < samples {
-                let active = (counts.shadow - rays) as u32;
-                let (pixel, index, bounce) = (slot.pixel(0), lamp.index, lamp.bounce);
-                let refine = self.sampler.choice(pixel, slot.first, index, bounce) < CHANCE;
-                next = Stage::rest(stage.points.end..samples, active, seen, refine);
-            }
+        let mut sums = Sums::NONE;
+        if self.world.adaptive_shadows && Sparing::first(samples) < samples {
+            self.sparing_light::<R>(lamp, area, slot, counts, &mut sums);
+        } else {
+            let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
+            let pairs = lanes.flat_map(|lane| (0..samples).map(move |sample| (lane, sample)));
+            self.light_points(lamp, area, slot, pairs, true, counts, |point| {
+                if point.visible {
+                    sums.add::<R>(lamp, &point);
+                }
+            });
         }
         let share = 1.0 / f64::from(samples);
         if R::ON {
             let (base, throughput) = (&self.points.base, &self.throughput);
-            record.light(lamp, base, throughput, &split.mean(share));
+            record.light(lamp, base, throughput, &sums.split.mean(share));
         }
         for axis in 0..3 {
             for i in 0..LANES {
-                let light = (self.sums[i][axis] * share) as f32;
+                let light = (sums.light[i][axis] * share) as f32;
                 let sent = light * self.points.base[axis][i] * self.throughput[i];
                 self.radiance[axis][i] += if hit.0[i] != 0 { sent } else { 0.0 };
             }
         }
     }
 
-    /// Adds (lane, sample) pairs in order, 16 a packet; returns how many points were seen.
+    /// Adaptive shadows: as many steps as the light needs.
     #[inline(always)]
-    fn light_points<R: Record>(
+    fn sparing_light<R: Record>(
         &mut self,
         lamp: &Lamp,
         area: Area,
         slot: &Slot,
-        stage: &Stage,
         counts: &mut RayCounts,
-        split: &mut SplitSums,
-    ) -> u32 {
-        let Lamp { light, index, bounce, glossy } = *lamp;
+        sums: &mut Sums,
+    ) {
+        let sampler = self.sampler;
         let hit = self.points.at.hit;
-        let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
-        let mut pairs =
-            lanes.flat_map(|lane| stage.points.clone().map(move |sample| (lane, sample)));
-        let mut seen = 0;
+        let mut sparing = Sparing::new(area.samples, |lane| {
+            sampler.choices(slot.pixel(lane), slot.sample[lane], lamp.index, lamp.bounce)
+        });
+        let mut part = Sums::NONE;
         loop {
-            let mut from = [0; LANES];
+            let step = sparing.clone();
+            let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
+            let pairs = lanes.flat_map(|lane| {
+                let step = &step;
+                let samples = (0..step.count()).filter_map(move |k| step.sample(lane, k));
+                samples.map(move |sample| (lane, sample))
+            });
+            self.light_points(
+                lamp,
+                area,
+                slot,
+                pairs,
+                step.traced(),
+                counts,
+                |point| match sparing.take(&point) {
+                    Some(Sum::Whole) => sums.add::<R>(lamp, &point),
+                    Some(Sum::Part) => part.add::<R>(lamp, &point),
+                    None => {}
+                },
+            );
+            if self.monitor.stopped() || !sparing.next() {
+                break;
+            }
+        }
+        sums.add_part::<R>(&part, sparing.factor());
+    }
+
+    /// Calls `each` with the (lane, sample) pairs that can be lit at all, in order, traced 16 a packet.
+    #[inline(always)]
+    fn light_points(
+        &mut self,
+        lamp: &Lamp,
+        area: Area,
+        slot: &Slot,
+        mut pairs: impl Iterator<Item = (usize, u32)>,
+        traced: bool,
+        counts: &mut RayCounts,
+        mut each: impl FnMut(LightPoint),
+    ) {
+        let Lamp { index, bounce, glossy, .. } = *lamp;
+        loop {
+            let (mut from, mut samples) = ([0; LANES], [0; LANES]);
             let (mut x, mut y, mut number) = ([0; LANES], [0; LANES], [0; LANES]);
             let mut count = 0;
             for (lane, sample) in pairs.by_ref().take(LANES) {
                 [x[count], y[count]] = slot.pixel(lane);
                 number[count] = slot.sample[lane].wrapping_mul(area.samples).wrapping_add(sample);
-                from[count] = lane;
+                (from[count], samples[count]) = (lane, sample);
                 count += 1;
             }
             if count == 0 || self.monitor.stopped() {
-                return seen;
+                return;
             }
             let square = self.sampler.light_lanes([&x, &y], &number, index, bounce);
             let q = area.points(&square);
@@ -353,25 +388,19 @@ impl<'a> Cast<'a> {
             if !active.any() {
                 continue;
             }
-            if stage.traced {
+            if traced {
                 counts.shadow += u64::from(active.count());
                 let scene = (&*world.geometry, self.accelerator);
                 aimed.trace(scene, &self.crevices, &from, rays, Coherence::Coherent);
             }
             for j in (0..count).filter(|&j| active.0[j] != 0) {
-                let visible = rays.tfar[j] >= 0.0;
-                seen += u32::from(visible);
-                let weight = if visible { stage.seen } else { stage.hidden };
-                if weight == 0.0 {
-                    continue;
-                }
-                let sent = light.diffuse * lit.diffuse[j] + light.specular * lit.specular[j];
-                for (sum, sent) in self.sums[from[j]].iter_mut().zip(sent.to_array()) {
-                    *sum += f64::from(sent) * weight;
-                }
-                if R::ON {
-                    split.add(from[j], light, lit.diffuse[j], lit.specular[j], weight);
-                }
+                each(LightPoint {
+                    lane: from[j],
+                    sample: samples[j],
+                    visible: rays.tfar[j] >= 0.0,
+                    diffuse: lit.diffuse[j],
+                    specular: lit.specular[j],
+                });
             }
         }
     }
@@ -412,6 +441,46 @@ impl<'a> Cast<'a> {
         }
         if R::ON && self.world.ambient != Vec3::ZERO {
             record.ambient(bounce, &sent);
+        }
+    }
+}
+
+/// Light of one area light, by lane, before the base colour; f64, as there may be many points.
+struct Sums {
+    light: [[f64; 3]; LANES],
+    /// The same in its parts, for layers.
+    split: SplitSums,
+}
+
+impl Sums {
+    const NONE: Self = Self { light: [[0.0; 3]; LANES], split: SplitSums::NONE };
+
+    #[inline(always)]
+    fn add<R: Record>(&mut self, lamp: &Lamp, point: &LightPoint) {
+        let LightPoint { lane, diffuse, specular, .. } = *point;
+        let light = lamp.light;
+        let sent = light.diffuse * diffuse + light.specular * specular;
+        for (sum, sent) in self.light[lane].iter_mut().zip(sent.to_array()) {
+            *sum += f64::from(sent);
+        }
+        if R::ON {
+            self.split.add(lane, light, diffuse, specular);
+        }
+    }
+
+    /// Adds a part times a factor, which takes away no more than there is, but for rounding: 0 is the least.
+    #[inline(always)]
+    fn add_part<R: Record>(&mut self, part: &Self, factor: f64) {
+        if factor == 0.0 {
+            return;
+        }
+        for (sum, part) in self.light.iter_mut().flatten().zip(part.light.iter().flatten()) {
+            let whole = *sum + factor * part;
+            debug_assert!(whole >= -1e-9 * *sum, "{sum} {part} {factor}");
+            *sum = whole.max(0.0);
+        }
+        if R::ON {
+            self.split.add_part(&part.split, factor);
         }
     }
 }

@@ -11,6 +11,7 @@ mod lamp;
 mod noise;
 mod passes;
 mod pipeline;
+mod plan;
 mod quarters;
 mod record;
 mod roulette;
@@ -31,7 +32,7 @@ use crate::world::World;
 use self::block::{BlockSums, Values};
 use self::cast::Cast;
 pub use self::crevices::Crevices;
-pub use self::noise::{Goal, Relative, Tally};
+pub use self::noise::{Goal, Relative, Tally, rate};
 pub use self::passes::{LEAST, PassKernel, Passes};
 use self::pipeline::{Finish, pipeline};
 pub use self::record::{Beauty, Layers, Record};
@@ -114,13 +115,14 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
         let world = integrator.world;
         let pattern = Pattern::for_spp(world.spp);
         let samples = self.samples.clone();
-        let (blocks, told) = self.blocks(&pattern);
+        let limit = limit(world, self.window);
+        let (blocks, told) = self.blocks(&pattern, limit);
         let begin = samples.start / pattern.samples * pattern.samples;
         let units = blocks.iter().flat_map(|&corner| {
             (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
         let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
-        let mut counts = pipeline(integrator, &pattern, &samples, units, &mut tile);
+        let mut counts = pipeline(integrator, &pattern, &samples, limit, units, &mut tile);
         counts.primary += told;
         counts
     }
@@ -152,7 +154,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
     /// Corners of the blocks whose samples are to be taken, and how many camera rays the others have, which are
     /// written. (Once a tile: apart from the loop over packets.)
     #[inline(never)]
-    fn blocks(&mut self, pattern: &Pattern) -> (Vec<[u32; 2]>, u64) {
+    fn blocks(&mut self, pattern: &Pattern, limit: [u32; 2]) -> (Vec<[u32; 2]>, u64) {
         let (world, count) = (self.integrator.world, self.samples.end - self.samples.start);
         // What is recorded, and sums to be merged, take their samples one by one.
         let mut sky = (!self.record.has_words())
@@ -162,7 +164,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         for corner in corners(pattern, self.window) {
             if sky.as_mut().is_some_and(|sky| sky.has(corner)) {
                 self.write_sky(corner, pattern.block);
-                told += u64::from(pattern.within_frame(world.frame, corner)) * u64::from(count);
+                told += u64::from(pattern.within(limit, corner)) * u64::from(count);
             } else {
                 blocks.push(corner);
             }
@@ -265,6 +267,17 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
             }
         }
     }
+}
+
+/// Right and bottom end, excluded, of the pixels that may share packets with those of `window`: of the camera's
+/// frame if the window begins within it, else of all. So overscan changes no packet of the frame.
+pub fn limit(world: &World, window: Window) -> [u32; 2] {
+    let [right, bottom] = world.frame_end();
+    let [width, height] = world.frame;
+    [
+        if window.x0 < right { right } else { width },
+        if window.y0 < bottom { bottom } else { height },
+    ]
 }
 
 #[inline(always)]

@@ -1,4 +1,4 @@
-//! How far a pixel's mean still is from its value, and which pixels get more samples.
+//! How far a pixel's mean still is from its value.
 //!
 //! The samples of a pixel are taken in passes that double their number, so both halves of them are
 //! stratified sets. Were the halves independent, the squared difference of their means would be four times
@@ -9,8 +9,7 @@
 //! Illumination", the measure relates them to is the relative squared error of Rousselle et al. 2011,
 //! "Adaptive Sampling and Reconstruction using Greedy Error Minimization".
 
-/// Weights along a side of the window over which errors are averaged.
-const WINDOW: [f64; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
+use crate::sampler::Kind;
 
 /// The samples that one pixel has.
 #[derive(Debug, Clone, Copy, Default)]
@@ -23,8 +22,10 @@ pub struct Tally {
     pub taken: u32,
     /// How many there will be after the next pass.
     pub wanted: u32,
-    /// How many it shall have since the last choice.
+    /// How many there are after the present doubling, which one pass takes or several.
     pub aim: u32,
+    /// How many there will be after all doublings that are decided.
+    pub plan: u32,
 }
 
 /// What a pixel's error is relative to.
@@ -45,6 +46,10 @@ const DARK: f64 = 0.1;
 /// Relative to the picture, [`Goal::noise`] is the error of a good pixel with so many samples.
 const NOMINAL_SAMPLES: f64 = 16.0;
 
+/// Largest error that is told from larger ones, relative to the target squared: more than calls for all samples
+/// that a pixel may have.
+const LARGEST: f64 = (1u64 << 28) as f64;
+
 /// When a pixel has samples enough.
 #[derive(Debug, Clone, Copy)]
 pub struct Goal {
@@ -56,6 +61,17 @@ pub struct Goal {
     pub mean: f64,
     /// Samples that no pixel exceeds.
     pub most: u32,
+    /// Variance of a pixel's mean falls as samples^-rate: see [`rate`].
+    pub rate: f64,
+}
+
+/// The power by which the variance of a pixel's mean is expected to fall with its samples: of stratified points that
+/// of the slopes in docs/sampling.md.
+pub fn rate(kind: Kind) -> f64 {
+    match kind {
+        Kind::Sobol => 1.75,
+        Kind::Random => 1.0,
+    }
 }
 
 impl Goal {
@@ -68,63 +84,41 @@ impl Goal {
         radiance.iter().map(|radiance| radiance * radiance + floor).sum()
     }
 
-    /// Squared error of a good pixel with so many samples. Where variances fall as a power of the number of samples,
-    /// the sum of all pixels' is least for a sum of samples if variance / samples is the same in each (by a Lagrange
-    /// multiplier).
-    fn limit(&self, samples: u32) -> f64 {
-        let limit = self.noise * self.noise;
-        match self.relative {
-            Relative::Pixel => limit,
-            Relative::Picture => limit * f64::from(samples) / NOMINAL_SAMPLES,
+    /// How many samples a pixel needs, of which `error` is expected after `taken`: `taken` times the power of two that
+    /// is nearest to what its variance has to fall by, up to `most`.
+    ///
+    /// Relative to the picture a pixel's error may grow with its samples: where variances fall as a power of the
+    /// number of samples, the sum of all pixels' is least for a sum of samples if variance / samples is the same in
+    /// each (by a Lagrange multiplier).
+    pub fn samples(&self, taken: u32, error: f64) -> u32 {
+        let (limit, power) = match self.relative {
+            Relative::Pixel => (1.0, self.rate),
+            Relative::Picture => (f64::from(taken) / NOMINAL_SAMPLES, self.rate + 1.0),
+        };
+        let fall = (-power).exp2();
+        // Half of a doubling off: the nearest power.
+        let (mut samples, mut error) = (taken, error * fall.sqrt());
+        while error > limit && samples < self.most {
+            (samples, error) = (2 * samples, error * fall);
         }
+        samples
     }
 }
 
 impl Tally {
-    /// Squared relative standard error of the mean: of R, G, B together, relative to what the goal says; of alpha
-    /// relative to 1. Whichever is more; 0 where a sample is not finite, as more of them would not help.
-    pub fn error(&self, goal: &Goal) -> f64 {
+    /// Squared standard error of the mean over the goal's squared target, up to 2^28: of R, G, B together, relative to
+    /// what the goal says; of alpha relative to 1. Whichever is more; 0 where a sample is not finite, as more of them
+    /// would not help.
+    pub fn error(&self, goal: &Goal) -> f32 {
         let n = f64::from(self.taken.max(1));
         // (first half - second half) / 2, as means.
         let apart: [f64; 4] = std::array::from_fn(|c| (self.sum[c] - 2.0 * self.half[c]) / n);
         let [r, g, b, alpha] = apart.map(|apart| apart * apart);
         let level = goal.level([0, 1, 2].map(|c| self.sum[c] / n));
         let error = ((r + g + b) / level).max(alpha);
-        if error.is_finite() { error } else { 0.0 }
+        let error = if error.is_finite() { error / goal.noise.powi(2) } else { 0.0 };
+        error.min(LARGEST) as f32
     }
-}
-
-/// Gives the pixels that are not yet good twice their samples; whether there are any. `tallies` are those
-/// of a rectangle `width` pixels wide.
-///
-/// A pixel is good if its own error is, and that of its neighbourhood: one alone may look good because
-/// its few samples all missed what its neighbours met.
-pub fn choose(tallies: &mut [Tally], width: usize, goal: &Goal) -> bool {
-    let errors: Vec<f64> = tallies.iter().map(|tally| tally.error(goal)).collect();
-    let mut any = false;
-    for (i, tally) in tallies.iter_mut().enumerate() {
-        let around = around(&errors, width, i);
-        let more = errors[i].max(around) > goal.limit(tally.taken) && tally.taken < goal.most;
-        tally.aim = if more { 2 * tally.taken } else { tally.taken };
-        tally.wanted = tally.aim;
-        any |= more;
-    }
-    any
-}
-
-/// The weighted mean of the errors around a pixel, within the rectangle.
-fn around(errors: &[f64], width: usize, at: usize) -> f64 {
-    let (x, y, height) = (at % width, at / width, errors.len() / width);
-    let reach = WINDOW.len() / 2;
-    let (mut sum, mut weights) = (0.0, 0.0);
-    for row in y.saturating_sub(reach)..(y + reach + 1).min(height) {
-        for column in x.saturating_sub(reach)..(x + reach + 1).min(width) {
-            let weight = WINDOW[row + reach - y] * WINDOW[column + reach - x];
-            sum += weight * errors[row * width + column];
-            weights += weight;
-        }
-    }
-    sum / weights
 }
 
 #[cfg(test)]
@@ -133,67 +127,52 @@ mod tests {
 
     fn tally(first: f64, second: f64) -> Tally {
         let sum = [first + second; 4];
-        Tally { sum, half: [second; 4], taken: 16, wanted: 16, aim: 16 }
+        Tally { sum, half: [second; 4], taken: 16, wanted: 16, aim: 16, plan: 16 }
     }
 
-    const GOAL: Goal = Goal { noise: 0.1, relative: Relative::Pixel, mean: 0.0, most: 64 };
+    const GOAL: Goal =
+        Goal { noise: 0.125, relative: Relative::Pixel, mean: 0.0, most: 64, rate: 1.0 };
 
     #[test]
     fn the_error_is_half_of_what_the_halves_differ_by() {
+        let close = |tally: Tally, goal: &Goal, error: f64| {
+            let found = f64::from(tally.error(goal)) * goal.noise.powi(2);
+            assert!((found - error).abs() < 1e-7, "{found} {error}");
+        };
         // Means of the halves 1 and 2, of all 1.5.
         let one = tally(8.0, 16.0);
         let relative = (0.5f64 / 1.5).powi(2);
-        assert!((one.error(&GOAL) - relative.max(0.25)).abs() < 1e-12);
+        close(one, &GOAL, relative.max(0.25));
         let mut opaque = one;
         (opaque.sum[3], opaque.half[3]) = (16.0, 8.0);
-        assert!((opaque.error(&GOAL) - relative).abs() < 1e-12);
+        close(opaque, &GOAL, relative);
         // The floor adds to the level.
-        let floored = 0.25 / (2.25 + 4.0);
-        assert!((opaque.error(&Goal { mean: 20.0, ..GOAL }) - floored).abs() < 1e-12);
+        close(opaque, &Goal { mean: 20.0, ..GOAL }, 0.25 / (2.25 + 4.0));
         // Of the picture only its mean counts.
         let picture = Goal { relative: Relative::Picture, mean: 20.0, ..GOAL };
-        assert!((opaque.error(&picture) - 0.25 / 400.0).abs() < 1e-12);
+        close(opaque, &picture, 0.25 / 400.0);
         for goal in [GOAL, Goal { mean: 0.0, ..picture }] {
-            assert_eq!(tally(0.0, 0.0).error(&goal), 0.0);
-            assert_eq!(tally(f64::NAN, 1.0).error(&goal), 0.0);
-            assert_eq!(tally(f64::INFINITY, 1.0).error(&goal), 0.0);
+            for bad in [tally(0.0, 0.0), tally(f64::NAN, 1.0), tally(f64::INFINITY, 1.0)] {
+                assert_eq!(bad.error(&goal), 0.0);
+            }
         }
+        let tiny = Goal { noise: 1e-300, ..GOAL };
+        assert_eq!(one.error(&tiny), LARGEST as f32);
     }
 
     #[test]
-    fn neighbours_of_a_noisy_pixel_go_on_and_distant_ones_stop() {
-        let mut tallies = [tally(8.0, 8.0); 144];
-        tallies[12 * 5 + 5] = tally(0.0, 16.0);
-        assert!(choose(&mut tallies, 12, &GOAL));
-        let chosen = |x: usize, y: usize| tallies[12 * y + x].aim == 32;
-        assert!(chosen(5, 5) && chosen(6, 5) && chosen(4, 4) && chosen(7, 5));
-        assert!(!chosen(8, 5) && !chosen(5, 2) && !chosen(0, 0) && !chosen(11, 11));
-        assert_eq!((tallies[65].wanted, tallies[0].wanted), (32, 16));
-    }
-
-    #[test]
-    fn of_the_picture_more_samples_may_err_more() {
-        let goal = Goal { relative: Relative::Picture, mean: 1.0, ..GOAL };
-        // Means of the halves 1 and 1.3: the error is 0.15, the limit 0.1 times the root of samples / 16.
-        for (taken, more) in [(16, true), (32, true), (64, false)] {
-            let n = f64::from(taken) / 2.0;
-            let one = Tally { taken, ..tally(n, 1.3 * n) };
-            assert_eq!(choose(&mut [one], 1, &Goal { most: 1024, ..goal }), more, "{taken}");
+    fn samples_are_the_nearest_power_of_two_that_is_expected_to_do() {
+        let samples = |goal: Goal, error: f64| goal.samples(16, error);
+        for (error, expected) in [(0.0, 16), (1.4, 16), (1.5, 32), (2.8, 32), (2.9, 64), (9e9, 64)]
+        {
+            assert_eq!(samples(GOAL, error), expected, "{error}");
         }
-    }
-
-    #[test]
-    fn no_pixel_gets_more_than_the_most() {
-        let mut tallies = [Tally { taken: 64, wanted: 64, ..tally(0.0, 64.0) }; 4];
-        assert!(!choose(&mut tallies, 2, &GOAL));
-        assert_eq!(tallies[0].wanted, 64);
-    }
-
-    #[test]
-    fn the_weights_at_a_border_are_those_within() {
-        let errors = [1.0; 6];
-        for at in 0..6 {
-            assert!((around(&errors, 3, at) - 1.0).abs() < 1e-12);
-        }
+        // Stratified samples need fewer, and of the picture more samples may err more.
+        let sobol = Goal { rate: 2.0, most: 1024, ..GOAL };
+        assert_eq!(samples(sobol, 64.0), 128);
+        let picture = Goal { relative: Relative::Picture, ..sobol };
+        assert_eq!(samples(picture, 64.0), 64);
+        assert_eq!(picture.samples(64, 4.0), 64);
+        assert_eq!(picture.samples(64, 64.0), 128);
     }
 }

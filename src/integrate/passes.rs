@@ -12,11 +12,12 @@ use crate::simd::Kernel;
 
 use super::block::{BlockSums, Values};
 use super::cast::Cast;
-use super::noise::{self, Goal, Tally};
+use super::noise::{Goal, Tally};
 use super::pipeline::{Finish, pipeline};
+use super::plan::{Errors, Plan};
 use super::record::Record;
 use super::slot::{Pattern, Slot};
-use super::{Integrator, RayCounts, alpha, morton};
+use super::{Integrator, RayCounts, alpha, limit, morton};
 
 /// The least of samples that a pass takes of a pixel, and what it takes a multiple of.
 pub const LEAST: u32 = LANES as u32;
@@ -31,20 +32,73 @@ pub struct Passes<H> {
     /// By pixel, row by row.
     pub tallies: Vec<Tally>,
     held: Vec<H>,
+    errors: Errors,
+    decided: Decided,
+}
+
+/// What is decided about the numbers of samples.
+#[derive(Debug)]
+enum Decided {
+    /// Those of the first pass.
+    Nothing,
+    /// The first plan.
+    First(Plan),
+    /// All.
+    All,
 }
 
 impl<H> Passes<H> {
     /// Pixels without samples, which want `first`.
     pub fn new(window: Window, first: u32, held: impl Fn() -> H) -> Self {
         let count = (window.width() * window.height()) as usize;
-        let tally = Tally { wanted: first, aim: first, ..Tally::default() };
+        let tally = Tally { wanted: first, aim: first, plan: first, ..Tally::default() };
         let held = (0..count).map(|_| held()).collect();
-        Self { window, tallies: vec![tally; count], held }
+        let errors = Errors::new(window.width() as usize, first);
+        Self { window, tallies: vec![tally; count], held, errors, decided: Decided::Nothing }
     }
 
-    /// Gives the pixels that are not yet good twice their samples; whether there are any.
+    /// After a pass that has taken all that was aimed at: gives the pixels whose plan is not reached twice their
+    /// samples; whether there are any.
     pub fn choose(&mut self, goal: &Goal) -> bool {
-        noise::choose(&mut self.tallies, self.window.width() as usize, goal)
+        let count = self.tallies.len();
+        if !matches!(self.decided, Decided::All) {
+            for (at, tally) in self.tallies.iter().enumerate() {
+                self.errors.set(at, count, tally.taken, tally.error(goal));
+            }
+        }
+        loop {
+            let mut any = false;
+            for tally in &mut self.tallies {
+                let more = tally.taken < tally.plan;
+                tally.aim = if more { 2 * tally.taken } else { tally.taken };
+                tally.wanted = tally.aim;
+                any |= more;
+            }
+            if any || !self.decide(goal) {
+                return any;
+            }
+        }
+    }
+
+    /// Makes the next plan; whether there is one.
+    fn decide(&mut self, goal: &Goal) -> bool {
+        let first = match std::mem::replace(&mut self.decided, Decided::All) {
+            Decided::Nothing => None,
+            Decided::First(plan) => Some(plan),
+            Decided::All => return false,
+        };
+        let set = |tallies: &mut [Tally], plan: &[u32]| {
+            tallies.iter_mut().zip(plan).for_each(|(tally, &plan)| tally.plan = plan);
+        };
+        match first {
+            Some(first) => set(&mut self.tallies, &self.errors.second_plan(goal, &first)),
+            None => {
+                let first = self.errors.first_plan(goal);
+                set(&mut self.tallies, &first.samples);
+                self.decided = Decided::First(first);
+            }
+        }
+        true
     }
 
     /// Samples that the next pass will take.
@@ -122,6 +176,7 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
         let pattern = Pattern::for_spp(LEAST);
         let passes = &self.passes;
         let w = passes.window;
+        let limit = limit(self.integrator.world, w);
         let side = w.width().max(w.height()).next_power_of_two();
         let pixels =
             (0..side * side).map(morton).filter(|[x, y]| *x < w.width() && *y < w.height());
@@ -141,7 +196,7 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
             transparent: self.integrator.world.transparent,
             sums: BlockSums::new(&pattern, 4, 0),
         };
-        pipeline(self.integrator, &pattern, &ALL, units, &mut pass)
+        pipeline(self.integrator, &pattern, &ALL, limit, units, &mut pass)
     }
 }
 

@@ -28,12 +28,14 @@ pub trait Finish {
 }
 
 /// Traces packet k, finishes packet k - 1, and so on: while one packet is traced, the memory that the
-/// other needs for shading is on its way. A unit is a block's corner and its packet's first sample.
+/// other needs for shading is on its way. A unit is a block's corner and its packet's first sample. Lanes are
+/// active left of and above `limit`.
 #[inline(always)]
 pub fn pipeline<F: Finish>(
     integrator: Integrator,
     pattern: &Pattern,
     samples: &Range<u32>,
+    limit: [u32; 2],
     units: impl Iterator<Item = ([u32; 2], u32)>,
     work: &mut F,
 ) -> RayCounts {
@@ -57,7 +59,8 @@ pub fn pipeline<F: Finish>(
             } else {
                 pattern.numbers(first)
             };
-            let rays = slot.aim(world, &sampler, pattern, corner, samples, joint.is_some());
+            let rays =
+                slot.aim(world, &sampler, pattern, (corner, limit), samples, joint.is_some());
             counts.primary += u64::from(rays);
             prefetch_vertices(&world.geometry, &before.packet, LANES / 2..LANES);
             let (active, packet) = (&slot.active, &mut slot.packet);

@@ -65,10 +65,10 @@ impl Pattern {
         numbers
     }
 
-    /// Pixels of the frame in the block at `corner`.
+    /// Pixels left of and above `limit` in the block at `corner`.
     #[inline(always)]
-    pub fn within_frame(&self, frame: [u32; 2], corner: [u32; 2]) -> u32 {
-        let [width, height] = [0, 1].map(|k| self.block[k].min(frame[k] - corner[k]));
+    pub fn within(&self, limit: [u32; 2], corner: [u32; 2]) -> u32 {
+        let [width, height] = [0, 1].map(|k| self.block[k].min(limit[k] - corner[k]));
         width * height
     }
 
@@ -84,7 +84,7 @@ impl Pattern {
 pub struct Slot {
     /// The rays and what they hit.
     pub packet: RayPacket,
-    /// Lanes within the frame and within the samples that are taken.
+    /// Lanes within the pixels and within the samples that are taken.
     pub active: Mask,
     /// Pixel of the camera's frame, by lane; left of it and above it negative, as two's complement.
     pub x: [u32; LANES],
@@ -123,7 +123,8 @@ impl Slot {
         [self.x[i], self.y[i]]
     }
 
-    /// Aims the camera rays of the block at `corner`, of [`Slot::sample`] those within `samples`; returns how many.
+    /// Aims the camera rays of the block at `corner`, of [`Slot::sample`] those within `samples`, of pixels those
+    /// left of and above `limit`; returns how many.
     /// With `spare` and without a lens, which takes them, draws [`Slot::spare`], too.
     #[inline(always)]
     pub fn aim(
@@ -131,12 +132,11 @@ impl Slot {
         world: &World,
         sampler: &Sampler,
         pattern: &Pattern,
-        corner: [u32; 2],
+        (corner, [width, height]): ([u32; 2], [u32; 2]),
         samples: &Range<u32>,
         spare: bool,
     ) -> u32 {
         self.corner = corner;
-        let [width, height] = world.frame;
         let mut count = 0;
         for i in 0..LANES {
             let (x, y) = (corner[0] + pattern.x[i], corner[1] + pattern.y[i]);

@@ -51,14 +51,30 @@ impl SplitSums {
     pub const NONE: Self =
         Self { diffuse: [[0.0; LANES]; 3], specular: [[0.0; LANES]; 3], visible: [0.0; LANES] };
 
-    /// Adds a light point to lane `i`, with the weights of [`Lit`], times `weight`.
+    /// Adds a light point to lane `i`, with the weights of [`Lit`].
     #[inline(always)]
-    pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32, weight: f64) {
+    pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32) {
         for axis in 0..3 {
-            self.diffuse[axis][i] += f64::from(light.diffuse[axis] * diffuse) * weight;
-            self.specular[axis][i] += f64::from(light.specular[axis] * specular) * weight;
+            self.diffuse[axis][i] += f64::from(light.diffuse[axis] * diffuse);
+            self.specular[axis][i] += f64::from(light.specular[axis] * specular);
         }
-        self.visible[i] += weight;
+        self.visible[i] += 1.0;
+    }
+
+    /// Adds a part times a factor; what is left of light is 0 at least, but for rounding.
+    #[inline(always)]
+    pub fn add_part(&mut self, part: &Self, factor: f64) {
+        for axis in 0..3 {
+            for i in 0..LANES {
+                let sum = &mut self.diffuse[axis][i];
+                *sum = (*sum + factor * part.diffuse[axis][i]).max(0.0);
+                let sum = &mut self.specular[axis][i];
+                *sum = (*sum + factor * part.specular[axis][i]).max(0.0);
+            }
+        }
+        for i in 0..LANES {
+            self.visible[i] += factor * part.visible[i];
+        }
     }
 
     /// Their mean, with a `share` of 1 over the number of points.

@@ -1,7 +1,8 @@
 //! Samples where they are needed, and for as long as there is time.
 //!
-//! What a pixel gets depends on its tile alone (all of it, also where a crop cuts it) and on one number of
-//! the whole frame, its brightness; so neither threads nor crops make a difference. Only a limit of time does.
+//! What a pixel gets depends on the other pixels of its tile alone (all of them, also where a crop cuts it) and on
+//! one number of the whole frame, its brightness; so neither threads nor crops make a difference. Only a limit of
+//! time does. It does not depend on the pixel's own samples, so their mean has no bias.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
@@ -14,10 +15,11 @@ use crate::error::Result;
 use crate::film::{Film, Planes, Window};
 use crate::integrate::{
     Beauty, Goal, Integrator, LEAST, Layers, PassKernel, Passes, RayCounts, Record, Relative, TILE,
-    Tally,
+    Tally, limit, rate,
 };
 use crate::layers::Plan;
 use crate::monitor::{Monitor, Phase};
+use crate::sampler::other_seed;
 use crate::simd::{self, Isa};
 use crate::world::World;
 
@@ -27,6 +29,9 @@ const PROBE_DISTANCE: u32 = 4;
 
 /// What keeping a pixel's layers takes beside their sums, as allocated.
 const HELD_BYTES: usize = 256;
+
+/// What a pixel's first plan takes.
+const PLAN_BYTES: usize = 36;
 
 /// How many samples a pixel gets. The world's `spp` must be `most`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,7 +53,9 @@ impl Adaptive {
     /// time keeps them for all pixels at once.
     pub fn bytes_per_pixel(&self, words: usize) -> u64 {
         let held = if words > 0 { HELD_BYTES + 2 * words * size_of::<f64>() } else { 0 };
-        if self.time.is_some() { (size_of::<Tally>() + held) as u64 } else { 0 }
+        let levels = 1 + (self.most / self.first.max(1)).max(1).ilog2() as usize;
+        let errors = if self.noise.is_some() { levels * size_of::<f32>() + PLAN_BYTES } else { 0 };
+        if self.time.is_some() { (size_of::<Tally>() + errors + held) as u64 } else { 0 }
     }
 }
 
@@ -64,6 +71,7 @@ pub struct Taken {
 }
 
 /// What all tiles share.
+#[derive(Clone, Copy)]
 struct Job<'a> {
     integrator: Integrator<'a>,
     isa: Isa,
@@ -92,7 +100,7 @@ pub fn render_adaptive(
     if let Some(noise) = adaptive.noise {
         let (mean, rays) = job.brightness();
         let Adaptive { relative, most, .. } = adaptive;
-        job.goal = Some(Goal { noise, relative, mean, most });
+        job.goal = Some(Goal { noise, relative, mean, most, rate: rate(world.sampler) });
         counts = rays;
     }
     let (rays, taken) = if plan.is_empty() {
@@ -112,7 +120,7 @@ impl Job<'_> {
         record: impl Fn() -> R + Sync,
     ) -> (RayCounts, Taken) {
         let all = pixels(film.window);
-        let tiles = tiles(film);
+        let tiles = tiles(film, self.integrator.world.frame_end());
         let done = match self.adaptive.time {
             Some(time) => self.in_time(time, tiles, record),
             None => self.tile_by_tile(tiles, record),
@@ -185,9 +193,13 @@ impl Job<'_> {
         Some((rays, taken))
     }
 
-    /// The mean radiance of the frame, over a grid of its pixels, and what it cost.
+    /// The mean radiance of the frame, over a grid of its pixels, and what it cost. The samples are others than those
+    /// of the picture, whose numbers depend on it.
     fn brightness(&self) -> (f64, RayCounts) {
-        let [width, height] = self.integrator.world.frame;
+        let world = self.integrator.world;
+        let other = World { seed: other_seed(world.seed), ..world.clone() };
+        let job = Job { integrator: Integrator { world: &other, ..self.integrator }, ..*self };
+        let [width, height] = world.frame.map(|side| side - 2 * world.margin);
         let area = f64::from(width) * f64::from(height);
         let distance = ((area / PROBES).sqrt().ceil() as u32).max(PROBE_DISTANCE);
         let middle = |size: u32| {
@@ -200,9 +212,10 @@ impl Job<'_> {
         let sums: Vec<(f64, RayCounts)> = probes
             .par_iter()
             .map(|&[x, y]| {
-                let mut passes =
-                    Passes::new(Window { x0: x, y0: y, x1: x + 1, y1: y + 1 }, LEAST, || ());
-                let rays = self.pass(&mut passes, &mut Beauty(None));
+                let [x0, y0] = [x, y].map(|at| at + world.margin);
+                let pixel = Window { x0, y0, x1: x0 + 1, y1: y0 + 1 };
+                let mut passes = Passes::new(pixel, LEAST, || ());
+                let rays = job.pass(&mut passes, &mut Beauty(None));
                 let [r, g, b, _] = passes.tallies[0].sum;
                 ((r + g + b) / (3.0 * f64::from(LEAST)), rays)
             })
@@ -233,7 +246,7 @@ struct Work<'f, R: Record> {
 impl<'f, R: Record> Work<'f, R> {
     fn new(job: &Job, tile: Tile<'f>, record: R) -> Self {
         let window = match job.goal {
-            Some(_) => whole(tile.window, job.integrator.world.frame),
+            Some(_) => whole(tile.window, job.integrator.world),
             None => tile.window,
         };
         let passes = Passes::new(window, job.adaptive.first, || record.held());
@@ -284,10 +297,17 @@ fn wanted_after<R: Record + Send>(all: &mut [Work<R>], shift: u32) -> u64 {
     wanted(all)
 }
 
-/// All of the frame's tile that a part of it lies in.
-fn whole(part: Window, [width, height]: [u32; 2]) -> Window {
-    let (x0, y0) = (part.x0 / TILE * TILE, part.y0 / TILE * TILE);
-    Window { x0, y0, x1: (x0 + TILE).min(width), y1: (y0 + TILE).min(height) }
+/// All of the frame's tile that a part of it lies in; of one that reaches beyond the camera's frame the part
+/// within the frame or the part beyond.
+fn whole(part: Window, world: &World) -> Window {
+    let limit = limit(world, part);
+    let cut = |from: u32, axis: usize| {
+        let (begin, end) = (from / TILE * TILE, world.frame_end()[axis]);
+        let begin = if from >= end { begin.max(end) } else { begin };
+        (begin, (from / TILE * TILE + TILE).min(limit[axis]))
+    };
+    let ((x0, x1), (y0, y1)) = (cut(part.x0, 0), cut(part.y0, 1));
+    Window { x0, y0, x1, y1 }
 }
 
 fn join((rays, a): (RayCounts, Taken), (more, b): (RayCounts, Taken)) -> (RayCounts, Taken) {

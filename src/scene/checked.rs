@@ -53,6 +53,14 @@ pub struct Scene {
     pub transparent: bool,
 }
 
+impl Scene {
+    /// Whether adaptive shadows leave any ray out: an area light has more points than are always traced.
+    pub fn spares_shadow_rays(&self) -> bool {
+        let spares = |light: &Light| matches!(light.kind, LightKind::Area { samples, .. } if samples > FIRST_SHADOW_POINTS);
+        self.adaptive_shadows && self.lights.iter().any(spares)
+    }
+}
+
 /// What finds the hits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Backend {

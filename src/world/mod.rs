@@ -57,8 +57,8 @@ impl LoadOptions {
 }
 
 /// Everything a render needs except the accelerator; all positions relative to
-/// `geometry.origin`.
-#[derive(Debug)]
+/// `geometry.origin`. A clone shares geometry and shapes.
+#[derive(Debug, Clone)]
 pub struct World {
     /// What the accelerator is built over.
     pub geometry: Arc<Geometry>,
@@ -212,6 +212,11 @@ impl World {
         self.frame = self.frame.map(|side| side - 2 * self.margin + 2 * margin);
         self.margin = margin;
         self
+    }
+
+    /// Right and bottom end, excluded, of the camera's frame in the coordinates of windows.
+    pub fn frame_end(&self) -> [u32; 2] {
+        self.frame.map(|side| side - self.margin)
     }
 
     /// Triangles of all meshes and single triangles; a plane counts as two.

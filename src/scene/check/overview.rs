@@ -46,8 +46,7 @@ impl Check<'_, '_> {
             let message = "found 0 although a material has `kr` > 0; no mirror will mirror";
             self.problems.warn("/nbounces", message, Some("set `nbounces` to 1 or more".into()));
         }
-        let spares = |kind: &LightKind| matches!(*kind, LightKind::Area { samples, .. } if samples > FIRST_SHADOW_POINTS);
-        if scene.adaptive_shadows && !scene.lights.iter().any(|light| spares(&light.kind)) {
+        if scene.adaptive_shadows && !scene.spares_shadow_rays() {
             let message = format!(
                 "found true, but no area light has more than {FIRST_SHADOW_POINTS} `samples`; every shadow ray is traced"
             );

@@ -1,0 +1,245 @@
+//! How many samples each pixel gets, decided without its own samples.
+//!
+//! A mean over a number of samples that depends on these samples is biased. So a pixel's number is a function of
+//! the samples of other pixels, whose sequences are independent of its own, and the mean over its first n
+//! samples has the right expectation for each n:
+//!
+//! - First plan: from the errors of its neighbours after the first pass, which has the same size for all.
+//! - Second plan: from the errors of its neighbours after as many samples as the first plan would give them
+//!   without this pixel. How far a neighbour is sampled depends on this pixel, so what is beyond that is not used.
+//!
+//! Leaving a pixel out lowers its neighbours' first plans or keeps them, as sums are over fixed weights and no
+//! error is negative: what the second plan asks for has been taken. Sums of the first plan are integers, so that
+//! what is left out leaves no rounding error behind.
+
+use super::noise::Goal;
+
+/// Binomial weights of the windows over which errors are averaged, from the middle outwards: 5 x 5 and 9 x 9 pixels.
+/// The small one is sharper, the large one sees what few samples meet.
+const WINDOWS: [&[u64]; 2] = [&[6, 4, 1], &[70, 56, 28, 8, 1]];
+
+/// Steps of an error in sums of integers.
+const STEPS: f32 = 65536.0;
+
+/// The errors of the pixels of a rectangle.
+#[derive(Debug)]
+pub struct Errors {
+    width: usize,
+    /// Samples of the first pass.
+    first: u32,
+    /// By pixel, after `first`, 2 `first`, 4 `first` ... samples: [`super::noise::Tally::error`].
+    levels: Vec<Vec<f32>>,
+}
+
+/// A weighted sum over the neighbours of a pixel.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sum {
+    errors: u64,
+    weights: u64,
+}
+
+impl Sum {
+    fn mean(self) -> f64 {
+        self.errors as f64 / (self.weights.max(1) as f64 * f64::from(STEPS))
+    }
+}
+
+fn steps(error: f32) -> u64 {
+    (error * STEPS) as u64
+}
+
+impl Errors {
+    /// None yet, of a rectangle `width` pixels wide.
+    pub fn new(width: usize, first: u32) -> Self {
+        Self { width, first, levels: Vec::new() }
+    }
+
+    /// Sets the error of pixel `at` of `count` after `samples`, `first` times a power of two.
+    pub fn set(&mut self, at: usize, count: usize, samples: u32, error: f32) {
+        let level = self.level(samples);
+        while self.levels.len() <= level {
+            self.levels.push(vec![0.0; count]);
+        }
+        self.levels[level][at] = error;
+    }
+
+    /// The numbers of samples by the first pass, and the sums that they follow from.
+    pub fn first_plan(&self, goal: &Goal) -> Plan {
+        let errors = &self.levels[0];
+        let sums: Vec<[Sum; WINDOWS.len()]> = (0..errors.len())
+            .map(|at| {
+                WINDOWS.map(|weights| {
+                    let mut sum = Sum::default();
+                    self.around(at, weights, |other, weight| {
+                        sum.errors += weight * steps(errors[other]);
+                        sum.weights += weight;
+                    });
+                    sum
+                })
+            })
+            .collect();
+        let samples = sums.iter().map(|sums| self.by(goal, sums)).collect();
+        Plan { samples, sums }
+    }
+
+    /// The numbers of samples by what the first plan has brought.
+    pub fn second_plan(&self, goal: &Goal, first: &Plan) -> Vec<u32> {
+        (0..first.samples.len())
+            .map(|at| {
+                let taken = first.samples[at];
+                let need = WINDOWS.map(|weights| {
+                    let (mut errors, mut sum) = (0.0, 0.0);
+                    self.around(at, weights, |other, weight| {
+                        let samples = self.without(goal, first, other, at);
+                        let error = self.levels[self.level(samples)][other];
+                        // What it would be after as many samples as this pixel has.
+                        let more = (f64::from(samples) / f64::from(taken)).powf(goal.rate);
+                        errors += weight as f64 * f64::from(error) * more;
+                        sum += weight as f64;
+                    });
+                    if sum > 0.0 { errors / sum } else { 0.0 }
+                });
+                goal.samples(taken, need.into_iter().fold(0.0, f64::max))
+            })
+            .collect()
+    }
+
+    /// What the first plan of pixel `at` would be if `out` had no error.
+    fn without(&self, goal: &Goal, plan: &Plan, at: usize, out: usize) -> u32 {
+        let error = steps(self.levels[0][out]);
+        if plan.samples[at] == self.first || error == 0 {
+            return plan.samples[at];
+        }
+        let [across, down] = [out % self.width, out / self.width];
+        let apart = [across.abs_diff(at % self.width), down.abs_diff(at / self.width)];
+        let mut sums = plan.sums[at];
+        for (sum, weights) in sums.iter_mut().zip(WINDOWS) {
+            let [x, y] = apart.map(|apart| weights.get(apart).copied().unwrap_or(0));
+            sum.errors -= x * y * error;
+        }
+        self.by(goal, &sums)
+    }
+
+    fn by(&self, goal: &Goal, sums: &[Sum; WINDOWS.len()]) -> u32 {
+        let need = sums.iter().map(|sum| sum.mean()).fold(0.0, f64::max);
+        goal.samples(self.first, need)
+    }
+
+    fn level(&self, samples: u32) -> usize {
+        (samples / self.first).ilog2() as usize
+    }
+
+    /// Calls `each` with the pixels around one, without it, and their weights.
+    fn around(&self, at: usize, weights: &[u64], mut each: impl FnMut(usize, u64)) {
+        let (width, height) = (self.width, self.levels[0].len() / self.width);
+        let (x, y, reach) = (at % width, at / width, weights.len() - 1);
+        for row in y.saturating_sub(reach)..(y + reach + 1).min(height) {
+            for column in x.saturating_sub(reach)..(x + reach + 1).min(width) {
+                let other = row * width + column;
+                if other != at {
+                    each(other, weights[row.abs_diff(y)] * weights[column.abs_diff(x)]);
+                }
+            }
+        }
+    }
+}
+
+/// Numbers of samples by the first pass.
+#[derive(Debug)]
+pub struct Plan {
+    /// By pixel.
+    pub samples: Vec<u32>,
+    /// By pixel, of its neighbours.
+    sums: Vec<[Sum; WINDOWS.len()]>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::noise::Relative;
+    use super::*;
+
+    const GOAL: Goal =
+        Goal { noise: 0.1, relative: Relative::Pixel, mean: 0.0, most: 1024, rate: 1.5 };
+
+    /// Both plans of pixels whose errors after 16, 32 ... samples are `error`.
+    fn plans(
+        goal: &Goal,
+        width: usize,
+        count: usize,
+        error: impl Fn(usize, u32) -> f32,
+    ) -> [Vec<u32>; 2] {
+        let mut errors = Errors::new(width, 16);
+        (0..count).for_each(|at| errors.set(at, count, 16, error(at, 16)));
+        let first = errors.first_plan(goal);
+        for at in 0..count {
+            let mut samples = 32;
+            while samples <= first.samples[at] {
+                errors.set(at, count, samples, error(at, samples));
+                samples *= 2;
+            }
+        }
+        let second = errors.second_plan(goal, &first);
+        [first.samples, second]
+    }
+
+    #[test]
+    fn neighbours_of_a_noisy_pixel_get_more_and_distant_ones_and_itself_do_not() {
+        let noisy = 12 * 5 + 5;
+        let [_, second] = plans(&GOAL, 12, 144, |at, _| if at == noisy { 1e4 } else { 0.0 });
+        let more = |x: usize, y: usize| second[12 * y + x] > 16;
+        assert!(more(6, 5) && more(4, 4) && more(7, 5) && more(9, 5));
+        assert!(!more(5, 5) && !more(10, 5) && !more(0, 0) && !more(11, 11));
+    }
+
+    #[test]
+    fn what_falls_fast_needs_fewer_than_the_first_plan_feared() {
+        let even = |fall: f32| {
+            let error = move |_, samples: u32| 64.0 * (16.0 / samples as f32).powf(fall);
+            plans(&GOAL, 8, 64, error)
+        };
+        let [first, slow] = even(1.0);
+        assert!(first.iter().all(|&samples| samples == 256), "{first:?}");
+        assert!(slow.iter().all(|&samples| samples > 256), "{slow:?}");
+        let [first, as_expected] = even(1.5);
+        assert_eq!(first, as_expected);
+    }
+
+    #[test]
+    fn a_pixels_number_does_not_depend_on_its_own_samples() {
+        let hash = |x: u64| {
+            let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            x ^ (x >> 31)
+        };
+        for case in 0..400u64 {
+            let (width, count) = (7, 7 * 6);
+            let relative = if case % 2 == 0 { Relative::Pixel } else { Relative::Picture };
+            let goal = Goal { relative, ..GOAL };
+            // Heavy tails: most are 0 or small, some are the largest that there are.
+            let error = |seed: u64, at: usize, samples: u32| {
+                let bits = hash(hash(case * 1000 + seed) ^ (at as u64) << 32 ^ u64::from(samples));
+                let scale = ((bits % 64) as f32 - 36.0).exp2().min(268_435_456.0);
+                scale * (bits >> 40) as f32 / 16_777_216.0
+            };
+            let own = (case as usize * 5) % count;
+            let [first, second] = plans(&goal, width, count, |at, n| error(0, at, n));
+            let mut others = 0;
+            for seed in 1..6 {
+                let found = plans(&goal, width, count, |at, n| {
+                    error(if at == own { seed } else { 0 }, at, n)
+                });
+                assert_eq!((found[0][own], found[1][own]), (first[own], second[own]), "{case}");
+                others += usize::from(found[1] != second);
+            }
+            // It does matter to others, or nothing is shown.
+            assert!(case % 8 > 0 || others > 0 || second.iter().all(|&n| n == 1024), "{case}");
+        }
+    }
+
+    #[test]
+    fn no_pixel_gets_more_than_the_most_and_one_alone_what_all_get() {
+        let [_, second] = plans(&GOAL, 4, 16, |_, _| 268_435_456.0);
+        assert_eq!(second, [1024; 16]);
+        assert_eq!(plans(&GOAL, 1, 1, |_, _| 1e6), [[16], [16]]);
+    }
+}
