@@ -153,7 +153,7 @@ pub struct SceneArgs {
     pub light_samples: Option<u32>,
 
     /// Trace a quarter of an area light's shadow rays first, the others only where these disagree, or
-    /// by chance: fewer rays, the same mean
+    /// a point drawn by chance does: fewer rays, the same mean
     #[arg(long)]
     pub adaptive_shadows: bool,
 
@@ -216,8 +216,8 @@ pub struct SceneArgs {
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Sampling")]
 pub struct SamplingArgs {
-    /// More samples where a pixel's relative standard error is above TARGET, e.g. 0.02; --spp is
-    /// what every pixel gets (16 at least)
+    /// More samples where the relative standard error of the pixels around is above TARGET, e.g. 0.02;
+    /// --spp is what every pixel gets (16 at least)
     #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
     pub noise: Option<f64>,
 

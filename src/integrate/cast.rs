@@ -288,7 +288,7 @@ impl<'a> Cast<'a> {
         } else {
             let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
             let pairs = lanes.flat_map(|lane| (0..samples).map(move |sample| (lane, sample)));
-            self.light_points(lamp, area, slot, pairs, true, counts, |point| {
+            self.light_points(lamp, area, slot, pairs, Some(counts), |point| {
                 if point.visible {
                     sums.add::<R>(lamp, &point);
                 }
@@ -332,19 +332,14 @@ impl<'a> Cast<'a> {
                 let samples = (0..step.count()).filter_map(move |k| step.sample(lane, k));
                 samples.map(move |sample| (lane, sample))
             });
-            self.light_points(
-                lamp,
-                area,
-                slot,
-                pairs,
-                step.traced(),
-                counts,
-                |point| match sparing.take(&point) {
+            let counts = step.traced().then_some(&mut *counts);
+            self.light_points(lamp, area, slot, pairs, counts, |point| {
+                match sparing.take(&point) {
                     Some(Sum::Whole) => sums.add::<R>(lamp, &point),
                     Some(Sum::Part) => part.add::<R>(lamp, &point),
                     None => {}
-                },
-            );
+                }
+            });
             if self.monitor.stopped() || !sparing.next() {
                 break;
             }
@@ -352,7 +347,8 @@ impl<'a> Cast<'a> {
         sums.add_part::<R>(&part, sparing.factor());
     }
 
-    /// Calls `each` with the (lane, sample) pairs that can be lit at all, in order, traced 16 a packet.
+    /// Calls `each` with the (lane, sample) pairs that can be lit at all, in order, traced 16 a packet. Without
+    /// `counts` none is traced, and all are seen.
     #[inline(always)]
     fn light_points(
         &mut self,
@@ -360,8 +356,7 @@ impl<'a> Cast<'a> {
         area: Area,
         slot: &Slot,
         mut pairs: impl Iterator<Item = (usize, u32)>,
-        traced: bool,
-        counts: &mut RayCounts,
+        mut counts: Option<&mut RayCounts>,
         mut each: impl FnMut(LightPoint),
     ) {
         let Lamp { index, bounce, glossy, .. } = *lamp;
@@ -388,7 +383,7 @@ impl<'a> Cast<'a> {
             if !active.any() {
                 continue;
             }
-            if traced {
+            if let Some(counts) = &mut counts {
                 counts.shadow += u64::from(active.count());
                 let scene = (&*world.geometry, self.accelerator);
                 aimed.trace(scene, &self.crevices, &from, rays, Coherence::Coherent);

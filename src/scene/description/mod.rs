@@ -29,7 +29,7 @@ pub struct Description {
     #[schemars(range(max = 4294967295u32))]
     pub nbounces: u32,
     /// Area lights: trace a quarter of the shadow rays (4 at least) first and the others only where these
-    /// disagree, or by chance. The same mean; fewer rays.
+    /// disagree, or a point drawn by chance does. The same mean; fewer rays.
     #[serde(default)]
     pub adaptiveshadows: bool,
     /// Camera samples per pixel, box-filtered (their mean); 1 = one ray through the pixel centre.
