@@ -38,6 +38,7 @@ pub mod camera;
 pub mod cli;
 pub mod error;
 pub mod farm;
+pub mod files;
 pub mod film;
 pub mod geometry;
 pub mod integrate;

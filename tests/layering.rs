@@ -37,6 +37,7 @@ const FLOORS: &[(&str, u32)] = &[
     ("simd", 1),
     ("farm", 1), // scripts for a farm
     ("report", 1),
+    ("files", 1), // which file a name stands for
     ("paths", 1),
     ("units", 1),
     ("monitor", 1),

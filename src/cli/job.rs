@@ -12,6 +12,7 @@ use crate::{
     picture,
     scene::{Description, Loaded, MAX_PIXELS, Overrides, Scene, Source, written},
     studio::{self, Shown, Template},
+    world::{own_texture, sources},
 };
 
 use super::{args::RenderArgs, memory, overrides};
@@ -27,6 +28,15 @@ pub struct Job {
     pub warnings: Vec<Problem>,
     /// Meshes that had to be read for the framing.
     pub ready: Vec<(PathBuf, Mesh)>,
+}
+
+impl Job {
+    /// Everything that is read for it, `input` first.
+    pub fn inputs(&self, input: &Path) -> Vec<PathBuf> {
+        let own = self.ready.iter().filter_map(|(path, mesh)| own_texture(path, mesh));
+        let named = sources(&self.loaded.scene).into_iter().chain(own);
+        [input.to_owned()].into_iter().chain(named).collect()
+    }
 }
 
 /// Loads what `render` was asked for.

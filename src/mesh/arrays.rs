@@ -6,6 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::files::Stamp;
 
 /// Vertex positions in the precision of the file.
 #[derive(Debug, Clone)]
@@ -156,6 +157,8 @@ pub struct Notes {
     pub textures: u64,
     /// Bytes after the last row: the header may declare too few.
     pub trailing_bytes: u64,
+    /// The file as it was when it was opened; none for a pipe.
+    pub stamp: Option<Stamp>,
     /// `element.property` names that were used, in file order.
     pub used: Vec<String>,
     /// `element.property` names that were read over.

@@ -18,6 +18,7 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Li
 
 use crate::{
     error::{Error, Kind, Problem, Result},
+    files::Stamp,
     output::exr_check,
     scene::{ColorSpace, Filter, Wrap},
 };
@@ -34,6 +35,7 @@ pub struct Texture {
     height: u32,
     texels: Texels,
     had_alpha: bool,
+    stamp: Option<Stamp>,
 }
 
 /// Bytes that an image takes.
@@ -86,8 +88,7 @@ impl Texture {
     /// # Errors
     /// What [`Texture::load`] would say of the header.
     pub fn size(path: &Path) -> Result<TextureSize> {
-        let (_, decoder) = decoder(path, u64::MAX)?;
-        Ok(TextureSize::of(&decoder))
+        Ok(TextureSize::of(&decoder(path, u64::MAX)?.decoder))
     }
 
     /// Reads an image file that needs at most `max_bytes` while it is decoded.
@@ -96,7 +97,7 @@ impl Texture {
         color_space: Option<ColorSpace>,
         max_bytes: u64,
     ) -> Result<Self> {
-        let (format, decoder) = decoder(path, max_bytes)?;
+        let Opened { format, decoder, stamp } = decoder(path, max_bytes)?;
         let had_alpha = decoder.color_type().has_alpha();
         check_size(path, &decoder, max_bytes)?;
         if format == ImageFormat::Jpeg {
@@ -112,7 +113,7 @@ impl Texture {
                 format!("texel ({x}, {y}) is NaN or infinite; every value must be finite"),
             ));
         }
-        Ok(Self { width, height, texels, had_alpha })
+        Ok(Self { width, height, texels, had_alpha, stamp })
     }
 
     /// Width in texels, >= 1.
@@ -128,6 +129,11 @@ impl Texture {
     /// Whether the file has an alpha channel, which is ignored.
     pub fn had_alpha(&self) -> bool {
         self.had_alpha
+    }
+
+    /// The file as it was when it was opened.
+    pub fn stamp(&self) -> Option<Stamp> {
+        self.stamp
     }
 
     /// Bytes of memory that the texels take.
@@ -252,7 +258,7 @@ fn decode(image: DynamicImage, color_space: Option<ColorSpace>) -> Texels {
 }
 
 /// Opens a regular file that is not empty.
-fn open(path: &Path) -> Result<BufReader<File>> {
+fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
     let failed = |e| Error::io(path, "read the texture", &e);
     let file = File::open(path).map_err(failed)?;
     let data = file.metadata().map_err(failed)?;
@@ -263,12 +269,20 @@ fn open(path: &Path) -> Result<BufReader<File>> {
     if data.len() == 0 {
         return Err(Error::invalid(name(path), "is empty; expected an image"));
     }
-    Ok(BufReader::with_capacity(1 << 16, file))
+    Ok((BufReader::with_capacity(1 << 16, file), Stamp::of(&data)))
 }
 
-/// The file's header, read.
-fn decoder(path: &Path, max_bytes: u64) -> Result<(ImageFormat, impl ImageDecoder)> {
-    let mut reader = ImageReader::new(open(path)?)
+/// An image whose header is read.
+struct Opened<D> {
+    format: ImageFormat,
+    decoder: D,
+    stamp: Option<Stamp>,
+}
+
+/// Reads the file's header.
+fn decoder(path: &Path, max_bytes: u64) -> Result<Opened<impl ImageDecoder>> {
+    let (file, stamp) = open(path)?;
+    let mut reader = ImageReader::new(file)
         .with_guessed_format()
         .map_err(|e| Error::io(path, "read the texture", &e))?;
     let Some(format) = reader.format() else {
@@ -279,7 +293,8 @@ fn decoder(path: &Path, max_bytes: u64) -> Result<(ImageFormat, impl ImageDecode
         exr_check::check(path)?;
     }
     reader.limits(limits(max_bytes));
-    Ok((format, reader.into_decoder().map_err(|e| explain(path, e))?))
+    let decoder = reader.into_decoder().map_err(|e| explain(path, e))?;
+    Ok(Opened { format, decoder, stamp })
 }
 
 /// What the decoders may allocate for themselves. Ours is [`check_size`].

@@ -4,6 +4,7 @@ mod bounds;
 mod fingerprint;
 mod place;
 mod resolution;
+mod sources;
 mod textures;
 
 use std::path::{Path, PathBuf};
@@ -25,6 +26,7 @@ pub use self::bounds::Bounds;
 pub use self::fingerprint::{Contents, fingerprint};
 pub use self::place::placement;
 pub use self::resolution::{Resolution, ulp};
+pub use self::sources::{Read, mesh_sources, own_texture, sources};
 
 /// How files are read.
 #[derive(Debug, Default)]
@@ -90,6 +92,8 @@ pub struct World {
     pub transparent: bool,
     /// What single precision leaves of the meshes, if [`LoadOptions::resolutions`] asked.
     pub resolutions: Vec<Resolution>,
+    /// The files that were opened.
+    pub read: Read,
 }
 
 impl World {
@@ -106,7 +110,9 @@ impl World {
         monitor.begin(Phase::Load, scene.shapes.len() as u64);
         let mut warnings = Vec::new();
         let mut failures = Failures::default();
-        let looks = failures.keep(textures::load(scene, options.texture_bytes, &mut warnings));
+        let mut read = Read::default();
+        let left = options.texture_bytes;
+        let looks = failures.keep(textures::load(scene, left, &mut read, &mut warnings));
         let mut bounds = Bounds::EMPTY;
         let mut meshes = Vec::new();
         let mut own_textures = Vec::new();
@@ -115,6 +121,9 @@ impl World {
                 let textured = scene.materials[shape.material].texture.is_some();
                 let mesh = options.mesh(&spec.path, monitor);
                 monitor.check()?;
+                if let Ok(mesh) = &mesh {
+                    read.0.push((spec.path.clone(), mesh.notes.stamp));
+                }
                 if let (Ok(mesh), false) = (&mesh, textured) {
                     own_textures.extend(textures::own(mesh, index, &spec.path, &mut warnings));
                 }
@@ -135,8 +144,7 @@ impl World {
         }
         failures.check()?;
         let mut looks = looks.unwrap_or_default();
-        let left = options.texture_bytes;
-        let own = textures::load_own(&own_textures, scene, left, &mut looks)?;
+        let own = textures::load_own(&own_textures, scene, left, &mut looks, &mut read)?;
         let (textures, materials) = looks;
         check_size(bounds, &mut warnings)?;
         let origin = bounds.origin();
@@ -158,7 +166,8 @@ impl World {
             doubt.settle(mesh)
         });
         warnings.extend(settled);
-        let world = Self { resolutions, ..Self::over(Arc::new(geometry), Arc::new(shapes), scene) };
+        let world = Self::over(Arc::new(geometry), Arc::new(shapes), scene);
+        let world = Self { resolutions, read, ..world };
         Ok((world, warnings))
     }
 
@@ -182,6 +191,7 @@ impl World {
             falloff: scene.falloff,
             transparent: scene.transparent,
             resolutions: Vec::new(),
+            read: Read::default(),
         }
     }
 

@@ -8,10 +8,13 @@ use crate::mesh::Mesh;
 use crate::scene::{Filter, Scene, TextureUse};
 use crate::shading::{DEFAULT_MAX_BYTES, Material, Texture};
 
+use super::sources::{Read, beside};
+
 /// Loads the textures of the materials that shapes use, into at most `budget` bytes.
 pub fn load(
     scene: &Scene,
     budget: Option<u64>,
+    read: &mut Read,
     warnings: &mut Vec<Problem>,
 ) -> Result<(Vec<Texture>, Vec<Material>)> {
     let mut left = budget;
@@ -34,6 +37,7 @@ pub fn load(
                     let texture = Texture::load_within(&spec.path, spec.color_space, most);
                     let texture = failures.keep(texture)?;
                     left = left.map(|left| left.saturating_sub(texture.bytes()));
+                    read.0.push((spec.path.clone(), texture.stamp()));
                     textures.push(texture);
                     Some(textures.len() as u32 - 1)
                 });
@@ -67,7 +71,7 @@ pub type Own = (usize, PathBuf);
 /// The image that the mesh at `path` names, if it can be shown; its material has none.
 pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) -> Option<Own> {
     let name = mesh.texture_file.as_ref().filter(|_| mesh.uvs.is_some())?;
-    let image = path.parent().unwrap_or(Path::new("")).join(name);
+    let image = beside(path, name);
     if image.is_file() {
         return Some((shape, image));
     }
@@ -85,6 +89,7 @@ pub fn load_own(
     scene: &Scene,
     budget: Option<u64>,
     looks: &mut (Vec<Texture>, Vec<Material>),
+    read: &mut Read,
 ) -> Result<Vec<(usize, u32)>> {
     let (textures, materials) = looks;
     let mut failures = Failures::default();
@@ -94,6 +99,7 @@ pub fn load_own(
         let left = budget.map_or(DEFAULT_MAX_BYTES, |budget| budget.saturating_sub(taken));
         let texture = Texture::load_within(path, None, left.min(DEFAULT_MAX_BYTES));
         let Some(texture) = failures.keep(texture) else { continue };
+        read.0.push((path.clone(), texture.stamp()));
         let plain = &materials[scene.shapes[*shape].material];
         let material = Material { texture: Some(textures.len() as u32), ..plain.clone() };
         textures.push(texture);

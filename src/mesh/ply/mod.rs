@@ -33,7 +33,7 @@ use self::header::{Element, Format, Header, Shape};
 use self::job::Job;
 use self::plan::Plan;
 use self::row::{Row, Values};
-use self::source::{Source, Stream};
+use self::source::{Bytes, Source, Stream};
 use self::table::{Sink, Table};
 use self::unpack::Packing;
 use self::vertex::Vertices;
@@ -93,17 +93,20 @@ impl<'a> ReadOptions<'a> {
 pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
     let name = path.display().to_string();
     let job = Job { name: &name, monitor: options.monitor };
-    match Source::open(path, options.mmap)? {
-        Source::Mapped(map) => {
+    let Source { bytes, stamp } = Source::open(path, options.mmap)?;
+    let mut mesh = match bytes {
+        Bytes::Mapped(map) => {
             let mesh = whole(map.bytes(), &job, options);
             map.intact(path)?;
             mesh
         }
-        Source::Stream(Stream { bytes, length, packing }) => {
+        Bytes::Stream(Stream { bytes, length, packing }) => {
             let failed = |error: &std::io::Error| source::failed(path, packing, error);
             stream::read(bytes, length, &failed, &job, options)
         }
-    }
+    }?;
+    mesh.notes.stamp = stamp;
+    Ok(mesh)
 }
 
 /// Reads a PLY file that is in memory, packed or not; messages call it `name`.
