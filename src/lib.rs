@@ -56,6 +56,7 @@ pub mod ray;
 pub mod render;
 pub mod renderer;
 pub mod report;
+pub mod reserve;
 pub mod sampler;
 pub mod scene;
 pub mod shading;

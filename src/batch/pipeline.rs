@@ -119,11 +119,7 @@ pub fn run(
         fatal: Mutex::default(),
         failures: Mutex::default(),
     };
-    std::thread::scope(|scope| {
-        for _ in 0..(jobs + 1).min(tasks.len()) {
-            scope.spawn(|| run.work());
-        }
-    });
+    together((jobs + 1).min(tasks.len()), || run.work());
     if let Some(error) = lock(&run.fatal).take() {
         return Err(error);
     }
@@ -134,6 +130,19 @@ pub fn run(
         failures,
         signal: Some(monitor.signal.load(Relaxed)).filter(|signal| *signal != 0),
     })
+}
+
+/// Does the work on this thread and on `count - 1` more, or on as many as the system gives.
+pub fn together(count: usize, work: impl Fn() + Sync) {
+    std::thread::scope(|scope| {
+        for _ in 1..count {
+            // Each of them would only take some of the work from the others.
+            if std::thread::Builder::new().spawn_scoped(scope, &work).is_err() {
+                break;
+            }
+        }
+        work();
+    });
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -14,6 +14,7 @@ use crate::{
     mesh::Mesh,
     monitor::Monitor,
     picture::{self, Files},
+    reserve::Room,
     scene::{self, Loaded, Scene, Source},
     studio::{self, Shown, Subject},
     world::{self, Contents},
@@ -91,11 +92,11 @@ pub fn unframed(job: &Job, input: &Input) -> Result<Scene> {
     Ok(loaded.scene)
 }
 
-/// Reads an input: a scene file, or a mesh that is read and framed in the template.
+/// Reads an input: a scene file, or a mesh that is read, into arrays of at most `room`, and framed in the template.
 ///
 /// # Errors
 /// Everything that is wrong with it.
-pub fn read(job: &Job, input: &Input, monitor: &Monitor) -> Result<Ready> {
+pub fn read(job: &Job, input: &Input, room: Option<Room>, monitor: &Monitor) -> Result<Ready> {
     let path = &input.path;
     let (overrides, samples) = (input.overrides.clone(), job.light_samples);
     if studio::is_mesh(path) {
@@ -106,6 +107,7 @@ pub fn read(job: &Job, input: &Input, monitor: &Monitor) -> Result<Ready> {
             turning: job.frames() > 1,
             repair: job.repair,
             no_mmap: job.no_mmap,
+            room,
             ..Subject::new(path)
         };
         let Shown { loaded, warnings, mesh, middle } =

@@ -11,7 +11,7 @@ use crate::{
     paths::seen_from,
     picture,
     scene::{Description, Loaded, MAX_PIXELS, Overrides, Scene, Source, written},
-    studio::{self, Shown, Template},
+    studio::{self, Shown, Subject, Template},
     world::{own_texture, sources},
 };
 
@@ -85,7 +85,8 @@ fn in_template(args: &RenderArgs, builtin: &str, overrides: Overrides) -> Result
     if let Some(limit) = args.machine.max_memory {
         memory::predict_mesh(&args.input)?.check(limit)?;
     }
-    let subject = args.mesh.subject(&args.input);
+    let room = args.machine.max_memory.map(memory::room).or_else(memory::machine);
+    let subject = Subject { room, ..args.mesh.subject(&args.input) };
     // No monitor yet: a signal ends the program at once.
     let monitor = Monitor::default();
     let samples = args.scene.light_samples;

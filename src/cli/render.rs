@@ -164,6 +164,7 @@ impl Run<'_> {
             repair: self.args.mesh.repair,
             no_mmap: self.args.mesh.no_mmap,
             ready,
+            room: budget.map(Budget::for_meshes).or_else(memory::machine),
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };

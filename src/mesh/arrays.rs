@@ -122,6 +122,25 @@ impl Mesh {
         })
     }
 
+    /// Bytes of all arrays.
+    pub fn bytes(&self) -> u64 {
+        let positions = match &self.positions {
+            Positions::F32(all) => size_of_val(&all[..]),
+            Positions::F64(all) => size_of_val(&all[..]),
+        };
+        let uvs = self.uvs.as_ref().map_or(0, |uvs| match uvs {
+            Uvs::PerVertex(all) => size_of_val(&all[..]),
+            Uvs::PerCorner(all) => size_of_val(&all[..]),
+        });
+        let colors = self.colors.as_ref().map_or(0, |colors| match colors {
+            Colors::U8(all) => size_of_val(&all[..]),
+            Colors::U16(all) => size_of_val(&all[..]),
+            Colors::F32(all) => size_of_val(&all[..]),
+        });
+        let normals = self.normals.as_ref().map_or(0, |all| size_of_val(&all[..]));
+        (positions + size_of_val(&self.triangles[..]) + normals + uvs + colors) as u64
+    }
+
     /// Which vertices triangles use.
     pub fn used_vertices(&self) -> Vec<bool> {
         let count = self.positions.len();

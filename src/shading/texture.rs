@@ -4,12 +4,14 @@
 //! file name. Texels are decoded to linear light before any filtering: sRGB for integer images
 //! of any format, none for float images, unless the scene says otherwise. Embedded colour
 //! profiles, gamma chunks and EXIF orientations are not applied; alpha is dropped.
+//! An OpenEXR is the picture of its display window; only the pixels that it has take memory.
 //! Refuses what is larger than a given number of bytes (known from the header, before pixels are
 //! decoded), what ends too early, and float images with texels that are not finite.
 
 use std::{
     fs::File,
     io::{BufReader, ErrorKind},
+    ops::Range,
     path::Path,
 };
 
@@ -19,9 +21,11 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Li
 use crate::{
     error::{Error, Kind, Problem, Result},
     files::Stamp,
-    output::exr_check,
+    reserve,
     scene::{ColorSpace, Filter, Wrap},
 };
+
+use super::exr::Layout;
 
 /// What [`Texture::load`] lets one texture take while it is decoded: 4 GiB.
 pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
@@ -48,7 +52,18 @@ pub struct TextureSize {
 }
 
 impl TextureSize {
-    fn of(decoder: &impl ImageDecoder) -> Self {
+    fn of(source: &Source<impl ImageDecoder>) -> Self {
+        match source {
+            // Straight into the texture.
+            Source::Exr(layout, _) => {
+                let stored = layout.pixels().saturating_mul(12);
+                Self { stored, decoding: stored }
+            }
+            Source::Image(_, decoder) => Self::of_image(decoder),
+        }
+    }
+
+    fn of_image(decoder: &impl ImageDecoder) -> Self {
         let (width, height) = decoder.dimensions();
         let color = decoder.color_type();
         let file = u64::from(color.bytes_per_pixel());
@@ -73,6 +88,28 @@ enum Texels {
     Bytes(Vec<u8>, Box<[f32; 256]>),
     /// Linear RGB.
     Floats(Vec<f32>),
+    /// Linear RGB of a part of the image; the rest is black.
+    Part(Box<Part>),
+}
+
+/// The texels that a file has of its image.
+#[derive(Debug, Clone)]
+struct Part {
+    texels: Vec<f32>,
+    columns: Range<u32>,
+    rows: Range<u32>,
+}
+
+impl Part {
+    fn texel(&self, x: usize, y: usize) -> Vec3 {
+        let at = (x as u32, y as u32);
+        if !self.columns.contains(&at.0) || !self.rows.contains(&at.1) {
+            return Vec3::ZERO;
+        }
+        let (x, y) = (at.0 - self.columns.start, at.1 - self.rows.start);
+        let at = 3 * (y as usize * self.columns.len() + x as usize);
+        Vec3::from_slice(&self.texels[at..at + 3])
+    }
 }
 
 impl Texture {
@@ -88,7 +125,7 @@ impl Texture {
     /// # Errors
     /// What [`Texture::load`] would say of the header.
     pub fn size(path: &Path) -> Result<TextureSize> {
-        Ok(TextureSize::of(&decoder(path, u64::MAX)?.decoder))
+        Ok(TextureSize::of(&source(path, u64::MAX)?.source))
     }
 
     /// Reads an image file that needs at most `max_bytes` while it is decoded.
@@ -97,17 +134,26 @@ impl Texture {
         color_space: Option<ColorSpace>,
         max_bytes: u64,
     ) -> Result<Self> {
-        let Opened { format, decoder, stamp } = decoder(path, max_bytes)?;
-        let had_alpha = decoder.color_type().has_alpha();
-        check_size(path, &decoder, max_bytes)?;
-        if format == ImageFormat::Jpeg {
-            check_jpeg_end(path)?;
-        }
-        let image = DynamicImage::from_decoder(decoder).map_err(|e| explain(path, e))?;
-        let (width, height) = (image.width(), image.height());
-        let texels = decode(image, color_space);
-        if let Some(texel) = texels.first_non_finite() {
-            let (x, y) = (texel % u64::from(width), texel / u64::from(width));
+        let Opened { source, stamp } = source(path, max_bytes)?;
+        let (width, height) = source.dimensions();
+        let needed = check_size(path, &source, max_bytes)?;
+        let (had_alpha, texels) = match source {
+            Source::Exr(layout, mut file) => {
+                let texels = layout.read(&mut file, path)?;
+                (layout.has_alpha, exr_texels(layout, texels, color_space))
+            }
+            Source::Image(format, decoder) => {
+                let had_alpha = decoder.color_type().has_alpha();
+                if format == ImageFormat::Jpeg {
+                    check_jpeg_end(path)?;
+                }
+                // The library's allocations cannot fail one by one.
+                reserve::probe(needed, &name(path))?;
+                let image = DynamicImage::from_decoder(decoder).map_err(|e| explain(path, e))?;
+                (had_alpha, decode(image, color_space))
+            }
+        };
+        if let Some((x, y)) = texels.first_non_finite(width) {
             return Err(Error::invalid(
                 name(path),
                 format!("texel ({x}, {y}) is NaN or infinite; every value must be finite"),
@@ -141,6 +187,7 @@ impl Texture {
         let bytes = match &self.texels {
             Texels::Bytes(bytes, table) => bytes.len() + size_of_val(&**table),
             Texels::Floats(floats) => size_of_val(&**floats),
+            Texels::Part(part) => size_of_val(&part.texels[..]),
         };
         bytes as u64
     }
@@ -181,20 +228,24 @@ impl Texture {
                 Vec3::new(table[rgb[0] as usize], table[rgb[1] as usize], table[rgb[2] as usize])
             }
             Texels::Floats(floats) => Vec3::from_slice(&floats[at..at + 3]),
+            Texels::Part(part) => part.texel(x, y),
         }
     }
 }
 
 impl Texels {
-    /// The texel (row by row) of the first value that is NaN or infinite.
-    fn first_non_finite(&self) -> Option<u64> {
-        match self {
-            Texels::Bytes(..) => None,
-            Texels::Floats(floats) => {
-                let at = floats.iter().position(|value| !value.is_finite())?;
-                Some(at as u64 / 3)
+    /// Column and row of the first texel with a value that is NaN or infinite, in an image of `width`.
+    fn first_non_finite(&self, width: u32) -> Option<(u32, u32)> {
+        let (texels, [left, top], width) = match self {
+            Texels::Bytes(..) => return None,
+            Texels::Floats(floats) => (floats, [0; 2], width),
+            Texels::Part(part) => {
+                (&part.texels, [part.columns.start, part.rows.start], part.columns.len() as u32)
             }
-        }
+        };
+        let at = texels.iter().position(|value| !value.is_finite())? as u64 / 3;
+        let (x, y) = (at % u64::from(width), at / u64::from(width));
+        Some((left + x as u32, top + y as u32))
     }
 }
 
@@ -257,6 +308,18 @@ fn decode(image: DynamicImage, color_space: Option<ColorSpace>) -> Texels {
     }
 }
 
+/// The texels of an EXR: linear unless the scene says otherwise.
+fn exr_texels(layout: Layout, mut texels: Vec<f32>, color_space: Option<ColorSpace>) -> Texels {
+    if color_space == Some(ColorSpace::Srgb) {
+        texels.iter_mut().for_each(|v| *v = linear_from_srgb(f64::from(*v)) as f32);
+    }
+    let Layout { size: [width, height], columns, rows, .. } = layout;
+    match (&columns, &rows) == (&(0..width), &(0..height)) {
+        true => Texels::Floats(texels),
+        false => Texels::Part(Box::new(Part { texels, columns, rows })),
+    }
+}
+
 /// Opens a regular file that is not empty.
 fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
     let failed = |e| Error::io(path, "read the texture", &e);
@@ -274,13 +337,27 @@ fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
 
 /// An image whose header is read.
 struct Opened<D> {
-    format: ImageFormat,
-    decoder: D,
+    source: Source<D>,
     stamp: Option<Stamp>,
 }
 
+/// Where its pixels come from.
+enum Source<D> {
+    Exr(Layout, BufReader<File>),
+    Image(ImageFormat, D),
+}
+
+impl<D: ImageDecoder> Source<D> {
+    fn dimensions(&self) -> (u32, u32) {
+        match self {
+            Self::Exr(layout, _) => layout.size.into(),
+            Self::Image(_, decoder) => decoder.dimensions(),
+        }
+    }
+}
+
 /// Reads the file's header.
-fn decoder(path: &Path, max_bytes: u64) -> Result<Opened<impl ImageDecoder>> {
+fn source(path: &Path, max_bytes: u64) -> Result<Opened<impl ImageDecoder>> {
     let (file, stamp) = open(path)?;
     let mut reader = ImageReader::new(file)
         .with_guessed_format()
@@ -290,11 +367,13 @@ fn decoder(path: &Path, max_bytes: u64) -> Result<Opened<impl ImageDecoder>> {
             .help(format!("textures are {FORMATS}")));
     };
     if format == ImageFormat::OpenExr {
-        exr_check::check(path)?;
+        let mut file = reader.into_inner();
+        let source = Source::Exr(Layout::of(&mut file, path)?, file);
+        return Ok(Opened { source, stamp });
     }
     reader.limits(limits(max_bytes));
     let decoder = reader.into_decoder().map_err(|e| explain(path, e))?;
-    Ok(Opened { format, decoder, stamp })
+    Ok(Opened { source: Source::Image(format, decoder), stamp })
 }
 
 /// What the decoders may allocate for themselves. Ours is [`check_size`].
@@ -304,9 +383,9 @@ fn limits(max_bytes: u64) -> Limits {
     limits
 }
 
-/// Compares what the header announces, decoded and as we keep it, with the limit.
-fn check_size(path: &Path, decoder: &impl ImageDecoder, max_bytes: u64) -> Result<()> {
-    let (width, height) = decoder.dimensions();
+/// Compares what the header announces, decoded and as we keep it, with the limit; returns these bytes.
+fn check_size(path: &Path, source: &Source<impl ImageDecoder>, max_bytes: u64) -> Result<u64> {
+    let (width, height) = source.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 {
         return Err(Error::invalid(
@@ -314,7 +393,7 @@ fn check_size(path: &Path, decoder: &impl ImageDecoder, max_bytes: u64) -> Resul
             format!("the image is {width} x {height} pixels; both must be at least 1"),
         ));
     }
-    let needed = TextureSize::of(decoder).decoding;
+    let needed = TextureSize::of(source).decoding;
     if needed > max_bytes {
         let more = if needed == u64::MAX { "at least " } else { "" };
         let message = format!(
@@ -325,7 +404,7 @@ fn check_size(path: &Path, decoder: &impl ImageDecoder, max_bytes: u64) -> Resul
             Error::new(Kind::Limit, Problem::new(name(path), message)).help("scale the image down")
         );
     }
-    Ok(())
+    Ok(needed)
 }
 
 /// The JPEG decoder paints what is missing grey; we refuse a file without its end marker.
@@ -625,6 +704,45 @@ mod tests {
         let (_folder, path) = saved("n.exr", &image);
         let message = Texture::load(&path, None).unwrap_err().to_string();
         assert!(message.contains("texel (1, 1) is NaN"), "{message}");
+    }
+
+    /// A data window that is in the picture, leaves it on two sides, lies beside it, or holds it.
+    #[test]
+    fn an_exr_is_the_picture_of_its_display_window() {
+        use ::exr::prelude::*;
+        for (first, size) in
+            [((2, 1), (3, 2)), ((-2, -1), (4, 3)), ((9, 9), (2, 2)), ((-1, -1), (9, 8))]
+        {
+            let pixels = SpecificChannels::rgb(|at: Vec2<usize>| {
+                (at.x() as f32 + 1.0, at.y() as f32 + 1.0, 0.5)
+            });
+            let attributes = LayerAttributes {
+                layer_position: Vec2(first.0 + 5, first.1 - 7),
+                ..Default::default()
+            };
+            let layer = Layer::new(size, attributes, Encoding::FAST_LOSSLESS, pixels);
+            let window = IntegerBounds::new((5, -7), (6usize, 5usize));
+            let image =
+                Image { attributes: ImageAttributes::new(window), ..Image::from_layer(layer) };
+            let (_folder, path) = file("w.exr", b"");
+            image.write().to_file(&path).unwrap();
+            let texture = Texture::load(&path, None).unwrap();
+            assert_eq!((texture.width(), texture.height()), (6, 5));
+            let mut has = 0;
+            for (x, y) in (0..5).flat_map(|y| (0..6).map(move |x| (x, y))) {
+                let (dx, dy) = (x - first.0, y - first.1);
+                let inside = (0..size.0 as i32).contains(&dx) && (0..size.1 as i32).contains(&dy);
+                let expected = match inside {
+                    true => Vec3::new(dx as f32 + 1.0, dy as f32 + 1.0, 0.5),
+                    false => Vec3::ZERO,
+                };
+                let (u, v) = ((f64::from(x) + 0.5) / 6.0, (f64::from(y) + 0.5) / 5.0);
+                assert_eq!(texture.lookup(u, v, N, C, C), expected, "{first:?} {x} {y}");
+                has += u64::from(inside);
+            }
+            assert_eq!(texture.bytes(), 12 * has);
+            assert_eq!(Texture::size(&path).unwrap().decoding, 12 * has);
+        }
     }
 
     #[test]

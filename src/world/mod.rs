@@ -17,6 +17,7 @@ use crate::error::{Error, Failures, Kind, Problem, Result};
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
+use crate::reserve::Room;
 use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind};
 use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvSource};
 
@@ -37,6 +38,8 @@ pub struct LoadOptions {
     pub no_mmap: bool,
     /// Meshes that have been read already, by the path that the scene names.
     pub ready: Vec<(PathBuf, Mesh)>,
+    /// The most that the arrays of all meshes may take.
+    pub room: Option<Room>,
     /// The most that all textures may take, decoding included; without it each may take 4 GiB.
     pub texture_bytes: Option<u64>,
     /// Measure the [`Resolution`] of every mesh. Without it edges that collapsed are looked for
@@ -49,10 +52,11 @@ impl LoadOptions {
         match self.ready.iter().position(|(ready, _)| ready == path) {
             Some(index) => Ok(self.ready.swap_remove(index).1),
             None => {
-                let options = mesh::ReadOptions::default().repair(self.repair);
+                let options = mesh::ReadOptions::default().repair(self.repair).room(self.room);
                 mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))
             }
         }
+        .inspect(|mesh| self.room = self.room.map(|room| room.less(mesh.bytes())))
     }
 }
 
@@ -111,7 +115,8 @@ impl World {
         let mut warnings = Vec::new();
         let mut failures = Failures::default();
         let mut read = Read::default();
-        let left = options.texture_bytes;
+        let asked = options.texture_bytes.map(|bytes| Room { bytes, asked: true });
+        let left = asked.or(options.room);
         let looks = failures.keep(textures::load(scene, left, &mut read, &mut warnings));
         let mut bounds = Bounds::EMPTY;
         let mut meshes = Vec::new();
@@ -296,7 +301,7 @@ fn gather(
     let mut owners = Vec::new();
     for (index, mesh) in meshes {
         owners.push(Owner::One(index as u32));
-        arrays.push(mesh.finish(origin, &mut shapes[index]));
+        arrays.push(mesh.finish(origin, &mut shapes[index])?);
     }
     if !triangle_shapes.is_empty() {
         let triangles =

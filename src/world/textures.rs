@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Failures, Problem, Result};
 use crate::mesh::Mesh;
-use crate::scene::{Filter, Scene, TextureUse};
+use crate::reserve::Room;
+use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
 use crate::shading::{DEFAULT_MAX_BYTES, Material, Texture};
 
 use super::sources::{Read, beside};
@@ -13,7 +14,7 @@ use super::sources::{Read, beside};
 /// Loads the textures of the materials that shapes use, into at most `budget` bytes.
 pub fn load(
     scene: &Scene,
-    budget: Option<u64>,
+    budget: Option<Room>,
     read: &mut Read,
     warnings: &mut Vec<Problem>,
 ) -> Result<(Vec<Texture>, Vec<Material>)> {
@@ -33,10 +34,9 @@ pub fn load(
                 let key = (spec.path.clone(), spec.color_space);
                 // A file that failed is opened and reported once.
                 let slot = *loaded.entry(key).or_insert_with(|| {
-                    let most = left.map_or(DEFAULT_MAX_BYTES, |left| left.min(DEFAULT_MAX_BYTES));
-                    let texture = Texture::load_within(&spec.path, spec.color_space, most);
+                    let texture = one(&spec.path, spec.color_space, left);
                     let texture = failures.keep(texture)?;
-                    left = left.map(|left| left.saturating_sub(texture.bytes()));
+                    left = left.map(|left| left.less(texture.bytes()));
                     read.0.push((spec.path.clone(), texture.stamp()));
                     textures.push(texture);
                     Some(textures.len() as u32 - 1)
@@ -65,6 +65,23 @@ pub fn load(
     Ok((textures, materials))
 }
 
+/// Loads an image into what is left.
+fn one(path: &Path, space: Option<ColorSpace>, left: Option<Room>) -> Result<Texture> {
+    let most = match left {
+        Some(left) if left.asked => left.bytes.min(DEFAULT_MAX_BYTES),
+        // Another machine may have more; what is too large for any is said below.
+        Some(left) if left.bytes < DEFAULT_MAX_BYTES => {
+            let needed = Texture::size(path)?.decoding;
+            if needed <= DEFAULT_MAX_BYTES {
+                left.check(needed, &path.display().to_string())?;
+            }
+            DEFAULT_MAX_BYTES
+        }
+        _ => DEFAULT_MAX_BYTES,
+    };
+    Texture::load_within(path, space, most)
+}
+
 /// An image that a mesh file names, for the shape of this number.
 pub type Own = (usize, PathBuf);
 
@@ -87,7 +104,7 @@ pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) 
 pub fn load_own(
     own: &[Own],
     scene: &Scene,
-    budget: Option<u64>,
+    budget: Option<Room>,
     looks: &mut (Vec<Texture>, Vec<Material>),
     read: &mut Read,
 ) -> Result<Vec<(usize, u32)>> {
@@ -96,8 +113,7 @@ pub fn load_own(
     let mut given = Vec::new();
     for (shape, path) in own {
         let taken: u64 = textures.iter().map(Texture::bytes).sum();
-        let left = budget.map_or(DEFAULT_MAX_BYTES, |budget| budget.saturating_sub(taken));
-        let texture = Texture::load_within(path, None, left.min(DEFAULT_MAX_BYTES));
+        let texture = one(path, None, budget.map(|budget| budget.less(taken)));
         let Some(texture) = failures.keep(texture) else { continue };
         read.0.push((path.clone(), texture.stamp()));
         let plain = &materials[scene.shapes[*shape].material];

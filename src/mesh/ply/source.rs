@@ -14,6 +14,7 @@ use super::header;
 use super::unpack::Packing;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::files::Stamp;
+use crate::reserve::Room;
 
 /// Bytes in which almost every header ends.
 const FIRST_READ: u64 = 1 << 16;
@@ -41,13 +42,13 @@ pub(super) struct Stream {
 
 impl Source {
     /// The file at `path`, mapped if it can and shall be.
-    pub(super) fn open(path: &Path, map: bool) -> Result<Self> {
+    pub(super) fn open(path: &Path, map: bool, room: Option<Room>) -> Result<Self> {
         let opened = Opened::open(path)?;
         let (stamp, length) = (opened.stamp, opened.length);
         let length = length.filter(|_| map && opened.packing.is_none());
         let bytes = match length.and_then(|length| Map::new(&opened.file, length)) {
             Some(map) => Bytes::Mapped(map),
-            None => Bytes::Stream(opened.stream(path)?),
+            None => Bytes::Stream(opened.stream(path, room)?),
         };
         Ok(Self { bytes, stamp })
     }
@@ -65,7 +66,7 @@ impl Head {
     pub(super) fn read(path: &Path, limit: u64) -> Result<Self> {
         let opened = Opened::open(path)?;
         let (packing, length) = (opened.packing, opened.length);
-        let mut stream = opened.stream(path)?.bytes;
+        let mut stream = opened.stream(path, None)?.bytes;
         let mut bytes = Vec::new();
         let mut next = FIRST_READ.min(limit);
         while next > 0 {
@@ -129,12 +130,12 @@ impl Opened {
         Ok(Self { file, start, length, stamp: Stamp::of(&meta), packing })
     }
 
-    fn stream(self, path: &Path) -> Result<Stream> {
+    fn stream(self, path: &Path, room: Option<Room>) -> Result<Stream> {
         let bytes: Chain<Cursor<Vec<u8>>, File> = Cursor::new(self.start).chain(self.file);
         Ok(match self.packing {
             None => Stream { bytes: Box::new(bytes), length: self.length, packing: None },
             Some(packing) => {
-                let bytes = packing.open(bytes, self.length);
+                let bytes = packing.open(bytes, self.length, room);
                 let bytes = bytes.map_err(|e| Error::io(path, "read", &e))?;
                 Stream { bytes, length: None, packing: Some(packing) }
             }
