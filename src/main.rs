@@ -1,10 +1,16 @@
 //! Parse, run, print what went wrong, exit code.
 
+mod exhausted;
+
 use std::process::ExitCode;
 
 use clap::Parser;
 
+#[global_allocator]
+static ALLOCATOR: exhausted::Noting = exhausted::Noting;
+
 fn main() -> ExitCode {
+    exhausted::exit_in_place_of_abort();
     let arguments = match lightpath::cli::Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {

@@ -16,7 +16,12 @@ use crate::{
     shading::Texture,
 };
 
-use crate::units;
+use crate::{reserve::Room, units};
+
+mod available;
+
+pub use available::available_bytes;
+use available::{available_bytes_and_swap, kib};
 
 /// R, G, B, A in f32.
 const FILM_BYTES: u64 = 16;
@@ -248,6 +253,11 @@ impl Budget {
         self.limit.saturating_sub(BASE_BYTES).saturating_sub(self.prediction.mesh_bytes)
     }
 
+    /// What is left for meshes.
+    pub fn for_meshes(&self) -> Room {
+        room(self.limit)
+    }
+
     /// What is left for the accelerator beside a world of `world_bytes`.
     pub fn for_accelerator(&self, world_bytes: u64) -> u64 {
         self.limit.saturating_sub(BASE_BYTES).saturating_sub(world_bytes)
@@ -294,18 +304,18 @@ impl std::fmt::Display for Prediction {
     }
 }
 
+/// What a limit of the user's leaves for meshes.
+pub fn room(limit: u64) -> Room {
+    Room { bytes: limit.saturating_sub(BASE_BYTES), asked: true }
+}
+
 /// Largest resident set of this process so far, in bytes.
 pub fn peak_bytes() -> u64 {
-    kib("/proc/self/status", "VmHWM:").unwrap_or(0) * 1024
+    kib("/proc/self/status".as_ref(), "VmHWM:").unwrap_or(0)
 }
 
-/// What the system could still give, in bytes; `None` where it does not tell.
-pub fn available_bytes() -> Option<u64> {
-    Some(kib("/proc/meminfo", "MemAvailable:")? * 1024)
-}
-
-fn kib(file: &str, key: &str) -> Option<u64> {
-    let text = std::fs::read_to_string(file).unwrap_or_default();
-    let line = text.lines().find_map(|line| line.strip_prefix(key));
-    line?.split_whitespace().next()?.parse().ok()
+/// What meshes or textures may take where the user sets no limit: all that the machine can still give, or
+/// swap out.
+pub fn machine() -> Option<Room> {
+    available_bytes_and_swap().map(|bytes| Room { bytes, asked: false })
 }

@@ -90,14 +90,6 @@ pub fn seen_from(path: &Path, folder: &Path) -> Result<String> {
     Ok(ups.chain(downs).collect::<Result<Vec<_>>>()?.join("/"))
 }
 
-/// The same for two names of one file: its folder may be reached in two ways, and a file need not be
-/// there yet.
-pub fn identity(path: &Path) -> PathBuf {
-    let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-    path.canonicalize().unwrap_or_else(|_| folder.join(path.file_name().unwrap_or_default()))
-}
-
 /// Absolute and without links where the folder exists.
 fn real(folder: &Path) -> PathBuf {
     let folder = match folder.as_os_str().is_empty() {

@@ -75,6 +75,9 @@ impl Files {
     }
 }
 
+/// The kinds of cryptomattes that may have a manifest beside the picture.
+pub const MANIFESTS: [&str; 2] = ["CryptoObject", "CryptoMaterial"];
+
 /// Where the manifest of a kind of cryptomattes stands that leaves the header.
 pub fn manifest_path(prefix: &Path, kind: &str) -> PathBuf {
     let mut path = prefix.as_os_str().to_owned();

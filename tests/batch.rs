@@ -424,11 +424,11 @@ fn what_is_refused_before_anything_is_rendered() {
     let done = batch(&scratch, &args);
     assert_eq!(
         (done.code(), scratch.read("scans/a.png") == before),
-        (1, true),
+        (2, true),
         "{}",
         done.stderr()
     );
-    assert!(done.stderr().contains("would be written over what the batch reads"));
+    assert!(done.stderr().contains("would be written over what is read, or twice"));
 }
 
 #[test]
@@ -468,4 +468,85 @@ fn a_dry_run_lists_the_frames() {
     assert_eq!(lines[0]["outputs"][0], "out/a/a.0001.exr");
     assert_eq!((&lines[1]["index"], &lines[1]["frame"]), (&2.into(), &0.into()));
     assert!(!scratch.path("out").exists());
+}
+
+#[test]
+fn names_that_collide_in_any_frame_are_refused() {
+    let scratch = Scratch::new();
+    for i in 0..12 {
+        scratch.write(&format!("scans/m{i:02}.ply"), PYRAMID);
+    }
+    let refused = |args: &[&str], both: [&str; 2]| {
+        let done = batch(&scratch, &[args, &["-o", "out"]].concat());
+        assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
+        let said = done.stderr();
+        assert!(both.iter().all(|name| said.contains(name)), "{args:?}: {said}");
+        assert!(!scratch.path("out").exists(), "{args:?}");
+    };
+    let turn = |name: &'static str| ["scans", "--turntable", "12", "--name", name];
+    // Input 1, frame 10 and input 11, frame 0.
+    refused(&turn("{input}{frame}"), ["frame 10 of scans/m01.ply", "frame 0 of scans/m11.ply"]);
+    refused(&turn("x/{input}{frame}"), ["frame 10 of scans/m01.ply", "frame 0 of scans/m11.ply"]);
+    scratch.write("two/a.ply", PYRAMID);
+    scratch.write("two/a1.ply", PYRAMID);
+    let stems = ["two", "--turntable", "12", "--name", "{stem}{frame}"];
+    refused(&stems, ["frame 10 of two/a.ply", "frame 0 of two/a1.ply"]);
+    // The contact sheet has names, too.
+    scratch.write("sheet.ply", PYRAMID);
+    scratch.write("sheet.2.ply", PYRAMID);
+    refused(&["sheet.ply"], ["sheet.ply", "contact sheet"]);
+    refused(&["sheet.ply", "--name", "./{stem}"], ["sheet.ply", "contact sheet"]);
+    let done = batch(&scratch, &["sheet.2.ply", "-o", "fine"]);
+    assert_eq!(done.code(), 0, "one sheet is enough: {}", done.stderr());
+    // Far apart is far enough.
+    let done =
+        batch(&scratch, &["two", "--turntable", "12", "--name", "{stem}-{frame}", "-o", "fine"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+}
+
+#[test]
+fn resume_notices_every_bit_that_flips() {
+    let scratch = scans();
+    let layers = ["--aov", "Z,cryptomatte", "--crypto-sidecar"];
+    let args = ["scans/a.ply", "-o", "out", "--no-sheet"];
+    let args = [&args[..], &layers].concat();
+    let run = |more: &[&str]| {
+        let done = batch(&scratch, &[&args[..], more].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        done.stderr()
+    };
+    run(&[]);
+    let kept = |said: &str| said.contains("0 frames rendered, 1 kept");
+    assert!(kept(&run(&["--resume"])));
+    for name in ["a.exr", "a.png", "a.CryptoObject.json", "a.CryptoMaterial.json"] {
+        let name = format!("out/{name}");
+        let whole = scratch.read(&name);
+        // Every part of the file: some 24 places, another bit in each.
+        for i in 0..24 {
+            let mut flipped = whole.clone();
+            flipped[i * (whole.len() - 1) / 23] ^= 1 << (i % 8);
+            fs::write(scratch.path(&name), &flipped).unwrap();
+            let said = run(&["--resume"]);
+            assert!(said.contains("1 frames rendered, 0 kept"), "{name} {i}: {said}");
+            assert!(said.contains(&format!("again: {name}")), "{name} {i}: {said}");
+            assert!(scratch.read(&name) == whole, "{name} {i}");
+        }
+    }
+    // Who does not want to wait for the reading says so.
+    let mut flipped = scratch.read("out/a.png");
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 1;
+    fs::write(scratch.path("out/a.png"), &flipped).unwrap();
+    assert!(kept(&run(&["--resume", "--no-verify"])));
+    // Without a journal nothing is known of the pixels.
+    fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
+    assert!(kept(&run(&["--resume", "--no-verify"])));
+    let said = run(&["--resume"]);
+    assert!(said.contains("1 frames rendered, 0 kept"), "{said}");
+    assert!(said.contains("no journal knows its bytes"), "{said}");
+    assert!(kept(&run(&["--resume"])));
+    // A journal of a range knows as much as that of the whole.
+    fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
+    run(&["--range", "0..1"]);
+    assert!(kept(&run(&["--resume"])));
 }

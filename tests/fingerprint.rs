@@ -6,8 +6,10 @@ mod program;
 use std::{fs, path::Path};
 
 use lightpath::{
+    error::Kind,
+    monitor::Monitor,
     scene::{self, Source},
-    world::{Contents, fingerprint},
+    world::{Contents, LoadOptions, World, fingerprint},
 };
 use program::PYRAMID;
 
@@ -108,6 +110,54 @@ fn images_that_a_mesh_names_and_names_of_mattes_count() {
     here.write("s.json", &SCENE.replace("a.ply", "b.ply"));
     fs::rename(here.path().join("a.ply"), here.path().join("b.ply")).unwrap();
     assert_ne!(hash, here.hash(&[mattes]), "the matte is called trimesh.b now");
+}
+
+/// Whatever is replaced or written between reading and hashing is found out.
+#[test]
+fn what_was_read_is_what_was_hashed() {
+    let here = Folder::new();
+    let vertices = "property float z\nproperty float s\nproperty float t";
+    let mut mesh =
+        PYRAMID.replace("format ascii 1.0", "format ascii 1.0\ncomment TextureFile own.ppm");
+    mesh = mesh.replace("property float z", vertices);
+    for vertex in ["-1 0 -1", "1 0 -1", "1 0 1", "-1 0 1", "0 2 0"] {
+        mesh = mesh.replace(&format!("\n{vertex}\n"), &format!("\n{vertex} 0 1\n"));
+    }
+    here.write(
+        "s.json",
+        &SCENE.replace(
+            "\"a.ply\", \"material\": { \"tPath\": \"brick.ppm\" }",
+            "\"a.ply\", \"material\": {}",
+        ),
+    );
+    here.write("a.ply", &mesh);
+    here.write("own.ppm", BRICK);
+    let loaded = scene::load(Source::File(&here.path().join("s.json")), &[]).unwrap();
+    let hashed_after = |act: &dyn Fn()| {
+        let options = LoadOptions::default();
+        let (world, _) = World::load(&loaded.scene, options, &Monitor::default()).unwrap();
+        assert_eq!(world.read.paths().count(), 3);
+        act();
+        let mut contents = Contents::default();
+        fingerprint(&loaded, false, &mut contents).unwrap();
+        world.read.check(&contents)
+    };
+    assert_eq!(hashed_after(&|| ()), Ok(()));
+    for name in ["a.ply", "own.ppm", "brick.ppm"] {
+        let text = fs::read_to_string(here.path().join(name)).unwrap();
+        // Another file with the same bytes is another file; a longer one has changed.
+        for longer in ["", "\n"] {
+            let error = hashed_after(&|| {
+                here.write("next", &format!("{text}{longer}"));
+                fs::rename(here.path().join("next"), here.path().join(name)).unwrap();
+            });
+            let error = error.unwrap_err();
+            assert_eq!(error.kind, Kind::Retry, "{name}");
+            assert!(error.to_string().contains("changed while it was read"), "{error}");
+        }
+        let error = hashed_after(&|| here.write(name, &format!("{text}\n\n"))).unwrap_err();
+        assert!(error.to_string().contains(name), "{error}");
+    }
 }
 
 #[cfg(unix)]

@@ -42,7 +42,13 @@ fn sheet(side: i64, triangles: bool) -> Ply {
 fn same(found: &Result<Mesh>, expected: &Result<Mesh>, what: &str) {
     match (found, expected) {
         (Ok(found), Ok(expected)) => {
-            assert!(format!("{found:?}") == format!("{expected:?}"), "{what}");
+            // A file has a stamp, bytes in memory have none.
+            let shown = |mesh: &Mesh| {
+                let mut mesh = mesh.clone();
+                mesh.notes.stamp = None;
+                format!("{mesh:?}")
+            };
+            assert!(shown(found) == shown(expected), "{what}");
         }
         _ => panic!("{what}: {:?} {:?}", found.as_ref().err(), expected.as_ref().err()),
     }

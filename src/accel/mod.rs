@@ -16,6 +16,7 @@ use crate::error::{Error, Kind, Problem};
 use crate::geometry::{Geometry, GeometryKind, Nearby};
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
+use crate::reserve;
 use crate::scene::Backend;
 use crate::simd::Isa;
 
@@ -161,6 +162,11 @@ pub fn build<'g>(
     monitor: &Monitor,
 ) -> Result<Box<dyn Accelerator + 'g>> {
     monitor.begin(Phase::Build, 1000);
+    if let Backend::Coursework | Backend::Brute = backend {
+        // These take memory in many pieces.
+        let peak = Footprint::of(backend, options.threads, options.embree)?;
+        reserve::probe(peak.peak_bytes(geometry.count()), backend.name())?;
+    }
     match backend {
         Backend::Embree => build_embree(geometry, options, monitor),
         Backend::Bvh => Ok(Box::new(bvh::Bvh::build(geometry, options, monitor)?)),

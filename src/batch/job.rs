@@ -1,7 +1,7 @@
 //! A job file and what flags add to it -> a checked [`Job`]: every input a file that is there.
 
 use std::{
-    collections::{BTreeMap, HashMap},
+    collections::BTreeMap,
     path::{Path, PathBuf},
 };
 
@@ -22,6 +22,7 @@ use super::{
     description::{Input as Written, JobFile, TurntableKeys},
     inputs,
     names::Pattern,
+    outputs,
 };
 
 /// Where frames go unless something is said.
@@ -54,6 +55,8 @@ pub struct Job {
     pub folder: PathBuf,
     /// What frames are called in it.
     pub name: Pattern,
+    /// The job's own file and its template's.
+    pub files: Vec<PathBuf>,
 }
 
 /// A scene or a mesh.
@@ -80,6 +83,8 @@ pub struct Flags {
     pub repair: bool,
     /// Read meshes instead of mapping them.
     pub no_mmap: bool,
+    /// Where the job file was read from.
+    pub file: Option<PathBuf>,
 }
 
 impl Job {
@@ -111,7 +116,7 @@ impl Job {
             for (number, input) in found.iter().enumerate() {
                 failures.keep(name.check(&input.path, number));
             }
-            failures.keep(distinct(name, &found, frames, pattern));
+            failures.keep(outputs::distinct(name, &found, frames, pattern));
         }
         let both = file.up.is_some() && file.rotate.is_some();
         if both {
@@ -138,6 +143,7 @@ impl Job {
         let (Some(template), Some(name)) = (template, name) else {
             return Err(Error::invalid("job", "cannot be read"));
         };
+        let files = file.template.as_ref().map(|path| base.join(&path.0));
         Ok(Self {
             inputs: found,
             template,
@@ -157,6 +163,7 @@ impl Job {
             per_second: rate,
             folder: file.output.folder.map_or(FOLDER.into(), |Name(folder)| folder.into()),
             name,
+            files: flags.file.into_iter().chain(files).collect(),
         })
     }
 
@@ -248,24 +255,4 @@ fn turntable(keys: &TurntableKeys) -> Turntable {
         Turning::Camera => Fixed::Object,
     });
     Turntable { frames: keys.frames, turn: keys.turn, lights, start_deg: keys.start }
-}
-
-/// Refuses two frames of one name.
-fn distinct(name: &Pattern, inputs: &[Input], frames: u32, text: &str) -> Result<()> {
-    if frames > 1 && !name.tells_frames() {
-        let message = format!("found {text:?} for {frames} frames, expected {{frame}} in it");
-        return Err(Error::invalid("output name", message).help("{stem}/{stem}.{frame:04}"));
-    }
-    let mut taken: HashMap<PathBuf, &Path> = HashMap::new();
-    for (number, input) in inputs.iter().enumerate() {
-        let frame = name.of(&input.path, number, 0);
-        if let Some(first) = taken.insert(frame, &input.path) {
-            let path = input.path.display();
-            let message =
-                format!("{} and {path} would both be written to {text:?}", first.display());
-            return Err(Error::invalid("output name", message)
-                .help("tell them apart: --name '{parent}/{stem}', or '{input:03}-{stem}'"));
-        }
-    }
-    Ok(())
 }

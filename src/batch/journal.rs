@@ -4,7 +4,7 @@
 use std::{
     collections::BTreeMap,
     fs::{File, OpenOptions},
-    io::{Read, Seek, SeekFrom, Write},
+    io::{BufRead, BufReader, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
     time::{SystemTime, UNIX_EPOCH},
@@ -95,6 +95,9 @@ pub struct FrameRecord {
     pub frame: u32,
     /// Files, relative to the journal.
     pub outputs: Vec<PathBuf>,
+    /// XXH3 hashes (128 bits, hexadecimal) of these, in their order.
+    #[serde(default)]
+    pub xxh3: Vec<String>,
     /// Why a frame that was there was rendered again.
     pub again: Option<String>,
     /// What it was made of, if that can be known.
@@ -135,6 +138,11 @@ impl Journal {
             }
         }
         Ok(Self { path: path.to_owned(), file: Mutex::new(file) })
+    }
+
+    /// Its file.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Appends a record.
@@ -179,6 +187,18 @@ fn open(path: &Path) -> Result<File> {
 /// All records of all journals in a folder, in the order of their names; lines that cannot be read
 /// are left out.
 pub fn read(folder: &Path) -> Vec<Record> {
+    let mut all = Vec::new();
+    each(folder, |record| all.push(record));
+    all
+}
+
+/// A file of a frame as a journal in `folder` names it.
+pub fn seen_from<'p>(path: &'p Path, folder: &Path) -> &'p Path {
+    path.strip_prefix(folder).unwrap_or(path)
+}
+
+/// [`read`], one record after the other.
+pub fn each(folder: &Path, mut take: impl FnMut(Record)) {
     let ours = |path: &PathBuf| {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         name.starts_with("batch") && name.ends_with(".jsonl")
@@ -188,10 +208,10 @@ pub fn read(folder: &Path) -> Vec<Record> {
     let entries = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(ours).collect();
     paths.sort();
-    let text = |path: &PathBuf| std::fs::read_to_string(path).unwrap_or_default();
-    let lines = paths.iter().map(text).collect::<Vec<_>>();
-    let records = lines.iter().flat_map(|text| text.lines());
-    records.filter_map(|line| serde_json::from_str(line).ok()).collect()
+    for file in paths.iter().filter_map(|path| File::open(path).ok()) {
+        let lines = BufReader::new(file).split(b'\n').map_while(std::result::Result::ok);
+        lines.filter_map(|line| serde_json::from_slice(&line).ok()).for_each(&mut take);
+    }
 }
 
 /// Seconds since 1970.

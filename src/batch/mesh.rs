@@ -2,7 +2,6 @@
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
-    path::{Path, PathBuf},
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering::Relaxed},
@@ -18,15 +17,17 @@ use crate::{
     memory::{self, Budget, Prediction},
     picture::{self, Files, Says, Storage},
     render::{RayCounts, render_layers},
-    world::{LoadOptions, World},
+    world::{Contents, LoadOptions, World},
 };
 
 use super::{
-    journal::{FrameRecord, MeshRecord, Record},
-    pipeline::{Run, panicked},
+    journal::{FrameRecord, MeshRecord, Record, seen_from},
+    pipeline::{Run, panicked, together},
     plan::Task,
+    resume::Resume,
     scene::{self, Frame, Ready},
     status::Event,
+    sums::sum,
 };
 
 /// A mesh with all that its frames share.
@@ -55,9 +56,16 @@ impl Run<'_> {
         let began = Instant::now();
         let job = self.job;
         let monitor = self.monitor.part();
-        let reading = || scene::read(job, &job.inputs[task.input], &monitor);
+        let room = self.options.max_memory.map(|_| memory::room(share)).or_else(memory::machine);
+        let reading = || scene::read(job, &job.inputs[task.input], room, &monitor);
         let ready = self.loading.install(reading)?;
-        let (frames, kept) = ready.frames(job, task, self.options.resume, &self.settings)?;
+        let mut contents = Contents::default();
+        let resume = match self.options.resume {
+            true => Resume::Keep(self.sums.as_ref()),
+            false => Resume::Nothing,
+        };
+        let looking = || ready.frames(job, task, resume, &self.settings, &mut contents);
+        let (frames, kept) = self.loading.install(looking)?;
         let plan = Plan::new(&ready.loaded.scene);
         for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
             self.tidy(&Files::names(&prefix, &plan, job.storage));
@@ -78,12 +86,17 @@ impl Run<'_> {
             repair: job.repair,
             no_mmap: job.no_mmap,
             ready: mesh,
+            room,
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
         let scene = &loaded.scene;
         let loading = || World::load(scene, options, &monitor);
         let (world, warnings) = self.loading.install(loading)?;
+        self.is_no_output(&world.read)?;
+        if frames.iter().all(|frame| frame.hash.is_some()) {
+            world.read.check(&contents)?;
+        }
         said.extend(self.warn(input, &warnings));
         let load_s = began.elapsed().as_secs_f64();
         let world_bytes = world.mesh_bytes() + world.texture_bytes();
@@ -128,11 +141,7 @@ impl Run<'_> {
                 }
             }
         };
-        std::thread::scope(|scope| {
-            for _ in 0..(self.jobs + 1).min(frames.len()) {
-                scope.spawn(work);
-            }
-        });
+        together((self.jobs + 1).min(frames.len()), work);
     }
 
     fn frame(&self, built: &Built, frame: &Frame, film: &mut Option<Film>) -> Result<()> {
@@ -196,7 +205,11 @@ impl Run<'_> {
             index: frame.index,
             input: built.input.to_string(),
             frame: frame.number,
-            outputs: paths.iter().map(|path| relative(path, &self.job.folder)).collect(),
+            outputs: paths
+                .iter()
+                .map(|path| seen_from(path, &self.job.folder).to_owned())
+                .collect(),
+            xxh3: paths.iter().map(|path| sum(path)).collect::<Result<_>>()?,
             again: frame.again.clone(),
             fingerprint: frame.fingerprint.clone(),
             render_s,
@@ -218,10 +231,6 @@ fn create(frame: &Frame, plan: &Plan, storage: Storage) -> Result<Files> {
         std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, "create", &error))?;
     }
     Files::create(&frame.prefix, plan, storage)
-}
-
-fn relative(path: &Path, folder: &Path) -> PathBuf {
-    path.strip_prefix(folder).unwrap_or(path).to_owned()
 }
 
 fn by_class(counts: &RayCounts) -> std::collections::BTreeMap<String, u64> {

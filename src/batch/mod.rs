@@ -12,12 +12,14 @@ mod job;
 mod journal;
 mod mesh;
 mod names;
+mod outputs;
 mod pipeline;
 mod plan;
 mod resume;
 mod scene;
 pub mod sheet;
 mod status;
+mod sums;
 
 pub use description::{
     Entry, Input as WrittenInput, JobFile, LimitKeys, OutputKeys, TurntableKeys,
@@ -25,6 +27,7 @@ pub use description::{
 pub use job::{Flags, Input, Job};
 pub use journal::{FrameRecord, MeshRecord, Record};
 pub use names::Pattern;
+pub use outputs::refuse_sheet;
 pub use plan::{Task, index, tasks};
 pub use scene::predict;
 pub use status::{Event, Status};
@@ -57,6 +60,8 @@ pub struct Options {
     pub max_memory: Option<u64>,
     /// Keep frames that are whole and of the same fingerprint.
     pub resume: bool,
+    /// Keep only frames whose bytes are those that were written.
+    pub verify: bool,
     /// Begin nothing new after the first failure.
     pub fail_fast: bool,
     /// Numbers of the frames to render, of all frames mesh after mesh; all unless given.
@@ -91,11 +96,19 @@ pub fn run(
     let all = 0..plan::index(job.frames(), job.inputs.len(), 0);
     let range = options.range.as_ref().unwrap_or(&all);
     status.total.store(range.end - range.start, Relaxed);
+    let loading = pipeline::pool(options.threads)?;
+    let path = journal_path(job, options.range.as_ref());
+    let inputs = loading.install(|| -> Result<_> {
+        let inputs = outputs::inputs(job);
+        outputs::refuse(job, &tasks, &path, &inputs)?;
+        Ok(inputs)
+    })?;
     std::fs::create_dir_all(&job.folder).map_err(|e| Error::io(&job.folder, "create", &e))?;
-    let journal = Journal::open(&journal_path(job, options.range.as_ref()))?;
+    let journal = Journal::open(&path)?;
     let version = env!("CARGO_PKG_VERSION").to_string();
     journal.add(&Record::Start { time: now(), version, range: [range.start, range.end] })?;
-    let outcome = pipeline::run(job, &tasks, options, (monitor, status, &journal), tell)?;
+    let outcome =
+        pipeline::run(job, &tasks, options, (monitor, status, &journal), tell, (loading, inputs))?;
     journal.add(&Record::End {
         time: now(),
         rendered: outcome.rendered,

@@ -16,11 +16,13 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::{
     accel::Footprint,
     error::{Error, Kind, Problem, Result},
+    files::Files,
     memory::{self, Prediction},
     monitor::Monitor,
     output::atomic::Sweep,
     render::RayCounts,
     scene::Backend,
+    world::Read,
 };
 
 use super::{
@@ -29,9 +31,11 @@ use super::{
     gate::{Memory, Turns},
     job::Job,
     journal::{Journal, Record},
+    outputs,
     plan::Task,
     scene,
     status::{Event, Status},
+    sums::Sums,
 };
 
 /// Tiles of 32 x 32 pixels that keep a thread busy while others end theirs.
@@ -43,6 +47,7 @@ const SHARE_OF_AVAILABLE: f64 = 0.6;
 /// What the workers share.
 pub struct Run<'a> {
     pub job: &'a Job,
+    pub tasks: &'a [Task],
     pub options: &'a Options,
     pub monitor: &'a Monitor,
     pub status: &'a Status,
@@ -54,6 +59,10 @@ pub struct Run<'a> {
     pub pool: ThreadPool,
     /// For reading and building, so that it does not wait for rays.
     pub loading: ThreadPool,
+    /// What the job reads, as far as that was known at the start.
+    inputs: Files,
+    /// Hashes of what earlier runs wrote, if they are to be checked.
+    pub sums: Option<Sums>,
     pub turns: Turns,
     pub jobs: usize,
     memory: Memory,
@@ -75,6 +84,7 @@ pub fn run(
     options: &Options,
     (monitor, status, journal): (&Monitor, &Status, &Journal),
     tell: &(dyn Fn(Event) + Sync),
+    (loading, inputs): (ThreadPool, Files),
 ) -> Result<Outcome> {
     let jobs = options.jobs.unwrap_or_else(|| jobs(job, options));
     let limit = options.max_memory.unwrap_or_else(|| {
@@ -83,6 +93,7 @@ pub fn run(
     });
     let run = Run {
         job,
+        tasks,
         options,
         monitor,
         status,
@@ -96,7 +107,9 @@ pub fn run(
             sequence: job.sequence(0),
         },
         pool: pool(options.threads)?,
-        loading: pool(options.threads)?,
+        loading,
+        inputs,
+        sums: (options.resume && options.verify).then(|| Sums::read(&job.folder)),
         turns: Turns::new(jobs),
         jobs,
         memory: Memory::new(limit),
@@ -106,11 +119,7 @@ pub fn run(
         fatal: Mutex::default(),
         failures: Mutex::default(),
     };
-    std::thread::scope(|scope| {
-        for _ in 0..(jobs + 1).min(tasks.len()) {
-            scope.spawn(|| run.work(tasks));
-        }
-    });
+    together((jobs + 1).min(tasks.len()), || run.work());
     if let Some(error) = lock(&run.fatal).take() {
         return Err(error);
     }
@@ -123,11 +132,28 @@ pub fn run(
     })
 }
 
+/// Does the work on this thread and on `count - 1` more, or on as many as the system gives.
+pub fn together(count: usize, work: impl Fn() + Sync) {
+    std::thread::scope(|scope| {
+        for _ in 1..count {
+            // Each of them would only take some of the work from the others.
+            if std::thread::Builder::new().spawn_scoped(scope, &work).is_err() {
+                break;
+            }
+        }
+        work();
+    });
+}
+
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn pool(threads: usize) -> Result<ThreadPool> {
+/// So many threads.
+///
+/// # Errors
+/// `Retry` where the system does not give them.
+pub fn pool(threads: usize) -> Result<ThreadPool> {
     ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
         let message = format!("cannot start {threads} threads: {error}");
         Error::new(Kind::Retry, Problem::new("--threads", message))
@@ -147,10 +173,10 @@ fn jobs(job: &Job, options: &Options) -> usize {
 }
 
 impl Run<'_> {
-    fn work(&self, tasks: &[Task]) {
+    fn work(&self) {
         loop {
             let number = self.next.fetch_add(1, Relaxed);
-            let Some(task) = tasks.get(number) else {
+            let Some(task) = self.tasks.get(number) else {
                 return;
             };
             let input = self.job.inputs[task.input].path.display().to_string();
@@ -197,6 +223,16 @@ impl Run<'_> {
             prediction.check(limit)?;
         }
         Ok(prediction)
+    }
+
+    /// Refuses what was read for an input and is an output of this run: a mesh that came through a pipe has
+    /// named its texture only now.
+    pub fn is_no_output(&self, read: &Read) -> Result<()> {
+        let new: Files = read.paths().filter(|path| !self.inputs.has(path)).collect();
+        match new.is_empty() {
+            true => Ok(()),
+            false => outputs::refuse(self.job, self.tasks, self.journal.path(), &new),
+        }
     }
 
     /// Whether nothing new is to begin.

@@ -4,7 +4,16 @@ use std::{ffi::OsStr, path::PathBuf};
 
 use crate::output::finished::{self, Finished};
 
-use super::fingerprint::difference;
+use super::{fingerprint::difference, sums::Sums};
+
+/// Which frames that are there may stay.
+#[derive(Debug, Clone, Copy)]
+pub enum Resume<'a> {
+    /// None.
+    Nothing,
+    /// Those of the same fingerprint, and with the same bytes if these are known.
+    Keep(Option<&'a Sums>),
+}
 
 /// What to do with a frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -17,8 +26,9 @@ pub enum Verdict {
     Again(String),
 }
 
-/// Looks at the files of a frame, which are those of [`Files::names`](crate::picture::Files::names).
-pub fn look(files: &[PathBuf], fingerprint: &str) -> Verdict {
+/// Looks at the files of a frame, which are those of [`Files::names`](crate::picture::Files::names). With `sums`
+/// all of their bytes are read.
+pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&Sums>) -> Verdict {
     let found = files.iter().map(|path| match path.extension().and_then(OsStr::to_str) {
         Some("exr") => (path, finished::exr(path)),
         Some("png") => (path, finished::png(path)),
@@ -42,5 +52,6 @@ pub fn look(files: &[PathBuf], fingerprint: &str) -> Verdict {
             Finished::Missing => format!("{name} is missing"),
         });
     }
-    Verdict::Keep
+    let doubt = sums.and_then(|sums| files.iter().find_map(|path| sums.doubt(path)));
+    doubt.map_or(Verdict::Keep, Verdict::Again)
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::{
     accel::EmbreeMode,
@@ -10,11 +11,11 @@ use crate::{
     film::Window,
     layers::Plan,
     memory::{self, Prediction},
-    mesh::{self, Mesh},
+    mesh::Mesh,
     monitor::Monitor,
-    paths,
     picture::{self, Files},
-    scene::{self, Loaded, Scene, ShapeKind, Source},
+    reserve::Room,
+    scene::{self, Loaded, Scene, Source},
     studio::{self, Shown, Subject},
     world::{self, Contents},
 };
@@ -23,8 +24,11 @@ use super::{
     fingerprint::{Settings, fingerprint},
     job::{Input, Job},
     plan::{self, Task},
-    resume::{self, Verdict},
+    resume::{self, Resume, Verdict},
 };
+
+/// Frames whose files are looked at together.
+const TOGETHER: usize = 256;
 
 /// An input that is read and framed.
 #[derive(Debug)]
@@ -65,6 +69,19 @@ pub struct Frame {
 /// # Errors
 /// Those of its scene and headers.
 pub fn predict(job: &Job, input: &Input, embree: EmbreeMode) -> Result<(Scene, Prediction)> {
+    let scene = unframed(job, input)?;
+    picture::suits(&scene, embree, job.storage)?;
+    let window = Window::full(scene.camera.width, scene.camera.height);
+    let deeper = memory::deeper_png_bytes(window, job.storage.depth);
+    let prediction = memory::predict(&scene, window)?.beside_film(deeper);
+    Ok((scene, prediction))
+}
+
+/// The scene of an input, a mesh where it happens to stand.
+///
+/// # Errors
+/// Those of the scene.
+pub fn unframed(job: &Job, input: &Input) -> Result<Scene> {
     let loaded = match studio::is_mesh(&input.path) {
         true => studio::unframed(&input.path, &job.template, &input.overrides)?,
         false => {
@@ -72,19 +89,14 @@ pub fn predict(job: &Job, input: &Input, embree: EmbreeMode) -> Result<(Scene, P
             studio::load(source, input.overrides.clone(), job.light_samples, &mut Vec::new())?
         }
     };
-    picture::suits(&loaded.scene, embree, job.storage)?;
-    let camera = &loaded.scene.camera;
-    let window = Window::full(camera.width, camera.height);
-    let deeper = memory::deeper_png_bytes(window, job.storage.depth);
-    let prediction = memory::predict(&loaded.scene, window)?.beside_film(deeper);
-    Ok((loaded.scene, prediction))
+    Ok(loaded.scene)
 }
 
-/// Reads an input: a scene file, or a mesh that is read and framed in the template.
+/// Reads an input: a scene file, or a mesh that is read, into arrays of at most `room`, and framed in the template.
 ///
 /// # Errors
 /// Everything that is wrong with it.
-pub fn read(job: &Job, input: &Input, monitor: &Monitor) -> Result<Ready> {
+pub fn read(job: &Job, input: &Input, room: Option<Room>, monitor: &Monitor) -> Result<Ready> {
     let path = &input.path;
     let (overrides, samples) = (input.overrides.clone(), job.light_samples);
     if studio::is_mesh(path) {
@@ -95,6 +107,7 @@ pub fn read(job: &Job, input: &Input, monitor: &Monitor) -> Result<Ready> {
             turning: job.frames() > 1,
             repair: job.repair,
             no_mmap: job.no_mmap,
+            room,
             ..Subject::new(path)
         };
         let Shown { loaded, warnings, mesh, middle } =
@@ -122,49 +135,50 @@ pub fn read(job: &Job, input: &Input, monitor: &Monitor) -> Result<Ready> {
 
 impl Ready {
     /// The frames of a task that have to be rendered, and the numbers of those that may stay as they
-    /// are: none unless `resume`.
+    /// are. `contents` are read once for all frames. Files are looked at on the threads of the current rayon
+    /// pool.
     ///
     /// # Errors
-    /// Files that cannot be read; a frame that would be written over one of them.
+    /// Files that cannot be read.
     pub fn frames(
         &self,
         job: &Job,
         task: &Task,
-        resume: bool,
+        resume: Resume,
         settings: &Settings,
+        contents: &mut Contents,
     ) -> Result<(Vec<Frame>, Vec<u32>)> {
-        // Read once for all frames.
-        let mut contents = Contents::default();
         let plan = Plan::new(&self.loaded.scene);
-        let inputs: Vec<PathBuf> = self.files().iter().map(|path| paths::identity(path)).collect();
         let (mut frames, mut kept) = (Vec::new(), Vec::new());
-        for number in task.frames.clone() {
-            let loaded = self.frame(job, number)?;
-            let prefix = job.prefix(task.input, number);
-            let hash = world::fingerprint(&loaded, settings.repair, &mut contents)?;
-            let fingerprint = hash.as_ref().map(|hash| fingerprint(&loaded, settings, hash));
-            let files = Files::names(&prefix, &plan, job.storage);
-            for output in &files {
-                if inputs.contains(&paths::identity(output)) {
-                    let message = "would be written over what the batch reads";
-                    return Err(Error::invalid(output.display().to_string(), message)
-                        .help("choose another folder: -o DIR"));
+        let numbers: Vec<u32> = task.frames.clone().collect();
+        for some in numbers.chunks(TOGETHER) {
+            let some: Vec<Frame> = some
+                .iter()
+                .map(|&number| {
+                    let loaded = self.frame(job, number)?;
+                    let prefix = job.prefix(task.input, number);
+                    let hash = world::fingerprint(&loaded, settings.repair, contents)?;
+                    let fingerprint =
+                        hash.as_ref().map(|hash| fingerprint(&loaded, settings, hash));
+                    let index = plan::index(job.frames(), task.input, number);
+                    Ok(Frame { index, number, loaded, prefix, hash, fingerprint, again: None })
+                })
+                .collect::<Result<_>>()?;
+            let look = |frame: &Frame| match (&frame.fingerprint, resume) {
+                (Some(fingerprint), Resume::Keep(sums)) => {
+                    let files = Files::names(&frame.prefix, &plan, job.storage);
+                    resume::look(&files, fingerprint, sums)
                 }
-            }
-            let verdict = match &fingerprint {
-                Some(fingerprint) if resume => resume::look(&files, fingerprint),
                 _ => Verdict::Render,
             };
-            let again = match verdict {
-                Verdict::Keep => {
-                    kept.push(number);
-                    continue;
+            let verdicts: Vec<Verdict> = some.par_iter().map(look).collect();
+            for (frame, verdict) in some.into_iter().zip(verdicts) {
+                match verdict {
+                    Verdict::Keep => kept.push(frame.number),
+                    Verdict::Render => frames.push(frame),
+                    Verdict::Again(reason) => frames.push(Frame { again: Some(reason), ..frame }),
                 }
-                Verdict::Render => None,
-                Verdict::Again(reason) => Some(reason),
-            };
-            let index = plan::index(job.frames(), task.input, number);
-            frames.push(Frame { index, number, loaded, prefix, hash, fingerprint, again });
+            }
         }
         Ok((frames, kept))
     }
@@ -175,24 +189,5 @@ impl Ready {
         };
         let turned = turntable.frame(&self.loaded.description, self.pivot, number);
         scene::from_description("frame", &turned, &self.folder, &[])
-    }
-
-    /// Everything that is read for the picture: what the scene names, and the textures that its meshes
-    /// name.
-    fn files(&self) -> Vec<PathBuf> {
-        let scene = &self.loaded.scene;
-        let meshes = scene.shapes.iter().filter_map(|shape| match &shape.kind {
-            ShapeKind::Trimesh(spec) => Some(spec.path.clone()),
-            _ => None,
-        });
-        let mut files: Vec<PathBuf> = meshes.collect();
-        for mesh in files.clone() {
-            let folder = mesh.parent().unwrap_or(Path::new(""));
-            let named = mesh::inspect_ply(&mesh).map(|summary| summary.texture_files);
-            files.extend(named.unwrap_or_default().iter().map(|name| folder.join(name)));
-        }
-        let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref());
-        files.extend(textures.map(|texture| texture.path.clone()));
-        files
     }
 }

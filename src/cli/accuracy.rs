@@ -4,6 +4,7 @@ use std::{path::PathBuf, sync::Arc};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
+    files,
     measure::accuracy::{self, Case, Column, Report, Settings},
     monitor::Monitor,
     output::atomic::TextFile,
@@ -11,8 +12,7 @@ use crate::{
 };
 
 use super::{
-    accuracy_markdown, accuracy_page, accuracy_table, args::AccuracyArgs, bench, machine, paths,
-    signals,
+    accuracy_markdown, accuracy_page, accuracy_table, args::AccuracyArgs, bench, machine, signals,
 };
 
 /// Times the rays of `--quick` that `--full` traces.
@@ -100,16 +100,9 @@ fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
 
 /// Refuses outputs that would replace each other.
 fn not_twice(args: &AccuracyArgs) -> Result<()> {
-    let mut taken: Vec<PathBuf> = Vec::new();
-    for path in [&args.json, &args.html, &args.markdown].into_iter().flatten() {
-        let identity = paths::identity(path);
-        if taken.contains(&identity) && !identity.starts_with("/dev") {
-            return Err(Error::invalid(path.display().to_string(), "would be written twice")
-                .help("choose another name: --json FILE, --html FILE, --markdown FILE"));
-        }
-        taken.push(identity);
-    }
-    Ok(())
+    let outputs = [&args.json, &args.html, &args.markdown].into_iter().flatten();
+    let help = "choose another name: --json FILE, --html FILE, --markdown FILE";
+    files::not_over([""; 0], outputs, help)
 }
 
 /// What is written, made sure of before the long work.

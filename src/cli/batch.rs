@@ -36,6 +36,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     }
     let options = options(args, &limits)?;
     if args.run.sheet_only {
+        machine::pool(Some(options.threads as u16))?.install(|| batch::refuse_sheet(&job))?;
         super::print_paths(&sheet::write(&job, options.threads)?)?;
         return complete(&job);
     }
@@ -71,9 +72,10 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     let outcome = outcome?;
     if !args.quiet {
         super::note(&format!(
-            "{} frames rendered, {} kept, {} failures, {}",
+            "{} frames rendered, {} kept{}, {} failures, {}",
             units::count(outcome.rendered),
             units::count(outcome.kept),
+            if args.run.no_verify { " without reading them" } else { "" },
             outcome.failures.len(),
             units::duration(seconds)
         ));
@@ -144,6 +146,7 @@ fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<Options> {
         embree: args.machine.embree(),
         max_memory: args.machine.max_memory.or(written),
         resume: args.run.resume,
+        verify: !args.run.no_verify,
         fail_fast: args.run.fail_fast,
         range: args.frames.range.clone(),
     })
@@ -157,13 +160,14 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         let message = "found with `batch`, expected with `render`";
         return Err(Error::invalid(flag, message));
     }
-    let (mut file, base) = match args.inputs.as_slice() {
+    let (mut file, own) = match args.inputs.as_slice() {
         [one] => match job_file(one)? {
-            Some(file) => (file, one.parent().unwrap_or(Path::new("")).to_owned()),
-            None => (inputs(&args.inputs)?, PathBuf::new()),
+            Some(file) => (file, Some(one.clone())),
+            None => (inputs(&args.inputs)?, None),
         },
-        several => (inputs(several)?, PathBuf::new()),
+        several => (inputs(several)?, None),
     };
+    let base = own.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_owned();
     // What the file names is relative to it.
     if let Some(folder) = &mut file.output.folder {
         folder.0 = paths::named(&base.join(&folder.0))?;
@@ -175,6 +179,7 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         light_samples: args.scene.light_samples,
         repair: args.mesh.repair,
         no_mmap: args.mesh.no_mmap,
+        file: own,
     };
     Ok((Job::check(file, &base, flags)?, limits))
 }

@@ -144,9 +144,13 @@ pub struct BatchMeshArgs {
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Run")]
 pub struct RunArgs {
-    /// Keep frames that are whole and made of the same scene, files, settings and version
+    /// Keep frames that are as they were written, from the same scene, files, settings and version
     #[arg(long, visible_alias = "skip-existing")]
     pub resume: bool,
+
+    /// With --resume: keep frames without reading all of their bytes
+    #[arg(long, requires = "resume")]
+    pub no_verify: bool,
 
     /// Begin nothing new after the first failure
     #[arg(long)]

@@ -11,6 +11,7 @@ use clap::ValueEnum;
 use crate::accel::EmbreeMode;
 use crate::{
     error::{Error, Failures, Kind, Problem, Result, printable},
+    files,
     measure::{
         ab::Plan,
         bench::{Contestant, Settings, measure},
@@ -29,7 +30,7 @@ use super::{
     args::{BenchArgs, IsaName, RenderArgs, SceneArgs},
     bench_page, bench_table,
     job::{self, Job},
-    machine, memory, paths, signals, stats, version,
+    machine, memory, signals, stats, version,
 };
 
 /// What a mesh alone is measured in.
@@ -44,7 +45,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let then = args.baseline.as_deref().map(read_baseline).transpose()?;
     let command = std::env::args_os().skip(1).map(|part| part.to_string_lossy().into_owned());
     let run = Run { unix_seconds: unix_seconds(), command: command.collect() };
-    not_over_inputs(args)?;
+    not_over(&args.inputs, args)?;
     look_at_all(&args.inputs)?;
     let monitor = Arc::new(Monitor::default());
     signals::watch(&monitor)?;
@@ -107,7 +108,9 @@ fn measure_scene(
         scene: SceneArgs { size, ..SceneArgs::default() },
         ..RenderArgs::default()
     };
-    let Job { loaded, warnings, ready, .. } = job::load_in(&render, SCENE)?;
+    let job = job::load_in(&render, SCENE)?;
+    not_over(&job.inputs(input), args)?;
+    let Job { loaded, warnings, ready, .. } = job;
     let options = LoadOptions { ready, ..LoadOptions::default() };
     let (world, more) = World::load(&loaded.scene, options, monitor)?;
     for warning in warnings.iter().chain(&more) {
@@ -242,19 +245,10 @@ fn read_baseline(path: &Path) -> Result<Report> {
 }
 
 /// Refuses outputs that would replace inputs or each other.
-fn not_over_inputs(args: &BenchArgs) -> Result<()> {
-    let inputs = args.inputs.iter().chain(&args.baseline);
-    let mut taken: Vec<PathBuf> = inputs.map(|path| paths::identity(path)).collect();
-    for path in [&args.json, &args.html, &args.save_baseline].into_iter().flatten() {
-        let identity = paths::identity(path);
-        if taken.contains(&identity) && !identity.starts_with("/dev") {
-            let message = "would be written over what is measured or compared with, or twice";
-            return Err(Error::invalid(path.display().to_string(), message)
-                .help("choose another name: --json FILE, --html FILE, --save-baseline FILE"));
-        }
-        taken.push(identity);
-    }
-    Ok(())
+fn not_over(inputs: &[PathBuf], args: &BenchArgs) -> Result<()> {
+    let outputs = [&args.json, &args.html, &args.save_baseline].into_iter().flatten();
+    let help = "choose another name: --json FILE, --html FILE, --save-baseline FILE";
+    files::not_over(inputs.iter().chain(&args.baseline), outputs, help)
 }
 
 /// What is written, made sure of before the long work.

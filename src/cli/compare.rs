@@ -4,6 +4,7 @@ use std::{io::Write, path::PathBuf};
 
 use crate::{
     error::{Error, Failures, Kind, Problem, Result},
+    files,
     measure::{
         compare::{self, Compared, Comparison, Settings, file::Picture},
         metrics::Metric,
@@ -14,7 +15,7 @@ use crate::{
 
 use super::{
     args::{CompareArgs, ToneName},
-    compare_page, compare_text as text, machine, paths,
+    compare_page, compare_text as text, machine,
 };
 
 /// Compares two files.
@@ -160,18 +161,9 @@ fn not_over_inputs(args: &CompareArgs) -> Result<()> {
         let message = format!("found {}, expected a name that ends in .png", path.display());
         return Err(Error::invalid("--out", message));
     }
-    let inputs = [&args.test, &args.reference];
-    let mut taken: Vec<PathBuf> = inputs.iter().map(|path| paths::identity(path)).collect();
-    for path in [&args.out, &args.html].into_iter().flatten() {
-        let identity = paths::identity(path);
-        if taken.contains(&identity) && !identity.starts_with("/dev") {
-            let message = "would be written over what is compared, or twice";
-            return Err(Error::invalid(path.display().to_string(), message)
-                .help("choose another name: --out FILE.png, --html FILE"));
-        }
-        taken.push(identity);
-    }
-    Ok(())
+    let outputs = [&args.out, &args.html].into_iter().flatten();
+    let help = "choose another name: --out FILE.png, --html FILE";
+    files::not_over([&args.test, &args.reference], outputs, help)
 }
 
 /// What is written, made sure of before the work.

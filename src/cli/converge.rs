@@ -8,6 +8,7 @@ use std::{
 
 use crate::{
     error::{Error, Result},
+    files,
     measure::{
         bench::Contestant,
         compare::{
@@ -27,7 +28,7 @@ use super::{
     args::{ConvergeArgs, RenderArgs, SamplerName, SceneArgs},
     bench, converge_page, converge_text as text,
     job::{self, Job},
-    machine, paths, signals,
+    machine, signals,
 };
 
 /// Points on area lights where the user names none.
@@ -38,14 +39,15 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let started = Instant::now();
     let mut limits = limits(args)?;
     let isa = machine::isa(args.isa)?;
-    not_over_inputs(args)?;
     let monitor = Arc::new(Monitor::default());
     let render = RenderArgs {
         input: args.input.clone(),
         scene: SceneArgs { size: args.size, set: args.set.clone(), ..SceneArgs::default() },
         ..RenderArgs::default()
     };
-    let Job { loaded, warnings, ready, .. } = job::load(&render)?;
+    let job = job::load(&render)?;
+    not_over_inputs(args, &job)?;
+    let Job { loaded, warnings, ready, .. } = job;
     let contestants = contestants(args, &loaded.scene, isa)?;
     let grid = grid(args, &loaded.scene, contestants.len())?;
     let given = args.reference.as_deref().map(|path| given(path, &loaded.scene)).transpose()?;
@@ -187,20 +189,11 @@ fn given(path: &Path, scene: &Scene) -> Result<Layer> {
 }
 
 /// Refuses outputs that would replace inputs or each other.
-fn not_over_inputs(args: &ConvergeArgs) -> Result<()> {
-    let inputs = [Some(&args.input), args.reference.as_ref()];
-    let mut taken: Vec<PathBuf> =
-        inputs.into_iter().flatten().map(|path| paths::identity(path)).collect();
-    for path in [&args.json, &args.csv, &args.html].into_iter().flatten() {
-        let identity = paths::identity(path);
-        if taken.contains(&identity) && !identity.starts_with("/dev") {
-            let message = "would be written over what is read, or twice";
-            return Err(Error::invalid(path.display().to_string(), message)
-                .help("choose another name: --json FILE, --csv FILE, --html FILE"));
-        }
-        taken.push(identity);
-    }
-    Ok(())
+fn not_over_inputs(args: &ConvergeArgs, job: &Job) -> Result<()> {
+    let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
+    let outputs = [&args.json, &args.csv, &args.html].into_iter().flatten();
+    let help = "choose another name: --json FILE, --csv FILE, --html FILE";
+    files::not_over(inputs, outputs, help)
 }
 
 /// What is written, made sure of before the long work.

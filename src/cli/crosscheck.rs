@@ -1,9 +1,6 @@
 //! `lightpath crosscheck`: every backend's answers, judged ray by ray by the oracle.
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::{path::Path, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -14,6 +11,7 @@ use crate::{
         lane::Ray,
     },
     error::{Error, Kind, Problem, Result, printable},
+    files,
     measure::cross_check::{
         Answer, Check, Contender, Finding, Tree, Verdict, answers, check_rays, compare_pictures,
         judge,
@@ -32,7 +30,7 @@ use super::{
     },
     crosscheck_text as text, job, machine,
     progress::Progress,
-    render, render_progress, signals,
+    render_progress, signals,
 };
 
 /// Largest file that `--replay` reads.
@@ -165,8 +163,7 @@ fn check(
 ) -> Result<()> {
     let flags = as_render(args, input);
     let mut job = job::load(&flags)?;
-    let saves: Vec<PathBuf> = args.save.iter().cloned().collect();
-    render::not_over_inputs(&flags, &job, &saves, "choose another name: --save FILE.json")?;
+    files::not_over(job.inputs(input), &args.save, "choose another name: --save FILE.json")?;
     signals::watch(monitor)?;
     let progress = Progress::start(ProgressMode::Auto, render_progress::meter(monitor));
     let save = args.save.as_ref().map(|path| TextFile::create(path)).transpose()?;

@@ -20,7 +20,7 @@ use crate::{
     monitor::Monitor,
     output::{exr::text::decode, exr_check::exr_error},
     scene::Overrides,
-    studio::{self, Points, Template},
+    studio::{self, Points, Subject, Template},
     world::{Bounds, Resolution, ulp},
 };
 
@@ -121,7 +121,9 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     if summary.array_bytes > LARGE && !args.json {
         super::print(&report.begin(path))?;
     }
-    let mesh = studio::read(path, false, args.no_mmap, &Monitor::default())?;
+    let room = memory::machine();
+    let subject = Subject { no_mmap: args.no_mmap, room, ..Subject::new(path) };
+    let mesh = studio::read(&subject, &Monitor::default())?;
     let triangles = mesh.triangles.len() as u64;
     report.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
     notes(&mesh.notes, report);

@@ -11,7 +11,8 @@ use crate::{
     paths::seen_from,
     picture,
     scene::{Description, Loaded, MAX_PIXELS, Overrides, Scene, Source, written},
-    studio::{self, Shown, Template},
+    studio::{self, Shown, Subject, Template},
+    world::{own_texture, sources},
 };
 
 use super::{args::RenderArgs, memory, overrides};
@@ -27,6 +28,15 @@ pub struct Job {
     pub warnings: Vec<Problem>,
     /// Meshes that had to be read for the framing.
     pub ready: Vec<(PathBuf, Mesh)>,
+}
+
+impl Job {
+    /// Everything that is read for it, `input` first.
+    pub fn inputs(&self, input: &Path) -> Vec<PathBuf> {
+        let own = self.ready.iter().filter_map(|(path, mesh)| own_texture(path, mesh));
+        let named = sources(&self.loaded.scene).into_iter().chain(own);
+        [input.to_owned()].into_iter().chain(named).collect()
+    }
 }
 
 /// Loads what `render` was asked for.
@@ -75,7 +85,8 @@ fn in_template(args: &RenderArgs, builtin: &str, overrides: Overrides) -> Result
     if let Some(limit) = args.machine.max_memory {
         memory::predict_mesh(&args.input)?.check(limit)?;
     }
-    let subject = args.mesh.subject(&args.input);
+    let room = args.machine.max_memory.map(memory::room).or_else(memory::machine);
+    let subject = Subject { room, ..args.mesh.subject(&args.input) };
     // No monitor yet: a signal ends the program at once.
     let monitor = Monitor::default();
     let samples = args.scene.light_samples;

@@ -30,6 +30,18 @@ pub fn pool(asked: Option<u16>) -> Result<ThreadPool> {
     })
 }
 
+/// Starts the threads that work where no pool is named. Left to itself, the library would panic where the
+/// system does not give them.
+///
+/// # Errors
+/// As [`pool`].
+pub fn default_pool() -> Result<()> {
+    ThreadPoolBuilder::new().build_global().map_err(|error| {
+        let message = format!("cannot start threads: {error}");
+        Error::new(Kind::Retry, Problem::new("", message))
+    })
+}
+
 /// `--isa`, else the best tier.
 ///
 /// # Errors

@@ -6,6 +6,7 @@ use clap::{Args, ValueHint};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
+    files,
     merge::Parts,
     monitor::{Monitor, Phase},
     output::{Outputs, WriteOptions, exr},
@@ -17,7 +18,7 @@ use super::{
     layers::{self, Manifest},
     machine, paths,
     progress::Progress,
-    render, render_progress, signals,
+    render_progress, signals,
 };
 
 /// `lightpath merge`
@@ -69,7 +70,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let outputs = Outputs::names(&prefix).into_iter();
     let outputs = outputs.chain(manifests.iter().map(|m| m.path.clone()));
     let outputs: Vec<PathBuf> = outputs.chain(previews.iter().map(|(_, p)| p.clone())).collect();
-    render::not_over(&args.parts, &outputs, "choose another name: -o PREFIX")?;
+    files::not_over(&args.parts, &outputs, "choose another name: -o PREFIX")?;
     signals::watch(&monitor)?;
     let mut files = Outputs::create(&prefix)?;
     let manifests = manifests.into_iter().map(Manifest::create).collect::<Result<Vec<_>>>()?;

@@ -101,6 +101,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.version {
         return print(&version::text(arguments.verbose));
     }
+    use Command::{Bench, Converge, Info, Submit};
+    if let Some(Info(_) | Bench(_) | Converge(_) | Submit(_)) = &arguments.command {
+        // They read files before, or without, a pool of their own.
+        machine::default_pool()?;
+    }
     match &arguments.command {
         Some(Command::Render(args)) => render::run(args),
         Some(Command::Batch(args)) => batch::run(args),

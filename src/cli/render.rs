@@ -7,6 +7,7 @@ use serde_json::json;
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
     error::{Error, Kind, Problem, Result},
+    files,
     film::{Blank, Film},
     layers::Plan,
     mesh::Mesh,
@@ -17,7 +18,6 @@ use crate::{
     },
     picture::{self, Says, Storage},
     render::{self as renderer, Adaptive, Taken},
-    scene::ShapeKind,
     simd::Isa,
     world::{Contents, LoadOptions, World, fingerprint},
 };
@@ -34,6 +34,9 @@ use super::{
     stats::{self, Memory, Rays, Samples, Seconds, Stats},
     version,
 };
+
+/// Help for an output that is an input.
+const OTHER_NAME: &str = "choose another name: -o PREFIX, --stats FILE, --write-scene FILE";
 
 /// Everything that is written, made sure of before the long work.
 struct Files {
@@ -83,8 +86,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         })
     });
     let budget = budget.transpose()?;
-    let help = "choose another name: -o PREFIX, --stats FILE, --write-scene FILE";
-    not_over_inputs(args, &job, &outputs(args, &job, &plan)?, help)?;
+    let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
+    let outputs = outputs(args, &job, &plan)?;
+    files::not_over(inputs, &outputs, OTHER_NAME)?;
     // Until here a signal ends the program at once: there is nothing to tidy up.
     signals::watch(&monitor)?;
     let files = Files::create(args, &job, &plan)?;
@@ -103,6 +107,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         isa,
         monitor: &monitor,
         progress: Progress::start(mode, render_progress::meter(&monitor)),
+        outputs,
         start,
     };
     let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
@@ -127,43 +132,6 @@ fn outputs(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Vec<PathBuf>> {
     Ok(pictures.chain(previews).chain(others).collect())
 }
 
-/// Refuses outputs that would replace what the scene is made of, or each other.
-pub fn not_over_inputs(
-    args: &RenderArgs,
-    job: &Job,
-    outputs: &[PathBuf],
-    help: &str,
-) -> Result<()> {
-    let scene = &job.loaded.scene;
-    let meshes = scene.shapes.iter().filter_map(|shape| match &shape.kind {
-        ShapeKind::Trimesh(spec) => Some(&spec.path),
-        _ => None,
-    });
-    let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref().map(|t| &t.path));
-    let inputs = [&args.input].into_iter().chain(&args.mesh.template).chain(meshes).chain(textures);
-    let inputs: Vec<&PathBuf> = inputs.collect();
-    not_over(inputs, outputs, help)
-}
-
-/// The same for any inputs.
-pub fn not_over<'a>(
-    inputs: impl IntoIterator<Item = &'a PathBuf>,
-    outputs: &[PathBuf],
-    help: &str,
-) -> Result<()> {
-    let mut taken: Vec<PathBuf> = inputs.into_iter().map(|path| paths::identity(path)).collect();
-    for output in outputs {
-        let path = paths::identity(output);
-        if taken.contains(&path) && !path.starts_with("/dev") {
-            let message = "would be written over what is read, or twice";
-            let error = Error::invalid(output.display().to_string(), message);
-            return Err(error.help(help));
-        }
-        taken.push(path);
-    }
-    Ok(())
-}
-
 /// What the stations share.
 struct Run<'a> {
     args: &'a RenderArgs,
@@ -176,6 +144,7 @@ struct Run<'a> {
     isa: Isa,
     monitor: &'a Monitor,
     progress: Progress,
+    outputs: Vec<PathBuf>,
     start: Instant,
 }
 
@@ -195,16 +164,23 @@ impl Run<'_> {
             repair: self.args.mesh.repair,
             no_mmap: self.args.mesh.no_mmap,
             ready,
+            room: budget.map(Budget::for_meshes).or_else(memory::machine),
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
+        let mut contents = Contents::default();
         let (loaded, hash) = rayon::join(
             || World::load(scene, options, self.monitor),
-            || fingerprint(&self.job.loaded, self.args.mesh.repair, &mut Contents::default()),
+            || fingerprint(&self.job.loaded, self.args.mesh.repair, &mut contents),
         );
         let (world, warnings) = loaded?;
         let mut world = world.with_margin(piece.margin);
         let hash = hash?;
+        if hash.is_some() {
+            world.read.check(&contents)?;
+        }
+        // A mesh that came through a pipe has named its texture only now.
+        files::not_over(world.read.paths(), &self.outputs, OTHER_NAME)?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
 

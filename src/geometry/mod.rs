@@ -164,6 +164,11 @@ impl Geometry {
         (geom as u32, primitive - self.bases[geom])
     }
 
+    /// Primitives of all geometries.
+    pub fn count(&self) -> u64 {
+        self.bases.last().copied().unwrap_or(0).into()
+    }
+
     /// First primitive number of each geometry, and the total number of primitives.
     pub fn bases(&self) -> &[u32] {
         &self.bases

@@ -6,6 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::files::Stamp;
 
 /// Vertex positions in the precision of the file.
 #[derive(Debug, Clone)]
@@ -125,6 +126,25 @@ impl Mesh {
         })
     }
 
+    /// Bytes of all arrays.
+    pub fn bytes(&self) -> u64 {
+        let positions = match &self.positions {
+            Positions::F32(all) => size_of_val(&all[..]),
+            Positions::F64(all) => size_of_val(&all[..]),
+        };
+        let uvs = self.uvs.as_ref().map_or(0, |uvs| match uvs {
+            Uvs::PerVertex(all) => size_of_val(&all[..]),
+            Uvs::PerCorner(all) => size_of_val(&all[..]),
+        });
+        let colors = self.colors.as_ref().map_or(0, |colors| match colors {
+            Colors::U8(all) => size_of_val(&all[..]),
+            Colors::U16(all) => size_of_val(&all[..]),
+            Colors::F32(all) => size_of_val(&all[..]),
+        });
+        let normals = self.normals.as_ref().map_or(0, |all| size_of_val(&all[..]));
+        (positions + size_of_val(&self.triangles[..]) + normals + uvs + colors) as u64
+    }
+
     /// Which vertices triangles use.
     pub fn used_vertices(&self) -> Vec<bool> {
         let count = self.positions.len();
@@ -161,6 +181,8 @@ pub struct Notes {
     pub textures: u64,
     /// Bytes after the last row: the header may declare too few.
     pub trailing_bytes: u64,
+    /// The file as it was when it was opened; none for a pipe.
+    pub stamp: Option<Stamp>,
     /// `element.property` names that were used, in file order.
     pub used: Vec<String>,
     /// `element.property` names that were read over.

@@ -24,11 +24,44 @@ use crate::{
 /// Ending of files that are not complete.
 const SUFFIX: &str = ".part";
 
+/// The part files of this process.
+static LIVE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Removes the part files of this process, which is about to end without cleaning up. Takes no memory and
+/// does not wait: where another thread opens or closes a part file at this moment, they stay.
+pub fn remove_parts() {
+    let live = LIVE.try_lock();
+    live.iter().flat_map(|live| live.iter()).for_each(|path| {
+        let _ = std::fs::remove_file(path);
+    });
+}
+
 /// A file that gets its name when it is complete.
 #[derive(Debug)]
 pub struct Part {
     target: PathBuf,
     file: NamedTempFile,
+    live: Live,
+}
+
+/// A path in [`LIVE`].
+#[derive(Debug)]
+struct Live(PathBuf);
+
+impl Live {
+    fn new(path: &Path) -> Self {
+        LIVE.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_owned());
+        Self(path.to_owned())
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        let mut live = LIVE.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(at) = live.iter().position(|path| *path == self.0) {
+            live.swap_remove(at);
+        }
+    }
 }
 
 impl Part {
@@ -66,7 +99,8 @@ impl Part {
                 .make_in(folder_of(target), create)
                 .map_err(|error| folder_error(target, &error))?;
             if lock::claim(file.as_file()) {
-                return Ok(Self { target: target.to_owned(), file });
+                let live = Live::new(file.path());
+                return Ok(Self { target: target.to_owned(), file, live });
             }
         }
         let message = "its part file is removed again and again";
@@ -107,10 +141,11 @@ impl Part {
     /// # Errors
     /// Where the rename fails; the part file is gone then.
     pub fn commit(self) -> Result<PathBuf> {
-        let Self { target, file } = self;
+        let Self { target, file, live } = self;
         file.persist(&target).map_err(|error| {
             Error::io(&target, "rename the finished file to this name", &error.error)
         })?;
+        drop(live);
         // The rename itself reaches the disk with the folder. Not every file system can do that,
         // and the file is complete either way.
         if let Ok(folder) = File::open(folder_of(&target)) {

@@ -21,6 +21,7 @@ use rayon::prelude::*;
 
 use crate::{
     error::{Error, Result},
+    files::{Stamp, changed},
     film::{Channel, ChannelKind, Window},
 };
 
@@ -34,6 +35,7 @@ const MOST_RATIO: usize = 1100;
 #[derive(Debug)]
 pub struct Reader {
     path: PathBuf,
+    stamp: Option<Stamp>,
     /// Width and height of the display window.
     pub frame: [u32; 2],
     /// The data window.
@@ -77,7 +79,8 @@ impl Reader {
     pub fn open(path: &Path) -> Result<Self> {
         let failed = |error| exr_error(path, error);
         let opened = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
-        let length = opened.metadata().map_err(|error| Error::io(path, "read", &error))?.len();
+        let data = opened.metadata().map_err(|error| Error::io(path, "read", &error))?;
+        let (length, stamp) = (data.len(), Stamp::of(&data));
         let blocks = Blocks::read_from_buffered(BufReader::new(opened), true).map_err(failed)?;
         let [header] = blocks.headers() else {
             let help = "a render with --part or --tile keeps --multipart for the merged file";
@@ -151,7 +154,7 @@ impl Reader {
         };
         let software = own.software_name.as_ref().map(ToString::to_string).unwrap_or_default();
         let path = path.to_owned();
-        Ok(Self { path, frame, window, channels, attributes, software, view, sequence })
+        Ok(Self { path, stamp, frame, window, channels, attributes, software, view, sequence })
     }
 
     /// The value of a text attribute.
@@ -168,7 +171,12 @@ impl Reader {
         let failed = |error| exr_error(&self.path, error);
         let window = self.window;
         let (y0, y1) = (rows.start.max(window.y0), rows.end.min(window.y1));
-        let file = File::open(&self.path).map_err(|error| Error::io(&self.path, "read", &error))?;
+        let read = |error: std::io::Error| Error::io(&self.path, "read", &error);
+        let file = File::open(&self.path).map_err(read)?;
+        // The header belongs to these bytes.
+        if Stamp::of(&file.metadata().map_err(read)?) != self.stamp {
+            return Err(changed(&self.path));
+        }
         let blocks = Blocks::read_from_buffered(BufReader::new(file), true).map_err(failed)?;
         let (first, end) = ((y0 - window.y0) as usize, (y1 - window.y0) as usize);
         let chunks = blocks

@@ -5,6 +5,7 @@
 //! of any format, none for float images, unless the scene says otherwise. Integers are divided by
 //! the largest of their type, those of Netpbm files by what their header calls white. Embedded colour
 //! profiles, gamma chunks and EXIF orientations are not applied; alpha is dropped.
+//! An OpenEXR is the picture of its display window; only the pixels that it has take memory.
 //! Refuses what is larger than a given number of bytes (known from the header, before pixels are
 //! decoded), what ends too early, and float images with texels that are not finite. Negative
 //! texels are kept and counted.
@@ -12,6 +13,7 @@
 use std::{
     fs::File,
     io::{BufReader, ErrorKind},
+    ops::Range,
     path::Path,
 };
 
@@ -21,9 +23,12 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Li
 use super::pnm;
 use crate::{
     error::{Error, Kind, Problem, Result},
-    output::exr_check,
+    files::Stamp,
+    reserve,
     scene::{ColorSpace, Filter, Wrap},
 };
+
+use super::exr::Layout;
 
 /// What [`Texture::load`] lets one texture take while it is decoded: 4 GiB.
 pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
@@ -38,6 +43,7 @@ pub struct Texture {
     texels: Texels,
     had_alpha: bool,
     negative: Option<Negative>,
+    stamp: Option<Stamp>,
 }
 
 /// Texels with a negative value, which no surface reflects.
@@ -59,7 +65,18 @@ pub struct TextureSize {
 }
 
 impl TextureSize {
-    fn of(decoder: &impl ImageDecoder) -> Self {
+    fn of(source: &Source) -> Self {
+        match source {
+            // Straight into the texture.
+            Source::Exr(layout, _) => {
+                let stored = layout.pixels().saturating_mul(12);
+                Self { stored, decoding: stored }
+            }
+            Source::Image(_, decoder, _) => Self::of_image(decoder),
+        }
+    }
+
+    fn of_image(decoder: &impl ImageDecoder) -> Self {
         let (width, height) = decoder.dimensions();
         let color = decoder.color_type();
         let file = u64::from(color.bytes_per_pixel());
@@ -84,6 +101,28 @@ enum Texels {
     Bytes(Vec<u8>, Box<[f32; 256]>),
     /// Linear RGB.
     Floats(Vec<f32>),
+    /// Linear RGB of a part of the image; the rest is black.
+    Part(Box<Part>),
+}
+
+/// The texels that a file has of its image.
+#[derive(Debug, Clone)]
+struct Part {
+    texels: Vec<f32>,
+    columns: Range<u32>,
+    rows: Range<u32>,
+}
+
+impl Part {
+    fn texel(&self, x: usize, y: usize) -> Vec3 {
+        let at = (x as u32, y as u32);
+        if !self.columns.contains(&at.0) || !self.rows.contains(&at.1) {
+            return Vec3::ZERO;
+        }
+        let (x, y) = (at.0 - self.columns.start, at.1 - self.rows.start);
+        let at = 3 * (y as usize * self.columns.len() + x as usize);
+        Vec3::from_slice(&self.texels[at..at + 3])
+    }
 }
 
 impl Texture {
@@ -99,7 +138,7 @@ impl Texture {
     /// # Errors
     /// What [`Texture::load`] would say of the header.
     pub fn size(path: &Path) -> Result<TextureSize> {
-        Ok(TextureSize::of(&decoder(path, u64::MAX)?.decoder))
+        Ok(TextureSize::of(&source(path, u64::MAX)?.source))
     }
 
     /// Reads an image file that needs at most `max_bytes` while it is decoded.
@@ -108,37 +147,41 @@ impl Texture {
         color_space: Option<ColorSpace>,
         max_bytes: u64,
     ) -> Result<Self> {
-        let Opened { format, decoder, white } = decoder(path, max_bytes)?;
-        let had_alpha = decoder.color_type().has_alpha();
-        check_size(path, &decoder, max_bytes)?;
-        if format == ImageFormat::Jpeg {
-            check_jpeg_end(path)?;
-        }
-        let image = DynamicImage::from_decoder(decoder).map_err(|e| explain(path, e))?;
-        let (width, height) = (image.width(), image.height());
-        let place = |texel: u64| {
-            let width = u64::from(width);
-            [(texel % width) as u32, (texel / width) as u32]
+        let Opened { source, stamp } = source(path, max_bytes)?;
+        let (width, height) = source.dimensions();
+        let needed = check_size(path, &source, max_bytes)?;
+        let (had_alpha, texels) = match source {
+            Source::Exr(layout, mut file) => {
+                let texels = layout.read(&mut file, path)?;
+                (layout.has_alpha, exr_texels(layout, texels, color_space))
+            }
+            Source::Image(format, decoder, white) => {
+                let had_alpha = decoder.color_type().has_alpha();
+                if format == ImageFormat::Jpeg {
+                    check_jpeg_end(path)?;
+                }
+                // The library's allocations cannot fail one by one.
+                reserve::probe(needed, &name(path))?;
+                let image = DynamicImage::from_decoder(decoder).map_err(|e| explain(path, e))?;
+                let texels = decode(image, color_space, white).map_err(|texel| {
+                    let (x, y) = (texel % u64::from(width), texel / u64::from(width));
+                    let white = white.unwrap_or_default();
+                    let message = format!(
+                        "texel ({x}, {y}) is more than {white}, the largest that the header allows"
+                    );
+                    Error::invalid(name(path), message)
+                })?;
+                (had_alpha, texels)
+            }
         };
-        let texels = decode(image, color_space, white).map_err(|texel| {
-            let ([x, y], white) = (place(texel), white.unwrap_or_default());
-            Error::invalid(
-                name(path),
-                format!(
-                    "texel ({x}, {y}) is more than {white}, the largest that the header allows"
-                ),
-            )
-        })?;
-        if let Some(texel) = texels.first_non_finite() {
-            let [x, y] = place(texel);
+        if let Some([x, y]) = texels.first_non_finite(width) {
             return Err(Error::invalid(
                 name(path),
                 format!("texel ({x}, {y}) is NaN or infinite; every value must be finite"),
             ));
         }
-        let negative =
-            texels.negative().map(|(texels, first)| Negative { texels, first: place(first) });
-        Ok(Self { width, height, texels, had_alpha, negative })
+        let negative = texels.negative(width);
+        Ok(Self { width, height, texels, had_alpha, negative, stamp })
     }
 
     /// Width in texels, >= 1.
@@ -161,11 +204,17 @@ impl Texture {
         self.negative
     }
 
+    /// The file as it was when it was opened.
+    pub fn stamp(&self) -> Option<Stamp> {
+        self.stamp
+    }
+
     /// Bytes of memory that the texels take.
     pub fn bytes(&self) -> u64 {
         let bytes = match &self.texels {
             Texels::Bytes(bytes, table) => bytes.len() + size_of_val(&**table),
             Texels::Floats(floats) => size_of_val(&**floats),
+            Texels::Part(part) => size_of_val(&part.texels[..]),
         };
         bytes as u64
     }
@@ -206,30 +255,46 @@ impl Texture {
                 Vec3::new(table[rgb[0] as usize], table[rgb[1] as usize], table[rgb[2] as usize])
             }
             Texels::Floats(floats) => Vec3::from_slice(&floats[at..at + 3]),
+            Texels::Part(part) => part.texel(x, y),
         }
     }
 }
 
 impl Texels {
-    /// The texel (row by row) of the first value that is NaN or infinite.
-    fn first_non_finite(&self) -> Option<u64> {
+    /// The values that may be anything, with their first column and row and how many columns they have, in an image of
+    /// `width`.
+    fn floats(&self, width: u32) -> Option<(&[f32], [u32; 2], u32)> {
         match self {
             Texels::Bytes(..) => None,
-            Texels::Floats(floats) => {
-                let at = floats.iter().position(|value| !value.is_finite())?;
-                Some(at as u64 / 3)
+            Texels::Floats(floats) => Some((floats, [0; 2], width)),
+            Texels::Part(part) => {
+                let first = [part.columns.start, part.rows.start];
+                Some((&part.texels, first, part.columns.len() as u32))
             }
         }
     }
 
-    /// How many texels have a negative value, and the first of them (row by row).
-    fn negative(&self) -> Option<(u64, u64)> {
-        let Texels::Floats(floats) = self else { return None };
-        let negative = |rgb: &[f32]| rgb.iter().any(|&value| value < 0.0);
-        let first = floats.chunks_exact(3).position(negative)?;
-        let rest = floats[3 * first..].chunks_exact(3).filter(|rgb| negative(rgb));
-        Some((rest.count() as u64, first as u64))
+    /// Column and row of the first texel with a value that is NaN or infinite.
+    fn first_non_finite(&self, width: u32) -> Option<[u32; 2]> {
+        let (values, first, width) = self.floats(width)?;
+        let at = values.iter().position(|value| !value.is_finite())?;
+        Some(place(at / 3, first, width))
     }
+
+    /// The texels with a negative value.
+    fn negative(&self, width: u32) -> Option<Negative> {
+        let (values, first, width) = self.floats(width)?;
+        let negative = |rgb: &[f32]| rgb.iter().any(|&value| value < 0.0);
+        let at = values.chunks_exact(3).position(negative)?;
+        let rest = values[3 * at..].chunks_exact(3).filter(|rgb| negative(rgb));
+        Some(Negative { texels: rest.count() as u64, first: place(at, first, width) })
+    }
+}
+
+/// Column and row of a texel, of those from `first` on in rows of `width`.
+fn place(texel: usize, [left, top]: [u32; 2], width: u32) -> [u32; 2] {
+    let (texel, width) = (texel as u64, u64::from(width));
+    [left + (texel % width) as u32, top + (texel / width) as u32]
 }
 
 /// Texel index `floor + offset` on an axis of `size` texels. `floor` may be anything: `as`
@@ -309,8 +374,20 @@ fn decode(
     }
 }
 
+/// The texels of an EXR: linear unless the scene says otherwise.
+fn exr_texels(layout: Layout, mut texels: Vec<f32>, color_space: Option<ColorSpace>) -> Texels {
+    if color_space == Some(ColorSpace::Srgb) {
+        texels.iter_mut().for_each(|v| *v = linear_from_srgb(f64::from(*v)) as f32);
+    }
+    let Layout { size: [width, height], columns, rows, .. } = layout;
+    match (&columns, &rows) == (&(0..width), &(0..height)) {
+        true => Texels::Floats(texels),
+        false => Texels::Part(Box::new(Part { texels, columns, rows })),
+    }
+}
+
 /// Opens a regular file that is not empty.
-fn open(path: &Path) -> Result<BufReader<File>> {
+fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
     let failed = |e| Error::io(path, "read the texture", &e);
     let file = File::open(path).map_err(failed)?;
     let data = file.metadata().map_err(failed)?;
@@ -321,20 +398,35 @@ fn open(path: &Path) -> Result<BufReader<File>> {
     if data.len() == 0 {
         return Err(Error::invalid(name(path), "is empty; expected an image"));
     }
-    Ok(BufReader::with_capacity(1 << 16, file))
+    Ok((BufReader::with_capacity(1 << 16, file), Stamp::of(&data)))
 }
 
-/// An image file whose header is read.
+/// An image whose header is read.
 struct Opened {
-    format: ImageFormat,
-    decoder: Box<dyn ImageDecoder>,
-    /// What integers are divided by, if not the largest of their type.
-    white: Option<u16>,
+    source: Source,
+    stamp: Option<Stamp>,
 }
 
-/// Reads the header.
-fn decoder(path: &Path, max_bytes: u64) -> Result<Opened> {
-    let mut reader = ImageReader::new(open(path)?)
+/// Where its pixels come from.
+enum Source {
+    Exr(Layout, BufReader<File>),
+    /// The last is what integers are divided by, if not the largest of their type.
+    Image(ImageFormat, Box<dyn ImageDecoder>, Option<u16>),
+}
+
+impl Source {
+    fn dimensions(&self) -> (u32, u32) {
+        match self {
+            Self::Exr(layout, _) => layout.size.into(),
+            Self::Image(_, decoder, _) => decoder.dimensions(),
+        }
+    }
+}
+
+/// Reads the file's header.
+fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
+    let (file, stamp) = open(path)?;
+    let mut reader = ImageReader::new(file)
         .with_guessed_format()
         .map_err(|e| Error::io(path, "read the texture", &e))?;
     let Some(format) = reader.format() else {
@@ -345,14 +437,17 @@ fn decoder(path: &Path, max_bytes: u64) -> Result<Opened> {
     if format == ImageFormat::Pnm {
         let (mut decoder, white) = pnm::decoder(reader.into_inner()).map_err(failed)?;
         decoder.set_limits(limits(max_bytes)).map_err(failed)?;
-        return Ok(Opened { format, decoder: Box::new(decoder), white });
+        let source = Source::Image(format, Box::new(decoder), white);
+        return Ok(Opened { source, stamp });
     }
     if format == ImageFormat::OpenExr {
-        exr_check::check(path)?;
+        let mut file = reader.into_inner();
+        let source = Source::Exr(Layout::of(&mut file, path)?, file);
+        return Ok(Opened { source, stamp });
     }
     reader.limits(limits(max_bytes));
     let decoder = reader.into_decoder().map_err(failed)?;
-    Ok(Opened { format, decoder: Box::new(decoder), white: None })
+    Ok(Opened { source: Source::Image(format, Box::new(decoder), None), stamp })
 }
 
 /// What the decoders may allocate for themselves. Ours is [`check_size`].
@@ -362,9 +457,9 @@ fn limits(max_bytes: u64) -> Limits {
     limits
 }
 
-/// Compares what the header announces, decoded and as we keep it, with the limit.
-fn check_size(path: &Path, decoder: &impl ImageDecoder, max_bytes: u64) -> Result<()> {
-    let (width, height) = decoder.dimensions();
+/// Compares what the header announces, decoded and as we keep it, with the limit; returns these bytes.
+fn check_size(path: &Path, source: &Source, max_bytes: u64) -> Result<u64> {
+    let (width, height) = source.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 {
         return Err(Error::invalid(
@@ -372,7 +467,7 @@ fn check_size(path: &Path, decoder: &impl ImageDecoder, max_bytes: u64) -> Resul
             format!("the image is {width} x {height} pixels; both must be at least 1"),
         ));
     }
-    let needed = TextureSize::of(decoder).decoding;
+    let needed = TextureSize::of(source).decoding;
     if needed > max_bytes {
         let more = if needed == u64::MAX { "at least " } else { "" };
         let message = format!(
@@ -383,7 +478,7 @@ fn check_size(path: &Path, decoder: &impl ImageDecoder, max_bytes: u64) -> Resul
             Error::new(Kind::Limit, Problem::new(name(path), message)).help("scale the image down")
         );
     }
-    Ok(())
+    Ok(needed)
 }
 
 /// The JPEG decoder paints what is missing grey; we refuse a file without its end marker.
@@ -422,9 +517,6 @@ fn truncated(path: &Path) -> Error {
 
 /// What the decoder said, in our words.
 fn explain(path: &Path, error: ImageError) -> Error {
-    if let Err(unknown) = exr_check::check_compression(path) {
-        return unknown;
-    }
     match error {
         ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => truncated(path),
         ImageError::IoError(e) if e.raw_os_error().is_some() => {
@@ -751,6 +843,45 @@ mod tests {
         let (_folder, path) = saved("n.exr", &image);
         let message = Texture::load(&path, None).unwrap_err().to_string();
         assert!(message.contains("texel (1, 1) is NaN"), "{message}");
+    }
+
+    /// A data window that is in the picture, leaves it on two sides, lies beside it, or holds it.
+    #[test]
+    fn an_exr_is_the_picture_of_its_display_window() {
+        use ::exr::prelude::*;
+        for (first, size) in
+            [((2, 1), (3, 2)), ((-2, -1), (4, 3)), ((9, 9), (2, 2)), ((-1, -1), (9, 8))]
+        {
+            let pixels = SpecificChannels::rgb(|at: Vec2<usize>| {
+                (at.x() as f32 + 1.0, at.y() as f32 + 1.0, 0.5)
+            });
+            let attributes = LayerAttributes {
+                layer_position: Vec2(first.0 + 5, first.1 - 7),
+                ..Default::default()
+            };
+            let layer = Layer::new(size, attributes, Encoding::FAST_LOSSLESS, pixels);
+            let window = IntegerBounds::new((5, -7), (6usize, 5usize));
+            let image =
+                Image { attributes: ImageAttributes::new(window), ..Image::from_layer(layer) };
+            let (_folder, path) = file("w.exr", b"");
+            image.write().to_file(&path).unwrap();
+            let texture = Texture::load(&path, None).unwrap();
+            assert_eq!((texture.width(), texture.height()), (6, 5));
+            let mut has = 0;
+            for (x, y) in (0..5).flat_map(|y| (0..6).map(move |x| (x, y))) {
+                let (dx, dy) = (x - first.0, y - first.1);
+                let inside = (0..size.0 as i32).contains(&dx) && (0..size.1 as i32).contains(&dy);
+                let expected = match inside {
+                    true => Vec3::new(dx as f32 + 1.0, dy as f32 + 1.0, 0.5),
+                    false => Vec3::ZERO,
+                };
+                let (u, v) = ((f64::from(x) + 0.5) / 6.0, (f64::from(y) + 0.5) / 5.0);
+                assert_eq!(texture.lookup(u, v, N, C, C), expected, "{first:?} {x} {y}");
+                has += u64::from(inside);
+            }
+            assert_eq!(texture.bytes(), 12 * has);
+            assert_eq!(Texture::size(&path).unwrap().decoding, 12 * has);
+        }
     }
 
     #[test]

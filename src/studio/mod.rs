@@ -28,6 +28,7 @@ use crate::{
     error::{Problem, Result},
     mesh::Mesh,
     monitor::Monitor,
+    reserve::Room,
     scene::{Loaded, Overrides, ShapeKind, Source},
 };
 
@@ -63,13 +64,16 @@ pub struct Subject<'a> {
     pub repair: bool,
     /// Read the file instead of mapping it.
     pub no_mmap: bool,
+    /// The most that its arrays may take.
+    pub room: Option<Room>,
 }
 
 impl<'a> Subject<'a> {
     /// A file as it is.
     pub fn new(path: &'a Path) -> Self {
         let (up, rotate, margin) = (None, None, MARGIN);
-        Self { path, up, rotate, margin, turning: false, repair: false, no_mmap: false }
+        let (turning, repair, no_mmap, room) = (false, false, false, None);
+        Self { path, up, rotate, margin, turning, repair, no_mmap, room }
     }
 }
 
@@ -100,7 +104,7 @@ pub fn show(
     monitor: &Monitor,
 ) -> Result<Shown> {
     let mut warnings = Vec::new();
-    let read = points::read(subject.path, subject.repair, subject.no_mmap, monitor)?;
+    let read = points::read(subject, monitor)?;
     let furnished = furnish::furnish(subject, read, template, &user, &mut warnings)?;
     user.prepend(furnished.overrides);
     let mut loaded = load(template.source(), user, light_samples, &mut warnings)?;

@@ -12,10 +12,12 @@ use crate::{
     world::Bounds,
 };
 
-/// Reads a file; `no_mmap`: without mapping it into memory.
-pub fn read(path: &Path, repair: bool, no_mmap: bool, monitor: &Monitor) -> Result<Mesh> {
-    let options = mesh::ReadOptions::default().repair(repair).mmap(!no_mmap).monitor(monitor);
-    mesh::read_ply(path, options)
+use super::Subject;
+
+/// Reads the file of a subject.
+pub fn read(subject: &Subject, monitor: &Monitor) -> Result<Mesh> {
+    let options = mesh::ReadOptions::default().repair(subject.repair).mmap(!subject.no_mmap);
+    mesh::read_ply(subject.path, options.room(subject.room).monitor(monitor))
 }
 
 /// Whether a file is a mesh, by its name or its first bytes.

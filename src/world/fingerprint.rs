@@ -2,7 +2,7 @@
 //! their files are called and wherever they lie.
 
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::{BTreeSet, HashMap, HashSet},
     fs::File,
     io::Read,
     path::{Path, PathBuf},
@@ -12,6 +12,7 @@ use sha2::{Digest, Sha256};
 
 use crate::{
     error::{Error, Result},
+    files::{Stamp, changed},
     mesh,
     scene::{
         Layer, Loaded, Material, ShapeKind,
@@ -19,33 +20,50 @@ use crate::{
     },
 };
 
+use super::sources::beside;
+
 /// Contents of files by SHA-256. Each file is read once, so that frames of a batch can share it.
 #[derive(Debug, Default)]
 pub struct Contents {
     /// `None`: a pipe, whose bytes come only once.
-    known: HashMap<PathBuf, Option<String>>,
+    known: HashMap<PathBuf, Option<Hashed>>,
+    /// Stamps of all of them.
+    stamps: HashSet<Stamp>,
+}
+
+/// A file's hash.
+#[derive(Debug, Clone)]
+struct Hashed {
+    sha256: String,
+    stamp: Stamp,
 }
 
 impl Contents {
     /// The SHA-256 (hexadecimal) of a file; `None` if it cannot be read twice.
     fn of(&mut self, path: &Path) -> Result<Option<String>> {
-        if let Some(known) = self.known.get(path) {
-            return Ok(known.clone());
+        if !self.known.contains_key(path) {
+            let found = hashed(path)?;
+            self.stamps.extend(found.as_ref().map(|found| found.stamp));
+            self.known.insert(path.to_owned(), found);
         }
-        let read = || match std::fs::metadata(path)?.is_file() {
-            true => hash_file(path).map(Some),
-            false => Ok(None),
-        };
-        let found = read().map_err(|error| Error::io(path, "read", &error))?;
-        self.known.insert(path.to_owned(), found.clone());
-        Ok(found)
+        let found = self.known.get(path).and_then(Option::as_ref);
+        Ok(found.map(|found| found.sha256.clone()))
+    }
+
+    /// Whether the file was hashed as it was when it had this stamp. A frame's scene may name it by
+    /// another path than the scene that was read.
+    pub(super) fn has(&self, path: &Path, stamp: &Stamp) -> bool {
+        match self.known.get(path) {
+            Some(found) => found.as_ref().is_some_and(|found| found.stamp == *stamp),
+            None => self.stamps.contains(stamp),
+        }
     }
 
     /// The same of a mesh and of the images that it names itself.
     fn of_mesh(&mut self, path: &Path) -> Result<Option<String>> {
         let Some(mut all) = self.of(path)? else { return Ok(None) };
         for name in mesh::inspect_ply(path)?.texture_files {
-            let image = path.parent().unwrap_or(Path::new("")).join(name);
+            let image = beside(path, &name);
             if image.is_file() {
                 all += &self.of(&image)?.unwrap_or_default();
             }
@@ -121,8 +139,26 @@ fn replace_texture(
     Ok(true)
 }
 
-fn hash_file(path: &Path) -> std::io::Result<String> {
-    let mut file = File::open(path)?;
+/// The hash of a file; `None` for a pipe.
+///
+/// # Errors
+/// A file that cannot be read, or is written meanwhile.
+fn hashed(path: &Path) -> Result<Option<Hashed>> {
+    let failed = |error: std::io::Error| Error::io(path, "read", &error);
+    if !std::fs::metadata(path).map_err(failed)?.is_file() {
+        return Ok(None);
+    }
+    let mut file = File::open(path).map_err(failed)?;
+    let stamp = |file: &File| file.metadata().map(|data| Stamp::of(&data)).map_err(failed);
+    let Some(before) = stamp(&file)? else { return Ok(None) };
+    let sha256 = sha256(&mut file).map_err(failed)?;
+    match stamp(&file)? == Some(before) {
+        true => Ok(Some(Hashed { sha256, stamp: before })),
+        false => Err(changed(path)),
+    }
+}
+
+fn sha256(file: &mut File) -> std::io::Result<String> {
     let mut hash = Sha256::new();
     let mut some = vec![0; 1 << 18];
     loop {

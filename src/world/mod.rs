@@ -5,6 +5,7 @@ mod fingerprint;
 mod origin;
 mod place;
 mod resolution;
+mod sources;
 mod textures;
 
 use std::path::{Path, PathBuf};
@@ -17,6 +18,7 @@ use crate::error::{Error, Failures, Kind, Problem, Result};
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
+use crate::reserve::Room;
 use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind};
 use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvFrame, UvSource};
 
@@ -27,6 +29,7 @@ pub use self::fingerprint::{Contents, fingerprint};
 pub use self::origin::Origin;
 pub use self::place::placement;
 pub use self::resolution::{Resolution, ulp};
+pub use self::sources::{Read, mesh_sources, own_texture, sources};
 
 /// How files are read.
 #[derive(Debug, Default)]
@@ -37,6 +40,8 @@ pub struct LoadOptions {
     pub no_mmap: bool,
     /// Meshes that have been read already, by the path that the scene names.
     pub ready: Vec<(PathBuf, Mesh)>,
+    /// The most that the arrays of all meshes may take.
+    pub room: Option<Room>,
     /// The most that all textures may take, decoding included; without it each may take 4 GiB.
     pub texture_bytes: Option<u64>,
     /// Measure the [`Resolution`] of every mesh. Without it edges that collapsed are looked for
@@ -49,10 +54,11 @@ impl LoadOptions {
         match self.ready.iter().position(|(ready, _)| ready == path) {
             Some(index) => Ok(self.ready.swap_remove(index).1),
             None => {
-                let options = mesh::ReadOptions::default().repair(self.repair);
+                let options = mesh::ReadOptions::default().repair(self.repair).room(self.room);
                 mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))
             }
         }
+        .inspect(|mesh| self.room = self.room.map(|room| room.less(mesh.bytes())))
     }
 }
 
@@ -94,6 +100,8 @@ pub struct World {
     pub resolutions: Vec<Resolution>,
     /// Why coordinates are relative to `geometry.origin`, and what that leaves near the camera.
     pub origin: Origin,
+    /// The files that were opened.
+    pub read: Read,
 }
 
 impl World {
@@ -110,7 +118,10 @@ impl World {
         monitor.begin(Phase::Load, scene.shapes.len() as u64);
         let mut warnings = Vec::new();
         let mut failures = Failures::default();
-        let looks = failures.keep(textures::load(scene, options.texture_bytes, &mut warnings));
+        let mut read = Read::default();
+        let asked = options.texture_bytes.map(|bytes| Room { bytes, asked: true });
+        let left = asked.or(options.room);
+        let looks = failures.keep(textures::load(scene, left, &mut read, &mut warnings));
         let mut bounds = Vec::with_capacity(scene.shapes.len());
         let mut meshes = Vec::new();
         let mut own_textures = Vec::new();
@@ -120,6 +131,9 @@ impl World {
                 let textured = scene.materials[shape.material].texture.is_some();
                 let mesh = options.mesh(&spec.path, monitor);
                 monitor.check()?;
+                if let Ok(mesh) = &mesh {
+                    read.0.push((spec.path.clone(), mesh.notes.stamp));
+                }
                 if let (Ok(mesh), false) = (&mesh, textured) {
                     own_textures.extend(textures::own(mesh, index, &spec.path, &mut warnings));
                 }
@@ -140,8 +154,8 @@ impl World {
         }
         failures.check()?;
         let mut looks = looks.unwrap_or_default();
-        let left = options.texture_bytes;
-        let own = textures::load_own(&own_textures, scene, left, &mut looks, &mut warnings)?;
+        let said = (&mut read, &mut warnings);
+        let own = textures::load_own(&own_textures, scene, left, &mut looks, said)?;
         let (textures, materials) = looks;
         check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut warnings)?;
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
@@ -170,8 +184,8 @@ impl World {
             doubt.settle(mesh)
         });
         warnings.extend(settled);
-        let world =
-            Self { resolutions, ..Self::over(Arc::new(geometry), Arc::new(shapes), chosen, scene) };
+        let world = Self::over(Arc::new(geometry), Arc::new(shapes), chosen, scene);
+        let world = Self { resolutions, read, ..world };
         Ok((world, warnings))
     }
 
@@ -196,6 +210,7 @@ impl World {
             resolutions: Vec::new(),
             origin: chosen,
             geometry,
+            read: Read::default(),
         }
     }
 
@@ -306,7 +321,7 @@ fn gather(
     let mut owners = Vec::new();
     for (index, mesh) in meshes {
         owners.push(Owner::One(index as u32));
-        arrays.push(mesh.finish(origin, &mut shapes[index]));
+        arrays.push(mesh.finish(origin, &mut shapes[index])?);
     }
     if !triangle_shapes.is_empty() {
         let triangles =

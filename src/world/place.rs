@@ -11,6 +11,7 @@ use super::resolution::{Doubt, Resolution, ulp};
 use crate::error::{Error, Problem, Result};
 use crate::geometry::TriangleMesh;
 use crate::mesh::{self, Colors, Mesh, Positions, Uvs};
+use crate::reserve;
 use crate::scene::{ColorSpace, Trimesh};
 use crate::shading::{Shape, UvSource, VertexColors};
 
@@ -137,7 +138,11 @@ impl PlacedMesh {
     }
 
     /// Vertices relative to `origin`, and the vertex data that `shape` needs.
-    pub fn finish(self, origin: DVec3, shape: &mut Shape) -> TriangleMesh {
+    ///
+    /// # Errors
+    /// `Retry` where there is no memory for them.
+    pub fn finish(self, origin: DVec3, shape: &mut Shape) -> Result<TriangleMesh> {
+        reserve::probe(self.finish_bytes(), &self.spec.path.display().to_string())?;
         let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
         let Self { mesh, spec, linear, .. } = self;
         let vertices = match mesh.positions {
@@ -171,7 +176,23 @@ impl PlacedMesh {
             };
             VertexColors { values, space: spec.vertex_color_space.unwrap_or(stored) }
         });
-        TriangleMesh::new(vertices, mesh.triangles, !spec.bvh).with_stitches(&mesh.stitches)
+        let placed = TriangleMesh::new(vertices, mesh.triangles, !spec.bvh);
+        Ok(placed.with_stitches(&mesh.stitches))
+    }
+
+    /// What [`PlacedMesh::finish`] takes beside the mesh: floats in place of doubles, and normals with a list of
+    /// the faces of each vertex.
+    fn finish_bytes(&self) -> u64 {
+        let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
+        let rounded = match self.mesh.positions {
+            Positions::F32(_) => 0,
+            Positions::F64(_) => 12 * vertices,
+        };
+        let normals = match self.spec.smooth && self.mesh.normals.is_none() {
+            true => 24 * vertices + 12 * triangles,
+            false => 0,
+        };
+        (rounded + normals) as u64
     }
 }
 

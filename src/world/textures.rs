@@ -5,13 +5,17 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Failures, Problem, Result};
 use crate::mesh::Mesh;
-use crate::scene::{Filter, Scene, TextureUse};
+use crate::reserve::Room;
+use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
 use crate::shading::{DEFAULT_MAX_BYTES, Material, Negative, Texture};
+
+use super::sources::{Read, beside};
 
 /// Loads the textures of the materials that shapes use, into at most `budget` bytes.
 pub fn load(
     scene: &Scene,
-    budget: Option<u64>,
+    budget: Option<Room>,
+    read: &mut Read,
     warnings: &mut Vec<Problem>,
 ) -> Result<(Vec<Texture>, Vec<Material>)> {
     let mut left = budget;
@@ -30,10 +34,10 @@ pub fn load(
                 let key = (spec.path.clone(), spec.color_space);
                 // A file that failed is opened and reported once.
                 let slot = *loaded.entry(key).or_insert_with(|| {
-                    let most = left.map_or(DEFAULT_MAX_BYTES, |left| left.min(DEFAULT_MAX_BYTES));
-                    let texture = Texture::load_within(&spec.path, spec.color_space, most);
+                    let texture = one(&spec.path, spec.color_space, left);
                     let texture = failures.keep(texture)?;
-                    left = left.map(|left| left.saturating_sub(texture.bytes()));
+                    left = left.map(|left| left.less(texture.bytes()));
+                    read.0.push((spec.path.clone(), texture.stamp()));
                     textures.push(texture);
                     Some(textures.len() as u32 - 1)
                 });
@@ -61,13 +65,30 @@ pub fn load(
     Ok((textures, materials))
 }
 
+/// Loads an image into what is left.
+fn one(path: &Path, space: Option<ColorSpace>, left: Option<Room>) -> Result<Texture> {
+    let most = match left {
+        Some(left) if left.asked => left.bytes.min(DEFAULT_MAX_BYTES),
+        // Another machine may have more; what is too large for any is said below.
+        Some(left) if left.bytes < DEFAULT_MAX_BYTES => {
+            let needed = Texture::size(path)?.decoding;
+            if needed <= DEFAULT_MAX_BYTES {
+                left.check(needed, &path.display().to_string())?;
+            }
+            DEFAULT_MAX_BYTES
+        }
+        _ => DEFAULT_MAX_BYTES,
+    };
+    Texture::load_within(path, space, most)
+}
+
 /// An image that a mesh file names, for the shape of this number.
 pub type Own = (usize, PathBuf);
 
 /// The image that the mesh at `path` names, if it can be shown; its material has none.
 pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) -> Option<Own> {
     let name = mesh.texture_file.as_ref().filter(|_| mesh.uvs.is_some())?;
-    let image = path.parent().unwrap_or(Path::new("")).join(name);
+    let image = beside(path, name);
     if image.is_file() {
         return Some((shape, image));
     }
@@ -83,20 +104,20 @@ pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) 
 pub fn load_own(
     own: &[Own],
     scene: &Scene,
-    budget: Option<u64>,
+    budget: Option<Room>,
     looks: &mut (Vec<Texture>, Vec<Material>),
-    warnings: &mut Vec<Problem>,
+    (read, warnings): (&mut Read, &mut Vec<Problem>),
 ) -> Result<Vec<(usize, u32)>> {
     let (textures, materials) = looks;
     let mut failures = Failures::default();
     let mut given = Vec::new();
     for (shape, path) in own {
         let taken: u64 = textures.iter().map(Texture::bytes).sum();
-        let left = budget.map_or(DEFAULT_MAX_BYTES, |budget| budget.saturating_sub(taken));
-        let texture = Texture::load_within(path, None, left.min(DEFAULT_MAX_BYTES));
+        let texture = one(path, None, budget.map(|budget| budget.less(taken)));
         let Some(texture) = failures.keep(texture) else { continue };
         let place = path.display().to_string();
         warn_of_negative(&place, path, &texture, warnings);
+        read.0.push((path.clone(), texture.stamp()));
         let plain = &materials[scene.shapes[*shape].material];
         let material = Material { texture: Some(textures.len() as u32), ..plain.clone() };
         textures.push(texture);

@@ -37,6 +37,12 @@ end_header
 /// What the program did.
 pub struct Done(Output);
 
+impl From<Output> for Done {
+    fn from(output: Output) -> Self {
+        Self(output)
+    }
+}
+
 impl Done {
     /// Runs a command without input.
     pub fn of(command: &mut Command) -> Self {

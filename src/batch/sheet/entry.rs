@@ -1,10 +1,21 @@
-//! What the journals say about each input of a job.
+//! What the files and the journals say about each input of a job.
 
-use std::collections::{BTreeMap, HashMap};
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::PathBuf,
+};
 
-use crate::batch::{
-    job::Job,
-    journal::{FrameRecord, MeshRecord, Record},
+use rayon::prelude::*;
+
+use crate::{
+    batch::{
+        job::Job,
+        journal::{FrameRecord, MeshRecord, Record},
+    },
+    output::{
+        Outputs,
+        finished::{self, Finished},
+    },
 };
 
 /// One input.
@@ -14,7 +25,7 @@ pub struct Entry {
     pub number: usize,
     /// Its file.
     pub input: String,
-    /// Frames that are there, and what those cost whose rendering is on record.
+    /// Frames whose files are whole, and what those cost whose rendering is on record.
     pub frames: BTreeMap<u32, Option<FrameRecord>>,
     /// Frames that it should have.
     pub of: u32,
@@ -24,8 +35,18 @@ pub struct Entry {
     pub failures: BTreeMap<Option<u32>, String>,
 }
 
+/// Whether all files of a frame are there and whole.
+fn is_whole(job: &Job, input: usize, frame: u32, record: Option<&FrameRecord>) -> bool {
+    let [exr, png] = Outputs::names(&job.prefix(input, frame));
+    let is_there = |path: &PathBuf| job.folder.join(path).is_file();
+    matches!(finished::exr(&exr), Finished::Whole(_))
+        && matches!(finished::png(&png), Finished::Whole(_))
+        && record.is_none_or(|record| record.outputs.iter().all(is_there))
+}
+
 impl Entry {
-    /// All inputs of a job, in its order.
+    /// All inputs of a job, in its order. Frames are those whose files are whole. Looks at them on the threads of
+    /// the current rayon pool.
     pub fn all(job: &Job, records: &[Record]) -> Vec<Self> {
         let mut by_name: HashMap<String, Self> = HashMap::new();
         for record in records {
@@ -37,11 +58,17 @@ impl Entry {
             };
             by_name.entry(input.clone()).or_default().add(record);
         }
-        let inputs = job.inputs.iter().enumerate();
+        let inputs = job.inputs.par_iter().enumerate();
         let entry = |(number, input): (usize, &crate::batch::Input)| {
-            let input = input.path.display().to_string();
-            let known = by_name.get(&input).cloned().unwrap_or_default();
-            Self { number, input, of: job.frames(), ..known }
+            let (input, of) = (input.path.display().to_string(), job.frames());
+            let mut known = by_name.get(&input).cloned().unwrap_or_default();
+            known.failures.retain(|frame, _| frame.is_none_or(|frame| frame < of));
+            let frames = (0..of).into_par_iter().filter_map(|frame| {
+                let record = known.frames.get(&frame).cloned().flatten();
+                is_whole(job, number, frame, record.as_ref()).then_some((frame, record))
+            });
+            let frames = frames.collect::<Vec<_>>().into_iter().collect();
+            Self { number, input, of, frames, ..known }
         };
         inputs.map(entry).collect()
     }

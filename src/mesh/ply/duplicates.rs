@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::face::Faces;
 use super::job::Job;
 use crate::error::Result;
+use crate::reserve;
 
 /// Triangles of a block, of which the range of lowest vertices is known.
 const BLOCK: usize = 1 << 14;
@@ -33,6 +34,8 @@ pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &Job) -> Result<u64>
     if u32::try_from(faces.triangles.len()).is_err() {
         return Ok(0);
     }
+    // Bits of every vertex.
+    reserve::probe(2 * vertices as u64, job.name)?;
     let all = Triangles::new(&faces.triangles);
     let stretches = all.stretches(vertices);
     let repeated = |ends: &[u32]| match job.stopped() {
@@ -182,7 +185,7 @@ mod tests {
 
     #[test]
     fn exactly_the_repeated_ones_go() {
-        let job = Job { name: "", monitor: None };
+        let job = Job { name: "", monitor: None, room: None };
         let mut seed = 1u64;
         let mut random = move |below: u32| {
             seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

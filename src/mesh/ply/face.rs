@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::block::Uniform;
 use super::check::{Checker, Tally};
 use super::header::Shape;
+use super::job::Job;
 use super::plan::{FacePlan, Step};
 use super::polygon;
 use super::row::{Fault, Row, Values};
@@ -12,6 +13,7 @@ use super::scalar::{Native, Scalar};
 use super::table::{Reader, Sink, Table};
 use crate::error::Result;
 use crate::mesh::normals::Point;
+use crate::reserve;
 
 /// Triangles that one task copies.
 const GRAIN: usize = 1 << 14;
@@ -32,7 +34,7 @@ pub(super) struct Faces {
 pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) -> Result<Faces> {
     if let (Some(uniform), Some(big), false) = (&table.span.uniform, table.big, plan.strips) {
         if uniform.lengths[plan.corners] == 3 && !plan.texcoords {
-            let faces = all_triangles(table, plan, uniform, big, positions);
+            let faces = all_triangles(table, plan, uniform, big, positions)?;
             return table.job.check().map(|()| faces);
         }
     }
@@ -42,15 +44,21 @@ pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) ->
         reader.feed(&mut part)?;
         Ok(part.finish())
     };
-    table.blocks(read, |part| all.append(part))?;
+    table.blocks(read, |part| all.append(part, &table.job))?;
     Ok(all)
 }
 
 impl Faces {
     /// Adds the triangles that follow in the file; missing texture coordinates are zero.
-    pub(super) fn append(&mut self, next: Faces) {
+    ///
+    /// # Errors
+    /// Where there is no memory for them.
+    pub(super) fn append(&mut self, next: Faces, job: &Job) -> Result<()> {
+        job.fits(self.bytes().saturating_add(next.bytes()))?;
         if self.uvs.is_some() || next.uvs.is_some() {
             let uvs = self.uvs.get_or_insert_default();
+            let all = self.triangles.len() + next.triangles.len();
+            reserve::growing(uvs, all - uvs.len(), job.name)?;
             uvs.resize(self.triangles.len(), Default::default());
             uvs.extend(next.uvs.unwrap_or_default());
             uvs.resize(self.triangles.len() + next.triangles.len(), Default::default());
@@ -58,9 +66,17 @@ impl Faces {
         if self.triangles.is_empty() && self.triangles.capacity() < next.triangles.len() {
             self.triangles = next.triangles;
         } else {
+            reserve::growing(&mut self.triangles, next.triangles.len(), job.name)?;
             self.triangles.extend(next.triangles);
         }
         self.tally.add(next.tally);
+        Ok(())
+    }
+
+    /// Bytes of the arrays.
+    pub(super) fn bytes(&self) -> u64 {
+        let uvs = self.uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]));
+        (size_of_val(&self.triangles[..]) + uvs) as u64
     }
 }
 
@@ -71,7 +87,7 @@ fn all_triangles<P: Point>(
     uniform: &Uniform,
     big: bool,
     positions: &[P],
-) -> Faces {
+) -> Result<Faces> {
     let item = match table.element.properties[plan.corners].shape {
         Shape::List { item, .. } | Shape::Single(item) => item,
     };
@@ -93,12 +109,12 @@ fn copy<T: Native + Into<i64>, P: Point>(
     at: usize,
     big: bool,
     positions: &[P],
-) -> Faces {
+) -> Result<Faces> {
     // The rows have been found in the file.
     let count = table.span.rows as usize;
     let stride = uniform.stride;
     let rows = &table.data[uniform.start..uniform.start + count * stride];
-    let mut triangles = vec![[0u32; 3]; count];
+    let mut triangles = reserve::filled([0u32; 3], count, table.job.name)?;
     let tallies: Vec<Tally> = triangles
         .par_chunks_mut(GRAIN)
         .zip(rows.par_chunks(GRAIN * stride))
@@ -129,7 +145,7 @@ fn copy<T: Native + Into<i64>, P: Point>(
     if tally.degenerate + tally.unusable > 0 {
         triangles.retain(|triangle| *triangle != DROPPED);
     }
-    Faces { triangles, uvs: None, tally }
+    Ok(Faces { triangles, uvs: None, tally })
 }
 
 /// The triangles of one block of rows.

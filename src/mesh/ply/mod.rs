@@ -33,13 +33,14 @@ use self::header::{Element, Format, Header, Shape};
 use self::job::Job;
 use self::plan::Plan;
 use self::row::{Row, Values};
-use self::source::{Source, Stream};
+use self::source::{Bytes, Source, Stream};
 use self::table::{Sink, Table};
 use self::unpack::Packing;
 use self::vertex::Vertices;
 use super::{Mesh, Notes, Positions, Uvs};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
+use crate::reserve::Room;
 
 pub use scalar::Scalar;
 pub use summary::{ElementSummary, PlySummary, PropertySummary, TriangleCount, inspect};
@@ -59,11 +60,13 @@ pub struct ReadOptions<'a> {
     pub window: usize,
     /// Told by others when to stop: reading then ends with `Interrupted`.
     pub monitor: Option<&'a Monitor>,
+    /// The most that the mesh's arrays may take.
+    pub room: Option<Room>,
 }
 
 impl Default for ReadOptions<'_> {
     fn default() -> Self {
-        Self { repair: false, mmap: true, window: WINDOW, monitor: None }
+        Self { repair: false, mmap: true, window: WINDOW, monitor: None, room: None }
     }
 }
 
@@ -83,6 +86,11 @@ impl<'a> ReadOptions<'a> {
         Self { window, ..self }
     }
 
+    /// Options with `room` as given.
+    pub fn room(self, room: Option<Room>) -> Self {
+        Self { room, ..self }
+    }
+
     /// Options with `monitor` as given.
     pub fn monitor(self, monitor: &'a Monitor) -> Self {
         Self { monitor: Some(monitor), ..self }
@@ -92,28 +100,32 @@ impl<'a> ReadOptions<'a> {
 /// Reads the PLY file at `path`, packed with gzip or zstd or not, in the caller's rayon pool.
 pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
     let name = path.display().to_string();
-    let job = Job { name: &name, monitor: options.monitor };
-    match Source::open(path, options.mmap)? {
-        Source::Mapped(map) => {
+    let job = Job { name: &name, monitor: options.monitor, room: options.room };
+    let Source { bytes, stamp } = Source::open(path, options.mmap, options.room)?;
+    let mut mesh = match bytes {
+        Bytes::Mapped(map) => {
             let mesh = whole(map.bytes(), &job, options);
             map.intact(path)?;
             mesh
         }
-        Source::Stream(Stream { bytes, length, packing }) => {
+        Bytes::Stream(Stream { bytes, length, packing }) => {
             let failed = |error: &std::io::Error| source::failed(path, packing, error);
             stream::read(bytes, length, &failed, &job, options)
         }
-    }
+    }?;
+    mesh.notes.stamp = stamp;
+    Ok(mesh)
 }
 
 /// Reads a PLY file that is in memory, packed or not; messages call it `name`.
 pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh> {
-    let job = Job { name, monitor: options.monitor };
+    let job = Job { name, monitor: options.monitor, room: options.room };
     match Packing::of(bytes) {
         None => whole(bytes, &job, options),
         Some(packing) => {
             let failed = |e: &std::io::Error| source::failed(name.as_ref(), Some(packing), e);
-            let bytes = packing.open(bytes, Some(bytes.len() as u64)).map_err(|e| failed(&e))?;
+            let length = Some(bytes.len() as u64);
+            let bytes = packing.open(bytes, length, options.room).map_err(|e| failed(&e))?;
             stream::read_here(bytes, &failed, &job, options)
         }
     }
@@ -136,15 +148,20 @@ fn whole(bytes: &[u8], job: &Job, options: ReadOptions) -> Result<Mesh> {
     let read = |at| at == plan.vertex.element || plan.faces.iter().any(|face| face.element == at);
     let text = header.format == Format::Ascii;
     for table in (0..spans.len()).filter(|at| text && !read(*at)).map(table) {
-        table.blocks(|reader| reader.feed(&mut Unread(table.element)), |()| {})?;
+        table.blocks(|reader| reader.feed(&mut Unread(table.element)), Ok)?;
     }
     let vertices = vertex::read(&table(plan.vertex.element), &plan.vertex)?;
+    let rows = |at: usize| spans[at].rows;
+    let least: u64 = plan.faces.iter().filter(|f| !f.strips).map(|f| rows(f.element)).sum();
+    job.fits(vertices.bytes().saturating_add(least.saturating_mul(size_of::<[u32; 3]>() as u64)))?;
     let mut faces = Faces::default();
     for part in &plan.faces {
-        faces.append(match &vertices.positions {
+        let next = match &vertices.positions {
             Positions::F32(positions) => face::read(&table(part.element), part, positions)?,
             Positions::F64(positions) => face::read(&table(part.element), part, positions)?,
-        });
+        };
+        faces.append(next, job)?;
+        job.fits(vertices.bytes().saturating_add(faces.bytes()))?;
     }
     finish(Found { header, plan, vertices, faces, trailing_bytes }, job, options)
 }

@@ -13,12 +13,21 @@ use std::path::Path;
 use super::header;
 use super::unpack::Packing;
 use crate::error::{Error, Kind, Problem, Result};
+use crate::files::Stamp;
+use crate::reserve::Room;
 
 /// Bytes in which almost every header ends.
 const FIRST_READ: u64 = 1 << 16;
 
 /// A file to be read.
-pub(super) enum Source {
+pub(super) struct Source {
+    pub(super) bytes: Bytes,
+    /// None for a pipe.
+    pub(super) stamp: Option<Stamp>,
+}
+
+/// Its bytes.
+pub(super) enum Bytes {
     Mapped(Map),
     Stream(Stream),
 }
@@ -33,17 +42,15 @@ pub(super) struct Stream {
 
 impl Source {
     /// The file at `path`, mapped if it can and shall be.
-    pub(super) fn open(path: &Path, map: bool) -> Result<Self> {
+    pub(super) fn open(path: &Path, map: bool, room: Option<Room>) -> Result<Self> {
         let opened = Opened::open(path)?;
-        if map && opened.packing.is_none() {
-            if let Some(length) = opened.length {
-                match Map::new(&opened.file, length) {
-                    Some(map) => return Ok(Self::Mapped(map)),
-                    None => return opened.stream(path).map(Self::Stream),
-                }
-            }
-        }
-        opened.stream(path).map(Self::Stream)
+        let (stamp, length) = (opened.stamp, opened.length);
+        let length = length.filter(|_| map && opened.packing.is_none());
+        let bytes = match length.and_then(|length| Map::new(&opened.file, length)) {
+            Some(map) => Bytes::Mapped(map),
+            None => Bytes::Stream(opened.stream(path, room)?),
+        };
+        Ok(Self { bytes, stamp })
     }
 }
 
@@ -59,7 +66,7 @@ impl Head {
     pub(super) fn read(path: &Path, limit: u64) -> Result<Self> {
         let opened = Opened::open(path)?;
         let (packing, length) = (opened.packing, opened.length);
-        let mut stream = opened.stream(path)?.bytes;
+        let mut stream = opened.stream(path, None)?.bytes;
         let mut bytes = Vec::new();
         let mut next = FIRST_READ.min(limit);
         while next > 0 {
@@ -94,6 +101,7 @@ struct Opened {
     start: Vec<u8>,
     /// Of a regular file.
     length: Option<u64>,
+    stamp: Option<Stamp>,
     packing: Option<Packing>,
 }
 
@@ -107,6 +115,7 @@ impl Opened {
                 .help("name a .ply file inside it"));
         }
         let mut file = File::open(path).map_err(io)?;
+        let meta = file.metadata().map_err(io)?;
         if !meta.is_file() && !is_pipe(&meta) {
             return Err(Error::invalid(name, "is a device, not a PLY file"));
         }
@@ -118,15 +127,15 @@ impl Opened {
         }
         let packing = Packing::of(&start);
         let length = meta.is_file().then_some(meta.len());
-        Ok(Self { file, start, length, packing })
+        Ok(Self { file, start, length, stamp: Stamp::of(&meta), packing })
     }
 
-    fn stream(self, path: &Path) -> Result<Stream> {
+    fn stream(self, path: &Path, room: Option<Room>) -> Result<Stream> {
         let bytes: Chain<Cursor<Vec<u8>>, File> = Cursor::new(self.start).chain(self.file);
         Ok(match self.packing {
             None => Stream { bytes: Box::new(bytes), length: self.length, packing: None },
             Some(packing) => {
-                let bytes = packing.open(bytes, self.length);
+                let bytes = packing.open(bytes, self.length, room);
                 let bytes = bytes.map_err(|e| Error::io(path, "read", &e))?;
                 Stream { bytes, length: None, packing: Some(packing) }
             }

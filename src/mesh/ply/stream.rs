@@ -20,6 +20,7 @@ use super::vertex::{self, Vertices};
 use super::{Found, ReadOptions, Unread, finish, layout, whole};
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, Positions};
+use crate::reserve;
 
 /// Bytes that are read at once.
 const CHUNK: usize = 1 << 21;
@@ -63,7 +64,8 @@ type Chunk = std::io::Result<Vec<u8>>;
 
 /// The next `size` bytes, fewer only at the end.
 fn chunk(bytes: &mut dyn Read, size: usize) -> Chunk {
-    let mut chunk = Vec::with_capacity(size);
+    let mut chunk = Vec::new();
+    chunk.try_reserve_exact(size)?;
     bytes.take(size as u64).read_to_end(&mut chunk)?;
     Ok(chunk)
 }
@@ -142,9 +144,12 @@ impl<'a> Window<'a> {
             let chunk = self.chunks.next(self.size.min(CHUNK), job)?;
             let chunk = chunk.map_err(|error| (self.failed)(&error))?;
             self.ended = chunk.is_empty();
-            match self.bytes.is_empty() {
-                true => self.bytes = chunk,
-                false => self.bytes.extend_from_slice(&chunk),
+            if self.bytes.is_empty() {
+                self.bytes = chunk;
+            } else {
+                job.fits((self.bytes.len() + chunk.len()) as u64)?;
+                reserve::growing(&mut self.bytes, chunk.len(), job.name)?;
+                self.bytes.extend_from_slice(&chunk);
             }
         }
         Ok(())
@@ -257,8 +262,9 @@ impl Parts {
         length: Option<u64>,
     ) -> Result<()> {
         if index == plan.vertex.element {
-            self.vertices.reserve(believable(table.element, length));
-            self.vertices.append(vertex::read(table, &plan.vertex)?);
+            let job = &table.job;
+            self.vertices.reserve(believable(table.element, length), job)?;
+            self.vertices.append(vertex::read(table, &plan.vertex)?, job)?;
         } else if let Some(part) = plan.faces.iter().find(|face| face.element == index) {
             let next = match &self.vertices.positions {
                 Positions::F32(positions) => face::read(table, part, positions)?,
@@ -267,11 +273,13 @@ impl Parts {
             if self.faces.triangles.is_empty() && !part.strips {
                 // A triangle has three items of at least a byte.
                 let length = length.map(|length| length / 2);
-                self.faces.triangles.reserve_exact(believable(table.element, length));
+                let count = believable(table.element, length);
+                reserve::exact(&mut self.faces.triangles, count, table.job.name)?;
             }
-            self.faces.append(next);
+            self.faces.append(next, &table.job)?;
+            table.job.fits(self.vertices.bytes().saturating_add(self.faces.bytes()))?;
         } else if header.format == Format::Ascii {
-            table.blocks(|reader| reader.feed(&mut Unread(table.element)), |()| {})?;
+            table.blocks(|reader| reader.feed(&mut Unread(table.element)), Ok)?;
         }
         Ok(())
     }

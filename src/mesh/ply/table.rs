@@ -30,7 +30,7 @@ impl Table<'_> {
     pub(super) fn blocks<T: Send>(
         &self,
         read: impl Fn(&mut Reader<'_, '_>) -> Result<T> + Sync,
-        mut take: impl FnMut(T),
+        mut take: impl FnMut(T) -> Result<()>,
     ) -> Result<()> {
         let batch = LEAST_BATCH.max(8 * rayon::current_num_threads());
         for blocks in self.span.blocks.chunks(batch) {
@@ -38,7 +38,7 @@ impl Table<'_> {
             let read = |block| read(&mut Reader { table: self, block });
             let results: Vec<Result<T>> = blocks.par_iter().map(read).collect();
             for result in results {
-                take(result?);
+                take(result?)?;
             }
         }
         Ok(())

@@ -3,6 +3,7 @@
 
 use std::io::{BufReader, Error, ErrorKind, Read, Result};
 
+use crate::reserve::Room;
 use flate2::bufread::MultiGzDecoder;
 use zstd::stream::read::Decoder;
 
@@ -10,7 +11,10 @@ use zstd::stream::read::Decoder;
 /// `--long` stay within. The memory is touched as data fills it.
 const WINDOW_LOG: u32 = 27;
 
-/// That of the format.
+/// The least of the format.
+const LEAST_WINDOW_LOG: u32 = 10;
+
+/// The largest of the format.
 const MOST_WINDOW_LOG: u32 = 31;
 
 /// How a file is packed.
@@ -37,7 +41,8 @@ impl Packing {
         }
     }
 
-    /// The unpacked bytes of `packed`, of which there are `length` if that is known.
+    /// The unpacked bytes of `packed`, of which there are `length` if that is known. Unpacking takes no more than
+    /// `room`.
     ///
     /// # Errors
     /// Where memory ran out.
@@ -45,6 +50,7 @@ impl Packing {
         self,
         packed: impl Read + Send + 'a,
         length: Option<u64>,
+        room: Option<Room>,
     ) -> Result<Box<dyn Read + Send + 'a>> {
         let packed = BufReader::with_capacity(1 << 16, packed);
         Ok(match self {
@@ -54,7 +60,10 @@ impl Packing {
                 let mut frames = Decoder::with_buffer(packed)?;
                 // A large file may ask for a window of up to twice its size.
                 let double = length.unwrap_or(0).saturating_mul(2).max(1).ilog2();
-                frames.window_log_max(double.clamp(WINDOW_LOG, MOST_WINDOW_LOG))?;
+                let most = double.clamp(WINDOW_LOG, MOST_WINDOW_LOG);
+                // What is unpacked stands beside the arrays.
+                let room = room.map_or(most, |room| room.bytes.max(1).ilog2());
+                frames.window_log_max(most.min(room).max(LEAST_WINDOW_LOG))?;
                 Box::new(Frames(frames))
             }
         })
@@ -98,7 +107,7 @@ mod tests {
     fn unpacked(packed: &[u8]) -> Result<Vec<u8>> {
         let mut out = Vec::new();
         let length = Some(packed.len() as u64);
-        Packing::of(packed).unwrap().open(packed, length)?.read_to_end(&mut out)?;
+        Packing::of(packed).unwrap().open(packed, length, None)?.read_to_end(&mut out)?;
         Ok(out)
     }
 
@@ -141,7 +150,8 @@ mod tests {
         let of = |window, length| {
             let mut out = String::new();
             let packed = frame(window, 100);
-            let read = Packing::Zstd.open(&packed[..], length).unwrap().read_to_string(&mut out);
+            let read =
+                Packing::Zstd.open(&packed[..], length, None).unwrap().read_to_string(&mut out);
             read.map(|_| out).map_err(|error| error.to_string())
         };
         let refused = Err("Frame requires too much memory for decoding".to_owned());

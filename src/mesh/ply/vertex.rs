@@ -4,12 +4,14 @@ use rayon::prelude::*;
 
 use super::block::Uniform;
 use super::header::Shape;
+use super::job::Job;
 use super::plan::{ColorType, ROLES, Step, VertexPlan};
 use super::row::{Row, Values};
 use super::scalar::{Native, Scalar};
 use super::table::{Reader, Sink, Table};
 use crate::error::Result;
 use crate::mesh::{Colors, Positions};
+use crate::reserve;
 
 /// Fewest vertices that are worth a task.
 const GRAIN: usize = 1 << 13;
@@ -26,31 +28,66 @@ pub(super) struct Vertices {
 }
 
 impl Vertices {
+    /// Bytes of a vertex in all arrays.
+    fn each(&self) -> u64 {
+        let position = match &self.positions {
+            Positions::F32(_) => 12,
+            Positions::F64(_) => 24,
+        };
+        let colour = match &self.colors {
+            Some(Colors::U8(_)) => 3,
+            Some(Colors::U16(_)) => 6,
+            Some(Colors::F32(_)) => 12,
+            None => 0,
+        };
+        let normal = if self.normals.is_some() { 12 } else { 0 };
+        let uv = if self.uvs.is_some() { 8 } else { 0 };
+        position + normal + uv + colour
+    }
+
+    /// Bytes of all arrays.
+    pub(super) fn bytes(&self) -> u64 {
+        self.each() * self.positions.len() as u64
+    }
+
     /// Makes room for `count` vertices in all.
-    pub(super) fn reserve(&mut self, count: usize) {
-        fn room<T>(all: &mut Vec<T>, count: usize) {
-            all.reserve_exact((count + SPARE).saturating_sub(all.len()));
-        }
+    ///
+    /// # Errors
+    /// Where there is none.
+    pub(super) fn reserve(&mut self, count: usize, job: &Job) -> Result<()> {
+        job.fits(self.each().saturating_mul(count as u64))?;
+        let spare = count.saturating_add(SPARE);
+        self.all(&Ask::Exactly(spare), job)
+    }
+
+    /// Makes room in every array.
+    fn all(&mut self, ask: &Ask, job: &Job) -> Result<()> {
         match &mut self.positions {
-            Positions::F32(all) => room(all, count),
-            Positions::F64(all) => room(all, count),
+            Positions::F32(all) => ask.of(all, job)?,
+            Positions::F64(all) => ask.of(all, job)?,
         }
         if let Some(all) = &mut self.normals {
-            room(all, count);
+            ask.of(all, job)?;
         }
         if let Some(all) = &mut self.uvs {
-            room(all, count);
+            ask.of(all, job)?;
         }
         match &mut self.colors {
-            Some(Colors::U8(all)) => room(all, count),
-            Some(Colors::U16(all)) => room(all, count),
-            Some(Colors::F32(all)) => room(all, count),
-            None => {}
+            Some(Colors::U8(all)) => ask.of(all, job),
+            Some(Colors::U16(all)) => ask.of(all, job),
+            Some(Colors::F32(all)) => ask.of(all, job),
+            None => Ok(()),
         }
     }
 
     /// Adds vertices that follow in the file, read by the same plan.
-    pub(super) fn append(&mut self, next: Vertices) {
+    ///
+    /// # Errors
+    /// Where there is no memory for them.
+    pub(super) fn append(&mut self, next: Vertices, job: &Job) -> Result<()> {
+        let count = next.positions.len();
+        job.fits(self.bytes().saturating_add(next.bytes()))?;
+        self.all(&Ask::More(count), job)?;
         match (&mut self.positions, next.positions) {
             (Positions::F32(all), Positions::F32(next)) => all.extend(next),
             (Positions::F64(all), Positions::F64(next)) => all.extend(next),
@@ -68,6 +105,24 @@ impl Vertices {
             (Some(Colors::F32(all)), Some(Colors::F32(next))) => all.extend(next),
             _ => {}
         }
+        Ok(())
+    }
+}
+
+/// Room in an array.
+enum Ask {
+    /// For so many elements in all.
+    Exactly(usize),
+    /// For so many more.
+    More(usize),
+}
+
+impl Ask {
+    fn of<T>(&self, all: &mut Vec<T>, job: &Job) -> Result<()> {
+        match *self {
+            Self::Exactly(count) => reserve::exact(all, count.saturating_sub(all.len()), job.name),
+            Self::More(count) => reserve::growing(all, count, job.name),
+        }
     }
 }
 
@@ -75,7 +130,7 @@ impl Vertices {
 pub(super) fn read(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     match (&table.span.uniform, table.big) {
         (Some(uniform), Some(big)) => {
-            let vertices = in_bulk(table, plan, uniform, big);
+            let vertices = in_bulk(table, plan, uniform, big)?;
             table.job.check().map(|()| vertices)
         }
         _ => row_by_row(table, plan),
@@ -91,7 +146,7 @@ struct Records<'a> {
     roles: [(Scalar, usize); ROLES],
 }
 
-fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Vertices {
+fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Result<Vertices> {
     let length = table.span.rows as usize * uniform.stride;
     let roles = plan.columns.map(|column| {
         let Some(at) = column else {
@@ -104,48 +159,70 @@ fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Ve
     });
     let rows = &table.data[uniform.start..uniform.start + length];
     let records = Records { rows, stride: uniform.stride, big, roles };
+    let mut all = empty(plan);
+    all.reserve(table.span.rows as usize, &table.job)?;
+    match &mut all.positions {
+        Positions::F64(all) => records.columns(all, 0, Scalar::F64, |v| v),
+        Positions::F32(all) => records.columns(all, 0, Scalar::F32, |v| v as f32),
+    }
+    if let Some(all) = &mut all.normals {
+        records.columns(all, 3, Scalar::F32, |v| v as f32);
+    }
+    if let Some(all) = &mut all.uvs {
+        records.columns(all, 6, Scalar::F32, |v| v as f32);
+    }
+    match &mut all.colors {
+        Some(Colors::U8(all)) => records.columns(all, 8, Scalar::U8, |v| v as u8),
+        Some(Colors::U16(all)) => records.columns(all, 8, Scalar::U16, |v| v as u16),
+        Some(Colors::F32(all)) => records.columns(all, 8, Scalar::F32, |v| v as f32),
+        None => {}
+    }
+    Ok(all)
+}
+
+/// The arrays of a plan without any vertex.
+fn empty(plan: &VertexPlan) -> Vertices {
     Vertices {
-        positions: if plan.double {
-            Positions::F64(records.columns(0, Scalar::F64, |v| v))
-        } else {
-            Positions::F32(records.columns(0, Scalar::F32, |v| v as f32))
+        positions: match plan.double {
+            true => Positions::F64(Vec::new()),
+            false => Positions::F32(Vec::new()),
         },
-        normals: plan.normals.then(|| records.columns(3, Scalar::F32, |v| v as f32)),
-        uvs: plan.uvs.then(|| records.columns(6, Scalar::F32, |v| v as f32)),
+        normals: plan.normals.then(Vec::new),
+        uvs: plan.uvs.then(Vec::new),
         colors: plan.colors.map(|kind| match kind {
-            ColorType::U8 => Colors::U8(records.columns(8, Scalar::U8, |v| v as u8)),
-            ColorType::U16 => Colors::U16(records.columns(8, Scalar::U16, |v| v as u16)),
-            ColorType::F32 => Colors::F32(records.columns(8, Scalar::F32, |v| v as f32)),
+            ColorType::U8 => Colors::U8(Vec::new()),
+            ColorType::U16 => Colors::U16(Vec::new()),
+            ColorType::F32 => Colors::F32(Vec::new()),
         }),
     }
 }
 
 impl Records<'_> {
-    /// `N` roles from `first` on as an array: copied where they are stored as `T`, whose name is
+    /// `N` roles from `first` on into an array that has room for them: copied where they are stored as `T`, whose name is
     /// `native`, else converted one by one.
     fn columns<const N: usize, T: Native>(
         &self,
+        all: &mut Vec<[T; N]>,
         first: usize,
         native: Scalar,
         convert: impl Fn(f64) -> T + Sync,
-    ) -> Vec<[T; N]> {
+    ) {
         let roles: [(Scalar, usize); N] = std::array::from_fn(|i| self.roles[first + i]);
         let big = self.big;
         let rows = self.rows.par_chunks_exact(self.stride).with_min_len(GRAIN);
-        let mut all = Vec::with_capacity(rows.len() + SPARE);
         if roles.iter().all(|(kind, _)| *kind == native) {
             let at = roles.map(|(_, at)| at);
-            rows.map(|row| at.map(|at| T::take(row, at, big))).collect_into_vec(&mut all);
+            rows.map(|row| at.map(|at| T::take(row, at, big))).collect_into_vec(all);
         } else {
             let read = |row| roles.map(|(kind, at)| convert(kind.read(row, at, big)));
-            rows.map(read).collect_into_vec(&mut all);
+            rows.map(read).collect_into_vec(all);
         }
-        all
     }
 }
 
 fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
-    let mut all = Arrays::new(plan, table.span.rows as usize);
+    let mut all = Arrays(empty(plan));
+    all.0.reserve(table.span.rows as usize, &table.job)?;
     let read = |reader: &mut Reader| {
         let mut part = Part { plan, points: Vec::new(), others: Vec::new() };
         // The rows are in the file: as many as its bytes allow.
@@ -157,7 +234,11 @@ fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
         reader.feed(&mut part)?;
         Ok(part)
     };
-    table.blocks(read, |part| all.append(&part))?;
+    let take = |part| {
+        all.append(&part);
+        Ok(())
+    };
+    table.blocks(read, take)?;
     Ok(all.0)
 }
 
@@ -165,24 +246,6 @@ fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
 struct Arrays(Vertices);
 
 impl Arrays {
-    fn new(plan: &VertexPlan, count: usize) -> Self {
-        let mut vertices = Vertices {
-            positions: match plan.double {
-                true => Positions::F64(Vec::new()),
-                false => Positions::F32(Vec::new()),
-            },
-            normals: plan.normals.then(Vec::new),
-            uvs: plan.uvs.then(Vec::new),
-            colors: plan.colors.map(|kind| match kind {
-                ColorType::U8 => Colors::U8(Vec::new()),
-                ColorType::U16 => Colors::U16(Vec::new()),
-                ColorType::F32 => Colors::F32(Vec::new()),
-            }),
-        };
-        vertices.reserve(count);
-        Self(vertices)
-    }
-
     fn append(&mut self, part: &Part) {
         let Vertices { positions, normals, uvs, colors } = &mut self.0;
         match positions {

@@ -11,8 +11,10 @@ use super::super::simd::MAX_DEPTH;
 use super::block;
 use super::reference::Reference;
 use super::sah::{Bins, Grid, Split};
+use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
+use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
 /// From this many references on, the two sides are built in parallel.
@@ -64,22 +66,31 @@ impl Leaf {
     }
 }
 
+/// Bytes that [`build`] holds beside the references, about: for each of them.
+pub const SCRATCH: u64 = 24;
+
 /// Builds the tree; sorts `references` so that each leaf's stand together.
+///
+/// # Errors
+/// Where there is no memory for its nodes.
 pub fn build(
     geometry: &Geometry,
     references: &mut [Reference],
     isa: Isa,
     monitor: &Monitor,
-) -> Vec<Binary> {
+) -> Result<Vec<Binary>> {
     if references.is_empty() {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let total = references.len() as u64;
     let done = AtomicU64::new(0);
     let builder = Builder { geometry, isa, monitor, total, done: &done };
     let centroids = centroids_of(references);
     let pieces = builder.subtree(Set { references, centroids, first: 0, depth: 0 });
-    pieces.nodes.concat()
+    let mut nodes = Vec::new();
+    reserve::exact(&mut nodes, pieces.len, "bvh")?;
+    pieces.nodes.into_iter().for_each(|piece| nodes.extend(piece));
+    Ok(nodes)
 }
 
 /// A subtree, in pieces to be strung together: copied once, not at every level.
@@ -109,16 +120,21 @@ impl Pieces {
 }
 
 /// Numbers the leaves of each kind in order; returns them all.
-pub fn number_leaves(nodes: &mut [Binary]) -> Vec<Leaf> {
+///
+/// # Errors
+/// Where there is no memory for them.
+pub fn number_leaves(nodes: &mut [Binary]) -> Result<Vec<Leaf>> {
     let mut next = [0, 0];
     let mut leaves = Vec::new();
+    // A binary tree has one leaf more than inner nodes.
+    reserve::exact(&mut leaves, nodes.len().div_ceil(2), "bvh")?;
     for node in nodes.iter_mut().filter(|node| node.right == 0) {
         let next = &mut next[usize::from(node.spheres)];
         node.leaf = *next;
         *next += 1;
         leaves.push(Leaf { first: node.first, count: node.count, spheres: node.spheres });
     }
-    leaves
+    Ok(leaves)
 }
 
 #[derive(Clone, Copy)]

@@ -9,6 +9,8 @@ use rayon::prelude::*;
 use super::super::bounds::Bounds3;
 use super::super::node::{Block, Child, Kind, Node, SphereLeaf, WIDTH};
 use super::binary::Binary;
+use crate::error::Result;
+use crate::reserve;
 
 /// The finished tree.
 pub struct Tree {
@@ -58,8 +60,13 @@ const PARALLEL: usize = 1 << 14;
 
 /// Collapses a binary tree; an empty one becomes a root without children. Leaves are named, not
 /// made.
-pub fn collapse(binary: &[Binary]) -> Tree {
-    let mut plan = vec![[0; WIDTH]; binary.len()];
+///
+/// # Errors
+/// Where there is no memory for it.
+pub fn collapse(binary: &[Binary]) -> Result<Tree> {
+    let mut plan = reserve::filled([0; WIDTH], binary.len(), "bvh")?;
+    // Wide nodes are few: one for some 8 leaves.
+    reserve::probe((binary.len() / 12 * size_of::<Node>()) as u64, "bvh")?;
     let (nodes, depth) = match binary {
         [] => (vec![Node::EMPTY], 1),
         _ => {
@@ -67,7 +74,7 @@ pub fn collapse(binary: &[Binary]) -> Tree {
             wide(binary, &plan, 0)
         }
     };
-    Tree {
+    Ok(Tree {
         nodes,
         blocks: Vec::new(),
         spheres: Vec::new(),
@@ -76,7 +83,7 @@ pub fn collapse(binary: &[Binary]) -> Tree {
         beyond: 0.0,
         depth,
         is_large: false,
-    }
+    })
 }
 
 /// Bytes that collapsing holds beside its result.

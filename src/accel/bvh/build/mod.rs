@@ -18,6 +18,7 @@ use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
 use crate::ray::NONE;
+use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
 /// Trees of more bytes are prefetched: docs/bvh.md has what that gave.
@@ -27,7 +28,7 @@ const LARGE: u64 = 64 << 20;
 ///
 /// # Errors
 /// `Interrupted` after a signal; `Limit` above `max_bytes`, or where the tree would have more leaves
-/// than it can name.
+/// than it can name; `Retry` where there is no memory.
 pub fn build(
     geometry: &Geometry,
     isa: Isa,
@@ -55,7 +56,7 @@ fn with_nodes(
     isa: Isa,
     max_bytes: Option<u64>,
     monitor: &Monitor,
-    collapse: impl FnOnce(&[binary::Binary]) -> Tree,
+    collapse: impl FnOnce(&[binary::Binary]) -> Result<Tree>,
 ) -> Result<(Tree, u64)> {
     let within = |bytes: u64| match max_bytes {
         Some(limit) if bytes > limit => {
@@ -65,42 +66,48 @@ fn with_nodes(
         _ => Ok(bytes),
     };
     within((reference::count(geometry) * size_of::<reference::Reference>()) as u64)?;
-    let mut references = simd::dispatch(isa, References(geometry));
+    let count = reference::count(geometry);
+    let mut references = simd::dispatch(isa, References(geometry))?;
+    // Nodes come about in many small pieces.
+    reserve::probe(binary::SCRATCH * count as u64, "bvh")?;
     monitor.check()?;
-    let mut nodes = binary::build(geometry, &mut references, isa, monitor);
+    let mut nodes = binary::build(geometry, &mut references, isa, monitor)?;
     monitor.check()?;
-    let leaves = binary::number_leaves(&mut nodes);
+    let leaves = binary::number_leaves(&mut nodes)?;
     if leaves.len() >= Child::MAX_INDEX {
         let message = format!("found {} leaves, expected fewer than 2^30", leaves.len());
         return Err(Error::new(Kind::Limit, Problem::new("bvh", message)));
     }
     let sorted = (size_of_val(&references[..]) + size_of_val(&leaves[..])) as u64;
-    let mut tree = collapse(&nodes);
+    let mut tree = collapse(&nodes)?;
     let collapsing = sorted + collapse::scratch_bytes(&nodes) + tree.bytes();
     drop(nodes);
-    let (triangles, spheres): (Vec<&Leaf>, Vec<&Leaf>) = leaves.iter().partition(|l| !l.spheres);
+    let of_spheres = leaves.iter().filter(|leaf| leaf.spheres).count();
+    let (mut triangles, mut spheres) = (Vec::<&Leaf>::new(), Vec::<&Leaf>::new());
+    reserve::exact(&mut triangles, leaves.len() - of_spheres, "bvh")?;
+    reserve::exact(&mut spheres, of_spheres, "bvh")?;
+    for leaf in &leaves {
+        if leaf.spheres { &mut spheres } else { &mut triangles }.push(leaf);
+    }
     let filling = sorted
         + tree.bytes()
         + (triangles.len() * size_of::<Block>() + leaves.len() * size_of::<&Leaf>()) as u64;
     let peak = within(collapsing.max(filling))?;
     let of = |i: usize| triangles.get(i).map_or(&[][..], |leaf| &references[leaf.range()]);
-    tree.blocks = (0..triangles.len())
-        .into_par_iter()
-        .map(|i| {
-            let next = [of(i + 1), of(i + 2)];
-            simd::dispatch(isa, MakeBlock { geometry, references: of(i), next })
-        })
-        .collect();
-    tree.spheres = spheres
-        .iter()
-        .map(|leaf| {
-            let mut ids = [NONE; super::node::SPHERES];
-            for (id, reference) in ids.iter_mut().zip(&references[leaf.range()]) {
-                *id = reference.primitive();
-            }
-            SphereLeaf(ids)
-        })
-        .collect();
+    reserve::exact(&mut tree.blocks, triangles.len(), "bvh")?;
+    let block = |i: usize| {
+        let next = [of(i + 1), of(i + 2)];
+        simd::dispatch(isa, MakeBlock { geometry, references: of(i), next })
+    };
+    (0..triangles.len()).into_par_iter().map(block).collect_into_vec(&mut tree.blocks);
+    reserve::exact(&mut tree.spheres, spheres.len(), "bvh")?;
+    tree.spheres.extend(spheres.iter().map(|leaf| {
+        let mut ids = [NONE; super::node::SPHERES];
+        for (id, reference) in ids.iter_mut().zip(&references[leaf.range()]) {
+            *id = reference.primitive();
+        }
+        SphereLeaf(ids)
+    }));
     let flat = triangles.iter().flat_map(|leaf| &references[leaf.range()]);
     let join = |all: Bounds3, r: &reference::Reference| all.union(r.bounds);
     tree.bounds = references.par_iter().map(|r| r.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
@@ -115,7 +122,7 @@ fn with_nodes(
 struct References<'g>(&'g Geometry);
 
 impl Kernel for References<'_> {
-    type Output = Vec<reference::Reference>;
+    type Output = Result<Vec<reference::Reference>>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         reference::references(self.0)

@@ -3,7 +3,9 @@
 use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
+use crate::error::Result;
 use crate::geometry::Geometry;
+use crate::reserve;
 
 const SECOND_HALF: u32 = 1 << 31;
 
@@ -63,8 +65,12 @@ pub fn count(geometry: &Geometry) -> usize {
 }
 
 /// The references in the order of the geometry.
-pub fn references(geometry: &Geometry) -> Vec<Reference> {
-    let mut references = Vec::with_capacity(count(geometry));
+///
+/// # Errors
+/// Where there is no memory for them.
+pub fn references(geometry: &Geometry) -> Result<Vec<Reference>> {
+    let mut references = Vec::new();
+    reserve::exact(&mut references, count(geometry), "bvh")?;
     for (geom, mesh) in geometry.meshes.iter().enumerate() {
         references.par_extend((0..mesh.triangles().len() as u32).into_par_iter().map(|prim| {
             Reference::new(Bounds3::of(&mesh.corners(prim)), geom as u32, prim, false)
@@ -81,5 +87,5 @@ pub fn references(geometry: &Geometry) -> Vec<Reference> {
         let bounds = Bounds3::new(lower, upper);
         references.push(Reference::new(bounds, geometry.spheres_id(), prim as u32, false));
     }
-    references
+    Ok(references)
 }

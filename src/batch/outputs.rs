@@ -1,0 +1,130 @@
+//! What a job writes: no two outputs are one file, and no output is an input of the run.
+
+use std::{
+    hash::{DefaultHasher, Hash, Hasher},
+    path::{Path, PathBuf},
+};
+
+use rayon::prelude::*;
+
+use crate::{
+    error::{Error, Result},
+    files::{self, Files},
+    output::Outputs,
+    picture, world,
+};
+
+use super::{
+    job::{Input, Job},
+    names::Pattern,
+    plan::Task,
+    scene, sheet,
+};
+
+/// Everything that a job reads: its files, its inputs and all that these name. Reads scenes and headers
+/// of meshes, on the threads of the current rayon pool.
+pub fn inputs(job: &Job) -> Files {
+    let named = job.inputs.par_iter().map(|input| named(job, input)).collect::<Vec<_>>();
+    job.files.iter().chain(named.iter().flatten()).collect()
+}
+
+/// The input's file and what it names, as far as it can be read.
+fn named(job: &Job, input: &Input) -> Vec<PathBuf> {
+    let named = match scene::unframed(job, input) {
+        Ok(scene) => world::sources(&scene),
+        // A mesh names its texture even where the scene around it is wrong.
+        Err(_) => world::mesh_sources(&input.path),
+    };
+    [input.path.clone()].into_iter().chain(named).collect()
+}
+
+/// Refuses frames, journals and contact sheets that are inputs.
+///
+/// # Errors
+/// The first such output.
+pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &Files) -> Result<()> {
+    let beside = sheet::paths(job).chain([journal.to_owned()]);
+    beside.into_iter().try_for_each(|output| free(&output, inputs))?;
+    tasks.par_iter().try_for_each(|task| {
+        let mut outputs = task.frames.clone().flat_map(|frame| frame_files(job, task.input, frame));
+        outputs.try_for_each(|output| free(&output, inputs))
+    })
+}
+
+/// Refuses a contact sheet that is an input.
+///
+/// # Errors
+/// The first such file.
+pub fn refuse_sheet(job: &Job) -> Result<()> {
+    let inputs = inputs(job);
+    sheet::paths(job).try_for_each(|output| free(&output, &inputs))
+}
+
+fn free(output: &Path, inputs: &Files) -> Result<()> {
+    match inputs.has(output) {
+        true => Err(files::over(output, "choose another folder: -o DIR")),
+        false => Ok(()),
+    }
+}
+
+/// Every file that a frame may have.
+fn frame_files(job: &Job, input: usize, frame: u32) -> impl Iterator<Item = PathBuf> {
+    let prefix = job.prefix(input, frame);
+    let kinds = if job.storage.crypto_sidecar { &picture::MANIFESTS[..] } else { &[] };
+    let manifests: Vec<PathBuf> =
+        kinds.iter().map(|kind| picture::manifest_path(&prefix, kind)).collect();
+    Outputs::names(&prefix).into_iter().chain(manifests)
+}
+
+/// A frame by the hash of its name.
+type Named = (u64, u32, u32);
+
+/// Refuses two frames of one name, and a frame with a name of the contact sheet. `text` is the pattern.
+///
+/// # Errors
+/// The first two in the order of the job.
+pub fn distinct(name: &Pattern, inputs: &[Input], frames: u32, text: &str) -> Result<()> {
+    if frames > 1 && !name.tells_frames() {
+        let message = format!("found {text:?} for {frames} frames, expected {{frame}} in it");
+        return Err(Error::invalid("output name", message).help("{stem}/{stem}.{frame:04}"));
+    }
+    let of =
+        |&(_, input, frame): &Named| name.of(&inputs[input as usize].path, input as usize, frame);
+    let mut all: Vec<Named> = Vec::new();
+    let (sheets, mut first) = (sheet::names(inputs.len()), None);
+    for input in 0..inputs.len() as u32 {
+        for frame in 0..frames {
+            let path = of(&(0, input, frame));
+            let mut hasher = DefaultHasher::new();
+            path.hash(&mut hasher);
+            let named = (hasher.finish(), input, frame);
+            let [_, png] = Outputs::names(&path);
+            let png = png.strip_prefix(".").unwrap_or(&png);
+            if first.is_none() && sheets.iter().any(|sheet| Path::new(sheet) == png) {
+                first = Some((named, None));
+            }
+            all.push(named);
+        }
+    }
+    all.sort_unstable();
+    // Equal names have equal hashes; few others do.
+    for alike in all.chunk_by(|a, b| a.0 == b.0).filter(|alike| alike.len() > 1) {
+        let same = |(i, a): (usize, &Named)| {
+            let b = alike[i + 1..].iter().find(|b| of(a) == of(b))?;
+            Some((*a, Some(*b)))
+        };
+        let pair = alike.iter().enumerate().find_map(same);
+        first = [first, pair].into_iter().flatten().min_by_key(|((_, i, frame), _)| (*i, *frame));
+    }
+    let Some((one, other)) = first else { return Ok(()) };
+    let called = |&(_, input, frame): &Named| {
+        let path = inputs[input as usize].path.display();
+        if frames > 1 { format!("frame {frame} of {path}") } else { path.to_string() }
+    };
+    let other = other.as_ref().map_or("the contact sheet".to_string(), called);
+    let path = of(&one);
+    let message =
+        format!("{} and {other} would both be written to {:?}", called(&one), path.display());
+    Err(Error::invalid("output name", message)
+        .help("tell them apart: --name '{parent}/{stem}', or '{input:03}-{stem}.{frame:04}'"))
+}

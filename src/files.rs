@@ -1,0 +1,200 @@
+//! Which file a name stands for: nothing is written over what is read, and what is read twice is one
+//! file.
+
+use std::{
+    collections::HashSet,
+    ffi::OsString,
+    fs::Metadata,
+    path::{Path, PathBuf},
+    time::SystemTime,
+};
+
+use crate::error::{Error, Kind, Problem, Result};
+
+/// Device and inode.
+type Node = (u64, u64);
+
+/// The contents of a file at one moment: two readings with equal stamps have read the same bytes.
+///
+/// What it cannot tell: two writes of equally many bytes within one tick of the file system's clock, and
+/// a writer that sets the time back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Stamp {
+    node: Option<Node>,
+    bytes: u64,
+    modified: Option<SystemTime>,
+}
+
+impl Stamp {
+    /// The stamp of an open file; `None` for a pipe or a device, whose bytes come only once.
+    pub fn of(data: &Metadata) -> Option<Self> {
+        let modified = data.modified().ok();
+        data.is_file().then(|| Self { node: node(data), bytes: data.len(), modified })
+    }
+}
+
+/// The error for a file that has another stamp than when it was read first.
+pub fn changed(path: &Path) -> Error {
+    let message = "changed while it was read";
+    let problem = Problem::new(path.display().to_string(), message);
+    Error::new(Kind::Retry, problem.help("wait until it is written, then try again"))
+}
+
+#[cfg(unix)]
+fn node(data: &Metadata) -> Option<Node> {
+    use std::os::unix::fs::MetadataExt;
+    Some((data.dev(), data.ino()))
+}
+
+#[cfg(not(unix))]
+fn node(_: &Metadata) -> Option<Node> {
+    None
+}
+
+/// A set of files, known by their paths without links and by device and inode.
+#[derive(Debug, Default)]
+pub struct Files {
+    paths: HashSet<PathBuf>,
+    /// Last components of the paths.
+    names: HashSet<OsString>,
+    nodes: HashSet<Node>,
+}
+
+impl Files {
+    /// Adds a file, which need not exist yet.
+    pub fn add(&mut self, path: &Path) {
+        let real = real(path);
+        self.names.extend(real.file_name().map(ToOwned::to_owned));
+        self.paths.insert(real);
+        let data = std::fs::metadata(path).ok();
+        self.nodes.extend(data.filter(Metadata::is_file).as_ref().and_then(node));
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.paths.is_empty()
+    }
+
+    /// Whether `path` is one of them: by any link, or by the name that it would get.
+    pub fn has(&self, path: &Path) -> bool {
+        match std::fs::metadata(path) {
+            Ok(data) if node(&data).is_some_and(|node| self.nodes.contains(&node)) => true,
+            // Whoever writes many files pays one look at the disk for each that is not there.
+            Err(_) if !path.file_name().is_some_and(|name| self.names.contains(name)) => false,
+            _ => self.paths.contains(&real(path)),
+        }
+    }
+}
+
+impl<P: AsRef<Path>> FromIterator<P> for Files {
+    fn from_iter<I: IntoIterator<Item = P>>(paths: I) -> Self {
+        let mut all = Self::default();
+        paths.into_iter().for_each(|path| all.add(path.as_ref()));
+        all
+    }
+}
+
+/// Refuses outputs that are inputs, and two outputs that are one file. Pipes and devices may be both.
+///
+/// # Errors
+/// `Invalid`, with `help` as the next step.
+pub fn not_over<P: AsRef<Path>, Q: AsRef<Path>>(
+    inputs: impl IntoIterator<Item = P>,
+    outputs: impl IntoIterator<Item = Q>,
+    help: &str,
+) -> Result<()> {
+    let mut taken: Files = inputs.into_iter().collect();
+    for output in outputs {
+        let output = output.as_ref();
+        if std::fs::metadata(output).is_ok_and(|data| !data.is_file()) {
+            continue;
+        }
+        if taken.has(output) {
+            return Err(over(output, help));
+        }
+        taken.add(output);
+    }
+    Ok(())
+}
+
+/// The error for an output that is an input, or another output.
+pub fn over(output: &Path, help: &str) -> Error {
+    let message = "would be written over what is read, or twice";
+    Error::invalid(output.display().to_string(), message).help(help)
+}
+
+/// A path without links as far as it exists; of a new file its folder's.
+fn real(path: &Path) -> PathBuf {
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    path.canonicalize().unwrap_or_else(|_| {
+        let folder = folder.canonicalize().unwrap_or_else(|_| absolute(folder));
+        folder.join(path.file_name().unwrap_or_default())
+    })
+}
+
+/// A folder that is not there yet, as it will be called: `.` and `..` taken out.
+fn absolute(folder: &Path) -> PathBuf {
+    use std::path::Component;
+    let mut plain = PathBuf::new();
+    for part in std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()).components() {
+        match part {
+            Component::ParentDir => {
+                plain.pop();
+            }
+            Component::CurDir => {}
+            part => plain.push(part),
+        }
+    }
+    // What exists of it may be reached through links.
+    let there = plain.ancestors().find_map(|above| Some((above, above.canonicalize().ok()?)));
+    match there {
+        Some((above, real)) => match plain.strip_prefix(above) {
+            Ok(rest) => real.join(rest),
+            Err(_) => plain,
+        },
+        None => plain,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_known_by_every_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("sub")).unwrap();
+        std::fs::write(path("a"), "1").unwrap();
+        std::fs::write(path("other"), "1").unwrap();
+        let files: Files = [path("a"), path("new"), path("later/x")].into_iter().collect();
+        for same in ["a", "sub/../a", "new", "sub/../new", "./new", "later/x", "no/../later/x"] {
+            assert!(files.has(&path(same)), "{same}");
+        }
+        for another in ["other", "sub/a", "sub", "none", "later/y", "no/later/x"] {
+            assert!(!files.has(&path(another)), "{another}");
+        }
+        #[cfg(unix)]
+        {
+            std::fs::hard_link(path("a"), path("hard")).unwrap();
+            std::os::unix::fs::symlink("a", path("soft")).unwrap();
+            std::os::unix::fs::symlink(folder.path(), path("sub/up")).unwrap();
+            for same in ["hard", "soft", "sub/up/a", "sub/up/new", "sub/up/later/x"] {
+                assert!(files.has(&path(same)), "{same}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_stamp_tells_other_contents() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let stamp = || Stamp::of(&std::fs::metadata(&path).unwrap()).unwrap();
+        std::fs::write(&path, "one").unwrap();
+        let first = stamp();
+        assert_eq!(first, stamp());
+        std::fs::write(&path, "three").unwrap();
+        assert_ne!(first, stamp());
+        assert_eq!(Stamp::of(&std::fs::metadata(folder.path()).unwrap()), None);
+    }
+}

@@ -1,0 +1,75 @@
+//! The files that a scene's picture is made of.
+
+use std::{
+    fs::Metadata,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    files::{Stamp, changed},
+    mesh::{self, Mesh},
+    scene::{Scene, ShapeKind},
+};
+
+use crate::error::Result;
+
+use super::fingerprint::Contents;
+
+/// Every file that a scene names: meshes, textures of its materials, and the images that meshes name
+/// themselves, used or not. Reads the headers of the meshes; a pipe is not opened.
+pub fn sources(scene: &Scene) -> Vec<PathBuf> {
+    let mut all = Vec::new();
+    for shape in &scene.shapes {
+        let ShapeKind::Trimesh(spec) = &shape.kind else { continue };
+        all.push(spec.path.clone());
+        all.extend(mesh_sources(&spec.path));
+    }
+    let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref());
+    all.extend(textures.map(|texture| texture.path.clone()));
+    all
+}
+
+/// The images that a mesh file names; none for what is no mesh file.
+pub fn mesh_sources(path: &Path) -> Vec<PathBuf> {
+    if !std::fs::metadata(path).is_ok_and(|data: Metadata| data.is_file()) {
+        return Vec::new();
+    }
+    // What is wrong with a header is said when the mesh is read.
+    let named = mesh::inspect_ply(path).map(|summary| summary.texture_files);
+    named.unwrap_or_default().iter().map(|name| beside(path, name)).collect()
+}
+
+/// The image that a mesh names itself, wherever the mesh came from.
+pub fn own_texture(path: &Path, mesh: &Mesh) -> Option<PathBuf> {
+    mesh.texture_file.as_ref().map(|name| beside(path, name))
+}
+
+/// A file that a mesh names, seen from its folder.
+pub(super) fn beside(mesh: &Path, name: &str) -> PathBuf {
+    mesh.parent().unwrap_or(Path::new("")).join(name)
+}
+
+/// Files that were read, with their stamps at that time: none for pipes.
+#[derive(Debug, Clone, Default)]
+pub struct Read(pub(super) Vec<(PathBuf, Option<Stamp>)>);
+
+impl Read {
+    /// The files.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.0.iter().map(|(path, _)| path.as_path())
+    }
+
+    /// Makes sure that what was hashed is what was read.
+    ///
+    /// # Errors
+    /// `Retry` for a file that was replaced or written in between.
+    pub fn check(&self, hashed: &Contents) -> Result<()> {
+        let all = self.0.iter().filter_map(|(path, stamp)| Some((path, stamp.as_ref()?)));
+        for (path, stamp) in all {
+            if !hashed.has(path, stamp) {
+                return Err(changed(path));
+            }
+        }
+        Ok(())
+    }
+}
