@@ -16,24 +16,34 @@ pub const NEAR_START: f64 = 1.0 / (1u64 << 12) as f64;
 /// Whether a triangle that a ray meets at `t`, as f64 has it, lies after the ray's start.
 #[inline(always)]
 pub fn is_after_start(corners: [DVec3; 3], origin: DVec3, direction: DVec3, t: f64) -> bool {
-    let [a, b, c] = corners.map(|v| (v - origin).abs());
+    let seen = corners.map(|v| v - origin);
+    let [a, b, c] = seen.map(DVec3::abs);
     let far = a.max(b).max(c).max_element();
-    t * direction.abs().max_element() > NEAR_START * far || is_ahead(corners, origin, direction)
+    if t * direction.abs().max_element() > NEAR_START * far {
+        return true;
+    }
+    // Where all of it lies ahead, so does every hit.
+    let along = direction.abs().max_position();
+    let sign = direction[along].signum();
+    seen.iter().all(|v| v[along] * sign > 0.0) || is_ahead(corners, origin, direction, t)
 }
 
 /// Whether `origin + t direction` meets the plane of a triangle at a t > 0: not if the origin lies in the
-/// plane, nor if the ray runs along it. Coordinates are values of f32, so that their differences are exact.
+/// plane. Of a ray along the plane `t` decides. Coordinates are values of f32, so that their differences are exact.
 #[cold]
 #[inline(never)]
-pub fn is_ahead([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3) -> bool {
+fn is_ahead([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3, t: f64) -> bool {
     let (e1, e2) = (Twofold3::between(v0, v1), Twofold3::between(v0, v2));
     let normal = e1.cross(&e2);
     let way = Twofold3::between(DVec3::ZERO, direction);
     let towards = normal.dot(&way).value();
+    if towards == 0.0 {
+        return t > 0.0;
+    }
     let above = normal.dot(&Twofold3::between(origin, v0)).value();
     let sum = |v: DVec3| v.x.abs() + v.y.abs() + v.z.abs();
     let permanent = sum(v1 - v0) * sum(v2 - v0) * sum(v0 - origin);
-    above.abs() > ROUNDING * permanent && (above > 0.0) == (towards > 0.0) && towards != 0.0
+    above.abs() > ROUNDING * permanent && (above > 0.0) == (towards > 0.0)
 }
 
 #[cfg(test)]
@@ -46,17 +56,17 @@ mod tests {
             .map(|v| DVec3::from(v.map(f64::from)));
         for origin in corners {
             for direction in [DVec3::X, DVec3::new(0.3, -0.9, 0.2), -DVec3::Z] {
-                assert!(!is_ahead(corners, origin, direction));
+                assert!(!is_ahead(corners, origin, direction, 1e-17));
             }
         }
     }
 
     #[test]
-    fn the_next_number_is_ahead_or_behind() {
+    fn a_hair_away_is_ahead_or_behind() {
         let corners = [DVec3::new(-1.0, 0.0, -1.0), DVec3::X, DVec3::Z];
-        let above = DVec3::new(0.1, f64::from(f32::MIN_POSITIVE), 0.2);
-        assert!(is_ahead(corners, above, -DVec3::Y));
-        assert!(!is_ahead(corners, above, DVec3::Y));
-        assert!(!is_ahead(corners, above, DVec3::X));
+        let above = DVec3::new(0.1, 2f64.powi(-80), 0.2);
+        let ahead = |direction: DVec3| is_ahead(corners, above, direction, 1e-17);
+        assert!(ahead(-DVec3::Y) && !ahead(DVec3::Y));
+        assert!(is_after_start(corners, above - DVec3::Y, DVec3::Y, 1.0));
     }
 }

@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn what_doubles_cannot_hold_is_warned_of() {
-        let origin = choose(DVec3::new(0.5, 1.7, 4.0), &[sphere(1e14)]);
+        let origin = choose(DVec3::new(0.5, 1.7, 4.0), &[sphere(1e14), sphere(1.0)]);
         let warning = origin.warning().unwrap().to_string();
         assert!(warning.contains("of a pixel"), "{warning}");
     }
