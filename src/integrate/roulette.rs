@@ -237,6 +237,7 @@ impl Sparing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampler::Sampler;
 
     /// Diffuse and specular weight of a point in a lane.
     fn weights(lane: usize, sample: u32, gloss: bool) -> [f32; 2] {
@@ -291,38 +292,31 @@ mod tests {
             &|_, sample| sample != 9,
             &|_, sample| sample % 2 == 0,
         ];
+        let (points, draws, sampler) = (12, 50_000, Sampler::new(1));
         for (case, visible) in cases.into_iter().enumerate() {
             for gloss in [false, true] {
-                let (points, steps) = (12, 24);
-                let at = |k: u32| (f64::from(k) + 0.5) / f64::from(steps);
-                let (mut sum, mut count) = ([[0.0; 3]; 2], 0.0);
-                let all = (0..steps).flat_map(|a| (0..steps).map(move |b| [a, b]));
-                for [a, b] in all {
-                    for c in 0..steps * steps {
-                        let uniform = [[at(a), at(b)], [at(c % steps), at(c / steps)]];
-                        let found = light(uniform, points, gloss, visible);
-                        for (sum, value) in sum.iter_mut().flatten().zip(found.iter().flatten()) {
-                            *sum += value;
-                        }
-                        let lights = found.iter().flat_map(|lane| &lane[..2]);
-                        assert!(lights.clone().all(|&light| light > -1e-12), "{case}: {found:?}");
-                        count += 1.0;
+                // Of lanes and quantities: sum, sum of squares.
+                let mut sums = [[[0.0; 2]; 3]; 2];
+                for draw in 0..draws {
+                    let uniform = [0, 1].map(|lane| sampler.choices([lane, 0], draw, 0, 0));
+                    let found = light(uniform, points, gloss, visible);
+                    for (sum, &value) in sums.iter_mut().flatten().zip(found.iter().flatten()) {
+                        *sum = [sum[0] + value, sum[1] + value * value];
                     }
+                    let mut lights = found.iter().flat_map(|lane| &lane[..2]);
+                    assert!(lights.all(|&light| light > -1e-12), "{case}: {found:?}");
                 }
-                for lane in 0..2 {
-                    for k in 0..3 {
-                        let truth: f64 = (0..points)
-                            .filter(|&sample| visible(lane, sample))
-                            .map(|sample| {
-                                let [d, s] = weights(lane, sample, gloss);
-                                [f64::from(d), f64::from(s), 1.0][k]
-                            })
-                            .sum();
-                        let found = sum[lane][k] / count;
-                        // The grid of numbers is as coarse as 1/24.
-                        let close = (found - truth).abs() <= 0.04 * truth.max(1.0);
-                        assert!(close, "{case} {gloss} {lane} {k}: {found} {truth}");
-                    }
+                for (lane, k) in (0..2).flat_map(|lane| (0..3).map(move |k| (lane, k))) {
+                    let seen = (0..points).filter(|&sample| visible(lane, sample));
+                    let truth = seen.map(|sample| {
+                        let [d, s] = weights(lane, sample, gloss);
+                        f64::from([d, s, 1.0][k])
+                    });
+                    let [sum, squares] = sums[lane][k].map(|sum| sum / f64::from(draws));
+                    let error = ((squares - sum * sum).max(0.0) / f64::from(draws)).sqrt();
+                    let off = sum - truth.sum::<f64>();
+                    let close = off.abs() <= 4.0 * error + 1e-6;
+                    assert!(close, "{case} {gloss} {lane} {k}: {off} for {error}");
                 }
             }
         }
