@@ -1,6 +1,7 @@
 //! Surface points -> what they look like and what light they get. Knows nothing of how hits are
 //! found.
 
+mod image_file;
 mod light;
 mod look;
 mod pnm;

@@ -9,26 +9,19 @@
 //! decoded), what ends too early, and float images with texels that are not finite. Negative
 //! texels are kept and counted.
 
-use std::{
-    fs::File,
-    io::{BufReader, ErrorKind},
-    path::Path,
-};
+use std::path::Path;
 
 use glam::Vec3;
-use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageFormat};
 
-use super::pnm;
+use super::image_file::{Opened, check_jpeg_end, check_size, decoder, explain, name};
 use crate::{
-    error::{Error, Kind, Problem, Result},
-    output::exr_check,
+    error::{Error, Result},
     scene::{ColorSpace, Filter, Wrap},
 };
 
 /// What [`Texture::load`] lets one texture take while it is decoded: 4 GiB.
 pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
-
-const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
 
 /// An image as linear RGB, rows from the top.
 #[derive(Debug, Clone)]
@@ -59,7 +52,7 @@ pub struct TextureSize {
 }
 
 impl TextureSize {
-    fn of(decoder: &impl ImageDecoder) -> Self {
+    pub(super) fn of(decoder: &impl ImageDecoder) -> Self {
         let (width, height) = decoder.dimensions();
         let color = decoder.color_type();
         let file = u64::from(color.bytes_per_pixel());
@@ -309,140 +302,6 @@ fn decode(
     }
 }
 
-/// Opens a regular file that is not empty.
-fn open(path: &Path) -> Result<BufReader<File>> {
-    let failed = |e| Error::io(path, "read the texture", &e);
-    let file = File::open(path).map_err(failed)?;
-    let data = file.metadata().map_err(failed)?;
-    if !data.is_file() {
-        let what = if data.is_dir() { "a folder" } else { "not a regular file" };
-        return Err(Error::invalid(name(path), format!("is {what}; expected an image")));
-    }
-    if data.len() == 0 {
-        return Err(Error::invalid(name(path), "is empty; expected an image"));
-    }
-    Ok(BufReader::with_capacity(1 << 16, file))
-}
-
-/// An image file whose header is read.
-struct Opened {
-    format: ImageFormat,
-    decoder: Box<dyn ImageDecoder>,
-    /// What integers are divided by, if not the largest of their type.
-    white: Option<u16>,
-}
-
-/// Reads the header.
-fn decoder(path: &Path, max_bytes: u64) -> Result<Opened> {
-    let mut reader = ImageReader::new(open(path)?)
-        .with_guessed_format()
-        .map_err(|e| Error::io(path, "read the texture", &e))?;
-    let Some(format) = reader.format() else {
-        return Err(Error::invalid(name(path), "not an image of a known format")
-            .help(format!("textures are {FORMATS}")));
-    };
-    let failed = |error| explain(path, error);
-    if format == ImageFormat::Pnm {
-        let (mut decoder, white) = pnm::decoder(reader.into_inner()).map_err(failed)?;
-        decoder.set_limits(limits(max_bytes)).map_err(failed)?;
-        return Ok(Opened { format, decoder: Box::new(decoder), white });
-    }
-    if format == ImageFormat::OpenExr {
-        exr_check::check(path)?;
-    }
-    reader.limits(limits(max_bytes));
-    let decoder = reader.into_decoder().map_err(failed)?;
-    Ok(Opened { format, decoder: Box::new(decoder), white: None })
-}
-
-/// What the decoders may allocate for themselves. Ours is [`check_size`].
-fn limits(max_bytes: u64) -> Limits {
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(max_bytes);
-    limits
-}
-
-/// Compares what the header announces, decoded and as we keep it, with the limit.
-fn check_size(path: &Path, decoder: &impl ImageDecoder, max_bytes: u64) -> Result<()> {
-    let (width, height) = decoder.dimensions();
-    let pixels = u64::from(width) * u64::from(height);
-    if pixels == 0 {
-        return Err(Error::invalid(
-            name(path),
-            format!("the image is {width} x {height} pixels; both must be at least 1"),
-        ));
-    }
-    let needed = TextureSize::of(decoder).decoding;
-    if needed > max_bytes {
-        let more = if needed == u64::MAX { "at least " } else { "" };
-        let message = format!(
-            "{width} x {height} pixels need {more}{needed} bytes while they are decoded; the limit \
-             is {max_bytes}"
-        );
-        return Err(
-            Error::new(Kind::Limit, Problem::new(name(path), message)).help("scale the image down")
-        );
-    }
-    Ok(())
-}
-
-/// The JPEG decoder paints what is missing grey; we refuse a file without its end marker.
-fn check_jpeg_end(path: &Path) -> Result<()> {
-    let data = std::fs::read(path).map_err(|e| Error::io(path, "read the texture", &e))?;
-    if jpeg_is_complete(&data) { Ok(()) } else { Err(truncated(path)) }
-}
-
-/// Walks the segments to the end-of-image marker.
-fn jpeg_is_complete(data: &[u8]) -> bool {
-    let mut at = 2;
-    loop {
-        // To the next marker: entropy-coded data has FF only before 00 or a restart (D0-D7).
-        while at + 1 < data.len() && (data[at] != 0xff || matches!(data[at + 1], 0 | 0xff)) {
-            at += 1;
-        }
-        match data.get(at + 1) {
-            None => return false,
-            Some(0xd9) => return true,
-            Some(0x01 | 0xd0..=0xd8) => at += 2,
-            Some(_) => match data.get(at + 2..at + 4) {
-                Some(length) => at += 2 + usize::from(u16::from_be_bytes([length[0], length[1]])),
-                None => return false,
-            },
-        }
-    }
-}
-
-fn name(path: &Path) -> String {
-    path.display().to_string()
-}
-
-fn truncated(path: &Path) -> Error {
-    Error::invalid(name(path), "the image ends too early").help("the file may be cut off")
-}
-
-/// What the decoder said, in our words.
-fn explain(path: &Path, error: ImageError) -> Error {
-    if let Err(unknown) = exr_check::check_compression(path) {
-        return unknown;
-    }
-    match error {
-        ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => truncated(path),
-        ImageError::IoError(e) if e.raw_os_error().is_some() => {
-            Error::io(path, "read the texture", &e)
-        }
-        ImageError::Limits(e) => Error::new(
-            Kind::Limit,
-            Problem::new(name(path), format!("the image is too large to decode: {e}")),
-        )
-        .help("scale the image down"),
-        ImageError::Unsupported(e) => {
-            Error::new(Kind::Unsupported, Problem::new(name(path), e.to_string()))
-                .help(format!("textures are {FORMATS}"))
-        }
-        other => Error::invalid(name(path), other.to_string()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::PathBuf;
@@ -451,6 +310,7 @@ mod tests {
     use tempfile::TempDir;
 
     use super::*;
+    use crate::error::Kind;
 
     const N: Filter = Filter::Nearest;
     const B: Filter = Filter::Bilinear;
