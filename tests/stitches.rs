@@ -1,4 +1,4 @@
-//! Triangles without area that close T-junctions: a mesh that they close stays closed wherever it is placed.
+//! Triangles without area that close T-junctions: a mesh that they close is closed wherever it is placed.
 
 mod program;
 
@@ -11,6 +11,7 @@ use lightpath::film::{Blank, Window};
 use lightpath::geometry::{Surfaces, refine};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket};
+use lightpath::render;
 use lightpath::scene::{self, Backend, Source};
 use lightpath::simd::Isa;
 use lightpath::world::{LoadOptions, World};
@@ -158,7 +159,9 @@ fn shoot(
         .iter()
         .flat_map(|&[a, b]| {
             let (a, b) = (at(a), at(b));
-            let from = (middle + (a - b) * 0.01).as_vec3().as_dvec3();
+            // Off every plane of symmetry, where differences to the corners are rounded.
+            let odd = DVec3::new(0.0123, 0.0377, 0.0711) * (a - b).length() * 0.1;
+            let from = (middle + (a - b) * 0.01 + odd).as_vec3().as_dvec3();
             (0..RAYS).map(move |i| (from, a.lerp(b, i as f64 / (RAYS - 1) as f64) - from))
         })
         .collect();
@@ -187,10 +190,11 @@ fn shoot(
     Some((missed, on_stitches))
 }
 
-/// Odd turns, and places where single precision rounds.
+/// As it is, odd turns, and places where single precision rounds.
 fn places() -> Vec<Value> {
     let turns = [[13.0, 29.0, 47.0], [0.3, 0.7, 0.1], [90.0, 33.3, 0.0], [-71.0, 5.0, 160.0]];
     let mut places: Vec<Value> = turns.iter().map(|turn| json!({ "rotate": turn })).collect();
+    places.push(json!({}));
     places.push(json!({ "rotate": [10, 20, 30], "fit": 0.7, "center": [3, -1, 2] }));
     places.push(json!({ "size": 0.037 }));
     places
@@ -205,7 +209,7 @@ fn the_solids_are_closed() {
 }
 
 #[test]
-fn no_ray_leaves_through_a_t_junction_of_a_turned_mesh() {
+fn no_ray_leaves_through_a_t_junction() {
     let folder = tempfile::tempdir().unwrap();
     let mut kept = 0;
     for (solid, kind) in [(Solid::cube(), "float"), (Solid::tetrahedron(), "double")] {
@@ -223,7 +227,7 @@ fn no_ray_leaves_through_a_t_junction_of_a_turned_mesh() {
     assert!(kept > 0, "the rays find what is between");
 }
 
-/// Where the transform is exact there is nothing to close, and nothing is kept.
+/// The picture does not show whether a mesh that nothing opens has stitches.
 #[test]
 fn a_mesh_that_is_not_turned_is_what_it_was() {
     let folder = tempfile::tempdir().unwrap();
@@ -233,24 +237,14 @@ fn a_mesh_that_is_not_turned_is_what_it_was() {
     {
         let pictures = [true, false].map(|stitched| {
             solid.write(&folder.path().join("solid.ply"), stitched, "float");
-            let (world, warnings) = load(folder.path(), &place);
-            let dropped = warnings
-                .iter()
-                .any(|w| w.contains("36 degenerate triangles (zero area) were dropped"));
-            assert_eq!(dropped, stitched, "{warnings:?}");
-            assert_eq!(world.geometry.meshes[0].triangles().len(), solid.triangles.len());
+            let (world, _) = load(folder.path(), &place);
+            let options = options();
             let accelerator =
-                program::embree::build(&world.geometry, Backend::Bvh, &options()).unwrap();
-            let mut film =
-                Blank::new(world.frame, Window::full(64, 48), Vec::new()).unwrap().film();
-            lightpath::render::render(
-                &world,
-                &*accelerator,
-                Isa::detect(),
-                &mut film,
-                &Monitor::default(),
-            )
-            .unwrap();
+                program::embree::build(&world.geometry, Backend::Bvh, &options).unwrap();
+            let window = Window::full(64, 48);
+            let mut film = Blank::new(world.frame, window, Vec::new()).unwrap().film();
+            let monitor = Monitor::default();
+            render::render(&world, &*accelerator, options.isa, &mut film, &monitor).unwrap();
             film.pixels
         });
         assert_eq!(pictures[0], pictures[1], "{place}");
@@ -274,12 +268,10 @@ fn stitches_change_no_normal_and_no_box() {
     assert_eq!(many.vertices(), few.vertices());
     assert_eq!(many.triangles()[..few.triangles().len()], *few.triangles(), "they come last");
     let kept = many.triangles().len() - few.triangles().len();
-    assert!(kept > 0);
+    assert_eq!(kept, solid.stitches.len());
     let said = with.1.join("\n");
     assert!(said.contains(&format!("{kept} triangles without area are kept")), "{said}");
-    let dropped = solid.stitches.len() - kept;
-    let told = format!("{dropped} degenerate triangles (zero area) were dropped");
-    assert_eq!(said.contains(&told), dropped > 0, "{said}");
+    assert!(!said.contains("dropped"), "{said}");
     assert_eq!(without.1, Vec::<String>::new());
 }
 

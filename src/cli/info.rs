@@ -130,7 +130,7 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     let line = match mesh.stitches.len() {
         0 => String::new(),
         n => format!(
-            "{} of them between points of a line: kept where turning opens them",
+            "{} of them between three points of a line: kept where they close a T-junction",
             units::count(n as u64)
         ),
     };

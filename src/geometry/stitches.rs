@@ -1,31 +1,30 @@
-//! Stitches: triangles that had no area until they were placed, between a long edge and the points on it that
-//! only the other side uses.
+//! Stitches: triangles without area that close T-junctions, between a long edge and the points on it that only
+//! the other side uses.
 //!
-//! Rounding moves these points off the edge. What opens between them is the stitch, as it has the same rounded
-//! corners: with it the mesh stays closed. It is as narrow as the rounding, so its normal means nothing; a hit
-//! counts as one of the triangle beside it.
+//! Rounding moves these points off the edge: when the mesh is placed, and again when a test takes corners
+//! relative to a ray. What opens between them is the stitch, as it has the same rounded corners: with it the mesh
+//! stays closed. It is as narrow as the rounding, so its normal means nothing; a hit counts as one of the
+//! triangle beside it.
 
 use std::collections::HashMap;
 
 use glam::DVec3;
 
 use super::triangle::clamp_barycentrics;
-use super::twofold::Twofold3;
 use super::{Geometry, GeometryKind, TriangleMesh};
 use crate::ray::{LANES, Mask, RayPacket};
 
 impl TriangleMesh {
-    /// Adds those of `candidates` behind the triangles that have an area and whose corners are all corners of
-    /// triangles. Indices must be below the number of vertices.
+    /// Adds those of `candidates` behind the other triangles that lie along an edge of one of them. Indices must
+    /// be below the number of vertices.
     #[must_use]
     pub fn with_stitches(mut self, candidates: &[[u32; 3]]) -> Self {
-        let open: Vec<bool> = candidates.iter().map(|&corners| self.has_area(corners)).collect();
-        if !open.contains(&true) {
+        if candidates.is_empty() {
             return self;
         }
         let beside = self.beside(candidates);
-        let kept = (0..candidates.len()).filter(|&i| open[i]);
-        let kept: Vec<_> = kept.filter_map(|i| Some((candidates[i], beside[i]?))).collect();
+        let kept = candidates.iter().zip(beside);
+        let kept: Vec<_> = kept.filter_map(|(stitch, beside)| Some((*stitch, beside?))).collect();
         self.triangles.reserve_exact(kept.len());
         self.triangles.extend(kept.iter().map(|(stitch, _)| stitch));
         self.stitches = kept.into_iter().map(|(_, beside)| beside).collect();
@@ -45,16 +44,8 @@ impl TriangleMesh {
         self.stitches.get(stitch).copied()
     }
 
-    /// Whether the corners are off a line, by however little: a gap as narrow as that lets rays through.
-    fn has_area(&self, corners: [u32; 3]) -> bool {
-        let [a, b, c] = corners.map(|v| exact(self.vertices[v as usize]));
-        let normal = Twofold3::between(a, b).cross(&Twofold3::between(a, c)).value();
-        normal != DVec3::ZERO && normal.is_finite()
-    }
-
     /// For each of `stitches` the triangle across its longest edge, or across that of a stitch which has this edge
-    /// and a longer one, and so on; else any triangle at one of its corners. `None` where a corner belongs to no
-    /// triangle.
+    /// and a longer one, and so on. `None` where there is none.
     fn beside(&self, stitches: &[[u32; 3]]) -> Vec<Option<u32>> {
         let longest: Vec<[u32; 2]> = stitches.iter().map(|&stitch| self.longest(stitch)).collect();
         let mut marked = vec![false; self.vertices.len()];
@@ -67,12 +58,8 @@ impl TriangleMesh {
                 *first = first.or((edge != longest[index]).then_some(index));
             }
         }
-        let mut at_corner: HashMap<u32, u32> = HashMap::new();
         let mut at_edge: HashMap<[u32; 2], u32> = HashMap::new();
         for (prim, &triangle) in (0..).zip(&self.triangles) {
-            for v in triangle.into_iter().filter(|&v| marked[v as usize]) {
-                at_corner.entry(v).or_insert(prim);
-            }
             let both = |[a, b]: &[u32; 2]| marked[*a as usize] && marked[*b as usize];
             for edge in edges(triangle).into_iter().filter(both) {
                 if longer.contains_key(&edge) {
@@ -81,13 +68,7 @@ impl TriangleMesh {
             }
         }
         let next = |index: usize| longer[&longest[index]];
-        let across = follow(stitches.len(), |index| at_edge.get(&longest[index]).copied(), next);
-        let one = |(stitch, across): (&[u32; 3], Option<u32>)| {
-            let [a, b, c] = stitch.map(|v| at_corner.get(&v).copied());
-            let (a, _, _) = (a?, b?, c?);
-            across.or(Some(a))
-        };
-        stitches.iter().zip(across).map(one).collect()
+        follow(stitches.len(), |index| at_edge.get(&longest[index]).copied(), next)
     }
 
     fn longest(&self, stitch: [u32; 3]) -> [u32; 2] {

@@ -72,8 +72,8 @@ pub struct Mesh {
     pub positions: Positions,
     /// Vertex indices.
     pub triangles: Vec<[u32; 3]>,
-    /// Triangles without area between three different points. They close T-junctions: where rounding moves
-    /// their corners off the line, the gap that opens is theirs.
+    /// Triangles without area between three different points, in the order of the file. Where they close
+    /// T-junctions they are kept in a scene.
     pub stitches: Vec<[u32; 3]>,
     /// Per-vertex normals, as stored (any length).
     pub normals: Option<Vec<[f32; 3]>>,
@@ -170,8 +170,8 @@ pub struct Notes {
     pub polygons_split: u64,
     /// Faces with fewer than three corners, skipped.
     pub faces_too_small: u64,
-    /// Triangles that repeat a vertex or have zero area, dropped. [`Mesh::stitches`] are among them: few are
-    /// kept when the mesh is placed.
+    /// Triangles that repeat a vertex or have zero area: dropped, but for the [`Mesh::stitches`] that close a
+    /// T-junction.
     pub degenerate_dropped: u64,
     /// Triangles over the same three vertices as an earlier one, in whatever order, dropped.
     pub duplicates_dropped: u64,

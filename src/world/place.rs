@@ -209,7 +209,7 @@ impl WithoutArea {
         let dropped = self.count.saturating_sub(kept);
         let counts = [
             (dropped, "degenerate triangles (zero area) were dropped"),
-            (kept, "triangles without area are kept: they close T-junctions that rounding opens"),
+            (kept, "triangles without area are kept: they close T-junctions"),
         ];
         let told = counts.into_iter().filter(|(count, _)| *count > 0);
         told.map(|(count, what)| Problem::new(&self.path, format!("{count} {what}")))

@@ -11,6 +11,8 @@ use crate::ray::LANES;
 
 const GROUP: &str = "watertight";
 
+const SPIKY: &str = "spiky ball";
+
 const AMOUNT: Amount = Amount { packets: 700, slow: 14, truth: 14 };
 
 /// What a ray is aimed at.
@@ -164,8 +166,8 @@ pub fn cases() -> Vec<Case> {
         ("icosphere", || icosphere(5), || icosphere(5).squashed(DVec3::new(1.0, 1.0, 1e-3))),
         ("cube grid", || cube(32), || cube(32).squashed(DVec3::new(1e-3, 1.0, 1.0))),
         ("scan", scan, || scan().squashed(DVec3::new(1.0, 1e-3, 1.0))),
-        // The worst that was found for Embree: tips of few and thin triangles.
-        ("spiky ball", || spiky_ball(4), || spiky_ball(4).squashed(DVec3::new(1.0, 1.0, 1e-3))),
+        // The worst that was found for Embree: tips of few and thin triangles, seen from within the spikes.
+        (SPIKY, || spiky_ball(3), || spiky_ball(3).squashed(DVec3::new(1.0, 1.0, 1e-3))),
     ];
     let places: [(&str, DVec3, f64); 3] = [
         ("1e3 large at 1e5", DVec3::new(1e5, -1e5, 1e5), 1e3),
@@ -186,7 +188,8 @@ pub fn cases() -> Vec<Case> {
         }
     }
     cases.push(grid_lines());
-    for (name, make, _) in shapes {
+    // A line crosses more spikes than are followed.
+    for (name, make, _) in shapes.into_iter().filter(|(name, ..)| *name != SPIKY) {
         cases.push(crossings(name, make));
     }
     cases
