@@ -164,7 +164,7 @@ fn two_meshes_far_apart_are_each_as_exact_as_single_precision_allows() {
     }
     let scene = json!({
         "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 45,
-            "position": (places[0] + DVec3::Z * 200.0).to_array(), "lookat": [0, 0, -1],
+            "position": (MAP + DVec3::Z * 1e6).to_array(), "lookat": [0, 0, -1],
             "up": [0, 1, 0] },
         "scene": { "shapes": [
             { "type": "trimesh", "path": "a.ply", "material": {} },
@@ -204,7 +204,7 @@ fn two_fine_meshes(scratch: &Scratch, apart: f64) -> impl Fn(DVec3) -> usize {
     }
     let scene = json!({
         "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 45,
-            "position": [0, 0, 1], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+            "position": [apart / 2.0, 0, 1.0 + apart], "lookat": [0, 0, -1], "up": [0, 1, 0] },
         "scene": { "accelerator": "bvh", "shapes": [
             { "type": "trimesh", "path": "a.ply", "material": {} },
             { "type": "trimesh", "path": "b.ply", "material": {} }] }

@@ -79,10 +79,21 @@ impl Area {
         let most = |a: f64, b: f64| a.max(b);
         let mut gap = f64::NEG_INFINITY;
         for (geom, mesh) in (0..).zip(&geometry.meshes) {
-            let gaps = (0..mesh.triangles().len() as u32).into_par_iter().with_min_len(1 << 14);
-            let gaps = gaps.filter(|&prim| reaches(&mesh.corners(prim)));
-            let gaps = gaps.filter_map(|prim| self.gap(geometry, geometry.primitive(geom, prim)));
-            gap = gap.max(gaps.reduce(|| f64::NEG_INFINITY, most));
+            let of = |prim: u32| {
+                let near = reaches(&mesh.corners(prim));
+                let gap = near.then(|| self.gap(geometry, geometry.primitive(geom, prim)));
+                gap.flatten().unwrap_or(f64::NEG_INFINITY)
+            };
+            let all = 0..mesh.triangles().len() as u32;
+            // Frames of a batch are prepared outside of any pool, and must not start the global one.
+            gap = gap.max(match rayon::current_thread_index() {
+                Some(_) => all
+                    .into_par_iter()
+                    .with_min_len(1 << 14)
+                    .map(of)
+                    .reduce(|| f64::NEG_INFINITY, most),
+                None => all.map(of).fold(f64::NEG_INFINITY, most),
+            });
         }
         let quads = (0..geometry.quads.len() as u32)
             .filter(|&prim| reaches(&geometry.quads[prim as usize]))
