@@ -22,8 +22,9 @@ pub fn is_after_start(corners: [DVec3; 3], origin: DVec3, direction: DVec3, t: f
     if t * direction.abs().max_element() > NEAR_START * far {
         return true;
     }
-    // Where all of it lies ahead, so does every hit.
-    let along = direction.abs().max_position();
+    // Where all of it lies ahead along the dominant axis, as `bvh` chooses it, so does every hit.
+    let [x, y, z] = direction.abs().to_array();
+    let along = if z >= x.max(y) { 2 } else { usize::from(y >= x) };
     let sign = direction[along].signum();
     seen.iter().all(|v| v[along] * sign > 0.0) || is_ahead(corners, origin, direction, t)
 }

@@ -20,7 +20,7 @@ pub struct TrianglePoint {
     pub t: f64,
     /// Whether the ray's line meets the triangle, to f64 rounding.
     pub met: bool,
-    /// Whether the rounding leaves u and v within [`SHARP`].
+    /// Whether the rounding leaves u and v within 2.5e-7.
     pub sharp: bool,
     /// Whether an edge is so near that a test in f32 or the rounding of the point may see it on the other
     /// side.

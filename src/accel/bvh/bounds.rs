@@ -78,12 +78,6 @@ impl Bounds3 {
         [-self.0[4] - self.0[0], -self.0[5] - self.0[1], -self.0[6] - self.0[2]]
     }
 
-    /// How far this box reaches beyond an `inner` one, by the largest coordinate; 0 for empty boxes.
-    pub fn beyond(&self, inner: &Self) -> f32 {
-        let ([a, b], [c, d]) = ([self.lower(), self.upper()], [inner.lower(), inner.upper()]);
-        (0..3).fold(0.0f32, |most, k| most.max(c[k] - a[k]).max(b[k] - d[k]))
-    }
-
     /// Half the surface area; 0 for an empty box. f64: squares of large coordinates.
     #[inline(always)]
     pub fn half_area(&self) -> f64 {

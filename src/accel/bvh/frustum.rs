@@ -3,7 +3,7 @@
 use crate::ray::{LANES, Mask};
 
 use super::Bounds3;
-use super::query::{Query, U, max, min};
+use super::query::{Query, max, min};
 
 /// What finds the least of 16 numbers, none of them NaN.
 pub trait Least: Copy {
@@ -41,8 +41,7 @@ pub struct Side {
 ///
 /// The planes are moved outwards by 1.5 times the largest [`Query::margin`], 99u max|v - o| + 6u|o|: a hit may lie
 /// 64u max|v - o| outside of its box, 13u pay for the rounding of the ends (8u max|v - o| + u|o|), of
-/// `a` (3u(max|v - o| + |o|)), and of `a + b z` where it is used. These last 13u are of all that the scene
-/// holds, so they are taken of spheres beyond the triangles, too. Whatever `b` is, `a` is such that
+/// `a` (3u(max|v - o| + |o|)), and of `a + b z` where it is used. Whatever `b` is, `a` is such that
 /// the plane is outside of all rays at both ends.
 #[derive(Debug, Clone, Copy)]
 pub struct Frustum {
@@ -72,7 +71,7 @@ pub struct Frustum {
 
 impl Frustum {
     /// Around the active rays of a query, which are aligned ([`Query::aligned`]), in a tree over
-    /// `scene`, which reaches `beyond` what the query was made for; `tfar` holds the ends of their segments as boxes see them. With it where it ends:
+    /// `scene`; `tfar` holds the ends of their segments as boxes see them. With it where it ends:
     /// see [`Frustum::end`].
     #[inline(always)]
     pub fn new(
@@ -80,7 +79,7 @@ impl Frustum {
         query: &Query,
         active: &Mask,
         tfar: &[f32; LANES],
-        (scene, beyond): (&Bounds3, f32),
+        scene: &Bounds3,
     ) -> (Self, f32) {
         let lane = query.lane(active.first());
         let axes = lane.axes;
@@ -93,7 +92,7 @@ impl Frustum {
             starts[i] = forward * query.origin[2][i];
             margins[i] = -query.margin[i];
         }
-        let slack = -1.5 * tier.least(&select(active, &margins)) + 16.0 * U * beyond;
+        let slack = -1.5 * tier.least(&select(active, &margins));
         let mut frustum = Self {
             axes,
             octant: lane.octant,

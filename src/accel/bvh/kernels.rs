@@ -49,7 +49,7 @@ impl<T: Tier> Kernel for Run<'_, T> {
     type Output = f64;
     #[inline(always)]
     fn run(self) -> f64 {
-        let query = Query::new(self.rays, &self.bvh.tree.flat_bounds);
+        let query = Query::new(self.rays, &self.bvh.tree.bounds);
         let lane = query.lane(0);
         match self.which {
             Which::Node => self.nodes(&lane),

@@ -109,7 +109,7 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
     #[inline(always)]
     fn run(self) {
         let Self { tier, bvh, active, packet } = self;
-        let query = Query::new(&packet.rays, &bvh.tree.flat_bounds);
+        let query = Query::new(&packet.rays, &bvh.tree.bounds);
         let mut found = Found::nothing(&packet.rays);
         let mut stack = Stack::new();
         for i in 0..LANES {
@@ -138,7 +138,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
     #[inline(always)]
     fn run(self) -> Mask {
         let Self { tier, bvh, active, packet } = self;
-        let query = Query::new(&packet.rays, &bvh.tree.flat_bounds);
+        let query = Query::new(&packet.rays, &bvh.tree.bounds);
         let scene = (&bvh.tree, bvh.geometry);
         let mut found = Found::nothing(&packet.rays);
         let mut stacks = Stacks::take();
@@ -172,7 +172,7 @@ impl<T: Tier> Kernel for SingleOccluded<'_, T> {
     #[inline(always)]
     fn run(self) {
         let Self { tier, bvh, active, rays } = self;
-        let query = Query::new(rays, &bvh.tree.flat_bounds);
+        let query = Query::new(rays, &bvh.tree.bounds);
         let mut path = Path::new();
         for i in 0..LANES {
             if active.0[i] != 0 && bvh.single(tier, &query, rays, i).occluded(&mut path) {
@@ -195,7 +195,7 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
     #[inline(always)]
     fn run(self) -> Mask {
         let Self { tier, bvh, active, rays } = self;
-        let query = Query::new(rays, &bvh.tree.flat_bounds);
+        let query = Query::new(rays, &bvh.tree.bounds);
         let scene = (&bvh.tree, bvh.geometry);
         let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (*active, Mask::NONE);
@@ -230,7 +230,7 @@ impl<T: Tier> Kernel for Reaches<'_, T> {
     #[inline(always)]
     fn run(self) -> bool {
         let Self { tier, bvh, active, rays } = self;
-        let query = Query::new(rays, &bvh.tree.flat_bounds);
+        let query = Query::new(rays, &bvh.tree.bounds);
         // Whoever asks does not ask often: rays of several axes are not looked at part by part.
         active.without(&query.aligned(active)).any()
             || Packet::new(tier, (&bvh.tree, bvh.geometry), (&query, rays), active).reaches()

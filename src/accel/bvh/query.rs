@@ -5,7 +5,7 @@ use crate::ray::{LANES, Mask, Rays};
 use super::Bounds3;
 
 /// Half an ulp of 1: the largest relative error of one f32 operation.
-pub const U: f32 = f32::EPSILON / 2.0;
+const U: f32 = f32::EPSILON / 2.0;
 
 /// Smallest magnitude of a direction component, relative to the largest: keeps 1/d and o/d
 /// finite, so that no 0 * inf arises.

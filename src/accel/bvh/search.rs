@@ -81,7 +81,7 @@ impl<T: Tier, S: Search> Kernel for Closest<'_, T, S> {
         let scene = (&leaves.tree, leaves.geometry);
         // The exact tests look at the rays as they are, while the search shortens its own.
         let rays = packet.rays.clone();
-        let query = Query::new(&rays, &leaves.tree.flat_bounds);
+        let query = Query::new(&rays, &leaves.tree.bounds);
         let mut found = Found::nothing(&rays);
         scale(&query, &mut packet.rays);
         let mut rest = *active;
@@ -212,7 +212,7 @@ impl<T: Tier, S: Search> Kernel for Occluded<'_, T, S> {
     fn run(self) {
         let Self { tier, leaves, active, rays, coherence, search } = self;
         let scene = (&leaves.tree, leaves.geometry);
-        let query = Query::new(rays, &leaves.tree.flat_bounds);
+        let query = Query::new(rays, &leaves.tree.bounds);
         let mut scaled = rays.clone();
         scale(&query, &mut scaled);
         let mut stopped = [0; LANES];

@@ -3,22 +3,19 @@
 use crate::{
     batch::{job::Job, journal},
     error::Problem,
-    output::Outputs,
     units,
 };
 
 use super::entry::Entry;
 
-/// One problem for each input that lacks frames; empty when every frame has its EXR and its PNG.
+/// One problem for each input that lacks frames; empty when the files of every frame are there and whole.
 ///
 /// The reason is the last failure in the journals. There is none of a task that was killed.
 pub fn missing(job: &Job) -> Vec<Problem> {
     let entries = Entry::all(job, &journal::read(&job.folder));
     let problem = |entry: &Entry| {
-        let is_there = |frame: &u32| {
-            Outputs::names(&job.prefix(entry.number, *frame)).iter().all(|path| path.is_file())
-        };
-        let frames: Vec<u32> = (0..job.frames()).filter(|frame| !is_there(frame)).collect();
+        let made = |frame: &u32| entry.frames.contains_key(frame);
+        let frames: Vec<u32> = (0..job.frames()).filter(|frame| !made(frame)).collect();
         if frames.is_empty() {
             return None;
         }

@@ -39,7 +39,7 @@ pub fn names(inputs: usize) -> Vec<String> {
     (1..=inputs.div_ceil(png::CELLS).max(1)).map(name).collect()
 }
 
-/// All files that [`write`] writes.
+/// All files that [`write()`] writes.
 pub fn paths(job: &Job) -> impl Iterator<Item = PathBuf> {
     let sheets = names(job.inputs.len());
     [PAGE.to_string()].into_iter().chain(sheets).map(|name| job.folder.join(name))

@@ -22,11 +22,6 @@ pub struct Tree {
     pub spheres: Vec<SphereLeaf>,
     /// Box of everything.
     pub bounds: Bounds3,
-    /// Box of the triangles and quads: what their test may be off by depends on how far these are. That
-    /// of everything where there are none.
-    pub flat_bounds: Bounds3,
-    /// How far `bounds` reaches beyond `flat_bounds`.
-    pub beyond: f32,
     /// Levels of nodes.
     pub depth: usize,
     /// Whether prefetching pays.
@@ -79,8 +74,6 @@ pub fn collapse(binary: &[Binary]) -> Result<Tree> {
         blocks: Vec::new(),
         spheres: Vec::new(),
         bounds: Bounds3::EMPTY,
-        flat_bounds: Bounds3::EMPTY,
-        beyond: 0.0,
         depth,
         is_large: false,
     })

@@ -108,13 +108,7 @@ fn with_nodes(
         }
         SphereLeaf(ids)
     }));
-    let flat = triangles.iter().flat_map(|leaf| &references[leaf.range()]);
-    let join = |all: Bounds3, r: &reference::Reference| all.union(r.bounds);
     tree.bounds = references.par_iter().map(|r| r.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
-    // Where there are no spheres, or nothing but spheres, both are the same.
-    let both = !spheres.is_empty() && !triangles.is_empty();
-    tree.flat_bounds = if both { flat.fold(Bounds3::EMPTY, join) } else { tree.bounds };
-    tree.beyond = tree.bounds.beyond(&tree.flat_bounds);
     tree.is_large = tree.bytes() > LARGE;
     Ok((tree, peak))
 }

@@ -97,8 +97,7 @@ impl<'a, T: Tier> Packet<'a, T> {
         for i in 0..LANES {
             tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
         }
-        let scene = (&tree.bounds, tree.beyond);
-        let (frustum, end) = Frustum::new(tier, query, active, &tfar, scene);
+        let (frustum, end) = Frustum::new(tier, query, active, &tfar, &tree.bounds);
         Self { tier, tree, geometry, query, rays, tfar, frustum, end }
     }
 

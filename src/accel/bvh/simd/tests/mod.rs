@@ -69,7 +69,7 @@ impl<T: Tier> Kernel for AskFrustum<'_, T> {
         for i in 0..LANES {
             tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
         }
-        let (frustum, end) = Frustum::new(tier, query, active, &tfar, (scene, 0.0));
+        let (frustum, end) = Frustum::new(tier, query, active, &tfar, scene);
         [tier.overlaps(node, &frustum, end), tier.overlapping(block, &frustum, end)]
     }
 }
