@@ -48,7 +48,7 @@ const NOMINAL_SAMPLES: f64 = 16.0;
 
 /// Largest error that is told from larger ones, relative to the target squared: more than calls for all samples
 /// that a pixel may have.
-const LARGEST: f64 = (1u64 << 28) as f64;
+pub const LARGEST: f32 = (1u32 << 28) as f32;
 
 /// When a pixel has samples enough.
 #[derive(Debug, Clone, Copy)]
@@ -61,8 +61,10 @@ pub struct Goal {
     pub mean: f64,
     /// Samples that no pixel exceeds.
     pub most: u32,
-    /// Variance of a pixel's mean falls as samples^-rate: see [`rate`].
-    pub rate: f64,
+    /// What the variance of a pixel's mean is expected to be multiplied by when its samples double.
+    fall: f64,
+    /// The same of its error relative to what may be left.
+    gain: f64,
 }
 
 /// The power by which the variance of a pixel's mean is expected to fall with its samples: of stratified points that
@@ -75,6 +77,23 @@ pub fn rate(kind: Kind) -> f64 {
 }
 
 impl Goal {
+    /// A goal of pixels whose variance falls as samples^-rate: see [`rate`].
+    pub fn new(noise: f64, relative: Relative, mean: f64, most: u32, rate: f64) -> Self {
+        let fall = (-rate).exp2();
+        let gain = match relative {
+            Relative::Pixel => fall,
+            Relative::Picture => fall / 2.0,
+        };
+        Self { noise, relative, mean, most, fall, gain }
+    }
+
+    /// What an error after `from` samples is expected to be multiplied by when there are `to`, a power of two more
+    /// or fewer.
+    pub fn fall(&self, from: u32, to: u32) -> f32 {
+        let doublings = to.ilog2() as i32 - from.ilog2() as i32;
+        self.fall.powi(doublings) as f32
+    }
+
     /// The squared level that a pixel's error is relative to, summed over R, G, B.
     fn level(&self, radiance: [f64; 3]) -> f64 {
         let floor = match self.relative {
@@ -91,15 +110,14 @@ impl Goal {
     /// number of samples, the sum of all pixels' is least for a sum of samples if variance / samples is the same in
     /// each (by a Lagrange multiplier).
     pub fn samples(&self, taken: u32, error: f64) -> u32 {
-        let (limit, power) = match self.relative {
-            Relative::Pixel => (1.0, self.rate),
-            Relative::Picture => (f64::from(taken) / NOMINAL_SAMPLES, self.rate + 1.0),
+        let limit = match self.relative {
+            Relative::Pixel => 1.0,
+            Relative::Picture => f64::from(taken) / NOMINAL_SAMPLES,
         };
-        let fall = (-power).exp2();
         // Half of a doubling off: the nearest power.
-        let (mut samples, mut error) = (taken, error * fall.sqrt());
+        let (mut samples, mut error) = (taken, error * self.gain.sqrt());
         while error > limit && samples < self.most {
-            (samples, error) = (2 * samples, error * fall);
+            (samples, error) = (2 * samples, error * self.gain);
         }
         samples
     }
@@ -117,7 +135,7 @@ impl Tally {
         let level = goal.level([0, 1, 2].map(|c| self.sum[c] / n));
         let error = ((r + g + b) / level).max(alpha);
         let error = if error.is_finite() { error / goal.noise.powi(2) } else { 0.0 };
-        error.min(LARGEST) as f32
+        (error as f32).min(LARGEST)
     }
 }
 
@@ -130,8 +148,9 @@ mod tests {
         Tally { sum, half: [second; 4], taken: 16, wanted: 16, aim: 16, plan: 16 }
     }
 
-    const GOAL: Goal =
-        Goal { noise: 0.125, relative: Relative::Pixel, mean: 0.0, most: 64, rate: 1.0 };
+    fn goal(relative: Relative, mean: f64) -> Goal {
+        Goal::new(0.125, relative, mean, 64, 1.0)
+    }
 
     #[test]
     fn the_error_is_half_of_what_the_halves_differ_by() {
@@ -139,40 +158,43 @@ mod tests {
             let found = f64::from(tally.error(goal)) * goal.noise.powi(2);
             assert!((found - error).abs() < 1e-7, "{found} {error}");
         };
+        let plain = goal(Relative::Pixel, 0.0);
         // Means of the halves 1 and 2, of all 1.5.
         let one = tally(8.0, 16.0);
         let relative = (0.5f64 / 1.5).powi(2);
-        close(one, &GOAL, relative.max(0.25));
+        close(one, &plain, relative.max(0.25));
         let mut opaque = one;
         (opaque.sum[3], opaque.half[3]) = (16.0, 8.0);
-        close(opaque, &GOAL, relative);
+        close(opaque, &plain, relative);
         // The floor adds to the level.
-        close(opaque, &Goal { mean: 20.0, ..GOAL }, 0.25 / (2.25 + 4.0));
+        close(opaque, &goal(Relative::Pixel, 20.0), 0.25 / (2.25 + 4.0));
         // Of the picture only its mean counts.
-        let picture = Goal { relative: Relative::Picture, mean: 20.0, ..GOAL };
+        let picture = goal(Relative::Picture, 20.0);
         close(opaque, &picture, 0.25 / 400.0);
-        for goal in [GOAL, Goal { mean: 0.0, ..picture }] {
+        for goal in [plain, goal(Relative::Picture, 0.0)] {
             for bad in [tally(0.0, 0.0), tally(f64::NAN, 1.0), tally(f64::INFINITY, 1.0)] {
                 assert_eq!(bad.error(&goal), 0.0);
             }
         }
-        let tiny = Goal { noise: 1e-300, ..GOAL };
-        assert_eq!(one.error(&tiny), LARGEST as f32);
+        let tiny = Goal { noise: 1e-300, ..plain };
+        assert_eq!(one.error(&tiny), LARGEST);
     }
 
     #[test]
     fn samples_are_the_nearest_power_of_two_that_is_expected_to_do() {
-        let samples = |goal: Goal, error: f64| goal.samples(16, error);
+        let plain = goal(Relative::Pixel, 0.0);
         for (error, expected) in [(0.0, 16), (1.4, 16), (1.5, 32), (2.8, 32), (2.9, 64), (9e9, 64)]
         {
-            assert_eq!(samples(GOAL, error), expected, "{error}");
+            assert_eq!(plain.samples(16, error), expected, "{error}");
         }
+        assert_eq!([plain.fall(16, 64), plain.fall(32, 16)], [0.25, 2.0]);
         // Stratified samples need fewer, and of the picture more samples may err more.
-        let sobol = Goal { rate: 2.0, most: 1024, ..GOAL };
-        assert_eq!(samples(sobol, 64.0), 128);
-        let picture = Goal { relative: Relative::Picture, ..sobol };
-        assert_eq!(samples(picture, 64.0), 64);
-        assert_eq!(picture.samples(64, 4.0), 64);
-        assert_eq!(picture.samples(64, 64.0), 128);
+        let stratified = |relative| Goal::new(0.1, relative, 0.0, 1024, 2.0);
+        assert_eq!(stratified(Relative::Pixel).samples(16, 64.0), 128);
+        let picture = stratified(Relative::Picture);
+        assert_eq!(
+            [(16, 64.0), (64, 4.0), (64, 64.0)].map(|(n, e)| picture.samples(n, e)),
+            [64, 64, 128]
+        );
     }
 }

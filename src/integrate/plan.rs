@@ -12,11 +12,14 @@
 //! error is negative: what the second plan asks for has been taken. Sums of the first plan are integers, so that
 //! what is left out leaves no rounding error behind.
 
-use super::noise::Goal;
+use super::noise::{Goal, LARGEST};
 
 /// Binomial weights of the windows over which errors are averaged, from the middle outwards: 5 x 5 and 9 x 9 pixels.
 /// The small one is sharper, the large one sees what few samples meet.
 const WINDOWS: [&[u64]; 2] = [&[6, 4, 1], &[70, 56, 28, 8, 1]];
+
+/// How far the larger window reaches.
+const REACH: usize = 4;
 
 /// Steps of an error in sums of integers.
 const STEPS: f32 = 65536.0;
@@ -30,6 +33,18 @@ pub struct Errors {
     /// By pixel, after `first`, 2 `first`, 4 `first` ... samples: [`super::noise::Tally::error`].
     levels: Vec<Vec<f32>>,
 }
+
+/// Numbers of samples by the first pass.
+#[derive(Debug)]
+pub struct Plan {
+    /// By pixel.
+    pub samples: Vec<u32>,
+    /// By pixel, of its neighbours.
+    sums: Vec<Sums>,
+}
+
+/// Weighted sums over the neighbours of a pixel, by window.
+type Sums = [Sum; WINDOWS.len()];
 
 /// A weighted sum over the neighbours of a pixel.
 #[derive(Debug, Clone, Copy, Default)]
@@ -45,7 +60,15 @@ impl Sum {
 }
 
 fn steps(error: f32) -> u64 {
-    (error * STEPS) as u64
+    (error.min(LARGEST) * STEPS) as u64
+}
+
+/// The weight in each window of what is so far away, across and down.
+fn weights(apart: [usize; 2]) -> [u64; WINDOWS.len()] {
+    WINDOWS.map(|weights| {
+        let [x, y] = apart.map(|apart| weights.get(apart).copied().unwrap_or(0));
+        x * y
+    })
 }
 
 impl Errors {
@@ -65,92 +88,98 @@ impl Errors {
 
     /// The numbers of samples by the first pass, and the sums that they follow from.
     pub fn first_plan(&self, goal: &Goal) -> Plan {
-        let errors = &self.levels[0];
-        let sums: Vec<[Sum; WINDOWS.len()]> = (0..errors.len())
-            .map(|at| {
-                WINDOWS.map(|weights| {
-                    let mut sum = Sum::default();
-                    self.around(at, weights, |other, weight| {
-                        sum.errors += weight * steps(errors[other]);
-                        sum.weights += weight;
-                    });
-                    sum
-                })
-            })
-            .collect();
-        let samples = sums.iter().map(|sums| self.by(goal, sums)).collect();
+        let errors: Vec<u64> = self.levels[0].iter().map(|&error| steps(error)).collect();
+        let mut sums = vec![Sums::default(); errors.len()];
+        for (window, weights) in WINDOWS.into_iter().enumerate() {
+            // Row by row, then column by column, and the pixel itself taken away.
+            let (width, height) = (self.width, errors.len() / self.width);
+            let across =
+                |at: usize| line(at % width, width, weights, |x| errors[at - at % width + x]);
+            let rows: Vec<Sum> = (0..errors.len()).map(across).collect();
+            let own = weights[0] * weights[0];
+            for (at, sums) in sums.iter_mut().enumerate() {
+                let down =
+                    line(at / width, height, weights, |y| rows[y * width + at % width].errors);
+                sums[window] = Sum {
+                    errors: down.errors - own * errors[at],
+                    weights: down.weights * rows[at].weights - own,
+                };
+            }
+        }
+        let samples = sums.iter().map(|sums| self.by(goal, self.first, sums)).collect();
         Plan { samples, sums }
     }
 
     /// The numbers of samples by what the first plan has brought.
     pub fn second_plan(&self, goal: &Goal, first: &Plan) -> Vec<u32> {
-        (0..first.samples.len())
-            .map(|at| {
-                let taken = first.samples[at];
-                let need = WINDOWS.map(|weights| {
-                    let (mut errors, mut sum) = (0.0, 0.0);
-                    self.around(at, weights, |other, weight| {
-                        let samples = self.without(goal, first, other, at);
-                        let error = self.levels[self.level(samples)][other];
-                        // What it would be after as many samples as this pixel has.
-                        let more = (f64::from(samples) / f64::from(taken)).powf(goal.rate);
-                        errors += weight as f64 * f64::from(error) * more;
-                        sum += weight as f64;
-                    });
-                    if sum > 0.0 { errors / sum } else { 0.0 }
-                });
-                goal.samples(taken, need.into_iter().fold(0.0, f64::max))
-            })
-            .collect()
+        (0..first.samples.len()).map(|at| self.second(goal, first, at)).collect()
     }
 
-    /// What the first plan of pixel `at` would be if `out` had no error.
-    fn without(&self, goal: &Goal, plan: &Plan, at: usize, out: usize) -> u32 {
+    fn second(&self, goal: &Goal, first: &Plan, at: usize) -> u32 {
+        let (width, height) = (self.width, first.samples.len() / self.width);
+        let (x, y, taken) = (at % width, at / width, first.samples[at]);
+        let (left, right) = (x.saturating_sub(REACH), (x + REACH + 1).min(width));
+        let rows = || (y.saturating_sub(REACH)..(y + REACH + 1).min(height)).map(|row| row * width);
+        let even = |row: usize| first.samples[row + left..row + right].iter().all(|&n| n == taken);
+        if taken == self.first && rows().all(even) {
+            // The errors of the first plan, and so its sums.
+            return taken;
+        }
+        let mut sums = first.sums[at].map(|Sum { weights, .. }| Sum { errors: 0, weights });
+        for row in rows() {
+            for other in (row + left..row + right).filter(|&other| other != at) {
+                let apart = [(other - row).abs_diff(x), (row / width).abs_diff(y)];
+                let weights = weights(apart);
+                let samples = self.without(goal, first, (other, at), weights);
+                // What it would be after as many samples as this pixel has.
+                let error = self.levels[self.level(samples)][other] * goal.fall(samples, taken);
+                for (sum, weight) in sums.iter_mut().zip(weights) {
+                    sum.errors += weight * steps(error);
+                }
+            }
+        }
+        self.by(goal, taken, &sums)
+    }
+
+    /// What the first plan of pixel `at` would be if `out`, which has these weights there, had no error.
+    fn without(
+        &self,
+        goal: &Goal,
+        plan: &Plan,
+        (at, out): (usize, usize),
+        weights: [u64; WINDOWS.len()],
+    ) -> u32 {
         let error = steps(self.levels[0][out]);
         if plan.samples[at] == self.first || error == 0 {
             return plan.samples[at];
         }
-        let [across, down] = [out % self.width, out / self.width];
-        let apart = [across.abs_diff(at % self.width), down.abs_diff(at / self.width)];
         let mut sums = plan.sums[at];
-        for (sum, weights) in sums.iter_mut().zip(WINDOWS) {
-            let [x, y] = apart.map(|apart| weights.get(apart).copied().unwrap_or(0));
-            sum.errors -= x * y * error;
+        for (sum, weight) in sums.iter_mut().zip(weights) {
+            sum.errors -= weight * error;
         }
-        self.by(goal, &sums)
+        self.by(goal, self.first, &sums)
     }
 
-    fn by(&self, goal: &Goal, sums: &[Sum; WINDOWS.len()]) -> u32 {
+    /// How many samples of a pixel follow from its neighbours' errors after `taken`.
+    fn by(&self, goal: &Goal, taken: u32, sums: &Sums) -> u32 {
         let need = sums.iter().map(|sum| sum.mean()).fold(0.0, f64::max);
-        goal.samples(self.first, need)
+        goal.samples(taken, need)
     }
 
     fn level(&self, samples: u32) -> usize {
         (samples / self.first).ilog2() as usize
     }
-
-    /// Calls `each` with the pixels around one, without it, and their weights.
-    fn around(&self, at: usize, weights: &[u64], mut each: impl FnMut(usize, u64)) {
-        let (width, height) = (self.width, self.levels[0].len() / self.width);
-        let (x, y, reach) = (at % width, at / width, weights.len() - 1);
-        for row in y.saturating_sub(reach)..(y + reach + 1).min(height) {
-            for column in x.saturating_sub(reach)..(x + reach + 1).min(width) {
-                let other = row * width + column;
-                if other != at {
-                    each(other, weights[row.abs_diff(y)] * weights[column.abs_diff(x)]);
-                }
-            }
-        }
-    }
 }
 
-/// Numbers of samples by the first pass.
-#[derive(Debug)]
-pub struct Plan {
-    /// By pixel.
-    pub samples: Vec<u32>,
-    /// By pixel, of its neighbours.
-    sums: Vec<[Sum; WINDOWS.len()]>,
+/// The weighted sum of the values around place `at` of a line, with its own.
+fn line(at: usize, length: usize, weights: &[u64], value: impl Fn(usize) -> u64) -> Sum {
+    let mut sum = Sum::default();
+    for place in (at + 1).saturating_sub(weights.len())..(at + weights.len()).min(length) {
+        let weight = weights[place.abs_diff(at)];
+        sum.errors += weight * value(place);
+        sum.weights += weight;
+    }
+    sum
 }
 
 #[cfg(test)]
@@ -158,8 +187,9 @@ mod tests {
     use super::super::noise::Relative;
     use super::*;
 
-    const GOAL: Goal =
-        Goal { noise: 0.1, relative: Relative::Pixel, mean: 0.0, most: 1024, rate: 1.5 };
+    fn goal(relative: Relative) -> Goal {
+        Goal::new(0.1, relative, 0.0, 1024, 1.5)
+    }
 
     /// Both plans of pixels whose errors after 16, 32 ... samples are `error`.
     fn plans(
@@ -185,7 +215,8 @@ mod tests {
     #[test]
     fn neighbours_of_a_noisy_pixel_get_more_and_distant_ones_and_itself_do_not() {
         let noisy = 12 * 5 + 5;
-        let [_, second] = plans(&GOAL, 12, 144, |at, _| if at == noisy { 1e4 } else { 0.0 });
+        let [_, second] =
+            plans(&goal(Relative::Pixel), 12, 144, |at, _| if at == noisy { 1e4 } else { 0.0 });
         let more = |x: usize, y: usize| second[12 * y + x] > 16;
         assert!(more(6, 5) && more(4, 4) && more(7, 5) && more(9, 5));
         assert!(!more(5, 5) && !more(10, 5) && !more(0, 0) && !more(11, 11));
@@ -195,7 +226,7 @@ mod tests {
     fn what_falls_fast_needs_fewer_than_the_first_plan_feared() {
         let even = |fall: f32| {
             let error = move |_, samples: u32| 64.0 * (16.0 / samples as f32).powf(fall);
-            plans(&GOAL, 8, 64, error)
+            plans(&goal(Relative::Pixel), 8, 64, error)
         };
         let [first, slow] = even(1.0);
         assert!(first.iter().all(|&samples| samples == 256), "{first:?}");
@@ -214,7 +245,7 @@ mod tests {
         for case in 0..400u64 {
             let (width, count) = (7, 7 * 6);
             let relative = if case % 2 == 0 { Relative::Pixel } else { Relative::Picture };
-            let goal = Goal { relative, ..GOAL };
+            let goal = goal(relative);
             // Heavy tails: most are 0 or small, some are the largest that there are.
             let error = |seed: u64, at: usize, samples: u32| {
                 let bits = hash(hash(case * 1000 + seed) ^ (at as u64) << 32 ^ u64::from(samples));
@@ -238,8 +269,8 @@ mod tests {
 
     #[test]
     fn no_pixel_gets_more_than_the_most_and_one_alone_what_all_get() {
-        let [_, second] = plans(&GOAL, 4, 16, |_, _| 268_435_456.0);
+        let [_, second] = plans(&goal(Relative::Pixel), 4, 16, |_, _| 268_435_456.0);
         assert_eq!(second, [1024; 16]);
-        assert_eq!(plans(&GOAL, 1, 1, |_, _| 1e6), [[16], [16]]);
+        assert_eq!(plans(&goal(Relative::Pixel), 1, 1, |_, _| 1e6), [[16], [16]]);
     }
 }

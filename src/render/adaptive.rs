@@ -100,7 +100,7 @@ pub fn render_adaptive(
     if let Some(noise) = adaptive.noise {
         let (mean, rays) = job.brightness();
         let Adaptive { relative, most, .. } = adaptive;
-        job.goal = Some(Goal { noise, relative, mean, most, rate: rate(world.sampler) });
+        job.goal = Some(Goal::new(noise, relative, mean, most, rate(world.sampler)));
         counts = rays;
     }
     let (rays, taken) = if plan.is_empty() {
