@@ -7,7 +7,7 @@ mod program;
 use std::{fs, process::Command};
 
 use exr::prelude::*;
-use program::{Done, PYRAMID, Scratch, names_in};
+use program::{Done, PYRAMID, Scratch, names_in, sheet};
 
 /// Small pictures by a backend that is always there.
 const SMALL: [&str; 6] = ["--size", "24x16", "--backend", "bvh", "--threads", "2"];
@@ -29,31 +29,6 @@ fn ended(done: &Done, allowed: &[i32], what: &str) -> i32 {
     assert!(!said.contains("panicked"), "{what}: {said}");
     assert!(code == 0 || !said.is_empty(), "{what}: nothing said");
     code
-}
-
-/// A rippled sheet of `2 side^2` triangles, in binary PLY.
-fn sheet(side: u32) -> Vec<u8> {
-    let (vertices, triangles) = ((side + 1) * (side + 1), 2 * side * side);
-    let mut bytes = format!(
-        "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\n\
-         property float y\nproperty float z\nelement face {triangles}\n\
-         property list uchar uint vertex_indices\nend_header\n"
-    )
-    .into_bytes();
-    for i in 0..vertices {
-        let [x, z] = [i % (side + 1), i / (side + 1)].map(|k| k as f32 / side as f32 * 2.0 - 1.0);
-        let y = 0.1 * (9.0 * x + 5.0 * z).sin() * (31.0 * z * x).cos();
-        bytes.extend([x, y, z].into_iter().flat_map(f32::to_le_bytes));
-    }
-    for i in 0..side * side {
-        let a = i / side * (side + 1) + i % side;
-        let (b, c, d) = (a + 1, a + side + 1, a + side + 2);
-        for corners in [[a, c, b], [b, c, d]] {
-            bytes.push(3);
-            bytes.extend(corners.into_iter().flat_map(u32::to_le_bytes));
-        }
-    }
-    bytes
 }
 
 /// A zstd frame of blocks that each stand for 128 KiB of zeros, behind a header that promises as much:

@@ -10,7 +10,7 @@ use lightpath::{
     scene::{self, Source},
     world::{LoadOptions, World},
 };
-use program::Scratch;
+use program::{Scratch, sheet};
 use serde_json::{Value, json};
 
 fn with_shapes(shapes: Value) -> String {
@@ -27,31 +27,6 @@ fn with_shapes(shapes: Value) -> String {
 
 fn ball(x: f64, material: Value) -> Value {
     json!({ "type": "sphere", "center": [x, 0, 0], "radius": 0.4, "material": material })
-}
-
-/// A rippled sheet of `2 side^2` triangles, in binary PLY.
-fn sheet(side: u32) -> Vec<u8> {
-    let (vertices, triangles) = ((side + 1) * (side + 1), 2 * side * side);
-    let mut bytes = format!(
-        "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\n\
-         property float y\nproperty float z\nelement face {triangles}\n\
-         property list uchar uint vertex_indices\nend_header\n"
-    )
-    .into_bytes();
-    for i in 0..vertices {
-        let [x, z] = [i % (side + 1), i / (side + 1)].map(|k| k as f32 / side as f32 * 2.0 - 1.0);
-        let y = 0.1 * (9.0 * x + 5.0 * z).sin() * (31.0 * z * x).cos();
-        bytes.extend([x, y, z].into_iter().flat_map(f32::to_le_bytes));
-    }
-    for i in 0..side * side {
-        let a = i / side * (side + 1) + i % side;
-        let (b, c, d) = (a + 1, a + side + 1, a + side + 2);
-        for corners in [[a, c, b], [b, c, d]] {
-            bytes.push(3);
-            bytes.extend(corners.into_iter().flat_map(u32::to_le_bytes));
-        }
-    }
-    bytes
 }
 
 /// Too little memory to load Embree, or to use it, is a failure worth another try, not an Embree that is missing.

@@ -13,7 +13,7 @@ pub use footprint::Footprint;
 use crate::error::Result;
 #[cfg(not(feature = "embree"))]
 use crate::error::{Error, Kind, Problem};
-use crate::geometry::{Geometry, GeometryKind, Nearby};
+use crate::geometry::{Geometry, Nearby, is_near};
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 use crate::reserve;
@@ -127,27 +127,6 @@ pub trait Accelerator: Send + Sync {
 fn near_by_all(geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
     let count = geometry.bases().last().copied().unwrap_or(0);
     (0..count).filter(|&primitive| is_near(geometry, primitive, nearby)).for_each(found);
-}
-
-/// Whether a primitive is a triangle or quad whose box reaches into another.
-fn is_near(geometry: &Geometry, primitive: u32, nearby: &Nearby) -> bool {
-    let (geom, prim) = geometry.place(primitive);
-    match geometry.kind(geom) {
-        GeometryKind::Mesh(mesh) => reaches(&geometry.meshes[mesh].corners(prim), nearby),
-        GeometryKind::Quads => reaches(&geometry.quads[prim as usize], nearby),
-        GeometryKind::Spheres => false,
-    }
-}
-
-/// Whether the box around some corners reaches into another.
-#[inline(always)]
-fn reaches(corners: &[[f32; 3]], [low, high]: &Nearby) -> bool {
-    (0..3).all(|k| {
-        let (below, above) = corners
-            .iter()
-            .fold((true, true), |(b, a), v| (b & (v[k] < low[k]), a & (v[k] > high[k])));
-        !below & !above
-    })
 }
 
 /// Builds `backend` over `geometry`.

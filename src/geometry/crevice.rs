@@ -23,9 +23,9 @@ const INWARD: [f64; 2] = [1.0 / (1u64 << 36) as f64, 1.0 / (1u64 << 44) as f64];
 /// A box of f32 in which a point's neighbours lie.
 pub type Nearby = [[f32; 3]; 2];
 
-/// A triangle that rises above the surface which a ray leaves.
+/// A triangle near the point.
 #[derive(Debug, Clone, Copy)]
-struct Wall {
+struct Triangle {
     /// Primitive number in the whole scene.
     primitive: u32,
     corners: [DVec3; 3],
@@ -53,10 +53,11 @@ pub struct WallHit {
 pub struct Crevice {
     /// The point in f64, a hair inside of its triangle.
     point: DVec3,
-    walls: Vec<Wall>,
-    /// Where rays start: the rounded point, moved before steep walls that it lies behind.
+    /// Those near the point that rise above its own triangle.
+    walls: Vec<Triangle>,
+    /// Where rays start: the rounded point, or the nearest one of f32 that no neighbour stands before.
     pub origin: [f32; 3],
-    /// Whether that is in front of all walls.
+    /// Whether there is such a point.
     pub is_clear: bool,
 }
 
@@ -82,18 +83,11 @@ impl Crevice {
         neighbours: &[u32],
     ) -> Option<Self> {
         let nearby = Self::nearby(point, own);
-        let mut walls = Vec::new();
-        for &primitive in neighbours.iter().filter(|&&primitive| primitive != leaving) {
-            for (corners, second_half) in triangles(geometry, primitive) {
-                let [a, b, c] = corners;
-                let normal = (b - a).cross(c - a);
-                let is_wall = corners.iter().any(|&v| rises(v, point, own[0], up));
-                // Of a quad only the half that is here.
-                if is_wall && reaches(corners, &nearby) {
-                    walls.push(Wall { primitive, corners, normal, second_half });
-                }
-            }
-        }
+        let others = neighbours.iter().filter(|&&primitive| primitive != leaving);
+        let near = others.flat_map(|&primitive| triangles(geometry, primitive));
+        let near: Vec<Triangle> = near.filter(|other| other.reaches(&nearby)).collect();
+        let is_wall = |other: &Triangle| other.corners.iter().any(|&v| rises(v, point, own[0], up));
+        let walls: Vec<Triangle> = near.iter().copied().filter(is_wall).collect();
         if walls.is_empty() {
             return None;
         }
@@ -101,18 +95,20 @@ impl Crevice {
         let [least, of_coordinates] = INWARD;
         let share = of_coordinates * point.abs().max_element() / middle.abs().max_element();
         let point = point + middle * share.max(least).min(0.25);
-        let steep = |wall: &&Wall| wall.normal.dot(up).abs() < STEEP * wall.normal.length();
-        let is_before = |origin: DVec3| {
-            (origin - own[0]).dot(up) > 0.0
-                && walls.iter().filter(steep).all(|wall| wall.has_on_one_side(point, origin))
+        // On the way from the point, which is inside, nothing is crossed.
+        let is_inside = |origin: [f32; 3]| {
+            let way = (doubles(origin) - point) * BEYOND;
+            let crosses = |other: &Triangle| other.meet(point, way).is_some_and(|hit| hit.t <= 1.0);
+            way.dot(up) > 0.0 && !near.iter().any(crosses)
         };
-        let mut origin = origin;
-        if !is_before(doubles(origin)) {
-            let better = around(point).filter(|&origin| is_before(doubles(origin)));
-            let near = |a: &[f32; 3]| doubles(*a).distance_squared(point);
-            origin = better.min_by(|a, b| near(a).total_cmp(&near(b))).unwrap_or(origin);
+        let (mut origin, mut is_clear) = (origin, is_inside(origin));
+        if !is_clear {
+            let distance = |a: &[f32; 3]| doubles(*a).distance_squared(point);
+            let nearest = around(point)
+                .filter(|&origin| is_inside(origin))
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            (origin, is_clear) = (nearest.unwrap_or(origin), nearest.is_some());
         }
-        let is_clear = walls.iter().all(|wall| wall.has_on_one_side(point, doubles(origin)));
         Some(Self { point, walls, origin, is_clear })
     }
 
@@ -126,8 +122,8 @@ impl Crevice {
     /// meet it all the same, which is false. A wall that the ray leads to but passes is not left out: beside it,
     /// where another one begins, only the test that both share is without gaps.
     pub fn leaves(&self, primitive: u32, direction: DVec3) -> bool {
-        let mut of = self.walls.iter().filter(|wall| wall.primitive == primitive).peekable();
-        of.peek().is_some() && of.any(|wall| wall.distance(self.point, direction) < 0.0)
+        let mut of = self.walls.iter().filter(|wall| wall.primitive == primitive);
+        of.any(|wall| wall.distance(self.point, direction) < 0.0)
     }
 }
 
@@ -140,9 +136,8 @@ fn rises(corner: DVec3, point: DVec3, own: DVec3, up: DVec3) -> bool {
 /// How many steps of f32 away a better origin is looked for, in each coordinate.
 const STEPS: i32 = 2;
 
-/// Walls that stand at more than 11 degrees to the point's own triangle are steep: before those an origin can be
-/// moved without getting over another triangle.
-const STEEP: f64 = 0.98;
+/// The way to an origin goes on by this much: what is clear is clear by more than rounding.
+const BEYOND: f64 = 1.0 + 1.0 / 256.0;
 
 /// The numbers of f32 around a point, up to [`STEPS`] steps away.
 fn around(point: DVec3) -> impl Iterator<Item = [f32; 3]> {
@@ -157,19 +152,12 @@ fn doubles(v: [f32; 3]) -> DVec3 {
     DVec3::from(v.map(f64::from))
 }
 
-/// Whether the box around a triangle reaches into another.
-fn reaches([a, b, c]: [DVec3; 3], [low, high]: &Nearby) -> bool {
-    let (below, above) = (a.min(b).min(c), a.max(b).max(c));
-    below.cmple(doubles(*high)).all() && above.cmpge(doubles(*low)).all()
-}
-
-impl Wall {
-    /// Whether two points lie on the same side of the plane, both by more than rounding.
-    fn has_on_one_side(&self, p: DVec3, q: DVec3) -> bool {
+impl Triangle {
+    /// Whether its box reaches into another.
+    fn reaches(&self, [low, high]: &Nearby) -> bool {
         let [a, b, c] = self.corners;
-        let above = |v: DVec3| (v - a).dot(self.normal);
-        let size = (b - a).length() * (c - a).length() * ((a - p).length() + p.length());
-        above(p) * above(q) > 0.0 && above(q).abs() > EQUAL * size
+        let (below, above) = (a.min(b).min(c), a.max(b).max(c));
+        below.cmple(doubles(*high)).all() && above.cmpge(doubles(*low)).all()
     }
 
     /// Where a ray from `point` meets the plane, in units of the direction; not finite for a ray along it.
@@ -197,18 +185,28 @@ impl Wall {
     }
 }
 
-/// The triangles of a planar primitive, and whether each is the second half of a quad.
-fn triangles(geometry: &Geometry, primitive: u32) -> Vec<([DVec3; 3], bool)> {
+/// The triangles of a planar primitive; none of a sphere.
+fn triangles(geometry: &Geometry, primitive: u32) -> impl Iterator<Item = Triangle> {
     let (geom, prim) = geometry.place(primitive);
-    let doubles = |corners: [[f32; 3]; 3]| corners.map(doubles);
-    match geometry.kind(geom) {
-        GeometryKind::Mesh(mesh) => vec![(doubles(geometry.meshes[mesh].corners(prim)), false)],
+    let one = |corners: [[f32; 3]; 3], second_half: bool| {
+        let corners = corners.map(doubles);
+        let [a, b, c] = corners;
+        Triangle { primitive, corners, normal: (b - a).cross(c - a), second_half }
+    };
+    let parts = match geometry.kind(geom) {
+        GeometryKind::Mesh(mesh) => [Some(one(geometry.meshes[mesh].corners(prim), false)), None],
         GeometryKind::Quads => {
             let [v0, v1, v2, v3] = geometry.quads[prim as usize];
-            vec![(doubles([v0, v1, v3]), false), (doubles([v2, v3, v1]), true)]
+            [Some(one([v0, v1, v3], false)), Some(one([v2, v3, v1], true))]
         }
-        GeometryKind::Spheres => Vec::new(),
-    }
+        GeometryKind::Spheres => [None, None],
+    };
+    parts.into_iter().flatten()
+}
+
+/// Whether a primitive is a triangle or quad that reaches into a box.
+pub fn is_near(geometry: &Geometry, primitive: u32, nearby: &Nearby) -> bool {
+    triangles(geometry, primitive).any(|triangle| triangle.reaches(nearby))
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::surface::on_sphere;
-use super::{Geometry, GeometryKind, Surfaces};
+use super::surface::{hit_corners, on_sphere};
+use super::{Geometry, Surfaces};
 use crate::ray::RayPacket;
 
 /// Where lane `i` of a traced packet, which hit, meets its primitive: relative to the scene's origin, to f64
@@ -14,16 +14,10 @@ pub fn exact_position(
     surfaces: &Surfaces,
     i: usize,
 ) -> DVec3 {
-    let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-    let corners = match geometry.kind(geom) {
-        GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim),
-        GeometryKind::Quads => geometry.quad_half(prim, packet.hits.u[i], packet.hits.v[i]).0,
-        GeometryKind::Spheres => {
-            let sphere = geometry.spheres[prim as usize];
-            return sphere.center + on_sphere(&sphere, packet, i).1 * sphere.radius;
-        }
+    let Some(([a, b, c], _)) = hit_corners(geometry, packet, i) else {
+        let sphere = geometry.spheres[packet.hits.prim[i] as usize];
+        return sphere.center + on_sphere(&sphere, packet, i).1 * sphere.radius;
     };
-    let [a, b, c] = corners.map(|corner| DVec3::from(corner.map(f64::from)));
     let [wa, wb, wc] = surfaces.weights(i);
     a * wa + b * wb + c * wc
 }

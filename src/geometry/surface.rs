@@ -96,13 +96,13 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
     }
 }
 
-/// The triangle that lane `i` of a traced packet hit (a quad's half) and the point on it, in f64; `None` for a
-/// sphere.
-pub fn hit_triangle(
+/// The corners of the triangle that lane `i` of a traced packet hit, of a quad its half, and the weights in it that
+/// the backend reported; `None` for a sphere.
+pub(super) fn hit_corners(
     geometry: &Geometry,
     packet: &RayPacket,
     i: usize,
-) -> Option<([DVec3; 3], TrianglePoint)> {
+) -> Option<([DVec3; 3], (f64, f64))> {
     let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
     let (u, v) = (packet.hits.u[i], packet.hits.v[i]);
     let (corners, u, v) = match geometry.kind(geom) {
@@ -111,7 +111,18 @@ pub fn hit_triangle(
         GeometryKind::Spheres => return None,
     };
     let corners = corners.map(|corner| DVec3::from(corner.map(f64::from)));
-    let ((origin, direction), reported) = (ray(packet, i), (f64::from(u), f64::from(v)));
+    Some((corners, (f64::from(u), f64::from(v))))
+}
+
+/// The triangle that lane `i` of a traced packet hit (a quad's half) and the point on it, in f64; `None` for a
+/// sphere.
+pub fn hit_triangle(
+    geometry: &Geometry,
+    packet: &RayPacket,
+    i: usize,
+) -> Option<([DVec3; 3], TrianglePoint)> {
+    let (corners, reported) = hit_corners(geometry, packet, i)?;
+    let (origin, direction) = ray(packet, i);
     let point = refine_triangle(corners, origin, direction, reported);
     let point =
         if point.sharp { point } else { sharpen_triangle(corners, origin, direction, reported) };
@@ -123,18 +134,14 @@ pub fn hit_triangle(
 /// the ray meets at a small angle.
 pub fn position_error(geometry: &Geometry, packet: &RayPacket, points: &Surfaces, i: usize) -> f64 {
     let (origin, direction) = ray(packet, i);
-    let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-    let corners = match geometry.kind(geom) {
-        GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim),
-        GeometryKind::Quads => geometry.quad_half(prim, packet.hits.u[i], packet.hits.v[i]).0,
-        GeometryKind::Spheres => {
-            let t = f64::from(points.t[i]);
-            let sphere = geometry.spheres[prim as usize];
-            return sphere_error(&sphere, origin, direction, t) + rounding(points, i);
+    let error = match hit_corners(geometry, packet, i) {
+        Some((corners, _)) => triangle_error(corners, origin, direction),
+        None => {
+            let sphere = geometry.spheres[packet.hits.prim[i] as usize];
+            sphere_error(&sphere, origin, direction, points.t[i].into())
         }
     };
-    let corners = corners.map(|corner| DVec3::from(corner.map(f64::from)));
-    triangle_error(corners, origin, direction) + rounding(points, i)
+    error + rounding(points, i)
 }
 
 /// What a position's own rounding comes to, and what this sum itself rounds off.

@@ -3,6 +3,7 @@
 
 mod exr;
 mod flush;
+mod image_file;
 mod light;
 mod look;
 mod pnm;
@@ -10,8 +11,9 @@ mod points;
 mod texture;
 mod uv;
 
+pub use image_file::TextureSize;
 pub use light::{Area, Emitter, Falloff, Light, Lit, light_rays};
 pub use look::{Material, Owner, Shape, Shapes, VertexColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
-pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture, TextureSize};
+pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture};
 pub use uv::{UvFrame, UvSource};

@@ -10,30 +10,24 @@
 //! decoded), what ends too early, and float images with texels that are not finite. Negative
 //! texels are kept and counted.
 
-use std::{
-    fs::File,
-    io::{BufReader, ErrorKind},
-    ops::Range,
-    path::Path,
+use std::{ops::Range, path::Path};
+
+use super::image_file::{
+    Opened, Source, TextureSize, check_jpeg_end, check_size, explain, name, source,
 };
-
-use glam::Vec3;
-use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
-
-use super::pnm;
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Result},
     files::Stamp,
     reserve,
     scene::{ColorSpace, Filter, Wrap},
 };
+use glam::Vec3;
+use image::{DynamicImage, ImageDecoder, ImageFormat};
 
 use super::exr::Layout;
 
 /// What [`Texture::load`] lets one texture take while it is decoded: 4 GiB.
 pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
-
-const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
 
 /// An image as linear RGB, rows from the top.
 #[derive(Debug, Clone)]
@@ -53,45 +47,6 @@ pub struct Negative {
     pub texels: u64,
     /// Column and row of the first, from the top left.
     pub first: [u32; 2],
-}
-
-/// Bytes that an image takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TextureSize {
-    /// As a texture.
-    pub stored: u64,
-    /// At most while it is decoded, the texture included.
-    pub decoding: u64,
-}
-
-impl TextureSize {
-    fn of(source: &Source) -> Self {
-        match source {
-            // Straight into the texture.
-            Source::Exr(layout, _) => {
-                let stored = layout.pixels().saturating_mul(12);
-                Self { stored, decoding: stored }
-            }
-            Source::Image(_, decoder, _) => Self::of_image(decoder),
-        }
-    }
-
-    fn of_image(decoder: &impl ImageDecoder) -> Self {
-        let (width, height) = decoder.dimensions();
-        let color = decoder.color_type();
-        let file = u64::from(color.bytes_per_pixel());
-        // `decode`: the file's pixels, then RGB of the same type, then what is kept.
-        let (stored, decoding, table) = match color.bytes_per_pixel() / color.channel_count() {
-            1 => (3, file + 3, size_of::<[f32; 256]>()),
-            2 => (12, (file + 6).max(6 + 12), 0),
-            _ => (12, file + 12, 0),
-        };
-        let pixels = u64::from(width) * u64::from(height);
-        Self {
-            stored: pixels.saturating_mul(stored).saturating_add(table as u64),
-            decoding: pixels.saturating_mul(decoding),
-        }
-    }
 }
 
 /// 8-bit images stay 8-bit: a quarter of the memory, and exact.
@@ -386,155 +341,6 @@ fn exr_texels(layout: Layout, mut texels: Vec<f32>, color_space: Option<ColorSpa
     }
 }
 
-/// Opens a regular file that is not empty.
-fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
-    let failed = |e| Error::io(path, "read the texture", &e);
-    let file = File::open(path).map_err(failed)?;
-    let data = file.metadata().map_err(failed)?;
-    if !data.is_file() {
-        let what = if data.is_dir() { "a folder" } else { "not a regular file" };
-        return Err(Error::invalid(name(path), format!("is {what}; expected an image")));
-    }
-    if data.len() == 0 {
-        return Err(Error::invalid(name(path), "is empty; expected an image"));
-    }
-    Ok((BufReader::with_capacity(1 << 16, file), Stamp::of(&data)))
-}
-
-/// An image whose header is read.
-struct Opened {
-    source: Source,
-    stamp: Option<Stamp>,
-}
-
-/// Where its pixels come from.
-enum Source {
-    Exr(Layout, BufReader<File>),
-    /// The last is what integers are divided by, if not the largest of their type.
-    Image(ImageFormat, Box<dyn ImageDecoder>, Option<u16>),
-}
-
-impl Source {
-    fn dimensions(&self) -> (u32, u32) {
-        match self {
-            Self::Exr(layout, _) => layout.size.into(),
-            Self::Image(_, decoder, _) => decoder.dimensions(),
-        }
-    }
-}
-
-/// Reads the file's header.
-fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
-    let (file, stamp) = open(path)?;
-    let mut reader = ImageReader::new(file)
-        .with_guessed_format()
-        .map_err(|e| Error::io(path, "read the texture", &e))?;
-    let Some(format) = reader.format() else {
-        return Err(Error::invalid(name(path), "not an image of a known format")
-            .help(format!("textures are {FORMATS}")));
-    };
-    let failed = |error| explain(path, error);
-    if format == ImageFormat::Pnm {
-        let (mut decoder, white) = pnm::decoder(reader.into_inner()).map_err(failed)?;
-        decoder.set_limits(limits(max_bytes)).map_err(failed)?;
-        let source = Source::Image(format, Box::new(decoder), white);
-        return Ok(Opened { source, stamp });
-    }
-    if format == ImageFormat::OpenExr {
-        let mut file = reader.into_inner();
-        let source = Source::Exr(Layout::of(&mut file, path)?, file);
-        return Ok(Opened { source, stamp });
-    }
-    reader.limits(limits(max_bytes));
-    let decoder = reader.into_decoder().map_err(failed)?;
-    Ok(Opened { source: Source::Image(format, Box::new(decoder), None), stamp })
-}
-
-/// What the decoders may allocate for themselves. Ours is [`check_size`].
-fn limits(max_bytes: u64) -> Limits {
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(max_bytes);
-    limits
-}
-
-/// Compares what the header announces, decoded and as we keep it, with the limit; returns these bytes.
-fn check_size(path: &Path, source: &Source, max_bytes: u64) -> Result<u64> {
-    let (width, height) = source.dimensions();
-    let pixels = u64::from(width) * u64::from(height);
-    if pixels == 0 {
-        return Err(Error::invalid(
-            name(path),
-            format!("the image is {width} x {height} pixels; both must be at least 1"),
-        ));
-    }
-    let needed = TextureSize::of(source).decoding;
-    if needed > max_bytes {
-        let more = if needed == u64::MAX { "at least " } else { "" };
-        let message = format!(
-            "{width} x {height} pixels need {more}{needed} bytes while they are decoded; the limit \
-             is {max_bytes}"
-        );
-        return Err(
-            Error::new(Kind::Limit, Problem::new(name(path), message)).help("scale the image down")
-        );
-    }
-    Ok(needed)
-}
-
-/// The JPEG decoder paints what is missing grey; we refuse a file without its end marker.
-fn check_jpeg_end(path: &Path) -> Result<()> {
-    let data = std::fs::read(path).map_err(|e| Error::io(path, "read the texture", &e))?;
-    if jpeg_is_complete(&data) { Ok(()) } else { Err(truncated(path)) }
-}
-
-/// Walks the segments to the end-of-image marker.
-fn jpeg_is_complete(data: &[u8]) -> bool {
-    let mut at = 2;
-    loop {
-        // To the next marker: entropy-coded data has FF only before 00 or a restart (D0-D7).
-        while at + 1 < data.len() && (data[at] != 0xff || matches!(data[at + 1], 0 | 0xff)) {
-            at += 1;
-        }
-        match data.get(at + 1) {
-            None => return false,
-            Some(0xd9) => return true,
-            Some(0x01 | 0xd0..=0xd8) => at += 2,
-            Some(_) => match data.get(at + 2..at + 4) {
-                Some(length) => at += 2 + usize::from(u16::from_be_bytes([length[0], length[1]])),
-                None => return false,
-            },
-        }
-    }
-}
-
-fn name(path: &Path) -> String {
-    path.display().to_string()
-}
-
-fn truncated(path: &Path) -> Error {
-    Error::invalid(name(path), "the image ends too early").help("the file may be cut off")
-}
-
-/// What the decoder said, in our words.
-fn explain(path: &Path, error: ImageError) -> Error {
-    match error {
-        ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => truncated(path),
-        ImageError::IoError(e) if e.raw_os_error().is_some() => {
-            Error::io(path, "read the texture", &e)
-        }
-        ImageError::Limits(e) => Error::new(
-            Kind::Limit,
-            Problem::new(name(path), format!("the image is too large to decode: {e}")),
-        )
-        .help("scale the image down"),
-        ImageError::Unsupported(e) => {
-            Error::new(Kind::Unsupported, Problem::new(name(path), e.to_string()))
-                .help(format!("textures are {FORMATS}"))
-        }
-        other => Error::invalid(name(path), other.to_string()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::PathBuf;
@@ -543,6 +349,7 @@ mod tests {
     use tempfile::TempDir;
 
     use super::*;
+    use crate::error::Kind;
 
     const N: Filter = Filter::Nearest;
     const B: Filter = Filter::Bilinear;

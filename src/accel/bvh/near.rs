@@ -2,7 +2,6 @@
 
 use super::Bvh;
 use super::node::{Child, Kind, WIDTH};
-use crate::accel::reaches;
 use crate::geometry::Nearby;
 use crate::ray::NONE;
 
@@ -25,13 +24,9 @@ impl Bvh<'_> {
                     stack.extend((0..WIDTH).filter(|&i| reached[i]).map(|i| node.children[i]));
                 }
                 Kind::Triangles(index) => {
-                    let block = &self.tree.blocks[index];
-                    for slot in 0..WIDTH {
-                        let primitive = block.primitives[slot];
-                        if primitive != NONE && reaches(&block.triangle(slot), nearby) {
-                            found(primitive);
-                        }
-                    }
+                    let primitives = self.tree.blocks[index].primitives;
+                    let all = primitives.into_iter().filter(|&primitive| primitive != NONE);
+                    all.for_each(&mut *found);
                 }
                 Kind::Spheres(_) | Kind::Empty => {}
             }

@@ -19,7 +19,7 @@ pub use self::ffi::{LAYOUTS, Layout};
 use self::device::Device;
 use self::ffi::{QueryArguments, QueryContext};
 use self::filter::{Filter, Truth};
-use super::{Accelerator, BuildInfo, BuildOptions, is_near};
+use super::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE, Nearby};
 use crate::monitor::Monitor;
@@ -210,13 +210,7 @@ impl Accelerator for Embree<'_> {
     }
 
     fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
-        near::near(&self.scene, nearby, &mut |geom, prim| {
-            // Embree offers all that its leaves there hold.
-            let primitive = geometry.primitive(geom, prim);
-            if is_near(geometry, primitive, nearby) {
-                found(primitive);
-            }
-        });
+        near::near(&self.scene, nearby, &mut |geom, prim| found(geometry.primitive(geom, prim)));
     }
 
     fn occluded_candidates(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {

@@ -16,7 +16,8 @@ type Found<'f> = &'f mut dyn FnMut(u32, u32);
 /// perhaps for some more.
 pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: Found) {
     let point = [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k]);
-    let radius = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt() * WIDER;
+    let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
+    let radius = 0.5 * diagonal * WIDER;
     let mut query = PointQuery { point, time: 0.0, radius };
     let mut context = PointQueryContext {
         world2inst: [0.0; 16],
