@@ -108,8 +108,9 @@ impl<T: Tier> Packet<'_, T> {
                 (depth + slack >= f64::from(first[i])) & (depth - slack <= f64::from(last[i]));
             let steep = STEEP * towards[i].abs() >= least * along;
             let far = max(-first[i], last[i]);
-            let started = depth > NEAR_START * f64::from(far);
-            unsure[i] |= maybe[i] & -i32::from(!(within & started));
+            // What lies behind is no hit, without a closer look.
+            let at_start = (depth > 0.0) & (depth <= NEAR_START * f64::from(far));
+            unsure[i] |= maybe[i] & -i32::from(!within | at_start);
             flat[i] = maybe[i] & -i32::from(!steep);
             doubt |= unsure[i];
             any_flat |= flat[i];
@@ -195,7 +196,8 @@ impl<T: Tier> Packet<'_, T> {
             if seen.inside() {
                 let ray = Ray64::new(self.rays, i, lane.axes[2]);
                 t[i] = seen.t(&ray, block.triangle(slot));
-                hit[i] = -i32::from(ray.is_started(t[i], block.triangle(slot)));
+                let started = t[i] > 0.0 && ray.is_started(t[i], block.triangle(slot));
+                hit[i] = -i32::from(started);
             } else {
                 hit[i] = 0;
             }
