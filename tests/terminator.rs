@@ -123,9 +123,11 @@ fn with_backends(world: &World, mut test: impl FnMut(Backend, &dyn Accelerator))
     }
 }
 
+/// Rays of a row of [`packets`].
+const SIDE: usize = 192;
+
 /// A regular grid of rays along -z over [-1, 1]^2, packet by packet.
 fn packets() -> impl Iterator<Item = RayPacket> {
-    const SIDE: usize = 192;
     (0..SIDE * SIDE / LANES).map(|first| {
         let mut packet = RayPacket::EMPTY;
         for i in 0..LANES {
@@ -154,6 +156,32 @@ fn look(
     (surfaces, points)
 }
 
+/// N.L of a packet's first hits where they see a light, 0 where they do not; `None` without a hit. `lifted`: from
+/// the shifted shadow origins.
+fn lit(
+    world: &World,
+    accelerator: &dyn Accelerator,
+    packet: &mut RayPacket,
+    light: DVec3,
+    lifted: bool,
+) -> [Option<f64>; LANES] {
+    let (surfaces, mut points) = look(world, accelerator, packet);
+    if !lifted {
+        points.at.origin = surfaces.outside;
+        points.at.lifted = Mask::NONE;
+    }
+    let mut q = [[0.0; LANES]; 3];
+    (0..LANES).for_each(|i| set_lane(&mut q, i, light.as_vec3()));
+    let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
+    let on = light_rays(&points.at, &q, None, Falloff::None, false, &mut rays, &mut lit);
+    accelerator.occluded(&on, &mut rays, Coherence::Coherent);
+    std::array::from_fn(|i| {
+        let seen = on.0[i] != 0 && rays.tfar[i] != f32::NEG_INFINITY;
+        let value = if seen { f64::from(lit.diffuse[i]) } else { 0.0 };
+        (surfaces.hit.0[i] != 0).then_some(value)
+    })
+}
+
 /// The picture of a lit ball against the sphere that it stands for.
 #[derive(Debug, Default)]
 struct Lighting {
@@ -175,17 +203,9 @@ fn lighting(times: u32, lifted: bool, band: f64) -> Vec<Lighting> {
     with_backends(&world, |backend, accelerator| {
         let mut found = Lighting::default();
         for mut packet in packets() {
-            let (surfaces, mut points) = look(&world, accelerator, &mut packet);
-            if !lifted {
-                points.at.origin = surfaces.outside;
-                points.at.lifted = Mask::NONE;
-            }
-            let mut q = [[0.0; LANES]; 3];
-            (0..LANES).for_each(|i| set_lane(&mut q, i, light.as_vec3()));
-            let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
-            let on = light_rays(&points.at, &q, None, Falloff::None, false, &mut rays, &mut lit);
-            accelerator.occluded(&on, &mut rays, Coherence::Coherent);
-            for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
+            let lit = lit(&world, accelerator, &mut packet, light, lifted);
+            for (i, value) in lit.into_iter().enumerate() {
+                let Some(value) = value else { continue };
                 let at = lane(&packet.rays.org, i).as_dvec3();
                 // Not near the silhouette: there the coarse ball shows other parts of itself.
                 let r2 = at.x * at.x + at.y * at.y;
@@ -194,11 +214,8 @@ fn lighting(times: u32, lifted: bool, band: f64) -> Vec<Lighting> {
                 }
                 let n = DVec3::new(at.x, at.y, (1.0 - r2).sqrt());
                 let exact = n.dot((light - n).normalize());
-                let shadowed = rays.tfar[i] == f32::NEG_INFINITY;
-                let seen = on.0[i] != 0 && !shadowed;
-                let value = if seen { f64::from(lit.diffuse[i]) } else { 0.0 };
                 found.points += 1;
-                found.black += u64::from(exact > band && !seen);
+                found.black += u64::from(exact > band && value == 0.0);
                 found.worst = found.worst.max((value - exact.max(0.0)).abs());
             }
         }
@@ -222,6 +239,80 @@ fn a_coarse_sphere_has_no_stairs_of_shadow() {
     for (times, near) in [(1, 0.04), (2, 0.02)] {
         for found in lighting(times, false, 2.0 * near) {
             assert!(found.black > 100, "{times}: {found:?}");
+        }
+    }
+}
+
+/// Hills and valleys over [-1, 1]^2: `cells` x `cells` pairs of triangles.
+fn landscape(cells: u32) -> String {
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
+         property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        (cells + 1) * (cells + 1),
+        2 * cells * cells
+    );
+    let at = |k: u32| f64::from(k) / f64::from(cells) * 2.0 - 1.0;
+    for (x, y) in (0..=cells).flat_map(|j| (0..=cells).map(move |i| (at(i), at(j)))) {
+        let z = 0.12 * (5.0 * x + 1.0).sin() * (3.5 * y).cos() + 0.05 * (7.0 * y + 2.0 * x).sin();
+        writeln!(text, "{x} {y} {z}").unwrap();
+    }
+    for a in (0..cells).flat_map(|j| (0..cells).map(move |i| j * (cells + 1) + i)) {
+        let (b, c, d) = (a + 1, a + cells + 2, a + cells + 1);
+        writeln!(text, "3 {a} {b} {c}\n3 {a} {c} {d}").unwrap();
+    }
+    text
+}
+
+/// Whether the grid points around one are all lit or all dark.
+fn all_around(lit: &[f64], index: usize, distance: usize) -> Option<bool> {
+    let (x, y) = (index % SIDE, index / SIDE);
+    let low = |k: usize| k.saturating_sub(distance);
+    let high = |k: usize| (k + distance).min(SIDE - 1);
+    let around = [(x, y), (low(x), y), (high(x), y), (x, low(y)), (x, high(y))];
+    let lit = around.map(|(x, y)| lit[y * SIDE + x] > 0.0);
+    lit.iter().all(|&each| each == lit[0]).then_some(lit[0])
+}
+
+/// A coarse landscape against the same one of 512 x 512 cells, where that is lit or dark all around: nothing
+/// lit is black, and no N.L is off by more than the interpolated normals are, in the dark, too.
+#[test]
+fn a_coarse_landscape_is_lit_as_the_subdivided_one() {
+    let light = DVec3::new(0.9, 0.35, 0.3).normalize() * 50.0;
+    let values = |cells: usize, lifted: bool| {
+        let world = world(&landscape(cells as u32));
+        let mut all: Vec<Vec<f64>> = Vec::new();
+        with_backends(&world, |_, accelerator| {
+            let lit = |mut packet: RayPacket| lit(&world, accelerator, &mut packet, light, lifted);
+            all.push(packets().flat_map(lit).map(|value| value.unwrap()).collect());
+        });
+        all
+    };
+    let fine = values(512, true);
+    // The error of interpolated normals falls with the size of cells.
+    for (cells, near) in [(24, 0.08), (48, 0.045)] {
+        // The coarse one's shadows end half a cell elsewhere at most.
+        let band = SIDE / (2 * cells);
+        for (lifted, fine, coarse) in [true, false].into_iter().flat_map(|lifted| {
+            let coarse = values(cells, lifted);
+            fine.iter().zip(coarse).map(move |(fine, coarse)| (lifted, fine, coarse))
+        }) {
+            let (mut lit, mut dark, mut black, mut worst) = (0, 0, 0, 0.0f64);
+            for (index, &value) in coarse.iter().enumerate() {
+                let Some(is_lit) = all_around(fine, index, band) else { continue };
+                let is_black = is_lit && value == 0.0;
+                (lit, dark) = (lit + u32::from(is_lit), dark + u32::from(!is_lit));
+                black += u32::from(is_black);
+                worst = worst.max((value - fine[index]).abs());
+            }
+            println!(
+                "{cells} cells, lifted {lifted}: {black} of {lit} black, {dark} dark, {worst}"
+            );
+            assert!(lit > 10_000 && dark > 2_000, "{lit} lit, {dark} dark");
+            if lifted {
+                assert!(black == 0 && worst < near, "{black} black, {worst}");
+            } else {
+                assert!(black > 0 && worst > near, "no stairs without the shifted origins");
+            }
         }
     }
 }

@@ -4,6 +4,9 @@
 //! another one that rises above it - the inner edge of a room - the rounded point may lie behind the
 //! other one, and a test in f32, whose corners move, may let a ray slip between the two. So near an edge
 //! the walls are tested in f64 from the exact point, which lies in front of all of them.
+//!
+//! Where a ray comes in through a corner, several triangles are met at one t, and a backend names any of them,
+//! even one whose other side the viewer sees. [`hides`] finds the one in front.
 
 use glam::DVec3;
 
@@ -91,10 +94,7 @@ impl Crevice {
         if walls.is_empty() {
             return None;
         }
-        let middle = (own[0] + own[1] + own[2]) / 3.0 - point;
-        let [least, of_coordinates] = INWARD;
-        let share = of_coordinates * point.abs().max_element() / middle.abs().max_element();
-        let point = point + middle * share.max(least).min(0.25);
+        let point = inside(point, own);
         // On the way from the point, which is inside, nothing is crossed.
         let is_inside = |origin: [f32; 3]| {
             let way = (doubles(origin) - point) * BEYOND;
@@ -125,6 +125,33 @@ impl Crevice {
         let mut of = self.walls.iter().filter(|wall| wall.primitive == primitive);
         of.any(|wall| wall.distance(self.point, direction) < 0.0)
     }
+}
+
+/// What hides a point of the triangle `own` of primitive `hit` from the viewer, whom a ray along `direction` comes
+/// from: of the `neighbours`, which the ray meets within rounding of the point, the one nearest to the viewer.
+pub fn hides(
+    geometry: &Geometry,
+    point: DVec3,
+    (own, hit): ([DVec3; 3], u32),
+    direction: DVec3,
+    neighbours: &[u32],
+) -> Option<WallHit> {
+    let nearby = Crevice::nearby(point, own);
+    let reach = (doubles(nearby[1]) - doubles(nearby[0])).length() / direction.length();
+    let others = neighbours.iter().filter(|&&primitive| primitive != hit);
+    let near = others.flat_map(|&primitive| triangles(geometry, primitive));
+    let near = near.filter(|other| other.reaches(&nearby));
+    let hits = near.filter_map(|other| other.meet(inside(point, own), -direction));
+    // Farther away nothing is tied: the ray passes what is met there.
+    hits.filter(|hit| hit.t > 0.0 && hit.t <= reach).max_by(|a, b| a.t.total_cmp(&b.t))
+}
+
+/// A point of a triangle, moved a hair into it.
+fn inside(point: DVec3, own: [DVec3; 3]) -> DVec3 {
+    let middle = (own[0] + own[1] + own[2]) / 3.0 - point;
+    let [least, of_coordinates] = INWARD;
+    let share = of_coordinates * point.abs().max_element() / middle.abs().max_element();
+    point + middle * share.max(least).min(0.25)
 }
 
 /// Whether a corner stands above the plane through `own` with the unit normal `up`, by more than rounding.

@@ -16,7 +16,7 @@ use glam::DVec3;
 
 pub use crate::ray::NONE;
 pub use ahead::{NEAR_START, is_after_start};
-pub use crevice::{Crevice, Nearby, WallHit, is_near};
+pub use crevice::{Crevice, Nearby, WallHit, hides, is_near};
 pub use exact::exact_position;
 pub use gather::{prefetch_indices, prefetch_vertices};
 pub use passing::{Passing, passing};

@@ -101,6 +101,7 @@ impl<'a> Cast<'a> {
             if !hit.any() {
                 break;
             }
+            self.find_crevices(slot, &hit, bounce);
             let points = &mut self.points;
             world.shapes.look(&world.geometry, &slot.packet, &self.surfaces, points);
             if R::ON && bounce == 0 {
@@ -109,7 +110,6 @@ impl<'a> Cast<'a> {
             if world.ambient != Vec3::ZERO {
                 self.ambient(&hit, bounce, record);
             }
-            self.find_crevices(slot, &hit, bounce);
             self.lights(slot, bounce, counts, record);
         }
         first_hit
@@ -154,7 +154,7 @@ impl<'a> Cast<'a> {
 
     /// Finds what rises beside the points that lie at an edge, if any ray leaves them.
     #[inline(always)]
-    fn find_crevices(&mut self, slot: &Slot, hit: &Mask, bounce: u32) {
+    fn find_crevices(&mut self, slot: &mut Slot, hit: &Mask, bounce: u32) {
         self.crevices.clear();
         let world = self.world;
         let mut at_edge = Mask::NONE;
@@ -162,12 +162,8 @@ impl<'a> Cast<'a> {
             at_edge.0[i] = hit.0[i] & self.surfaces.at_edge.0[i];
         }
         if at_edge.any() && (!world.lights.is_empty() || bounce < world.nbounces) {
-            let (geometry, packet) = (&world.geometry, &slot.packet);
+            let (geometry, packet) = (&world.geometry, &mut slot.packet);
             self.crevices.find(geometry, self.accelerator, packet, &mut self.surfaces, &at_edge);
-            let at = &mut self.points.at;
-            for i in (0..LANES).filter(|&i| at_edge.0[i] != 0 && at.lifted.0[i] == 0) {
-                (0..3).for_each(|k| at.origin[k][i] = self.surfaces.outside[k][i]);
-            }
         }
     }
 

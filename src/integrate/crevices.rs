@@ -3,11 +3,14 @@
 use glam::DVec3;
 
 use crate::accel::Accelerator;
-use crate::geometry::{Crevice, Geometry, Surfaces, hit_triangle};
+use crate::geometry::{Crevice, Geometry, Surfaces, TrianglePoint, hides, hit_triangle, refine};
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 
 /// How many hits of a ray are passed by at most before the next one counts.
 const MAX_PASSED: usize = 64;
+
+/// How many times a hit gives way to one that hides it.
+const MAX_HIDING: usize = 8;
 
 /// The points of a packet that lie near an edge of their primitive with something rising beside it.
 #[derive(Debug, Default)]
@@ -29,23 +32,28 @@ impl Crevices {
         self.of.is_empty()
     }
 
-    /// Finds those of the lanes `at_edge` of a traced packet, and moves the origins of their rays.
+    /// Finds those of the lanes `at_edge` of a traced packet, and moves the origins of their rays. A hit that another
+    /// one of the same t hides from the viewer gives way to it.
     #[cold]
     #[inline(never)]
     pub fn find(
         &mut self,
         geometry: &Geometry,
         accelerator: &dyn Accelerator,
-        packet: &RayPacket,
+        packet: &mut RayPacket,
         surfaces: &mut Surfaces,
         at_edge: &Mask,
     ) {
+        let scene = (geometry, accelerator);
+        let at = |i: &usize| at_edge.0[*i] != 0;
         let mut neighbours = Vec::new();
-        for i in (0..LANES).filter(|&i| at_edge.0[i] != 0) {
-            let Some((corners, point)) = hit_triangle(geometry, packet, i) else { continue };
-            neighbours.clear();
-            let nearby = Crevice::nearby(point.position, corners);
-            accelerator.near(geometry, &nearby, &mut |primitive| neighbours.push(primitive));
+        let hidden = (0..LANES).filter(at).filter(|&i| unhide(scene, packet, i, &mut neighbours));
+        if hidden.count() > 0 {
+            let hit = surfaces.hit;
+            refine(geometry, &hit, packet, surfaces);
+        }
+        for i in (0..LANES).filter(at) {
+            let Some((corners, point)) = near(scene, packet, i, &mut neighbours) else { continue };
             let lane = |v: &[[f32; LANES]; 3]| DVec3::from([0, 1, 2].map(|k| f64::from(v[k][i])));
             let (origin, ng) = ([0, 1, 2].map(|k| surfaces.outside[k][i]), lane(&surfaces.ng));
             // Turned to the viewer as the rounded one is.
@@ -137,6 +145,43 @@ impl Crevices {
         }
         (done, certain)
     }
+}
+
+/// The triangle that lane `i` hit and the point on it; into `neighbours` go the primitives around it. `None` for a
+/// sphere.
+fn near(
+    (geometry, accelerator): (&Geometry, &dyn Accelerator),
+    packet: &RayPacket,
+    i: usize,
+    neighbours: &mut Vec<u32>,
+) -> Option<([DVec3; 3], TrianglePoint)> {
+    let (corners, point) = hit_triangle(geometry, packet, i)?;
+    neighbours.clear();
+    let nearby = Crevice::nearby(point.position, corners);
+    accelerator.near(geometry, &nearby, &mut |primitive| neighbours.push(primitive));
+    Some((corners, point))
+}
+
+/// Replaces a hit by the one that hides it; returns whether there was one.
+fn unhide(
+    scene: (&Geometry, &dyn Accelerator),
+    packet: &mut RayPacket,
+    i: usize,
+    neighbours: &mut Vec<u32>,
+) -> bool {
+    let mut was_hidden = false;
+    for _ in 0..MAX_HIDING {
+        let Some((corners, point)) = near(scene, packet, i, neighbours) else { break };
+        let hit = scene.0.primitive(packet.hits.geom[i], packet.hits.prim[i]);
+        let way = direction(&packet.rays, i);
+        let Some(before) = hides(scene.0, point.position, (corners, hit), way, neighbours) else {
+            break;
+        };
+        (packet.hits.geom[i], packet.hits.prim[i]) = scene.0.place(before.primitive);
+        (packet.hits.u[i], packet.hits.v[i]) = (before.u, before.v);
+        was_hidden = true;
+    }
+    was_hidden
 }
 
 /// Finds the closest hit of ray `i` alone that is not `passed` by; returns whether there is one.

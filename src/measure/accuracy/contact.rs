@@ -191,7 +191,7 @@ pub(super) fn check(
                         tally.nanoseconds +=
                             trace(&**accelerator, &all, &mut packet, false, Coherence::Coherent);
                         let scene = (geometry, &**accelerator);
-                        let points = Points::new(scene, &packet.hit(&all), &packet);
+                        let points = Points::new(scene, &packet.hit(&all), &mut packet);
                         let seen = Seen {
                             geometry,
                             column,

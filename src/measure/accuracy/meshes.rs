@@ -104,6 +104,29 @@ pub fn cube(n: u32) -> Shape {
     Shape { vertices: vertices.vertices, triangles, core: CORE }
 }
 
+/// 27 cells that share their walls, from -1 to 1: every inner edge has four walls, so the mesh is not a
+/// manifold. `all` of it, or the walls of the middle cell alone, over the same vertices.
+pub fn cells(all: bool) -> Shape {
+    let mut vertices = Welded::default();
+    let mut triangles = Vec::new();
+    let at = |k: u32| f64::from(k) / 1.5 - 1.0;
+    for (axis, end) in (0..3).flat_map(|axis| (0..4).map(move |end| (axis, end))) {
+        for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))) {
+            let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(di, dj)| {
+                let mut v = [at(end); 3];
+                (v[(axis + 1) % 3], v[(axis + 2) % 3]) = (at(i + di), at(j + dj));
+                vertices.index(DVec3::from(v))
+            });
+            let is_middle = (end == 1 || end == 2) && i == 1 && j == 1;
+            if all || is_middle {
+                let [a, b, c, d] = corners;
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+    }
+    Shape { vertices: vertices.vertices, triangles, core: CORE }
+}
+
 /// A ball of radius 1/3 whose faces are spikes of length 2/3: 20 * 4^levels tips of three thin triangles each, all of
 /// which have the tip first.
 pub fn spiky_ball(levels: usize) -> Shape {
@@ -208,5 +231,8 @@ mod tests {
             // Of a sphere's kind: V - E + F = 2.
             assert_eq!(shape.vertices.len(), triangles / 2 + 2);
         }
+        // Of 54 inner and 54 outer walls.
+        assert!(cells(false).is_closed() && !cells(true).is_closed());
+        assert_eq!((cells(true).triangles.len(), cells(true).vertices.len()), (216, 64));
     }
 }

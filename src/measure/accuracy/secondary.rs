@@ -37,12 +37,14 @@ enum Room {
     Ball,
     /// A folded and noisy ball.
     Scan,
+    /// The middle one of cells that share their walls.
+    Cell,
 }
 
 /// Rays rise from their surface by more than their direction is rounded.
 const LEAST_COSINE: f64 = 1e-6;
 
-const ROOMS: [Room; 4] = [Room::Quads, Room::Triangles, Room::Ball, Room::Scan];
+const ROOMS: [Room; 5] = [Room::Quads, Room::Triangles, Room::Ball, Room::Scan, Room::Cell];
 
 impl Room {
     /// Its geometry, turned, sized and moved, rounded to f32; and its edges.
@@ -71,13 +73,23 @@ impl Room {
             Self::Triangles => meshes::cube(2),
             Self::Ball => meshes::icosphere(2),
             Self::Scan => meshes::scan(),
+            Self::Cell => meshes::cells(true),
         };
         let at = |v: u32| rounded(shape.vertices[v as usize]).as_dvec3();
         let of = |&[a, b, c]: &[u32; 3]| [[at(a), at(b)], [at(b), at(c)], [at(c), at(a)]];
-        let edges = shape.triangles.iter().flat_map(of).collect();
+        let aimed = match self {
+            Self::Cell => meshes::cells(false).triangles,
+            _ => shape.triangles.clone(),
+        };
+        let edges = aimed.iter().flat_map(of).collect();
         let vertices = shape.vertices.iter().map(|&v| rounded(v).to_array()).collect();
         let mesh = crate::geometry::TriangleMesh::new(vertices, shape.triangles.clone(), false);
         (geometry(vec![mesh], vec![], vec![]), edges)
+    }
+
+    /// Half the sides of a box around the middle that is well inside.
+    fn within(self) -> f64 {
+        if self == Self::Cell { 0.13 } else { 0.4 }
     }
 
     /// Whether every point sees every other.
@@ -126,7 +138,7 @@ fn closed(room: Room, name: &str) -> Case {
                 &geometry,
                 salt as u64,
                 |random| {
-                    let from = place(random.cube() * 0.3);
+                    let from = place(random.cube() * room.within());
                     at_edges(random, from, &edges)
                 },
                 |random, seen, tally| {
@@ -153,7 +165,7 @@ fn closed(room: Room, name: &str) -> Case {
                     if !room.is_convex() {
                         return;
                     }
-                    let inside = std::array::from_fn(|_| place(random.cube() * 0.4));
+                    let inside = std::array::from_fn(|_| place(random.cube() * room.within()));
                     for (active, occluded) in seen.occluded(&inside, None, tally) {
                         for i in lanes(&active) {
                             tally.rays += 1;
@@ -341,8 +353,13 @@ fn mirrors() -> Case {
 
 /// Rows of this group.
 pub fn cases() -> Vec<Case> {
-    let names =
-        ["of six quads", "of a cube's triangles", "of a ball's triangles", "of a scan's triangles"];
+    let names = [
+        "of six quads",
+        "of a cube's triangles",
+        "of a ball's triangles",
+        "of a scan's triangles",
+        "of a cell among others",
+    ];
     let mut cases: Vec<Case> =
         ROOMS.into_iter().zip(names).map(|(room, name)| closed(room, name)).collect();
     cases.push(flush(Side::Flush, "in the plane of a wall"));

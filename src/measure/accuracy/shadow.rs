@@ -25,7 +25,7 @@ impl Points {
     pub fn new(
         (geometry, accelerator): (&Geometry, &dyn Accelerator),
         hit: &Mask,
-        packet: &RayPacket,
+        packet: &mut RayPacket,
     ) -> Self {
         let mut surfaces = Surfaces::EMPTY;
         refine(geometry, hit, packet, &mut surfaces);

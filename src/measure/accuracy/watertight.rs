@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::case::{Amount, Case, Mark};
 use super::judge::{Expect, Shot};
-use super::meshes::{Shape, corners, cube, icosphere, inside, scan, scene, spiky_ball};
+use super::meshes::{Shape, cells, corners, cube, icosphere, inside, scan, scene, spiky_ball};
 use crate::geometry::TriangleMesh;
 use crate::measure::random::Random;
 use crate::ray::LANES;
@@ -188,6 +188,8 @@ pub fn cases() -> Vec<Case> {
         }
     }
     cases.push(grid_lines());
+    let name = "cells that share walls, at vertices, edges, anywhere".to_owned();
+    cases.push(closed(name, || cells(true), Target::Any, DVec3::ZERO, 1.0));
     // A line crosses more spikes than are followed.
     for (name, make, _) in shapes.into_iter().filter(|(name, ..)| *name != SPIKY) {
         cases.push(crossings(name, make));
