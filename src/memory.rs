@@ -12,13 +12,14 @@ use crate::{
     layers::Plan,
     mesh,
     output::tonemap::Depth,
-    scene::{Scene, ShapeKind},
+    scene::{Backend, Scene, ShapeKind},
     shading::Texture,
 };
 
 use crate::{reserve::Room, units};
 
 mod available;
+mod freed;
 
 pub use available::available_bytes;
 use available::{available_bytes_and_swap, kib};
@@ -102,16 +103,19 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
     predict_words(scene, window, Plan::new(scene).recipe.channels.len())
 }
 
+/// Film and PNG, with so many channels beside R, G, B, A.
+pub fn film_bytes(window: Window, words: usize) -> u64 {
+    let pixels = u64::from(window.width()) * u64::from(window.height());
+    let words = words as u64;
+    pixels.saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES))
+}
+
 /// The same with so many channels beside R, G, B, A.
 ///
 /// # Errors
 /// Headers that cannot be read.
 pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Prediction> {
-    let pixels = u64::from(window.width()) * u64::from(window.height());
-    let words = words as u64;
-    let film_bytes =
-        pixels.saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES));
-    let mut sum = Prediction { film_bytes, ..Prediction::default() };
+    let mut sum = Prediction { film_bytes: film_bytes(window, words), ..Prediction::default() };
     let mut problems = Vec::new();
     for shape in &scene.shapes {
         match &shape.kind {
@@ -318,4 +322,32 @@ pub fn peak_bytes() -> u64 {
 /// swap out.
 pub fn machine() -> Option<Room> {
     available_bytes_and_swap().map(|bytes| Room { bytes, asked: false })
+}
+
+/// The same where `bytes` will be asked for: if they are not there, what was freed is given back first.
+pub fn machine_for(bytes: u64) -> Option<Room> {
+    if available_bytes().is_some_and(|available| available < bytes) {
+        freed::give_back();
+    }
+    machine()
+}
+
+/// No accelerator takes more for a primitive, at any time.
+const MOST_PER_PRIMITIVE: u64 = 512;
+
+/// Refuses to build an accelerator that will not fit into what the machine still has, with a film of `film_bytes` beside
+/// it once it is built.
+///
+/// # Errors
+/// `Retry`, with the numbers.
+pub fn check_build(
+    (backend, threads, embree): (Backend, usize, EmbreeMode),
+    primitives: u64,
+    film_bytes: u64,
+) -> Result<()> {
+    let most = primitives.saturating_mul(MOST_PER_PRIMITIVE).saturating_add(film_bytes);
+    let Some(room) = machine_for(most).filter(|room| room.bytes < most) else { return Ok(()) };
+    let footprint = Footprint::of(backend, threads, embree)?;
+    let built = footprint.built_bytes(primitives).saturating_add(film_bytes);
+    room.check(footprint.peak_bytes(primitives).max(built), "the accelerator and the film")
 }

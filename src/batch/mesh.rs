@@ -56,7 +56,8 @@ impl Run<'_> {
         let began = Instant::now();
         let job = self.job;
         let monitor = self.monitor.part();
-        let room = self.options.max_memory.map(|_| memory::room(share)).or_else(memory::machine);
+        let machine = || memory::machine_for(prediction.peak_bytes);
+        let room = self.options.max_memory.map(|_| memory::room(share)).or_else(machine);
         let reading = || scene::read(job, &job.inputs[task.input], room, &monitor);
         let ready = self.loading.install(reading)?;
         let mut contents = Contents::default();

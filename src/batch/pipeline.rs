@@ -21,6 +21,7 @@ use crate::{
     monitor::Monitor,
     output::atomic::Sweep,
     render::RayCounts,
+    reserve::Room,
     scene::Backend,
     world::Read,
 };
@@ -66,6 +67,8 @@ pub struct Run<'a> {
     pub turns: Turns,
     pub jobs: usize,
     memory: Memory,
+    /// What the machine had when the run began.
+    room: Option<Room>,
     next: AtomicUsize,
     footprints: Mutex<Vec<(Backend, Footprint)>>,
     stop: AtomicBool,
@@ -113,6 +116,7 @@ pub fn run(
         turns: Turns::new(jobs),
         jobs,
         memory: Memory::new(limit),
+        room: memory::machine(),
         next: AtomicUsize::new(0),
         footprints: Mutex::default(),
         stop: AtomicBool::new(false),
@@ -187,6 +191,12 @@ impl Run<'_> {
             let predicted = predicted.unwrap_or_else(|_| Err(panicked()));
             let bytes = predicted.as_ref().map_or(0, |p| {
                 p.peak_bytes.saturating_add(p.film_bytes.saturating_mul(self.jobs as u64))
+            });
+            // Where the user sets no limit, nothing begins that the machine has not had at the start.
+            let room = self.room.filter(|_| self.options.max_memory.is_none());
+            let predicted = predicted.and_then(|prediction| {
+                room.map_or(Ok(()), |room| room.check(bytes, &input))?;
+                Ok(prediction)
             });
             // Also where there is nothing to enter for: the next one waits for this number.
             let held = self.memory.enter(number, bytes);

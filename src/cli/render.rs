@@ -186,6 +186,12 @@ impl Run<'_> {
 
         let world_bytes = world.mesh_bytes() + world.texture_bytes();
         let isa = self.isa;
+        if budget.is_none() {
+            let embree = self.args.machine.embree();
+            let film = memory::film_bytes(piece.window, piece.channels().len());
+            let primitives = world.triangles() + world.geometry.spheres.len() as u64;
+            memory::check_build((scene.backend, self.threads, embree), primitives, film)?;
+        }
         let options = BuildOptions {
             threads: self.threads,
             embree: self.args.machine.embree(),

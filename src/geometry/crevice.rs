@@ -287,6 +287,28 @@ mod tests {
         assert!(crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1e-8).is_none(), "the light is nearer");
     }
 
+    /// Two faces that hang from one edge, both on the viewer's side of it: the one in front hides the other, at the
+    /// edge, too.
+    #[test]
+    fn of_two_faces_at_an_edge_the_one_in_front_is_seen() {
+        let mesh = super::super::TriangleMesh::new(
+            vec![[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.5, -1.0], [-0.5, 0.5, -1.0]],
+            vec![[0, 1, 2], [0, 1, 3]],
+            false,
+        );
+        let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
+        let corners = |k| geometry.meshes[0].corners(k).map(doubles);
+        let seen = |k, point, way| hides(&geometry, point, (corners(k), k), way, &[0, 1]);
+        for point in [DVec3::new(0.0, 0.3, 0.0), DVec3::ZERO] {
+            assert_eq!(seen(1, point, DVec3::X).map(|hit| hit.primitive), Some(0));
+            assert!(seen(0, point, DVec3::X).is_none());
+            assert_eq!(seen(0, point, -DVec3::X).map(|hit| hit.primitive), Some(1));
+        }
+        // Below the edge the ray meets the two far from each other.
+        let below = DVec3::new(-0.25, 0.5, -0.5);
+        assert!(seen(1, below, DVec3::X).is_none());
+    }
+
     #[test]
     fn what_falls_away_is_no_wall() {
         let geometry = corner();

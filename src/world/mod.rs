@@ -51,14 +51,19 @@ pub struct LoadOptions {
 
 impl LoadOptions {
     fn mesh(&mut self, path: &Path, monitor: &Monitor) -> Result<Mesh> {
-        match self.ready.iter().position(|(ready, _)| ready == path) {
-            Some(index) => Ok(self.ready.swap_remove(index).1),
+        let ready = self.ready.iter().position(|(ready, _)| ready == path);
+        // What the machine has left was asked for when such a mesh was there already.
+        let counts = ready.is_none() || self.room.is_some_and(|room| room.asked);
+        let mesh = match ready {
+            Some(index) => self.ready.swap_remove(index).1,
             None => {
                 let options = mesh::ReadOptions::default().repair(self.repair).room(self.room);
-                mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))
+                mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))?
             }
-        }
-        .inspect(|mesh| self.room = self.room.map(|room| room.less(mesh.bytes())))
+        };
+        let left = |room: Room| if counts { room.less(mesh.bytes()) } else { room };
+        self.room = self.room.map(left);
+        Ok(mesh)
     }
 }
 
@@ -170,6 +175,9 @@ impl World {
             doubts.extend(meshes.iter().map(|(_, mesh)| mesh.doubt(origin)));
         }
         let without_area: Vec<_> = meshes.iter().map(|(_, mesh)| mesh.without_area()).collect();
+        if let Some(room) = options.room {
+            meshes.iter().try_fold(room, |room, (_, mesh)| mesh.fits(room))?;
+        }
         let (geometry, shapes) = gather(scene, meshes, origin)?;
         for (found, mesh) in without_area.iter().zip(&geometry.meshes) {
             warnings.extend(found.iter().flat_map(|found| found.warnings(mesh)));

@@ -11,7 +11,7 @@ use super::resolution::{Doubt, Resolution, ulp};
 use crate::error::{Error, Problem, Result};
 use crate::geometry::TriangleMesh;
 use crate::mesh::{self, Colors, Mesh, Positions, Uvs};
-use crate::reserve;
+use crate::reserve::{self, Room};
 use crate::scene::{ColorSpace, Trimesh};
 use crate::shading::{Shape, UvSource, VertexColors};
 
@@ -135,6 +135,16 @@ impl PlacedMesh {
         let count = self.mesh.notes.degenerate_dropped;
         let path = || self.spec.path.display().to_string();
         (count > 0).then(|| WithoutArea { path: path(), count })
+    }
+
+    /// Refuses what [`Self::finish`] takes beside the mesh where there is no room for it; returns what it leaves.
+    ///
+    /// # Errors
+    /// As [`Room::check`].
+    pub fn fits(&self, room: Room) -> Result<Room> {
+        room.check(self.finish_bytes(), &self.spec.path.display().to_string())?;
+        let made = self.spec.smooth && self.mesh.normals.is_none();
+        Ok(room.less(if made { 12 * self.mesh.positions.len() as u64 } else { 0 }))
     }
 
     /// Vertices relative to `origin`, and the vertex data that `shape` needs.

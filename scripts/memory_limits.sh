@@ -1,0 +1,29 @@
+#!/bin/sh
+# Renders a mesh under real control groups of many sizes: each run ends with exit 0 or 3, none is killed.
+# usage (root): scripts/memory_limits.sh LIGHTPATH MESH.ply [MIB...]
+# By hand, before a release: CI has no control groups of its own.
+set -eu
+program=$1 mesh=$2
+shift 2
+[ $# -gt 0 ] || set -- 50 80 100 120 150 175 200 250 300 400 500 600 800
+out=$(mktemp -d)
+if [ -f /sys/fs/cgroup/cgroup.controllers ]; then
+    group=/sys/fs/cgroup/lightpath limit=memory.max
+    echo +memory > /sys/fs/cgroup/cgroup.subtree_control
+else
+    group=/sys/fs/cgroup/memory/lightpath limit=memory.limit_in_bytes
+fi
+mkdir -p "$group"
+trap 'rm -rf "$out"; rmdir "$group"' EXIT
+failed=0
+for mib in "$@"; do
+    echo $((mib << 20)) > "$group/$limit"
+    for backend in bvh embree; do
+        code=0
+        sh -c 'echo $$ > "$0"; exec "$@"' "$group/cgroup.procs" "$program" render "$mesh" --backend "$backend" \
+            --size 512x512 --spp 1 --quiet -o "$out/picture.exr" > /dev/null 2> "$out/said" || code=$?
+        echo "$mib MiB, $backend: exit $code $(head -1 "$out/said")"
+        case $code in 0 | 3) ;; *) failed=1 ;; esac
+    done
+done
+exit $failed
