@@ -1,6 +1,6 @@
 //! Tells the crate what it cannot know by itself: the file name under which Embree 4 is loaded at run
-//! time and where the loader may look for it, whether this compiler has AVX-512, and its own origin.
-//! Nothing here can fail the build: without Embree it still succeeds, and says how to install it.
+//! time and where the loader may look for it, whether tests can use it, whether this compiler has AVX-512, and
+//! its own origin. Nothing here can fail the build: without Embree it still succeeds, and says how to install it.
 
 use std::env;
 use std::fs;
@@ -26,6 +26,7 @@ fn main() {
     }
     compiler();
     commit(&root);
+    println!("cargo::rustc-check-cfg=cfg(lightpath_embree)");
     if env::var_os("CARGO_FEATURE_EMBREE").is_some() {
         embree(&root);
     }
@@ -127,9 +128,11 @@ fn embree(root: &Path) {
     match &found {
         Some(library) => {
             println!("cargo::rerun-if-changed={}", library.folder.join(&library.file).display());
+            // For the tests alone: those that need it are ignored without it.
+            println!("cargo::rustc-cfg=lightpath_embree");
         }
         None => println!(
-            "cargo::warning=Embree 4 is not installed: `make setup` installs it. Until then no scene renders."
+            "cargo::warning=Embree 4 is not installed: `make setup` installs it. Until then there is no `--backend embree`."
         ),
     }
     let file = found.as_ref().map_or(EMBREE_SONAME, |library| &library.file);

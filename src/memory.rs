@@ -6,7 +6,7 @@ use std::{collections::HashSet, path::Path};
 use serde::Serialize;
 
 use crate::{
-    accel::{EmbreeMode, Footprint},
+    accel::Footprint,
     error::{Error, Kind, Problem, Result},
     film::Window,
     layers::Plan,
@@ -232,11 +232,10 @@ impl Budget {
         scene: &Scene,
         (window, words, beside): (Window, usize, u64),
         threads: usize,
-        embree: EmbreeMode,
     ) -> Result<Self> {
         let prediction = predict_words(scene, window, words)?.beside_film(beside);
         prediction.check(limit)?;
-        Self::of(limit, prediction.with(&Footprint::of(scene.backend, threads, embree)?))
+        Self::of(limit, prediction.with(&Footprint::of(scene.backend, threads)?))
     }
 
     /// Refuses what is predicted not to fit.

@@ -1,19 +1,19 @@
 //! Smooth normals on coarse meshes: no stairs of shadow at the terminator, no mirrored ray into its
 //! own surface, and normals that face the wrong way.
 
-mod embree;
+mod backends;
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
+use backends::{build, on_both};
 use glam::{DVec3, Vec3};
-use lightpath::accel::{Accelerator, BuildOptions};
+use lightpath::accel::Accelerator;
 use lightpath::geometry::{NONE, Surfaces, refine};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use lightpath::scene::{self, Backend, Source};
 use lightpath::shading::{Falloff, Lit, Points, lane, light_rays, reflect, set_lane};
-use lightpath::simd::Isa;
 use lightpath::world::{LoadOptions, World};
 use serde_json::json;
 
@@ -108,21 +108,6 @@ fn world(ply: &str) -> World {
     World::load(&scene, LoadOptions::default(), &Monitor::default()).unwrap().0
 }
 
-/// Runs `test` with each backend that can run here.
-fn with_backends(world: &World, mut test: impl FnMut(Backend, &dyn Accelerator)) {
-    for backend in [Backend::Embree, Backend::Bvh] {
-        let options = BuildOptions {
-            threads: 1,
-            embree: Default::default(),
-            isa: Isa::detect(),
-            max_bytes: None,
-        };
-        if let Some(accelerator) = embree::build(&world.geometry, backend, &options) {
-            test(backend, accelerator.as_ref());
-        }
-    }
-}
-
 /// A regular grid of rays along -z over [-1, 1]^2, packet by packet.
 fn packets() -> impl Iterator<Item = RayPacket> {
     const SIDE: usize = 192;
@@ -167,70 +152,65 @@ struct Lighting {
 
 /// Lights a ball of `times` splits from the side. `lifted`: from the shifted shadow origins. `band`:
 /// up to which N.L a point belongs to the terminator.
-fn lighting(times: u32, lifted: bool, band: f64) -> Vec<Lighting> {
+fn lighting(backend: Backend, times: u32, lifted: bool, band: f64) -> Lighting {
     let world = world(&icosphere(times, Normals::None));
     let to_light = DVec3::new(0.9, 0.3, 0.25).normalize();
     let light = to_light * 50.0;
-    let mut all = Vec::new();
-    with_backends(&world, |backend, accelerator| {
-        let mut found = Lighting::default();
-        for mut packet in packets() {
-            let (surfaces, mut points) = look(&world, accelerator, &mut packet);
-            if !lifted {
-                points.at.origin = surfaces.outside;
-                points.at.lifted = Mask::NONE;
-            }
-            let mut q = [[0.0; LANES]; 3];
-            (0..LANES).for_each(|i| set_lane(&mut q, i, light.as_vec3()));
-            let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
-            let on = light_rays(&points.at, &q, None, Falloff::None, false, &mut rays, &mut lit);
-            accelerator.occluded(&on, &mut rays, Coherence::Coherent);
-            for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
-                let at = lane(&packet.rays.org, i).as_dvec3();
-                // Not near the silhouette: there the coarse ball shows other parts of itself.
-                let r2 = at.x * at.x + at.y * at.y;
-                if r2 > 0.8 {
-                    continue;
-                }
-                let n = DVec3::new(at.x, at.y, (1.0 - r2).sqrt());
-                let exact = n.dot((light - n).normalize());
-                let shadowed = rays.tfar[i] == f32::NEG_INFINITY;
-                let seen = on.0[i] != 0 && !shadowed;
-                let value = if seen { f64::from(lit.diffuse[i]) } else { 0.0 };
-                found.points += 1;
-                found.black += u64::from(exact > band && !seen);
-                found.worst = found.worst.max((value - exact.max(0.0)).abs());
-            }
+    let accelerator = build(&world.geometry, backend);
+    let mut found = Lighting::default();
+    for mut packet in packets() {
+        let (surfaces, mut points) = look(&world, accelerator.as_ref(), &mut packet);
+        if !lifted {
+            points.at.origin = surfaces.outside;
+            points.at.lifted = Mask::NONE;
         }
-        println!("{backend:?}, {times} splits, lifted {lifted}: {found:?}");
-        all.push(found);
-    });
-    all
+        let mut q = [[0.0; LANES]; 3];
+        (0..LANES).for_each(|i| set_lane(&mut q, i, light.as_vec3()));
+        let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
+        let on = light_rays(&points.at, &q, None, Falloff::None, false, &mut rays, &mut lit);
+        accelerator.occluded(&on, &mut rays, Coherence::Coherent);
+        for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
+            let at = lane(&packet.rays.org, i).as_dvec3();
+            // Not near the silhouette: there the coarse ball shows other parts of itself.
+            let r2 = at.x * at.x + at.y * at.y;
+            if r2 > 0.8 {
+                continue;
+            }
+            let n = DVec3::new(at.x, at.y, (1.0 - r2).sqrt());
+            let exact = n.dot((light - n).normalize());
+            let shadowed = rays.tfar[i] == f32::NEG_INFINITY;
+            let seen = on.0[i] != 0 && !shadowed;
+            let value = if seen { f64::from(lit.diffuse[i]) } else { 0.0 };
+            found.points += 1;
+            found.black += u64::from(exact > band && !seen);
+            found.worst = found.worst.max((value - exact.max(0.0)).abs());
+        }
+    }
+    println!("{backend:?}, {times} splits, lifted {lifted}: {found:?}");
+    found
 }
 
-#[test]
-fn a_coarse_sphere_has_no_stairs_of_shadow() {
+on_both! {
+fn a_coarse_sphere_has_no_stairs_of_shadow(backend: Backend) {
     // 80, 320 and 20480 faces; interpolated normals are off by as much as `near`.
     for (times, near) in [(1, 0.04), (2, 0.02), (5, 0.003)] {
-        for found in lighting(times, true, 2.0 * near) {
-            assert!(found.points > 10_000);
-            assert_eq!(found.black, 0, "{times}: {found:?}");
-            assert!(found.worst < near, "{times}: {found:?}");
-        }
+        let found = lighting(backend, times, true, 2.0 * near);
+        assert!(found.points > 10_000);
+        assert_eq!(found.black, 0, "{times}: {found:?}");
+        assert!(found.worst < near, "{times}: {found:?}");
     }
     // Without the shifted origins there are many: what is tested here can fail.
     for (times, near) in [(1, 0.04), (2, 0.02)] {
-        for found in lighting(times, false, 2.0 * near) {
-            assert!(found.black > 100, "{times}: {found:?}");
-        }
+        let found = lighting(backend, times, false, 2.0 * near);
+        assert!(found.black > 100, "{times}: {found:?}");
     }
 }
 
-#[test]
-fn no_mirrored_ray_runs_into_its_own_surface() {
+fn no_mirrored_ray_runs_into_its_own_surface(backend: Backend) {
     for normals in [Normals::None, Normals::Inward, Normals::Mixed] {
         let world = world(&icosphere(1, normals));
-        with_backends(&world, |backend, accelerator| {
+        let accelerator = build(&world.geometry, backend);
+        let accelerator = accelerator.as_ref();
             let (mut mirrored, mut turned) = (0, 0);
             for mut packet in packets() {
                 let (surfaces, points) = look(&world, accelerator, &mut packet);
@@ -250,16 +230,15 @@ fn no_mirrored_ray_runs_into_its_own_surface() {
                 }
             }
             assert!(mirrored > 20_000 && turned > 50, "{mirrored}, {turned} turned");
-        });
     }
 }
 
-#[test]
-fn normals_that_point_inward_are_turned_to_the_viewer() {
+fn normals_that_point_inward_are_turned_to_the_viewer(backend: Backend) {
     let pictures = [Normals::None, Normals::Inward].map(|normals| {
         let world = world(&icosphere(2, normals));
         let mut seen = Vec::new();
-        with_backends(&world, |_, accelerator| {
+        let accelerator = build(&world.geometry, backend);
+        let accelerator = accelerator.as_ref();
             for mut packet in packets() {
                 let (surfaces, points) = look(&world, accelerator, &mut packet);
                 for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
@@ -268,7 +247,6 @@ fn normals_that_point_inward_are_turned_to_the_viewer() {
                     seen.push((n, lane(&points.at.origin, i)));
                 }
             }
-        });
         seen
     });
     let [own, inward] = pictures;
@@ -282,10 +260,10 @@ fn normals_that_point_inward_are_turned_to_the_viewer() {
 }
 
 /// With mixed normals the lifted origin never goes below the facet.
-#[test]
-fn mixed_normals_never_start_shadow_rays_under_the_facet() {
+fn mixed_normals_never_start_shadow_rays_under_the_facet(backend: Backend) {
     let world = world(&icosphere(1, Normals::Mixed));
-    with_backends(&world, |_, accelerator| {
+    let accelerator = build(&world.geometry, backend);
+    let accelerator = accelerator.as_ref();
         let mut lifted = 0;
         for mut packet in packets() {
             let (surfaces, points) = look(&world, accelerator, &mut packet);
@@ -300,5 +278,5 @@ fn mixed_normals_never_start_shadow_rays_under_the_facet() {
             }
         }
         assert!(lifted > 1000, "{lifted} lifted");
-    });
+}
 }
