@@ -26,7 +26,7 @@ fn main() {
     }
     compiler();
     commit(&root);
-    println!("cargo::rustc-check-cfg=cfg(lightpath_embree)");
+    println!("cargo::rustc-check-cfg=cfg(lightpath_embree, lightpath_embree_headers)");
     if env::var_os("CARGO_FEATURE_EMBREE").is_some() {
         embree(&root);
     }
@@ -120,6 +120,7 @@ fn embree(root: &Path) {
         }
         found
     });
+    headers(chosen.as_deref());
     let explicit = from_user.as_ref().map(|library| library.folder.clone());
     let found = from_user
         .or_else(|| library_in(&vendor))
@@ -152,6 +153,18 @@ fn embree(root: &Path) {
             println!("cargo::rustc-link-arg={argument}");
         }
     }
+}
+
+/// `LIGHTPATH_EMBREE_HEADERS`, the folder to include from or nothing, for the test that compares structures.
+fn headers(chosen: Option<&Path>) {
+    let chosen = chosen.map(|folder| folder.join("include"));
+    let folders = chosen.into_iter().chain(["/usr/include", "/usr/local/include"].map(Into::into));
+    let found = folders.into_iter().find(|folder| folder.join("embree4/rtcore.h").is_file());
+    if found.is_some() {
+        println!("cargo::rustc-cfg=lightpath_embree_headers");
+    }
+    let folder = found.unwrap_or_default();
+    println!("cargo::rustc-env=LIGHTPATH_EMBREE_HEADERS={}", folder.display());
 }
 
 /// The folders where a distribution or a `make install` puts libraries, when building for this machine.
