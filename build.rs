@@ -1,6 +1,6 @@
 //! Tells the crate what it cannot know by itself: the file name under which Embree 4 is loaded at run
-//! time and where the loader may look for it, whether this compiler has AVX-512, and its own origin.
-//! Nothing here can fail the build: without Embree it still succeeds, and says how to install it.
+//! time and where the loader may look for it, whether tests can use it, whether this compiler has AVX-512, and
+//! its own origin. Nothing here can fail the build: without Embree it still succeeds, and says how to install it.
 
 use std::env;
 use std::fs;
@@ -26,6 +26,7 @@ fn main() {
     }
     compiler();
     commit(&root);
+    println!("cargo::rustc-check-cfg=cfg(lightpath_embree, lightpath_embree_headers)");
     if env::var_os("CARGO_FEATURE_EMBREE").is_some() {
         embree(&root);
     }
@@ -119,6 +120,7 @@ fn embree(root: &Path) {
         }
         found
     });
+    headers(chosen.as_deref());
     let explicit = from_user.as_ref().map(|library| library.folder.clone());
     let found = from_user
         .or_else(|| library_in(&vendor))
@@ -127,9 +129,11 @@ fn embree(root: &Path) {
     match &found {
         Some(library) => {
             println!("cargo::rerun-if-changed={}", library.folder.join(&library.file).display());
+            // For the tests alone: those that need it are ignored without it.
+            println!("cargo::rustc-cfg=lightpath_embree");
         }
         None => println!(
-            "cargo::warning=Embree 4 is not installed: `make setup` installs it. Until then no scene renders."
+            "cargo::warning=Embree 4 is not installed: `make setup` installs it. Until then there is no `--backend embree`."
         ),
     }
     let file = found.as_ref().map_or(EMBREE_SONAME, |library| &library.file);
@@ -149,6 +153,18 @@ fn embree(root: &Path) {
             println!("cargo::rustc-link-arg={argument}");
         }
     }
+}
+
+/// `LIGHTPATH_EMBREE_HEADERS`, the folder to include from or nothing, for the test that compares structures.
+fn headers(chosen: Option<&Path>) {
+    let chosen = chosen.map(|folder| folder.join("include"));
+    let folders = chosen.into_iter().chain(["/usr/include", "/usr/local/include"].map(Into::into));
+    let found = folders.into_iter().find(|folder| folder.join("embree4/rtcore.h").is_file());
+    if found.is_some() {
+        println!("cargo::rustc-cfg=lightpath_embree_headers");
+    }
+    let folder = found.unwrap_or_default();
+    println!("cargo::rustc-env=LIGHTPATH_EMBREE_HEADERS={}", folder.display());
 }
 
 /// The folders where a distribution or a `make install` puts libraries, when building for this machine.

@@ -130,8 +130,8 @@ fn terrain(rows: u32) -> Geometry {
 }
 
 fn bvh(geometry: &Geometry, isa: Isa) -> Bvh<'_> {
-    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
-    Bvh::build(geometry, &options, &Monitor::default()).expect("a tree")
+    let options = BuildOptions { threads: 1, max_bytes: None };
+    Bvh::build(geometry, isa, &options, &Monitor::default()).expect("a tree")
 }
 
 /// 16 rays from one point, to points of the terrain that are `spread` apart.

@@ -332,7 +332,7 @@ def main():
     parser.add_argument('--lightpath', default=os.path.join(HERE, '..', 'target', 'release', 'lightpath'))
     parser.add_argument('--json', default='mitsuba.json')
     parser.add_argument('--size', type=int, default=1024)
-    parser.add_argument('--backend', default='embree', help='of lightpath; each has a state file of its own')
+    parser.add_argument('--backend', default='bvh', help='of lightpath; each has a state file of its own')
     parser.add_argument('--rounds', type=int, default=2)
     parser.add_argument('--spp', type=int, nargs='+', help='only these')
     parser.add_argument('--pictures', help='folder for the pictures of `check` and the reference')

@@ -65,15 +65,10 @@ mod with_embree {
         let started = Instant::now();
         std::hint::black_box(std::fs::read(mesh).expect("the mesh"));
         let read_s = started.elapsed().as_secs_f64();
-        let options = BuildOptions {
-            threads,
-            embree: Default::default(),
-            isa: lightpath::simd::Isa::detect(),
-            max_bytes: None,
-        };
+        let options = BuildOptions { threads, max_bytes: None };
         let started = Instant::now();
-        let embree = accel::build(&world.geometry, scene::Backend::Embree, &options, &monitor)
-            .expect("Embree");
+        let backend = scene::Backend::Embree(scene::EmbreeMode::Robust);
+        let embree = accel::build(&world.geometry, backend, &options, &monitor).expect("Embree");
         let build_s = started.elapsed().as_secs_f64();
         let info = embree.info();
         let isa = Isa::detect();

@@ -9,7 +9,7 @@ fn main() -> Result<(), lightpath::error::Error> {
         r#"{ "spp": 16,
              "camera": { "type": "pinhole", "width": 320, "height": 240, "fov": 40,
                          "position": [1, 2, 4], "target": [0, 0.4, 0], "up": [0, 1, 0] },
-             "scene": { "accelerator": "bvh", "backgroundcolor": [0.1, 0.1, 0.15],
+             "scene": { "backgroundcolor": [0.1, 0.1, 0.15],
                         "lightsources": [{ "type": "pointlight", "position": [3, 5, 4], "id": [5, 5, 5] }],
                         "materials": { "clay": { "diffusecolor": [0.8, 0.4, 0.3] } },
                         "shapes": [] } }"#,

@@ -63,7 +63,7 @@ Maintainer: lightpath <lightpath@localhost>
 Installed-Size: $(du -k -s --apparent-size "$deb/usr" | cut -f 1)
 Depends: $depends
 Description: CPU ray tracer for big scanned meshes
- Renders JSON scenes and PLY meshes to multi-layer EXR and PNG: with Intel Embree 4 or its own tree,
+ Renders JSON scenes and PLY meshes to multi-layer EXR and PNG: with its own tree or Intel Embree 4,
  the same bytes on every run and for any number of threads; batches, turntables, parts of a frame on a farm.
 $([ -z "$carries" ] || echo "$carries")
 CONTROL

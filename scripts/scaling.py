@@ -89,7 +89,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--program", default="target/release/lightpath")
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--backend", default="embree")
+    parser.add_argument("--backend", default="bvh")
     parser.add_argument("--cores", type=int, default=32, help="of a node of the farm")
     args = parser.parse_args()
     program = os.path.abspath(args.program)

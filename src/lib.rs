@@ -10,7 +10,7 @@
 //! let scene = Scene::from_json(
 //!     r#"{ "camera": { "type": "pinhole", "width": 32, "height": 24, "fov": 40,
 //!                      "position": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0] },
-//!          "scene": { "accelerator": "bvh",
+//!          "scene": {
 //!                     "lightsources": [{ "type": "pointlight", "position": [0, 1, 3], "id": [3, 3, 3] }],
 //!                     "materials": { "clay": { "diffusecolor": [0.8, 0.4, 0.3] } },
 //!                     "shapes": [] } }"#,

@@ -6,7 +6,7 @@ use std::{collections::HashSet, path::Path};
 use serde::Serialize;
 
 use crate::{
-    accel::{EmbreeMode, Footprint},
+    accel::Footprint,
     error::{Error, Kind, Problem, Result},
     film::Window,
     layers::Plan,
@@ -236,11 +236,10 @@ impl Budget {
         scene: &Scene,
         (window, words, beside): (Window, usize, u64),
         threads: usize,
-        embree: EmbreeMode,
     ) -> Result<Self> {
         let prediction = predict_words(scene, window, words)?.beside_film(beside);
         prediction.check(limit)?;
-        Self::of(limit, prediction.with(&Footprint::of(scene.backend, threads, embree)?))
+        Self::of(limit, prediction.with(&Footprint::of(scene.backend, threads)?))
     }
 
     /// Refuses what is predicted not to fit.
@@ -341,13 +340,14 @@ const MOST_PER_PRIMITIVE: u64 = 512;
 /// # Errors
 /// `Retry`, with the numbers.
 pub fn check_build(
-    (backend, threads, embree): (Backend, usize, EmbreeMode),
+    backend: Backend,
+    threads: usize,
     primitives: u64,
     film_bytes: u64,
 ) -> Result<()> {
     let most = primitives.saturating_mul(MOST_PER_PRIMITIVE).saturating_add(film_bytes);
     let Some(room) = machine_for(most).filter(|room| room.bytes < most) else { return Ok(()) };
-    let footprint = Footprint::of(backend, threads, embree)?;
+    let footprint = Footprint::of(backend, threads)?;
     let built = footprint.built_bytes(primitives).saturating_add(film_bytes);
     room.check(footprint.peak_bytes(primitives).max(built), "the accelerator and the film")
 }

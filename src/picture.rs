@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::{
-    accel::{BuildInfo, EmbreeMode},
+    accel::BuildInfo,
     camera,
     error::{Error, Problem, Result},
     film::Film,
@@ -105,8 +105,6 @@ pub struct Says<'a> {
     pub more: &'a [(String, String)],
     /// What found the hits.
     pub info: &'a BuildInfo,
-    /// How Embree was used, if it was.
-    pub embree: EmbreeMode,
     /// SHA-256 of what decides the pixels ([`crate::world::fingerprint`]); none where a mesh came through a pipe.
     pub scene_hash: Option<&'a str>,
     /// Samples of each pixel, where these are not just the scene's.
@@ -164,17 +162,7 @@ pub fn write(
 ///
 /// # Errors
 /// The first contradiction.
-pub fn suits(scene: &Scene, embree: EmbreeMode, storage: Storage) -> Result<()> {
-    if embree == EmbreeMode::Fast && scene.backend != Backend::Embree {
-        let message =
-            format!("found with the backend `{}`, which has no fast mode", scene.backend.name());
-        return Err(Error::invalid("--fast", message).help("leave --fast out, or --backend embree"));
-    }
-    if embree == EmbreeMode::Exact && scene.backend == Backend::Coursework {
-        let message = "found with the backend `coursework`, which loses rays as the coursework did";
-        let help = "leave --exact out, or --backend embree, bvh or brute";
-        return Err(Error::invalid("--exact", message).help(help));
-    }
+pub fn suits(scene: &Scene, storage: Storage) -> Result<()> {
     let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
     let lossy = storage.compression == exr::Compression::Dwaa;
     if lossy && scene.layers.iter().any(mattes) {
@@ -189,7 +177,7 @@ pub fn suits(scene: &Scene, embree: EmbreeMode, storage: Storage) -> Result<()> 
 /// set either.
 fn origin(scene: &Scene, says: &Says) -> Vec<(String, String)> {
     let mode = match scene.backend {
-        Backend::Embree => format!(", {:?}", says.embree).to_lowercase(),
+        Backend::Embree(mode) => format!(", {mode:?}").to_lowercase(),
         _ => String::new(),
     };
     let name = scene.backend.name();

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::accel::{self, Accelerator, BuildOptions, EmbreeMode};
+use crate::accel::{self, Accelerator, BuildOptions};
 use crate::error::{Error, Problem, Result};
 use crate::film::{Blank, Film, Window};
 use crate::layers::Plan;
@@ -13,11 +13,7 @@ use crate::output::exr::Sequence;
 use crate::picture::{self, Says, Storage};
 use crate::render;
 use crate::scene::{self, Scene, Shape, ShapeKind, Source, Trimesh};
-use crate::simd::Isa;
 use crate::world::{LoadOptions, World};
-
-/// How Embree is used.
-const EMBREE: EmbreeMode = EmbreeMode::Robust;
 
 /// A scene whose files are read, ready to be rendered as often as one likes.
 ///
@@ -86,17 +82,12 @@ impl Renderer {
         &self.warnings
     }
 
-    /// Builds what finds hits, of the kind that the scene names (`accelerator`, by default Embree).
+    /// Builds what finds hits, of the kind that the scene names (`accelerator`, by default `bvh`).
     ///
     /// # Errors
     /// A kind that cannot run here; no memory.
     pub fn accelerator(&self) -> Result<Box<dyn Accelerator + '_>> {
-        let options = BuildOptions {
-            threads: rayon::current_num_threads(),
-            embree: EMBREE,
-            isa: Isa::detect(),
-            max_bytes: None,
-        };
+        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
         accel::build(&self.world.geometry, self.scene.backend, &options, &self.monitor)
     }
 
@@ -109,7 +100,7 @@ impl Renderer {
         let window = Window::full(width, height);
         let mut film =
             Blank::new([width, height], window, self.plan.recipe.channels.clone())?.film();
-        let (isa, plan) = (Isa::detect(), &self.plan);
+        let (isa, plan) = (self.scene.backend.isa(), &self.plan);
         render::render_layers(&self.world, accelerator, isa, &mut film, plan, &self.monitor)?;
         Ok(film)
     }
@@ -130,7 +121,6 @@ impl Renderer {
             plan: &self.plan,
             more: &[],
             info: &accelerator.info(),
-            embree: EMBREE,
             scene_hash: None,
             spp: None,
             sequence: Sequence::default(),

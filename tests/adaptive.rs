@@ -1,12 +1,13 @@
 //! `--noise`, `--time` and `--adaptive-shadows`: the same bits as a plain render where they can be, no
-//! bias where they cannot. Skipped with a note where Embree is not installed.
+//! bias where they cannot.
 
 mod program;
 
 use std::io::Cursor;
 
 use exr::prelude::{ReadChannels, ReadLayers, read_all_flat_layers_from_file};
-use program::{Done, PYRAMID, Scratch};
+use lightpath::scene::Backend;
+use program::{Done, PYRAMID, Scratch, backends::on_both};
 use serde_json::Value;
 
 /// A wire, a fiftieth of a light's width, hangs before the light over a floor; a mirror ball, a mesh.
@@ -29,10 +30,6 @@ const SCENE: &str = r#"{
         "material": { "kd": 0.7, "ka": 1 } }]
   }
 }"#;
-
-fn scratch() -> Option<Scratch> {
-    Scratch::rendering(SCENE)
-}
 
 /// Renders in 32-bit floats; returns the statistics.
 #[track_caller]
@@ -76,39 +73,42 @@ fn mean(pixels: &[Vec<[f32; 4]>]) -> f64 {
     all.clone().map(|&v| f64::from(v)).sum::<f64>() / all.count() as f64
 }
 
-#[test]
-fn passes_give_the_bits_of_one_go() {
-    let Some(scratch) = scratch() else { return };
-    let aov = ["--aov", "all", "--light-samples", "2"];
-    render(&scratch, "go", &[&aov[..], &["--spp", "64"]].concat());
-    let stats =
-        render(&scratch, "passes", &[&aov[..], &["--noise", "1e-9", "--max-spp", "64"]].concat());
-    // The background has no noise.
-    assert_eq!(stats["samples"]["most"], 64);
-    let (go, passes) = (scratch.channels("go.exr"), scratch.channels("passes.exr"));
-    let samples = go.iter().position(|(name, _)| name == "samples.Y").unwrap();
-    assert_eq!(go.len(), passes.len());
-    if stats["samples"]["least"] == 64 {
-        assert_eq!(go[samples], passes[samples]);
-    }
-    // Where all were taken, everything is the same; where fewer were enough, nothing changes any more.
-    let (whole, parts) = (pixels(&scratch, "go"), pixels(&scratch, "passes"));
-    let equal = |a: &[f32; 4], b: &[f32; 4]| a.map(f32::to_bits) == b.map(f32::to_bits);
-    let pairs = whole.iter().flatten().zip(parts.iter().flatten());
-    let same = pairs.filter(|(a, b)| equal(a, b)).count();
-    assert!(same * 100 >= 50 * 40 * 99, "{same} of {}", 50 * 40);
-}
-
-#[test]
-fn the_same_bytes_for_any_threads_and_as_a_crop() {
-    let Some(scratch) = scratch() else { return };
-    for relative in ["pixel", "picture"] {
-        same_bytes_for_any_threads_and_as_a_crop(&scratch, relative);
+on_both! {
+    fn passes_give_the_bits_of_one_go(backend: Backend) {
+        let scratch = Scratch::with(SCENE);
+        let aov = ["--aov", "all", "--light-samples", "2", "--backend", backend.name()];
+        render(&scratch, "go", &[&aov[..], &["--spp", "64"]].concat());
+        let stats =
+            render(&scratch, "passes", &[&aov[..], &["--noise", "1e-9", "--max-spp", "64"]].concat());
+        // The background has no noise.
+        assert_eq!(stats["samples"]["most"], 64);
+        let (go, passes) = (scratch.channels("go.exr"), scratch.channels("passes.exr"));
+        let samples = go.iter().position(|(name, _)| name == "samples.Y").unwrap();
+        assert_eq!(go.len(), passes.len());
+        if stats["samples"]["least"] == 64 {
+            assert_eq!(go[samples], passes[samples]);
+        }
+        // Where all were taken, everything is the same; where fewer were enough, nothing changes any more.
+        let (whole, parts) = (pixels(&scratch, "go"), pixels(&scratch, "passes"));
+        let equal = |a: &[f32; 4], b: &[f32; 4]| a.map(f32::to_bits) == b.map(f32::to_bits);
+        let pairs = whole.iter().flatten().zip(parts.iter().flatten());
+        let same = pairs.filter(|(a, b)| equal(a, b)).count();
+        assert!(same * 100 >= 50 * 40 * 99, "{same} of {}", 50 * 40);
     }
 }
 
-fn same_bytes_for_any_threads_and_as_a_crop(scratch: &Scratch, relative: &str) {
-    let flags = ["--noise", "0.1", "--noise-of", relative, "--max-spp", "64"];
+on_both! {
+    fn the_same_bytes_for_any_threads_and_as_a_crop(backend: Backend) {
+        let scratch = Scratch::with(SCENE);
+        for relative in ["pixel", "picture"] {
+            same_bytes_for_any_threads_and_as_a_crop(&scratch, backend, relative);
+        }
+    }
+}
+
+fn same_bytes_for_any_threads_and_as_a_crop(scratch: &Scratch, backend: Backend, relative: &str) {
+    let flags =
+        ["--noise", "0.1", "--noise-of", relative, "--max-spp", "64", "--backend", backend.name()];
     let flags = [&flags[..], &["--light-samples", "1", "--aov", "samples,N"]].concat();
     let stats = render(scratch, "one", &[&flags[..], &["--threads", "1"]].concat());
     let (least, most) = (&stats["samples"]["least"], &stats["samples"]["most"]);
@@ -128,7 +128,7 @@ fn same_bytes_for_any_threads_and_as_a_crop(scratch: &Scratch, relative: &str) {
 
 #[test]
 fn overscan_leaves_the_pixels_of_the_frame_as_they_are() {
-    let Some(scratch) = scratch() else { return };
+    let scratch = Scratch::with(SCENE);
     // Neither side is a multiple of a packet's or a tile's.
     let size = ["--size", "50x43", "--max-spp", "64", "--light-samples", "1"];
     let noise = |of| [&size[..], &["--noise", "0.1", "--noise-of", of]].concat();
@@ -151,7 +151,7 @@ fn overscan_leaves_the_pixels_of_the_frame_as_they_are() {
 
 #[test]
 fn the_error_that_is_asked_for_is_reached() {
-    let Some(scratch) = scratch() else { return };
+    let scratch = Scratch::with(SCENE);
     render(&scratch, "reference", &["--spp", "4096", "--light-samples", "1", "--seed", "77"]);
     let reference = pixels(&scratch, "reference");
     let level = mean(&reference);
@@ -192,7 +192,7 @@ fn means(scratch: &Scratch, flags: &[&str], seeds: std::ops::Range<u32>) -> (f64
 
 #[test]
 fn stopping_early_hardly_biases_the_picture() {
-    let Some(scratch) = scratch() else { return };
+    let scratch = Scratch::with(SCENE);
     let (truth, exact) = means(&scratch, &["--spp", "1024", "--light-samples", "1"], 0..4);
     for relative in ["pixel", "picture"] {
         let flags = ["--noise", "0.1", "--noise-of", relative, "--light-samples", "1"];
@@ -207,7 +207,7 @@ fn stopping_early_hardly_biases_the_picture() {
 
 #[test]
 fn noise_of_the_picture_takes_fewer_samples_for_the_same_rmse() {
-    let Some(scratch) = scratch() else { return };
+    let scratch = Scratch::with(SCENE);
     let one = ["--light-samples", "1"];
     render(&scratch, "reference", &[&one[..], &["--spp", "4096", "--seed", "77"]].concat());
     let reference = pixels(&scratch, "reference");
@@ -232,7 +232,7 @@ fn noise_of_the_picture_takes_fewer_samples_for_the_same_rmse() {
 
 #[test]
 fn adaptive_shadows_keep_the_mean_before_a_thin_wire() {
-    let Some(scratch) = scratch() else { return };
+    let scratch = Scratch::with(SCENE);
     // One sample a pixel: the same camera rays for every seed, so only light points and choices differ.
     let flags = ["--spp", "1", "--size", "40x32"];
     let (plain, plain_error) = means(&scratch, &flags, 0..16);
@@ -250,7 +250,7 @@ fn adaptive_shadows_keep_the_mean_before_a_thin_wire() {
 
 #[test]
 fn adaptive_shadows_trace_fewer_rays_and_the_layers_still_add_up() {
-    let Some(scratch) = scratch() else { return };
+    let scratch = Scratch::with(SCENE);
     let shadow = |stats: &Value| stats["rays"]["shadow"].as_u64().unwrap();
     let flags = ["--spp", "16", "--aov", "components,shadow"];
     let all = shadow(&render(&scratch, "all", &flags));
@@ -274,7 +274,7 @@ fn adaptive_shadows_trace_fewer_rays_and_the_layers_still_add_up() {
 
 #[test]
 fn a_limit_of_time_is_marked() {
-    let Some(scratch) = scratch() else { return };
+    let scratch = Scratch::with(SCENE);
     let fixed = ["render", "s.json", "-o", "timed", "--light-samples", "1", "--json"];
     let done = scratch.run(&[&fixed[..], &["--time", "0.2", "--size", "100x80"]].concat());
     assert_eq!(done.code(), 0, "{}", done.stderr());

@@ -8,7 +8,7 @@ use program::{PYRAMID, Scratch, names_in};
 use serde_json::Value;
 
 /// Small pictures by a backend that is always there.
-const SMALL: [&str; 6] = ["--size", "24x16", "--backend", "bvh", "--threads", "2"];
+const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
 fn batch(scratch: &Scratch, args: &[&str]) -> program::Done {
     scratch.run(&[&["batch"], args, &SMALL].concat())
@@ -316,6 +316,28 @@ fn a_still_says_what_render_says_of_its_scene() {
     assert!(!said("b.exr").iter().any(|(name, _)| name == "imageCounter"));
 }
 
+/// Flags that are no part of a description reach every frame of a turntable.
+#[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
+fn a_turntable_by_embree_s_fast_mode() {
+    let scratch = scans();
+    let args = ["scans/b.ply", "-o", "out", "--turntable", "2", "--no-sheet", "--spp", "1"];
+    let fast = ["--backend", "embree", "--fast"];
+    let done = batch(&scratch, &[&args[..], &fast].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    for name in ["out/b/b.0000.exr", "out/b/b.0001.exr"] {
+        let said = scratch.run(&["info", name]).stdout();
+        assert!(said.contains("lightpath:backend: embree (Embree 4."), "{said}");
+        assert!(said.contains(", fast)") && said.contains(",fast,"), "{said}");
+    }
+    // Without the flag they are other frames, and on the default there is none.
+    let again = batch(&scratch, &[&args[..], &["--backend", "embree", "--resume"]].concat());
+    assert!(again.stderr().contains("settings changed"), "{}", again.stderr());
+    let refused = batch(&scratch, &[&args[..], &["--fast"]].concat());
+    assert_eq!(refused.code(), 1, "{}", refused.stderr());
+    assert!(refused.stderr().contains("which has no fast mode"), "{}", refused.stderr());
+}
+
 #[test]
 fn ranges_make_the_whole() {
     let scratch = scans();
@@ -345,7 +367,7 @@ fn a_job_file_says_it_all() {
     let job = r#"{
       "comment": "three pyramids",
       "inputs": ["scans/[ab].ply", { "path": "scans/c.ply", "up": "z", "set": { "/spp": 2 } }],
-      "size": [20, 10], "layers": ["Z"], "set": { "/scene/accelerator": "bvh", "/spp": 1 },
+      "size": [20, 10], "layers": ["Z"], "set": { "/spp": 1 },
       "turntable": { "frames": 2, "turn": "camera", "start": 30 },
       "output": { "folder": "made", "name": "{stem}-{frame:02}.exr", "compression": "piz" },
       "limits": { "memory": "1G", "threads": 2, "jobs": 2 }

@@ -1,5 +1,4 @@
 //! `lightpath bench` from outside: table, JSON, page, baselines, and what it refuses.
-#![cfg(feature = "embree")]
 
 mod program;
 
@@ -18,9 +17,19 @@ fn pyramid() -> Scratch {
 
 #[test]
 fn a_mesh_is_measured_with_every_class_of_rays() {
+    measured(["bvh", "bvh:portable"], "lightpath BVH ");
+}
+
+#[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
+fn a_mesh_is_measured_with_embree() {
+    measured(["embree", "embree-fast"], "Embree 4.");
+}
+
+fn measured([first, second]: [&str; 2], version: &str) {
     let scratch = pyramid();
-    let flags =
-        ["p.ply", "--backends", "embree,embree-fast", "--json", "p.json", "--html", "p.html"];
+    let backends = format!("{first},{second}");
+    let flags = ["p.ply", "--backends", &backends, "--json", "p.json", "--html", "p.html"];
     let done = bench(&scratch, &flags);
     assert_eq!(done.code(), 0, "{}", done.stderr());
     let report: Report = serde_json::from_slice(&scratch.read("p.json")).unwrap();
@@ -55,7 +64,7 @@ fn a_mesh_is_measured_with_every_class_of_rays() {
     }
     for backend in &scene.backends {
         assert!(backend.bytes > 0 && backend.peak_bytes >= backend.bytes);
-        assert!(backend.version.starts_with("Embree 4."));
+        assert!(backend.version.starts_with(version));
     }
     let every_pair = 5 * 2;
     assert_eq!(scene.agreement.len(), every_pair);
@@ -64,7 +73,9 @@ fn a_mesh_is_measured_with_every_class_of_rays() {
         assert_eq!(a.same + a.tie + a.depth + a.missed, scene.rays[&pair.name]);
     }
     let html = String::from_utf8(scratch.read("p.html")).unwrap();
-    assert!(html.starts_with("<!DOCTYPE html>") && html.contains("embree-fast against embree"));
+    assert!(
+        html.starts_with("<!DOCTYPE html>") && html.contains(&format!("{second} against {first}"))
+    );
     let table = done.stdout();
     for text in ["p.ply: 8 triangles", "1 thread ", "2 threads", "shadow-area, packets", "p.html"] {
         assert!(table.contains(text), "{text}: {table}");
@@ -82,8 +93,7 @@ fn classes_that_a_scene_lacks_are_said_and_left_out() {
             "scene": {"lightsources": [], "shapes": [{"type": "sphere", "center": [0, 0, 0], "radius": 1,
             "material": {"kd": 1}}]}}"#,
     );
-    let flags =
-        ["s.json", "--backends", "embree", "--classes", "diffuse,primary,mirror,shadow-area"];
+    let flags = ["s.json", "--backends", "bvh", "--classes", "diffuse,primary,mirror,shadow-area"];
     let done = bench(&scratch, &flags);
     assert_eq!(done.code(), 0, "{}", done.stderr());
     let table = done.stdout();
@@ -95,7 +105,7 @@ fn classes_that_a_scene_lacks_are_said_and_left_out() {
 #[test]
 fn a_baseline_is_compared_with() {
     let scratch = pyramid();
-    let base = ["p.ply", "--backends", "embree", "--classes", "primary", "--quiet"];
+    let base = ["p.ply", "--backends", "bvh", "--classes", "primary", "--quiet"];
     let first = bench(&scratch, &[&base[..], &["--save-baseline", "b.json"]].concat());
     assert_eq!((first.code(), first.stderr().as_str()), (0, ""));
     // A thousand times slower then: faster now, whatever the noise.
@@ -112,7 +122,7 @@ fn a_baseline_is_compared_with() {
     assert_eq!(changes.lines().filter(|line| line.ends_with("  faster")).count(), 8, "{table}");
 
     scratch.write("other.ply", &PYRAMID.replace("0 2 0", "0 3 0"));
-    let done = bench(&scratch, &["other.ply", "--backends", "embree", "--baseline", "b.json"]);
+    let done = bench(&scratch, &["other.ply", "--backends", "bvh", "--baseline", "b.json"]);
     assert!(done.stdout().contains("no scene in common"), "{}", done.stdout());
 }
 

@@ -13,7 +13,6 @@ const SCENE: &str = r#"{
   "camera": { "type": "pinhole", "width": 40, "height": 30, "fov": 50, "position": [0, 3, 5],
               "target": [0, 0.3, 0], "up": [0, 1, 0] },
   "scene": {
-    "accelerator": "bvh",
     "lightsources": [{ "type": "arealight", "v0": [-1, 4, -1], "v1": [1, 4, -1], "v2": [-1, 4, 1],
                        "id": [4, 4, 4] }],
     "shapes": [

@@ -20,7 +20,6 @@ fn scene(output: Value) -> Value {
         "camera": { "type": "pinhole", "width": 4, "height": 3, "fov": 40,
                     "position": [0, 0, 6], "lookat": [0, 0, -1], "up": [0, 1, 0] },
         "scene": {
-            "accelerator": "bvh",
             "lightsources": [{ "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3] }],
             "materials": { "chalk": {}, "ink": { "kd": 0.1 } },
             "shapes": (0..96).map(sphere).collect::<Vec<_>>() }

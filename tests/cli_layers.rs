@@ -11,7 +11,7 @@ const SCENE: &str = r#"{
   "camera": { "type": "pinhole", "width": 40, "height": 24, "fov": 40,
               "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
   "scene": {
-    "accelerator": "bvh", "backgroundcolor": [0.1, 0.2, 0.3],
+    "backgroundcolor": [0.1, 0.2, 0.3],
     "lightsources": [
       { "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3], "name": "sun" },
       { "type": "pointlight", "position": [-2, 3, 4], "id": [1, 1, 1], "name": "sun" }],

@@ -10,7 +10,7 @@ const SCENE: &str = r#"{
   "camera": { "type": "thinlens", "width": 75, "height": 53, "fov": 40, "aperture": 0.05, "focaldistance": 4,
               "position": [0, 1, 4], "lookat": [0, -0.2, -1], "up": [0, 1, 0] },
   "scene": {
-    "accelerator": "bvh", "backgroundcolor": [0.1, 0.2, 0.3], "ambient": [0.05, 0.05, 0.05],
+    "backgroundcolor": [0.1, 0.2, 0.3], "ambient": [0.05, 0.05, 0.05],
     "lightsources": [
       { "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3], "name": "sun" },
       { "type": "arealight", "id": [2, 1, 1], "v0": [-2, 4, 2], "v1": [-1, 4, 2], "v2": [-2, 4, 3],

@@ -1,11 +1,10 @@
-//! Whole renders through the program: files, flags, statistics, signals. Skipped with a note where Embree is
-//! not installed.
+//! Whole renders through the program: files, flags, statistics, signals.
 
 mod program;
 
 use std::io::Cursor;
 
-use program::{Done, Scratch, embree::no_embree};
+use program::{Done, Scratch};
 
 const SCENE: &str = r#"{
   "spp": 2,
@@ -21,10 +20,9 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// Runs a render; `None` where Embree is not there.
 #[track_caller]
-fn render(scratch: &Scratch, args: &[&str]) -> Option<Done> {
-    scratch.run(&[&["render"], args].concat()).unless_no_embree()
+fn render(scratch: &Scratch, args: &[&str]) -> Done {
+    scratch.run(&[&["render"], args].concat()).good()
 }
 
 fn size_of_png(bytes: &[u8]) -> (u32, u32) {
@@ -37,9 +35,7 @@ fn files_paths_summary_statistics() {
     let scratch = Scratch::new();
     scratch.write("in/s.json", SCENE);
     let args = ["in/s.json", "--stats", "st.json", "--threads", "2"];
-    let Some(done) = render(&scratch, &args) else {
-        return;
-    };
+    let done = render(&scratch, &args);
     assert_eq!(done.stdout(), "s.exr\ns.png\nst.json\n");
     for expected in ["load ", "build ", "render ", "write ", "Mray/s", "peak memory"] {
         assert!(done.stderr().contains(expected), "{}", done.stderr());
@@ -67,7 +63,7 @@ fn files_paths_summary_statistics() {
     assert!(stats["memory"]["peak_bytes"].as_u64().unwrap() > 1 << 20);
     assert!(stats["seconds"]["total"].as_f64().unwrap() > 0.0);
 
-    let done = render(&scratch, &["in/s.json", "--json", "--quiet", "-o", "in/"]).unwrap();
+    let done = render(&scratch, &["in/s.json", "--json", "--quiet", "-o", "in/"]);
     assert_eq!(done.stderr(), "");
     let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
     assert_eq!(value["outputs"], serde_json::json!(["in/s.exr", "in/s.png"]));
@@ -78,10 +74,8 @@ fn files_paths_summary_statistics() {
 fn same_bytes_for_any_threads_and_from_stdin() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
-    let Some(_) = render(&scratch, &["s.json", "-o", "a", "--threads", "1"]) else {
-        return;
-    };
-    render(&scratch, &["s.json", "-o", "b.png", "--threads", "5"]).unwrap();
+    render(&scratch, &["s.json", "-o", "a", "--threads", "1"]);
+    render(&scratch, &["s.json", "-o", "b.png", "--threads", "5"]);
     let done = scratch.run_with_stdin(&["render", "-", "-o", "c"], SCENE);
     assert_eq!(done.code(), 0, "{}", done.stderr());
     for name in ["b", "c"] {
@@ -120,9 +114,7 @@ fn flags_are_overrides() {
         "--write-scene",
         "saved.json",
     ];
-    let Some(_) = render(&scratch, &flags) else {
-        return;
-    };
+    render(&scratch, &flags);
     let sets = [
         "s.json",
         "-o",
@@ -148,8 +140,8 @@ fn flags_are_overrides() {
         "--set",
         "/scene/lightsources/1/samples=2",
     ];
-    render(&scratch, &sets).unwrap();
-    render(&scratch, &["saved.json", "-o", "c"]).unwrap();
+    render(&scratch, &sets);
+    render(&scratch, &["saved.json", "-o", "c"]);
     for name in ["b", "c"] {
         for end in ["exr", "png"] {
             let [first, second] = ["a", name].map(|n| scratch.read(&format!("{n}.{end}")));
@@ -164,9 +156,7 @@ fn a_crop_has_its_size() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
     let args = ["s.json", "--crop", "3", "2", "9", "12"];
-    let Some(_) = render(&scratch, &args) else {
-        return;
-    };
+    render(&scratch, &args);
     assert_eq!(size_of_png(&scratch.read("s.png")), (6, 10));
     let info = scratch.run(&["info", "s.exr"]).stdout();
     assert!(info.contains("frame 20 x 12, data 6 x 10 at 3, 2"), "{info}");
@@ -189,18 +179,16 @@ fn a_mesh_alone_is_framed_and_its_scene_can_be_saved() {
         "saved/p.json",
     ];
     std::fs::create_dir(scratch.path("saved")).unwrap();
-    let Some(done) = render(&scratch, &args) else {
-        return;
-    };
+    let done = render(&scratch, &args);
     assert_eq!(done.stdout(), "p.exr\np.png\nsaved/p.json\n");
     let saved: serde_json::Value = serde_json::from_slice(&scratch.read("saved/p.json")).unwrap();
     assert_eq!(saved["scene"]["shapes"][0]["path"], "../meshes/p.ply");
     assert_eq!(saved["scene"]["shapes"][0]["rotate"], serde_json::json!([-90, 0, 0]));
-    render(&scratch, &["saved/p.json", "-o", "again"]).unwrap();
+    render(&scratch, &["saved/p.json", "-o", "again"]);
     assert!(scratch.read("p.png") == scratch.read("again.png"));
     // A saved scene is a template too.
     let template = ["meshes/p.ply", "--template", "saved/p.json", "-o", "third"];
-    render(&scratch, &template).unwrap();
+    render(&scratch, &template);
     assert!(scratch.read("p.png") == scratch.read("third.png"));
 }
 
@@ -232,9 +220,6 @@ fn a_signal_leaves_nothing() {
         let done = child.wait_with_output().unwrap();
         let stderr = String::from_utf8_lossy(&done.stderr).into_owned();
         assert_eq!(scratch.names(), ["s.json"], "{stderr}");
-        if done.status.code() == Some(2) && no_embree(&stderr) {
-            return;
-        }
         assert_eq!(done.status.code(), Some(code), "{stderr}");
         assert!(stderr.contains("stopped by a signal"), "{stderr}");
     }
@@ -287,9 +272,7 @@ fn every_bad_file_of_a_scene_is_reported() {
 fn a_negative_seed_is_reported_as_it_was_given() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
-    let Some(done) = render(&scratch, &["s.json", "--seed", "-1", "--json", "--quiet"]) else {
-        return;
-    };
+    let done = render(&scratch, &["s.json", "--seed", "-1", "--json", "--quiet"]);
     let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
     assert_eq!(value["seed"], -1);
     let info = scratch.run(&["info", "s.exr"]).stdout();
@@ -303,9 +286,7 @@ fn every_instruction_set_gives_the_same_picture() {
     for isa in lightpath::simd::Isa::available() {
         let name = isa.to_string().to_lowercase().replace('-', "");
         let args = ["s.json", "--isa", &name, "--json", "--quiet", "-o", &name];
-        let Some(done) = render(&scratch, &args) else {
-            return;
-        };
+        let done = render(&scratch, &args);
         let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
         let said = value["isa"].as_str().unwrap();
         assert!(said.ends_with(&format!("{isa} shading")), "{said}");
@@ -324,13 +305,9 @@ fn a_mesh_is_known_by_its_content() {
     let scratch = Scratch::new();
     scratch.write("tri.dat", program::PYRAMID);
     let small = ["--size", "30x20", "--spp", "1"];
-    let Some(done) =
-        render(&scratch, &[&["tri.dat", "--write-scene", "s.json"], &small[..]].concat())
-    else {
-        return;
-    };
+    let done = render(&scratch, &[&["tri.dat", "--write-scene", "s.json"], &small[..]].concat());
     assert_eq!(done.stdout(), "tri.exr\ntri.png\ns.json\n");
-    render(&scratch, &["s.json", "-o", "again"]).unwrap();
+    render(&scratch, &["s.json", "-o", "again"]);
     assert!(scratch.read("tri.exr") == scratch.read("again.exr"));
 }
 
@@ -345,9 +322,7 @@ fn messages_name_the_mesh_as_it_was_typed() {
     for (typed, template) in [("data/link.ply", None), ("./data/link.ply", Some("t/template.json"))]
     {
         let template: Vec<&str> = template.map_or(vec![], |t| vec!["--template", t]);
-        let Some(done) = render(&scratch, &[&[typed], &small[..], &template].concat()) else {
-            return;
-        };
+        let done = render(&scratch, &[&[typed], &small[..], &template].concat());
         let expected = format!("warning: {typed}: 1 faces with fewer than three corners");
         assert!(done.stderr().contains(&expected), "{}", done.stderr());
     }
@@ -369,9 +344,6 @@ fn names_that_are_not_utf8() {
     }
     let output = scratch.command(&["render", "--quiet"]).arg(scene).output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr);
-    if output.status.code() == Some(2) && no_embree(&stderr) {
-        return;
-    }
     assert_eq!(output.status.code(), Some(0), "{stderr}");
     assert_eq!(output.stdout, b"s\xff.exr\ns\xff.png\n");
     assert!(scratch.path("").join(OsStr::from_bytes(b"s\xff.exr")).is_file());

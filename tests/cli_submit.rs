@@ -126,7 +126,7 @@ fn slurm_of_one_task(scratch: &Scratch) -> std::ffi::OsString {
 fn names_are_never_run() {
     let scratch = scratch(1);
     let job = r#"{ "inputs": ["*.ply"], "size": [16, 12],
-                   "set": { "/scene/accelerator": "bvh", "/spp": 1 } }"#;
+                   "set": { "/spp": 1 } }"#;
     scratch.write("job.json", job);
     let path = slurm_of_one_task(&scratch);
     for name in HOSTILE {

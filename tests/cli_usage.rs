@@ -63,8 +63,19 @@ fn usage_errors_exit_2_and_say_why() {
         (&["render", "s.json", "--set", "camera/fov=3"], "leading `/`"),
         (&["render", "s.json", "--set", "/camera/fovv=3"], "fov"),
         (&["render", "s.json", "--fast", "--backend", "brute"], "no fast mode"),
-        (&["render", "s.json", "--exact", "--backend", "coursework"], "leave --exact out"),
-        (&["render", "s.json", "--exact", "--fast"], "cannot be used with"),
+        (
+            &["render", "s.json", "--fast"],
+            "--fast: found with the backend `bvh`, which has no fast mode",
+        ),
+        (
+            &["render", "s.json", "--isa", "portable", "--backend", "embree"],
+            "leave --isa out, or --backend bvh",
+        ),
+        (
+            &["render", "s.json", "--isa", "portable", "--backend", "brute"],
+            "--isa: found with the backend `brute`",
+        ),
+        (&["render", "s.json", "--exact"], "unexpected argument '--exact'"),
         (&["render", "s.json", "--template", "s.json"], "--template"),
         (&["render", "s.json", "--up", "z"], "--up"),
         (&["render", "s.json", "--quiet", "--progress", "json"], "cannot be used with"),
@@ -151,7 +162,7 @@ fn an_instruction_set_that_is_missing_is_refused_with_those_that_are_there() {
 fn every_backend_is_known() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
-    for name in ["embree", "bvh", "coursework", "brute"] {
+    for name in ["bvh", "embree", "coursework", "brute"] {
         let accelerator = format!("\"scene\": {{ \"accelerator\": \"{name}\",");
         scratch.write("b.json", &SCENE.replace("\"scene\": {", &accelerator));
         let info = scratch.run(&["info", "b.json"]);

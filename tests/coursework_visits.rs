@@ -12,7 +12,6 @@ use lightpath::{
     monitor::Monitor,
     ray::NONE,
     scene::{self, Source},
-    simd::Isa,
     world::{LoadOptions, World},
 };
 
@@ -32,12 +31,7 @@ fn visits(name: &str) -> [Visits; 3] {
             World::load(&loaded.scene, LoadOptions::default(), &monitor).expect("its files");
         let geometry = std::sync::Arc::get_mut(&mut world.geometry).expect("one owner");
         geometry.meshes.iter_mut().for_each(|mesh| mesh.loop_only = case == 2);
-        let options = BuildOptions {
-            threads: 1,
-            embree: Default::default(),
-            isa: Isa::Portable,
-            max_bytes: None,
-        };
+        let options = BuildOptions { threads: 1, max_bytes: None };
         let tree =
             Coursework::with_axis(&world.geometry, &options, &monitor, *axis).expect("a tree");
         for (x, y) in (0..60).flat_map(|y| (0..90).map(move |x| (x as f32 + 0.5, y as f32 + 0.5))) {

@@ -1,12 +1,12 @@
-//! Same scene, same bytes: for any number of threads, on every run, and for every crop. Skipped with
-//! a note where Embree is not installed.
+//! Same scene, same bytes: for any number of threads, on every run, and for every crop.
 
 mod program;
 
 use std::io::Cursor;
 
 use exr::prelude::{ReadChannels, ReadLayers};
-use program::Scratch;
+use lightpath::scene::Backend;
+use program::{Scratch, backends::on_both};
 
 /// Everything that uses random numbers, bounces or packets: lens, area lights of both kinds, point
 /// light, mirrors, mesh, sphere, plane.
@@ -32,41 +32,38 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// A folder with the scene; `None` where nothing can be rendered.
-fn scratch() -> Option<Scratch> {
-    Scratch::rendering(SCENE)
+fn render(scratch: &Scratch, backend: Backend, prefix: &str, flags: &[&str]) {
+    let fixed = ["render", "s.json", "-o", prefix, "--quiet", "--backend", backend.name()];
+    scratch.run(&[&fixed[..], flags].concat()).good();
 }
 
-fn render(scratch: &Scratch, prefix: &str, flags: &[&str]) {
-    let done = scratch.run(&[&["render", "s.json", "-o", prefix, "--quiet"], flags].concat());
-    assert_eq!(done.code(), 0, "{}", done.stderr());
-}
-
-#[test]
-fn the_same_bytes_for_any_threads_and_on_every_run() {
-    let Some(scratch) = scratch() else { return };
-    for (spp, sampler) in [("1", "sobol"), ("4", "sobol"), ("21", "sobol"), ("5", "random")] {
-        let flags = ["--spp", spp, "--sampler", sampler, "--threads"];
-        render(&scratch, "first", &[&flags[..], &["1"]].concat());
-        for threads in ["1", "2", "5"] {
-            render(&scratch, "again", &[&flags[..], &[threads]].concat());
-            for end in ["exr", "png"] {
-                let [first, again] =
-                    ["first", "again"].map(|n| scratch.read(&format!("{n}.{end}")));
-                assert!(first == again, "{end} at {spp} spp with {threads} threads");
+on_both! {
+    fn the_same_bytes_for_any_threads_and_on_every_run(backend: Backend) {
+        let scratch = Scratch::with(SCENE);
+        for (spp, sampler) in [("1", "sobol"), ("4", "sobol"), ("21", "sobol"), ("5", "random")] {
+            let flags = ["--spp", spp, "--sampler", sampler, "--threads"];
+            render(&scratch, backend, "first", &[&flags[..], &["1"]].concat());
+            for threads in ["1", "2", "5"] {
+                render(&scratch, backend, "again", &[&flags[..], &[threads]].concat());
+                for end in ["exr", "png"] {
+                    let [first, again] =
+                        ["first", "again"].map(|n| scratch.read(&format!("{n}.{end}")));
+                    assert!(first == again, "{end} at {spp} spp with {threads} threads");
+                }
             }
         }
     }
 }
 
-#[test]
-fn another_seed_is_another_picture() {
-    let Some(scratch) = scratch() else { return };
-    render(&scratch, "a", &[]);
-    render(&scratch, "b", &["--seed", "6"]);
-    assert_ne!(pixels(&scratch, "a"), pixels(&scratch, "b"));
-    render(&scratch, "b", &["--sampler", "random"]);
-    assert_ne!(pixels(&scratch, "a"), pixels(&scratch, "b"));
+on_both! {
+    fn another_seed_is_another_picture(backend: Backend) {
+        let scratch = Scratch::with(SCENE);
+        render(&scratch, backend, "a", &[]);
+        render(&scratch, backend, "b", &["--seed", "6"]);
+        assert_ne!(pixels(&scratch, "a"), pixels(&scratch, "b"));
+        render(&scratch, backend, "b", &["--sampler", "random"]);
+        assert_ne!(pixels(&scratch, "a"), pixels(&scratch, "b"));
+    }
 }
 
 /// Rows of R, G, B, A as bits.
@@ -89,22 +86,23 @@ fn pixels(scratch: &Scratch, name: &str) -> Vec<Vec<[u32; 4]>> {
         .pixels
 }
 
-#[test]
-fn the_render_of_a_crop_is_the_crop_of_the_render() {
-    let Some(scratch) = scratch() else { return };
-    let crops =
-        [[0, 0, 1, 1], [3, 5, 40, 34], [31, 31, 33, 33], [50, 1, 101, 67], [97, 63, 101, 67]];
-    for spp in ["1", "2", "4", "16"] {
-        render(&scratch, "full", &["--spp", spp]);
-        let full = pixels(&scratch, "full");
-        assert_eq!((full.len(), full[0].len()), (67, 101));
-        for crop @ [x0, y0, x1, y1] in crops {
-            let text = crop.map(|n: usize| n.to_string());
-            let mut flags = vec!["--spp", spp, "--crop"];
-            flags.extend(text.iter().map(String::as_str));
-            render(&scratch, "crop", &flags);
-            let cut: Vec<_> = full[y0..y1].iter().map(|row| row[x0..x1].to_vec()).collect();
-            assert!(pixels(&scratch, "crop") == cut, "{crop:?} at {spp} spp");
+on_both! {
+    fn the_render_of_a_crop_is_the_crop_of_the_render(backend: Backend) {
+        let scratch = Scratch::with(SCENE);
+        let crops =
+            [[0, 0, 1, 1], [3, 5, 40, 34], [31, 31, 33, 33], [50, 1, 101, 67], [97, 63, 101, 67]];
+        for spp in ["1", "2", "4", "16"] {
+            render(&scratch, backend, "full", &["--spp", spp]);
+            let full = pixels(&scratch, "full");
+            assert_eq!((full.len(), full[0].len()), (67, 101));
+            for crop @ [x0, y0, x1, y1] in crops {
+                let text = crop.map(|n: usize| n.to_string());
+                let mut flags = vec!["--spp", spp, "--crop"];
+                flags.extend(text.iter().map(String::as_str));
+                render(&scratch, backend, "crop", &flags);
+                let cut: Vec<_> = full[y0..y1].iter().map(|row| row[x0..x1].to_vec()).collect();
+                assert!(pixels(&scratch, "crop") == cut, "{crop:?} at {spp} spp");
+            }
         }
     }
 }

@@ -8,7 +8,7 @@ use program::Scratch;
 
 const SCENE: &str = r#"{ "camera": { "type": "pinhole", "width": 12, "height": 8, "fov": 40,
     "position": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0] },
-    "scene": { "ambient": [1, 1, 1], "accelerator": "bvh", "shapes": [{ "type": "plane",
+    "scene": { "ambient": [1, 1, 1], "shapes": [{ "type": "plane",
         "v0": [-2, 2, 0], "v1": [2, 2, 0], "v2": [2, -2, 0], "v3": [-2, -2, 0],
         "material": { "ka": 1, "kd": 0, "tPath": "picture.exr", "filter": "nearest" } }] } }"#;
 

@@ -37,8 +37,7 @@ fn scratch(size: &str, spp: u32, frames: usize) -> Scratch {
     let (width, height) = size.split_once('x').unwrap();
     let job = format!(
         r#"{{ "inputs": ["pyramid.ply"], "turntable": {{ "frames": {frames} }},
-             "set": {{ "/spp": {spp}, "/camera/width": {width}, "/camera/height": {height},
-                       "/scene/accelerator": "bvh" }} }}"#
+             "set": {{ "/spp": {spp}, "/camera/width": {width}, "/camera/height": {height} }} }}"#
     );
     scratch.write("job.json", &job);
     scratch

@@ -13,7 +13,7 @@ const SCENE: &str = r#"{
   "camera": { "type": "pinhole", "width": 200, "height": 150, "fov": 40,
               "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
   "scene": {
-    "accelerator": "bvh", "backgroundcolor": [0.1, 0.2, 0.3],
+    "backgroundcolor": [0.1, 0.2, 0.3],
     "lightsources": [{ "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3] }],
     "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }]
   }

@@ -50,7 +50,7 @@ fn scratch() -> (Scratch, [String; 3]) {
     let scene = serde_json::json!({
         "camera": { "type": "pinhole", "width": 16, "height": 12, "fov": 40,
                     "position": [0, 1, 6], "lookat": [0, 0, -1], "up": [0, 1, 0] },
-        "scene": { "accelerator": "bvh",
+        "scene": {
             "lightsources": [{ "type": "pointlight", "position": [0, 5, 5], "id": [1, 1, 1] }],
             "shapes": [{ "type": "trimesh", "path": name("ply"), "material": {} }] }
     });

@@ -1,17 +1,15 @@
 //! Accelerators that were built, and dropped, leave no thread behind that keeps a processor busy. (Where other work
 //! keeps them all busy, none would be seen.)
 
-#![cfg(all(feature = "embree", target_os = "linux"))]
+#![cfg(target_os = "linux")]
 
-mod embree;
+mod backends;
 
+use backends::on_both;
 use std::{fs, thread::sleep, time::Duration};
 
 use glam::DVec3;
-use lightpath::accel::BuildOptions;
 use lightpath::geometry::{Geometry, TriangleMesh};
-use lightpath::scene::Backend;
-use lightpath::simd::Isa;
 
 /// Processor time of this process so far, in clock ticks of 10 ms.
 fn ticks() -> u64 {
@@ -22,16 +20,14 @@ fn ticks() -> u64 {
     [11, 12].map(|i| fields[i].parse::<u64>().unwrap()).iter().sum()
 }
 
-#[test]
-fn nothing_runs_on_when_accelerators_of_one_thread_follow_each_other() {
+on_both! {
+fn nothing_runs_on_when_accelerators_of_one_thread_follow_each_other(backend: Backend) {
     let vertices = (0..3000u32).map(|i| [i, i * 7 % 1000, i * 13 % 500].map(|x| x as f32));
     let triangles = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let mesh = TriangleMesh::new(vertices.collect(), triangles, false);
     let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
-    let isa = Isa::detect();
-    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
-    let build = || embree::build(&geometry, Backend::Embree, &options);
-    let Some(first) = build() else { return };
+    let build = || backends::build(&geometry, backend);
+    let first = build();
     let second = build();
     drop(first);
     let third = build();
@@ -41,4 +37,5 @@ fn nothing_runs_on_when_accelerators_of_one_thread_follow_each_other() {
     // A thread that spins takes 50 of them.
     drop((second, third));
     assert!(spent <= 10, "{spent} ticks of 10 ms in half a second of sleep");
+}
 }

@@ -15,7 +15,7 @@ use lightpath::{merge::Parts, monitor::Monitor};
 use program::{Done, PYRAMID, Scratch};
 
 /// Small pictures by a backend that is always there.
-const SMALL: [&str; 6] = ["--size", "24x16", "--backend", "bvh", "--threads", "2"];
+const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
 /// The pyramid with texture coordinates, and the image that it names itself.
 fn textured(image: &str) -> String {

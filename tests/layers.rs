@@ -1,7 +1,10 @@
 //! Layers against the beauty, against each other and against what the scene says.
 
+mod backends;
+
 use std::{collections::BTreeSet, path::Path};
 
+use backends::on_both;
 use lightpath::{
     accel::{self, BuildOptions},
     camera,
@@ -9,7 +12,7 @@ use lightpath::{
     layers::{FAR, Plan},
     monitor::Monitor,
     render,
-    scene::{self, Scene, Source},
+    scene::{self, Backend, Scene, Source},
     simd::Isa,
     world::{LoadOptions, World},
 };
@@ -24,7 +27,7 @@ fn stage(spp: u32) -> Value {
         "camera": { "type": "pinhole", "width": 60, "height": 40, "fov": 45,
             "position": [1000.0, 2.5, 6.0], "lookat": [0.02, -0.3, -1], "up": [0.1, 1, 0] },
         "scene": {
-            "backgroundcolor": [0.2, 0.3, 0.5], "ambient": [0.3, 0.2, 0.1], "accelerator": "bvh",
+            "backgroundcolor": [0.2, 0.3, 0.5], "ambient": [0.3, 0.2, 0.1],
             "lightsources": [
                 { "type": "pointlight", "position": [1003, 6, 3], "id": [4, 4, 3], "is": [1, 2, 3],
                   "group": "key" },
@@ -73,9 +76,13 @@ fn with_margin(
     pool.install(|| {
         let monitor = Monitor::default();
         let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).unwrap();
-        let options = BuildOptions { threads, embree: Default::default(), isa, max_bytes: None };
+        let options = BuildOptions { threads, max_bytes: None };
         let world = world.with_margin(margin);
-        let accelerator = accel::build(&world.geometry, scene.backend, &options, &monitor).unwrap();
+        let backend = match scene.backend {
+            Backend::Bvh(_) => Backend::Bvh(isa),
+            other => other,
+        };
+        let accelerator = accel::build(&world.geometry, backend, &options, &monitor).unwrap();
         let plan = Plan::new(&scene);
         let [width, height] = world.frame;
         let window = window.unwrap_or(Window::full(width, height));
@@ -168,59 +175,63 @@ fn layers_leave_the_beauty_as_it_is() {
     }
 }
 
-#[test]
-fn the_same_bits_for_any_threads_tiers_and_crops() {
-    for spp in [1, 5] {
-        let scene = stage(spp);
-        let full = all_of(&scene);
-        assert_eq!(
-            rendered(&scene, None, 3, Isa::Portable).film.planes.words,
-            full.film.planes.words
-        );
-        let window = Window { x0: 13, y0: 7, x1: 47, y1: 35 };
-        let crop = rendered(&scene, Some(window), 2, Isa::detect());
-        let stride = full.plan.recipe.channels.len();
-        for y in 0..window.height() as usize {
-            let width = window.width() as usize * stride;
-            let from = ((y + 7) * 60 + 13) * stride;
-            let row = &crop.film.planes.words[y * width..(y + 1) * width];
-            assert_eq!(row, &full.film.planes.words[from..from + width]);
+on_both! {
+    fn the_same_bits_for_any_threads_tiers_and_crops(backend: Backend) {
+        for spp in [1, 5] {
+            let mut scene = stage(spp);
+            scene["scene"]["accelerator"] = json!(backend.name());
+            let full = all_of(&scene);
+            assert_eq!(
+                rendered(&scene, None, 3, Isa::Portable).film.planes.words,
+                full.film.planes.words
+            );
+            let window = Window { x0: 13, y0: 7, x1: 47, y1: 35 };
+            let crop = rendered(&scene, Some(window), 2, Isa::detect());
+            let stride = full.plan.recipe.channels.len();
+            for y in 0..window.height() as usize {
+                let width = window.width() as usize * stride;
+                let from = ((y + 7) * 60 + 13) * stride;
+                let row = &crop.film.planes.words[y * width..(y + 1) * width];
+                assert_eq!(row, &full.film.planes.words[from..from + width]);
+            }
         }
     }
 }
 
-#[test]
-fn overscan_leaves_the_frame_as_it_is_and_goes_on_beside_it() {
-    for spp in [1, 4, 16] {
-        let scene = stage(spp);
-        let full = all_of(&scene);
-        // 60 x 40 and 9 more pixels on every side; whole tiles of margin.
-        let window = Window { x0: 32 - 9, y0: 32 - 9, x1: 32 + 60 + 9, y1: 32 + 40 + 9 };
-        let wide = with_margin(&scene, 32, Some(window), 2, Isa::detect());
-        let stride = full.plan.recipe.channels.len();
-        for y in 0..40 {
-            let (from, to) = (y * 60, (y + 9) * 78 + 9);
-            assert_eq!(wide.film.pixels[to..to + 60], full.film.pixels[from..from + 60]);
-            let words = |rendered: &Rendered, first: usize| {
-                rendered.film.planes.words[first * stride..(first + 60) * stride].to_vec()
-            };
-            assert_eq!(words(&wide, to), words(&full, from));
+on_both! {
+    fn overscan_leaves_the_frame_as_it_is_and_goes_on_beside_it(backend: Backend) {
+        for spp in [1, 4, 16] {
+            let mut scene = stage(spp);
+            scene["scene"]["accelerator"] = json!(backend.name());
+            let full = all_of(&scene);
+            // 60 x 40 and 9 more pixels on every side; whole tiles of margin.
+            let window = Window { x0: 32 - 9, y0: 32 - 9, x1: 32 + 60 + 9, y1: 32 + 40 + 9 };
+            let wide = with_margin(&scene, 32, Some(window), 2, Isa::detect());
+            let stride = full.plan.recipe.channels.len();
+            for y in 0..40 {
+                let (from, to) = (y * 60, (y + 9) * 78 + 9);
+                assert_eq!(wide.film.pixels[to..to + 60], full.film.pixels[from..from + 60]);
+                let words = |rendered: &Rendered, first: usize| {
+                    rendered.film.planes.words[first * stride..(first + 60) * stride].to_vec()
+                };
+                assert_eq!(words(&wide, to), words(&full, from));
+            }
+            // The points of the margin project into its pixels, too.
+            let to_ndc = camera::world_to_ndc(&checked(&scene).camera);
+            let mut beside = 0;
+            for pixel in (0..wide.pixels()).filter(|&pixel| wide.float("Z", pixel) < FAR) {
+                let p = ["P.X", "P.Y", "P.Z"].map(|c| f64::from(wide.float(c, pixel)));
+                let p = [p[0], p[1], p[2], 1.0];
+                let [x, y, _, w]: [f64; 4] =
+                    std::array::from_fn(|c| (0..4).map(|r| p[r] * to_ndc[r][c]).sum());
+                let column = (pixel % 78) as f64 - 9.0;
+                let row = (pixel / 78) as f64 - 9.0;
+                let (x, y) = (x / w * 60.0 - column, y / w * 40.0 - row);
+                assert!((-0.01..1.01).contains(&x) && (-0.01..1.01).contains(&y), "{pixel}: {x} {y}");
+                beside += u32::from(column < 0.0 || row < 0.0 || column >= 60.0 || row >= 40.0);
+            }
+            assert!(beside > 500, "{beside}");
         }
-        // The points of the margin project into its pixels, too.
-        let to_ndc = camera::world_to_ndc(&checked(&scene).camera);
-        let mut beside = 0;
-        for pixel in (0..wide.pixels()).filter(|&pixel| wide.float("Z", pixel) < FAR) {
-            let p = ["P.X", "P.Y", "P.Z"].map(|c| f64::from(wide.float(c, pixel)));
-            let p = [p[0], p[1], p[2], 1.0];
-            let [x, y, _, w]: [f64; 4] =
-                std::array::from_fn(|c| (0..4).map(|r| p[r] * to_ndc[r][c]).sum());
-            let column = (pixel % 78) as f64 - 9.0;
-            let row = (pixel / 78) as f64 - 9.0;
-            let (x, y) = (x / w * 60.0 - column, y / w * 40.0 - row);
-            assert!((-0.01..1.01).contains(&x) && (-0.01..1.01).contains(&y), "{pixel}: {x} {y}");
-            beside += u32::from(column < 0.0 || row < 0.0 || column >= 60.0 || row >= 40.0);
-        }
-        assert!(beside > 500, "{beside}");
     }
 }
 

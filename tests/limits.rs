@@ -10,7 +10,7 @@ use exr::prelude::*;
 use program::{Done, PYRAMID, Scratch, names_in, sheet};
 
 /// Small pictures by a backend that is always there.
-const SMALL: [&str; 6] = ["--size", "24x16", "--backend", "bvh", "--threads", "2"];
+const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
 /// Runs the program under a limit as `ulimit` of the shell takes it: `-v KIB`, `-u PROCESSES`.
 fn limited(scratch: &Scratch, limit: &str, args: &[&str]) -> Done {

@@ -9,13 +9,13 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use glam::DVec3;
-use lightpath::accel::BuildOptions;
 use lightpath::film::{Blank, Window};
 use lightpath::monitor::Monitor;
 use lightpath::scene::{self, Backend, Source};
 use lightpath::simd::Isa;
 use lightpath::world::{LoadOptions, World};
 use program::Scratch;
+use program::backends::on_both;
 use serde_json::{Value, json};
 
 /// Where surveyors are: metres east, north, up.
@@ -99,27 +99,22 @@ fn load(scene: &Value, folder: &Path, resolutions: bool) -> (World, Vec<String>)
     (world, warnings.iter().map(|w| w.to_string()).collect())
 }
 
-/// The bits of all pixels; `None` where the backend cannot run here.
-fn render(world: &World, backend: Backend) -> Option<Vec<[u32; 4]>> {
+/// The bits of all pixels.
+fn render(world: &World, backend: Backend) -> Vec<[u32; 4]> {
     let (monitor, isa) = (Monitor::default(), Isa::detect());
-    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
-    let accelerator = program::embree::build(&world.geometry, backend, &options)?;
+    let accelerator = program::backends::build(&world.geometry, backend);
     let [width, height] = world.frame;
     let mut film = Blank::new(world.frame, Window::full(width, height), Vec::new()).unwrap().film();
     lightpath::render::render(world, accelerator.as_ref(), isa, &mut film, &monitor).unwrap();
-    Some(film.pixels.iter().map(|p| p.map(f32::to_bits)).collect())
+    film.pixels.iter().map(|p| p.map(f32::to_bits)).collect()
 }
 
-/// Pictures at the origin and moved by `shift`, on each backend.
-fn pictures(shift: DVec3, step: f64) -> Vec<[Vec<[u32; 4]>; 2]> {
+/// Pictures at the origin and moved by `shift`.
+fn pictures(backend: Backend, shift: DVec3, step: f64) -> [Vec<[u32; 4]>; 2] {
     let folder = tempfile::tempdir().unwrap();
     let worlds = [DVec3::ZERO, shift]
         .map(|shift| load(&moved(folder.path(), shift, step), folder.path(), false).0);
-    let both = |backend| {
-        let [here, there] = worlds.each_ref().map(|world| render(world, backend));
-        Some([here?, there?])
-    };
-    [Backend::Embree, Backend::Bvh].into_iter().filter_map(both).collect()
+    worlds.each_ref().map(|world| render(world, backend))
 }
 
 /// How many different values: a picture that shows something has many.
@@ -127,30 +122,28 @@ fn variety(picture: &[[u32; 4]]) -> usize {
     picture.iter().collect::<BTreeSet<_>>().len()
 }
 
-#[test]
-fn an_exact_shift_gives_the_same_bytes() {
+on_both! {
+fn an_exact_shift_gives_the_same_bytes(backend: Backend) {
     // Steps of 2^-20 are held exactly around 4.5e6, where f64 has steps of 2^-30.
     for shift in [MAP, -MAP, DVec3::new(0.0, 1e9, -3.25)] {
-        for [here, there] in pictures(shift, 1.0 / f64::from(1 << 20)) {
-            assert!(variety(&here) > 2000, "only {} values", variety(&here));
-            let differ = here.iter().zip(&there).filter(|(a, b)| a != b).count();
-            assert_eq!(differ, 0, "of {} pixels, moved by {shift}", here.len());
-        }
+        let [here, there] = pictures(backend, shift, 1.0 / f64::from(1 << 20));
+        assert!(variety(&here) > 2000, "only {} values", variety(&here));
+        let differ = here.iter().zip(&there).filter(|(a, b)| a != b).count();
+        assert_eq!(differ, 0, "of {} pixels, moved by {shift}", here.len());
     }
 }
 
-#[test]
-fn any_other_shift_gives_nearly_the_same() {
+fn any_other_shift_gives_nearly_the_same(backend: Backend) {
     let shift = MAP + DVec3::new(0.1, 1.0 / 3.0, -0.7);
-    for [here, there] in pictures(shift, 0.0) {
-        assert!(here != there, "the shift is not exact");
-        for (i, (a, b)) in here.iter().zip(&there).enumerate() {
-            for (a, b) in a.iter().zip(b) {
-                let (a, b) = (f32::from_bits(*a), f32::from_bits(*b));
-                assert!((a - b).abs() <= 1e-5 * a.abs().max(1.0), "pixel {i}: {a} and {b}");
-            }
+    let [here, there] = pictures(backend, shift, 0.0);
+    assert!(here != there, "the shift is not exact");
+    for (i, (a, b)) in here.iter().zip(&there).enumerate() {
+        for (a, b) in a.iter().zip(b) {
+            let (a, b) = (f32::from_bits(*a), f32::from_bits(*b));
+            assert!((a - b).abs() <= 1e-5 * a.abs().max(1.0), "pixel {i}: {a} and {b}");
         }
     }
+}
 }
 
 #[test]
@@ -205,7 +198,7 @@ fn two_fine_meshes(scratch: &Scratch, apart: f64) -> impl Fn(DVec3) -> usize {
     let scene = json!({
         "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 45,
             "position": [apart / 2.0, 0, 1.0 + apart], "lookat": [0, 0, -1], "up": [0, 1, 0] },
-        "scene": { "accelerator": "bvh", "shapes": [
+        "scene": { "shapes": [
             { "type": "trimesh", "path": "a.ply", "material": {} },
             { "type": "trimesh", "path": "b.ply", "material": {} }] }
     });
@@ -280,7 +273,7 @@ fn render_warns_of_lost_edges_in_files_of_floats() {
         json!({
             "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 45,
                 "position": [0, 0, 9000], "lookat": [0, 0, -1], "up": [0, 1, 0] },
-            "scene": { "accelerator": "bvh", "shapes": [
+            "scene": { "shapes": [
                 { "type": "trimesh", "path": "p.ply", "size": size, "center": [4000, 0, 0],
                   "material": {} },
                 { "type": "plane", "v0": [-4096, -1, 4096], "v1": [4096, -1, 4096],

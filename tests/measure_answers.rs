@@ -1,15 +1,16 @@
 //! A backend that answers wrong is found out, and only that one.
-#![cfg(feature = "embree")]
 
-use lightpath::accel::{self, Accelerator, BuildInfo, BuildOptions};
+mod backends;
+
+use backends::on_both;
+use lightpath::accel::{Accelerator, BuildInfo};
 use lightpath::measure::answers::compare;
 use lightpath::measure::rays::{Class, Recording, record};
 use lightpath::measure::replay::{Mode, Replay};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, Mask, NONE, RayPacket, Rays};
-use lightpath::simd::Isa;
+use lightpath::scene;
 use lightpath::world::{LoadOptions, World};
-use lightpath::{scene, scene::Backend};
 
 fn world() -> World {
     let text = r#"{"nbounces": 1,
@@ -83,51 +84,45 @@ fn in_lane_3(recording: &Recording, class: Class, mode: Mode, right: &dyn Accele
     })
 }
 
-#[test]
-fn what_is_wrong_is_counted_and_what_is_right_is_not() {
-    let world = world();
-    let options = BuildOptions {
-        threads: 1,
-        embree: Default::default(),
-        isa: Isa::detect(),
-        max_bytes: None,
-    };
-    let monitor = Monitor::default();
-    let embree = accel::build(&world.geometry, Backend::Embree, &options, &monitor).unwrap();
-    let recording = record(&world, &*embree, usize::MAX >> 8, 1, &monitor).unwrap();
-    for class in Class::ALL {
-        for mode in Mode::ALL {
-            let replay = Replay { class, mode, packets: recording.of(class) };
-            let rays = recording.count(class);
-            let [hit, miss] = in_lane_3(&recording, class, mode, &*embree);
-            assert!(hit > 0 && miss > 0, "{} {hit} {miss}", class.name());
-            for fault in [Fault::Leaks, Fault::Invents, Fault::Far] {
-                let expected = match fault {
-                    Fault::Leaks => hit,
-                    Fault::Invents => miss,
-                    Fault::Far if class.is_shadow() => 0,
-                    Fault::Far => hit,
-                };
-                let backends: [&dyn Accelerator; 2] = [&*embree, &Faulty(&*embree, fault)];
-                let (scores, pairs) = compare(&replay, &world.geometry, &backends);
-                let (_, _, agreement) = pairs[0];
-                assert_eq!(agreement.disagreements(), expected, "{}", class.name());
-                assert_eq!(agreement.same, rays - expected);
-                assert_eq!(scores[0].wrong, 0, "{}", class.name());
-                // The few rays along edges refute nobody.
-                let found = scores[1].wrong;
-                assert!(
-                    found <= expected && 1000 * (expected - found) <= 5 * expected,
-                    "{found} of {expected}"
-                );
-                assert_eq!(
-                    scores[1].hits as i64 - scores[0].hits as i64,
-                    match fault {
-                        Fault::Leaks => -(hit as i64),
-                        Fault::Invents => miss as i64,
-                        Fault::Far => 0,
-                    }
-                );
+on_both! {
+    fn what_is_wrong_is_counted_and_what_is_right_is_not(backend: Backend) {
+        let world = world();
+        let right = backends::build(&world.geometry, backend);
+        let recording = record(&world, &*right, usize::MAX >> 8, 1, &Monitor::default()).unwrap();
+        for class in Class::ALL {
+            for mode in Mode::ALL {
+                let replay = Replay { class, mode, packets: recording.of(class) };
+                let rays = recording.count(class);
+                let [hit, miss] = in_lane_3(&recording, class, mode, &*right);
+                assert!(hit > 0 && miss > 0, "{} {hit} {miss}", class.name());
+                for fault in [Fault::Leaks, Fault::Invents, Fault::Far] {
+                    let expected = match fault {
+                        Fault::Leaks => hit,
+                        Fault::Invents => miss,
+                        Fault::Far if class.is_shadow() => 0,
+                        Fault::Far => hit,
+                    };
+                    let backends: [&dyn Accelerator; 2] = [&*right, &Faulty(&*right, fault)];
+                    let (scores, pairs) = compare(&replay, &world.geometry, &backends);
+                    let (_, _, agreement) = pairs[0];
+                    assert_eq!(agreement.disagreements(), expected, "{}", class.name());
+                    assert_eq!(agreement.same, rays - expected);
+                    assert_eq!(scores[0].wrong, 0, "{}", class.name());
+                    // The few rays along edges refute nobody.
+                    let found = scores[1].wrong;
+                    assert!(
+                        found <= expected && 1000 * (expected - found) <= 5 * expected,
+                        "{found} of {expected}"
+                    );
+                    assert_eq!(
+                        scores[1].hits as i64 - scores[0].hits as i64,
+                        match fault {
+                            Fault::Leaks => -(hit as i64),
+                            Fault::Invents => miss as i64,
+                            Fault::Far => 0,
+                        }
+                    );
+                }
             }
         }
     }

@@ -7,10 +7,10 @@ use std::fs;
 use lightpath::{
     error::Kind,
     monitor::Monitor,
-    scene::{self, Source},
+    scene::{self, Backend, Source},
     world::{LoadOptions, World},
 };
-use program::{Scratch, sheet};
+use program::{Scratch, backends::on_both, sheet};
 use serde_json::{Value, json};
 
 fn with_shapes(shapes: Value) -> String {
@@ -32,13 +32,12 @@ fn ball(x: f64, material: Value) -> Value {
 /// Too little memory to load Embree, or to use it, is a failure worth another try, not an Embree that is missing.
 #[cfg(unix)]
 #[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
 fn embree_without_memory_may_be_tried_again() {
     let scratch = Scratch::new();
     scratch.write("s.json", &with_shapes(json!([ball(0.0, json!({}))])));
     let args = ["render", "s.json", "-o", "x", "--backend", "embree", "--threads", "2", "--quiet"];
-    if scratch.run(&args).unless_no_embree().is_none() {
-        return;
-    }
+    scratch.run(&args).good();
     let mut not_loaded = 0;
     for mib in (60..300).step_by(8) {
         let limited = format!("ulimit -v {}; exec \"$0\" \"$@\"", mib << 10);
@@ -54,59 +53,56 @@ fn embree_without_memory_may_be_tried_again() {
     assert!(not_loaded > 0, "Embree was loaded in whatever was left");
 }
 
-/// `memory` of `info` and of the statistics of a render; `None` where Embree is not installed.
-fn predicted_and_found(scratch: &Scratch) -> Option<[Value; 2]> {
-    let info = scratch.run(&["info", "s.json", "--json"]);
-    assert_eq!(info.code(), 0, "{}", info.stderr());
-    let render = scratch.run(&["render", "s.json", "--json", "--quiet"]);
-    let render = render.unless_no_embree()?;
-    Some([info, render].map(|done| {
-        let value: Value = serde_json::from_str(&done.stdout()).unwrap();
+/// `memory` of `info` and of the statistics of a render.
+fn predicted_and_found(scratch: &Scratch, backend: Backend) -> [Value; 2] {
+    let backend = ["--backend", backend.name()];
+    let info = scratch.run(&[&["info", "s.json", "--json"], &backend[..]].concat());
+    let render = scratch.run(&[&["render", "s.json", "--json", "--quiet"], &backend[..]].concat());
+    [info, render].map(|done| {
+        let value: Value = serde_json::from_str(&done.good().stdout()).unwrap();
         value["memory"].clone()
-    }))
+    })
 }
 
-#[test]
-fn an_accelerator_needs_what_was_predicted() {
-    let scratch = Scratch::new();
-    fs::write(scratch.path("sheet.ply"), sheet(320)).unwrap();
-    let shapes = json!([
-        { "type": "trimesh", "path": "sheet.ply", "material": {} },
-        { "type": "plane", "v0": [-9, -1, 9], "v1": [9, -1, 9], "v2": [9, -1, -9], "v3": [-9, -1, -9],
-          "material": {} },
-        ball(0.0, json!({}))
-    ]);
-    scratch.write("s.json", &with_shapes(shapes));
-    let Some([predicted, found]) = predicted_and_found(&scratch) else {
-        return;
-    };
-    assert_eq!(predicted["primitives"], 2 * 320 * 320 + 2 + 1);
-    for key in ["accelerator_bytes", "accelerator_peak_bytes"] {
-        let ratio = predicted[key].as_f64().unwrap() / found[key].as_f64().unwrap();
-        assert!((0.85..1.15).contains(&ratio), "{key}: {predicted} {found}");
+on_both! {
+    fn an_accelerator_needs_what_was_predicted(backend: Backend) {
+        let scratch = Scratch::new();
+        fs::write(scratch.path("sheet.ply"), sheet(320)).unwrap();
+        let shapes = json!([
+            { "type": "trimesh", "path": "sheet.ply", "material": {} },
+            { "type": "plane", "v0": [-9, -1, 9], "v1": [9, -1, 9], "v2": [9, -1, -9], "v3": [-9, -1, -9],
+              "material": {} },
+            ball(0.0, json!({}))
+        ]);
+        scratch.write("s.json", &with_shapes(shapes));
+        let [predicted, found] = predicted_and_found(&scratch, backend);
+        assert_eq!(predicted["primitives"], 2 * 320 * 320 + 2 + 1);
+        for key in ["accelerator_bytes", "accelerator_peak_bytes"] {
+            let ratio = predicted[key].as_f64().unwrap() / found[key].as_f64().unwrap();
+            assert!((0.85..1.15).contains(&ratio), "{key}: {predicted} {found}");
+        }
+        assert!(predicted["peak_bytes"].as_u64() >= found["peak_bytes"].as_u64());
     }
-    assert!(predicted["peak_bytes"].as_u64() >= found["peak_bytes"].as_u64());
 }
 
-/// Embree gives back a third of its memory after the build: room for the film.
 #[cfg(target_os = "linux")]
-#[test]
-fn the_film_is_not_there_while_the_accelerator_is_built() {
-    let scratch = Scratch::new();
-    fs::write(scratch.path("sheet.ply"), sheet(640)).unwrap();
-    let shapes = json!([{ "type": "trimesh", "path": "sheet.ply", "material": {} }]);
-    scratch.write("s.json", &with_shapes(shapes));
-    let peak = |size: &str| {
-        let args = ["render", "s.json", "--json", "--quiet", "--threads", "2", "--size", size];
-        let done = scratch.run(&args).unless_no_embree()?;
-        let value: Value = serde_json::from_str(&done.stdout()).unwrap();
-        value["memory"]["peak_bytes"].as_u64()
-    };
-    let (Some(small), Some(large)) = (peak("8x6"), peak("1000x1000")) else {
-        return;
-    };
-    let film = 16 * 1000 * 1000;
-    assert!(large < small + film / 2, "{small} {large}");
+on_both! {
+    /// A build gives back much of its memory at its end: room for the film.
+    fn the_film_is_not_there_while_the_accelerator_is_built(backend: Backend) {
+        let scratch = Scratch::new();
+        fs::write(scratch.path("sheet.ply"), sheet(640)).unwrap();
+        let shapes = json!([{ "type": "trimesh", "path": "sheet.ply", "material": {} }]);
+        scratch.write("s.json", &with_shapes(shapes));
+        let peak = |size: &str| {
+            let fixed = ["render", "s.json", "--json", "--quiet", "--threads", "2"];
+            let args = [&fixed[..], &["--size", size, "--backend", backend.name()]].concat();
+            let value: Value = serde_json::from_str(&scratch.run(&args).good().stdout()).unwrap();
+            value["memory"]["peak_bytes"].as_u64().unwrap()
+        };
+        let (small, large) = (peak("8x6"), peak("1000x1000"));
+        let film = 16 * 1000 * 1000;
+        assert!(large < small + film / 2, "{small} {large}");
+    }
 }
 
 #[test]
@@ -130,9 +126,7 @@ fn textures_take_what_their_headers_promise() {
     ];
     let balls: Vec<Value> = (0..).zip(materials).map(|(i, m)| ball(f64::from(i), m)).collect();
     scratch.write("s.json", &with_shapes(json!(balls)));
-    let Some([predicted, found]) = predicted_and_found(&scratch) else {
-        return;
-    };
+    let [predicted, found] = predicted_and_found(&scratch, Backend::default());
     assert_eq!(predicted["texture_bytes"], found["texture_bytes"]);
     let floats = 2 * 64 * 64 + 40 * 30 + 20 * 10;
     // The linear value of each byte stands beside the bytes.
@@ -159,7 +153,7 @@ fn a_texture_that_does_not_fit_is_refused_before_it_is_read() {
     }
     assert_eq!(scratch.names(), ["large.png", "s.json"]);
     let done = scratch.run(&["render", "s.json", "--max-memory", "160M"]);
-    assert!(done.code() == 0 || done.lacks_embree(), "{}", done.stderr());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
 }
 
 #[test]

@@ -4,13 +4,13 @@
 use std::{ops::Range, path::Path};
 
 use lightpath::{
-    accel::{self, Accelerator, BuildOptions, EmbreeMode},
+    accel::{self, Accelerator, BuildOptions},
     film::{Film, Window},
     integrate::Relative,
     layers::Plan,
     monitor::Monitor,
     render::{self, Adaptive},
-    scene::{self, Backend, Source},
+    scene::{self, Source},
     simd::Isa,
     world::{LoadOptions, World},
 };
@@ -61,7 +61,7 @@ fn scene(kind: Kind, open: f64) -> Value {
                         "v1": [8, 0, 8], "v2": [8, 0, -8], "v3": [-8, 0, -8] }));
     json!({ "camera": { "type": "pinhole", "width": SIDE, "height": SIDE, "fov": 40,
                         "position": [0, 1.6, 2.4], "target": [0, 0, 0], "up": [0, 1, 0] },
-            "scene": { "accelerator": "bvh", "ambient": [20, 20, 20], "shapes": shapes,
+            "scene": { "ambient": [20, 20, 20], "shapes": shapes,
                        "lightsources": [{ "type": "arealight", "id": [3, 3, 3], "samples": 1,
                                           "v0": [-1, 4, -1], "v1": [1, 4, -1], "v2": [-1, 4, 1] }] } })
 }
@@ -74,13 +74,8 @@ fn with_world<T>(scene: &Value, work: impl FnOnce(&mut World, &dyn Accelerator) 
     let monitor = Monitor::default();
     let (mut world, _) = World::load(&scene, LoadOptions::default(), &monitor).unwrap();
     let geometry = world.geometry.clone();
-    let options = BuildOptions {
-        threads: 2,
-        embree: EmbreeMode::Robust,
-        isa: Isa::detect(),
-        max_bytes: None,
-    };
-    let accelerator = accel::build(&geometry, Backend::Bvh, &options, &monitor).unwrap();
+    let options = BuildOptions { threads: 2, max_bytes: None };
+    let accelerator = accel::build(&geometry, scene.backend, &options, &monitor).unwrap();
     work(&mut world, accelerator.as_ref())
 }
 
@@ -219,7 +214,7 @@ fn penumbra() -> Value {
     json!({ "nbounces": 1,
             "camera": { "type": "pinhole", "width": 36, "height": 24, "fov": 45,
                         "position": [0, 2, 4], "target": [0, 0, 0], "up": [0, 1, 0] },
-            "scene": { "accelerator": "bvh", "attenuation": "quadratic",
+            "scene": { "attenuation": "quadratic",
                        "lightsources": [{ "type": "arealight", "id": [9, 6, 1], "is": [1, 4, 9],
                                           "v0": [-1, 2, -1], "v1": [1, 2, -1], "v2": [-1, 2, 1] }],
                        "shapes": [

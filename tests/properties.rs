@@ -1,15 +1,15 @@
 //! Properties of hits over sixteen decades of coordinates: rays that leave a primitive, positions
 //! in their primitive's box, impossible rays, and packets against single rays and an f64 oracle.
-#![cfg(feature = "embree")]
 
-mod embree;
+mod backends;
 mod oracle;
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
+use backends::on_both;
 use glam::DVec3;
 use lightpath::{
-    accel::{Accelerator, BuildOptions},
+    accel::Accelerator,
     geometry::{Geometry, NONE, Sphere, Surfaces, TriangleMesh, refine},
     ray::{Coherence, LANES, Mask, RayPacket},
     scene::Backend,
@@ -28,17 +28,6 @@ fn below(x: f32) -> f32 {
         x if x > 0.0 => f32::from_bits(x.to_bits() - 1),
         x => f32::from_bits(x.to_bits() + 1),
     }
-}
-
-/// Embree over `geometry`; `None`, with a note, where the library is not installed.
-fn embree(geometry: &Geometry) -> Option<Box<dyn Accelerator + '_>> {
-    let options = BuildOptions {
-        threads: 1,
-        embree: Default::default(),
-        isa: lightpath::simd::Isa::detect(),
-        max_bytes: None,
-    };
-    embree::build(geometry, Backend::Embree, &options)
 }
 
 /// Either sign, magnitude 1e-8 to 1e8, every decade equally likely.
@@ -207,6 +196,7 @@ fn leaves_for_good(
 
 /// What becomes of sixteen rays at a triangle, a quad and a sphere, and of the rays that leave.
 fn hits_of(
+    backend: Backend,
     triangle: [DVec3; 3],
     quad: [DVec3; 3],
     sphere: Sphere,
@@ -215,7 +205,7 @@ fn hits_of(
     count: &AtomicU64,
 ) -> TestCaseResult {
     let geometry = geometry(&[triangle], &[quad], &[sphere]);
-    let Some(accelerator) = embree(&geometry) else { return Ok(()) };
+    let accelerator = backends::build(&geometry, backend);
     for corners in [triangle, quad] {
         for single in [false, true] {
             let mut packet = packet(&aim(corners, sphere, at));
@@ -249,16 +239,17 @@ fn hits_of(
     Ok(())
 }
 
-#[test]
-fn hits_lie_in_their_box_and_rays_leave_for_good() {
-    let count = AtomicU64::new(0);
-    let input = (corners(), corners(), sphere(), aimed(), vec(unit(), LANES));
-    let test = |(triangle, quad, sphere, at, out): (_, _, _, Vec<_>, Vec<_>)| {
-        hits_of(triangle, quad, sphere, &at, &out, &count)
-    };
-    run(2048, input, test);
-    let count = count.into_inner();
-    assert!(count == 0 || count > 2000, "only {count} rays hit anything");
+on_both! {
+    fn hits_lie_in_their_box_and_rays_leave_for_good(backend: Backend) {
+        let count = AtomicU64::new(0);
+        let input = (corners(), corners(), sphere(), aimed(), vec(unit(), LANES));
+        let test = |(triangle, quad, sphere, at, out): (_, _, _, Vec<_>, Vec<_>)| {
+            hits_of(backend, triangle, quad, sphere, &at, &out, &count)
+        };
+        run(2048, input, test);
+        let count = count.into_inner();
+        assert!(count > 2000, "only {count} rays hit anything");
+    }
 }
 
 fn run<S: Strategy>(cases: u32, input: S, test: impl Fn(S::Value) -> TestCaseResult) {
@@ -312,9 +303,15 @@ fn mask() -> impl Strategy<Value = Mask> {
 }
 
 /// Packets with any mask, single rays and shadow rays against the oracle.
-fn agrees(cloud: &Cloud, rays: &[(DVec3, DVec3)], mask: Mask, sure: &AtomicU64) -> TestCaseResult {
+fn agrees(
+    backend: Backend,
+    cloud: &Cloud,
+    rays: &[(DVec3, DVec3)],
+    mask: Mask,
+    sure: &AtomicU64,
+) -> TestCaseResult {
     let geometry = geometry(&cloud.triangles, &cloud.quads, &cloud.spheres);
-    let Some(accelerator) = embree(&geometry) else { return Ok(()) };
+    let accelerator = backends::build(&geometry, backend);
     let scaled: Vec<_> = rays.iter().map(|(o, d)| (*o * cloud.scale, *d)).collect();
     let start = packet(&scaled);
     let mut single = start.clone();
@@ -380,13 +377,14 @@ fn shadow_agrees(
     Ok(())
 }
 
-#[test]
-fn packets_single_rays_and_shadow_rays_agree_with_an_oracle() {
-    let sure = AtomicU64::new(0);
-    let test = |(cloud, rays, mask): (Cloud, Vec<_>, Mask)| agrees(&cloud, &rays, mask, &sure);
-    run(2048, (cloud(), rays(), mask()), test);
-    let sure = sure.into_inner();
-    assert!(sure == 0 || sure > 2000, "only {sure} rays were clear");
+on_both! {
+    fn packets_single_rays_and_shadow_rays_agree_with_an_oracle(backend: Backend) {
+        let sure = AtomicU64::new(0);
+        let test = |(cloud, rays, mask): (Cloud, Vec<_>, Mask)| agrees(backend, &cloud, &rays, mask, &sure);
+        run(2048, (cloud(), rays(), mask()), test);
+        let sure = sure.into_inner();
+        assert!(sure > 2000, "only {sure} rays were clear");
+    }
 }
 
 /// Rays that cannot hit anything.
@@ -410,13 +408,14 @@ fn impossible() -> impl Strategy<Value = (DVec3, DVec3)> {
 
 /// Impossible rays miss, and the other lanes get what they get without them.
 fn undisturbed(
+    backend: Backend,
     cloud: &Cloud,
     rays: &[(DVec3, DVec3)],
     bad: &[(DVec3, DVec3)],
     mask: Mask,
 ) -> TestCaseResult {
     let geometry = geometry(&cloud.triangles, &cloud.quads, &cloud.spheres);
-    let Some(accelerator) = embree(&geometry) else { return Ok(()) };
+    let accelerator = backends::build(&geometry, backend);
     let mixed: Vec<(DVec3, DVec3)> = (0..LANES)
         .map(|i| if mask.0[i] != 0 { rays[i] } else { bad[i] })
         .map(|(origin, direction)| (origin * cloud.scale, direction))
@@ -446,8 +445,9 @@ fn undisturbed(
     Ok(())
 }
 
-#[test]
-fn impossible_rays_miss_and_disturb_nobody() {
-    let input = (cloud(), rays(), vec(impossible(), LANES), mask());
-    run(2048, input, |(cloud, rays, bad, mask)| undisturbed(&cloud, &rays, &bad, mask));
+on_both! {
+    fn impossible_rays_miss_and_disturb_nobody(backend: Backend) {
+        let input = (cloud(), rays(), vec(impossible(), LANES), mask());
+        run(2048, input, |(cloud, rays, bad, mask)| undisturbed(backend, &cloud, &rays, &bad, mask));
+    }
 }

@@ -4,8 +4,11 @@
 //! pixel; scenes with area lights, lens and antialiasing must agree within the noise that their
 //! own number of samples implies. `compare.rs` states and justifies every tolerance.
 
+mod backends;
 mod reference;
 
+use backends::on_both;
+use lightpath::scene::Backend;
 use reference::{Density, Picture, assets, compare, program, scene::Scene};
 use std::path::{Path, PathBuf};
 
@@ -20,40 +23,45 @@ fn stage(name: &str) -> (tempfile::TempDir, PathBuf) {
 }
 
 /// Both pictures of a scene: the renderer's, then the reference's.
-fn both(name: &str) -> (Picture, Picture) {
+fn both(backend: Backend, name: &str) -> (Picture, Picture) {
     let (_folder, scene) = stage(name);
-    let actual = program::render(&scene);
+    let actual = program::render(&scene, backend.name());
     (actual, reference::render(&Scene::load(&scene), Density::default()))
 }
 
-#[test]
-fn shapes_mirrors_and_shadows() {
-    let (actual, expected) = both("shapes");
-    compare::assert_same("shapes", &actual, &expected);
+on_both! {
+    fn shapes_mirrors_and_shadows(backend: Backend) {
+        let (actual, expected) = both(backend, "shapes");
+        compare::assert_same("shapes", &actual, &expected);
+    }
 }
 
-#[test]
-fn textures_on_every_shape() {
-    let (actual, expected) = both("textures");
-    compare::assert_same("textures", &actual, &expected);
+on_both! {
+    fn textures_on_every_shape(backend: Backend) {
+        let (actual, expected) = both(backend, "textures");
+        compare::assert_same("textures", &actual, &expected);
+    }
 }
 
-#[test]
-fn meshes_smooth_and_coloured() {
-    let (actual, expected) = both("meshes");
-    compare::assert_same("meshes", &actual, &expected);
+on_both! {
+    fn meshes_smooth_and_coloured(backend: Backend) {
+        let (actual, expected) = both(backend, "meshes");
+        compare::assert_same("meshes", &actual, &expected);
+    }
 }
 
-#[test]
-fn area_lights_uniform_and_lambertian() {
-    let (actual, expected) = both("arealights");
-    compare::assert_same_sampled("arealights", &actual, &expected);
+on_both! {
+    fn area_lights_uniform_and_lambertian(backend: Backend) {
+        let (actual, expected) = both(backend, "arealights");
+        compare::assert_same_sampled("arealights", &actual, &expected);
+    }
 }
 
-#[test]
-fn thin_lens_antialiasing_and_alpha() {
-    let (actual, expected) = both("lens");
-    compare::assert_same_sampled("lens", &actual, &expected);
+on_both! {
+    fn thin_lens_antialiasing_and_alpha(backend: Backend) {
+        let (actual, expected) = both(backend, "lens");
+        compare::assert_same_sampled("lens", &actual, &expected);
+    }
 }
 
 /// A picture whose colours are multiplied by `factor` wherever they come from random choices.

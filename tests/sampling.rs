@@ -8,7 +8,7 @@ use lightpath::{
     monitor::Monitor,
     render,
     sampler::Sampler,
-    scene::{self, Backend, Source},
+    scene::{self, Source},
     simd::Isa,
     world::{LoadOptions, World},
 };
@@ -129,8 +129,8 @@ fn rendered(scene: &Value) -> Vec<[f32; 4]> {
     let source = Source::Text { name: "s.json", text: text.as_bytes(), folder: Path::new("") };
     let scene = scene::load(source, &[]).unwrap().scene;
     let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).unwrap();
-    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
-    let accelerator = accel::build(&world.geometry, Backend::Bvh, &options, &monitor).unwrap();
+    let options = BuildOptions { threads: 1, max_bytes: None };
+    let accelerator = accel::build(&world.geometry, scene.backend, &options, &monitor).unwrap();
     let mut film = Film::new(world.frame, Window::full(SIDE, SIDE)).unwrap();
     render::render(&world, &*accelerator, isa, &mut film, &monitor).unwrap();
     film.pixels.to_vec()

@@ -1,5 +1,5 @@
 //! Signals and sudden death: the right exit code, soon, and never a file under a final name that is
-//! not whole. Skipped with a note where Embree is not installed.
+//! not whole.
 #![cfg(unix)]
 
 mod program;
@@ -12,7 +12,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use program::{Scratch, embree::no_embree, names_in};
+use lightpath::scene::Backend;
+use program::{Scratch, backends::on_both, names_in};
 
 /// Some minutes of work.
 const SLOW: &str = r#"{
@@ -40,10 +41,9 @@ impl Drop for Running {
     }
 }
 
-/// A render of `file` to `out/x` that has reached `phase`, or on a quick machine the one behind it;
-/// `None` where there is no Embree.
-fn started(scratch: &Scratch, file: &str, phase: &str) -> Option<Running> {
-    let args = ["render", file, "-o", "out/x", "--progress", "json"];
+/// A render of `file` to `out/x` that has reached `phase`, or on a quick machine the one behind it.
+fn started(scratch: &Scratch, file: &str, backend: &str, phase: &str) -> Running {
+    let args = ["render", file, "-o", "out/x", "--progress", "json", "--backend", backend];
     let mut child = Running(scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap());
     let mut line = String::new();
     let mut stderr = BufReader::new(child.0.stderr.take().unwrap());
@@ -51,12 +51,9 @@ fn started(scratch: &Scratch, file: &str, phase: &str) -> Option<Running> {
         let reached = |phase: &str| line.contains(&format!("\"phase\":\"{phase}\""));
         if reached(phase) || reached("render") {
             child.0.stderr = Some(stderr.into_inner());
-            return Some(child);
+            return child;
         }
-        if line.starts_with("error") {
-            assert!(no_embree(&line), "{line}");
-            return None;
-        }
+        assert!(!line.starts_with("error"), "{line}");
         line.clear();
     }
     panic!("{phase} was over too soon");
@@ -70,10 +67,9 @@ fn send(signal: &str, child: &Child) {
 }
 
 /// Sends a signal in `phase` and sees that nothing is left.
-fn stops(scratch: &Scratch, file: &str, phase: &str, signal: &str, code: i32) {
-    let Some(mut child) = started(scratch, file, phase) else {
-        return;
-    };
+fn stops(file: (&Scratch, &str), backend: Backend, phase: &str, signal: &str, code: i32) {
+    let (scratch, file) = file;
+    let mut child = started(scratch, file, backend.name(), phase);
     send(signal, &child.0);
     let sent = Instant::now();
     let mut said = String::new();
@@ -92,21 +88,22 @@ fn scratch() -> Scratch {
     scratch
 }
 
-#[test]
-fn a_render_stops() {
-    let scratch = scratch();
-    stops(&scratch, "slow.json", "render", "INT", 130);
-    stops(&scratch, "slow.json", "render", "TERM", 143);
-    // A terminal that closes, and Ctrl-\.
-    stops(&scratch, "slow.json", "render", "HUP", 129);
-    stops(&scratch, "slow.json", "render", "QUIT", 131);
+on_both! {
+    fn a_render_stops(backend: Backend) {
+        let scratch = scratch();
+        stops((&scratch, "slow.json"), backend, "render", "INT", 130);
+        stops((&scratch, "slow.json"), backend, "render", "TERM", 143);
+        // A terminal that closes, and Ctrl-\.
+        stops((&scratch, "slow.json"), backend, "render", "HUP", 129);
+        stops((&scratch, "slow.json"), backend, "render", "QUIT", 131);
+    }
 }
 
 #[test]
 fn a_job_of_nohup_outlives_its_terminal() {
     let scratch = scratch();
-    let render = "trap '' HUP; exec \"$0\" render slow.json -o out/x --size 300x300 --spp 16 \
-                  --set /scene/accelerator=bvh --quiet";
+    let render =
+        "trap '' HUP; exec \"$0\" render slow.json -o out/x --size 300x300 --spp 16 --quiet";
     let mut command = Command::new("sh");
     command.args(["-c", render, env!("CARGO_BIN_EXE_lightpath")]).current_dir(scratch.path(""));
     let mut child = Running(command.spawn().unwrap());
@@ -125,7 +122,7 @@ fn a_limit_of_file_sizes_is_an_error_and_leaves_nothing() {
     let scratch = scratch();
     // In blocks of 512 or 1024 bytes; the EXR has more than that.
     let render = "ulimit -f 4; exec \"$0\" render slow.json -o out/x --size 128x128 --spp 1 --float \
-                  --compression none --set /scene/accelerator=bvh --quiet";
+                  --compression none --quiet";
     let mut command = Command::new("sh");
     command.args(["-c", render, env!("CARGO_BIN_EXE_lightpath")]).current_dir(scratch.path(""));
     let done = program::Done::of(&mut command);
@@ -138,9 +135,7 @@ fn a_limit_of_file_sizes_is_an_error_and_leaves_nothing() {
 fn sudden_death_leaves_no_file_under_a_final_name() {
     let scratch = scratch();
     fs::write(scratch.path("out/x.png"), "the picture before").unwrap();
-    let Some(mut child) = started(&scratch, "slow.json", "render") else {
-        return;
-    };
+    let mut child = started(&scratch, "slow.json", "bvh", "render");
     child.0.kill().unwrap();
     assert_eq!(child.0.wait().unwrap().signal(), Some(9));
     let names = names_in(&scratch.path("out"));
@@ -177,12 +172,13 @@ fn sheet(n: usize) -> Vec<u8> {
     out
 }
 
-#[test]
-fn a_build_stops() {
-    let scratch = scratch();
-    fs::write(scratch.path("sheet.ply"), sheet(1400)).unwrap();
-    let shape = r#"{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }"#;
-    let mesh = r#"{ "type": "trimesh", "path": "sheet.ply", "material": {} }"#;
-    scratch.write("mesh.json", &SLOW.replace(shape, mesh));
-    stops(&scratch, "mesh.json", "build", "INT", 130);
+on_both! {
+    fn a_build_stops(backend: Backend) {
+        let scratch = scratch();
+        fs::write(scratch.path("sheet.ply"), sheet(1400)).unwrap();
+        let shape = r#"{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }"#;
+        let mesh = r#"{ "type": "trimesh", "path": "sheet.ply", "material": {} }"#;
+        scratch.write("mesh.json", &SLOW.replace(shape, mesh));
+        stops((&scratch, "mesh.json"), backend, "build", "INT", 130);
+    }
 }

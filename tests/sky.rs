@@ -77,12 +77,12 @@ fn world(spp: u32, transparent: bool) -> World {
 #[test]
 fn pictures_are_the_same_bit_for_bit() {
     let isa = Isa::detect();
-    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
+    let options = BuildOptions { threads: 1, max_bytes: None };
     let monitor = Monitor::default();
     for spp in [1, 3, 4, 16, 50, 64, 300] {
         for (transparent, margin) in [(false, 0), (true, 37)] {
             let world = world(spp, transparent).with_margin(margin);
-            let tree = Bvh::build(&world.geometry, &options, &monitor).unwrap();
+            let tree = Bvh::build(&world.geometry, isa, &options, &monitor).unwrap();
             let [width, height] = world.frame;
             let crop = Window { x0: 21, y0: 5, x1: 90, y1: 78 };
             for window in [Window::full(width, height), crop] {

@@ -1,13 +1,12 @@
 //! Spheres where f64 runs out: tiny and far, huge and near, rays from within, from the surface and
 //! along the outline, against an oracle in integers.
 
-mod embree;
+mod backends;
 
 use glam::DVec3;
-use lightpath::accel::BuildOptions;
 use lightpath::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket};
-use lightpath::scene::Backend;
+use lightpath::scene::{Backend, EmbreeMode};
 use lightpath::simd::Isa;
 use num_bigint::BigInt;
 
@@ -165,14 +164,13 @@ impl Wrong {
     }
 }
 
-fn judge(backend: Backend, isa: Isa) -> Option<Wrong> {
+fn judge(backend: Backend) -> Wrong {
     let all = Mask([-1; LANES]);
-    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
     let mut wrong = Wrong::default();
     for case in cases(64) {
         let exact = roots(&case.sphere, case.origin, case.direction);
         let geometry = Geometry::new(DVec3::ZERO, vec![], vec![], vec![case.sphere]).unwrap();
-        let accelerator = embree::build(&geometry, backend, &options)?;
+        let accelerator = backends::build(&geometry, backend);
         for coherence in [Coherence::Coherent, Coherence::Single] {
             let mut found = packet(&case);
             accelerator.closest(&all, &mut found, coherence);
@@ -215,8 +213,8 @@ fn judge(backend: Backend, isa: Isa) -> Option<Wrong> {
             }
         }
     }
-    println!("{backend:?} {isa}: {wrong:?}");
-    Some(wrong)
+    println!("{backend:?}: {wrong:?}");
+    wrong
 }
 
 /// Whether the refined point is where the exact root is, and on the sphere, up to its rounding.
@@ -232,8 +230,8 @@ fn on_sphere(case: &Case, geometry: &Geometry, found: &RayPacket, t: f64) -> boo
     radial <= rounding && point.distance(exact) <= rounding + along
 }
 
-fn passes(backend: Backend, isa: Isa) {
-    let Some(wrong) = judge(backend, isa) else { return };
+fn passes(backend: Backend) {
+    let wrong = judge(backend);
     let first = wrong.first.as_deref().unwrap_or_default();
     assert_eq!((wrong.seen, wrong.shadows, wrong.points), (0, 0, 0), "{first}");
     assert!(wrong.worst <= 2.0, "{} ulp: {first}", wrong.worst);
@@ -241,25 +239,26 @@ fn passes(backend: Backend, isa: Isa) {
 }
 
 #[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
 fn embree() {
-    passes(Backend::Embree, Isa::Portable);
+    passes(Backend::Embree(EmbreeMode::Robust));
 }
 
 #[test]
 fn bvh() {
-    Isa::available().for_each(|isa| passes(Backend::Bvh, isa));
+    Isa::available().for_each(|isa| passes(Backend::Bvh(isa)));
 }
 
 #[test]
 fn brute() {
-    passes(Backend::Brute, Isa::Portable);
+    passes(Backend::Brute);
 }
 
 /// The coursework's quadratic, as schools teach it, claims no more than f64 gives: it is right away
 /// from the outline and the surface, and fails near them. Its failures show that the cases are hard.
 #[test]
 fn coursework_fails_where_it_should() {
-    let wrong = judge(Backend::Coursework, Isa::Portable).unwrap();
+    let wrong = judge(Backend::Coursework);
     assert!(wrong.seen > 0 && wrong.worst > 8.0, "{wrong:?}");
 }
 

@@ -1,19 +1,19 @@
 //! Smooth normals on coarse meshes: no stairs of shadow at the terminator, no mirrored ray into its
 //! own surface, and normals that face the wrong way.
 
-mod embree;
+mod backends;
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
+use backends::{build, on_both};
 use glam::{DVec3, Vec3};
-use lightpath::accel::{Accelerator, BuildOptions};
+use lightpath::accel::Accelerator;
 use lightpath::geometry::{NONE, Surfaces, refine};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use lightpath::scene::{self, Backend, Source};
 use lightpath::shading::{Falloff, Lit, Points, lane, light_rays, reflect, set_lane};
-use lightpath::simd::Isa;
 use lightpath::world::{LoadOptions, World};
 use serde_json::json;
 
@@ -108,21 +108,6 @@ fn world(ply: &str) -> World {
     World::load(&scene, LoadOptions::default(), &Monitor::default()).unwrap().0
 }
 
-/// Runs `test` with each backend that can run here.
-fn with_backends(world: &World, mut test: impl FnMut(Backend, &dyn Accelerator)) {
-    for backend in [Backend::Embree, Backend::Bvh] {
-        let options = BuildOptions {
-            threads: 1,
-            embree: Default::default(),
-            isa: Isa::detect(),
-            max_bytes: None,
-        };
-        if let Some(accelerator) = embree::build(&world.geometry, backend, &options) {
-            test(backend, accelerator.as_ref());
-        }
-    }
-}
-
 /// Rays of a row of [`packets`].
 const SIDE: usize = 192;
 
@@ -195,52 +180,31 @@ struct Lighting {
 
 /// Lights a ball of `times` splits from the side. `lifted`: from the shifted shadow origins. `band`:
 /// up to which N.L a point belongs to the terminator.
-fn lighting(times: u32, lifted: bool, band: f64) -> Vec<Lighting> {
+fn lighting(backend: Backend, times: u32, lifted: bool, band: f64) -> Lighting {
     let world = world(&icosphere(times, Normals::None));
     let to_light = DVec3::new(0.9, 0.3, 0.25).normalize();
     let light = to_light * 50.0;
-    let mut all = Vec::new();
-    with_backends(&world, |backend, accelerator| {
-        let mut found = Lighting::default();
-        for mut packet in packets() {
-            let lit = lit(&world, accelerator, &mut packet, light, lifted);
-            for (i, value) in lit.into_iter().enumerate() {
-                let Some(value) = value else { continue };
-                let at = lane(&packet.rays.org, i).as_dvec3();
-                // Not near the silhouette: there the coarse ball shows other parts of itself.
-                let r2 = at.x * at.x + at.y * at.y;
-                if r2 > 0.8 {
-                    continue;
-                }
-                let n = DVec3::new(at.x, at.y, (1.0 - r2).sqrt());
-                let exact = n.dot((light - n).normalize());
-                found.points += 1;
-                found.black += u64::from(exact > band && value == 0.0);
-                found.worst = found.worst.max((value - exact.max(0.0)).abs());
+    let accelerator = build(&world.geometry, backend);
+    let mut found = Lighting::default();
+    for mut packet in packets() {
+        let lit = lit(&world, accelerator.as_ref(), &mut packet, light, lifted);
+        for (i, value) in lit.into_iter().enumerate() {
+            let Some(value) = value else { continue };
+            let at = lane(&packet.rays.org, i).as_dvec3();
+            // Not near the silhouette: there the coarse ball shows other parts of itself.
+            let r2 = at.x * at.x + at.y * at.y;
+            if r2 > 0.8 {
+                continue;
             }
-        }
-        println!("{backend:?}, {times} splits, lifted {lifted}: {found:?}");
-        all.push(found);
-    });
-    all
-}
-
-#[test]
-fn a_coarse_sphere_has_no_stairs_of_shadow() {
-    // 80, 320 and 20480 faces; interpolated normals are off by as much as `near`.
-    for (times, near) in [(1, 0.04), (2, 0.02), (5, 0.003)] {
-        for found in lighting(times, true, 2.0 * near) {
-            assert!(found.points > 10_000);
-            assert_eq!(found.black, 0, "{times}: {found:?}");
-            assert!(found.worst < near, "{times}: {found:?}");
+            let n = DVec3::new(at.x, at.y, (1.0 - r2).sqrt());
+            let exact = n.dot((light - n).normalize());
+            found.points += 1;
+            found.black += u64::from(exact > band && value == 0.0);
+            found.worst = found.worst.max((value - exact.max(0.0)).abs());
         }
     }
-    // Without the shifted origins there are many: what is tested here can fail.
-    for (times, near) in [(1, 0.04), (2, 0.02)] {
-        for found in lighting(times, false, 2.0 * near) {
-            assert!(found.black > 100, "{times}: {found:?}");
-        }
-    }
+    println!("{backend:?}, {times} splits, lifted {lifted}: {found:?}");
+    found
 }
 
 /// Hills and valleys over [-1, 1]^2: `cells` x `cells` pairs of triangles.
@@ -273,40 +237,48 @@ fn all_around(lit: &[f64], index: usize, distance: usize) -> Option<bool> {
     lit.iter().all(|&each| each == lit[0]).then_some(lit[0])
 }
 
+on_both! {
+fn a_coarse_sphere_has_no_stairs_of_shadow(backend: Backend) {
+    // 80, 320 and 20480 faces; interpolated normals are off by as much as `near`.
+    for (times, near) in [(1, 0.04), (2, 0.02), (5, 0.003)] {
+        let found = lighting(backend, times, true, 2.0 * near);
+        assert!(found.points > 10_000);
+        assert_eq!(found.black, 0, "{times}: {found:?}");
+        assert!(found.worst < near, "{times}: {found:?}");
+    }
+    // Without the shifted origins there are many: what is tested here can fail.
+    for (times, near) in [(1, 0.04), (2, 0.02)] {
+        let found = lighting(backend, times, false, 2.0 * near);
+        assert!(found.black > 100, "{times}: {found:?}");
+    }
+}
+
 /// A coarse landscape against the same one of 512 x 512 cells, where that is lit or dark all around: nothing
 /// lit is black, and no N.L is off by more than the interpolated normals are, in the dark, too.
-#[test]
-fn a_coarse_landscape_is_lit_as_the_subdivided_one() {
+fn a_coarse_landscape_is_lit_as_the_subdivided_one(backend: Backend) {
     let light = DVec3::new(0.9, 0.35, 0.3).normalize() * 50.0;
-    let values = |cells: usize, lifted: bool| {
+    let values = |cells: usize, lifted: bool| -> Vec<f64> {
         let world = world(&landscape(cells as u32));
-        let mut all: Vec<Vec<f64>> = Vec::new();
-        with_backends(&world, |_, accelerator| {
-            let lit = |mut packet: RayPacket| lit(&world, accelerator, &mut packet, light, lifted);
-            all.push(packets().flat_map(lit).map(|value| value.unwrap()).collect());
-        });
-        all
+        let accelerator = build(&world.geometry, backend);
+        let lit = |mut packet| lit(&world, accelerator.as_ref(), &mut packet, light, lifted);
+        packets().flat_map(lit).map(|value| value.unwrap()).collect()
     };
     let fine = values(512, true);
     // The error of interpolated normals falls with the size of cells.
     for (cells, near) in [(24, 0.08), (48, 0.045)] {
         // The coarse one's shadows end half a cell elsewhere at most.
         let band = SIDE / (2 * cells);
-        for (lifted, fine, coarse) in [true, false].into_iter().flat_map(|lifted| {
+        for lifted in [true, false] {
             let coarse = values(cells, lifted);
-            fine.iter().zip(coarse).map(move |(fine, coarse)| (lifted, fine, coarse))
-        }) {
             let (mut lit, mut dark, mut black, mut worst) = (0, 0, 0, 0.0f64);
             for (index, &value) in coarse.iter().enumerate() {
-                let Some(is_lit) = all_around(fine, index, band) else { continue };
+                let Some(is_lit) = all_around(&fine, index, band) else { continue };
                 let is_black = is_lit && value == 0.0;
                 (lit, dark) = (lit + u32::from(is_lit), dark + u32::from(!is_lit));
                 black += u32::from(is_black);
                 worst = worst.max((value - fine[index]).abs());
             }
-            println!(
-                "{cells} cells, lifted {lifted}: {black} of {lit} black, {dark} dark, {worst}"
-            );
+            println!("{cells}, lifted {lifted}: {black} of {lit} black, {dark} dark, {worst}");
             assert!(lit > 10_000 && dark > 2_000, "{lit} lit, {dark} dark");
             if lifted {
                 assert!(black == 0 && worst < near, "{black} black, {worst}");
@@ -317,11 +289,11 @@ fn a_coarse_landscape_is_lit_as_the_subdivided_one() {
     }
 }
 
-#[test]
-fn no_mirrored_ray_runs_into_its_own_surface() {
+fn no_mirrored_ray_runs_into_its_own_surface(backend: Backend) {
     for normals in [Normals::None, Normals::Inward, Normals::Mixed] {
         let world = world(&icosphere(1, normals));
-        with_backends(&world, |backend, accelerator| {
+        let accelerator = build(&world.geometry, backend);
+        let accelerator = accelerator.as_ref();
             let (mut mirrored, mut turned) = (0, 0);
             for mut packet in packets() {
                 let (surfaces, points) = look(&world, accelerator, &mut packet);
@@ -341,16 +313,15 @@ fn no_mirrored_ray_runs_into_its_own_surface() {
                 }
             }
             assert!(mirrored > 20_000 && turned > 50, "{mirrored}, {turned} turned");
-        });
     }
 }
 
-#[test]
-fn normals_that_point_inward_are_turned_to_the_viewer() {
+fn normals_that_point_inward_are_turned_to_the_viewer(backend: Backend) {
     let pictures = [Normals::None, Normals::Inward].map(|normals| {
         let world = world(&icosphere(2, normals));
         let mut seen = Vec::new();
-        with_backends(&world, |_, accelerator| {
+        let accelerator = build(&world.geometry, backend);
+        let accelerator = accelerator.as_ref();
             for mut packet in packets() {
                 let (surfaces, points) = look(&world, accelerator, &mut packet);
                 for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
@@ -359,7 +330,6 @@ fn normals_that_point_inward_are_turned_to_the_viewer() {
                     seen.push((n, lane(&points.at.origin, i)));
                 }
             }
-        });
         seen
     });
     let [own, inward] = pictures;
@@ -373,10 +343,10 @@ fn normals_that_point_inward_are_turned_to_the_viewer() {
 }
 
 /// With mixed normals the lifted origin never goes below the facet.
-#[test]
-fn mixed_normals_never_start_shadow_rays_under_the_facet() {
+fn mixed_normals_never_start_shadow_rays_under_the_facet(backend: Backend) {
     let world = world(&icosphere(1, Normals::Mixed));
-    with_backends(&world, |_, accelerator| {
+    let accelerator = build(&world.geometry, backend);
+    let accelerator = accelerator.as_ref();
         let mut lifted = 0;
         for mut packet in packets() {
             let (surfaces, points) = look(&world, accelerator, &mut packet);
@@ -391,5 +361,5 @@ fn mixed_normals_never_start_shadow_rays_under_the_facet() {
             }
         }
         assert!(lifted > 1000, "{lifted} lifted");
-    });
+}
 }

@@ -1,14 +1,14 @@
 //! Which texel a camera ray sees, on every kind of shape: as f64 arithmetic gives it from the ray and the
 //! formulas of docs/scene-format.md.
 
-mod embree;
+mod backends;
 
 use std::fmt::Write as _;
 use std::path::Path;
 
+use backends::on_both;
 use glam::{DVec2, DVec3};
 use image::{Rgb, RgbImage};
-use lightpath::accel::BuildOptions;
 use lightpath::film::{Blank, Film, Window};
 use lightpath::layers::Plan;
 use lightpath::monitor::Monitor;
@@ -54,20 +54,19 @@ fn camera(position: [f64; 3], lookat: [f64; 3], fov: f64) -> Value {
             "position": position, "lookat": lookat, "up": [0.03, 1, 0.01] })
 }
 
-fn render(world: &World, plan: &Plan, backend: Backend) -> Option<Film> {
+fn render(world: &World, plan: &Plan, backend: Backend) -> Film {
     let (monitor, isa) = (Monitor::default(), Isa::detect());
-    let options = BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
-    let accelerator = embree::build(&world.geometry, backend, &options)?;
+    let accelerator = backends::build(&world.geometry, backend);
     let window = Window::full(WIDTH, HEIGHT);
     let blank = Blank::new(world.frame, window, plan.recipe.channels.clone());
     let mut film = blank.unwrap().film();
     render::render_layers(world, &*accelerator, isa, &mut film, plan, &monitor).unwrap();
-    Some(film)
+    film
 }
 
-/// Renders the scene on each backend and compares texels and the layer `uv` with the truth; then the layer
+/// Renders the scene and compares texels and the layer `uv` with the truth; then the layer
 /// alone, of the same shape without a texture.
-fn judge(folder: &Path, scene: &Value, scale: DVec2, truth: &Truth) {
+fn judge(backend: Backend, folder: &Path, scene: &Value, scale: DVec2, truth: &Truth) {
     let texels = RgbImage::from_fn(TEXELS, TEXELS, |i, j| Rgb([20 * i as u8, 20 * j as u8, 0]));
     texels.save(folder.join("texels.png")).unwrap();
     let mut plain = scene.clone();
@@ -77,12 +76,8 @@ fn judge(folder: &Path, scene: &Value, scale: DVec2, truth: &Truth) {
         let source = Source::Text { name: "test", text: text.as_bytes(), folder };
         let scene = scene::load(source, &[]).unwrap().scene;
         let (world, _) = World::load(&scene, LoadOptions::default(), &Monitor::default()).unwrap();
-        for backend in [Backend::Bvh, Backend::Embree] {
-            if let Some(film) = render(&world, &Plan::new(&scene), backend) {
-                let texels = textured.then_some(scale);
-                compare(&world, &film, texels, truth, &format!("{backend:?}, {textured}"));
-            }
-        }
+        let film = render(&world, &Plan::new(&scene), backend);
+        compare(&world, &film, textured.then_some(scale), truth, &format!("textured: {textured}"));
     }
 }
 
@@ -137,7 +132,7 @@ fn triangle(ray: &Ray, [a, b, c]: [DVec3; 3]) -> Option<(DVec3, [f64; 3])> {
 }
 
 /// Tiles of 2 m on a plane that is `side` m long, seen near its far corner.
-fn far_tiles(side: f64) {
+fn far_tiles(backend: Backend, side: f64) {
     let folder = tempfile::tempdir().unwrap();
     let [v0, v1, v2, v3] =
         [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]].map(|[x, z]| DVec3::new(x, 0.0, z));
@@ -153,37 +148,40 @@ fn far_tiles(side: f64) {
         let (a, b) = (v2 - v3, v0 - v3);
         (t > 0.0).then(|| DVec2::new(p.dot(a) / a.dot(a), 1.0 - p.dot(b) / b.dot(b)))
     };
-    judge(folder.path(), &scene(shape, scale, &camera), scale, &truth);
+    judge(backend, folder.path(), &scene(shape, scale, &camera), scale, &truth);
 }
 
-#[test]
-fn tiles_of_2_m_on_a_plane_of_10_km() {
-    far_tiles(8192.0);
+on_both! {
+    fn tiles_of_2_m_on_a_plane_of_10_km(backend: Backend) {
+        far_tiles(backend, 8192.0);
+    }
 }
 
-#[test]
-fn tiles_of_2_m_on_a_plane_of_100_km() {
-    far_tiles(131_072.0);
+on_both! {
+    fn tiles_of_2_m_on_a_plane_of_100_km(backend: Backend) {
+        far_tiles(backend, 131_072.0);
+    }
 }
 
-#[test]
-fn tiles_on_a_large_triangle() {
-    let folder = tempfile::tempdir().unwrap();
-    let corners = [DVec3::ZERO, DVec3::X * 65536.0, DVec3::new(-8192.0, 0.0, 65536.0)];
-    let [v0, v1, v2] = corners.map(|v| v.to_array());
-    let shape = json!({ "type": "triangle", "v0": v0, "v1": v1, "v2": v2 });
-    let camera = camera([20000.25, 1.75, 30000.5], [0.3, -1.0, -0.9], 50.0);
-    let scale = DVec2::splat(32768.0);
-    let truth = move |ray: &Ray| {
-        let (p, _) = triangle(ray, corners)?;
-        // The base runs along x from -8192 to 65536, the height along z.
-        Some(DVec2::new(1.0 - (p.x + 8192.0) / 73728.0, p.z / 65536.0))
-    };
-    judge(folder.path(), &scene(shape, scale, &camera), scale, &truth);
+on_both! {
+    fn tiles_on_a_large_triangle(backend: Backend) {
+        let folder = tempfile::tempdir().unwrap();
+        let corners = [DVec3::ZERO, DVec3::X * 65536.0, DVec3::new(-8192.0, 0.0, 65536.0)];
+        let [v0, v1, v2] = corners.map(|v| v.to_array());
+        let shape = json!({ "type": "triangle", "v0": v0, "v1": v1, "v2": v2 });
+        let camera = camera([20000.25, 1.75, 30000.5], [0.3, -1.0, -0.9], 50.0);
+        let scale = DVec2::splat(32768.0);
+        let truth = move |ray: &Ray| {
+            let (p, _) = triangle(ray, corners)?;
+            // The base runs along x from -8192 to 65536, the height along z.
+            Some(DVec2::new(1.0 - (p.x + 8192.0) / 73728.0, p.z / 65536.0))
+        };
+        judge(backend, folder.path(), &scene(shape, scale, &camera), scale, &truth);
+    }
 }
 
 /// Seen from `height` above the pole, where a circle of latitude is as short as a texel.
-fn pole(height: f64, scale: DVec2, pole: &str, up: DVec3) {
+fn pole(backend: Backend, height: f64, scale: DVec2, pole: &str, up: DVec3) {
     let folder = tempfile::tempdir().unwrap();
     let shape = json!({ "type": "sphere", "center": [0.5, -0.25, 2.0], "radius": 1, "pole": pole });
     let center = DVec3::new(0.5, -0.25, 2.0);
@@ -203,46 +201,48 @@ fn pole(height: f64, scale: DVec2, pole: &str, up: DVec3) {
         let v = 0.5 - p.z.atan2(p.x.hypot(p.y)) / std::f64::consts::PI;
         (root > 0.0).then_some(DVec2::new(u, v))
     };
-    judge(folder.path(), &scene(shape, scale, &camera), scale, &truth);
+    judge(backend, folder.path(), &scene(shape, scale, &camera), scale, &truth);
 }
 
-#[test]
-fn the_pole_of_a_sphere_seen_from_close_by() {
-    // 1.2e-4, which single precision holds above 1.
-    let height = 1.0 / 8192.0;
-    pole(height, DVec2::new(8.0, 1.0), "z", DVec3::Z);
-    pole(height, DVec2::new(8.0, 65536.0), "z", DVec3::Z);
-    pole(height, DVec2::new(8.0, 65536.0), "x", DVec3::X);
+on_both! {
+    fn the_pole_of_a_sphere_seen_from_close_by(backend: Backend) {
+        // 1.2e-4, which single precision holds above 1.
+        let height = 1.0 / 8192.0;
+        pole(backend, height, DVec2::new(8.0, 1.0), "z", DVec3::Z);
+        pole(backend, height, DVec2::new(8.0, 65536.0), "z", DVec3::Z);
+        pole(backend, height, DVec2::new(8.0, 65536.0), "x", DVec3::X);
+    }
 }
 
-#[test]
-fn a_mesh_with_coordinates_up_to_5000() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
-                   property float z\nproperty float s\nproperty float t\nelement face 2\n\
-                   property list uchar int vertex_indices\nend_header\n"
-        .to_owned();
-    let corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
-    // Odd values of single precision: what is flipped must not be rounded.
-    let odd = |x: f64| f64::from((x * 1.234_567) as f32);
-    let uv = corners.map(|[x, z]| DVec2::new(odd(1012.3 * x + 0.1), odd(-1007.7 * z - 0.3)));
-    for ([x, z], uv) in corners.iter().zip(uv) {
-        writeln!(ply, "{x} 0 {z} {:?} {:?}", uv.x, uv.y).unwrap();
+on_both! {
+    fn a_mesh_with_coordinates_up_to_5000(backend: Backend) {
+        let folder = tempfile::tempdir().unwrap();
+        let mut ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+                       property float z\nproperty float s\nproperty float t\nelement face 2\n\
+                       property list uchar int vertex_indices\nend_header\n"
+            .to_owned();
+        let corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+        // Odd values of single precision: what is flipped must not be rounded.
+        let odd = |x: f64| f64::from((x * 1.234_567) as f32);
+        let uv = corners.map(|[x, z]| DVec2::new(odd(1012.3 * x + 0.1), odd(-1007.7 * z - 0.3)));
+        for ([x, z], uv) in corners.iter().zip(uv) {
+            writeln!(ply, "{x} 0 {z} {:?} {:?}", uv.x, uv.y).unwrap();
+        }
+        let faces = [[0, 1, 2], [0, 2, 3]];
+        for [a, b, c] in faces {
+            writeln!(ply, "3 {a} {b} {c}").unwrap();
+        }
+        std::fs::write(folder.path().join("mesh.ply"), ply).unwrap();
+        let shape = json!({ "type": "trimesh", "path": "mesh.ply" });
+        let camera = camera([3.25, 0.002, 3.125], [0.3, -1.0, -0.9], 50.0);
+        let truth = move |ray: &Ray| {
+            faces.iter().find_map(|face| {
+                let at = face.map(|k| DVec3::new(corners[k][0], 0.0, corners[k][1]));
+                let (_, w) = triangle(ray, at)?;
+                let sum = w[0] * uv[face[0]] + w[1] * uv[face[1]] + w[2] * uv[face[2]];
+                Some(DVec2::new(sum.x, 1.0 - sum.y))
+            })
+        };
+        judge(backend, folder.path(), &scene(shape, DVec2::ONE, &camera), DVec2::ONE, &truth);
     }
-    let faces = [[0, 1, 2], [0, 2, 3]];
-    for [a, b, c] in faces {
-        writeln!(ply, "3 {a} {b} {c}").unwrap();
-    }
-    std::fs::write(folder.path().join("mesh.ply"), ply).unwrap();
-    let shape = json!({ "type": "trimesh", "path": "mesh.ply" });
-    let camera = camera([3.25, 0.002, 3.125], [0.3, -1.0, -0.9], 50.0);
-    let truth = move |ray: &Ray| {
-        faces.iter().find_map(|face| {
-            let at = face.map(|k| DVec3::new(corners[k][0], 0.0, corners[k][1]));
-            let (_, w) = triangle(ray, at)?;
-            let sum = w[0] * uv[face[0]] + w[1] * uv[face[1]] + w[2] * uv[face[2]];
-            Some(DVec2::new(sum.x, 1.0 - sum.y))
-        })
-    };
-    judge(folder.path(), &scene(shape, DVec2::ONE, &camera), DVec2::ONE, &truth);
 }

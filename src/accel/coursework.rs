@@ -562,12 +562,7 @@ mod tests {
     use crate::ray::LANES;
     use proptest::prelude::*;
 
-    const OPTIONS: BuildOptions = BuildOptions {
-        threads: 1,
-        embree: crate::accel::EmbreeMode::Robust,
-        isa: crate::simd::Isa::Portable,
-        max_bytes: None,
-    };
+    const OPTIONS: BuildOptions = BuildOptions { threads: 1, max_bytes: None };
 
     fn build(geometry: &Geometry) -> Coursework<'_> {
         Coursework::build(geometry, &OPTIONS, &Monitor::default()).unwrap()

@@ -17,31 +17,13 @@ use crate::geometry::{Geometry, Nearby, is_near};
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 use crate::reserve;
-use crate::scene::Backend;
-use crate::simd::Isa;
-
-/// How Embree is used.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum EmbreeMode {
-    /// Embree's own primitives and tests, with its ROBUST flag: rays at vertices of a closed mesh may
-    /// leak.
-    #[default]
-    Robust,
-    /// Embree's own primitives and tests without that flag: a little faster, more leaks.
-    Fast,
-    /// Our leaves and exact tests in Embree's tree: nothing leaks.
-    Exact,
-}
+use crate::scene::{Backend, EmbreeMode};
 
 /// How an accelerator is built.
 #[derive(Debug, Clone, Copy)]
 pub struct BuildOptions {
     /// Worker threads, >= 1.
     pub threads: usize,
-    /// What Embree builds its tree over, and whose tests decide.
-    pub embree: EmbreeMode,
-    /// Instruction set of our own kernels.
-    pub isa: Isa,
     /// Stop the build cleanly once the accelerator would hold more bytes.
     pub max_bytes: Option<u64>,
 }
@@ -143,12 +125,12 @@ pub fn build<'g>(
     monitor.begin(Phase::Build, 1000);
     if let Backend::Coursework | Backend::Brute = backend {
         // These take memory in many pieces.
-        let peak = Footprint::of(backend, options.threads, options.embree)?;
+        let peak = Footprint::of(backend, options.threads)?;
         reserve::probe(peak.peak_bytes(geometry.count()), backend.name())?;
     }
     match backend {
-        Backend::Embree => build_embree(geometry, options, monitor),
-        Backend::Bvh => Ok(Box::new(bvh::Bvh::build(geometry, options, monitor)?)),
+        Backend::Embree(mode) => build_embree(geometry, mode, options, monitor),
+        Backend::Bvh(isa) => Ok(Box::new(bvh::Bvh::build(geometry, isa, options, monitor)?)),
         Backend::Coursework => {
             Ok(Box::new(coursework::Coursework::build(geometry, options, monitor)?))
         }
@@ -159,29 +141,22 @@ pub fn build<'g>(
 #[cfg(feature = "embree")]
 fn build_embree<'g>(
     geometry: &'g Geometry,
+    mode: EmbreeMode,
     options: &BuildOptions,
     monitor: &Monitor,
 ) -> Result<Box<dyn Accelerator + 'g>> {
-    match options.embree {
-        EmbreeMode::Exact => Ok(Box::new(embree::Exact::build(geometry, options, monitor)?)),
-        EmbreeMode::Robust | EmbreeMode::Fast => {
-            Ok(Box::new(embree::Embree::build(geometry, options, monitor)?))
-        }
-    }
+    Ok(Box::new(embree::Embree::build(geometry, mode, options, monitor)?))
 }
 
 #[cfg(not(feature = "embree"))]
 fn build_embree<'g>(
     _: &'g Geometry,
+    mode: EmbreeMode,
     _: &BuildOptions,
     _: &Monitor,
 ) -> Result<Box<dyn Accelerator + 'g>> {
-    Err(unavailable(Backend::Embree))
-}
-
-#[cfg(not(feature = "embree"))]
-fn unavailable(backend: Backend) -> Error {
-    let message = format!("found `{}`, which this build does not have", backend.name());
+    let name = Backend::Embree(mode).name();
+    let message = format!("found `{name}`, which this build does not have");
     let help = "available: bvh, coursework, brute";
-    Error::new(Kind::Unsupported, Problem::new("--backend", message).help(help))
+    Err(Error::new(Kind::Unsupported, Problem::new("--backend", message).help(help)))
 }

@@ -6,10 +6,9 @@
 use sha2::{Digest, Sha256};
 
 use crate::{
-    accel::EmbreeMode,
     output::{exr::Sequence, tonemap::Depth},
     picture::Storage,
-    scene::{Loaded, written},
+    scene::{Backend, EmbreeMode, Loaded, written},
 };
 
 /// Hexadecimal digits of a hash: 128 bits.
@@ -18,8 +17,6 @@ const DIGITS: usize = 32;
 /// Settings beside the scene that change a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
-    /// How Embree is used.
-    pub embree: EmbreeMode,
     /// Bad triangles are dropped.
     pub repair: bool,
     /// How pictures are stored.
@@ -30,7 +27,7 @@ pub struct Settings {
 
 /// The fingerprint of a frame whose [`crate::world::fingerprint`] is `hash`.
 pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
-    let Settings { embree, repair, storage, sequence } = *settings;
+    let Settings { repair, storage, sequence } = *settings;
     let (picture, scene) = (hash.get(..DIGITS).unwrap_or(hash), scene(loaded));
     let stored = if storage.float { "float" } else { "half" };
     let repair = if repair { ",repair" } else { "" };
@@ -41,9 +38,12 @@ pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
     let rate = sequence.per_second.map(|(above, below)| format!(",{above}/{below}"));
     let rate = rate.unwrap_or_default();
     let compression = storage.compression.name();
-    let set =
-        format!("{embree:?},{compression},{stored}{repair}{parts}{sidecar}{deep}{numbered}{rate}");
-    let (set, program) = (set.to_lowercase(), env!("CARGO_PKG_VERSION"));
+    let fast = match loaded.scene.backend {
+        Backend::Embree(EmbreeMode::Fast) => ",fast",
+        _ => "",
+    };
+    let set = format!("{compression},{stored}{fast}{repair}{parts}{sidecar}{deep}{numbered}{rate}");
+    let program = env!("CARGO_PKG_VERSION");
     format!("picture={picture} scene={scene} settings={set} program={program}")
 }
 
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn a_difference_is_named() {
-        let now = "picture=1 scene=2 settings=robust,zip,half program=0.1.0";
+        let now = "picture=1 scene=2 settings=zip,half program=0.1.0";
         let named = |from: &str, to: &str| difference(&now.replace(from, to), now);
         assert_eq!(named("picture=1", "picture=9"), "a mesh or a texture changed");
         assert_eq!(named("picture=1 scene=2", "picture=9 scene=8"), "the scene changed");

@@ -103,8 +103,6 @@ impl Run<'_> {
         let world_bytes = world.mesh_bytes() + world.texture_bytes();
         let options = BuildOptions {
             threads: self.options.threads,
-            embree: self.options.embree,
-            isa: self.options.isa,
             max_bytes: budget.map(|budget| budget.for_accelerator(world_bytes)),
         };
         let building = || accel::build(&world.geometry, scene.backend, &options, &monitor);
@@ -169,7 +167,7 @@ impl Run<'_> {
         };
         self.status.began(&monitor);
         let began = Instant::now();
-        let (isa, accelerator) = (self.options.isa, built.accelerator);
+        let (isa, accelerator) = (scene.backend.isa(), built.accelerator);
         let counts =
             self.pool.install(|| render_layers(&world, accelerator, isa, film, &plan, &monitor));
         let render_s = began.elapsed().as_secs_f64();
@@ -179,7 +177,6 @@ impl Run<'_> {
                 plan: &plan,
                 more: &[],
                 info: &built.info,
-                embree: self.options.embree,
                 scene_hash: frame.hash.as_deref(),
                 spp: None,
                 sequence: self.job.sequence(frame.number),

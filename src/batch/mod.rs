@@ -37,10 +37,8 @@ pub use journal::read as journal;
 use std::{ops::Range, path::PathBuf, sync::atomic::Ordering::Relaxed};
 
 use crate::{
-    accel::EmbreeMode,
     error::{Error, Result},
     monitor::Monitor,
-    simd::Isa,
 };
 
 use journal::{Journal, now};
@@ -52,10 +50,6 @@ pub struct Options {
     pub threads: usize,
     /// Frames rendered at a time; by their size unless given.
     pub jobs: Option<usize>,
-    /// Instruction set of our own kernels.
-    pub isa: Isa,
-    /// How Embree is used.
-    pub embree: EmbreeMode,
     /// The most that meshes, accelerators and films may take together.
     pub max_memory: Option<u64>,
     /// Keep frames that are whole and of the same fingerprint.

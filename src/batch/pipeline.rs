@@ -103,12 +103,7 @@ pub fn run(
         journal,
         tell,
         sweep: Sweep::default(),
-        settings: Settings {
-            embree: options.embree,
-            repair: job.repair,
-            storage: job.storage,
-            sequence: job.sequence(0),
-        },
+        settings: Settings { repair: job.repair, storage: job.storage, sequence: job.sequence(0) },
         pool: pool(options.threads)?,
         loading,
         inputs,
@@ -166,8 +161,8 @@ pub fn pool(threads: usize) -> Result<ThreadPool> {
 
 /// One frame at a time where it keeps all threads busy; more of small ones.
 fn jobs(job: &Job, options: &Options) -> usize {
-    let &Options { threads, embree, .. } = options;
-    let first = job.inputs.first().map(|input| scene::predict(job, input, embree));
+    let threads = options.threads;
+    let first = job.inputs.first().map(|input| scene::predict(job, input));
     let Some(Ok((scene, _))) = first else {
         return 1;
     };
@@ -215,14 +210,12 @@ impl Run<'_> {
 
     /// What a mesh will need, accelerator included. Too much for `--max-memory` is an error.
     fn predict(&self, task: &Task) -> Result<Prediction> {
-        let (scene, prediction) =
-            scene::predict(self.job, &self.job.inputs[task.input], self.options.embree)?;
+        let (scene, prediction) = scene::predict(self.job, &self.job.inputs[task.input])?;
         let known = lock(&self.footprints).iter().find(|f| f.0 == scene.backend).map(|f| f.1);
         let footprint = match known {
             Some(footprint) => footprint,
             None => {
-                let Options { threads, embree, .. } = *self.options;
-                let measure = || Footprint::of(scene.backend, threads, embree);
+                let measure = || Footprint::of(scene.backend, self.options.threads);
                 let footprint = self.loading.install(measure)?;
                 lock(&self.footprints).push((scene.backend, footprint));
                 footprint

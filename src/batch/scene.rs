@@ -6,7 +6,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::{
-    accel::EmbreeMode,
     error::{Error, Problem, Result},
     film::Window,
     layers::Plan,
@@ -68,9 +67,9 @@ pub struct Frame {
 ///
 /// # Errors
 /// Those of its scene and headers.
-pub fn predict(job: &Job, input: &Input, embree: EmbreeMode) -> Result<(Scene, Prediction)> {
+pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
     let scene = unframed(job, input)?;
-    picture::suits(&scene, embree, job.storage)?;
+    picture::suits(&scene, job.storage)?;
     let window = Window::full(scene.camera.width, scene.camera.height);
     let deeper = memory::deeper_png_bytes(window, job.storage.depth);
     let prediction = memory::predict(&scene, window)?.beside_film(deeper);
@@ -188,6 +187,9 @@ impl Ready {
             return Ok(self.loaded.clone());
         };
         let turned = turntable.frame(&self.loaded.description, self.pivot, number);
-        scene::from_description("frame", &turned, &self.folder, &[])
+        let mut frame = scene::from_description("frame", &turned, &self.folder, &[])?;
+        // How it works is no part of a description.
+        frame.scene.backend = self.loaded.scene.backend;
+        Ok(frame)
     }
 }

@@ -91,9 +91,6 @@ pub fn meaning(name: &str) -> &'static str {
     match name {
         "embree" => "Intel Embree with `RTC_SCENE_FLAG_ROBUST`, packets of 16 and single rays",
         "embree-fast" => "the same without that flag: Embree's default, `--fast` here",
-        "embree-exact" => {
-            "Embree's tree over our leaves with our exact tests: `--exact --backend embree`"
-        }
         "coursework" => "the report's tree and tests in f64; its fixed offset of 1e-4 in `contact`",
         "brute" => "every primitive by exact predicates: the oracle itself, t rounded to f32",
         name if name.starts_with("bvh") => {
@@ -114,7 +111,7 @@ fn head(text: &mut String, report: &Report, first: &[&str], last: &[&str]) {
 fn section(text: &mut String, report: &Report, group: &str) {
     let rows: Vec<&Row> = report.rows.iter().filter(|row| row.group == group).collect();
     let _ = writeln!(text, "\n## {}\n", capital(group));
-    head(text, report, &["case", "answers"], &["mark of `bvh`, `brute`, `embree-exact`"]);
+    head(text, report, &["case", "answers"], &["mark of `bvh`, `brute`"]);
     for row in &rows {
         let _ = write!(text, "| {} | {} |", row.name, units::count(row.rays));
         for entry in &row.entries {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Parser, Subcommand, ValueHint};
 
 use crate::{
-    accel::EmbreeMode,
+    scene::written::Accelerator,
     studio::Subject,
     units::{parse_angles, parse_bytes, parse_margin, parse_size},
 };
@@ -14,9 +14,7 @@ pub use super::batch_args::BatchArgs;
 pub use super::file_args::FileArgs;
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, ConvergeArgs, CrosscheckArgs};
 pub use super::merge::MergeArgs;
-pub use super::names::{
-    Axis, BackendName, IsaName, NoiseOf, ProgressMode, SamplerName, SchemaName, ToneName,
-};
+pub use super::names::{Axis, IsaName, NoiseOf, ProgressMode, SamplerName, SchemaName, ToneName};
 pub use super::split::SplitArgs;
 pub use super::submit::SubmitArgs;
 
@@ -181,9 +179,9 @@ pub struct SceneArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub fov: Option<f64>,
 
-    /// What finds the hits
+    /// What finds the hits [default: the scene's, else bvh]
     #[arg(long, value_name = "NAME")]
-    pub backend: Option<BackendName>,
+    pub backend: Option<Accelerator>,
 
     /// Alpha is coverage instead of 1: no background
     #[arg(long)]
@@ -276,16 +274,11 @@ pub struct MachineArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Embree's fast mode: a little faster, may miss hits on shared edges
+    /// Of `embree` its fast mode: a little faster, may miss hits on shared edges
     #[arg(long)]
     pub fast: bool,
 
-    /// No ray slips between triangles that share an edge or a vertex: by `bvh`, or by the backend
-    /// that --backend names
-    #[arg(long, conflicts_with = "fast")]
-    pub exact: bool,
-
-    /// Instruction set of our own kernels [default: the best of this machine]
+    /// Of `bvh` the instruction set, and of the shading beside it [default: the best of this machine]
     #[arg(long, value_name = "NAME")]
     pub isa: Option<IsaName>,
 
@@ -332,18 +325,7 @@ pub struct InfoArgs {
 
     /// Backend whose memory is predicted [default: the scene's]
     #[arg(long, value_name = "NAME")]
-    pub backend: Option<BackendName>,
-}
-
-impl MachineArgs {
-    /// How Embree is used.
-    pub fn embree(&self) -> EmbreeMode {
-        match (self.exact, self.fast) {
-            (true, _) => EmbreeMode::Exact,
-            (false, true) => EmbreeMode::Fast,
-            (false, false) => EmbreeMode::Robust,
-        }
-    }
+    pub backend: Option<Accelerator>,
 }
 
 impl MeshArgs {

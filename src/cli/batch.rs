@@ -142,8 +142,6 @@ fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<Options> {
     Ok(Options {
         threads: machine::threads(args.machine.threads.or(limits.threads)),
         jobs: args.run.jobs.or(limits.jobs).map(usize::from),
-        isa: machine::isa(args.machine.isa)?,
-        embree: args.machine.embree(),
         max_memory: args.machine.max_memory.or(written),
         resume: args.run.resume,
         verify: !args.run.no_verify,
@@ -175,7 +173,7 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
     flags(args, &mut file)?;
     let limits = file.limits.clone();
     let flags = Flags {
-        overrides: overrides::with(&args.scene, &args.machine),
+        overrides: overrides::with(&args.scene, &args.machine)?,
         light_samples: args.scene.light_samples,
         repair: args.mesh.repair,
         no_mmap: args.mesh.no_mmap,

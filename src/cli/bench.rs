@@ -8,19 +8,19 @@ use std::{
 
 use clap::ValueEnum;
 
-use crate::accel::EmbreeMode;
 use crate::{
     error::{Error, Failures, Kind, Problem, Result, printable},
     files,
     measure::{
         ab::Plan,
+        accuracy::{self, Column},
         bench::{Contestant, Settings, measure},
         rays::Class,
         result::{self, Machine, Report, Run, SceneResult, Since},
     },
     monitor::Monitor,
     output::atomic::TextFile,
-    scene::{self, Backend, Source},
+    scene::{self, Backend, EmbreeMode, Source},
     simd::Isa,
     studio,
     world::{LoadOptions, World},
@@ -41,13 +41,13 @@ const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
 
 /// Measures every scene.
 pub fn run(args: &BenchArgs) -> Result<()> {
-    let settings = settings(args)?;
+    let monitor = Arc::new(Monitor::default());
+    let settings = settings(args, &monitor)?;
     let then = args.baseline.as_deref().map(read_baseline).transpose()?;
     let command = std::env::args_os().skip(1).map(|part| part.to_string_lossy().into_owned());
     let run = Run { unix_seconds: unix_seconds(), command: command.collect() };
     not_over(&args.inputs, args)?;
     look_at_all(&args.inputs)?;
-    let monitor = Arc::new(Monitor::default());
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
     let mut report = Report {
@@ -130,7 +130,7 @@ fn measure_scene(
 }
 
 /// The flags, checked.
-fn settings(args: &BenchArgs) -> Result<Settings> {
+fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
     let isa = machine::isa(args.isa)?;
     let mut contestants: Vec<Contestant> = Vec::new();
     for name in &args.backends {
@@ -140,6 +140,9 @@ fn settings(args: &BenchArgs) -> Result<Settings> {
             return Err(Error::invalid("--backends", message));
         }
         contestants.push(contestant);
+    }
+    if contestants.is_empty() {
+        contestants = ours_against_embree(isa, monitor)?;
     }
     let mut classes = Vec::new();
     for name in &args.classes {
@@ -181,42 +184,50 @@ fn settings(args: &BenchArgs) -> Result<Settings> {
     })
 }
 
+/// What is compared unless something is named: our tree with Embree, where there is one.
+fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<Contestant>> {
+    let both = ["embree", "bvh"].map(|name| contestant("--backends", name, isa));
+    let both: Vec<Contestant> = both.into_iter().collect::<Result<_>>()?;
+    let columns = both.into_iter().map(|contestant| Column { contestant }).collect();
+    let (columns, without) = accuracy::available(columns, monitor)?;
+    without.iter().for_each(|line| super::note(line));
+    Ok(columns.into_iter().map(|column| column.contestant).collect())
+}
+
 /// `bvh:avx2` and the like, of a flag.
 pub fn contestant(flag: &str, name: &str, isa: Isa) -> Result<Contestant> {
     let (kind, forced) = match name.split_once(':') {
         Some((kind, forced)) => (kind, Some(forced)),
         None => (name, None),
     };
-    let (backend, embree) = match kind {
-        "embree" => (Backend::Embree, EmbreeMode::Robust),
-        "embree-exact" => (Backend::Embree, EmbreeMode::Exact),
-        "embree-fast" => (Backend::Embree, EmbreeMode::Fast),
-        "bvh" => (Backend::Bvh, EmbreeMode::Robust),
-        "coursework" => (Backend::Coursework, EmbreeMode::Robust),
-        "brute" => (Backend::Brute, EmbreeMode::Robust),
+    let backend = match kind {
+        "bvh" => Backend::Bvh(isa),
+        "embree" => Backend::Embree(EmbreeMode::Robust),
+        "embree-fast" => Backend::Embree(EmbreeMode::Fast),
+        "coursework" => Backend::Coursework,
+        "brute" => Backend::Brute,
         _ => {
             let message = format!(
-                "found {name:?}, expected some of embree, embree-exact, embree-fast, bvh, coursework, \
-                 brute"
+                "found {name:?}, expected some of bvh, embree, embree-fast, coursework, brute"
             );
             return Err(Error::invalid(flag, message));
         }
     };
-    let isa = match forced {
-        None => isa,
-        Some(forced) if backend == Backend::Bvh => {
+    let backend = match (backend, forced) {
+        (backend, None) => backend,
+        (Backend::Bvh(_), Some(forced)) => {
             let name = IsaName::from_str(forced, false).map_err(|_| {
                 let message = format!("found {forced:?}, expected portable, avx2 or avx512");
                 Error::invalid(flag, message)
             })?;
-            machine::tier(flag, name)?
+            Backend::Bvh(machine::tier(flag, name)?)
         }
-        Some(_) => {
+        (_, Some(_)) => {
             let message = format!("found {name:?}, expected an instruction set only after bvh");
             return Err(Error::invalid(flag, message));
         }
     };
-    Ok(Contestant { name: name.to_string(), backend, embree, isa })
+    Ok(Contestant { name: name.to_string(), backend })
 }
 
 /// This machine, its best tier or the one that is forced.
@@ -284,7 +295,7 @@ fn right(report: &Report, settings: &Settings) -> Result<()> {
     let mut problems = Vec::new();
     for scene in &report.scenes {
         for (contestant, backend) in settings.contestants.iter().zip(&scene.backends) {
-            if contestant.backend == Backend::Bvh && backend.wrong > 0 {
+            if matches!(contestant.backend, Backend::Bvh(_)) && backend.wrong > 0 {
                 let message = format!("{}: {} wrong answers", backend.name, backend.wrong);
                 problems.push(
                     Problem::new(&scene.name, message)

@@ -18,15 +18,15 @@ use crate::{
     },
     monitor::Monitor,
     output::atomic::TextFile,
-    scene::{self, Backend, Source},
+    scene::{self, Backend, EmbreeMode, Source, written},
     simd::Isa,
     world::{LoadOptions, World},
 };
 
 use super::{
     args::{
-        BackendName, CrosscheckArgs, FileArgs, MachineArgs, MeshArgs, ProgressMode, RenderArgs,
-        ReportArgs, SamplingArgs, SceneArgs,
+        CrosscheckArgs, FileArgs, MachineArgs, MeshArgs, ProgressMode, RenderArgs, ReportArgs,
+        SamplingArgs, SceneArgs,
     },
     crosscheck_text as text, job, machine,
     progress::Progress,
@@ -49,7 +49,7 @@ struct Saved {
 pub fn run(args: &CrosscheckArgs) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
     let isa = machine::isa(args.isa)?;
-    let backends = backends(args.backends.as_deref())?;
+    let backends = backends(args.backends.as_deref(), isa)?;
     machine::pool(args.threads)?.install(|| match (&args.replay, &args.input) {
         (Some(file), _) => replay(args, file, isa, &monitor),
         (None, Some(input)) => check(args, input, backends, isa, &monitor),
@@ -58,11 +58,14 @@ pub fn run(args: &CrosscheckArgs) -> Result<()> {
 }
 
 /// The backends that are named, each once; `None` if none is.
-fn backends(names: Option<&[BackendName]>) -> Result<Option<Vec<Backend>>> {
+fn backends(names: Option<&[written::Accelerator]>, isa: Isa) -> Result<Option<Vec<Backend>>> {
     let Some(names) = names else { return Ok(None) };
     let mut backends: Vec<Backend> = Vec::new();
     for name in names {
-        let backend = name.backend();
+        let backend = match Backend::from(*name) {
+            Backend::Bvh(_) => Backend::Bvh(isa),
+            other => other,
+        };
         if !backends.contains(&backend) {
             backends.push(backend);
         }
@@ -72,6 +75,12 @@ fn backends(names: Option<&[BackendName]>) -> Result<Option<Vec<Backend>>> {
         return Err(Error::invalid("--backends", message).help("--backends embree,bvh"));
     }
     Ok(Some(backends))
+}
+
+/// What there is to compare; our tree by the kernels of `isa`.
+fn all(isa: Isa) -> [Backend; 4] {
+    let embree = Backend::Embree(EmbreeMode::Robust);
+    [embree, Backend::Bvh(isa), Backend::Coursework, Backend::Brute]
 }
 
 /// The flags as `render` has them, so that scenes and meshes are loaded the same way.
@@ -112,21 +121,20 @@ impl<'g> Built<'g> {
         isa: Isa,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let all = [Backend::Embree, Backend::Bvh, Backend::Coursework, Backend::Brute];
         let skip = asked.is_none();
         let threads = rayon::current_num_threads();
-        let options = BuildOptions { threads, embree: Default::default(), isa, max_bytes: None };
+        let options = BuildOptions { threads, max_bytes: None };
         let geometry = &world.geometry;
         let oracle = Brute::build(geometry, &options, monitor)?;
         let (mut coursework, mut bvh, mut embree, mut order) = (None, None, None, Vec::new());
-        for backend in asked.unwrap_or(all.to_vec()) {
+        for backend in asked.unwrap_or(all(isa).to_vec()) {
             match backend {
                 Backend::Brute => {}
                 Backend::Coursework => {
                     coursework = Some(Coursework::build(geometry, &options, monitor)?);
                 }
-                Backend::Bvh => bvh = Some(Bvh::build(geometry, &options, monitor)?),
-                Backend::Embree => match accel::build(geometry, backend, &options, monitor) {
+                Backend::Bvh(isa) => bvh = Some(Bvh::build(geometry, isa, &options, monitor)?),
+                Backend::Embree(_) => match accel::build(geometry, backend, &options, monitor) {
                     Ok(accelerator) => embree = Some(accelerator),
                     Err(error) if skip && error.kind == Kind::Unsupported => {
                         super::note(&format!("without `{}`: {error}", backend.name()));
@@ -145,8 +153,8 @@ impl<'g> Built<'g> {
             let accelerator: &dyn Accelerator = match backend {
                 Backend::Brute => &self.oracle,
                 Backend::Coursework => self.coursework.as_ref()?,
-                Backend::Bvh => self.bvh.as_ref()?,
-                Backend::Embree => &**self.embree.as_ref()?,
+                Backend::Bvh(_) => self.bvh.as_ref()?,
+                Backend::Embree(_) => &**self.embree.as_ref()?,
             };
             Some(Contender { backend, accelerator })
         };
@@ -237,8 +245,8 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     let loaded = scene::load(Source::Text { name: &name, text: text.as_bytes(), folder }, &[])?;
     signals::watch(monitor)?;
     let (world, _) = World::load(&loaded.scene, LoadOptions::default(), monitor)?;
-    let all = [Backend::Embree, Backend::Bvh, Backend::Coursework, Backend::Brute];
-    let needed = all.into_iter().filter(|b| saved.findings.iter().any(|f| f.backend == b.name()));
+    let needed =
+        all(isa).into_iter().filter(|b| saved.findings.iter().any(|f| f.backend == b.name()));
     let built = Built::new(&world, Some(needed.collect()), isa, monitor)?;
     let contenders = built.contenders();
     let primitives = *world.geometry.bases().last().unwrap_or(&0);

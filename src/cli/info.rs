@@ -13,19 +13,19 @@ use ::exr::meta::{MetaData, attribute::AttributeValue, header::Header};
 use serde_json::{Map, Value, json};
 
 use crate::{
-    accel::{EmbreeMode, Footprint},
+    accel::Footprint,
     error::{Error, Problem, Result},
     film::Window,
     mesh,
     monitor::Monitor,
     output::{exr::text::decode, exr_check::exr_error},
-    scene::Overrides,
+    scene::{Backend, Overrides},
     studio::{self, Points, Subject, Template},
     world::{Bounds, Resolution, ulp},
 };
 
 use super::{
-    args::{BackendName, InfoArgs},
+    args::InfoArgs,
     info_scene,
     memory::{self, Prediction},
     report::{Extent, Report},
@@ -167,8 +167,8 @@ fn prediction(path: &Path, args: &InfoArgs) -> Option<Prediction> {
     let camera = &loaded.scene.camera;
     let window = Window::full(camera.width, camera.height);
     let prediction = memory::predict(&loaded.scene, window).ok()?;
-    let backend = args.backend.map_or(loaded.scene.backend, BackendName::backend);
-    let footprint = Footprint::of(backend, rayon::current_num_threads(), EmbreeMode::Robust);
+    let backend = args.backend.map_or(loaded.scene.backend, Backend::from);
+    let footprint = Footprint::of(backend, rayon::current_num_threads());
     Some(match footprint {
         Ok(footprint) => prediction.with(&footprint),
         Err(_) => prediction,

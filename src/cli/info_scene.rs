@@ -6,16 +6,16 @@ use std::path::Path;
 use serde_json::json;
 
 use crate::{
-    accel::{EmbreeMode, Footprint},
+    accel::Footprint,
     error::{Problem, Result},
     film::Window,
     monitor::Monitor,
-    scene::{self, LightKind, Scene, ShapeKind, Source},
+    scene::{self, Backend, LightKind, Scene, ShapeKind, Source},
     world::{LoadOptions, World},
 };
 
 use super::{
-    args::{BackendName, InfoArgs},
+    args::InfoArgs,
     memory,
     report::{Extent, Report},
     units,
@@ -30,8 +30,8 @@ pub fn describe(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()>
         LoadOptions { resolutions: true, no_mmap: args.no_mmap, ..LoadOptions::default() };
     let (world, more) = World::load(scene, options, &Monitor::default())?;
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
-    let backend = args.backend.map_or(scene.backend, BackendName::backend);
-    let footprint = Footprint::of(backend, rayon::current_num_threads(), EmbreeMode::Robust);
+    let backend = args.backend.map_or(scene.backend, Backend::from);
+    let footprint = Footprint::of(backend, rayon::current_num_threads());
     report.add("type", json!("scene"), "scene");
     let picture = format!(
         "{width} x {height} pixels, {} spp, {}, backend {}",

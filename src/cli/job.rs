@@ -56,7 +56,7 @@ pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
     if !is_mesh {
         only_for_meshes(args)?;
     }
-    let mut overrides = overrides::with(&args.scene, &args.machine);
+    let mut overrides = overrides::with(&args.scene, &args.machine)?;
     if args.scene.spp.is_none() {
         let mut count = Overrides::default();
         count.flag("--of", "/spp", args.split.of);
@@ -114,7 +114,7 @@ fn only_for_meshes(args: &RenderArgs) -> Result<()> {
 
 /// Refuses what the scene's own values contradict.
 fn checked(args: &RenderArgs, job: Job) -> Result<Job> {
-    picture::suits(&job.loaded.scene, args.machine.embree(), args.files.storage())?;
+    picture::suits(&job.loaded.scene, args.files.storage())?;
     Ok(job)
 }
 

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use super::names::{BackendName, IsaName, SamplerName, ToneName};
-use crate::units::parse_size;
+use super::names::{IsaName, SamplerName, ToneName};
+use crate::{scene::written::Accelerator, units::parse_size};
 
 /// `lightpath crosscheck`
 #[derive(Debug, Args)]
@@ -16,7 +16,7 @@ pub struct CrosscheckArgs {
 
     /// Two or more backends [default: all that this machine can run]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
-    pub backends: Option<Vec<BackendName>>,
+    pub backends: Option<Vec<Accelerator>>,
 
     /// Rays to check, in equal shares of each kind; shares of kinds that the scene has not are left out
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
@@ -63,9 +63,6 @@ pub struct CrosscheckArgs {
     pub json: bool,
 }
 
-/// What this build has to compare.
-const BENCH_BACKENDS: &str = if cfg!(feature = "embree") { "embree,bvh" } else { "bvh" };
-
 /// `lightpath bench`
 #[derive(Debug, Args)]
 pub struct BenchArgs {
@@ -73,9 +70,10 @@ pub struct BenchArgs {
     #[arg(required = true, value_name = "SCENE|FILE.ply", value_hint = ValueHint::FilePath)]
     pub inputs: Vec<PathBuf>,
 
-    /// What is compared: embree, embree-exact, embree-fast, bvh, coursework, brute; bvh:TIER forces an
-    /// instruction set (portable, avx2, avx512). The others are compared with the first
-    #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',', default_value = BENCH_BACKENDS)]
+    /// What is compared: bvh, embree, embree-fast, coursework, brute; bvh:TIER forces an instruction
+    /// set (portable, avx2, avx512). The others are compared with the first [default: embree,bvh; bvh
+    /// alone without Embree]
+    #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Vec<String>,
 
     /// Classes of rays: primary, shadow-point, shadow-area, mirror, diffuse [default: all]
@@ -138,8 +136,8 @@ pub struct BenchArgs {
 /// `lightpath accuracy`
 #[derive(Debug, Args)]
 pub struct AccuracyArgs {
-    /// What is measured: embree, embree-exact, embree-fast, bvh (each instruction set of this machine),
-    /// bvh:portable, bvh:avx2, bvh:avx512, coursework, brute [default: all that can run here]
+    /// What is measured: bvh (each instruction set of this machine), bvh:portable, bvh:avx2,
+    /// bvh:avx512, embree, embree-fast, coursework, brute [default: all that can run here]
     #[arg(long, visible_alias = "backends", value_name = "NAME,...", value_delimiter = ',')]
     pub backend: Vec<String>,
 
@@ -245,8 +243,8 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "R.exr", value_hint = ValueHint::FilePath)]
     pub reference: Option<PathBuf>,
 
-    /// Some of embree, embree-exact, embree-fast, bvh, bvh:portable, bvh:avx2, bvh:avx512, coursework, brute;
-    /// the first renders the reference [default: the scene's]
+    /// Some of bvh, bvh:portable, bvh:avx2, bvh:avx512, embree, embree-fast, coursework, brute; the
+    /// first renders the reference [default: the scene's]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Vec<String>,
 

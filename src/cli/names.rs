@@ -5,7 +5,7 @@ use clap::{ValueEnum, builder::PossibleValue};
 use crate::{
     integrate::Relative,
     output::{exr::Compression, tonemap::Depth},
-    scene::Backend,
+    scene::{Backend, written::Accelerator},
     studio,
 };
 
@@ -40,6 +40,22 @@ impl ValueEnum for Depth {
     }
 }
 
+impl ValueEnum for Accelerator {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[Self::Bvh, Self::Embree, Self::Coursework, Self::Brute]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let help = match self {
+            Self::Bvh => "lightpath's own watertight BVH",
+            Self::Embree => "Intel Embree 4",
+            Self::Coursework => "The coursework's BVH",
+            Self::Brute => "Every primitive: slow, the oracle",
+        };
+        Some(PossibleValue::new(Backend::from(*self).name()).help(help))
+    }
+}
+
 /// Names of the instruction sets.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum IsaName {
@@ -60,31 +76,6 @@ pub enum ToneName {
     Clamp,
     /// x / (1 + x)
     Reinhard,
-}
-
-/// Names of the backends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum BackendName {
-    /// Intel Embree 4
-    Embree,
-    /// lightpath's own BVH
-    Bvh,
-    /// The coursework's BVH
-    Coursework,
-    /// Every primitive: slow, the oracle
-    Brute,
-}
-
-impl BackendName {
-    /// What is meant.
-    pub fn backend(self) -> Backend {
-        match self {
-            Self::Embree => Backend::Embree,
-            Self::Bvh => Backend::Bvh,
-            Self::Coursework => Backend::Coursework,
-            Self::Brute => Backend::Brute,
-        }
-    }
 }
 
 /// Names of the samplers.

@@ -3,20 +3,25 @@
 use clap::ValueEnum;
 use serde_json::Value;
 
-use crate::scene::Overrides;
+use crate::{
+    error::Result,
+    scene::{BackendFlags, Overrides},
+};
 
-use super::args::{MachineArgs, SceneArgs};
+use super::{
+    args::{MachineArgs, SceneArgs},
+    machine,
+};
 
-/// All flags: those of the machine before those of the scene.
-pub fn with(args: &SceneArgs, machine: &MachineArgs) -> Overrides {
+/// All flags of scene and machine.
+///
+/// # Errors
+/// An instruction set that machine or build lacks.
+pub fn with(args: &SceneArgs, machine: &MachineArgs) -> Result<Overrides> {
     let mut all = of(args);
-    if machine.exact && args.backend.is_none() {
-        // The fastest of those that lose no ray: docs/bvh.md has the numbers.
-        let mut fastest = Overrides::default();
-        fastest.flag("--exact", "/scene/accelerator", Some("bvh"));
-        all.prepend(fastest);
-    }
-    all
+    let isa = machine.isa.map(|name| machine::tier("--isa", name)).transpose()?;
+    all.backend(BackendFlags { fast: machine.fast, isa });
+    Ok(all)
 }
 
 /// The flags that need no look at the scene, then every `--set`.

@@ -18,7 +18,6 @@ use crate::{
     },
     picture::{self, Says, Storage},
     render::{self as renderer, Adaptive, Taken},
-    simd::Isa,
     world::{Contents, LoadOptions, World, fingerprint},
 };
 
@@ -66,7 +65,6 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
     let pool = machine::pool(args.machine.threads)?;
     let threads = pool.current_num_threads();
-    let isa = machine::isa(args.machine.isa)?;
     let mut job = pool.install(|| job::load(args))?;
     let ready = std::mem::take(&mut job.ready);
     let plan = Plan::new(&job.loaded.scene);
@@ -82,7 +80,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
             let sums = adaptive.map_or(0, |adaptive| sampling::bytes(&adaptive, scene, window));
             let deeper = memory::deeper_png_bytes(window, args.files.storage().depth);
             let beside = sums.saturating_add(deeper);
-            Budget::check(limit, scene, (window, words, beside), threads, args.machine.embree())
+            Budget::check(limit, scene, (window, words, beside), threads)
         })
     });
     let budget = budget.transpose()?;
@@ -104,7 +102,6 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         adaptive,
         budget,
         threads,
-        isa,
         monitor: &monitor,
         progress: Progress::start(mode, render_progress::meter(&monitor)),
         outputs,
@@ -141,7 +138,6 @@ struct Run<'a> {
     adaptive: Option<Adaptive>,
     budget: Option<Budget>,
     threads: usize,
-    isa: Isa,
     monitor: &'a Monitor,
     progress: Progress,
     outputs: Vec<PathBuf>,
@@ -185,17 +181,14 @@ impl Run<'_> {
         let loaded = self.start.elapsed().as_secs_f64();
 
         let world_bytes = world.mesh_bytes() + world.texture_bytes();
-        let isa = self.isa;
+        let isa = scene.backend.isa();
         if budget.is_none() {
-            let embree = self.args.machine.embree();
             let film = memory::film_bytes(piece.window, piece.channels().len());
             let primitives = world.triangles() + world.geometry.spheres.len() as u64;
-            memory::check_build((scene.backend, self.threads, embree), primitives, film)?;
+            memory::check_build(scene.backend, self.threads, primitives, film)?;
         }
         let options = BuildOptions {
             threads: self.threads,
-            embree: self.args.machine.embree(),
-            isa,
             max_bytes: budget.map(|budget| budget.for_accelerator(world_bytes)),
         };
         let accelerator = accel::build(&world.geometry, scene.backend, &options, self.monitor)?;
@@ -264,7 +257,7 @@ impl Run<'_> {
             threads: self.threads,
             versions: version::versions(&info.version),
             cpu: stats::cpu(),
-            isa: format!("{} rays, {} shading", info.isa, self.isa),
+            isa: format!("{} rays, {} shading", info.isa, loaded.scene.backend.isa()),
             scene_hash: loaded.hash.clone(),
             seed: loaded.scene.seed,
             memory: Memory {
@@ -295,7 +288,6 @@ impl Run<'_> {
             plan,
             more: &more,
             info,
-            embree: args.machine.embree(),
             scene_hash: hash,
             spp: Some(&spp),
             sequence: args.files.sequence(),

@@ -189,7 +189,7 @@ impl Piece {
         let Window { x0, y0, x1, y1 } = self.whole;
         let part = Part {
             fingerprint: fingerprint.map(str::to_string),
-            isa: (scene.backend == Backend::Embree).then(|| info.isa.clone()),
+            isa: matches!(scene.backend, Backend::Embree(_)).then(|| info.isa.clone()),
             whole: [x0, y0, x1, y1],
             tile: split.tile,
             samples: [self.samples.start, self.samples.end],

@@ -9,7 +9,7 @@ use std::{
 use clap::{Args, Parser, Subcommand, ValueHint};
 
 use crate::{
-    accel::{EmbreeMode, Footprint},
+    accel::Footprint,
     batch::{self, Job, Record},
     error::{Error, Kind, Problem, Result},
     farm::{self, Chunks, Slurm},
@@ -225,7 +225,7 @@ impl Needs {
         let mut needs = Self { memory: 0, frame_seconds: 0.0 };
         let mut first_error = None;
         for input in &job.inputs {
-            let (scene, prediction) = match batch::predict(job, input, EmbreeMode::Robust) {
+            let (scene, prediction) = match batch::predict(job, input) {
                 Ok(known) => known,
                 Err(error) => {
                     first_error = first_error.or(Some(error));
@@ -233,7 +233,7 @@ impl Needs {
                 }
             };
             let threads = usize::from(args.cpus);
-            let footprint = Footprint::of(scene.backend, threads, EmbreeMode::Robust);
+            let footprint = Footprint::of(scene.backend, threads);
             // Without Embree here, the nodes may have it: half as much again as meshes and film.
             let peak = match footprint {
                 Ok(footprint) => prediction.clone().with(&footprint).peak_bytes,

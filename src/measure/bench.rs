@@ -9,7 +9,7 @@ use super::answers::{self, Agreement};
 use super::rays::{Class, Recording, record};
 use super::replay::{Mode, Replay};
 use super::result::{BackendResult, PairResult, Row, What};
-use crate::accel::{self, Accelerator, BuildOptions, EmbreeMode};
+use crate::accel::{self, Accelerator, BuildOptions};
 use crate::error::{Error, Kind, Problem, Result};
 use crate::film::{Film, Window};
 use crate::monitor::Monitor;
@@ -27,10 +27,6 @@ pub struct Contestant {
     pub name: String,
     /// What finds the hits.
     pub backend: Backend,
-    /// How Embree is used.
-    pub embree: EmbreeMode,
-    /// Instruction set of our own kernels.
-    pub isa: Isa,
 }
 
 /// What to measure, and how long.
@@ -144,12 +140,7 @@ impl<'a> Bench<'a> {
 
     /// Builds on the threads of the current pool.
     fn build(&self, contestant: &Contestant) -> Result<Box<dyn Accelerator + 'a>> {
-        let options = BuildOptions {
-            threads: rayon::current_num_threads(),
-            embree: contestant.embree,
-            isa: contestant.isa,
-            max_bytes: None,
-        };
+        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
         accel::build(&self.world.geometry, contestant.backend, &options, self.monitor)
     }
 

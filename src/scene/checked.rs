@@ -7,7 +7,10 @@ use glam::{DVec2, DVec3, Vec3};
 
 pub use crate::sampler::Kind as SamplerKind;
 
-use super::layers::{Layer, LightGroups};
+use super::{
+    backend::Backend,
+    layers::{Layer, LightGroups},
+};
 
 /// Points of an area light that adaptive shadows trace at least, before they leave any out.
 pub const FIRST_SHADOW_POINTS: u32 = 4;
@@ -58,31 +61,6 @@ impl Scene {
     pub fn spares_shadow_rays(&self) -> bool {
         let spares = |light: &Light| matches!(light.kind, LightKind::Area { samples, .. } if samples > FIRST_SHADOW_POINTS);
         self.adaptive_shadows && self.lights.iter().any(spares)
-    }
-}
-
-/// What finds the hits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Backend {
-    /// Intel Embree 4.
-    Embree,
-    /// Our production BVH.
-    Bvh,
-    /// The coursework's BVH.
-    Coursework,
-    /// Every primitive: the oracle.
-    Brute,
-}
-
-impl Backend {
-    /// As the scene format spells it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Embree => "embree",
-            Self::Bvh => "bvh",
-            Self::Coursework => "coursework",
-            Self::Brute => "brute",
-        }
     }
 }
 

@@ -6,7 +6,7 @@ use serde_json::Value;
 use crate::error::{Error, Problem, Result};
 
 use super::{
-    Loaded, Source,
+    BackendFlags, Loaded, Source,
     description::{Description, Light},
 };
 
@@ -15,6 +15,8 @@ use super::{
 pub struct Overrides {
     /// Flag, JSON pointer, `POINTER=VALUE`. `--set` itself has no flag.
     list: Vec<(Option<&'static str>, String, String)>,
+    /// How the backend works that the scene then names.
+    backend: BackendFlags,
 }
 
 impl Overrides {
@@ -30,6 +32,11 @@ impl Overrides {
             let set = format!("{pointer}={}", value.into());
             self.list.push((Some(flag), pointer.to_string(), set));
         }
+    }
+
+    /// Adds flags that say how the backend works.
+    pub fn backend(&mut self, flags: BackendFlags) {
+        self.backend = self.backend.then(flags);
     }
 
     /// Puts `--light-samples` before every `--set`: one override per area light. Says whether
@@ -51,22 +58,26 @@ impl Overrides {
     /// Adds all of `last`, which win.
     pub fn append(&mut self, mut last: Self) {
         self.list.append(&mut last.list);
+        self.backend(last.backend);
     }
 
     /// Puts `first` before all others, so that these win.
-    pub fn prepend(&mut self, mut first: Self) {
-        first.list.append(&mut self.list);
-        self.list = first.list;
+    pub fn prepend(&mut self, first: Self) {
+        let last = std::mem::replace(self, first);
+        self.append(last);
     }
 
     /// Loads a scene with all of them; errors and warnings name the flag instead of the `--set` it became.
     ///
     /// # Errors
-    /// Those of [`load`](super::load).
+    /// Those of [`load`](super::load), and of [`BackendFlags::on`].
     pub fn load(&self, source: Source) -> Result<Loaded> {
         let sets: Vec<String> = self.list.iter().map(|(_, _, set)| set.clone()).collect();
         match super::load(source, &sets) {
-            Ok(loaded) => Ok(Loaded { warnings: self.all_named(loaded.warnings), ..loaded }),
+            Ok(mut loaded) => {
+                loaded.scene.backend = self.backend.on(loaded.description.scene.accelerator)?;
+                Ok(Loaded { warnings: self.all_named(loaded.warnings), ..loaded })
+            }
             Err(Error { kind, problems }) => {
                 Err(Error { kind, problems: self.all_named(problems) })
             }

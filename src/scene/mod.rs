@@ -5,6 +5,7 @@
 //! `description`, and `check` finds what types cannot say. All problems come back in one
 //! [`Error`]. docs/scene-format.md is the contract.
 
+mod backend;
 mod check;
 mod checked;
 mod description;
@@ -26,6 +27,7 @@ mod structure;
 mod tests;
 mod write;
 
+pub use backend::{Backend, BackendFlags, EmbreeMode};
 pub use check::{MAX_PIXELS, begins_as_ply};
 pub use checked::*;
 pub use description::Description;

@@ -17,7 +17,7 @@ pub(super) fn everything() -> Value {
         },
         "scene": {
             "backgroundcolor": [0.1, 0.2, 0.3], "ambient": [1, 1, 1],
-            "attenuation": "quadratic", "accelerator": "bvh",
+            "attenuation": "quadratic", "accelerator": "embree",
             "lightsources": [
                 { "type": "pointlight", "name": "key", "group": "a", "position": [0, 0, 9], "id": [1, 2, 3], "is": [0, 0, 0] },
                 { "type": "arealight", "name": "fill", "group": "b", "v0": [0, 0, 5], "v1": [1, 0, 5], "v2": [0.5, 2, 5],
@@ -89,7 +89,10 @@ fn errors_of_scenes_made_by_code_have_no_line() {
 fn everything_is_understood() {
     let scene = load_value(&everything(), &[]).unwrap().scene;
     assert_eq!((scene.nbounces, scene.spp, scene.seed), (3, 4, -7));
-    assert_eq!((scene.falloff, scene.backend), (Falloff::Quadratic, Backend::Bvh));
+    assert_eq!(
+        (scene.falloff, scene.backend),
+        (Falloff::Quadratic, Backend::Embree(EmbreeMode::Robust))
+    );
     assert_eq!(scene.camera.lookat, glam::DVec3::new(0.0, 5.0, 0.0));
     assert_eq!(scene.camera.lens.unwrap().focal_distance, 5.0);
     let LightKind::Area { edge, height, samples, lambertian, .. } = &scene.lights[1].kind else {
@@ -127,7 +130,7 @@ fn defaults_are_those_of_the_tables() {
     assert_eq!((scene.nbounces, scene.spp, scene.seed), (1, 1, 0));
     assert_eq!(scene.sampler, SamplerKind::Sobol);
     assert_eq!((scene.background, scene.ambient), (glam::Vec3::ZERO, glam::Vec3::ZERO));
-    assert_eq!((scene.falloff, scene.backend), (Falloff::Linear, Backend::Embree));
+    assert_eq!((scene.falloff, scene.backend.name()), (Falloff::Linear, "bvh"));
     assert!(scene.camera.lens.is_none() && scene.layers.is_empty() && !scene.transparent);
     assert_eq!(scene.lights[0].specular, scene.lights[0].diffuse);
     assert!(matches!(scene.lights[1].kind, LightKind::Area { samples: 16, lambertian: false, .. }));

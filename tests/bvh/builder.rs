@@ -14,7 +14,7 @@ use lightpath::simd::Isa;
 
 use super::random::Random;
 use super::reference;
-use super::tiers::{ALL, Tiers, build, options, put, ray};
+use super::tiers::{ALL, OPTIONS, Tiers, build, put, ray};
 
 const NUMBERS: [usize; 14] = [0, 1, 2, 3, 4, 5, 15, 16, 17, 31, 32, 33, 256, 257];
 
@@ -203,11 +203,12 @@ fn a_chain_makes_a_tree_that_is_deep_for_its_size() {
 #[test]
 fn a_build_that_would_not_fit_is_refused() {
     let geometry = some(&mut Random(13), 100_000, 0, 0);
-    let little = BuildOptions { max_bytes: Some(100_000), ..options(Isa::detect()) };
-    let refused = Bvh::build(&geometry, &little, &Monitor::default()).err().map(|e| e.kind);
+    let little = BuildOptions { max_bytes: Some(100_000), ..OPTIONS };
+    let refused =
+        Bvh::build(&geometry, Isa::detect(), &little, &Monitor::default()).err().map(|e| e.kind);
     assert_eq!(refused, Some(Kind::Limit));
     let enough = BuildOptions { max_bytes: Some(100_000_000), ..little };
-    assert!(Bvh::build(&geometry, &enough, &Monitor::default()).is_ok());
+    assert!(Bvh::build(&geometry, Isa::detect(), &enough, &Monitor::default()).is_ok());
 }
 
 #[test]
@@ -239,11 +240,11 @@ fn a_signal_stops_the_build() {
     let geometry = some(&mut Random(8), 1000, 0, 0);
     let monitor = Monitor::default();
     monitor.signal.store(15, Relaxed);
-    let stopped = Bvh::build(&geometry, &options(Isa::detect()), &monitor).err().map(|e| e.kind);
+    let stopped = Bvh::build(&geometry, Isa::detect(), &OPTIONS, &monitor).err().map(|e| e.kind);
     assert_eq!(stopped, Some(Kind::Interrupted(15)));
     let monitor = Monitor::default();
     monitor.signal.store(2, Relaxed);
-    let stopped = accel::build(&geometry, Backend::Bvh, &options(Isa::detect()), &monitor);
+    let stopped = accel::build(&geometry, Backend::default(), &OPTIONS, &monitor);
     assert_eq!(stopped.err().map(|e| e.kind), Some(Kind::Interrupted(2)));
 }
 

@@ -43,7 +43,7 @@ fn along_z() -> Rays {
 #[test]
 fn segments_are_open_and_any_float_may_end_them() {
     let geometry = walls();
-    let tiers = Tiers::new(&geometry).with_embree();
+    let tiers = Tiers::new(&geometry);
     let next = |x: f32| f32::from_bits(x.to_bits() + 1);
     let last = |x: f32| f32::from_bits(x.to_bits() - 1);
     let far = f32::INFINITY;
@@ -86,7 +86,7 @@ fn segments_are_open_and_any_float_may_end_them() {
 #[test]
 fn directions_may_have_any_length() {
     let geometry = walls();
-    let tiers = Tiers::new(&geometry).with_embree();
+    let tiers = Tiers::new(&geometry);
     // The smallest sum of magnitudes that counts as a direction, and the largest.
     let tiny = f32::MIN_POSITIVE;
     let large = f32::MAX;
@@ -116,7 +116,7 @@ fn directions_may_have_any_length() {
 #[test]
 fn lanes_that_do_not_count_change_nothing() {
     let geometry = walls();
-    let tiers = Tiers::new(&geometry).with_embree();
+    let tiers = Tiers::new(&geometry);
     let clean = along_z();
     let expected = tiers.trace(&ALL, &clean);
     assert!(expected.iter().all(Option::is_some));
@@ -142,7 +142,7 @@ fn lanes_that_do_not_count_change_nothing() {
 #[test]
 fn what_a_ray_leaves_is_not_hit_but_for_the_far_side_of_a_sphere() {
     let geometry = walls();
-    let tiers = Tiers::new(&geometry).with_embree();
+    let tiers = Tiers::new(&geometry);
     let mut rays = along_z();
     let first = tiers.trace(&ALL, &rays);
     // From the front of the first wall, and from a little behind it, as rounding could have it.
@@ -192,7 +192,7 @@ fn a_ray_along_a_plane_meets_a_triangle_that_its_line_meets() {
         let direction = [3.000_000_2, -2.0, 8.0].map(|d: f32| d * scale);
         put(&mut rays, i, [-1.0, -1.0, -1.000_000_4], direction);
     }
-    let hits = Tiers::new(&geometry).with_embree().trace(&ALL, &rays);
+    let hits = Tiers::new(&geometry).trace(&ALL, &rays);
     for (i, hit) in hits.into_iter().enumerate() {
         let t = hit.expect("a hit").t / (1 << i) as f32;
         assert!((0.0..=1.000_001).contains(&t), "{t}");
@@ -211,7 +211,7 @@ fn a_ray_along_a_plane_meets_nothing_beyond_where_its_line_leaves_the_triangle()
         put(&mut rays, i, [-7.0, 0.0, 0.0], [6.0, 2.0, 4.0]);
         rays.tnear[i] = if i % 2 == 0 { 0.25 } else { 1.5 };
     }
-    let hits = Tiers::new(&geometry).with_embree().trace(&ALL, &rays);
+    let hits = Tiers::new(&geometry).trace(&ALL, &rays);
     for (i, hit) in hits.into_iter().enumerate() {
         assert_eq!(hit.map(|hit| hit.t), (i % 2 == 0).then_some(1.0), "{i}");
     }
@@ -228,7 +228,7 @@ fn the_nearest_of_hits_that_are_nearer_than_any_f32_is_found() {
     for i in 0..LANES {
         put(&mut rays, i, [4e-45, 4.0, 5.0], [-1_992_056_200_000.0, -1.0, 0.0]);
     }
-    let hits = Tiers::new(&geometry).with_embree().trace(&ALL, &rays);
+    let hits = Tiers::new(&geometry).trace(&ALL, &rays);
     for hit in hits {
         assert_eq!(hit.map(|hit| hit.t), Some(0.0));
     }

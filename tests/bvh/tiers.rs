@@ -20,56 +20,32 @@ pub struct Hit {
     pub t: f32,
 }
 
-pub fn options(isa: Isa) -> BuildOptions {
-    BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None }
-}
+pub const OPTIONS: BuildOptions = BuildOptions { threads: 1, max_bytes: None };
 
 /// A tree that was found to be sound.
 pub fn build(geometry: &Geometry, isa: Isa) -> Bvh<'_> {
-    let bvh = Bvh::build(geometry, &options(isa), &Monitor::default()).expect("a tree");
+    let bvh = Bvh::build(geometry, isa, &OPTIONS, &Monitor::default()).expect("a tree");
     if let Err(wrong) = bvh.validate() {
         panic!("{isa}: {wrong}");
     }
     bvh
 }
 
-fn ours(geometry: &Geometry, isa: Isa) -> (String, Box<dyn Accelerator + '_>) {
-    (isa.to_string(), Box::new(build(geometry, isa)))
-}
-
 /// The trees of every tier that this machine runs.
 pub struct Tiers<'g> {
     geometry: &'g Geometry,
-    trees: Vec<(String, Box<dyn Accelerator + 'g>)>,
+    trees: Vec<(Isa, Bvh<'g>)>,
 }
 
 impl<'g> Tiers<'g> {
     pub fn new(geometry: &'g Geometry) -> Self {
-        Self { geometry, trees: Isa::available().map(|isa| ours(geometry, isa)).collect() }
-    }
-
-    /// Embree's tree over the same leaves as well, which must make no difference.
-    #[cfg(feature = "embree")]
-    pub fn with_embree(mut self) -> Self {
-        for isa in Isa::available() {
-            use lightpath::accel::{EmbreeMode, embree::Exact};
-            let options = BuildOptions { embree: EmbreeMode::Exact, ..options(isa) };
-            let exact = Exact::build(self.geometry, &options, &Monitor::default()).expect("Embree");
-            self.trees.push((format!("Embree, {isa}"), Box::new(exact)));
-        }
-        self
-    }
-
-    /// There is none.
-    #[cfg(not(feature = "embree"))]
-    pub fn with_embree(self) -> Self {
-        self
+        Self { geometry, trees: Isa::available().map(|isa| (isa, build(geometry, isa))).collect() }
     }
 
     /// The best tier alone.
     pub fn best(geometry: &'g Geometry) -> Self {
         let isa = Isa::detect();
-        Self { geometry, trees: vec![ours(geometry, isa)] }
+        Self { geometry, trees: vec![(isa, build(geometry, isa))] }
     }
 
     /// The tiers that say that nothing is between the active rays.
@@ -89,7 +65,7 @@ impl<'g> Tiers<'g> {
         let mut agreed = None;
         for (tree, bvh) in &self.trees {
             for way in WAYS {
-                let hits = self.closest(bvh.as_ref(), active, rays, way);
+                let hits = self.closest(bvh, active, rays, way);
                 let expected = *agreed.get_or_insert(hits);
                 for i in 0..LANES {
                     let (found, expected) = (hits[i], expected[i]);
@@ -115,7 +91,7 @@ impl<'g> Tiers<'g> {
 
     fn closest(
         &self,
-        bvh: &dyn Accelerator,
+        bvh: &Bvh,
         active: &Mask,
         rays: &Rays,
         way: Coherence,

@@ -98,7 +98,7 @@ fn all_shapes(rays: usize) {
             let each = rays / (shapes.len() * places.len());
             // Nine in ten by the best tier alone.
             aim(&mut random, shape, &at, &Tiers::best(&at.geometry), each * 9 / 10);
-            aim(&mut random, shape, &at, &Tiers::new(&at.geometry).with_embree(), each / 10);
+            aim(&mut random, shape, &at, &Tiers::new(&at.geometry), each / 10);
         }
     }
 }

@@ -2,33 +2,25 @@
 //! scene's origin: no surface shadows itself or mirrors itself, and what lies four ulp above it
 //! shadows it. The coursework's fixed offset, beside it, fails both ways.
 
-#[path = "../embree/mod.rs"]
-mod embree;
+#[path = "../backends/mod.rs"]
+mod backends;
 mod measure;
 
-use lightpath::accel::{BuildOptions, EmbreeMode, build};
+use lightpath::accel::build;
 use lightpath::monitor::Monitor;
-use lightpath::scene::Backend;
+use lightpath::scene::{Backend, EmbreeMode};
 use lightpath::simd::Isa;
 
-use embree::unless_missing;
+use backends::OPTIONS;
 use measure::{CLEAR, Count, Origin, Row};
 
 /// The coursework's offset.
 const FIXED: f32 = 1e-4;
 
-/// The counts of a backend; `None` where it cannot run here.
-fn measure(
-    backend: Backend,
-    embree: EmbreeMode,
-    isa: Isa,
-    origin: Origin,
-    rays: usize,
-) -> Option<Vec<Row>> {
-    let options = BuildOptions { threads: 1, embree, isa, max_bytes: None };
+/// The counts of a backend.
+fn measure(backend: Backend, origin: Origin, rays: usize) -> Vec<Row> {
     let monitor = Monitor::default();
-    let rows = measure::measure(&|g| build(g, backend, &options, &monitor), origin, rays, 7);
-    unless_missing(backend, rows)
+    measure::measure(&|g| build(g, backend, &OPTIONS, &monitor), origin, rays, 7).unwrap()
 }
 
 fn sum(rows: &[Row], of: impl Fn(&Row) -> Count) -> Count {
@@ -39,8 +31,8 @@ fn sum(rows: &[Row], of: impl Fn(&Row) -> Count) -> Count {
 }
 
 /// Every row's failures that are not allowed, and how much was looked at.
-fn check(backend: Backend, embree: EmbreeMode, isa: Isa) {
-    let Some(rows) = measure(backend, embree, isa, Origin::Rounded, 128) else { return };
+fn check(backend: Backend) {
+    let rows = measure(backend, Origin::Rounded, 128);
     let bad = |row: &&Row| {
         row.self_shadow.failures + row.self_reflection.failures + row.leak.failures > 0
     };
@@ -56,41 +48,35 @@ fn check(backend: Backend, embree: EmbreeMode, isa: Isa) {
 }
 
 #[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
 fn embree() {
-    check(Backend::Embree, EmbreeMode::Robust, Isa::Portable);
+    check(Backend::Embree(EmbreeMode::Robust));
 }
 
 #[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
 fn embree_fast() {
-    check(Backend::Embree, EmbreeMode::Fast, Isa::Portable);
-}
-
-#[test]
-fn embree_exact() {
-    check(Backend::Embree, EmbreeMode::Exact, Isa::detect());
+    check(Backend::Embree(EmbreeMode::Fast));
 }
 
 #[test]
 fn bvh() {
-    for isa in Isa::available() {
-        check(Backend::Bvh, EmbreeMode::Robust, isa);
-    }
+    Isa::available().for_each(|isa| check(Backend::Bvh(isa)));
 }
 
 #[test]
 fn coursework() {
-    check(Backend::Coursework, EmbreeMode::Robust, Isa::Portable);
+    check(Backend::Coursework);
 }
 
 #[test]
 fn brute() {
-    check(Backend::Brute, EmbreeMode::Robust, Isa::Portable);
+    check(Backend::Brute);
 }
 
 #[test]
 fn a_fixed_offset_fails_at_both_ends() {
-    let rows = measure(Backend::Brute, EmbreeMode::Robust, Isa::Portable, Origin::Fixed(FIXED), 64)
-        .unwrap();
+    let rows = measure(Backend::Brute, Origin::Fixed(FIXED), 64);
     let small: Vec<Row> = rows.iter().copied().filter(|r| r.scale <= 1e-4).collect();
     let large: Vec<Row> = rows.iter().copied().filter(|r| r.scale >= 1e4).collect();
     let leaks = sum(&small, |r| r.leak);

@@ -1,8 +1,8 @@
 //! Runs the program in a scratch folder.
 #![allow(dead_code)] // each test program uses its own part of this module
 
-#[path = "../embree/mod.rs"]
-pub mod embree;
+#[path = "../backends/mod.rs"]
+pub mod backends;
 
 use std::{
     fs,
@@ -91,19 +91,11 @@ impl Done {
         String::from_utf8_lossy(&self.0.stderr).into_owned()
     }
 
-    /// Whether it failed because Embree is not there; notes it.
-    pub fn lacks_embree(&self) -> bool {
-        self.code() != 0 && embree::no_embree(&self.stderr())
-    }
-
-    /// Itself, which must have succeeded; `None` if it failed because Embree is not there.
+    /// Itself, which must have succeeded.
     #[track_caller]
-    pub fn unless_no_embree(self) -> Option<Self> {
-        if self.lacks_embree() {
-            return None;
-        }
+    pub fn good(self) -> Self {
         assert_eq!(self.code(), 0, "{}", self.stderr());
-        Some(self)
+        self
     }
 }
 
@@ -126,15 +118,12 @@ impl Scratch {
         Self(tempfile::tempdir().unwrap())
     }
 
-    /// A folder with `s.json` and [`PYRAMID`] as `p.ply`; `None` if the scene's render needs Embree, which is not
-    /// there.
-    #[track_caller]
-    pub fn rendering(scene: &str) -> Option<Self> {
+    /// A folder with `s.json` and [`PYRAMID`] as `p.ply`.
+    pub fn with(scene: &str) -> Self {
         let scratch = Self::new();
         scratch.write("s.json", scene);
         scratch.write("p.ply", PYRAMID);
-        scratch.run(&["render", "s.json", "-o", "probe", "--size", "2x2"]).unless_no_embree()?;
-        Some(scratch)
+        scratch
     }
 
     pub fn path(&self, name: &str) -> PathBuf {

@@ -5,12 +5,12 @@ use exr::prelude::{ReadChannels, ReadLayers};
 use std::path::Path;
 use std::process::Command;
 
-/// Runs `lightpath render SCENE -o PREFIX` beside the scene and reads `PREFIX.exr`.
-pub fn render(scene: &Path) -> Picture {
+/// Runs `lightpath render SCENE -o PREFIX` beside the scene, on a backend, and reads `PREFIX.exr`.
+pub fn render(scene: &Path, backend: &str) -> Picture {
     let prefix = scene.with_extension("");
     let run = Command::new(env!("CARGO_BIN_EXE_lightpath"))
         .args(["render".as_ref(), scene.as_os_str(), "-o".as_ref(), prefix.as_os_str()])
-        .args(["--threads", "2", "--quiet"])
+        .args(["--threads", "2", "--quiet", "--backend", backend])
         .output()
         .expect("the program starts");
     assert!(

@@ -2,20 +2,14 @@
 
 use glam::DVec3;
 use lightpath::accel::brute::Brute;
-use lightpath::accel::{self, Accelerator, BuildOptions, EmbreeMode};
 use lightpath::geometry::{Geometry, TriangleMesh};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{LANES, Mask, RayPacket, Rays};
-use lightpath::scene::Backend;
-use lightpath::simd::Isa;
 
+use super::backends::OPTIONS;
 use super::random::Random;
 
 pub const ALL: Mask = Mask([-1; LANES]);
-
-pub fn options(embree: EmbreeMode) -> BuildOptions {
-    BuildOptions { threads: 1, embree, isa: Isa::detect(), max_bytes: None }
-}
 
 pub fn geometry(
     vertices: Vec<[f32; 3]>,
@@ -26,16 +20,8 @@ pub fn geometry(
     Geometry::new(DVec3::ZERO, vec![mesh], quads, vec![]).unwrap()
 }
 
-pub fn build(
-    geometry: &Geometry,
-    backend: Backend,
-    embree: EmbreeMode,
-) -> Box<dyn Accelerator + '_> {
-    accel::build(geometry, backend, &options(embree), &Monitor::default()).unwrap()
-}
-
 pub fn oracle(geometry: &Geometry) -> Brute<'_> {
-    Brute::build(geometry, &options(EmbreeMode::Robust), &Monitor::default()).unwrap()
+    Brute::build(geometry, &OPTIONS, &Monitor::default()).unwrap()
 }
 
 /// 16 rays, each an origin and a direction.

@@ -3,14 +3,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::geometry::{NONE, Sphere, TriangleMesh};
 use crate::ray::LANES;
-use crate::simd::Isa;
 
-const OPTIONS: BuildOptions = BuildOptions {
-    threads: 1,
-    embree: crate::accel::EmbreeMode::Robust,
-    isa: Isa::Portable,
-    max_bytes: None,
-};
+const OPTIONS: BuildOptions = BuildOptions { threads: 1, max_bytes: None };
 
 fn build(geometry: &Geometry) -> Brute<'_> {
     Brute::build(geometry, &OPTIONS, &Monitor::default()).unwrap()

@@ -27,16 +27,10 @@ mod found;
 mod frustum;
 #[doc(hidden)]
 pub mod kernels;
-// For Embree's tree.
-#[cfg_attr(not(feature = "embree"), allow(dead_code))]
-pub(super) mod leaves;
 mod near;
 mod node;
-
 mod packet;
 mod query;
-#[cfg_attr(not(feature = "embree"), allow(dead_code))]
-pub(super) mod search;
 mod simd;
 mod single;
 #[cfg(test)]
@@ -70,16 +64,17 @@ pub struct Bvh<'g> {
 }
 
 impl<'g> Bvh<'g> {
-    /// Builds the tree.
+    /// Builds the tree, for the kernels of `isa`, or of the best set below it that this machine runs.
     ///
     /// # Errors
     /// See [`super::build`].
     pub fn build(
         geometry: &'g Geometry,
+        isa: Isa,
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let isa = options.isa.min(Isa::detect());
+        let isa = isa.min(Isa::detect());
         let (tree, peak_bytes) = build::build(geometry, isa, options.max_bytes, monitor)?;
         Ok(Self { geometry, tree, isa, peak_bytes })
     }

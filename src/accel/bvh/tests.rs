@@ -41,9 +41,9 @@ fn scene(rows: u32, others: u32) -> Geometry {
 }
 
 fn build(geometry: &Geometry, isa: Isa, threads: usize) -> Bvh<'_> {
-    let options = BuildOptions { threads, embree: Default::default(), isa, max_bytes: None };
+    let options = BuildOptions { threads, max_bytes: None };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-    pool.install(|| Bvh::build(geometry, &options, &Monitor::default())).expect("a tree")
+    pool.install(|| Bvh::build(geometry, isa, &options, &Monitor::default())).expect("a tree")
 }
 
 /// Every bit of a tree that a query reads.

@@ -2,18 +2,15 @@
 
 mod candidate;
 mod device;
-mod exact;
 mod extent;
 mod ffi;
 mod filter;
 mod fixed;
-mod leaf;
 mod near;
 mod scene;
 mod second_look;
 mod sphere;
 
-pub use self::exact::Exact;
 pub use self::ffi::{LAYOUTS, Layout};
 
 use self::device::Device;
@@ -24,6 +21,7 @@ use crate::error::Result;
 use crate::geometry::{Geometry, NONE, Nearby};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+use crate::scene::EmbreeMode;
 use crate::simd::{self, Isa, Kernel};
 
 /// Below this many active lanes single rays are faster than a packet.
@@ -33,7 +31,6 @@ const SINGLE_BELOW: u32 = 4;
 pub struct Embree<'g> {
     scene: scene::Scene<'g>,
     truth: Truth<'g>,
-    isa: Isa,
 }
 
 impl<'g> Embree<'g> {
@@ -43,12 +40,13 @@ impl<'g> Embree<'g> {
     /// See [`super::build`].
     pub fn build(
         geometry: &'g Geometry,
+        mode: EmbreeMode,
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
         let device = Device::new(device::load_library()?, options.threads, options.max_bytes)?;
-        let scene = scene::Scene::build(device, geometry, options.embree, monitor)?;
-        Ok(Self { scene, truth: Truth::new(geometry), isa: options.isa })
+        let scene = scene::Scene::build(device, geometry, mode, monitor)?;
+        Ok(Self { scene, truth: Truth::new(geometry) })
     }
 
     /// Runs `query` with the arguments that `coherence` and `filter` ask for.
@@ -177,7 +175,8 @@ impl Accelerator for Embree<'_> {
     }
 
     fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-        let (lanes, leaving) = simd::dispatch(self.isa, Asked { active, rays: &mut packet.rays });
+        let (lanes, leaving) =
+            simd::dispatch(Isa::detect(), Asked { active, rays: &mut packet.rays });
         let filter = leaving.then_some(Filter::Leaving);
         let scene = self.scene.handle();
         if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
@@ -205,7 +204,7 @@ impl Accelerator for Embree<'_> {
         // The time, which nothing reads in a scene that does not move, keeps the end of each ray:
         // in a filter `tfar` is the candidate's t.
         rays.time = rays.tfar;
-        let (lanes, _) = simd::dispatch(self.isa, Asked { active, rays: &mut *rays });
+        let (lanes, _) = simd::dispatch(Isa::detect(), Asked { active, rays: &mut *rays });
         self.any_hit(active, rays, coherence, lanes, Some(Filter::True(&self.truth)));
     }
 
@@ -214,7 +213,7 @@ impl Accelerator for Embree<'_> {
     }
 
     fn occluded_candidates(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-        let (lanes, leaving) = simd::dispatch(self.isa, Asked { active, rays: &mut *rays });
+        let (lanes, leaving) = simd::dispatch(Isa::detect(), Asked { active, rays: &mut *rays });
         self.any_hit(active, rays, coherence, lanes, leaving.then_some(Filter::Leaving));
     }
 }

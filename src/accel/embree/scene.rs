@@ -7,21 +7,18 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use super::device::Device;
 use super::ffi::{self, Enum, GeometryHandle, SceneHandle};
 use super::fixed::Fixed;
-use super::leaf;
 use super::sphere::{self, SphereSet};
-use crate::accel::bvh::leaves::Leaves;
-use crate::accel::{BuildInfo, EmbreeMode};
+use crate::accel::BuildInfo;
 use crate::error::Result;
 use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::Monitor;
+use crate::scene::EmbreeMode;
 
 /// A committed scene over `'g`'s arrays.
 pub struct Scene<'g> {
     handle: NonNull<SceneHandle>,
     /// User data of the sphere geometry.
     spheres: Fixed<SphereSet<'g>>,
-    /// User data of the exact mode's only geometry.
-    leaves: Option<Fixed<Leaves<'g>>>,
     // Dropped after the handle's release.
     device: Device,
 }
@@ -32,7 +29,7 @@ unsafe impl Send for Scene<'_> {}
 unsafe impl Sync for Scene<'_> {}
 
 impl<'g> Scene<'g> {
-    /// Builds the scene over Embree's own primitives.
+    /// Builds the scene.
     pub fn build(
         device: Device,
         geometry: &'g Geometry,
@@ -41,9 +38,12 @@ impl<'g> Scene<'g> {
     ) -> Result<Self> {
         let base = geometry.bases()[geometry.spheres_id() as usize];
         let spheres = SphereSet { spheres: &geometry.spheres, base };
-        let robust = if mode == EmbreeMode::Fast { 0 } else { ffi::RTC_SCENE_FLAG_ROBUST };
+        let robust = match mode {
+            EmbreeMode::Robust => ffi::RTC_SCENE_FLAG_ROBUST,
+            EmbreeMode::Fast => 0,
+        };
         let flags = robust | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
-        let scene = Self::new(device, flags, spheres, None)?;
+        let scene = Self::new(device, flags, spheres)?;
         for (id, mesh) in geometry.meshes.iter().enumerate() {
             scene.attach_mesh(mesh, id as c_uint)?;
         }
@@ -57,34 +57,14 @@ impl<'g> Scene<'g> {
         Ok(scene)
     }
 
-    /// Builds the scene of the exact mode, over leaves alone.
-    pub fn build_exact(device: Device, leaves: Leaves<'g>, monitor: &Monitor) -> Result<Self> {
-        let count = leaves.count() as c_uint;
-        let spheres = SphereSet { spheres: &[], base: 0 };
-        let leaves = Fixed::new(leaves);
-        let data = leaves.user_data();
-        let scene = Self::new(device, ffi::RTC_SCENE_FLAG_ROBUST, spheres, Some(leaves))?;
-        if count > 0 {
-            let callbacks = (leaf::bounds as _, leaf::visit as _, leaf::visit as _);
-            scene.attach_user(0, count, data, callbacks)?;
-        }
-        scene.commit(monitor)?;
-        Ok(scene)
-    }
-
-    fn new(
-        device: Device,
-        flags: Enum,
-        spheres: SphereSet<'g>,
-        leaves: Option<Fixed<Leaves<'g>>>,
-    ) -> Result<Self> {
+    fn new(device: Device, flags: Enum, spheres: SphereSet<'g>) -> Result<Self> {
         // SAFETY: a live device.
         let handle = unsafe { (device.api().new_scene)(device.handle()) };
         let Some(handle) = NonNull::new(handle) else {
             device.check()?;
             return Err(crate::error::Error::invalid("Embree", "no scene was created"));
         };
-        let scene = Self { handle, spheres: Fixed::new(spheres), leaves, device };
+        let scene = Self { handle, spheres: Fixed::new(spheres), device };
         // SAFETY: live handles.
         unsafe {
             (scene.api().set_scene_flags)(scene.handle(), flags);
@@ -92,12 +72,6 @@ impl<'g> Scene<'g> {
         }
         scene.device.check()?;
         Ok(scene)
-    }
-
-    /// The exact mode's leaves.
-    pub fn leaves(&self) -> &Leaves<'g> {
-        let Some(leaves) = &self.leaves else { unreachable!("of the exact mode") };
-        leaves
     }
 
     /// The entry points.
@@ -185,29 +159,17 @@ impl<'g> Scene<'g> {
         Ok(())
     }
 
+    /// User geometry; all callbacks are set, as a query of a missing one would crash.
     fn attach_spheres(&self, id: c_uint) -> Result<()> {
-        let count = self.spheres.spheres.len() as c_uint;
-        let callbacks = (sphere::bounds as _, sphere::intersect as _, sphere::occluded as _);
-        self.attach_user(id, count, self.spheres.user_data(), callbacks)
-    }
-
-    /// User geometry; all callbacks are set, as a query of a missing one would crash. `data` is this
-    /// scene's own, and what the callbacks expect.
-    fn attach_user(
-        &self,
-        id: c_uint,
-        count: c_uint,
-        data: *mut c_void,
-        (bounds, intersect, occluded): (ffi::BoundsFunction, ffi::UserFunction, ffi::UserFunction),
-    ) -> Result<()> {
         let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_USER)?;
-        // SAFETY: live geometry; `data` lives as long as this scene.
+        // SAFETY: live geometry; the user data lives as long as this scene.
         unsafe {
+            let count = self.spheres.spheres.len() as c_uint;
             (self.api().set_user_primitive_count)(geometry.0, count);
-            (self.api().set_user_data)(geometry.0, data);
-            (self.api().set_bounds_function)(geometry.0, Some(bounds), std::ptr::null());
-            (self.api().set_intersect_function)(geometry.0, Some(intersect));
-            (self.api().set_occluded_function)(geometry.0, Some(occluded));
+            (self.api().set_user_data)(geometry.0, self.spheres.user_data());
+            (self.api().set_bounds_function)(geometry.0, Some(sphere::bounds), std::ptr::null());
+            (self.api().set_intersect_function)(geometry.0, Some(sphere::intersect));
+            (self.api().set_occluded_function)(geometry.0, Some(sphere::occluded));
         }
         self.attach(&geometry, id)
     }

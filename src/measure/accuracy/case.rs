@@ -17,7 +17,6 @@ use crate::geometry::Geometry;
 use crate::measure::random::Random;
 use crate::monitor::Monitor;
 use crate::ray::LANES;
-use crate::simd::Isa;
 
 /// Packets between two looks at the monitor.
 const PORTION: u64 = 2048;
@@ -257,11 +256,5 @@ impl Run<'_> {
 
 /// The oracle over a geometry.
 pub fn oracle<'g>(geometry: &'g Geometry, monitor: &Monitor) -> Result<Brute<'g>> {
-    let options = BuildOptions {
-        threads: 1,
-        embree: crate::accel::EmbreeMode::Robust,
-        isa: Isa::detect(),
-        max_bytes: None,
-    };
-    Brute::build(geometry, &options, monitor)
+    Brute::build(geometry, &BuildOptions { threads: 1, max_bytes: None }, monitor)
 }

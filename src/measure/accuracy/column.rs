@@ -2,14 +2,14 @@
 
 use super::tally::Kind;
 use crate::accel::brute::Brute;
-use crate::accel::{self, Accelerator, BuildOptions, EmbreeMode};
+use crate::accel::{self, Accelerator, BuildOptions};
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::measure::bench::Contestant;
 use crate::measure::cross_check;
 use crate::monitor::Monitor;
 use crate::ray::Coherence;
-use crate::scene::Backend;
+use crate::scene::{Backend, EmbreeMode};
 use crate::simd::Isa;
 
 /// A backend in one mode.
@@ -20,21 +20,15 @@ pub struct Column {
 }
 
 impl Column {
-    /// All there are: Embree fast, robust and exact, `bvh` in each tier of this machine, `coursework`,
-    /// `brute`.
+    /// All there are: Embree fast and robust, `bvh` in each tier of this machine, `coursework`, `brute`.
     pub fn all() -> Vec<Self> {
-        let best = Isa::detect();
-        let one = |name: &str, backend, embree, isa| Self {
-            contestant: Contestant { name: name.into(), backend, embree, isa },
-        };
         let mut all = vec![
-            one("embree-fast", Backend::Embree, EmbreeMode::Fast, best),
-            one("embree", Backend::Embree, EmbreeMode::Robust, best),
-            one("embree-exact", Backend::Embree, EmbreeMode::Exact, best),
+            Self::new("embree-fast", Backend::Embree(EmbreeMode::Fast)),
+            Self::new("embree", Backend::Embree(EmbreeMode::Robust)),
         ];
         all.extend(Self::tiers());
-        all.push(one("coursework", Backend::Coursework, EmbreeMode::Robust, best));
-        all.push(one("brute", Backend::Brute, EmbreeMode::Robust, best));
+        all.push(Self::new("coursework", Backend::Coursework));
+        all.push(Self::new("brute", Backend::Brute));
         all
     }
 
@@ -46,10 +40,13 @@ impl Column {
                 Isa::Avx2 => "bvh:avx2",
                 Isa::Avx512 => "bvh:avx512",
             };
-            let (backend, embree) = (Backend::Bvh, EmbreeMode::Robust);
-            Self { contestant: Contestant { name: name.into(), backend, embree, isa } }
+            Self::new(name, Backend::Bvh(isa))
         };
         Isa::available().map(tier).collect()
+    }
+
+    fn new(name: &str, backend: Backend) -> Self {
+        Self { contestant: Contestant { name: name.into(), backend } }
     }
 
     /// As the table has it.
@@ -64,14 +61,13 @@ impl Column {
 
     /// Whether it fails the run where it misses a row's mark; others are published.
     pub fn must_hold(&self) -> bool {
-        matches!(self.backend(), Backend::Bvh | Backend::Brute)
-            || (self.backend(), self.contestant.embree) == (Backend::Embree, EmbreeMode::Exact)
+        matches!(self.backend(), Backend::Bvh(_) | Backend::Brute)
     }
 
-    /// What must not happen to what renders by default, although its leaks are published only.
+    /// What must not happen to what renders, although its leaks are published only.
     pub fn forbidden(&self) -> &'static [Kind] {
-        match (self.backend(), self.contestant.embree) {
-            (Backend::Embree, EmbreeMode::Robust) => &[Kind::FalseHit, Kind::SelfShadow],
+        match self.backend() {
+            Backend::Embree(EmbreeMode::Robust) => &[Kind::FalseHit, Kind::SelfShadow],
             _ => &[],
         }
     }
@@ -83,9 +79,7 @@ impl Column {
 
     /// The bound of its own test, in units of the shear's: what [`cross_check`] grants it.
     pub fn factor(&self) -> f64 {
-        // Our leaves decide, whatever finds them.
-        let exact = self.contestant.embree == EmbreeMode::Exact;
-        cross_check::factor(if exact { Backend::Bvh } else { self.backend() })
+        cross_check::factor(self.backend())
     }
 
     /// The ways to ask whose answers may differ; `packets` is how packets are announced.
@@ -106,9 +100,8 @@ impl Column {
         threads: usize,
         monitor: &Monitor,
     ) -> Result<Box<dyn Accelerator + 'g>> {
-        let Contestant { backend, embree, isa, .. } = self.contestant;
-        let options = BuildOptions { threads, embree, isa, max_bytes: None };
-        accel::build(geometry, backend, &options, monitor)
+        let options = BuildOptions { threads, max_bytes: None };
+        accel::build(geometry, self.backend(), &options, monitor)
     }
 }
 

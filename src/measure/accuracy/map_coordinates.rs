@@ -17,7 +17,6 @@ use crate::monitor::Monitor;
 use crate::ray::LANES;
 use crate::render::render;
 use crate::scene::{self, Source};
-use crate::simd::Isa;
 use crate::world::{LoadOptions, World};
 
 const GROUP: &str = "map coordinates";
@@ -106,7 +105,7 @@ fn moved(run: &mut Run, shape: &Shape, shift: DVec3, same: fn(f32, f32) -> bool)
         let [a, b] = [run.build(&here.geometry)?, run.build(&there.geometry)?];
         let mut sums = Vec::new();
         for ((column, one), (_, other)) in a.columns.iter().zip(&b.columns) {
-            let isa = if column.slow() { Isa::detect() } else { column.contestant.isa };
+            let isa = column.backend().isa();
             let mut tally = Tally::default();
             let started = std::time::Instant::now();
             let mut pictures = Vec::new();

@@ -68,13 +68,8 @@ impl View {
             half: [x, y],
         };
         let distance = forward.abs().dot(half) * 2.0;
-        let options = BuildOptions {
-            threads: 1,
-            embree: crate::accel::EmbreeMode::Robust,
-            isa: Isa::Portable,
-            max_bytes: None,
-        };
-        let tree = Bvh::build(geometry, &options, monitor)?;
+        let options = BuildOptions { threads: 1, max_bytes: None };
+        let tree = Bvh::build(geometry, Isa::Portable, &options, monitor)?;
         view.shade(geometry, &tree, distance);
         Ok(view)
     }

@@ -114,12 +114,7 @@ fn work(
     let mut built: Vec<Box<dyn Accelerator + '_>> = Vec::new();
     for contestant in &settings.contestants {
         note(&format!("building {}", contestant.name));
-        let options = BuildOptions {
-            threads: rayon::current_num_threads(),
-            embree: contestant.embree,
-            isa: contestant.isa,
-            max_bytes: None,
-        };
+        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
         built.push(accel::build(&world.geometry, contestant.backend, &options, monitor)?);
     }
     let [width, height] = world.frame;

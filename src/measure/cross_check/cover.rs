@@ -152,18 +152,12 @@ mod tests {
     use crate::accel::{BuildOptions, lane::Ray};
     use crate::geometry::{Geometry, NONE, TriangleMesh};
     use crate::monitor::Monitor;
-    use crate::simd::Isa;
 
     /// Layers and the number of near triangles for a ray down the z axis at (x, y).
     fn seen(vertices: &[[f32; 3]], triangles: &[[u32; 3]], x: f32, y: f32) -> (usize, usize) {
         let mesh = TriangleMesh::new(vertices.to_vec(), triangles.to_vec(), false);
         let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
-        let options = BuildOptions {
-            threads: 1,
-            embree: Default::default(),
-            isa: Isa::Portable,
-            max_bytes: None,
-        };
+        let options = BuildOptions { threads: 1, max_bytes: None };
         let oracle = Brute::build(&geometry, &options, &Monitor::default()).unwrap();
         let ray = Ray {
             origin: DVec3::new(x.into(), y.into(), 1.0),

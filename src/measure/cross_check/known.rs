@@ -10,14 +10,14 @@ const FEW: u64 = 10;
 /// be right. Generous: about twice the largest share of any scene that was measured.
 pub fn rate(backend: Backend, source: &str) -> Option<f64> {
     match (backend, source) {
-        (Backend::Bvh | Backend::Brute, _) => None,
+        (Backend::Bvh(_) | Backend::Brute, _) => None,
         // Directions of length 1e-37 to 1e-30: products of them underflow.
-        (Backend::Embree, "tiny") => Some(1.0),
-        (Backend::Embree, "vertex" | "edge" | "axis" | "far") => Some(0.01),
+        (Backend::Embree(_), "tiny") => Some(1.0),
+        (Backend::Embree(_), "vertex" | "edge" | "axis" | "far") => Some(0.01),
         (Backend::Coursework, "vertex" | "edge" | "axis" | "box-face" | "far" | "tiny") => {
             Some(0.02)
         }
-        (Backend::Embree | Backend::Coursework, _) => Some(0.001),
+        (Backend::Embree(_) | Backend::Coursework, _) => Some(0.001),
     }
 }
 

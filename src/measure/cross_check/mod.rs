@@ -80,8 +80,8 @@ pub struct Contender<'a> {
 /// The bound of a backend's own test, in units of the shear's.
 pub fn factor(backend: Backend) -> f64 {
     match backend {
-        Backend::Embree => 4.0,
-        Backend::Bvh | Backend::Coursework => 1.0,
+        Backend::Embree(_) => 4.0,
+        Backend::Bvh(_) | Backend::Coursework => 1.0,
         Backend::Brute => 0.0,
     }
 }
@@ -99,7 +99,7 @@ impl Contender<'_> {
             Coherence::Incoherent | Coherence::Single => Mode::Incoherent,
         };
         match self.backend {
-            Backend::Embree | Backend::Bvh => vec![packets, Mode::Single],
+            Backend::Embree(_) | Backend::Bvh(_) => vec![packets, Mode::Single],
             // One ray at a time in any case.
             Backend::Coursework | Backend::Brute => vec![packets],
         }

@@ -9,7 +9,7 @@ use crate::accel::BuildInfo;
 use crate::accel::bvh::Stats;
 use crate::measure::rays::Recorded;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
-use crate::scene::Backend;
+use crate::scene::{Backend, written::Accelerator};
 
 /// How many rays got which verdict.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -242,7 +242,9 @@ impl Finding {
 
 /// Whether a wrong answer of the backend of this name fails a check.
 pub fn must_be_right(backend: &str) -> bool {
-    [Backend::Bvh, Backend::Brute].iter().any(|right| right.name() == backend)
+    [Accelerator::Bvh, Accelerator::Brute]
+        .iter()
+        .any(|&right| Backend::from(right).name() == backend)
 }
 
 fn saved(case: &Case) -> Vec<SavedRay> {

@@ -3,7 +3,7 @@ use std::path::Path;
 use super::*;
 use crate::accel::{BuildInfo, BuildOptions};
 use crate::ray::{Mask, Rays};
-use crate::scene::{self, Source as SceneSource};
+use crate::scene::{self, EmbreeMode, Source as SceneSource};
 use crate::simd::Isa;
 use crate::world::LoadOptions;
 
@@ -24,18 +24,15 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-const OPTIONS: BuildOptions = BuildOptions {
-    threads: 1,
-    embree: crate::accel::EmbreeMode::Robust,
-    isa: Isa::Portable,
-    max_bytes: None,
-};
+const OPTIONS: BuildOptions = BuildOptions { threads: 1, max_bytes: None };
 
 fn world() -> World {
     let source = SceneSource::Text { name: "test", text: SCENE.as_bytes(), folder: Path::new("") };
     let loaded = scene::load(source, &[]).unwrap();
     World::load(&loaded.scene, LoadOptions::default(), &Monitor::default()).unwrap().0
 }
+
+const EMBREE: Backend = Backend::Embree(EmbreeMode::Robust);
 
 /// What a liar does to a right answer.
 #[derive(Clone, Copy)]
@@ -101,7 +98,7 @@ impl Accelerator for Liar<'_> {
 
 /// The report of a check whose second contender, said to be `bvh`, lies.
 fn report(lie: Lie) -> Report {
-    report_on(Backend::Bvh, lie)
+    report_on(Backend::default(), lie)
 }
 
 fn report_on(backend: Backend, lie: Lie) -> Report {
@@ -210,12 +207,12 @@ fn a_tree_that_is_not_as_promised_fails() {
 #[test]
 fn embree_may_be_wrong_as_often_as_is_known() {
     // All of what it gets wrong are the shortest directions, where that is a known fact.
-    let tiny = report_on(Backend::Embree, Lie::BlindToTiny);
+    let tiny = report_on(EMBREE, Lie::BlindToTiny);
     assert!(tiny.backends[1].total.wrong() > 100);
     assert_eq!(tiny.failures(), Vec::<String>::new());
     // The same is no excuse for our own.
     assert_eq!(report(Lie::BlindToTiny).failures().len(), 1);
-    let blind = report_on(Backend::Embree, Lie::Blind(0, 0));
+    let blind = report_on(EMBREE, Lie::Blind(0, 0));
     let failures = blind.failures();
     let above = |source: &str| {
         let name = format!(" {source} rays wrong, more than the known ");
@@ -231,7 +228,7 @@ fn embree_may_be_wrong_as_often_as_is_known() {
 fn known_rates_are_shares() {
     let [few, many] = [100, 1_000_000].map(|rays| known::most(0.01, rays));
     assert_eq!((few, many), (11, 10_010));
-    assert_eq!(known::rate(Backend::Bvh, "tiny"), None);
+    assert_eq!(known::rate(Backend::default(), "tiny"), None);
 }
 
 #[test]

@@ -19,8 +19,8 @@ use std::{collections::BTreeSet, path::Path};
 use serde::de::DeserializeOwned;
 
 use super::{
-    checked::{Backend, Falloff, SamplerKind, Scene, ToneOperator, Tonemap},
-    description::{Accelerator, Attenuation, Description, Name, Operator, Sampler, Transfer},
+    checked::{Falloff, SamplerKind, Scene, ToneOperator, Tonemap},
+    description::{Attenuation, Description, Name, Operator, Sampler, Transfer},
     document::Document,
     node::NodeKind,
     problems::Problems,
@@ -67,12 +67,7 @@ pub fn check(
             Attenuation::Linear => Falloff::Linear,
             Attenuation::Quadratic => Falloff::Quadratic,
         },
-        backend: match description.scene.accelerator {
-            Accelerator::Embree => Backend::Embree,
-            Accelerator::Bvh => Backend::Bvh,
-            Accelerator::Coursework => Backend::Coursework,
-            Accelerator::Brute => Backend::Brute,
-        },
+        backend: description.scene.accelerator.into(),
         lights,
         shapes,
         materials: materials.all,

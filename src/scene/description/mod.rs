@@ -159,11 +159,11 @@ pub enum Attenuation {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Accelerator {
-    /// Intel Embree 4
-    #[default]
-    Embree,
     /// lightpath's own watertight BVH
+    #[default]
     Bvh,
+    /// Intel Embree 4
+    Embree,
     /// the coursework's BVH
     Coursework,
     /// every primitive: slow, the oracle

@@ -35,32 +35,10 @@ pub fn build(
     max_bytes: Option<u64>,
     monitor: &Monitor,
 ) -> Result<(Tree, u64)> {
-    with_nodes(geometry, isa, max_bytes, monitor, collapse::collapse)
-}
-
-/// Makes the tree's leaves and nothing above them.
-///
-/// # Errors
-/// As [`build`].
-pub fn leaves(
-    geometry: &Geometry,
-    isa: Isa,
-    max_bytes: Option<u64>,
-    monitor: &Monitor,
-) -> Result<(Tree, u64)> {
-    with_nodes(geometry, isa, max_bytes, monitor, |_| collapse::collapse(&[]))
-}
-
-fn with_nodes(
-    geometry: &Geometry,
-    isa: Isa,
-    max_bytes: Option<u64>,
-    monitor: &Monitor,
-    collapse: impl FnOnce(&[binary::Binary]) -> Result<Tree>,
-) -> Result<(Tree, u64)> {
     let within = |bytes: u64| match max_bytes {
         Some(limit) if bytes > limit => {
-            let message = format!("needs {bytes} bytes for the tree, has {limit}");
+            let message =
+                format!("the accelerator would hold more than the {limit} bytes left to it");
             Err(Error::new(Kind::Limit, Problem::new("--max-memory", message)))
         }
         _ => Ok(bytes),
@@ -79,7 +57,7 @@ fn with_nodes(
         return Err(Error::new(Kind::Limit, Problem::new("bvh", message)));
     }
     let sorted = (size_of_val(&references[..]) + size_of_val(&leaves[..])) as u64;
-    let mut tree = collapse(&nodes)?;
+    let mut tree = collapse::collapse(&nodes)?;
     let collapsing = sorted + collapse::scratch_bytes(&nodes) + tree.bytes();
     drop(nodes);
     let of_spheres = leaves.iter().filter(|leaf| leaf.spheres).count();

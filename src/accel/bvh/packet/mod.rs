@@ -101,18 +101,6 @@ impl<'a, T: Tier> Packet<'a, T> {
         Self { tier, tree, geometry, query, rays, tfar, frustum, end }
     }
 
-    /// The kernels.
-    #[inline(always)]
-    pub fn tier(&self) -> T {
-        self.tier
-    }
-
-    /// Ends of the segments as the boxes see them.
-    #[inline(always)]
-    pub fn tfar(&self) -> &[f32; LANES] {
-        &self.tfar
-    }
-
     /// The frustum ends with the last ray.
     #[inline(always)]
     pub fn shorten(&mut self) {

@@ -85,9 +85,8 @@ fn soup() -> Geometry {
 fn hits(geometry: &Geometry, packets: &[RayPacket], how: Coherence) -> Vec<(Isa, Vec<RayPacket>)> {
     Isa::available()
         .map(|isa| {
-            let options =
-                BuildOptions { threads: 1, embree: Default::default(), isa, max_bytes: None };
-            let bvh = Bvh::build(geometry, &options, &Monitor::default()).unwrap();
+            let options = BuildOptions { threads: 1, max_bytes: None };
+            let bvh = Bvh::build(geometry, isa, &options, &Monitor::default()).unwrap();
             let mut packets = packets.to_vec();
             for packet in &mut packets {
                 let mut shadow = packet.rays.clone();
