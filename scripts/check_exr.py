@@ -59,7 +59,7 @@ TYPES |= {f"{layer}.{c}": HALF for layer in ("N", "Ng") for c in "XYZ"}
 TYPES |= {f"{layer}.{c}": HALF for c in "RGB" for layer in (
     "albedo", "diffuse", "specular", "ambient", "reflection", "background", "light_key", "light_sky",
     "light_ambient", "light_background")}  # fmt: skip
-TYPES |= {"P.X": FLOAT, "P.Y": FLOAT, "P.Z": FLOAT, "uv.U": FLOAT, "uv.V": FLOAT}
+TYPES |= {"P.X": FLOAT, "P.Y": FLOAT, "P.Z": FLOAT, "uv.U": FLOAT, "uv.V": FLOAT, "uv.A": FLOAT}
 TYPES |= {f"variance.{c}": FLOAT for c in "RGB"}
 TYPES |= {"shadow_key.Y": HALF, "shadow_sky.Y": HALF}
 TYPES |= {f"Crypto{of}{i:02}.{c}": FLOAT for of in ("Object", "Material") for i in range(3) for c in "RGBA"}
@@ -190,6 +190,19 @@ def parts_alone(parts):
         expect(not mistakes and set(areas) == {name}, f"{name} alone: {areas} {mistakes}")
 
 
+def long_names():
+    """The version field says the same of long names as in a file of OpenEXR's own writer."""
+    for letters in (23, 24, 200):
+        group = f"/scene/lightsources/0/group={json.dumps('k' * letters)}"
+        for name, flags in {"short": ["--aov", "light"], "parts": ["--aov", "light", "--multipart"]}.items():
+            render(name, "--set", group, *flags)
+            OpenEXR.File(name + ".exr", separate_channels=True).write("again.exr")
+            ours, theirs = bytes_of(name)[4:8], bytes_of("again")[4:8]
+            expect(ours == theirs, f"version {ours.hex()} with {letters} letters, by OpenEXR {theirs.hex()}")
+            said = subprocess.run(["exrheader", name + ".exr"], capture_output=True, text=True)
+            expect(said.returncode == 0 and "k" * letters in said.stdout, f"exrheader: {said.stdout}{said.stderr}")
+
+
 def windows(all_layers):
     def piece(x0, y0, x1, y1):
         return {name: np.ascontiguousarray(pixels[y0:y1, x0:x1]) for name, pixels in all_layers.items()}
@@ -253,6 +266,7 @@ with tempfile.TemporaryDirectory() as folder:
         json.dump(SCENE, file)
     layers = header_and_types()
     sums_and_mattes()
+    long_names()
     windows(layers)
     storage(layers)
     sudden_death()

@@ -6,11 +6,11 @@ use crate::{
     accel::BuildInfo,
     camera,
     error::{Error, Problem, Result},
-    film::Film,
+    film::{Dropped, Film},
     layers::{Mattes, Plan},
     monitor::Monitor,
     output::{Oddities, Outputs, WriteOptions, atomic::Part, exr, tonemap::Depth},
-    scene::{Backend, Camera, Layer, Scene},
+    scene::{Backend, Camera, Layer, Scene, written::MAX_CRYPTO_RANKS},
 };
 
 /// How pictures are stored.
@@ -242,5 +242,23 @@ pub fn odd(oddities: &Oddities) -> Vec<Problem> {
         );
         warnings.push(Problem::new("", message).help("make the lights weaker, or write --float"));
     }
+    warnings.extend(dropped(&oddities.dropped));
     warnings
+}
+
+/// A warning of pixels that see more things than their cryptomattes have ranks.
+fn dropped(dropped: &Dropped) -> Option<Problem> {
+    let Dropped { pixels, share, things } = *dropped;
+    let message = format!(
+        "{pixels} pixels see more things than their cryptomattes have ranks: up to {share:.2} of a \
+         pixel's coverage is lost"
+    );
+    let help = match things.next_multiple_of(2) {
+        ranks if ranks <= MAX_CRYPTO_RANKS => format!("--crypto-ranks {ranks} keeps all of it"),
+        _ => format!(
+            "--crypto-ranks {MAX_CRYPTO_RANKS}, the most, keeps more of it: one pixel sees {things} \
+             things"
+        ),
+    };
+    (pixels > 0).then(|| Problem::new("", message).help(help))
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 pub use self::adaptive::{Adaptive, Taken, render_adaptive};
 use crate::accel::Accelerator;
 use crate::error::Result;
-use crate::film::{Film, Planes, Window};
+use crate::film::{Dropped, Film, Planes, Window};
 pub use crate::integrate::RayCounts;
 use crate::integrate::{Beauty, Integrator, Layers, Record, TILE, TileKernel};
 use crate::layers::{Plan, Raw};
@@ -88,11 +88,11 @@ fn render_with<R: Record>(
 ) -> Result<RayCounts> {
     monitor.begin(Phase::Render, pixels(film.window));
     let integrator = Integrator { world, accelerator, monitor };
-    let counts = tiles(film, world.frame_end())
+    let (counts, dropped) = tiles(film, world.frame_end())
         .into_par_iter()
         .map(|mut tile| {
             if monitor.stopped() {
-                return RayCounts::default();
+                return Default::default();
             }
             let kernel = TileKernel {
                 integrator,
@@ -102,12 +102,15 @@ fn render_with<R: Record>(
                 words: &mut tile.words,
                 samples: samples.clone(),
             };
-            let counts = simd::dispatch(isa, kernel);
+            let (counts, dropped) = simd::dispatch(isa, kernel);
             monitor.done.fetch_add(pixels(tile.window), Relaxed);
             monitor.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
-            counts
+            (counts, dropped)
         })
-        .reduce(RayCounts::default, |a, b| a + b);
+        .reduce(Default::default, |(a, lost): (RayCounts, Dropped), (b, more)| {
+            (a + b, lost.and(more))
+        });
+    film.dropped = dropped;
     monitor.check()?;
     Ok(counts)
 }

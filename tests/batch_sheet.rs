@@ -1,26 +1,10 @@
 //! The contact sheet in a browser: it needs no other file, turns, sorts, and shows what failed.
 
+mod browser;
 mod program;
 
-use std::{path::Path, process::Command};
-
+use browser::browse;
 use program::{PYRAMID, Scratch};
-
-const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
-
-/// Runs a browser without a window; `None` where there is none.
-fn browse(args: &[&str], page: &Path) -> Option<String> {
-    let url = format!("file://{}", page.display());
-    for browser in BROWSERS {
-        let all = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=2000"];
-        match Command::new(browser).args(all).args(args).arg(&url).output() {
-            Ok(output) => return Some(String::from_utf8_lossy(&output.stdout).into_owned()),
-            Err(_) => continue,
-        }
-    }
-    eprintln!("skipped: found no browser of {BROWSERS:?}");
-    None
-}
 
 /// Two pyramids from around, and a file that is none.
 fn sheet() -> Scratch {
@@ -38,11 +22,16 @@ fn sheet() -> Scratch {
 fn the_page_refers_to_nothing_and_its_names_are_safe() {
     let scratch = sheet();
     let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
-    for outside in ["http:", "https:", "href=", "@import", "url(", "<b>"] {
+    for outside in ["http:", "https:", "@import", "url(", "<b>"] {
         assert!(!html.contains(outside), "{outside}");
     }
     assert_eq!(html.matches("src=\"data:image/jpeg;base64,").count(), 2);
     assert_eq!(html.matches("<article").count(), 3);
+    // Links lead to files of the batch.
+    for link in html.split("href=\"").skip(1) {
+        let link = link.split('"').next().unwrap();
+        assert!(scratch.path("out").join(link).is_file(), "{link}");
+    }
 }
 
 #[test]

@@ -313,6 +313,12 @@ fn the_map_and_the_page_are_written() {
     for outside in ["src=\"http", "href=", "@import", "<script"] {
         assert!(!html.contains(outside), "{outside}");
     }
+    // The page and nothing else: no number on any stream.
+    let done = scratch.run(&["compare", &a, &b, "--quiet", "--html", "page.html"]);
+    assert_eq!((done.stdout(), done.stderr()), ("page.html\n".into(), String::new()));
+    let done = scratch.run(&["compare", &a, &b, "--quiet", "--fail-above", "mse=0"]);
+    assert_eq!((done.code(), done.stdout()), (1, String::new()));
+    assert!(done.stderr().starts_with("error: compare: beauty: mse is "), "{}", done.stderr());
     // Equal pictures are black.
     assert_eq!(scratch.run(&["compare", &a, &a, "--out", "same.png"]).code(), 0);
     let same = image::open(scratch.path("same.png")).unwrap().to_rgb8();

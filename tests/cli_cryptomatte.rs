@@ -107,6 +107,56 @@ fn a_pixel_holds_as_many_things_as_asked_for() {
     assert!(coverages.windows(2).all(|two| two[0] < two[1]), "{coverages:?}");
 }
 
+/// The warning of a render or a merge, without its first word.
+fn warning(done: &Done) -> Option<String> {
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let text = done.stderr();
+    let (_, rest) = text.split_once("warning: ")?;
+    Some(rest.lines().take(2).collect::<Vec<_>>().join("\n"))
+}
+
+#[test]
+fn coverage_that_no_rank_holds_is_counted() {
+    let scratch = scratch();
+    let run = |name: &str, flags: &[&str]| {
+        let common = ["render", "s.json", "-o", name, "--transparent", "--float"];
+        scratch.run(&[&common, flags].concat())
+    };
+    let mut enough = String::new();
+    for count in ["2", "6"] {
+        let said = warning(&run("x", &["--crypto-ranks", count])).expect(count);
+        let found = channels(&scratch, "x");
+        let lost = |pixel: usize| {
+            let sum = |kind| ranks(&found, kind)[pixel].iter().map(|[_, share]| share).sum();
+            let sums: [f32; 2] = ["CryptoObject", "CryptoMaterial"].map(sum);
+            found["A"][pixel] - sums[0].min(sums[1])
+        };
+        let lost: Vec<f32> = (0..12).map(lost).collect();
+        let pixels = lost.iter().filter(|lost| **lost > 0.0).count();
+        let most = lost.iter().copied().fold(0.0, f32::max);
+        assert!(pixels > 0);
+        assert!(said.starts_with(&format!("{pixels} pixels see more things")), "{said}");
+        assert!(said.contains(&format!("up to {most:.2} of a pixel's coverage is lost")), "{said}");
+        let (_, help) = said.split_once("--crypto-ranks ").unwrap();
+        enough = help.split_once(' ').unwrap().0.to_string();
+        // Parts of the samples hold everything; a merge has to choose.
+        let parts = [("a", "0..24"), ("b", "24..64")];
+        for (name, part) in parts {
+            let flags = ["--crypto-ranks", count, "--of", "64", "--samples", part];
+            assert_eq!(warning(&run(name, &flags)), None);
+        }
+        let merged = scratch.run(&["merge", "a.exr", "b.exr", "-o", "merged"]);
+        assert_eq!(warning(&merged).as_ref(), Some(&said));
+    }
+    assert_eq!(warning(&run("x", &["--crypto-ranks", &enough])), None);
+    let fewer = (enough.parse::<u32>().unwrap() - 2).to_string();
+    assert!(warning(&run("x", &["--crypto-ranks", &fewer])).is_some());
+    assert_eq!(warning(&run("x", &["--set", "/output/layers=[\"N\"]"])), None);
+    // Samples that adapt are written by other code.
+    let adaptive = ["--crypto-ranks", "2", "--spp", "16", "--noise", "0.5", "--max-spp", "64"];
+    assert!(warning(&run("x", &adaptive)).is_some());
+}
+
 #[test]
 fn ranks_that_no_reader_expects_are_refused() {
     let scratch = scratch();

@@ -78,6 +78,20 @@ fn refused(done: &Done, texts: &[&str]) {
     }
 }
 
+/// `light_` and 24 letters is 30 bytes, with `.R` 32: one more than a file without the flag of long names has.
+#[test]
+fn long_names_of_layers_survive() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", &SCENE.replace("\"sun\"", &format!("{:?}", "k".repeat(24))));
+    let layers = ["--aov", "light"];
+    render(&scratch, "whole", &layers);
+    for (name, part) in [("a", "0..16"), ("b", "16..24")] {
+        let more = ["--samples", part, "--of", "24"];
+        render(&scratch, name, &[&layers[..], &more].concat());
+    }
+    same(&scratch, &["a.exr", "b.exr"], &[], &["exr", "png"]);
+}
+
 #[test]
 fn tiles_give_the_bytes_of_the_whole() {
     let scratch = scratch();

@@ -211,3 +211,26 @@ fn what_slurm_cannot_name_is_refused() {
         assert_eq!(done.code(), 2, "{name:?}: {}", done.stderr());
     }
 }
+
+/// What the controller refuses needs mending; one that does not answer may answer later.
+#[test]
+fn a_controller_out_of_reach_is_worth_a_retry() {
+    let scratch = scratch(2);
+    let path = format!("{}:{}", scratch.path("bin").display(), std::env::var("PATH").unwrap());
+    let failed = "sbatch: error: Batch job submission failed: ";
+    let cases = [
+        ("Unable to contact slurm controller (connect failure)", 3),
+        ("Socket timed out on send/recv operation", 3),
+        ("Invalid partition name specified", 2),
+    ];
+    for (said, code) in cases {
+        scratch.write("bin/sbatch", &format!("#!/bin/sh\necho '{failed}{said}' >&2\nexit 1\n"));
+        let program = scratch.path("bin/sbatch");
+        let made = std::process::Command::new("chmod").arg("+x").arg(program).status().unwrap();
+        assert!(made.success());
+        let mut command = scratch.command(&["submit", "slurm", "job.json", "-o", "out"]);
+        let done = program::Done::of(command.env("PATH", &path));
+        assert_eq!(done.code(), code, "{}", done.stderr());
+        assert!(done.stderr().contains(said), "{}", done.stderr());
+    }
+}

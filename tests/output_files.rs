@@ -5,10 +5,10 @@ use std::{fs, io::Cursor, path::Path};
 
 use lightpath::{
     error::Kind,
-    film::{Blank, Channel, ChannelKind, Film, Window},
+    film::{Blank, Channel, ChannelKind, Dropped, Film, Window},
     monitor::Monitor,
     output::{
-        Oddities, Outputs, Spot, WriteOptions, atomic::Part, atomic::TextFile, exr, png,
+        Oddities, Outputs, Spot, WriteOptions, atomic::Part, atomic::TextFile, exr, exr_read, png,
         tonemap::Depth,
     },
     scene::{ToneOperator, Tonemap},
@@ -143,6 +143,7 @@ fn what_half_cannot_hold_is_clamped_and_counted() {
     assert_eq!(row[4], [65504.0, 0.0, 0.0, 1.0]);
     let spot = |pixel, channel: &str| Some(Spot { pixel, channel: channel.to_string() });
     let expected = Oddities {
+        dropped: Dropped::default(),
         non_finite: 2,
         first_non_finite: spot([5, 3], "R"),
         clamped: 1,
@@ -293,6 +294,35 @@ fn every_compression_and_part_holds_the_same_values() {
                 FlatSamples::U32(found) => assert!((0..11 * 33).all(|i| found[i] == !(i as u32))),
             }
         }
+    }
+}
+
+/// OpenEXR sets bit 10 of the version field for names of 32 to 255 bytes, and only then.
+#[test]
+fn long_names_of_channels_and_attributes_are_announced() {
+    let flag = |channel: usize, attribute: usize, multipart: bool| {
+        let channels = [Channel { name: "c".repeat(channel), kind: ChannelKind::Half }];
+        let window = Window { x0: 0, y0: 0, x1: 4, y1: 3 };
+        let film = Blank::new([4, 3], window, channels.to_vec()).unwrap().film();
+        let attributes = [("a".repeat(attribute), "value".repeat(20))];
+        let options = exr::Options { attributes: &attributes, multipart, ..Default::default() };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.exr");
+        let mut file = Cursor::new(Vec::new());
+        exr::write(&film, &options, &mut file, &path).unwrap();
+        fs::write(&path, file.get_ref()).unwrap();
+        if !multipart {
+            let reader = exr_read::Reader::open(&path).unwrap();
+            assert!(reader.channels.iter().any(|found| *found == channels[0]));
+            assert_eq!(reader.attribute(&attributes[0].0), Some(attributes[0].1.as_str()));
+        }
+        u32::from_le_bytes(file.get_ref()[4..8].try_into().unwrap()) & 0x400 != 0
+    };
+    for multipart in [false, true] {
+        assert!(!flag(31, 31, multipart));
+        assert!(flag(32, 31, multipart));
+        assert!(flag(31, 32, multipart));
+        assert!(flag(255, 255, multipart));
     }
 }
 

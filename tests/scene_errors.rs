@@ -378,3 +378,36 @@ fn files() {
     let error = load(Source::File(&folder.join("Cargo.tom")), &[]).unwrap_err();
     says(error.to_string(), &["did you mean `Cargo.toml`?"]);
 }
+
+#[test]
+fn other_files_are_called_by_their_format() {
+    let starts: [(&[u8], &str); 6] = [
+        (b"\x89PNG\r\n\x1a\n", "a PNG picture"),
+        (b"v/1\x01\x02\0\0\0", "an EXR picture"),
+        (b"\xff\xd8\xff\xe0", "a JPEG picture"),
+        (b"ply\nformat ascii 1.0\n", "a PLY mesh"),
+        (b"\x1f\x8b\x08", "a gzip archive"),
+        (b"\x28\xb5\x2f\xfd", "a Zstandard archive"),
+    ];
+    for (start, name) in starts {
+        let error = text(start, &[]).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            format!("error: s.json: found {name}, expected a JSON object")
+        );
+    }
+}
+
+/// Editors put the address of a schema there.
+#[test]
+fn the_address_of_a_schema_is_ignored() {
+    let scene = with(CAMERA, sphere());
+    let plain = text(scene.as_bytes(), &[]).unwrap();
+    let address = r#"{"$schema": "./lightpath.schema.json", "#;
+    let with_address = text(scene.replacen('{', address, 1).as_bytes(), &[]).unwrap();
+    assert_eq!(with_address.hash, plain.hash);
+    assert!(with_address.warnings.is_empty());
+    says(one(&scene.replacen('{', r#"{"$schema": 3, "#, 1)), &["/$schema", "expected a string"]);
+    let inner = scene.replace(r#""radius""#, r#""$schema": "x", "radius""#);
+    says(one(&inner), &["unknown key", "$schema"]);
+}

@@ -99,6 +99,61 @@ on_both! {
     }
 }
 
+/// Whether a process has a handler for a signal.
+fn catches(process: u32, signal: u32) -> bool {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+}
+
+/// A command that waits for a pipe nobody writes to, or for a program that sleeps, once it has begun to write.
+fn waits(scratch: &Scratch, args: &[&str], path: &str, begun: impl Fn() -> bool) {
+    for (signal, code) in [("HUP", 129), ("INT", 130), ("TERM", 143)] {
+        let mut command = scratch.command(args);
+        command.env("PATH", path).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = Running(command.spawn().unwrap());
+        let start = Instant::now();
+        while !(catches(child.0.id(), 15) && begun()) {
+            assert!(start.elapsed() < PROMPT, "{args:?} does not begin");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        send(signal, &child.0);
+        let status = child.0.wait().unwrap();
+        assert_eq!(status.code(), Some(code), "{args:?}, {signal}");
+        assert!(start.elapsed() < 2 * PROMPT);
+        let left = names_in(&scratch.path("out"));
+        assert!(left.iter().all(|name| !name.ends_with(".part")), "{args:?}, {signal}: {left:?}");
+    }
+}
+
+#[test]
+fn commands_without_long_work_leave_nothing_either() {
+    let scratch = scratch();
+    let path = std::env::var("PATH").unwrap();
+    let pipe = |name: &str| {
+        let made = Command::new("mkfifo").arg(scratch.path(name)).status().unwrap();
+        assert!(made.success());
+    };
+    pipe("x.exr");
+    let args = ["compare", "x.exr", "x.exr", "--out", "out/map.png", "--html", "out/page.html"];
+    waits(&scratch, &args, &path, || names_in(&scratch.path("out")).len() == 2);
+
+    fs::write(scratch.path("a.ply"), program::PYRAMID).unwrap();
+    fs::create_dir(scratch.path("out/a")).unwrap();
+    pipe("out/a/a.exr");
+    let args = ["batch", "a.ply", "-o", "out", "--sheet-only", "--name", "{stem}/{stem}"];
+    waits(&scratch, &args, &path, || true);
+
+    scratch.write("bin/sbatch", "#!/bin/sh\ntouch called; exec sleep 20\n");
+    let made = Command::new("chmod").arg("+x").arg(scratch.path("bin/sbatch")).status().unwrap();
+    assert!(made.success());
+    scratch.write("job.json", r#"{ "inputs": ["a.ply"] }"#);
+    let path = format!("{}:{path}", scratch.path("bin").display());
+    let args = ["submit", "slurm", "job.json", "-o", "out"];
+    waits(&scratch, &args, &path, || scratch.path("called").is_file());
+}
+
 #[test]
 fn a_job_of_nohup_outlives_its_terminal() {
     let scratch = scratch();

@@ -82,19 +82,24 @@ fn judge(backend: Backend, folder: &Path, scene: &Value, scale: DVec2, truth: &T
 }
 
 fn compare(world: &World, film: &Film, scale: Option<DVec2>, truth: &Truth, case: &str) {
-    let [u, v] = ["uv.U", "uv.V"].map(|name| film.planes.index(name).unwrap());
-    let (mut hits, mut compared) = (0, 0);
+    let [u, v, a] = ["uv.U", "uv.V", "uv.A"].map(|name| film.planes.index(name).unwrap());
+    let (mut hits, mut compared, mut missed) = (0, 0, 0);
     let (mut wrong, mut off) = (Vec::new(), Vec::new());
     for pixel in 0..(WIDTH * HEIGHT) as usize {
         let (x, y) = (pixel as u32 % WIDTH, pixel as u32 / WIDTH);
         let (origin, direction) = world.camera.pinhole_ray(x as f32 + 0.5, y as f32 + 0.5);
         let origin = origin.as_dvec3() + world.geometry.origin;
-        let Some(at) = truth(&Ray { origin, direction: direction.as_dvec3() }) else { continue };
-        let stored = [u, v].map(|channel| film.planes.float(channel, pixel));
+        let at = truth(&Ray { origin, direction: direction.as_dvec3() });
+        let stored = [u, v, a].map(|channel| film.planes.float(channel, pixel));
+        let Some(at) = at else {
+            missed += usize::from(stored == [0.0; 3]);
+            continue;
+        };
         let near = |value: f32, exact: f64| {
             (f64::from(value) - exact).abs() <= f64::from(f32::EPSILON) * exact.abs() + 1e-13
         };
-        if !(near(stored[0], at.x) && near(stored[1], at.y)) {
+        // The layer's v runs up.
+        if !(near(stored[0], at.x) && near(stored[1], 1.0 - at.y) && stored[2] == 1.0) {
             off.push((x, y, stored, at));
         }
         hits += 1;
@@ -113,6 +118,8 @@ fn compare(world: &World, film: &Film, scale: Option<DVec2>, truth: &Truth, case
         }
     }
     assert!(hits > WIDTH * HEIGHT / 2, "{case}: {hits} rays hit");
+    let misses = (WIDTH * HEIGHT) as usize - hits as usize;
+    assert_eq!(missed, misses, "{case}: rays that miss have no coordinates");
     assert!(
         scale.is_none() || compared > hits - hits / 100,
         "{case}: {compared} of {hits} compared"

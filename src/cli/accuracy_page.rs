@@ -52,6 +52,7 @@ fn overview(report: &Report, groups: &[&str]) -> Section {
         findings,
         charts: vec![vertices(report)],
         tables: vec![("Failures per million answers, by group".into(), rows)],
+        folded: false,
     }
 }
 
@@ -138,6 +139,7 @@ fn section(report: &Report, group: &str) -> Section {
             ("Time".into(), times),
             ("What is traced".into(), cases),
         ],
+        folded: false,
     }
 }
 
@@ -175,6 +177,7 @@ fn pictures(report: &Report, group: &str) -> Option<Section> {
         findings: vec![(text, false)],
         charts,
         tables: Vec::new(),
+        folded: false,
     })
 }
 

@@ -36,6 +36,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     }
     let options = options(args, &limits)?;
     if args.run.sheet_only {
+        signals::end_at_once()?;
         machine::pool(Some(options.threads as u16))?.install(|| batch::refuse_sheet(&job))?;
         super::print_paths(&sheet::write(&job, options.threads)?)?;
         return complete(&job);

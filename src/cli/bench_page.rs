@@ -67,6 +67,7 @@ fn section(scene: &SceneResult) -> Section {
         findings: findings(scene),
         charts,
         tables,
+        folded: false,
     }
 }
 

@@ -15,7 +15,7 @@ use crate::{
 
 use super::{
     args::{CompareArgs, ToneName},
-    compare_page, compare_text as text, machine,
+    compare_page, compare_text as text, machine, signals,
 };
 
 /// Compares two files.
@@ -23,6 +23,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     let limits = limits(args)?;
     not_over_inputs(args)?;
     let pool = machine::pool(args.threads)?;
+    signals::end_at_once()?;
     let files = Files::create(args)?;
     let mut failures = Failures::default();
     let test = failures.keep(Picture::read(&args.test));
@@ -36,7 +37,9 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     if args.json {
         super::print_json(&text::json(args, &found, &failed, &written))?;
     } else {
-        super::print(&text::text(args, &found))?;
+        if !args.quiet {
+            super::print(&text::text(args, &found))?;
+        }
         super::print_paths(&written)?;
     }
     if failed.is_empty() {

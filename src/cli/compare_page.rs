@@ -2,7 +2,10 @@
 
 use crate::{
     measure::{
-        compare::{Compared, Comparison, map},
+        compare::{
+            Compared, Comparison, map,
+            mattes::{self, Matte},
+        },
         metrics::Metric,
     },
     report::{Cell, Page, Scale, Section, picture_of_width},
@@ -10,15 +13,25 @@ use crate::{
 
 use super::{args::CompareArgs, compare_text as text};
 
+/// Mattes in one table.
+const MOST_MATTES: usize = 1000;
+
 /// The page.
 pub fn page(args: &CompareArgs, found: &Comparison, failed: &[String]) -> Page {
     let mut intro = vec![text::legend(args, found)];
     intro.extend(text::alone(args, found));
-    let sections = found.layers.iter().map(|layer| section(args, layer, failed));
+    let pictures = found.layers.iter().filter(|layer| kind(found, layer).is_none());
+    // The first is what the reader came for; what failed is shown too.
+    let sections = pictures.enumerate().map(|(i, layer)| {
+        let section = section(args, layer, failed);
+        let bad = section.findings.iter().any(|(_, bad)| *bad);
+        Section { folded: i > 0 && !bad, ..section }
+    });
+    let mattes = found.mattes.keys().filter_map(|kind| matte_section(kind, found, failed));
     Page {
         title: format!("{} against {}", args.test.display(), args.reference.display()),
         intro,
-        sections: sections.collect(),
+        sections: sections.chain(mattes).collect(),
     }
 }
 
@@ -56,13 +69,14 @@ fn section(args: &CompareArgs, layer: &Compared, failed: &[String]) -> Section {
         findings,
         charts: charts(args, layer),
         tables: vec![("Metrics".into(), rows)],
+        folded: false,
     }
 }
 
 /// Two in a row: the pictures; the maps, each with its scale.
 fn charts(args: &CompareArgs, layer: &Compared) -> Vec<String> {
     let width = layer.test.size[0];
-    let shown = (width as u32).clamp(480, 590);
+    let shown = shown_width(width);
     let mut charts = Vec::new();
     if let Some(pictures) = &layer.pictures {
         let paths = [&args.test, &args.reference];
@@ -76,8 +90,7 @@ fn charts(args: &CompareArgs, layer: &Compared) -> Vec<String> {
     if let Some(flip) = &layer.flip {
         let pixels: Vec<[u8; 3]> = flip.iter().map(|value| map::color(*value)).collect();
         let picture = picture_of_width(&map::png(&pixels, width), "FLIP of each pixel", shown);
-        let ticks = [0.0, 0.5, 1.0].map(|value| (value, value.to_string()));
-        charts.push(picture + &scale("FLIP", ticks.to_vec()).svg());
+        charts.push(picture + &share_scale("FLIP").svg());
     }
     charts
 }
@@ -89,6 +102,73 @@ pub fn error_scale() -> Scale {
     let values = (0..=decades).map(|i| low * 10f64.powi(i));
     let ticks = values.map(|value| (map::position(value), format!("{value:.0e}")));
     scale("relative error; light blue: not finite", ticks.collect())
+}
+
+/// The kind of cryptomatte whose ranks a layer holds, if any.
+fn kind<'a>(found: &'a Comparison, layer: &Compared) -> Option<&'a str> {
+    mattes::kind(&layer.test.name, &found.mattes)
+}
+
+/// One kind of cryptomatte: mattes by name, and its channels in one table.
+fn matte_section(name: &str, found: &Comparison, failed: &[String]) -> Option<Section> {
+    let layers = found.layers.iter().filter(|layer| kind(found, layer) == Some(name));
+    let layers: Vec<&Compared> = layers.collect();
+    let [width, height] = layers.first()?.test.size;
+    let mattes = mattes::compare(name, &found.mattes[name], &layers);
+    let own = |failure: &&String| {
+        layers.iter().any(|layer| failure.starts_with(&format!("{}: ", layer.test.shown())))
+    };
+    let differing = mattes.map.iter().filter(|share| **share > 0.0).count();
+    let finding = format!("mattes differ in {differing} of {} pixels", width * height);
+    let failures = failed.iter().filter(own).map(|failure| (failure.clone(), true));
+    let mut rows =
+        vec![["matte", "pixels", "of the reference", "differ in"].map(Cell::from).to_vec()];
+    let row = |matte: &Matte| {
+        let [test, reference] = matte.pixels;
+        let numbers = [test, reference, matte.differs].map(|pixels| format!("{pixels:.2}"));
+        [matte.name.clone()].into_iter().chain(numbers).map(Cell::from).collect()
+    };
+    rows.extend(mattes.all.iter().take(MOST_MATTES).map(row));
+    let mut channels = vec![["channel", "metric", "value", "formula"].map(Cell::from).to_vec()];
+    for layer in &layers {
+        channels.extend(layer.values.iter().map(|(metric, value)| {
+            let value = text::number(metric, value);
+            let cells = [layer.test.shown(), metric.name(), &value, metric.formula()];
+            cells.map(Cell::from).to_vec()
+        }));
+    }
+    let count = mattes.all.len();
+    let shown = match count > MOST_MATTES {
+        true => format!("The {MOST_MATTES} mattes that differ most"),
+        false => "Mattes".to_string(),
+    };
+    let pixels: Vec<[u8; 3]> = mattes.map.iter().map(|share| map::color(*share)).collect();
+    let charts = (!pixels.is_empty()).then(|| {
+        let png = map::png(&pixels, width);
+        let caption = "largest difference of one matte's coverage, by pixel";
+        picture_of_width(&png, caption, shown_width(width))
+            + &share_scale("share of the pixel").svg()
+    });
+    Some(Section {
+        title: format!(
+            "{name}: {count} mattes in {} channels, {width} x {height} pixels",
+            layers.len()
+        ),
+        findings: [(finding, false)].into_iter().chain(failures).collect(),
+        charts: charts.into_iter().collect(),
+        tables: vec![(shown, rows), ("Channels".into(), channels)],
+        folded: false,
+    })
+}
+
+/// CSS pixels of a picture's width.
+fn shown_width(width: usize) -> u32 {
+    (width as u32).clamp(480, 590)
+}
+
+/// What the colours of a map from 0 to 1 mean.
+fn share_scale(title: &str) -> Scale {
+    scale(title, [0.0, 0.5, 1.0].map(|value| (value, value.to_string())).to_vec())
 }
 
 fn scale(title: &str, ticks: Vec<(f64, String)>) -> Scale {

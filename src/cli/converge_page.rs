@@ -38,6 +38,7 @@ fn answer(report: &Report) -> Section {
         findings: findings.collect(),
         charts: vec![against_time(report), against_samples(report)],
         tables: Vec::new(),
+        folded: false,
     }
 }
 
@@ -205,5 +206,6 @@ fn numbers(report: &Report) -> Section {
             .filter(|(_, rows)| !rows.is_empty())
             .map(|(name, rows)| (name.into(), cells(rows)))
             .collect(),
+        folded: false,
     }
 }

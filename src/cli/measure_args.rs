@@ -226,6 +226,10 @@ pub struct CompareArgs {
     #[arg(long)]
     pub json: bool,
 
+    /// Print no numbers: only names of written files, and what failed
+    #[arg(long, conflicts_with = "json")]
+    pub quiet: bool,
+
     /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,

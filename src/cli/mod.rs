@@ -55,6 +55,7 @@ use std::{
 
 use clap::{
     Parser,
+    builder::Styles,
     error::{ContextKind, ContextValue},
 };
 
@@ -63,9 +64,28 @@ use crate::{
     memory, paths, units,
 };
 
-/// Prints a message; a stderr that is closed or full must not stop a render.
+/// Prints a message; a stderr that is closed or full must not stop a render. Coloured where clap's messages
+/// are: on a terminal, unless the environment says otherwise (`NO_COLOR`, `CLICOLOR`, `TERM=dumb`).
 pub fn note(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{}", printable_lines(text));
+    let text = printable_lines(text);
+    let lines: Vec<String> = text.lines().map(colored).collect();
+    let _ = writeln!(anstream::stderr(), "{}", lines.join("\n"));
+}
+
+/// A line of a message, its first word in clap's colours.
+fn colored(line: &str) -> String {
+    let styles = Styles::styled();
+    let words = [
+        ("error:", styles.get_error()),
+        ("warning:", styles.get_invalid()),
+        ("  help:", styles.get_valid()),
+    ];
+    for (word, style) in words {
+        if let Some(rest) = line.strip_prefix(word) {
+            return format!("{style}{word}{style:#}{rest}");
+        }
+    }
+    line.to_string()
 }
 
 /// Prints a usage error, or help, and returns the exit code.

@@ -145,8 +145,9 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
+    /// From meshes to files. The progress bar ends with it: what is printed afterwards stands on lines of its own.
     fn all(
-        &self,
+        self,
         files: Files,
         ready: Vec<(PathBuf, Mesh)>,
     ) -> Result<(Stats, Vec<PathBuf>, Oddities)> {

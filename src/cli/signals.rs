@@ -14,13 +14,43 @@ use signal_hook::{
 use crate::{
     error::{Error, Result},
     monitor::Monitor,
+    output::atomic::remove_parts,
 };
 
-/// Watches for signals as long as the process lives.
+/// Watches for signals as long as the process lives, for a job that asks the monitor.
 ///
 /// # Errors
 /// Where the system refuses a handler or a thread.
 pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
+    let monitor = Arc::clone(monitor);
+    spawn(move |signal| {
+        // Asked twice: nothing waits for the job any more.
+        if monitor.signal.swap(signal, Relaxed) != 0 {
+            end(signal);
+        }
+    })
+}
+
+/// Watches for signals as long as the process lives, for a job without a monitor: the first ends the process, and
+/// what was being written is removed.
+///
+/// # Errors
+/// Where the system refuses a handler or a thread.
+pub fn end_at_once() -> Result<()> {
+    spawn(|signal| {
+        super::note("error: stopped by a signal");
+        end(signal);
+    })
+}
+
+/// Ends the process: the one place outside of `main` that does.
+fn end(signal: i32) {
+    remove_parts();
+    signal_hook::low_level::exit(128 + signal);
+}
+
+/// Starts a thread that hands over every signal that ends a job.
+fn spawn(mut act: impl FnMut(i32) + Send + 'static) -> Result<()> {
     let failed = |error: std::io::Error| Error::io("<signals>".as_ref(), "watch", &error);
     let mut ending = vec![SIGINT, SIGTERM, SIGQUIT];
     // `nohup` asks for a job that outlives its terminal.
@@ -28,18 +58,8 @@ pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
         ending.push(SIGHUP);
     }
     let mut signals = Signals::new(ending).map_err(failed)?;
-    let monitor = Arc::clone(monitor);
-    std::thread::Builder::new()
-        .name("signals".into())
-        .spawn(move || {
-            for signal in signals.forever() {
-                if monitor.signal.swap(signal, Relaxed) != 0 {
-                    // Asked twice: the one place outside `main` that ends the process.
-                    signal_hook::low_level::exit(128 + signal);
-                }
-            }
-        })
-        .map_err(failed)?;
+    let thread = std::thread::Builder::new().name("signals".into());
+    thread.spawn(move || signals.forever().for_each(&mut act)).map_err(failed)?;
     Ok(())
 }
 

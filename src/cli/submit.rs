@@ -19,7 +19,7 @@ use crate::{
     units::{self, parse_bytes},
 };
 
-use super::{batch as batch_command, batch_args::BatchArgs};
+use super::{batch as batch_command, batch_args::BatchArgs, signals};
 
 /// `lightpath submit`
 #[derive(Debug, Args)]
@@ -103,6 +103,7 @@ const TRIANGLES_PER_SECOND: f64 = 1.8e6;
 /// Writes the scripts, and submits them unless told not to.
 pub fn run(args: &SubmitArgs) -> Result<()> {
     let Engine::Slurm(args) = &args.engine;
+    signals::end_at_once()?;
     let job = load(args)?;
     let slurm = plan(args, &job)?;
     let folder = job.folder.join("slurm");
@@ -288,6 +289,16 @@ fn absolute(path: &Path) -> Result<String> {
     paths::named(&path)
 }
 
+/// What sbatch says where the controller does not answer (Slurm's `slurm_errno.c`): not the job's fault.
+const UNREACHABLE: [&str; 6] = [
+    "Unable to contact slurm controller",
+    "Communication connection failure",
+    "Socket timed out on send/recv operation",
+    "Zero Bytes were transmitted or received",
+    "Slurm backup controller in standby mode",
+    "Connection refused",
+];
+
 /// Hands a job to Slurm; its number.
 fn submit(words: &[String]) -> Result<String> {
     let output = Command::new("sbatch").args(words).output();
@@ -301,7 +312,13 @@ fn submit(words: &[String]) -> Result<String> {
         (true, Some(id)) if !id.is_empty() => Ok(id.to_string()),
         _ => {
             let said = String::from_utf8_lossy(&output.stderr);
-            Err(Error::invalid("slurm", format!("sbatch refused: {}", said.trim())))
+            let said = said.trim();
+            let problem = |what: &str| Problem::new("slurm", format!("{what}: {said}"));
+            match UNREACHABLE.iter().any(|text| said.contains(text)) {
+                true => Err(Error::new(Kind::Retry, problem("sbatch reached no controller"))
+                    .help("submit again when `scontrol ping` says UP")),
+                false => Err(Error::new(Kind::Invalid, problem("sbatch refused"))),
+            }
         }
     }
 }

@@ -1,8 +1,10 @@
 //! The picture in memory: linear radiance per pixel and the layers beside it, before any file format.
 
+mod dropped;
 mod planes;
 mod sums;
 
+pub use self::dropped::Dropped;
 pub use self::planes::{Channel, ChannelKind, Planes};
 pub use self::sums::{Node, Sums};
 
@@ -53,6 +55,8 @@ pub struct Film {
     pub pixels: Vec<[f32; 4]>,
     /// The layers that were asked for; mostly none.
     pub planes: Planes,
+    /// What the layers of mattes could not hold.
+    pub dropped: Dropped,
 }
 
 impl Film {
@@ -109,7 +113,7 @@ impl Blank {
         touch(&mut pixels, count, [0.0; 4]);
         let words = count * planes.channels.len();
         touch(&mut planes.words, words, 0);
-        Film { frame, margin: 0, window, pixels, planes }
+        Film { frame, margin: 0, window, pixels, planes, dropped: Dropped::default() }
     }
 }
 

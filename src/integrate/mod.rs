@@ -23,7 +23,7 @@ mod split;
 use std::ops::Range;
 
 use crate::accel::Accelerator;
-use crate::film::Window;
+use crate::film::{Dropped, Window};
 use crate::monitor::Monitor;
 use crate::ray::{LANES, Mask};
 use crate::simd::Kernel;
@@ -107,10 +107,10 @@ impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty<'static>> {
 }
 
 impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
-    type Output = RayCounts;
+    type Output = (RayCounts, Dropped);
 
     #[inline(always)]
-    fn run(mut self) -> RayCounts {
+    fn run(mut self) -> (RayCounts, Dropped) {
         let integrator = self.integrator;
         let world = integrator.world;
         let pattern = Pattern::for_spp(world.spp);
@@ -124,7 +124,7 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
         let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
         let mut counts = pipeline(integrator, &pattern, &samples, limit, units, &mut tile);
         counts.primary += told;
-        counts
+        (counts, tile.kernel.record.dropped())
     }
 }
 

@@ -4,6 +4,7 @@
 
 use std::ops::Range;
 
+use crate::film::Dropped;
 use crate::geometry::Surfaces;
 use crate::layers::{BEAUTY, Nearest, Plan, Raw, count};
 use crate::ray::{LANES, Mask, RayPacket};
@@ -42,6 +43,10 @@ pub trait Record {
     /// Writes the words of one pixel of the block, of `n` samples, into a row, as pixel `column` of it.
     /// `beauty` holds R, G, B, A.
     fn write(&mut self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]);
+    /// What the mattes of the written pixels could not hold.
+    fn dropped(&self) -> Dropped {
+        Dropped::default()
+    }
 }
 
 /// The beauty alone; of a part of the samples, its sums as words.
@@ -102,6 +107,8 @@ pub struct Layers<'a> {
     mattes: [Vec<Vec<(u32, u32)>>; LANES],
     /// The sums of one pixel.
     totals: Vec<f64>,
+    /// Of all pixels that were written.
+    dropped: Dropped,
 }
 
 impl<'a> Layers<'a> {
@@ -119,6 +126,7 @@ impl<'a> Layers<'a> {
             nearest: [Nearest::NONE; LANES],
             mattes: std::array::from_fn(|_| vec![Vec::new(); plan.mattes.len()]),
             totals: Vec::new(),
+            dropped: Dropped::default(),
         }
     }
 
@@ -188,20 +196,20 @@ impl<'a> Layers<'a> {
         }
     }
 
+    /// Adds u, v and 1 of every lane that has texture coordinates; v runs up, as in files of meshes.
     #[inline(always)]
     fn add_uv(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, hit: &Mask) {
         let Some(first) = self.plan.uv else { return };
         if world.shapes.one_shape(packet, hit).is_some_and(|shape| !world.shapes.has_uv(shape)) {
             return;
         }
-        let mut uv = [[0.0; LANES]; 2];
+        let mut uv = [[0.0; LANES]; 3];
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             if let Some(at) = world.shapes.uv(&world.geometry, packet, surfaces, i) {
-                (uv[0][i], uv[1][i]) = (at.x as f32, at.y as f32);
+                (uv[0][i], uv[1][i], uv[2][i]) = (at.x as f32, (1.0 - at.y) as f32, 1.0);
             }
         }
-        self.add(first, &uv[0]);
-        self.add(first + 1, &uv[1]);
+        self.add3(Some(first), &uv);
     }
 
     /// Counts the shapes of each pixel.
@@ -362,6 +370,13 @@ impl Record for Layers<'_> {
         self.sums.totals(pixel, &mut self.totals);
         let stride = self.plan.recipe.channels.len();
         let words = &mut row[column * stride..(column + 1) * stride];
-        self.plan.recipe.fill(n, &self.totals, &self.nearest[pixel], &self.mattes[pixel], words);
+        let recipe = &self.plan.recipe;
+        let dropped =
+            recipe.fill(n, &self.totals, &self.nearest[pixel], &self.mattes[pixel], words);
+        self.dropped = self.dropped.and(dropped);
+    }
+
+    fn dropped(&self) -> Dropped {
+        self.dropped
     }
 }

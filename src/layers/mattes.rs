@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::collections::HashSet;
 
-use crate::film::{Channel, ChannelKind};
+use crate::film::{Channel, ChannelKind, Dropped};
 use crate::scene::Scene;
 
 use super::names;
@@ -103,16 +103,19 @@ pub fn id(name: &str) -> u32 {
 }
 
 /// Fills the words of one kind of mattes from how many of a pixel's `samples` met each id: the most covered
-/// first, of equals the one that was met first; what has no rank left is dropped.
-pub fn rank(ids: &[(u32, u32)], samples: u32, words: &mut [u32]) {
+/// first, of equals the one that was met first. Returns the coverage of those that have no rank left.
+pub fn rank(ids: &[(u32, u32)], samples: u32, words: &mut [u32]) -> Dropped {
     words.fill(0);
     let mut ids = Cow::Borrowed(ids);
     // Most pixels have one.
     if ids.len() > 1 {
         ids.to_mut().sort_by_key(|(_, count)| std::cmp::Reverse(*count));
     }
+    let share = |count: u32| (f64::from(count) / f64::from(samples)) as f32;
     for (pair, (id, count)) in words.chunks_exact_mut(2).zip(&*ids) {
-        let coverage = (f64::from(*count) / f64::from(samples)) as f32;
-        pair.copy_from_slice(&[*id, coverage.to_bits()]);
+        pair.copy_from_slice(&[*id, share(*count).to_bits()]);
     }
+    let Some(rest @ [_, ..]) = ids.get(words.len() / 2..) else { return Dropped::default() };
+    let rest = rest.iter().map(|(_, count)| count).sum();
+    Dropped { pixels: 1, share: share(rest), things: ids.len() as u32 }
 }

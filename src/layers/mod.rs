@@ -29,7 +29,7 @@ pub struct Plan {
     pub geometric_normal: Option<usize>,
     /// Base colour, 3.
     pub albedo: Option<usize>,
-    /// Texture coordinates, 2.
+    /// Texture coordinates and whether there are any, 3.
     pub uv: Option<usize>,
     /// 3 each.
     pub diffuse: Option<usize>,
@@ -139,7 +139,8 @@ fn is_mean(layer: Layer) -> bool {
 fn suffixes(layer: Layer) -> &'static [&'static str] {
     match layer {
         Layer::Position | Layer::Normal | Layer::GeometricNormal => &["X", "Y", "Z"],
-        Layer::Uv => &["U", "V"],
+        // The order and the third channel are those of a UV pass of Blender.
+        Layer::Uv => &["U", "V", "A"],
         Layer::Shadow(_) | Layer::Samples => &["Y"],
         Layer::Primitive | Layer::Object => &["id"],
         _ => &["R", "G", "B"],

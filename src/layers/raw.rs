@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::film::{Channel, ChannelKind, Node, Sums};
+use crate::film::{Channel, ChannelKind, Dropped, Node, Sums};
 
 use super::recipe::{Nearest, Recipe, count};
 
@@ -49,13 +49,13 @@ impl Pixel {
         self.mattes.iter_mut().for_each(Vec::clear);
     }
 
-    /// R, G, B, A of `n` samples, and their other channels into `words`.
-    pub fn finish(&self, recipe: &Recipe, n: u32, words: &mut [u32]) -> [f32; 4] {
+    /// R, G, B, A of `n` samples, and their other channels into `words`; what the mattes could not hold.
+    pub fn finish(&self, recipe: &Recipe, n: u32, words: &mut [u32]) -> ([f32; 4], Dropped) {
         let mut totals = Vec::new();
         self.sums.totals(0..BEAUTY + recipe.summed(), &mut totals);
-        recipe.fill(n, &totals[BEAUTY..], &self.nearest, &self.mattes, words);
+        let dropped = recipe.fill(n, &totals[BEAUTY..], &self.nearest, &self.mattes, words);
         let count = f64::from(n);
-        std::array::from_fn(|axis| (totals[axis] / count) as f32)
+        (std::array::from_fn(|axis| (totals[axis] / count) as f32), dropped)
     }
 }
 

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::film::Channel;
+use crate::film::{Channel, Dropped};
 
 use super::FAR;
 use super::mattes::rank;
@@ -88,7 +88,7 @@ impl Recipe {
 
     /// Fills the words of a pixel from its `n` samples: the sum of each quantity of
     /// [`Recipe::summed`], the nearest hit, and by kind of mattes how many samples met each id, in the
-    /// order in which they were met.
+    /// order in which they were met. Returns what the mattes could not hold.
     #[inline(always)]
     pub fn fill(
         &self,
@@ -97,7 +97,7 @@ impl Recipe {
         nearest: &Nearest,
         mattes: &[Vec<(u32, u32)>],
         words: &mut [u32],
-    ) {
+    ) -> Dropped {
         let count = f64::from(n);
         let means = words[..self.filtered].iter_mut().zip(sums);
         if n.is_power_of_two() {
@@ -125,9 +125,12 @@ impl Recipe {
             }
             set(self.variance, &bits);
         }
+        let mut dropped = Dropped::default();
         for (ranks, ids) in self.mattes.iter().zip(mattes) {
-            rank(ids, n, &mut words[ranks.first..ranks.first + 2 * ranks.ranks]);
+            let words = &mut words[ranks.first..ranks.first + 2 * ranks.ranks];
+            dropped = dropped.or(rank(ids, n, words));
         }
+        dropped
     }
 }
 

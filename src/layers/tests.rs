@@ -48,6 +48,7 @@ fn channels_have_the_field_s_names_and_types() {
         "N.Z",
         "uv.U",
         "uv.V",
+        "uv.A",
         "light_key_light.R",
         "light_key_light.G",
         "light_key_light.B",
@@ -71,8 +72,8 @@ fn channels_have_the_field_s_names_and_types() {
     assert_eq!(of("N.X"), ChannelKind::Half);
     assert_eq!(of("Z"), ChannelKind::Float);
     assert_eq!(of("objectid.id"), ChannelKind::Uint);
-    assert_eq!(plan.lights, [Some(5), Some(8), Some(5)]);
-    assert_eq!(plan.recipe.filtered, 17);
+    assert_eq!(plan.lights, [Some(6), Some(9), Some(6)]);
+    assert_eq!(plan.recipe.filtered, 18);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use crate::error::{Error, Failures, Kind, Problem, Result};
-use crate::film::{Blank, Channel, ChannelKind, Film, Window};
+use crate::film::{Blank, Channel, ChannelKind, Dropped, Film, Window};
 use crate::layers::{BEAUTY, Pixel, Raw};
 use crate::monitor::Monitor;
 use crate::output::exr::{Sequence, View};
@@ -122,6 +122,7 @@ impl Parts {
         let height = (BAND_BYTES / bytes.max(1)).clamp(16, 1 << 16) / 16 * 16;
         let (mut pixels, mut words) =
             (film.pixels.as_mut_slice(), film.planes.words.as_mut_slice());
+        let mut dropped = Dropped::default();
         let mut y0 = whole.y0;
         while y0 < whole.y1 {
             let y1 = whole.y1.min(y0.saturating_add(height as u32));
@@ -138,13 +139,15 @@ impl Parts {
                 0 => none.iter_mut().map(Vec::as_mut_slice).collect(),
                 _ => band_words.chunks_mut(width * stride).collect(),
             };
-            band.par_chunks_mut(width).zip(lines.par_iter_mut()).enumerate().for_each(
-                |(row, (pixels, words))| self.line(&here, y0 + row as u32, pixels, words),
-            );
+            let lines = band.par_chunks_mut(width).zip(lines.par_iter_mut()).enumerate();
+            let lines = lines
+                .map(|(row, (pixels, words))| self.line(&here, y0 + row as u32, pixels, words));
+            dropped = dropped.and(lines.reduce(Dropped::default, Dropped::and));
             monitor.set_done(u64::from(y1 - whole.y0));
             monitor.check()?;
             y0 = y1;
         }
+        film.dropped = dropped;
         Ok(film)
     }
 
@@ -155,12 +158,20 @@ impl Parts {
         here.map(|open| Ok((open, open.reader.rows(y0..y1)?))).collect()
     }
 
-    /// One row of the picture, from parts in the order of their samples.
-    fn line(&self, parts: &[(&Open, Rows)], y: u32, pixels: &mut [[f32; 4]], words: &mut [u32]) {
+    /// Makes one row of the picture from parts in the order of their samples. Returns what its mattes could
+    /// not hold.
+    fn line(
+        &self,
+        parts: &[(&Open, Rows)],
+        y: u32,
+        pixels: &mut [[f32; 4]],
+        words: &mut [u32],
+    ) -> Dropped {
         let (recipe, of, x0) = (&self.part.recipe, self.part.of, self.part.whole().x0);
         let stride = recipe.channels.len();
         let mut sums = Pixel::new(recipe);
         let mut gathered = Vec::new();
+        let mut dropped = Dropped::default();
         let of_row = |(open, _): &&(&Open, Rows)| {
             let window = open.reader.window;
             window.y0 <= y && window.y1 > y
@@ -193,9 +204,12 @@ impl Parts {
                 }
             }
             if is_sum {
-                *pixel = sums.finish(recipe, of, words);
+                let (mean, lost) = sums.finish(recipe, of, words);
+                *pixel = mean;
+                dropped = dropped.and(lost);
             }
         }
+        dropped
     }
 }
 

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 use crate::{
     error::Result,
-    film::{ChannelKind, Film},
+    film::{ChannelKind, Dropped, Film},
     monitor::{Monitor, Phase},
     scene::Tonemap,
 };
@@ -50,7 +50,7 @@ impl std::fmt::Display for Spot {
 }
 
 /// What the files cannot hold, counted instead of written.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Oddities {
     /// Pixels with a NaN or an infinite channel; NaN becomes 0, infinities the largest half.
     pub non_finite: u64,
@@ -60,6 +60,8 @@ pub struct Oddities {
     pub clamped: u64,
     /// The first such value.
     pub first_clamped: Option<Spot>,
+    /// What the mattes could not hold.
+    pub dropped: Dropped,
 }
 
 impl Oddities {
@@ -99,7 +101,7 @@ impl Oddities {
             }
             found
         });
-        found.reduce(Self::default, Self::then)
+        Self { dropped: film.dropped, ..found.reduce(Self::default, Self::then) }
     }
 
     /// Looks at the values of one pixel, each with its name and the most that it may be.
@@ -126,6 +128,7 @@ impl Oddities {
             first_non_finite: self.first_non_finite.or(next.first_non_finite),
             clamped: self.clamped + next.clamped,
             first_clamped: self.first_clamped.or(next.first_clamped),
+            dropped: self.dropped.and(next.dropped),
         }
     }
 }

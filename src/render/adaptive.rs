@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::{Tile, pixels, tiles};
 use crate::accel::Accelerator;
 use crate::error::Result;
-use crate::film::{Film, Planes, Window};
+use crate::film::{Dropped, Film, Planes, Window};
 use crate::integrate::{
     Beauty, Goal, Integrator, LEAST, Layers, PassKernel, Passes, RayCounts, Record, Relative, TILE,
     Tally, limit, rate,
@@ -70,6 +70,9 @@ pub struct Taken {
     pub mean: f64,
 }
 
+/// What some tiles took, and what their mattes could not hold.
+type Rendered = (RayCounts, Taken, Dropped);
+
 /// What all tiles share.
 #[derive(Clone, Copy)]
 struct Job<'a> {
@@ -125,8 +128,9 @@ impl Job<'_> {
             Some(time) => self.in_time(time, tiles, record),
             None => self.tile_by_tile(tiles, record),
         };
-        let (rays, mut taken) = done.unwrap_or_default();
+        let (rays, mut taken, dropped) = done.unwrap_or_default();
         taken.mean /= all as f64;
+        film.dropped = dropped;
         (rays, taken)
     }
 
@@ -135,7 +139,7 @@ impl Job<'_> {
         &self,
         tiles: Vec<Tile>,
         record: impl Fn() -> R + Sync,
-    ) -> Option<(RayCounts, Taken)> {
+    ) -> Option<Rendered> {
         let monitor = self.integrator.monitor;
         let render = |tile: Tile| {
             let mut work = Work::new(self, tile, record());
@@ -144,7 +148,8 @@ impl Job<'_> {
                 rays = rays + work.pass(self);
             }
             monitor.done.fetch_add(pixels(work.tile.window), Relaxed);
-            (rays, work.finish(monitor))
+            let (taken, dropped) = work.finish(monitor);
+            (rays, taken, dropped)
         };
         tiles.into_par_iter().map(render).reduce_with(join)
     }
@@ -155,7 +160,7 @@ impl Job<'_> {
         time: Duration,
         tiles: Vec<Tile>,
         record: impl Fn() -> R + Sync,
-    ) -> Option<(RayCounts, Taken)> {
+    ) -> Option<Rendered> {
         let (start, monitor) = (Instant::now(), self.integrator.monitor);
         let make = |tile| Work::new(self, tile, record());
         let mut all: Vec<Work<R>> = tiles.into_par_iter().map(make).collect();
@@ -188,9 +193,12 @@ impl Job<'_> {
                 break;
             }
         }
-        let done = all.into_par_iter().map(|work| (RayCounts::default(), work.finish(monitor)));
-        let (_, taken) = done.reduce_with(join)?;
-        Some((rays, taken))
+        let done = all.into_par_iter().map(|work| {
+            let (taken, dropped) = work.finish(monitor);
+            (RayCounts::default(), taken, dropped)
+        });
+        let (_, taken, dropped) = done.reduce_with(join)?;
+        Some((rays, taken, dropped))
     }
 
     /// The mean radiance of the frame, over a grid of its pixels, and what it cost. The samples are others than those
@@ -271,18 +279,19 @@ impl<'f, R: Record> Work<'f, R> {
     }
 
     /// Writes the pixels; nothing if the job was stopped, as they may have no samples.
-    fn finish(mut self, monitor: &Monitor) -> Taken {
+    fn finish(mut self, monitor: &Monitor) -> (Taken, Dropped) {
         if monitor.stopped() {
-            return Taken::default();
+            return Default::default();
         }
         let Tile { window, rows, words } = &mut self.tile;
         self.passes.write(*window, rows, words, &mut self.record);
         let kept = self.passes.taken(*window);
-        Taken {
+        let taken = Taken {
             least: kept.clone().min().unwrap_or(0),
             most: kept.clone().max().unwrap_or(0),
             mean: kept.map(f64::from).sum(),
-        }
+        };
+        (taken, self.record.dropped())
     }
 }
 
@@ -310,7 +319,8 @@ fn whole(part: Window, world: &World) -> Window {
     Window { x0, y0, x1, y1 }
 }
 
-fn join((rays, a): (RayCounts, Taken), (more, b): (RayCounts, Taken)) -> (RayCounts, Taken) {
+fn join((rays, a, lost): Rendered, (more_rays, b, more): Rendered) -> Rendered {
     let mean = a.mean + b.mean;
-    (rays + more, Taken { least: a.least.min(b.least), most: a.most.max(b.most), mean })
+    let taken = Taken { least: a.least.min(b.least), most: a.most.max(b.most), mean };
+    (rays + more_rays, taken, lost.and(more))
 }

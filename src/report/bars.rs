@@ -1,6 +1,6 @@
 //! Horizontal bars in groups, with intervals.
 
-use super::svg::{Anchor, COLORS, Svg, WRONG, number, text_width, ticks};
+use super::svg::{AXIS, Anchor, COLORS, GRID, Svg, WRONG, number, text_width, ticks};
 
 /// A chart: one group per thing measured, one bar per contestant.
 #[derive(Debug, Clone, Default)]
@@ -65,7 +65,7 @@ impl Bars {
         let heights = self.groups.iter().map(|g| g.bars.len() as f64 * BAR + GAP);
         let bottom = top + heights.sum::<f64>();
         for tick in &ticks {
-            svg.line([x(*tick), top, x(*tick), bottom], "#e3e6ea", 1.0);
+            svg.line([x(*tick), top, x(*tick), bottom], GRID, 1.0);
             svg.text([x(*tick), bottom + 15.0], Anchor::Middle, "dim", &axis(*tick));
         }
         let mut y = top + GAP / 2.0;
@@ -78,7 +78,7 @@ impl Bars {
             }
             y += GAP;
         }
-        svg.line([left, top, left, bottom], "#444", 1.0);
+        svg.line([left, top, left, bottom], AXIS, 1.0);
         svg.finish(bottom + 24.0, &format!("{}: {}", self.title, self.unit))
     }
 }

@@ -1,6 +1,6 @@
 //! Lines over two logarithmic axes: how something grows.
 
-use super::svg::{Anchor, COLORS, Svg, decades, prefixed};
+use super::svg::{Anchor, COLORS, GRID, Svg, decades, prefixed};
 
 /// A chart of growth.
 #[derive(Debug, Clone, Default)]
@@ -61,11 +61,11 @@ impl Lines {
         svg.text([0.0, 16.0], Anchor::Start, "title", &self.title);
         svg.text([0.0, 34.0], Anchor::Start, "dim", &self.unit);
         for mark in &across {
-            svg.line([x(*mark), top, x(*mark), bottom], "#e3e6ea", 1.0);
+            svg.line([x(*mark), top, x(*mark), bottom], GRID, 1.0);
             svg.text([x(*mark), bottom + 15.0], Anchor::Middle, "dim", &prefixed(*mark));
         }
         for mark in &up {
-            svg.line([left, y(*mark), right, y(*mark)], "#e3e6ea", 1.0);
+            svg.line([left, y(*mark), right, y(*mark)], GRID, 1.0);
             svg.text([left - 6.0, y(*mark) + 4.0], Anchor::End, "dim", &prefixed(*mark));
         }
         svg.text([(left + right) / 2.0, height - 6.0], Anchor::Middle, "dim", &self.across);

@@ -26,6 +26,8 @@ pub struct Section {
     pub charts: Vec<String>,
     /// Titles and rows of tables; the first row is the head. All but the first table are folded.
     pub tables: Vec<(String, Vec<Vec<Cell>>)>,
+    /// Only heading and findings show until somebody asks for the rest.
+    pub folded: bool,
 }
 
 /// One cell of a table.
@@ -43,20 +45,8 @@ impl<T: Into<String>> From<T> for Cell {
     }
 }
 
-const STYLE: &str = "\
-body { font: 15px/1.45 system-ui, 'Liberation Sans', Arial, sans-serif; color: #1c2126; background: #f4f5f7;
-  margin: 0 auto; max-width: 1280px; padding: 20px; }
-h1 { font-size: 26px; margin: 0 0 4px; } h2 { font-size: 20px; margin: 0 0 8px; }
-summary { font-size: 15px; font-weight: 600; margin: 14px 0 6px; cursor: pointer; }
-section { background: #fff; border-radius: 8px; padding: 20px; margin: 20px 0;
-  box-shadow: 0 1px 3px #0002; }
-.finding { font-size: 17px; margin: 4px 0; } .bad, .wrong { color: #c8102e; fill: #c8102e; font-weight: 600; }
-.charts { display: flex; flex-wrap: wrap; gap: 24px 32px; margin-top: 14px; }
-svg { max-width: 100%; height: auto; } svg text { font-size: 12px; fill: #1c2126; }
-svg .title { font-size: 15px; font-weight: 600; } svg .dim { fill: #666e78; } svg .wrong { fill: #c8102e; }
-table { border-collapse: collapse; font-size: 13px; } .scroll { overflow-x: auto; }
-th, td { padding: 3px 12px 3px 0; text-align: left; border-bottom: 1px solid #e3e6ea; white-space: nowrap; }
-p { margin: 2px 0; } .intro { color: #555d66; }";
+/// Colours of charts are attributes of their elements: the style replaces those that would not show in the dark.
+const STYLE: &str = include_str!("page.css");
 
 impl Page {
     /// The file.
@@ -67,7 +57,7 @@ impl Page {
             html,
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <title>{title}</title>\n<style>\n{STYLE}\n</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
+             <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
         );
         for line in &self.intro {
             let _ = writeln!(html, "<p class=\"intro\">{}</p>", escape(line));
@@ -86,6 +76,9 @@ impl Section {
         for (text, bad) in &self.findings {
             let class = if *bad { "finding bad" } else { "finding" };
             let _ = writeln!(html, "<p class=\"{class}\">{}</p>", escape(text));
+        }
+        if self.folded {
+            html.push_str("<details><summary>Charts and tables</summary>\n");
         }
         html.push_str("<div class=\"charts\">\n");
         for chart in self.charts.iter().filter(|chart| !chart.is_empty()) {
@@ -107,13 +100,23 @@ impl Section {
             }
             html.push_str("</table></div>\n</details>\n");
         }
-        html.push_str("</section>\n");
+        html.push_str(if self.folded { "</details>\n</section>\n" } else { "</section>\n" });
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::svg::{AXIS, COLORS, GRID, INK};
     use super::*;
+
+    /// The colours that the style replaces are those of the charts.
+    #[test]
+    fn the_style_knows_the_colours_of_the_charts() {
+        for color in [GRID, AXIS, INK] {
+            assert!(STYLE.contains(&format!("[stroke=\"{color}\"]")), "{color}");
+        }
+        assert!(COLORS.contains(&INK) && STYLE.contains(&format!("[fill=\"{INK}\"]")));
+    }
 
     #[test]
     fn a_page_is_whole_and_refers_to_nothing() {
@@ -123,6 +126,7 @@ mod tests {
             findings: vec![("good".into(), false), ("bad".into(), true)],
             charts: vec![String::new(), "<svg></svg>".into()],
             tables: vec![("T".into(), vec![vec!["head".into()], vec![wrong]])],
+            folded: true,
         };
         let page = Page { title: "x".into(), intro: vec![], sections: vec![section] };
         let html = page.html();
@@ -133,5 +137,7 @@ mod tests {
             assert!(!html.contains(outside), "{outside}");
         }
         assert_eq!(html.matches("<div><svg>").count(), 1);
+        assert_eq!(html.matches("<details").count(), html.matches("</details>").count());
+        assert!(html.find("finding bad") < html.find("<details"));
     }
 }

@@ -13,9 +13,8 @@ pub fn picture(png: &[u8], caption: &str) -> String {
 pub fn picture_of_width(png: &[u8], caption: &str, width: u32) -> String {
     let (data, caption) = (STANDARD.encode(png), escape(caption));
     format!(
-        "<figure style=\"margin:0;width:{width}px\"><img width=\"{width}\" alt=\"{caption}\" \
-         style=\"border:1px solid #e3e6ea;display:block;image-rendering:pixelated\" src=\"data:image/png;base64,{data}\">\
-         <figcaption style=\"font-size:12px;color:#555d66\">{caption}</figcaption></figure>"
+        "<figure style=\"width:{width}px\"><img width=\"{width}\" alt=\"{caption}\" \
+         src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>"
     )
 }
 

@@ -1,6 +1,6 @@
 //! Ratios around 1 on a logarithmic axis: who is faster, and whether that is shown.
 
-use super::svg::{Anchor, Svg, WRONG, text_width};
+use super::svg::{Anchor, GRID, INK, Svg, WRONG, text_width};
 
 /// A chart of ratios: right of the line is faster.
 #[derive(Debug, Clone, Default)]
@@ -57,10 +57,10 @@ impl Ratios {
         svg.legend([0.0, 52.0], &legend);
         let (top, bottom) = (62.0, 62.0 + ROW * self.rows.len() as f64);
         for tick in marks(span) {
-            svg.line([x(tick), top, x(tick), bottom], "#e3e6ea", 1.0);
+            svg.line([x(tick), top, x(tick), bottom], GRID, 1.0);
             svg.text([x(tick), bottom + 15.0], Anchor::Middle, "dim", &format!("{tick}\u{d7}"));
         }
-        svg.line([x(1.0), top, x(1.0), bottom], "#222", 1.5);
+        svg.line([x(1.0), top, x(1.0), bottom], INK, 1.5);
         for (i, row) in self.rows.iter().enumerate() {
             let y = top + ROW * (i as f64 + 0.5);
             let (color, class) = row.color();

@@ -1,6 +1,6 @@
 //! What the colours of a map mean.
 
-use super::svg::{Anchor, Svg};
+use super::svg::{AXIS, Anchor, Svg};
 
 /// A row of colours with values under it.
 #[derive(Debug, Clone, Default)]
@@ -29,7 +29,7 @@ impl Scale {
         }
         for (place, text) in &self.ticks {
             let x = EDGE + place * (WIDTH - 2.0 * EDGE);
-            svg.line([x, 36.0, x, 40.0], "#444", 1.0);
+            svg.line([x, 36.0, x, 40.0], AXIS, 1.0);
             svg.text([x, 53.0], Anchor::Middle, "dim", text);
         }
         svg.finish(60.0, &self.title)

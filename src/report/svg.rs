@@ -5,7 +5,16 @@ use std::fmt::Write;
 /// Colours of contestants in order, told apart by most kinds of colour blindness (Okabe and Ito
 /// 2008, without their red, which marks what is wrong, and with a darker yellow).
 pub const COLORS: [&str; 8] =
-    ["#7f8c9b", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#222222", "#d6c400"];
+    ["#7f8c9b", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", INK, "#d6c400"];
+
+/// Lines behind what is drawn.
+pub const GRID: &str = "#e3e6ea";
+
+/// Axes and their ticks.
+pub const AXIS: &str = "#444";
+
+/// Intervals, and the line at 1.
+pub const INK: &str = "#222222";
 
 /// What is wrong.
 pub const WRONG: &str = "#c8102e";
@@ -80,10 +89,9 @@ impl Svg {
 
     /// The same, of whose ends some lie outside of the chart: these have no cap.
     pub fn cut_whisker(&mut self, ends: [f64; 2], y: f64, cut: [bool; 2]) {
-        let color = "#222";
-        self.line([ends[0], y, ends[1], y], color, 1.2);
+        self.line([ends[0], y, ends[1], y], INK, 1.2);
         for (x, _) in ends.into_iter().zip(cut).filter(|(_, cut)| !cut) {
-            self.line([x, y - 3.0, x, y + 3.0], color, 1.2);
+            self.line([x, y - 3.0, x, y + 3.0], INK, 1.2);
         }
     }
 

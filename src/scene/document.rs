@@ -29,6 +29,9 @@ impl Document {
     /// # Errors
     /// The first thing that is not JSON, with its place.
     pub fn parse(name: &str, bytes: &[u8]) -> Result<Self> {
+        if let Some(other) = other_format(bytes) {
+            return Err(Error::invalid(name, format!("found {other}, expected a JSON object")));
+        }
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let text =
             std::str::from_utf8(bytes).map_err(|e| not_utf8(name, bytes, e.valid_up_to()))?;
@@ -110,6 +113,20 @@ fn syntax_error(name: &str, error: SyntaxError) -> Error {
     let place = format!("{name}:{}:{}", error.line, error.column);
     let problem = Problem { place, message: error.message, help: error.help.map(str::to_string) };
     Error::new(Kind::Invalid, problem)
+}
+
+/// What a file is that people give in place of a scene, by its first bytes.
+fn other_format(bytes: &[u8]) -> Option<&'static str> {
+    const KNOWN: [(&[u8], &str); 7] = [
+        (b"\x89PNG", "a PNG picture"),
+        (b"v/1\x01", "an EXR picture"),
+        (b"\xff\xd8\xff", "a JPEG picture"),
+        (b"ply\n", "a PLY mesh"),
+        (b"ply\r", "a PLY mesh"),
+        (b"\x1f\x8b", "a gzip archive"),
+        (b"\x28\xb5\x2f\xfd", "a Zstandard archive"),
+    ];
+    KNOWN.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, name)| *name)
 }
 
 fn not_utf8(name: &str, bytes: &[u8], at: usize) -> Error {

@@ -1,8 +1,8 @@
 //! The JSON Schema of scene files, generated from [`Description`].
 //!
 //! One table: the types. This module only tidies what is generated into what editors and the
-//! structural check want: every object closed (no unknown keys) but for `comment`, optional keys
-//! without `null`, tagged variants spelled out.
+//! structural check want: every object closed (no unknown keys) but for `comment` and, at the top, `$schema`,
+//! optional keys without `null`, tagged variants spelled out.
 
 use std::sync::LazyLock;
 
@@ -26,6 +26,8 @@ pub fn schema_of<T: JsonSchema>(title: &str) -> Value {
     let mut schema = Value::from(generated);
     let definitions = schema["$defs"].clone();
     tidy(&mut schema, &definitions);
+    schema["properties"]["$schema"] =
+        json!({ "type": "string", "description": "Ignored: where an editor finds this schema." });
     schema["title"] = json!(title);
     schema
 }

@@ -250,7 +250,8 @@ fn other_files_are_read_with_the_same_checks() {
         frames: u32,
     }
     let job: Job =
-        read_as(&Document::parse("j", br#"{"frames": 3, "comment": 1}"#).unwrap()).unwrap();
+        read_as(&Document::parse("j", br#"{"$schema": "x", "frames": 3, "comment": 1}"#).unwrap())
+            .unwrap();
     assert_eq!(job.frames, 3);
     let bad = Document::parse("j", br#"{"frame": 3}"#).unwrap();
     let error = read_as::<Job>(&bad).unwrap_err();

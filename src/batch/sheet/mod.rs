@@ -59,7 +59,7 @@ pub fn write(job: &Job, threads: usize) -> Result<Vec<PathBuf>> {
     let strip = |entry: &Entry| Strip::of(job, entry, each);
     let strips: Vec<Option<Strip>> = pool.install(|| entries.par_iter().map(strip).collect());
     let sweep = Sweep::default();
-    let page = || text(&sweep, &job.folder.join(PAGE), &page::html(&entries, &strips));
+    let page = || text(&sweep, &job.folder.join(PAGE), &page::html(job, &entries, &strips));
     let names = names(entries.len());
     let sheet = |(number, (entries, strips)): (usize, (&[Entry], &[Option<Strip>]))| {
         let path = job.folder.join(&names[number]);

@@ -2,16 +2,19 @@ const main = document.querySelector('main');
 const cards = [...main.children];
 const control = (id) => document.getElementById(id);
 
-// A turntable: the mouse across the picture, or the slider.
+// A turntable: the mouse across the picture, or the slider. Links lead to the frame that is shown.
 for (const card of cards) {
   const strip = card.querySelector('.strip');
   if (!strip || strip.dataset.count < 2) continue;
   const count = Number(strip.dataset.count);
   const image = strip.querySelector('img');
   const slider = card.querySelector('input[type=range]');
+  const files = JSON.parse(strip.dataset.files);
+  const links = card.querySelectorAll('a[data-ending]');
   const show = (frame) => {
     image.style.transform = `translateX(${-100 * frame / count}%)`;
     slider.value = frame;
+    for (const link of links) link.href = files[frame] + link.dataset.ending;
   };
   slider.addEventListener('input', () => show(Number(slider.value)));
   strip.addEventListener('mousemove', (event) => {

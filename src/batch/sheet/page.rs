@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 
-use crate::{report::escape, units};
+use crate::{batch::job::Job, report::escape, units};
 
 use super::{entry::Entry, thumbnails::Strip};
 
@@ -12,7 +12,7 @@ const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
 /// The page.
-pub fn html(entries: &[Entry], strips: &[Option<Strip>]) -> String {
+pub fn html(job: &Job, entries: &[Entry], strips: &[Option<Strip>]) -> String {
     let mut html = String::new();
     let frames: usize = entries.iter().map(|entry| entry.frames.len()).sum();
     let of: u64 = entries.iter().map(|entry| u64::from(entry.of)).sum();
@@ -42,13 +42,13 @@ pub fn html(entries: &[Entry], strips: &[Option<Strip>]) -> String {
         units::count(rays / 1_000_000),
     );
     for (entry, strip) in entries.iter().zip(strips) {
-        card(&mut html, entry, strip.as_ref());
+        card(&mut html, job, entry, strip.as_ref());
     }
     let _ = write!(html, "</main>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n");
     html
 }
 
-fn card(html: &mut String, entry: &Entry, strip: Option<&Strip>) {
+fn card(html: &mut String, job: &Job, entry: &Entry, strip: Option<&Strip>) {
     let failure = entry.message();
     let missing = entry.frames.len() < entry.of as usize;
     let (class, state) = match (&failure, missing) {
@@ -68,7 +68,7 @@ fn card(html: &mut String, entry: &Entry, strip: Option<&Strip>) {
         entry.rays(),
     );
     match strip {
-        Some(strip) => picture(html, entry, strip),
+        Some(strip) => picture(html, job, entry, strip),
         None => html.push_str("<div class=\"empty\">no picture</div>\n"),
     }
     let _ = writeln!(html, "<h2 title=\"{}\">{}</h2>", escape(&entry.input), escape(entry.name()));
@@ -108,16 +108,20 @@ fn card(html: &mut String, entry: &Entry, strip: Option<&Strip>) {
     html.push_str("</article>\n");
 }
 
-/// One frame shows; the mouse or the slider brings the others.
-fn picture(html: &mut String, entry: &Entry, strip: &Strip) {
+/// One frame shows, a link to its file; the mouse or the slider brings the others.
+fn picture(html: &mut String, job: &Job, entry: &Entry, strip: &Strip) {
     let count = strip.frames.len();
     let (width, height) = strip.first.dimensions();
     let data = STANDARD.encode(&strip.jpeg);
+    let files = strip.frames.iter().map(|&frame| address(job, entry.number, frame));
+    let files: Vec<String> = files.collect();
+    let (first, name) = (files.first().map_or("", String::as_str), escape(entry.name()));
+    let list = escape(&serde_json::to_string(&files).unwrap_or_default());
     let _ = writeln!(
         html,
-        "<div class=\"strip\" style=\"aspect-ratio:{width}/{height}\" data-count=\"{count}\">\
-         <img alt=\"{}\" style=\"width:{}%\" src=\"data:image/jpeg;base64,{data}\"></div>",
-        escape(entry.name()),
+        "<a class=\"strip\" href=\"{first}.png\" data-ending=\".png\" data-files=\"{list}\" \
+         data-count=\"{count}\" style=\"aspect-ratio:{width}/{height}\">\
+         <img alt=\"{name}\" style=\"width:{}%\" src=\"data:image/jpeg;base64,{data}\"></a>",
         100 * count,
     );
     if count > 1 {
@@ -127,4 +131,22 @@ fn picture(html: &mut String, entry: &Entry, strip: &Strip) {
             count - 1
         );
     }
+    let link =
+        |ending| format!("<a href=\"{first}.{ending}\" data-ending=\".{ending}\">{ending}</a>");
+    let _ = writeln!(html, "<p class=\"files\">{} {}</p>", link("png"), link("exr"));
+}
+
+/// Where a frame's files are, seen from the page and without their endings, as a relative URL.
+fn address(job: &Job, input: usize, frame: u32) -> String {
+    let prefix = job.prefix(input, frame);
+    let path = prefix.strip_prefix(&job.folder).unwrap_or(&prefix);
+    let mut url = String::new();
+    for byte in path.as_os_str().as_encoded_bytes() {
+        match byte {
+            b'/' | b'-' | b'_' | b'.' | b'~' => url.push(char::from(*byte)),
+            byte if byte.is_ascii_alphanumeric() => url.push(char::from(*byte)),
+            byte => url.push_str(&format!("%{byte:02X}")),
+        }
+    }
+    url
 }

@@ -21,9 +21,13 @@ use exr::{
 };
 
 use crate::error::{Error, Kind, Problem, Result};
-use crate::output::exr_check::{self, exr_error};
+use crate::output::{
+    exr::text::decode,
+    exr_check::{self, exr_error},
+};
 
 use super::layer::{Layer, Meaning, fits};
+use super::mattes::{Names, read_names};
 use super::png;
 
 /// What a file is.
@@ -44,6 +48,8 @@ pub struct Picture {
     pub format: Format,
     /// At least one.
     pub layers: Vec<Layer>,
+    /// What its mattes are called.
+    pub mattes: Names,
 }
 
 impl Picture {
@@ -57,8 +63,9 @@ impl Picture {
         let mut file = BufReader::new(opened);
         let read = file.by_ref().take(4).read_to_end(&mut start);
         read.map_err(|error| Error::io(path, "read", &error))?;
+        let mut mattes = Names::new();
         let (format, mut layers) = match start.as_slice() {
-            [0x76, 0x2f, 0x31, 0x01] => (Format::Exr, exr_layers(path)?),
+            [0x76, 0x2f, 0x31, 0x01] => (Format::Exr, exr_layers(path, &mut mattes)?),
             [0x89, b'P', b'N', b'G'] => (Format::Png, png::layers(path)?),
             _ => {
                 let message = "found neither an EXR nor a PNG, expected one of them";
@@ -66,11 +73,11 @@ impl Picture {
             }
         };
         layers.sort_by(|a, b| a.name.cmp(&b.name));
-        Ok(Self { path: path.display().to_string(), format, layers })
+        Ok(Self { path: path.display().to_string(), format, layers, mattes })
     }
 }
 
-fn exr_layers(path: &Path) -> Result<Vec<Layer>> {
+fn exr_layers(path: &Path, mattes: &mut Names) -> Result<Vec<Layer>> {
     exr_check::check(path)?;
     let failed = |error| exr_error(path, error);
     let meta = MetaData::read_from_file(path, true).map_err(failed)?;
@@ -89,7 +96,9 @@ fn exr_layers(path: &Path) -> Result<Vec<Layer>> {
     let single = image.layer_data.len() == 1;
     let mut layers: BTreeMap<(String, bool), Layer> = BTreeMap::new();
     for part in image.layer_data {
-        let ids = cryptomattes(&part);
+        let texts = texts(&part);
+        read_names(path, texts.iter().map(|(name, text)| (&**name, &**text)), mattes);
+        let ids = cryptomattes(&texts);
         if part.size.0 == 0 || part.size.1 == 0 {
             return Err(Error::invalid(path.display().to_string(), "found a layer without pixels"));
         }
@@ -116,15 +125,20 @@ fn is_beauty(name: &str) -> bool {
     ["", "rgb", "rgba", "beauty"].iter().any(|known| name.eq_ignore_ascii_case(known))
 }
 
-/// Names of the cryptomattes of a part, from its header.
-fn cryptomattes(part: &Part<AnyChannels<FlatSamples>>) -> Vec<String> {
-    let named = |name: &str| name.starts_with("cryptomatte/") && name.ends_with("/name");
+/// The text attributes of a part.
+fn texts(part: &Part<AnyChannels<FlatSamples>>) -> Vec<(String, String)> {
     let attributes = part.attributes.other.iter();
-    let found = attributes.filter_map(|(name, value)| match value {
-        AttributeValue::Text(text) if named(&name.to_string()) => Some(text.to_string()),
+    let texts = attributes.filter_map(|(name, value)| match value {
+        AttributeValue::Text(text) => Some((name.to_string(), decode(text))),
         _ => None,
     });
-    found.collect()
+    texts.collect()
+}
+
+/// Names of the cryptomattes of a part, from its header.
+fn cryptomattes(texts: &[(String, String)]) -> Vec<String> {
+    let named = |name: &str| name.starts_with("cryptomatte/") && name.ends_with("/name");
+    texts.iter().filter(|(name, _)| named(name)).map(|(_, text)| text.clone()).collect()
 }
 
 type Shape = ([usize; 2], [i32; 2]);

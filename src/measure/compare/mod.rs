@@ -4,6 +4,7 @@ pub mod file;
 pub mod half;
 pub mod layer;
 pub mod map;
+pub mod mattes;
 mod png;
 
 use crate::{
@@ -16,6 +17,7 @@ use super::metrics::{self, Metric, Values, flip};
 use file::{Format, Picture};
 use half::Floor;
 use layer::{Layer, Meaning};
+use mattes::Names;
 
 /// What is compared, and how light becomes 8-bit pictures.
 #[derive(Debug, Clone)]
@@ -78,6 +80,8 @@ pub struct Comparison {
     pub alone: [Vec<String>; 2],
     /// How light was tone mapped.
     pub tonemap: Tonemap,
+    /// What the mattes of either file are called.
+    pub mattes: Names,
 }
 
 /// Compares all layers of the same name.
@@ -98,6 +102,10 @@ pub fn compare(test: Picture, reference: Picture, settings: &Settings) -> Result
     let chosen = |layer: &Layer| {
         settings.layers.is_empty() || settings.layers.iter().any(|name| name == layer.shown())
     };
+    let mut mattes = reference.mattes;
+    for (kind, names) in test.mattes {
+        mattes.entry(kind).or_default().extend(names);
+    }
     let (test_path, reference_path) = (test.path.clone(), reference.path.clone());
     let mut others = reference.layers;
     let mut layers = Vec::new();
@@ -114,7 +122,7 @@ pub fn compare(test: Picture, reference: Picture, settings: &Settings) -> Result
         return Err(Error::invalid(test_path, message)
             .help(format!("{reference_path} has {}", list(&other))));
     }
-    Ok(Comparison { layers, alone, tonemap })
+    Ok(Comparison { layers, alone, tonemap, mattes })
 }
 
 /// Refuses layers that do not lie on each other.

@@ -41,7 +41,12 @@ use crate::{
 
 pub use self::sorted::read_sorted;
 
-use self::{parts::Part, rows::Fill, zip::Zip};
+use self::{
+    parts::Part,
+    rows::Fill,
+    sorted::{FLAGS, LONG_NAMES, SHORT_NAME_BYTES},
+    zip::Zip,
+};
 
 /// How blocks are compressed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -134,6 +139,7 @@ pub fn write<F: Read + Write + Seek + Send>(
     let headers: Option<_> = parts.iter().map(|part| header::header(film, options, part)).collect();
     let headers = headers.ok_or_else(|| unwritable(path, "its size or attributes"))?;
     let mut buffered = BufWriter::with_capacity(1 << 20, &mut *file);
+    let long_names = long_names(&parts);
     let written = exr::block::write(&mut buffered, headers, true, |meta, writer| {
         let blocks = Blocks { film, parts: &parts, options, headers: &meta.headers };
         blocks.stream(writer)
@@ -142,7 +148,14 @@ pub fn write<F: Read + Write + Seek + Send>(
     // Dropping a BufWriter would hide a full disk.
     let flushed = buffered.flush();
     drop(buffered);
-    flushed.and_then(|()| sort_header(file)).map_err(|error| Error::io(path, "write", &error))
+    let finished = flushed.and_then(|()| finish_header(file, long_names));
+    finished.map_err(|error| Error::io(path, "write", &error))
+}
+
+/// Returns true if a channel's name is longer than readers without the flag [`LONG_NAMES`] expect.
+fn long_names(parts: &[Part]) -> bool {
+    let mut names = parts.iter().flat_map(|part| &part.sources).map(|source| source.name);
+    names.any(|name| name.len() > SHORT_NAME_BYTES)
 }
 
 /// What blocks are made from.
@@ -192,10 +205,14 @@ impl Blocks<'_> {
     }
 }
 
-/// Sorts the attributes of the header in place; its length and the offsets behind it stay.
-fn sort_header<F: Read + Write + Seek>(file: &mut F) -> std::io::Result<()> {
+/// Sorts the attributes of the header in place; its length and the offsets behind it stay. Sets the flag of
+/// long names: the `exr` crate sets it for names of attributes only.
+fn finish_header<F: Read + Write + Seek>(file: &mut F, long_names: bool) -> std::io::Result<()> {
     file.seek(SeekFrom::Start(0))?;
-    let header = read_sorted(file)?;
+    let mut header = read_sorted(file)?;
+    if long_names {
+        header[FLAGS] |= LONG_NAMES;
+    }
     file.seek(SeekFrom::Start(0))?;
     file.write_all(&header)?;
     file.seek(SeekFrom::End(0))?;

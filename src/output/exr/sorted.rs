@@ -10,8 +10,18 @@ use std::io::{BufReader, Error, ErrorKind, Read, Result};
 /// Magic number and version field.
 const PREAMBLE_BYTES: usize = 8;
 
-/// Flag of the version field's second byte: there are several headers.
+/// The byte of the version field that holds its flags.
+pub const FLAGS: usize = 5;
+
+/// Flag: there are several headers.
 const MULTI_PART: u8 = 0x10;
+
+/// Flag: a name of a channel or an attribute, or the name of its type, has 32 to 255 bytes (0x400 of the
+/// version field).
+pub const LONG_NAMES: u8 = 0x04;
+
+/// The longest name without [`LONG_NAMES`].
+pub const SHORT_NAME_BYTES: usize = 31;
 
 /// Reads all headers from the first byte of the file and returns them sorted: as many bytes as they
 /// take in the file.
@@ -22,7 +32,7 @@ pub fn read_sorted(file: &mut impl Read) -> Result<Vec<u8>> {
     if sorted[..4] != [0x76, 0x2f, 0x31, 0x01] {
         return Err(broken());
     }
-    let multi_part = sorted[5] & MULTI_PART != 0;
+    let multi_part = sorted[FLAGS] & MULTI_PART != 0;
     loop {
         let mut attributes = attributes(&mut file)?;
         attributes.sort();

@@ -207,6 +207,9 @@ pub enum Transfer {
     Linear,
 }
 
+/// The largest `cryptoranks`.
+pub const MAX_CRYPTO_RANKS: u32 = 16;
+
 /// What is written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
@@ -215,7 +218,7 @@ pub struct Output {
     pub layers: Vec<Name>,
     /// How many things a pixel of a cryptomatte can hold, those that cover most: two in each of its layers
     /// `CryptoObject00`, `CryptoObject01`...
-    #[schemars(range(min = 2, max = 16), extend("multipleOf" = 2))]
+    #[schemars(range(min = 2, max = MAX_CRYPTO_RANKS), extend("multipleOf" = 2))]
     pub cryptoranks: u32,
     /// Alpha is the fraction of camera samples that hit, instead of 1.
     pub transparent: bool,

@@ -1,0 +1,115 @@
+//! Cryptomattes of two files by name: how much of the picture each matte covers in either.
+
+use std::{collections::BTreeMap, fs, path::Path};
+
+use super::{Compared, layer::Layer};
+
+/// Names of mattes by id, for each kind of cryptomatte (`CryptoObject`).
+pub type Names = BTreeMap<String, BTreeMap<u32, String>>;
+
+/// One matte in both files.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Matte {
+    /// Its name; its id in hexadecimal where no manifest has one.
+    pub name: String,
+    /// Pixels that it covers: in the picture, in the reference.
+    pub pixels: [f64; 2],
+    /// Sum over all pixels of how much its coverage differs, in pixels.
+    pub differs: f64,
+}
+
+/// All mattes of one kind.
+#[derive(Debug, Clone, Default)]
+pub struct Mattes {
+    /// Those that differ most first, then by name.
+    pub all: Vec<Matte>,
+    /// By pixel: the largest difference of one matte's coverage, in [0, 1].
+    pub map: Vec<f64>,
+}
+
+/// The kind of cryptomatte whose ranks a layer holds: `CryptoObject` for `CryptoObject00.R`.
+pub fn kind<'a>(layer: &str, names: &'a Names) -> Option<&'a str> {
+    let (ranks, _) = layer.rsplit_once('.')?;
+    let known = names.get_key_value(ranks.trim_end_matches(|c: char| c.is_ascii_digit()))?;
+    Some(known.0)
+}
+
+/// Reads the manifests of a file at `path` from the text attributes of one of its parts. A manifest that is missing
+/// or damaged leaves its mattes without names.
+pub fn read_names<'a>(
+    path: &Path,
+    attributes: impl Iterator<Item = (&'a str, &'a str)>,
+    names: &mut Names,
+) {
+    let mut keys: BTreeMap<&str, BTreeMap<&str, &str>> = BTreeMap::new();
+    for (name, value) in attributes {
+        let known = name.strip_prefix("cryptomatte/").and_then(|rest| rest.split_once('/'));
+        if let Some((key, what)) = known {
+            keys.entry(key).or_default().insert(what, value);
+        }
+    }
+    for said in keys.values() {
+        let Some(kind) = said.get("name") else { continue };
+        let beside = said.get("manif_file").and_then(|file| {
+            let file = path.with_file_name(Path::new(file).file_name()?);
+            fs::read_to_string(file).ok()
+        });
+        let text = said.get("manifest").map(|text| text.to_string()).or(beside);
+        let pairs: Option<BTreeMap<String, String>> =
+            text.and_then(|text| serde_json::from_str(&text).ok());
+        let known = names.entry(kind.to_string()).or_default();
+        for (name, id) in pairs.unwrap_or_default() {
+            known.extend(u32::from_str_radix(&id, 16).ok().map(|id| (id, name)));
+        }
+    }
+}
+
+/// Compares the mattes of a kind whose ranks are among `layers`; nothing where ids or coverages are missing.
+pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) -> Mattes {
+    let channel = |rank: usize, suffix: &str| {
+        let name = format!("{kind}{rank:02}.{suffix}");
+        layers.iter().find(|layer| layer.test.name == name)
+    };
+    let pair = |i: usize| {
+        let [id, coverage] = [["R", "G"], ["B", "A"]][i % 2];
+        Some([channel(i / 2, id)?, channel(i / 2, coverage)?])
+    };
+    let pairs: Vec<[&&Compared; 2]> = (0..2 * layers.len()).map_while(pair).collect();
+    let Some([first, _]) = pairs.first() else { return Mattes::default() };
+    let mut sums: BTreeMap<u32, Matte> = BTreeMap::new();
+    let mut map = Vec::with_capacity(first.test.values.len());
+    let mut here: Vec<(u32, [f32; 2])> = Vec::new();
+    for pixel in 0..first.test.values.len() {
+        here.clear();
+        for [ids, coverages] in &pairs {
+            let of = |layer: fn(&Compared) -> &Layer| {
+                (layer(ids).values[pixel].to_bits(), layer(coverages).values[pixel])
+            };
+            for (side, (id, coverage)) in [of(|c| &c.test), of(|c| &c.reference)].iter().enumerate()
+            {
+                if *coverage > 0.0 {
+                    let at = here.iter().position(|(known, _)| known == id);
+                    let at = at.unwrap_or(here.len());
+                    here.resize(here.len().max(at + 1), (*id, [0.0; 2]));
+                    here[at].1[side] += coverage;
+                }
+            }
+        }
+        let mut most = 0.0f64;
+        for (id, coverage) in &here {
+            let matte = sums.entry(*id).or_insert_with(|| Matte {
+                name: names.get(id).cloned().unwrap_or_else(|| format!("{id:08x}")),
+                pixels: [0.0; 2],
+                differs: 0.0,
+            });
+            let [test, reference] = coverage.map(f64::from);
+            matte.pixels = [matte.pixels[0] + test, matte.pixels[1] + reference];
+            matte.differs += (test - reference).abs();
+            most = most.max((test - reference).abs());
+        }
+        map.push(most);
+    }
+    let mut all: Vec<Matte> = sums.into_values().collect();
+    all.sort_by(|a, b| b.differs.total_cmp(&a.differs).then_with(|| a.name.cmp(&b.name)));
+    Mattes { all, map }
+}
