@@ -189,8 +189,7 @@ impl Run<'_> {
         if budget.is_none() {
             let embree = self.args.machine.embree();
             let film = memory::film_bytes(piece.window, piece.channels().len());
-            let primitives = world.triangles() + world.geometry.spheres.len() as u64;
-            memory::check_build((scene.backend, self.threads, embree), primitives, film)?;
+            memory::check_build((scene.backend, self.threads, embree), world.primitives(), film)?;
         }
         let options = BuildOptions {
             threads: self.threads,
