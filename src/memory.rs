@@ -12,7 +12,7 @@ use crate::{
     layers::Plan,
     mesh,
     output::tonemap::Depth,
-    scene::{Backend, Scene, ShapeKind},
+    scene::{Backend, Scene, ShapeKind, Smooth},
     shading::Texture,
 };
 
@@ -125,7 +125,8 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
                     Default::default()
                 });
                 sum.primitives = sum.primitives.saturating_add(promise.triangles);
-                let normals = if mesh.smooth { promise.missing_normal_bytes } else { 0 };
+                let normals =
+                    if mesh.smooth != Smooth::Off { promise.missing_normal_bytes } else { 0 };
                 let bytes = promise.array_bytes.saturating_add(normals);
                 sum.mesh_bytes = sum.mesh_bytes.saturating_add(bytes);
             }

@@ -12,7 +12,7 @@ use crate::output::Outputs;
 use crate::output::exr::Sequence;
 use crate::picture::{self, Says, Storage};
 use crate::render;
-use crate::scene::{self, Scene, Shape, ShapeKind, Source, Trimesh};
+use crate::scene::{self, Scene, Shape, ShapeKind, Smooth, Source, Trimesh};
 use crate::world::{LoadOptions, World};
 
 /// A scene whose files are read, ready to be rendered as often as one likes.
@@ -61,7 +61,7 @@ impl Renderer {
                 rotate_deg: glam::DVec3::ZERO,
                 size: 1.0,
                 center: glam::DVec3::ZERO,
-                smooth: mesh.normals.is_some(),
+                smooth: if mesh.normals.is_some() { Smooth::All } else { Smooth::Off },
                 bvh: true,
                 vertex_colors: mesh.colors.is_some(),
                 vertex_color_space: None,

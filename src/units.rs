@@ -74,6 +74,17 @@ pub fn parse_margin(text: &str) -> Result<f64, String> {
     margin.ok_or_else(|| "expected a fraction from 0 to below 0.5".to_string())
 }
 
+/// `40`, `off` or `all` -> the largest angle in degrees between the two faces of a smooth edge: 0 and 180 for the
+/// words.
+pub fn parse_smooth(text: &str) -> Result<f64, String> {
+    let degrees = match text {
+        "off" => Some(0.0),
+        "all" => Some(180.0),
+        _ => text.parse().ok().filter(|&degrees: &f64| degrees > 0.0 && degrees < 180.0),
+    };
+    degrees.ok_or_else(|| "expected degrees above 0 and below 180, `off` or `all`".to_string())
+}
+
 /// `0..24` -> numbers from the first to before the second.
 pub fn parse_range(text: &str) -> Result<std::ops::Range<u64>, String> {
     let expected = || "expected A..B with A < B, for example 0..24".to_string();
@@ -199,6 +210,13 @@ mod tests {
             assert!(parse_range(bad).is_err(), "{bad}");
         }
         assert_eq!(parse_margin("0"), Ok(0.0));
+        assert_eq!(
+            (parse_smooth("off"), parse_smooth("all"), parse_smooth("37.5")),
+            (Ok(0.0), Ok(180.0), Ok(37.5))
+        );
+        assert!(
+            ["0", "180", "-1", "NaN", "inf", "on", ""].iter().all(|bad| parse_smooth(bad).is_err())
+        );
         for bad in ["0.5", "-0.1", "nan", "x"] {
             assert!(parse_margin(bad).is_err(), "{bad}");
         }

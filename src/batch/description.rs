@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::{
     output::exr::Compression,
-    scene::written::{Angles, Name, Point},
+    scene::written::{Angles, Name, Point, Smooth},
     studio::{Axis, Fixed, Turning},
 };
 
@@ -34,6 +34,15 @@ pub struct JobFile {
     #[serde(default)]
     #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 0.5))]
     pub margin: Option<f64>,
+    /// Where the normals of meshes are interpolated, in place of the template's `smooth`.
+    #[serde(default)]
+    pub smooth: Option<Smooth>,
+    /// The image for the meshes' texture coordinates.
+    #[serde(default)]
+    pub texture: Option<Name>,
+    /// false: without the template's plane named `ground`.
+    #[serde(default)]
+    pub ground: Option<bool>,
     /// Picture width and height in pixels.
     #[serde(default)]
     pub size: Option<[u32; 2]>,

@@ -14,7 +14,7 @@ use crate::{
     paths,
     picture::Storage,
     scene::{Overrides, written::Name},
-    studio::{Axis, Fixed, MARGIN, Template, Turning, Turntable},
+    studio::{Axis, Fixed, Looks, MARGIN, Template, Turning, Turntable},
     units,
 };
 
@@ -37,6 +37,8 @@ pub struct Job {
     pub template: Template,
     /// Kept free around meshes.
     pub margin: f64,
+    /// How meshes look.
+    pub looks: Looks,
     /// Frames of each input; one without.
     pub turntable: Option<Turntable>,
     /// Where the turntable's axis stands, if that is said.
@@ -148,6 +150,11 @@ impl Job {
             inputs: found,
             template,
             margin: file.margin.unwrap_or(MARGIN),
+            looks: Looks {
+                smooth: file.smooth,
+                texture: file.texture.as_ref().map(|path| base.join(&path.0)),
+                no_ground: file.ground == Some(false),
+            },
             pivot: file.turntable.as_ref().and_then(|t| t.pivot).map(|pivot| pivot.vec()),
             turntable: file.turntable.as_ref().map(turntable),
             light_samples: flags.light_samples,

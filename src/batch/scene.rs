@@ -103,6 +103,7 @@ pub fn read(job: &Job, input: &Input, room: Option<Room>, monitor: &Monitor) -> 
             up: input.up,
             rotate: input.rotate,
             margin: job.margin,
+            looks: job.looks.clone(),
             turning: job.frames() > 1,
             repair: job.repair,
             no_mmap: job.no_mmap,

@@ -6,8 +6,8 @@ use clap::{Args, Parser, Subcommand, ValueHint};
 
 use crate::{
     scene::written::Accelerator,
-    studio::Subject,
-    units::{parse_angles, parse_bytes, parse_margin, parse_size},
+    studio::{Looks, Subject, smooth},
+    units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth},
 };
 
 pub use super::batch_args::BatchArgs;
@@ -253,6 +253,9 @@ pub struct MeshArgs {
     #[arg(long, value_name = "SCENE", value_hint = ValueHint::FilePath)]
     pub template: Option<PathBuf>,
 
+    #[command(flatten)]
+    pub looks: LookArgs,
+
     /// Save the scene that is rendered, overrides and framing included
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub write_scene: Option<PathBuf>,
@@ -264,6 +267,34 @@ pub struct MeshArgs {
     /// Read mesh files instead of mapping them into memory
     #[arg(long)]
     pub no_mmap: bool,
+}
+
+/// Flags for the look of meshes.
+#[derive(Debug, Default, Args)]
+pub struct LookArgs {
+    /// Interpolate normals of the .ply across edges of at most so many degrees, across all or none
+    /// [default: the template's; in the studio 57, between flat parts 44]
+    #[arg(long, value_name = "DEGREES|all|off", value_parser = parse_smooth, allow_negative_numbers = true)]
+    pub smooth: Option<f64>,
+
+    /// Show this image by the texture coordinates of the .ply
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub texture: Option<PathBuf>,
+
+    /// Without the plane named `ground`; the studio's is left out under --transparent
+    #[arg(long)]
+    pub no_ground: bool,
+}
+
+impl LookArgs {
+    /// What they ask for.
+    pub fn of(&self) -> Looks {
+        Looks {
+            smooth: self.smooth.map(smooth),
+            texture: self.texture.clone(),
+            no_ground: self.no_ground,
+        }
+    }
 }
 
 /// Flags for resources.
@@ -336,6 +367,7 @@ impl MeshArgs {
             up: self.up.map(Axis::studio),
             rotate: self.rotate,
             margin: self.margin.unwrap_or(plain.margin),
+            looks: self.looks.of(),
             repair: self.repair,
             no_mmap: self.no_mmap,
             ..plain

@@ -19,7 +19,7 @@ use crate::{
         self, Document,
         written::{Angles, Name, Point},
     },
-    studio::{Fixed, Template, Turning},
+    studio::{Fixed, Looks, Template, Turning},
     units,
 };
 
@@ -225,6 +225,12 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         file.rotate = mesh.rotate.map(Angles);
     }
     file.margin = mesh.margin.or(file.margin);
+    let Looks { smooth, texture, no_ground } = mesh.looks.of();
+    file.smooth = smooth.or(file.smooth.take());
+    if let Some(texture) = &texture {
+        file.texture = Some(from_here(texture)?);
+    }
+    file.ground = if no_ground { Some(false) } else { file.ground };
     if let Some(folder) = &args.output {
         file.output.folder = Some(Name(paths::named(folder)?));
     }

@@ -9,7 +9,7 @@ use crate::{
     units::{parse_angles, parse_margin, parse_point, parse_range, parse_rate},
 };
 
-use super::args::{MachineArgs, SceneArgs};
+use super::args::{LookArgs, MachineArgs, SceneArgs};
 use super::names::{Axis, FixedName, ProgressMode, TurningName};
 
 /// `lightpath batch`
@@ -130,6 +130,9 @@ pub struct BatchMeshArgs {
     /// Kept free around a mesh at each border, as a fraction of the picture [default: 0.08]
     #[arg(long, value_name = "FRACTION", value_parser = parse_margin, allow_negative_numbers = true)]
     pub margin: Option<f64>,
+
+    #[command(flatten)]
+    pub looks: LookArgs,
 
     /// Drop triangles that use missing or non-finite vertices instead of refusing the mesh
     #[arg(long)]

@@ -103,13 +103,16 @@ fn only_for_meshes(args: &RenderArgs) -> Result<()> {
         ("--rotate", mesh.rotate.is_some()),
         ("--margin", mesh.margin.is_some()),
         ("--template", mesh.template.is_some()),
+        ("--smooth", mesh.looks.smooth.is_some()),
+        ("--texture", mesh.looks.texture.is_some()),
+        ("--no-ground", mesh.looks.no_ground),
     ];
     let Some((flag, _)) = flags.into_iter().find(|(_, given)| *given) else {
         return Ok(());
     };
     let message = format!("found with {}, expected with a .ply file", args.input.display());
     Err(Error::invalid(flag, message)
-        .help("a scene says itself how its meshes stand: `rotate` in its trimesh"))
+        .help("a scene says itself how its meshes look and stand: `rotate`, `smooth`, `material` in its trimesh"))
 }
 
 /// Refuses what the scene's own values contradict.

@@ -185,8 +185,7 @@ impl Run<'_> {
         let isa = scene.backend.isa();
         if budget.is_none() {
             let film = memory::film_bytes(piece.window, piece.channels().len());
-            let primitives = world.triangles() + world.geometry.spheres.len() as u64;
-            memory::check_build(scene.backend, self.threads, primitives, film)?;
+            memory::check_build(scene.backend, self.threads, world.primitives(), film)?;
         }
         let options = BuildOptions {
             threads: self.threads,

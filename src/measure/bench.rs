@@ -155,7 +155,7 @@ impl<'a> Bench<'a> {
             drop(built);
             Ok(seconds)
         })?;
-        let work = vec![self.world.triangles(); contestants.len()];
+        let work = vec![self.world.primitives(); contestants.len()];
         Ok(Row::new(What::Build, "build", "", threads, &work, samples))
     }
 

@@ -1,10 +1,12 @@
 //! Meshes: the arrays, the reader of PLY files, and smooth normals.
 
 mod arrays;
+mod creases;
 mod normals;
 mod ply;
 
 pub use arrays::*;
+pub use creases::{Normals, creased_normals};
 pub use normals::{Point, vertex_normals};
 pub use ply::{
     ElementSummary, PlySummary, PropertySummary, ReadOptions, Scalar, TriangleCount,

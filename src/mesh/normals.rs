@@ -43,6 +43,47 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+/// The faces around each vertex.
+pub(super) struct FacesOf {
+    /// Vertex v's faces are `faces[starts[v]..starts[v + 1]]`, in any order.
+    starts: Vec<usize>,
+    faces: Vec<AtomicU32>,
+}
+
+impl FacesOf {
+    /// 12 bytes per triangle and 8 per vertex. Panics where a triangle has an index that is no vertex.
+    pub(super) fn new(vertices: usize, triangles: &[[u32; 3]]) -> Self {
+        let counts: Vec<AtomicU32> =
+            (0..vertices).into_par_iter().map(|_| AtomicU32::new(0)).collect();
+        each_corner(triangles, |_, vertex| {
+            counts[vertex].fetch_add(1, Relaxed);
+        });
+        let mut starts = Vec::with_capacity(vertices + 1);
+        let mut total = 0usize;
+        for count in &counts {
+            starts.push(total);
+            total += count.load(Relaxed) as usize;
+        }
+        starts.push(total);
+        let faces: Vec<AtomicU32> = (0..total).into_par_iter().map(|_| AtomicU32::new(0)).collect();
+        each_corner(triangles, |face, vertex| {
+            let left = counts[vertex].fetch_sub(1, Relaxed) as usize;
+            faces[starts[vertex + 1] - left].store(face, Relaxed);
+        });
+        Self { starts, faces }
+    }
+
+    /// Those of one vertex in the order of the file, each once.
+    pub(super) fn of(&self, vertex: usize, sorted: &mut Vec<u32>) {
+        sorted.clear();
+        let faces = &self.faces[self.starts[vertex]..self.starts[vertex + 1]];
+        sorted.extend(faces.iter().map(|face| face.load(Relaxed)));
+        // The threads stored them in any order.
+        sorted.sort_unstable();
+        sorted.dedup();
+    }
+}
+
 /// One unit normal per vertex, in the space of `positions`; `[0, 0, 0]` for a vertex without
 /// faces and where the faces cancel out.
 ///
@@ -52,34 +93,12 @@ pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<
     if triangles.len() > u32::MAX as usize {
         return one_by_one(positions, triangles);
     }
-    // Vertex v's faces are faces[starts[v]..starts[v + 1]].
-    let counts: Vec<AtomicU32> =
-        (0..positions.len()).into_par_iter().map(|_| AtomicU32::new(0)).collect();
-    each_corner(triangles, |_, vertex| {
-        counts[vertex].fetch_add(1, Relaxed);
-    });
-    let mut starts = Vec::with_capacity(positions.len() + 1);
-    let mut total = 0usize;
-    for count in &counts {
-        starts.push(total);
-        total += count.load(Relaxed) as usize;
-    }
-    starts.push(total);
-    let faces: Vec<AtomicU32> = (0..total).into_par_iter().map(|_| AtomicU32::new(0)).collect();
-    each_corner(triangles, |face, vertex| {
-        let left = counts[vertex].fetch_sub(1, Relaxed) as usize;
-        faces[starts[vertex + 1] - left].store(face, Relaxed);
-    });
+    let faces = FacesOf::new(positions.len(), triangles);
     (0..positions.len())
         .into_par_iter()
         .with_min_len(1024)
         .map_with(Vec::new(), |sorted, vertex| {
-            sorted.clear();
-            sorted
-                .extend(faces[starts[vertex]..starts[vertex + 1]].iter().map(|f| f.load(Relaxed)));
-            // The threads stored them in any order.
-            sorted.sort_unstable();
-            sorted.dedup();
+            faces.of(vertex, sorted);
             let mut sum = [0.0; 3];
             for &face in sorted.iter() {
                 add_face(&mut sum, positions, triangles[face as usize], vertex as u32);
@@ -113,7 +132,12 @@ fn one_by_one<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]
 /// Adds `triangle`'s share at its corner `vertex`. The cross product is twice area x normal; the
 /// factor two is the same for all.
 #[inline]
-fn add_face<P: Point>(sum: &mut [f64; 3], positions: &[P], triangle: [u32; 3], vertex: u32) {
+pub(super) fn add_face<P: Point>(
+    sum: &mut [f64; 3],
+    positions: &[P],
+    triangle: [u32; 3],
+    vertex: u32,
+) {
     let [a, b, c] = triangle;
     if a == b || b == c || c == a {
         return;
@@ -138,7 +162,7 @@ fn add_face<P: Point>(sum: &mut [f64; 3], positions: &[P], triangle: [u32; 3], v
 }
 
 /// Scaled by the largest component first: squares of tiny or huge sums would leave the range.
-fn unit(sum: [f64; 3]) -> [f32; 3] {
+pub(super) fn unit(sum: [f64; 3]) -> [f32; 3] {
     let largest = sum.iter().fold(0.0, |m: f64, c| m.max(c.abs()));
     // A NaN component makes the length NaN, and NaN is not > 0.
     let scaled = sum.map(|c| c / largest);

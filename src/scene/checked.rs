@@ -194,13 +194,29 @@ pub struct Trimesh {
     /// World units.
     pub center: DVec3,
     /// Interpolated vertex normals.
-    pub smooth: bool,
+    pub smooth: Smooth,
     /// The coursework's switch: false loops over the triangles (`coursework` backend only).
     pub bvh: bool,
     /// Multiply `diffusecolor` by the file's vertex colours.
     pub vertex_colors: bool,
     /// Overrides what the file's colour type implies.
     pub vertex_color_space: Option<ColorSpace>,
+}
+
+/// Where the normals of a mesh are interpolated. Those of its file are, but for `Off`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Smooth {
+    /// Nowhere: facets.
+    Off,
+    /// Across every edge.
+    All,
+    /// Across edges whose faces stand at no more than `angle` degrees, between flat parts at no more than `flat`.
+    Below {
+        /// (0, 180].
+        angle: f64,
+        /// (0, 180].
+        flat: f64,
+    },
 }
 
 /// How stored colour values become linear light.

@@ -104,9 +104,14 @@ pub(super) fn tokens(pointer: &str) -> impl Iterator<Item = String> + '_ {
     steps.into_iter().flatten().map(|t| t.replace("~1", "/").replace("~0", "~"))
 }
 
+/// A key as a step of a JSON pointer.
+pub fn escaped(key: &str) -> String {
+    key.replace('~', "~0").replace('/', "~1")
+}
+
 /// `pointer` extended by one key.
 pub(super) fn join(pointer: &str, key: &str) -> String {
-    format!("{pointer}/{}", key.replace('~', "~0").replace('/', "~1"))
+    format!("{pointer}/{}", escaped(key))
 }
 
 fn syntax_error(name: &str, error: SyntaxError) -> Error {

@@ -31,7 +31,7 @@ pub use backend::{Backend, BackendFlags, EmbreeMode};
 pub use check::{MAX_PIXELS, begins_as_ply};
 pub use checked::*;
 pub use description::Description;
-pub use document::Document;
+pub use document::{Document, escaped};
 pub use flags::Overrides;
 pub use layers::{Layer, LightGroups};
 pub use nearest::{did_you_mean, list, nearest};

@@ -109,11 +109,19 @@ fn descend<'a>(
             };
             Ok(&mut items[at])
         }
-        _ => {
+        kind => {
             let message = format!(
                 "found the key `{step}` below {walked}, which is neither an object nor an array"
             );
-            Err(Problem::new("", message))
+            let problem = Problem::new("", message);
+            // A shape's material is often the name of one.
+            Err(match kind {
+                NodeKind::Text(name) if walked.ends_with("/material") => {
+                    let there = join(&join("/scene/materials", name), step);
+                    problem.help(format!("the material is named {name:?}: --set {there}=VALUE"))
+                }
+                _ => problem,
+            })
         }
     }
 }

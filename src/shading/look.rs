@@ -6,7 +6,7 @@ use super::points::{Points, lane, set_lane};
 use super::texture::Texture;
 use super::uv::UvSource;
 use crate::geometry::{Geometry, GeometryKind, Surfaces, round_towards};
-use crate::mesh::Colors;
+use crate::mesh::{Colors, Normals};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::scene::{ColorSpace, Filter, Wrap};
 
@@ -51,8 +51,8 @@ pub struct Shape {
     pub material: u32,
     /// Texture coordinates.
     pub uv: UvSource,
-    /// Unit vertex normals of a smooth mesh.
-    pub normals: Option<Vec<[f32; 3]>>,
+    /// Unit normals of a smooth mesh.
+    pub normals: Option<Normals>,
     /// Vertex colours that multiply the material's colour.
     pub colors: Option<VertexColors>,
 }
@@ -179,8 +179,8 @@ impl Shapes {
                 Colors::U16(c) => size_of_val(&c[..]),
                 Colors::F32(c) => size_of_val(&c[..]),
             });
-            let normals = shape.normals.as_ref().map_or(0, |n| size_of_val(&n[..]));
-            (uv + colors + normals) as u64
+            let normals = shape.normals.as_ref().map_or(0, Normals::bytes);
+            (uv + colors) as u64 + normals
         });
         shapes.sum()
     }
@@ -235,7 +235,7 @@ impl Shapes {
             (&shape.normals, corners, geometry.kind(geom))
         {
             let positions = geometry.meshes[mesh].corners(prim).map(Vec3::from);
-            smooth(positions, corners.map(|c| Vec3::from(normals[c as usize])), weights, i, out);
+            smooth(positions, normals.of(prim, corners).map(Vec3::from), weights, i, out);
         }
     }
 }

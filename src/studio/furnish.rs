@@ -9,12 +9,12 @@ use crate::{
     error::{Error, Problem, Result},
     mesh::Mesh,
     paths::{named, seen_from},
-    scene::{Camera, Document, Loaded, Overrides, ShapeKind, Trimesh},
+    scene::{Camera, Document, Loaded, NodeKind, Overrides, ShapeKind, Trimesh, escaped},
     world::{Bounds, placement},
 };
 
 use super::{
-    Axis, Subject,
+    Axis, GROUND, Subject,
     framing::{Lens, frame, frame_turning},
     points::Points,
     template::Template,
@@ -46,9 +46,10 @@ pub fn furnish(
     let shape = first_trimesh(template)?;
     let mut ours = Overrides::default();
     ours.flag("FILE.ply", &format!("{shape}/path"), Some(within(template, subject.path)?));
-    if template.builtin {
-        colour(subject, &mesh, template, &mut ours, warnings)?;
-    }
+    let smooth = subject.looks.smooth.as_ref().map(|smooth| json!(smooth));
+    ours.flag("--smooth", &format!("{shape}/smooth"), smooth);
+    colour(subject, &mesh, template, &shape, &mut ours)?;
+    warnings.extend(notes(subject, &mesh, template));
     // What the template and the user ask for decides the framing.
     let mut loaded = load(template, &ours, user)?;
     let turned = match (subject.rotate, subject.up) {
@@ -95,9 +96,7 @@ fn first_trimesh(template: &Template) -> Result<String> {
     let mut shapes = shapes.take_while(|shape| document.get(shape).is_some());
     let is_trimesh = |shape: &String| {
         let kind = document.get(&format!("{shape}/type"));
-        kind.is_some_and(
-            |node| matches!(&node.kind, crate::scene::NodeKind::Text(t) if t == "trimesh"),
-        )
+        kind.is_some_and(|node| matches!(&node.kind, NodeKind::Text(t) if t == "trimesh"))
     };
     shapes.find(is_trimesh).ok_or_else(|| {
         let message = "found no shape of type trimesh, expected one that the mesh replaces";
@@ -105,36 +104,100 @@ fn first_trimesh(template: &Template) -> Result<String> {
     })
 }
 
-/// Vertex colours or the file's own texture instead of the neutral grey.
+/// The texture of `--texture`; in the studio the file's own one, and vertex colours, instead of the neutral grey.
 fn colour(
     subject: &Subject,
     mesh: &Mesh,
     template: &Template,
+    shape: &str,
     ours: &mut Overrides,
-    warnings: &mut Vec<Problem>,
 ) -> Result<()> {
-    let material = "/scene/materials/subject";
-    let white = json!([1.0, 1.0, 1.0]);
-    if mesh.colors.is_some() {
-        ours.flag("FILE.ply", &format!("{material}/diffusecolor"), Some(white));
+    let material = material(template, shape)?;
+    if let Some(image) = &subject.looks.texture {
+        if mesh.uvs.is_none() {
+            let message =
+                format!("found with {}, which has no texture coordinates", subject.path.display());
+            return Err(Error::invalid("--texture", message));
+        }
+        let path = within(template, image)?;
+        ours.flag("--texture", &format!("{material}/tPath"), Some(path));
     }
-    let Some(name) = &mesh.texture_file else {
-        return Ok(());
-    };
-    let image = subject.path.parent().unwrap_or(Path::new("")).join(name);
-    let place = subject.path.display().to_string();
-    let reason = match (image.is_file(), mesh.uvs.is_some()) {
-        (true, true) => {
+    if template.builtin {
+        if mesh.colors.is_some() {
+            let white = json!([1.0, 1.0, 1.0]);
+            ours.flag("FILE.ply", &format!("{material}/diffusecolor"), Some(white));
+        }
+        if let Some(image) = own_texture(subject, mesh).filter(|image| image.is_file()) {
             let path = seen_from(&image, &template.folder)?;
             ours.flag("FILE.ply", &format!("{material}/tPath"), Some(path));
-            return Ok(());
         }
-        (false, _) => format!("there is no file {}", image.display()),
-        (_, false) => "the mesh has no texture coordinates".to_string(),
-    };
-    let message = format!("found the texture {name:?}, which is not used: {reason}");
-    warnings.push(Problem::new(place, message));
+    }
     Ok(())
+}
+
+/// JSON pointer of a shape's material.
+fn material(template: &Template, shape: &str) -> Result<String> {
+    let document = Document::parse(&template.name, &template.text)?;
+    let inline = format!("{shape}/material");
+    let name = document.get(&inline).and_then(|node| match &node.kind {
+        NodeKind::Text(name) => Some(format!("/scene/materials/{}", escaped(name))),
+        _ => None,
+    });
+    Ok(name.unwrap_or(inline))
+}
+
+/// The image that the file names, if it is to be shown.
+fn own_texture(subject: &Subject, mesh: &Mesh) -> Option<PathBuf> {
+    let wanted = subject.looks.texture.is_none() && mesh.uvs.is_some();
+    let name = mesh.texture_file.as_ref().filter(|_| wanted)?;
+    Some(subject.path.parent().unwrap_or(Path::new("")).join(name))
+}
+
+/// What of a mesh is not shown, and what may surprise.
+fn notes(subject: &Subject, mesh: &Mesh, template: &Template) -> Vec<Problem> {
+    let place = || subject.path.display().to_string();
+    let mut notes = Vec::new();
+    if template.builtin && subject.looks.texture.is_none() {
+        let missing = own_texture(subject, mesh).filter(|image| !image.is_file());
+        let unused = |name: &String, reason: String| {
+            let message = format!("found the texture {name:?}, which is not used: {reason}");
+            Problem::new(place(), message)
+        };
+        notes.extend(match (&mesh.texture_file, missing) {
+            (None, _) if mesh.uvs.is_some() => {
+                let message = "found texture coordinates and no texture";
+                Some(Problem::new(place(), message).help("show an image on it: --texture FILE"))
+            }
+            (Some(name), Some(image)) => {
+                Some(unused(name, format!("there is no file {}", image.display())))
+            }
+            (Some(name), None) if mesh.uvs.is_none() => {
+                Some(unused(name, "the mesh has no texture coordinates".to_string()))
+            }
+            _ => None,
+        });
+    }
+    if let (None, None, Some([x, y, z])) = (subject.up, subject.rotate, size(mesh)) {
+        let lies = z > LONGER * x.max(y) || y < FLATTER * z;
+        if lies {
+            let message =
+                format!("lies on its side? It is {x:.3} x {y:.3} x {z:.3}, and y points up");
+            notes.push(Problem::new(place(), message).help("if z points up: --up z"));
+        }
+    }
+    notes
+}
+
+/// A mesh so much longer along z than along x and y lies on its side, if z is up in its file.
+const LONGER: f64 = 1.25;
+
+/// And one so much lower than it is long along z.
+const FLATTER: f64 = 0.4;
+
+/// Sides of the box of what triangles use.
+fn size(mesh: &Mesh) -> Option<[f64; 3]> {
+    let Bounds { min, max } = Points::of(mesh).bounds(|p| p);
+    Some((max - min).to_array()).filter(|sides| sides.iter().all(|side| side.is_finite()))
 }
 
 /// Stands the mesh on its place and moves the camera. Returns the middle of the mesh's box.
@@ -195,7 +258,7 @@ fn point(camera: &Camera, loaded: &Loaded, position: DVec3, middle: DVec3, ours:
 /// Height of the template's plane named `ground`.
 fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
     let named = loaded.scene.shapes.iter();
-    let mut planes = named.filter(|shape| shape.name.as_deref() == Some("ground"));
+    let mut planes = named.filter(|shape| shape.name.as_deref() == Some(GROUND));
     planes.find_map(|shape| match &shape.kind {
         ShapeKind::Plane { corners } => Some(corners[0][vertical]),
         _ => None,

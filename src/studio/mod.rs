@@ -29,11 +29,14 @@ use crate::{
     mesh::Mesh,
     monitor::Monitor,
     reserve::Room,
-    scene::{Loaded, Overrides, ShapeKind, Source},
+    scene::{self, Loaded, Overrides, ShapeKind, Source, written},
 };
 
 /// Distance of the picture's borders from the mesh, as a fraction of its width and height.
 pub const MARGIN: f64 = 0.08;
+
+/// The name of the plane that meshes stand on.
+const GROUND: &str = "ground";
 
 /// An axis of a mesh file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -47,8 +50,28 @@ pub enum Axis {
     Z,
 }
 
+/// How a mesh and what is around it look, where that is not left to the template.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Looks {
+    /// Where its normals are interpolated.
+    pub smooth: Option<written::Smooth>,
+    /// The image for its texture coordinates, in place of what the file and the template name.
+    pub texture: Option<PathBuf>,
+    /// Without the template's plane named `ground`.
+    pub no_ground: bool,
+}
+
+/// What `--smooth` asks for, by the largest angle in degrees of a smooth edge.
+pub fn smooth(degrees: f64) -> written::Smooth {
+    match degrees {
+        0.0 => written::Smooth::Everywhere(false),
+        180.0 => written::Smooth::Everywhere(true),
+        angle => written::Smooth::Below(written::Crease { angle, flat: None }),
+    }
+}
+
 /// A mesh file to be shown.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Subject<'a> {
     /// The file.
     pub path: &'a Path,
@@ -58,6 +81,8 @@ pub struct Subject<'a> {
     pub rotate: Option<[f64; 3]>,
     /// Kept free at each border of the picture, as a fraction of its width and height; [0, 0.5).
     pub margin: f64,
+    /// How it looks.
+    pub looks: Looks,
     /// The camera sees every vertex wherever it comes to on a turntable.
     pub turning: bool,
     /// Drop triangles with bad vertices.
@@ -73,7 +98,8 @@ impl<'a> Subject<'a> {
     pub fn new(path: &'a Path) -> Self {
         let (up, rotate, margin) = (None, None, MARGIN);
         let (turning, repair, no_mmap, room) = (false, false, false, None);
-        Self { path, up, rotate, margin, turning, repair, no_mmap, room }
+        let looks = Looks::default();
+        Self { path, up, rotate, margin, looks, turning, repair, no_mmap, room }
     }
 }
 
@@ -108,6 +134,11 @@ pub fn show(
     let furnished = furnish::furnish(subject, read, template, &user, &mut warnings)?;
     user.prepend(furnished.overrides);
     let mut loaded = load(template.source(), user, light_samples, &mut warnings)?;
+    // Under a cut-out there is no ground that could cover the frame.
+    let cut_out = template.builtin && loaded.scene.transparent;
+    if subject.looks.no_ground || cut_out {
+        loaded = without_ground(loaded, template)?;
+    }
     // Messages name the mesh as the user does, not as the template sees it.
     let (path, mesh) = furnished.mesh;
     for shape in &mut loaded.scene.shapes {
@@ -118,6 +149,17 @@ pub fn show(
         }
     }
     Ok(Shown { loaded, warnings, mesh: (subject.path.to_owned(), mesh), middle: furnished.middle })
+}
+
+/// The scene without the plane that the mesh stands on.
+fn without_ground(loaded: Loaded, template: &Template) -> Result<Loaded> {
+    let mut description = loaded.description;
+    description.scene.shapes.retain(|shape| match shape {
+        written::Shape::Plane(plane) => plane.name.as_ref().is_none_or(|name| name.0 != GROUND),
+        _ => true,
+    });
+    let found = scene::from_description(&template.name, &description, &template.folder, &[])?;
+    Ok(Loaded { warnings: loaded.warnings, ..found })
 }
 
 /// Loads a scene with overrides; `light_samples` sets the samples of every area light before any

@@ -242,10 +242,15 @@ impl World {
         self.frame.map(|side| side - self.margin)
     }
 
-    /// Triangles of all meshes and single triangles; a plane counts as two.
+    /// Triangles of all meshes, and single triangles. Planes and spheres are not counted.
     pub fn triangles(&self) -> u64 {
-        let meshes: usize = self.geometry.meshes.iter().map(|m| m.triangles().len()).sum();
-        (meshes + 2 * self.geometry.quads.len()) as u64
+        self.geometry.meshes.iter().map(|mesh| mesh.triangles().len() as u64).sum()
+    }
+
+    /// What an accelerator is built over: triangles, two for each plane, and spheres.
+    pub fn primitives(&self) -> u64 {
+        let others = 2 * self.geometry.quads.len() + self.geometry.spheres.len();
+        self.triangles() + others as u64
     }
 
     /// Bytes held by primitives and vertex data.

@@ -12,7 +12,7 @@ use crate::error::{Error, Problem, Result};
 use crate::geometry::TriangleMesh;
 use crate::mesh::{self, Colors, Mesh, Positions, Uvs};
 use crate::reserve::{self, Room};
-use crate::scene::{ColorSpace, Trimesh};
+use crate::scene::{ColorSpace, Smooth, Trimesh};
 use crate::shading::{Shape, UvSource, VertexColors};
 
 /// Embree silently drops primitives beyond this (its `FLT_LARGE`); so does f32's square.
@@ -143,7 +143,7 @@ impl PlacedMesh {
     /// As [`Room::check`].
     pub fn fits(&self, room: Room) -> Result<Room> {
         room.check(self.finish_bytes(), &self.spec.path.display().to_string())?;
-        let made = self.spec.smooth && self.mesh.normals.is_none();
+        let made = self.spec.smooth != Smooth::Off && self.mesh.normals.is_none();
         Ok(room.less(if made { 12 * self.mesh.positions.len() as u64 } else { 0 }))
     }
 
@@ -168,12 +168,16 @@ impl PlacedMesh {
                 rounded
             }
         };
-        if spec.smooth {
-            shape.normals = Some(match mesh.normals {
-                Some(normals) => rotated(normals, linear),
-                None => mesh::vertex_normals(&vertices, &mesh.triangles),
-            });
-        }
+        let name = || spec.path.display().to_string();
+        shape.normals = match (spec.smooth, mesh.normals) {
+            (Smooth::Off, _) => None,
+            (_, Some(normals)) => Some(rotated(normals, linear).into()),
+            (Smooth::All, None) => Some(mesh::vertex_normals(&vertices, &mesh.triangles).into()),
+            (Smooth::Below { angle, flat }, None) => {
+                let angles = [angle, flat];
+                Some(mesh::creased_normals(&vertices, &mesh.triangles, angles, &name())?)
+            }
+        };
         shape.uv = match mesh.uvs {
             None => UvSource::None,
             Some(Uvs::PerVertex(uv)) => UvSource::PerVertex(uv),
@@ -198,7 +202,7 @@ impl PlacedMesh {
             Positions::F32(_) => 0,
             Positions::F64(_) => 12 * vertices,
         };
-        let normals = match self.spec.smooth && self.mesh.normals.is_none() {
+        let normals = match self.spec.smooth != Smooth::Off && self.mesh.normals.is_none() {
             true => 24 * vertices + 12 * triangles,
             false => 0,
         };

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::scene::{
-    checked::{Shape, ShapeKind, Trimesh},
+    checked::{Shape, ShapeKind, Smooth, Trimesh},
     description::{self, Pole, TriMesh},
 };
 
@@ -103,10 +103,22 @@ impl Check<'_, '_> {
             rotate_deg: mesh.rotate.0.into(),
             size: mesh.size,
             center: mesh.center.vec(),
-            smooth: mesh.smooth,
+            smooth: (&mesh.smooth).into(),
             bvh: mesh.bvh,
             vertex_colors: mesh.vertexcolors,
             vertex_color_space: mesh.vertexcolorspace.map(Into::into),
+        }
+    }
+}
+
+impl From<&description::Smooth> for Smooth {
+    fn from(smooth: &description::Smooth) -> Self {
+        match smooth {
+            description::Smooth::Everywhere(false) => Self::Off,
+            description::Smooth::Everywhere(true) => Self::All,
+            description::Smooth::Below(crease) => {
+                Self::Below { angle: crease.angle, flat: crease.flat.unwrap_or(crease.angle) }
+            }
         }
     }
 }

@@ -130,9 +130,10 @@ pub struct TriMesh {
     /// Vertices become `center + size * p`.
     #[serde(default = "origin")]
     pub center: Point,
-    /// Shade with interpolated vertex normals.
+    /// Shade with interpolated vertex normals: true, false, or across edges below an angle. Normals of the
+    /// file are taken as they are.
     #[serde(default)]
-    pub smooth: bool,
+    pub smooth: Smooth,
     /// false makes the `coursework` backend loop over the mesh's triangles; others ignore it.
     #[serde(default = "yes")]
     pub bvh: bool,
@@ -142,6 +143,35 @@ pub struct TriMesh {
     /// Overrides what the file's colour type implies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertexcolorspace: Option<ColorSpace>,
+}
+
+/// Where the normals of a mesh are interpolated.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Smooth {
+    /// Across every edge, or nowhere.
+    Everywhere(bool),
+    /// Across edges below an angle.
+    Below(Crease),
+}
+
+/// Edges that are no creases, by the angle in degrees between the normals of their two faces.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Crease {
+    /// The largest angle of a smooth edge.
+    #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
+    pub angle: f64,
+    /// The largest one between flat parts: at vertices all of whose faces lie within 5 degrees of the parts that
+    /// creases of this angle make. Default: `angle`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
+    pub flat: Option<f64>,
+}
+
+impl Default for Smooth {
+    fn default() -> Self {
+        Self::Everywhere(false)
+    }
 }
 
 fn no_angles() -> Angles {

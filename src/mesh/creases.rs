@@ -1,0 +1,442 @@
+//! Vertex normals that stop at creases: edges whose two faces stand at more than an angle.
+//!
+//! The faces around a vertex fall into groups: two faces that share an edge at the vertex are in one
+//! group unless the edge is a crease. Of two angles the smaller one counts where the groups that it makes are
+//! flat: a chamfer's edges are creases at 45 degrees, the same angle between the bumps of a scan is none. Each group has a normal of its own, made as
+//! [`vertex_normals`](super::vertex_normals) makes those of all faces.
+
+use rayon::prelude::*;
+
+use super::normals::{FacesOf, Point, add_face, cross, dot, sub, unit, vertex_normals};
+use crate::error::Result;
+use crate::reserve;
+
+/// Unit normals of a smooth mesh, by vertex and, at creases, by corner.
+#[derive(Debug, Clone, Default)]
+pub struct Normals {
+    /// One per vertex, then those that creases add.
+    all: Vec<[f32; 3]>,
+    /// `None` without creases: a mesh that is smooth everywhere has normals by vertex alone.
+    creases: Option<Corners>,
+}
+
+/// Triangles with a corner whose normal is not the vertex's first.
+#[derive(Debug, Clone)]
+struct Corners {
+    /// A bit for each triangle.
+    marked: Vec<u64>,
+    /// How many are marked before each word.
+    before: Vec<u32>,
+    /// Numbers of the normals of the marked ones' corners.
+    normals: Vec<[u32; 3]>,
+}
+
+impl From<Vec<[f32; 3]>> for Normals {
+    /// One normal per vertex.
+    fn from(all: Vec<[f32; 3]>) -> Self {
+        Self { all, creases: None }
+    }
+}
+
+impl Normals {
+    /// Of the three corners of a triangle.
+    #[inline(always)]
+    pub fn of(&self, triangle: u32, vertices: [u32; 3]) -> [[f32; 3]; 3] {
+        let numbers = self.creases.as_ref().and_then(|creases| creases.of(triangle));
+        numbers.unwrap_or(vertices).map(|number| self.all[number as usize])
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let creases = self.creases.as_ref().map_or(0, |creases| {
+            size_of_val(&creases.marked[..])
+                + size_of_val(&creases.before[..])
+                + size_of_val(&creases.normals[..])
+        });
+        (size_of_val(&self.all[..]) + creases) as u64
+    }
+}
+
+impl Corners {
+    fn of(&self, triangle: u32) -> Option<[u32; 3]> {
+        let (word, bit) = (triangle as usize / 64, triangle % 64);
+        let marked = self.marked[word];
+        let below = (marked & ((1 << bit) - 1)).count_ones();
+        (marked >> bit & 1 != 0).then(|| self.normals[(self.before[word] + below) as usize])
+    }
+}
+
+/// A corner with a normal of its own.
+struct Split {
+    triangle: u32,
+    vertex: u32,
+    /// Among the additional ones of its chunk of vertices.
+    normal: u32,
+}
+
+/// Vertices whose normals one task makes.
+const CHUNK: usize = 4096;
+
+/// Normals of a mesh whose edges are creases where the normals of their two faces differ by more than the first
+/// of `degrees`, or between flat parts by more than the second; each in (0, 180]. The same for any number of threads.
+///
+/// Runs in the caller's rayon pool. Panics where a triangle has an index that is no position's.
+///
+/// # Errors
+/// `Retry` where there is no memory for normals at creases. `name` is the mesh's, for the message.
+pub fn creased_normals<P: Point>(
+    positions: &[P],
+    triangles: &[[u32; 3]],
+    degrees: [f64; 2],
+    name: &str,
+) -> Result<Normals> {
+    // No scene holds so many.
+    if triangles.len() > u32::MAX as usize {
+        return Ok(vertex_normals(positions, triangles).into());
+    }
+    let faces = FacesOf::new(positions.len(), triangles);
+    let mut all = Vec::new();
+    reserve::exact(&mut all, positions.len(), name)?;
+    all.resize(positions.len(), [0.0f32; 3]);
+    let chunks = all.par_chunks_mut(CHUNK).enumerate();
+    let made: Vec<(Vec<Split>, Vec<[f32; 3]>)> = chunks
+        .map_init(
+            || (Vec::new(), Around::new(degrees)),
+            |(sorted, around), (chunk, normals)| {
+                let (mut splits, mut more) = (Vec::new(), Vec::new());
+                for (vertex, normal) in (chunk * CHUNK..).zip(normals) {
+                    faces.of(vertex, sorted);
+                    let here = (positions, triangles, vertex as u32);
+                    *normal = around.normal(here, sorted);
+                    if around.has_crease(here, sorted, *normal) {
+                        *normal = around.split(here, sorted, &mut splits, &mut more);
+                    }
+                }
+                (splits, more)
+            },
+        )
+        .collect();
+    let mut creases = None;
+    let corners = made.iter().map(|(splits, _)| splits.len()).sum();
+    if corners > 0 {
+        let mut found = Vec::new();
+        reserve::exact(&mut found, corners, name)?;
+        reserve::exact(&mut all, made.iter().map(|(_, more)| more.len()).sum(), name)?;
+        for (splits, more) in made {
+            let first = all.len() as u32;
+            found.extend(splits.iter().map(|s| (s.triangle, s.vertex, first + s.normal)));
+            all.extend(more);
+        }
+        found.par_sort_unstable();
+        creases = Some(Corners::new(triangles, &found, name)?);
+    }
+    Ok(Normals { all, creases })
+}
+
+impl Corners {
+    /// `found`: triangle, vertex, number of the normal; sorted.
+    fn new(triangles: &[[u32; 3]], found: &[(u32, u32, u32)], name: &str) -> Result<Self> {
+        let words = triangles.len().div_ceil(64);
+        let mut marked = reserve::filled(0u64, words, name)?;
+        let mut normals: Vec<[u32; 3]> = Vec::new();
+        let of_one = |a: &(u32, u32, u32), b: &(u32, u32, u32)| a.0 == b.0;
+        reserve::exact(&mut normals, found.chunk_by(of_one).count(), name)?;
+        for corners in found.chunk_by(of_one) {
+            let triangle = corners[0].0 as usize;
+            marked[triangle / 64] |= 1 << (triangle % 64);
+            let vertices = triangles[triangle];
+            normals.push(vertices.map(|vertex| {
+                let own = corners.iter().find(|corner| corner.1 == vertex);
+                own.map_or(vertex, |corner| corner.2)
+            }));
+        }
+        let mut before = reserve::filled(0u32, words, name)?;
+        let mut count = 0;
+        for (before, marked) in before.iter_mut().zip(&marked) {
+            *before = count;
+            count += marked.count_ones();
+        }
+        Ok(Self { marked, before, normals })
+    }
+}
+
+/// With how many others each face at an edge is compared: where more than a few meet, all that are alike are still
+/// joined by those between them.
+const MOST_AT_EDGE: usize = 8;
+
+/// A mesh and the number of one vertex.
+type Here<'a, P> = (&'a [P], &'a [[u32; 3]], u32);
+
+/// A part is flat whose faces all are within so many degrees of its normal.
+const FLAT: f64 = 5.0;
+
+/// The faces around one vertex.
+struct Around {
+    /// Cosine of the largest angle between the faces of a smooth edge; the same between flat parts.
+    least: [f64; 2],
+    /// Cosine of half of the lesser one: faces all of which are this near to one normal have no crease.
+    half: f64,
+    normals: Vec<[f32; 3]>,
+    /// The other vertices of each face, and the face's place in the list.
+    edges: Vec<(u32, usize)>,
+    /// By face: another face of its group, its own place for the first one.
+    group: Vec<usize>,
+    /// First face of the group, number of the face; sorted.
+    members: Vec<(usize, u32)>,
+    /// The groups' normals, in the order of their first faces.
+    parts: Vec<[f32; 3]>,
+}
+
+impl Around {
+    fn new([angle, flat]: [f64; 2]) -> Self {
+        // What is at the angle exactly is smooth, however it is rounded.
+        let cosine = |degrees: f64| degrees.to_radians().cos() - 1e-6;
+        let least = [cosine(angle), cosine(flat.min(angle))];
+        let half = cosine(0.5 * flat.min(angle)) + 2e-6;
+        let (normals, parts) = (vec![], vec![]);
+        Self { least, half, normals, edges: vec![], group: vec![], members: vec![], parts }
+    }
+
+    fn normal<P: Point>(&self, (positions, triangles, vertex): Here<P>, faces: &[u32]) -> [f32; 3] {
+        let mut sum = [0.0; 3];
+        for &face in faces {
+            add_face(&mut sum, positions, triangles[face as usize], vertex);
+        }
+        unit(sum)
+    }
+
+    /// Keeps the faces' own normals; whether there may be a crease.
+    fn has_crease<P: Point>(&mut self, here: Here<P>, faces: &[u32], normal: [f32; 3]) -> bool {
+        let (positions, triangles, _) = here;
+        self.normals.clear();
+        self.normals.extend(faces.iter().map(|&face| {
+            let [a, b, c] = triangles[face as usize].map(|v| positions[v as usize].xyz());
+            unit(cross(sub(b, a), sub(c, a)))
+        }));
+        let near = |face: &[f32; 3]| cosine(*face, normal) >= self.half || is_none(*face);
+        !self.normals.iter().all(near)
+    }
+
+    /// Groups the faces. Returns the normal of the first group, and adds those of the others with their corners.
+    fn split<P: Point>(
+        &mut self,
+        here: Here<P>,
+        faces: &[u32],
+        splits: &mut Vec<Split>,
+        more: &mut Vec<[f32; 3]>,
+    ) -> [f32; 3] {
+        let (_, triangles, vertex) = here;
+        self.edges.clear();
+        for (place, &face) in faces.iter().enumerate() {
+            let others = triangles[face as usize].into_iter().filter(|&other| other != vertex);
+            self.edges.extend(others.map(|other| (other, place)));
+        }
+        self.edges.sort_unstable();
+        let [all, flat] = self.least;
+        self.divide(here, faces, flat);
+        if flat > all && !self.is_flat(faces) {
+            self.divide(here, faces, all);
+        }
+        let groups = self.members.chunk_by(|a, b| a.0 == b.0);
+        for (members, &normal) in groups.zip(&self.parts).skip(1) {
+            let normal_of = |&(_, triangle): &(usize, u32)| Split {
+                triangle,
+                vertex,
+                normal: more.len() as u32,
+            };
+            splits.extend(members.iter().map(normal_of));
+            more.push(normal);
+        }
+        self.parts.first().copied().unwrap_or_default()
+    }
+
+    /// Finds the groups that creases beyond the angle of a cosine make, and their normals.
+    fn divide<P: Point>(&mut self, here: Here<P>, faces: &[u32], least: f64) {
+        self.group.clear();
+        self.group.extend(0..faces.len());
+        for edge in self.edges.chunk_by(|a, b| a.0 == b.0) {
+            for (i, &(_, a)) in edge.iter().enumerate() {
+                for &(_, b) in edge[i + 1..].iter().take(MOST_AT_EDGE) {
+                    if cosine(self.normals[a], self.normals[b]) >= least {
+                        let (a, b) = (first(&mut self.group, a), first(&mut self.group, b));
+                        self.group[a.max(b)] = a.min(b);
+                    }
+                }
+            }
+        }
+        self.members.clear();
+        // A face without area belongs to none and is never seen.
+        for place in (0..faces.len()).filter(|&place| !is_none(self.normals[place])) {
+            self.members.push((first(&mut self.group, place), faces[place]));
+        }
+        self.members.sort_unstable();
+        self.parts.clear();
+        for members in self.members.chunk_by(|a, b| a.0 == b.0) {
+            let (positions, triangles, vertex) = here;
+            let mut sum = [0.0; 3];
+            for &(_, face) in members {
+                add_face(&mut sum, positions, triangles[face as usize], vertex);
+            }
+            self.parts.push(unit(sum));
+        }
+    }
+
+    /// Whether every face lies along its group's normal.
+    fn is_flat(&self, faces: &[u32]) -> bool {
+        let near = FLAT.to_radians().cos();
+        let mut groups = self.members.chunk_by(|a, b| a.0 == b.0).zip(&self.parts);
+        groups.all(|(members, &part)| {
+            members.iter().all(|(_, face)| {
+                let own = faces.binary_search(face).map_or(part, |place| self.normals[place]);
+                cosine(own, part) >= near
+            })
+        })
+    }
+}
+
+/// The first face of a group; the way to it is shortened.
+fn first(group: &mut [usize], mut place: usize) -> usize {
+    while group[place] != place {
+        group[place] = group[group[place]];
+        place = group[place];
+    }
+    place
+}
+
+fn cosine(a: [f32; 3], b: [f32; 3]) -> f64 {
+    dot(a.map(f64::from), b.map(f64::from))
+}
+
+fn is_none(normal: [f32; 3]) -> bool {
+    normal == [0.0; 3]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cube of shared vertices, two triangles a side, turned outwards.
+    fn cube() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+        let corner = |k: u32| [0, 1, 2].map(|axis| (k >> axis & 1) as f32 * 2.0 - 1.0);
+        let sides =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+        ((0..8).map(corner).collect(), triangles.collect())
+    }
+
+    /// A fan around the z axis of `sides` sides, `slope` high: a blunt cone.
+    fn cone(sides: u32, slope: f32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+        let rim = (0..sides).map(|k| {
+            let angle = k as f32 / sides as f32 * std::f32::consts::TAU;
+            [angle.cos(), angle.sin(), 0.0]
+        });
+        let positions: Vec<_> = std::iter::once([0.0, 0.0, slope]).chain(rim).collect();
+        let triangles = (0..sides).map(|k| [0, 1 + k, 1 + (k + 1) % sides]);
+        (positions, triangles.collect())
+    }
+
+    fn of(normals: &Normals, triangles: &[[u32; 3]], k: usize) -> [[f32; 3]; 3] {
+        normals.of(k as u32, triangles[k])
+    }
+
+    #[test]
+    fn the_sides_of_a_cube_are_flat_below_a_right_angle() {
+        let (positions, triangles) = cube();
+        for degrees in [1.0, 45.0, 89.0] {
+            let normals = creased_normals(&positions, &triangles, [degrees; 2], "").unwrap();
+            for (k, triangle) in triangles.iter().enumerate() {
+                let [a, b, c] = triangle.map(|v| positions[v as usize].xyz());
+                let flat = unit(cross(sub(b, a), sub(c, a)));
+                assert_eq!(of(&normals, &triangles, k), [flat; 3], "{degrees}");
+            }
+        }
+        for degrees in [90.0, 180.0] {
+            let normals = creased_normals(&positions, &triangles, [degrees; 2], "").unwrap();
+            assert!(normals.creases.is_none());
+            assert_eq!(normals.all, vertex_normals(&positions, &triangles));
+        }
+    }
+
+    #[test]
+    fn neighbours_within_the_angle_share_a_normal_though_opposite_faces_are_beyond() {
+        let (positions, triangles) = cone(24, 2.0);
+        let normals = creased_normals(&positions, &triangles, [30.0; 2], "").unwrap();
+        assert!(normals.creases.is_none(), "opposite faces are 127 degrees apart");
+        assert!(of(&normals, &triangles, 7)[0][2] > 0.999);
+        // A crease between every two: each corner at the tip has its face's normal.
+        let normals = creased_normals(&positions, &triangles, [5.0; 2], "").unwrap();
+        let tips: Vec<_> = (0..24).map(|k| of(&normals, &triangles, k)[0]).collect();
+        assert!((0..24).all(|k| tips[k] != tips[(k + 1) % 24] && tips[k][2] < 0.6));
+        assert!(normals.bytes() > 25 * 12 + 24 * 12);
+    }
+
+    #[test]
+    fn one_crease_marks_the_triangles_at_it_alone() {
+        // A strip of ten squares, folded once by 60 degrees between the fifth and the sixth.
+        let at = |k: u32| match k.checked_sub(5) {
+            None => [k as f32, 0.0],
+            Some(beyond) => [5.0 + 0.5 * beyond as f32, 0.75f32.sqrt() * beyond as f32],
+        };
+        let row = |k: u32, y: f32| [at(k)[0], y, at(k)[1]];
+        let positions: Vec<_> = (0..=10).flat_map(|k| [row(k, 0.0), row(k, 1.0)]).collect();
+        let squares = (0..10).map(|k| 2 * k);
+        let triangles: Vec<_> =
+            squares.flat_map(|a| [[a, a + 2, a + 1], [a + 1, a + 2, a + 3]]).collect();
+        let normals = creased_normals(&positions, &triangles, [40.0; 2], "").unwrap();
+        let creases = normals.creases.as_ref().unwrap();
+        let marked: Vec<u32> = (0..20).filter(|&k| creases.of(k).is_some()).collect();
+        assert_eq!(
+            marked,
+            [10, 11],
+            "the two beyond the fold, whose corners have normals of their own"
+        );
+        let tilt = |k: usize| of(&normals, &triangles, k).map(|n| (n[2] * 1e3).round() / 1e3);
+        assert_eq!(
+            (tilt(8), tilt(9), tilt(10), tilt(11)),
+            ([1.0; 3], [1.0; 3], [0.5; 3], [0.5; 3])
+        );
+    }
+
+    /// Between the flat sides of a roof 45 degrees are a crease at (55, 30), in a field of bumps they are none.
+    #[test]
+    fn the_lesser_angle_counts_between_flat_parts() {
+        let size = 8;
+        let field = |height: fn(i32, i32) -> f32| {
+            let cells = (0..size).flat_map(|j| (0..size).map(move |i| (i, j)));
+            let positions: Vec<_> = (0..=size)
+                .flat_map(|j| (0..=size).map(move |i| [i as f32, j as f32, height(i, j)]))
+                .collect();
+            let triangles: Vec<[u32; 3]> = cells
+                .flat_map(|(i, j)| {
+                    let a = (j * (size + 1) + i) as u32;
+                    let (b, c, d) = (a + 1, a + size as u32 + 2, a + size as u32 + 1);
+                    [[a, b, c], [a, c, d]]
+                })
+                .collect();
+            let made = creased_normals(&positions, &triangles, [55.0, 30.0], "").unwrap();
+            made.creases.map_or(0, |creases| creases.normals.len())
+        };
+        // 22.5 degrees up, then down.
+        let roof = |i: i32, _: i32| (4 - (i - 4).abs()) as f32 * 0.414_213_57;
+        assert_eq!(field(roof), 16, "both triangles of each square on one side of the ridge");
+        let bumps = |i: i32, j: i32| ((i * 7 + j * 5) % 4) as f32 * 0.2;
+        assert_eq!(field(bumps), 0);
+    }
+
+    #[test]
+    fn the_same_for_any_number_of_threads_and_for_odd_meshes() {
+        let (positions, mut triangles) = cone(3000, 0.3);
+        triangles.extend([[0, 0, 1], [5, 6, 5], [7, 7, 7], [0, 2, 1], [1, 2, 0]]);
+        let make = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let made =
+                pool.install(|| creased_normals(&positions, &triangles, [20.0; 2], "")).unwrap();
+            (0..triangles.len()).map(|k| of(&made, &triangles, k)).collect::<Vec<_>>()
+        };
+        let one = make(1);
+        assert!(one.iter().flatten().flatten().all(|x| x.is_finite()));
+        for threads in [2, 5] {
+            assert!(make(threads) == one, "{threads} threads");
+        }
+    }
+}
