@@ -171,6 +171,8 @@ pub struct Notes {
     /// Faces with fewer than three corners, skipped.
     pub faces_too_small: u64,
     /// Triangles that repeat a vertex or have zero area: dropped, but for the [`Mesh::stitches`] that close a
+    /// How many files `comment TextureFile` names; one is shown.
+    pub texture_files: usize,
     /// T-junction.
     pub degenerate_dropped: u64,
     /// Triangles over the same three vertices as an earlier one, in whatever order, dropped.

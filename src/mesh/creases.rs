@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::reserve;
 
 /// Unit normals of a smooth mesh, by vertex and, at creases, by corner.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Normals {
     /// One per vertex, then those that creases add.
     all: Vec<[f32; 3]>,
@@ -21,7 +21,7 @@ pub struct Normals {
 }
 
 /// Triangles with a corner whose normal is not the vertex's first.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 struct Corners {
     /// A bit for each triangle.
     marked: Vec<u64>,

@@ -139,7 +139,7 @@ fn defaults_are_those_of_the_tables() {
         panic!("a mesh");
     };
     assert_eq!((mesh.fit, mesh.size, mesh.rotate_deg), (None, 1.0, glam::DVec3::ZERO));
-    assert_eq!((mesh.smooth, mesh.bvh, mesh.vertex_colors), (false, true, true));
+    assert_eq!((mesh.smooth, mesh.bvh, mesh.vertex_colors), (Smooth::Off, true, true));
     assert_eq!((mesh.center, mesh.vertex_color_space), (glam::DVec3::ZERO, None));
     let m = &scene.materials[0];
     assert_eq!([m.kd, m.ks, m.ka, m.kr, m.specular_exponent], [1.0, 0.0, 0.0, 0.0, 1.0]);

@@ -10,7 +10,7 @@ use crate::{
     mesh::Mesh,
     paths::{named, seen_from},
     scene::{Camera, Document, Loaded, NodeKind, Overrides, ShapeKind, Trimesh, escaped},
-    world::{Bounds, placement},
+    world::{Bounds, one_of_several, placement},
 };
 
 use super::{
@@ -164,6 +164,7 @@ fn notes(subject: &Subject, mesh: &Mesh, template: &Template) -> Vec<Problem> {
             Problem::new(place(), message)
         };
         notes.extend(match (&mesh.texture_file, missing) {
+            (Some(_), None) if mesh.uvs.is_some() => one_of_several(mesh, subject.path),
             (None, _) if mesh.uvs.is_some() => {
                 let message = "found texture coordinates and no texture";
                 Some(Problem::new(place(), message).help("show an image on it: --texture FILE"))

@@ -30,6 +30,7 @@ pub use self::origin::Origin;
 pub use self::place::placement;
 pub use self::resolution::{Resolution, ulp};
 pub use self::sources::{Read, mesh_sources, own_texture, sources};
+pub use self::textures::one_of_several;
 
 /// How files are read.
 #[derive(Debug, Default)]

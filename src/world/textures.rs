@@ -85,11 +85,19 @@ fn one(path: &Path, space: Option<ColorSpace>, left: Option<Room>) -> Result<Tex
 /// An image that a mesh file names, for the shape of this number.
 pub type Own = (usize, PathBuf);
 
+/// Says that a mesh which names several images is shown with one of them.
+pub fn one_of_several(mesh: &Mesh, path: &Path) -> Option<Problem> {
+    let (count, shown) = (mesh.notes.texture_files, mesh.texture_file.as_ref()?);
+    let message = format!("found {count} texture files, of which {shown:?} alone is used");
+    (count > 1).then(|| Problem::new(path.display().to_string(), message))
+}
+
 /// The image that the mesh at `path` names, if it can be shown; its material has none.
 pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) -> Option<Own> {
     let name = mesh.texture_file.as_ref().filter(|_| mesh.uvs.is_some())?;
     let image = beside(path, name);
     if image.is_file() {
+        warnings.extend(one_of_several(mesh, path));
         return Some((shape, image));
     }
     let place = path.display().to_string();

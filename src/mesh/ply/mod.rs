@@ -202,6 +202,7 @@ fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
         trailing_bytes,
         used: plan.used,
         ignored: plan.ignored,
+        texture_files: header.texture_files.len(),
         ..Notes::default()
     };
     tally.write(&mut notes);
