@@ -22,7 +22,7 @@ mod available;
 mod freed;
 
 pub use available::available_bytes;
-use available::{available_bytes_and_swap, kib};
+use available::{available_bytes_and_swap, bytes_before_a_kill, kib};
 
 /// R, G, B, A in f32.
 const FILM_BYTES: u64 = 16;
@@ -332,6 +332,11 @@ pub fn machine_for(bytes: u64) -> Option<Room> {
     machine()
 }
 
+/// What a whole run may take: the system ends a process that takes more.
+pub fn before_a_kill() -> Option<Room> {
+    bytes_before_a_kill().map(|bytes| Room { bytes, asked: false })
+}
+
 /// No accelerator takes more for a primitive, at any time.
 const MOST_PER_PRIMITIVE: u64 = 512;
 
@@ -347,7 +352,11 @@ pub fn check_build(
     film_bytes: u64,
 ) -> Result<()> {
     let most = primitives.saturating_mul(MOST_PER_PRIMITIVE).saturating_add(film_bytes);
-    let Some(room) = machine_for(most).filter(|room| room.bytes < most) else { return Ok(()) };
+    let short = || before_a_kill().filter(|room| room.bytes < most);
+    if short().is_some() {
+        freed::give_back();
+    }
+    let Some(room) = short() else { return Ok(()) };
     let footprint = Footprint::of(backend, threads)?;
     let built = footprint.built_bytes(primitives).saturating_add(film_bytes);
     room.check(footprint.peak_bytes(primitives).max(built), "the accelerator and the film")

@@ -111,7 +111,7 @@ pub fn run(
         turns: Turns::new(jobs),
         jobs,
         memory: Memory::new(limit),
-        room: memory::machine(),
+        room: memory::before_a_kill(),
         next: AtomicUsize::new(0),
         footprints: Mutex::default(),
         stop: AtomicBool::new(false),

@@ -173,6 +173,8 @@ fn unhide(
     for _ in 0..MAX_HIDING {
         let Some((corners, point)) = near(scene, packet, i, neighbours) else { break };
         let hit = scene.0.primitive(packet.hits.geom[i], packet.hits.prim[i]);
+        // What the ray leaves is behind it.
+        neighbours.retain(|&primitive| primitive != packet.rays.leaving[i]);
         let way = direction(&packet.rays, i);
         let Some(before) = hides(scene.0, point.position, (corners, hit), way, neighbours) else {
             break;

@@ -16,13 +16,23 @@ pub fn available_bytes_and_swap() -> Option<u64> {
     available(Path::new("/"), true)
 }
 
+/// The same without the limits of this process: what is beyond these is refused when it is asked for, what is
+/// beyond the others ends the process.
+pub fn bytes_before_a_kill() -> Option<u64> {
+    let root = Path::new("/");
+    [machine(root, true), groups(root)].into_iter().flatten().min()
+}
+
 /// `root`: where `/proc` and the control groups are.
 fn available(root: &Path, swap: bool) -> Option<u64> {
-    let machine = kib(&root.join("proc/meminfo"), "MemAvailable:").map(|free| {
+    [machine(root, swap), groups(root), limits(root)].into_iter().flatten().min()
+}
+
+fn machine(root: &Path, swap: bool) -> Option<u64> {
+    kib(&root.join("proc/meminfo"), "MemAvailable:").map(|free| {
         let swap = swap.then(|| kib(&root.join("proc/meminfo"), "SwapFree:"));
         free.saturating_add(swap.flatten().unwrap_or(0))
-    });
-    [machine, groups(root), limits(root)].into_iter().flatten().min()
+    })
 }
 
 /// A value in KiB after its key, in bytes.
