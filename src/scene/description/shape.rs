@@ -161,8 +161,8 @@ pub struct Crease {
     /// The largest angle of a smooth edge.
     #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
     pub angle: f64,
-    /// The largest one between flat parts: at vertices all of whose faces lie within 5 degrees of the parts that
-    /// creases of this angle make. Default: `angle`.
+    /// The largest one between flat parts: at vertices where such creases make at most three parts, all of whose
+    /// faces lie within 5 degrees. Default: `angle`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
     pub flat: Option<f64>,
