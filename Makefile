@@ -45,7 +45,7 @@ report: build ## measure the shipped scenes: docs/reports/, README's numbers (so
 
 lint: ## format, clippy with and without default features, shell scripts: no warnings; all lock files up to date
 	@scripts/setup.sh lint
-	@for folder in fuzz benches/ply_readers; do \
+	@for folder in fuzz benches/ply_readers benches/tinybvh; do \
 	    cargo metadata --locked --format-version 1 --manifest-path $$folder/Cargo.toml >/dev/null || \
 	        { echo "refresh it: cargo update --workspace --manifest-path $$folder/Cargo.toml"; exit 1; }; \
 	done

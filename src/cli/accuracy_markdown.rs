@@ -91,6 +91,7 @@ pub fn meaning(name: &str) -> &'static str {
     match name {
         "embree" => "Intel Embree with `RTC_SCENE_FLAG_ROBUST`, packets of 16 and single rays",
         "embree-fast" => "the same without that flag: Embree's default, `--fast` here",
+        "embree-compact" => "`embree` with `RTC_SCENE_FLAG_COMPACT`: half the memory",
         "coursework" => "the report's tree and tests in f64; its fixed offset of 1e-4 in `contact`",
         "brute" => "every primitive by exact predicates: the oracle itself, t rounded to f32",
         name if name.starts_with("bvh") => {

@@ -204,11 +204,13 @@ pub fn contestant(flag: &str, name: &str, isa: Isa) -> Result<Contestant> {
         "bvh" => Backend::Bvh(isa),
         "embree" => Backend::Embree(EmbreeMode::Robust),
         "embree-fast" => Backend::Embree(EmbreeMode::Fast),
+        "embree-compact" => Backend::Embree(EmbreeMode::Compact),
         "coursework" => Backend::Coursework,
         "brute" => Backend::Brute,
         _ => {
             let message = format!(
-                "found {name:?}, expected some of bvh, embree, embree-fast, coursework, brute"
+                "found {name:?}, expected some of bvh, embree, embree-fast, embree-compact, \
+                 coursework, brute"
             );
             return Err(Error::invalid(flag, message));
         }

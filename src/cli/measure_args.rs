@@ -70,9 +70,9 @@ pub struct BenchArgs {
     #[arg(required = true, value_name = "SCENE|FILE.ply", value_hint = ValueHint::FilePath)]
     pub inputs: Vec<PathBuf>,
 
-    /// What is compared: bvh, embree, embree-fast, coursework, brute; bvh:TIER forces an instruction
-    /// set (portable, avx2, avx512). The others are compared with the first [default: embree,bvh; bvh
-    /// alone without Embree]
+    /// What is compared: bvh, embree, embree-fast, embree-compact, coursework, brute; bvh:TIER forces
+    /// an instruction set (portable, avx2, avx512). The others are compared with the first [default:
+    /// embree,bvh; bvh alone without Embree]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Vec<String>,
 
@@ -137,7 +137,8 @@ pub struct BenchArgs {
 #[derive(Debug, Args)]
 pub struct AccuracyArgs {
     /// What is measured: bvh (each instruction set of this machine), bvh:portable, bvh:avx2,
-    /// bvh:avx512, embree, embree-fast, coursework, brute [default: all that can run here]
+    /// bvh:avx512, embree, embree-fast, embree-compact, coursework, brute [default: all that can run
+    /// here but embree-compact]
     #[arg(long, visible_alias = "backends", value_name = "NAME,...", value_delimiter = ',')]
     pub backend: Vec<String>,
 
@@ -247,8 +248,8 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "R.exr", value_hint = ValueHint::FilePath)]
     pub reference: Option<PathBuf>,
 
-    /// Some of bvh, bvh:portable, bvh:avx2, bvh:avx512, embree, embree-fast, coursework, brute; the
-    /// first renders the reference [default: the scene's]
+    /// Some of bvh, bvh:portable, bvh:avx2, bvh:avx512, embree, embree-fast, embree-compact, coursework,
+    /// brute; the first renders the reference [default: the scene's]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Vec<String>,
 

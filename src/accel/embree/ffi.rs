@@ -31,6 +31,7 @@ pub const RTC_BUFFER_TYPE_VERTEX: Enum = 1;
 pub const RTC_FORMAT_FLOAT3: Enum = 0x9003;
 pub const RTC_FORMAT_UINT3: Enum = 0x5003;
 pub const RTC_FORMAT_UINT4: Enum = 0x5004;
+pub const RTC_SCENE_FLAG_COMPACT: Enum = 2;
 pub const RTC_SCENE_FLAG_ROBUST: Enum = 4;
 pub const RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS: Enum = 8;
 pub const RTC_BUILD_QUALITY_MEDIUM: Enum = 1;

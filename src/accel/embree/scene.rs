@@ -38,11 +38,12 @@ impl<'g> Scene<'g> {
     ) -> Result<Self> {
         let base = geometry.bases()[geometry.spheres_id() as usize];
         let spheres = SphereSet { spheres: &geometry.spheres, base };
-        let robust = match mode {
+        let mode_flags = match mode {
             EmbreeMode::Robust => ffi::RTC_SCENE_FLAG_ROBUST,
             EmbreeMode::Fast => 0,
+            EmbreeMode::Compact => ffi::RTC_SCENE_FLAG_ROBUST | ffi::RTC_SCENE_FLAG_COMPACT,
         };
-        let flags = robust | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
+        let flags = mode_flags | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
         let scene = Self::new(device, flags, spheres)?;
         for (id, mesh) in geometry.meshes.iter().enumerate() {
             scene.attach_mesh(mesh, id as c_uint)?;
