@@ -24,7 +24,8 @@ fn on_terminal(scratch: &Scratch, args: &str, environment: &[(&str, &str)]) -> S
     let mut command = Command::new("script");
     command.args(["-qefc", &line, "/dev/null"]).current_dir(scratch.path(""));
     command.env("TERM", "xterm-256color");
-    for name in ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE"] {
+    // With CI set, even a dumb terminal is given colours.
+    for name in ["CI", "NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE"] {
         command.env_remove(name);
     }
     command.envs(environment.iter().copied());
