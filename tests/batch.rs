@@ -193,11 +193,11 @@ fn resume_trusts_what_is_whole_and_the_same_and_says_why_not() {
     assert!(again[0].ends_with(": the scene changed"), "{again:?}");
     let (again, _) = run(&["--spp", "3", "--float"]);
     assert!(again.len() == 6 && again[0].ends_with(": settings changed"), "{again:?}");
-    // A picture of `render` does not say what it was made of.
+    // A picture of `render` has no fingerprint.
     let render = ["render", "scans/a.ply", "-o", "out/a/a.0000", "--spp", "3", "--float"];
     scratch.run(&[&render[..], &SMALL].concat());
     let (again, _) = run(&["--spp", "3", "--float"]);
-    assert_eq!(again, ["out/a/a.0000.exr does not say what it was made of"]);
+    assert_eq!(again, ["out/a/a.0000.exr has no fingerprint"]);
     // Another name of the same file is the same mesh.
     let old = scratch.path("out/b/b.0000.exr").metadata().unwrap().modified().unwrap();
     let absolute = scratch.path("scans").display().to_string();
