@@ -169,7 +169,7 @@ fn a_budget_is_kept_and_what_it_leaves_out_is_listed() {
     assert!(number(&report["seconds"]) < 10.0 && took < 15.0, "{} {took}", report["seconds"]);
     let left_out = report["left_out"].as_array().unwrap();
     assert!(left_out.iter().any(|name| name == "bvh, sobol, 1024 spp x 1024"), "{left_out:?}");
-    assert!(done.stdout().contains("left out, for the budget of 4 s"));
+    assert!(done.stdout().contains("left out to keep the budget of 4 s"));
     let done = study(&scratch, &["--budget", "0.001", "--html", "no.html"]);
     assert_eq!(done.code(), 2);
     assert!(done.stderr().contains("--budget: 0.001 s do not suffice"), "{}", done.stderr());
