@@ -4,7 +4,7 @@ SCENE  ?= scenes/still-life.json
 OUT    ?= out/$(basename $(notdir $(SCENE)))
 PREFIX ?= /usr/local
 ARGS   ?=
-# Of each study of `make report`.
+# Seconds for each study of `make report`.
 REPORT_SECONDS ?= 40
 # Embree that `install` copies, if it is there.
 EMBREE ?= vendor/embree

@@ -450,7 +450,7 @@ fn what_is_refused_before_anything_is_rendered() {
         "{}",
         done.stderr()
     );
-    assert!(done.stderr().contains("would be written over what is read, or twice"));
+    assert!(done.stderr().contains("would overwrite an input or another output"));
 }
 
 #[test]

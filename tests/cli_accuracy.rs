@@ -123,7 +123,7 @@ fn bad_use_exits_2_before_the_work() {
         (&["accuracy", "--backend", "bvh,bvh:portable"], "twice"),
         (&["accuracy", "--backend", "bvh:sse9"], "portable, avx2 or avx512"),
         (&["accuracy", "--case", "no such case"], "groups: watertight"),
-        (&["accuracy", "--json", "a", "--html", "a"], "or twice"),
+        (&["accuracy", "--json", "a", "--html", "a"], "or another output"),
         (&["accuracy", "--json", "missing/a.json"], "no such folder"),
         (&["accuracy", "--threads", "0"], "--threads"),
     ];

@@ -271,8 +271,8 @@ fn bad_input_is_refused_before_anything_is_rendered() {
         (&["s.json", "--sampler", "halton"], "sobol"),
         (&["s.json", "--backends", "embre"], "--backends: found \"embre\""),
         (&["s.json", "--backends", "bvh,bvh"], "found bvh twice"),
-        (&["s.json", "--html", "a", "--csv", "a"], "written over what is read, or twice"),
-        (&["s.json", "--json", "s.json"], "written over what is read, or twice"),
+        (&["s.json", "--html", "a", "--csv", "a"], "overwrite an input or another output"),
+        (&["s.json", "--json", "s.json"], "overwrite an input or another output"),
         (
             &["plain.json", "--light-samples", "4"],
             "--light-samples: has no effect: the scene has no area light",

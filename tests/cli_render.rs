@@ -237,7 +237,7 @@ fn inputs_and_outputs_are_never_written_over() {
     ] {
         let done = scratch.run(&[&["render"], &args[..]].concat());
         assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
-        assert!(done.stderr().contains("over what is read"), "{}", done.stderr());
+        assert!(done.stderr().contains("would overwrite an input"), "{}", done.stderr());
         assert_eq!(scratch.names(), ["s.json"], "{args:?}");
     }
     assert_eq!(scratch.read("s.json"), SCENE.as_bytes());
