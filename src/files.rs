@@ -11,7 +11,7 @@ use std::{
 
 use crate::error::{Error, Kind, Problem, Result};
 
-/// Device and inode.
+/// Device and inode of a file.
 type Node = (u64, u64);
 
 /// Identity and version of a file. Two reads with equal stamps have read the same bytes.

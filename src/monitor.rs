@@ -17,7 +17,7 @@ pub enum Phase {
     Build = 1,
     /// Traces rays. `done` and `total` count pixels.
     Render = 2,
-    /// Writes files.
+    /// Writes the output files.
     Write = 3,
     /// Judges answers. `done` and `total` count packets of rays.
     Check = 4,

@@ -25,7 +25,7 @@ use super::{
     outputs,
 };
 
-/// Default output folder.
+/// Output folder if none is given.
 const FOLDER: &str = "out";
 
 /// A checked batch job: inputs, template, turntable and output settings.

@@ -36,7 +36,7 @@ pub struct Ready {
     pub loaded: Loaded,
     /// The mesh with its path; empty for a scene.
     pub mesh: Vec<(PathBuf, Mesh)>,
-    /// Warnings so far.
+    /// Warnings of loading the input.
     pub warnings: Vec<Problem>,
     /// Folder that the scene's paths are relative to.
     folder: PathBuf,

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 
 use super::journal::{self, Record};
 
-/// Bytes per read.
+/// Number of bytes per read.
 const CHUNK: usize = 1 << 18;
 
 /// Returns the XXH3 hash of a file in hexadecimal.

@@ -7,7 +7,7 @@ use crate::{
 
 use super::{accuracy_markdown, accuracy_table as table, units};
 
-/// Builds the page.
+/// Builds the page of a report.
 pub fn page(report: &Report) -> Page {
     let mut groups: Vec<&str> = report.rows.iter().map(|row| row.group.as_str()).collect();
     groups.dedup();

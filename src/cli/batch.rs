@@ -28,7 +28,7 @@ use super::{
     paths, progress::Progress, signals,
 };
 
-/// Runs `lightpath batch`.
+/// Renders the batch that the arguments describe.
 pub fn run(args: &BatchArgs) -> Result<()> {
     let (job, limits) = job(args)?;
     if args.run.dry_run {

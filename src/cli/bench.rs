@@ -39,7 +39,7 @@ const SCENE: &str = include_str!("../../assets/bench.json");
 /// Rays, rounds and picture size of `--quick`.
 const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
 
-/// Measures every scene.
+/// Measures every scene and writes the results.
 pub fn run(args: &BenchArgs) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
     let settings = settings(args, &monitor)?;

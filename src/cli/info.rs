@@ -32,7 +32,7 @@ use super::{
     units,
 };
 
-/// Describes every file.
+/// Describes every file, then reports all errors.
 pub fn run(args: &InfoArgs) -> Result<()> {
     let mut kind = None;
     let mut problems: Vec<Problem> = Vec::new();

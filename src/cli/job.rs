@@ -24,7 +24,7 @@ pub struct Job {
     pub loaded: Loaded,
     /// Folder that the scene's paths are relative to.
     pub folder: PathBuf,
-    /// Warnings so far.
+    /// Warnings of loading the input.
     pub warnings: Vec<Problem>,
     /// Meshes that had to be read to frame them.
     pub ready: Vec<(PathBuf, Mesh)>,

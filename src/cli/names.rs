@@ -78,7 +78,7 @@ pub enum ToneName {
     Reinhard,
 }
 
-/// Names of samplers.
+/// Names of the pixel samplers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum SamplerName {
     /// Owen-scrambled Sobol: stratified

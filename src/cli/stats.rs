@@ -36,24 +36,24 @@ pub struct Stats {
 pub struct Seconds {
     /// Reading the scene, meshes and textures.
     pub load: f64,
-    /// Building the accelerator.
+    /// Time to build the accelerator.
     pub build: f64,
-    /// Tracing and shading.
+    /// Time to trace and shade.
     pub render: f64,
-    /// Writing the files.
+    /// Time to write the files.
     pub write: f64,
     /// From the start of the command until the files have their final names.
     pub total: f64,
 }
 
-/// Rays by class.
+/// Numbers of rays by class.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Rays {
-    /// Camera rays.
+    /// Rays that start at the camera.
     pub primary: u64,
-    /// Shadow rays.
+    /// Rays towards a light.
     pub shadow: u64,
-    /// Mirror rays.
+    /// Rays that a mirror reflects.
     pub reflection: u64,
     /// Hits that the backend's f32 test reported and the f64 test rejected.
     pub false_hits: u64,
@@ -70,7 +70,7 @@ pub struct Samples {
     pub mean: f64,
 }
 
-/// Memory in bytes.
+/// Memory use in bytes.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Memory {
     /// Largest resident set of the process (`VmHWM`); 0 if the system does not report it.

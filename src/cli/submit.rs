@@ -215,7 +215,7 @@ fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {
 
 /// Estimated needs of a task.
 struct Needs {
-    /// Memory in bytes.
+    /// Memory per task in bytes.
     memory: u64,
     frame_seconds: f64,
 }

@@ -37,7 +37,7 @@ pub struct Parts {
     pub part: Part,
 }
 
-/// An open part.
+/// A part whose file is open.
 #[derive(Debug)]
 struct Open {
     name: String,

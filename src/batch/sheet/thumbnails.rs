@@ -25,8 +25,8 @@ pub struct Strip {
 }
 
 impl Strip {
-    /// Makes at most `max_count` thumbnails, evenly spread over the frames. `None` if no picture can
-    /// be read.
+    /// Makes at most `max_count` thumbnails, evenly spread over the frames. `None` if no picture
+    /// can be read.
     pub fn of(job: &Job, entry: &Entry, max_count: usize) -> Option<Self> {
         let there: Vec<u32> = entry.frames.keys().copied().collect();
         let count = there.len().min(max_count);
