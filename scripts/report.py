@@ -3,9 +3,9 @@
 
 usage: report.py [--seconds N] [--only STEP,...] [PROGRAM]
 
-Runs `lightpath accuracy`, `bench` and `converge`, each scene of the latter for N seconds (default 40; all of it takes
-some five times N, and half a minute). No number is typed: the tables come from the JSON that the program writes; what
-it writes there as samples of single turns is left out of the copies that are kept.
+Runs `lightpath accuracy`, `bench` and `converge`, the latter for N seconds per scene (default 40). The whole run takes
+about five times N and half a minute. All numbers in the tables come from the JSON that the program writes. The copies
+that are kept omit the samples of single turns.
 """
 import argparse
 import datetime
@@ -19,7 +19,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 OUT = os.path.join(ROOT, 'docs', 'reports')
 MARKS = ['<!-- report: begin -->', '<!-- report: end -->']
 BENCHED = ['scenes/still-life.json', 'scenes/spot.json']
-# Figure 16 is the soft shadow of the coursework's report: samples are those of its light, so that
+# Figure 16 is the soft shadow of the coursework's report. Only the number of light samples varies, so that
 # nothing but the light is sampled.
 STUDIES = {
     'fig16-area-light-shadow': ['--size', '180x120', '--spp', '1', '--light-samples', '4,16,64,256,1024'],
@@ -56,7 +56,7 @@ def measure(args):
 
 
 def keep_small(path):
-    """Drops lists of times; one row of a table a line."""
+    """Drops lists of times, and formats tables with one row per line."""
     def without(value):
         if isinstance(value, dict):
             return {k: without(v) for k, v in value.items() if not (k == 'seconds' and isinstance(v, list))}
@@ -115,7 +115,7 @@ def converge_lines(name):
             value, error = ratio['rmse']['value'], ratio['rmse']['standard_error']
             lines.append((f'{scene}: RMSE of independent samples / RMSE of `sobol`, 64 a pixel',
                           f'{value:.2f} ± {error:.2f}'))
-    # Of one kind, as in the text of `converge`: that of most samplers, then of most points.
+    # Slopes of one kind, as in the text of `converge`: the kind with most samplers, then with most points.
     kinds = {}
     for series in report['series']:
         if series['slope']:
@@ -149,7 +149,7 @@ def machine():
 
 
 def write():
-    # What has not been measured is left out.
+    # Studies that have not been measured are left out.
     there = [name for name in STUDIES if os.path.exists(os.path.join(OUT, f'converge-{name}.json'))]
     studies = {name: converge_lines(name) for name in there}
     pages = [('accuracy', 'the hard cases on every backend'), ('bench', 'backends on the same rays')]
@@ -188,7 +188,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('program', nargs='?', default=os.path.join(ROOT, 'target', 'release', 'lightpath'))
     parser.add_argument('--seconds', type=float, default=40)
-    parser.add_argument('--only', help='measure these alone: accuracy, bench, converge; none: only write the tables')
+    parser.add_argument('--only', help='measure only these: accuracy, bench, converge; none: only write the tables')
     args = parser.parse_args()
     args.program = os.path.abspath(args.program)
     measure(args)

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""What a frame costs, by triangles, pixels, samples and threads: measured, fitted, and carried on to a farm.
+"""Measures the time of a frame by triangles, pixels, samples and threads, fits a model, and predicts a farm.
 
     scripts/scaling.py [--program target/release/lightpath] [--rounds 3] > docs/scaling.md
 
-Renders generated meshes with `lightpath render --stats` on an otherwise idle machine, takes the least of some
-rounds of each phase, fits one line per phase by least squares of relative errors, and prints docs/scaling.md.
-Only Python's own library.
+Renders generated meshes with `lightpath render --stats` on an otherwise idle machine, takes the minimum over the
+rounds for each phase, fits one line per phase by least squares of relative errors, and prints docs/scaling.md.
+Needs only Python's standard library.
 """
 
 import argparse
@@ -21,7 +21,7 @@ MESHES, FRAMES, NODES = 40_000, 72, 100
 
 
 def sphere(path, rows):
-    """A bumpy sphere of 4 rows^2 triangles, as binary PLY."""
+    """Writes a bumpy sphere of 4 rows^2 triangles as binary PLY."""
     columns = 2 * rows
     points, faces = array.array("f"), bytearray()
     for i in range(rows + 1):
@@ -48,7 +48,7 @@ def sphere(path, rows):
 
 
 def run(program, mesh, size, spp, threads, backend, rounds, folder):
-    """The least seconds of each phase, and what else the statistics say."""
+    """Returns the statistics of a render, with the minimum seconds of each phase over the rounds."""
     best = None
     for _ in range(rounds):
         stats = os.path.join(folder, "stats.json")
@@ -65,7 +65,7 @@ def run(program, mesh, size, spp, threads, backend, rounds, folder):
 
 
 def fit(rows, values):
-    """Least squares of relative errors: coefficients, and the largest relative error."""
+    """Fits by least squares of relative errors. Returns the coefficients and the largest relative error."""
     n = len(rows[0])
     a = [[0.0] * (n + 1) for _ in range(n)]
     for row, value in zip(rows, values):
@@ -90,7 +90,7 @@ def main():
     parser.add_argument("--program", default="target/release/lightpath")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--backend", default="bvh")
-    parser.add_argument("--cores", type=int, default=32, help="of a node of the farm")
+    parser.add_argument("--cores", type=int, default=32, help="cores per node of the farm")
     args = parser.parse_args()
     program = os.path.abspath(args.program)
     out = []
@@ -111,7 +111,7 @@ def main():
         threads = os.cpu_count() or 1
         counts = sorted({1, 2, threads})
         runs = {n: [] for n in counts}
-        # In turns, so that a slow minute does not fall on one of them.
+        # In turns, so that a slow minute affects all of them.
         for _ in range(2 * args.rounds):
             for n in counts:
                 runs[n].append(run(program, meshes[largest], "320x240", 4, n, args.backend, 1, folder)["seconds"])
