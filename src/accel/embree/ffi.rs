@@ -1,8 +1,8 @@
 //! Embree 4's C API, declared by hand for the layout of 4.3 and later, and loaded at run time.
 //!
-//! Only what is used is declared. Sizes and offsets are asserted here and compared with the C
-//! headers, where these are installed, by `tests/embree_layout.rs`. Ray and hit packets are
-//! [`crate::ray::Rays`] and [`crate::ray::RayPacket`].
+//! Only the functions and types that are used are declared. Sizes and offsets are asserted here.
+//! `tests/embree_layout.rs` compares them with the C headers if these are installed. Packets of
+//! rays and hits are [`crate::ray::Rays`] and [`crate::ray::RayPacket`].
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 use std::mem::{align_of, offset_of, size_of};
@@ -85,18 +85,18 @@ pub struct Bounds {
     pub align1: f32,
 }
 
-/// `RTCRayQueryContext`, and behind it what our filters need.
+/// `RTCRayQueryContext`, followed by the data of our filters.
 #[repr(C)]
 pub struct QueryContext {
     pub inst_id: c_uint,
     pub inst_prim_id: c_uint,
     /// First primitive number of each geometry.
     pub bases: *const u32,
-    /// What [`super::filter`] tests candidates with.
+    /// Data of the filter function, from [`super::filter::Filter::data`].
     pub filter: *const c_void,
 }
 
-/// `RTCIntersectArguments` and `RTCOccludedArguments`, which have the same layout.
+/// `RTCIntersectArguments` and `RTCOccludedArguments`. Both have the same layout.
 #[repr(C)]
 pub struct QueryArguments {
     pub flags: Enum,
@@ -115,8 +115,8 @@ pub struct BoundsArguments {
     pub bounds: *mut Bounds,
 }
 
-/// `RTCIntersectFunctionNArguments` and `RTCOccludedFunctionNArguments`, which have the same
-/// layout: `rays` is an `RTCRayHitN` or an `RTCRayN` of `n` lanes.
+/// `RTCIntersectFunctionNArguments` and `RTCOccludedFunctionNArguments`. Both have the same layout;
+/// `rays` is an `RTCRayHitN` or an `RTCRayN` of `n` lanes.
 #[repr(C)]
 pub struct UserArguments {
     pub valid: *mut c_int,
@@ -183,7 +183,7 @@ macro_rules! api {
         }
 
         impl Api {
-            /// Resolves every entry point; the error names the first that is missing.
+            /// Resolves every entry point. The error names the first one that is missing.
             pub fn resolve(library: libloading::Library) -> Result<Self, libloading::Error> {
                 $(
                     // SAFETY: the type is the C declaration of this symbol in Embree 4.
@@ -243,11 +243,10 @@ api! {
     ) -> bool;
 }
 
-/// Name, size, alignment and member offsets of every declared structure, as
-/// `(C name, size, align, [(C member, offset)])`: the table that the layout test checks.
+/// Layout of one declared structure: `(C name, size, alignment, [(C member, offset)])`.
 pub type Layout = (&'static str, usize, usize, &'static [(&'static str, usize)]);
 
-/// The structures as Rust lays them out.
+/// Layouts of all declared structures in Rust. The layout test compares them with the C headers.
 pub const LAYOUTS: &[Layout] = &[
     (
         "RTCRay",
