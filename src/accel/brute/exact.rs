@@ -46,7 +46,7 @@ pub fn determinant(a: &Integers, b: &Integers, c: &Integers) -> BigInt {
 /// A determinant in f64 with a bound on its error.
 #[derive(Debug, Clone, Copy)]
 pub struct Estimate {
-    /// The determinant, rounded.
+    /// Value of the determinant, rounded.
     pub value: f64,
     /// Bound on the distance between `value` and the exact determinant.
     pub error: f64,

@@ -12,13 +12,13 @@ use crate::ray::{Mask, RayPacket, Rays};
 /// A C enumeration (4 bytes).
 pub type Enum = c_int;
 
-/// Opaque `RTCDevice`.
+/// Opaque C type `RTCDevice`.
 #[repr(C)]
 pub struct DeviceHandle([u8; 0]);
-/// Opaque `RTCScene`.
+/// Opaque C type `RTCScene`.
 #[repr(C)]
 pub struct SceneHandle([u8; 0]);
-/// Opaque `RTCGeometry`.
+/// Opaque C type `RTCGeometry`.
 #[repr(C)]
 pub struct GeometryHandle([u8; 0]);
 
@@ -41,7 +41,7 @@ pub const RTC_DEVICE_PROPERTY_VERSION: Enum = 0;
 pub const RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED: Enum = 33;
 pub const RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED: Enum = 34;
 
-/// `RTCRay`: one ray.
+/// `RTCRay`: one ray of a single-ray query.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
 pub struct Ray {
@@ -55,7 +55,7 @@ pub struct Ray {
     pub flags: c_uint,
 }
 
-/// `RTCHit`: one hit.
+/// `RTCHit`: one hit of a single-ray query.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
 pub struct Hit {
@@ -68,7 +68,7 @@ pub struct Hit {
     pub inst_prim_id: c_uint,
 }
 
-/// `RTCRayHit`.
+/// `RTCRayHit`: one ray and its hit.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
 pub struct RayHit {
@@ -76,7 +76,7 @@ pub struct RayHit {
     pub hit: Hit,
 }
 
-/// `RTCBounds`.
+/// `RTCBounds`: the bounding box of a primitive.
 #[repr(C, align(16))]
 pub struct Bounds {
     pub lower: [f32; 3],
@@ -106,7 +106,7 @@ pub struct QueryArguments {
     pub user_geometry: Option<unsafe extern "C" fn(*const c_void)>,
 }
 
-/// `RTCBoundsFunctionArguments`.
+/// `RTCBoundsFunctionArguments`: arguments of a user geometry's bounds callback.
 #[repr(C)]
 pub struct BoundsArguments {
     pub user: *const c_void,
@@ -128,7 +128,7 @@ pub struct UserArguments {
     pub geom_id: c_uint,
 }
 
-/// `RTCFilterFunctionNArguments`.
+/// `RTCFilterFunctionNArguments`: arguments of a filter callback, for `n` lanes.
 #[repr(C)]
 pub struct FilterArguments {
     pub valid: *mut c_int,
@@ -139,7 +139,7 @@ pub struct FilterArguments {
     pub n: c_uint,
 }
 
-/// `RTCPointQuery`.
+/// `RTCPointQuery`: a sphere to search.
 #[repr(C, align(16))]
 pub struct PointQuery {
     pub point: [f32; 3],
@@ -157,7 +157,7 @@ pub struct PointQueryContext {
     pub inst_stack_size: c_uint,
 }
 
-/// `RTCPointQueryFunctionArguments`.
+/// `RTCPointQueryFunctionArguments`: arguments of the point query's callback.
 #[repr(C, align(16))]
 pub struct PointQueryArguments {
     pub query: *mut PointQuery,

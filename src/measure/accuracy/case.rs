@@ -41,7 +41,7 @@ pub enum Mark {
 }
 
 impl Mark {
-    /// For the table.
+    /// The criterion as the table of results shows it.
     pub fn text(&self) -> String {
         match self {
             Self::Exact => "0; t within 2 ulp, 8 at worst".into(),
@@ -92,13 +92,12 @@ type Work = Box<dyn Fn(&mut Run) -> Result<()> + Send + Sync>;
 pub struct Case {
     /// The part of the catalogue.
     pub group: &'static str,
-    /// Its name; unique.
+    /// Name of the case, unique in the catalogue. It seeds the random rays.
     pub name: String,
     /// What is traced and what must come out.
     pub what: String,
-    /// What passes.
+    /// Criterion that a backend must meet to pass.
     pub mark: Mark,
-    /// What it does.
     work: Work,
 }
 
@@ -114,7 +113,7 @@ impl Case {
         Self { group, name: name.into(), what: what.into(), mark, work: Box::new(work) }
     }
 
-    /// Runs it.
+    /// Runs the case on every column and returns its row of results.
     pub(super) fn run(&self, settings: &Settings, monitor: &Monitor) -> Result<Row> {
         let started = Instant::now();
         // The name decides the rays, not the place in the catalogue.
@@ -146,21 +145,21 @@ impl Case {
 
 /// A case at work.
 pub struct Run<'a> {
-    /// What is measured.
+    /// Backends, seed and number of rays.
     pub settings: &'a Settings,
-    /// Asks to stop.
+    /// Receives progress and carries signals.
     pub monitor: &'a Monitor,
     /// Of this case's random numbers.
     salt: u64,
-    /// By column.
+    /// Counts of each column so far.
     pub tallies: Vec<Tally>,
-    /// Of failures.
+    /// Pictures of failures, at most one for each column.
     pictures: Vec<Picture>,
     /// What else there is to say.
     pub note: Option<String>,
 }
 
-/// How many packets.
+/// Number of packets of a case, for fast and slow columns.
 #[derive(Debug, Clone, Copy)]
 pub struct Amount {
     /// In the quick run.

@@ -114,7 +114,7 @@ fn corner(k: usize) -> [f64; 3] {
     [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -1.0 } else { 1.0 })
 }
 
-/// A convex object.
+/// Scene shapes of a convex object around the origin.
 fn convex(made: Made, place: &Place) -> Vec<Value> {
     let sides =
         [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];

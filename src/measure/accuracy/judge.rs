@@ -48,7 +48,7 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// No rays yet.
+    /// Creates a shot without rays.
     pub fn new(expect: Expect) -> Self {
         Self { rays: Rays::EMPTY, goals: [DVec3::ZERO; LANES], expect }
     }
@@ -60,7 +60,7 @@ impl Shot {
         self.goals[i] = goal;
     }
 
-    /// Sets ray `i`.
+    /// Sets ray `i` from `origin` along `direction`, both rounded to f32.
     pub fn put(&mut self, i: usize, origin: DVec3, direction: DVec3) {
         for axis in 0..3 {
             self.rays.org[axis][i] = origin[axis] as f32;
@@ -88,7 +88,7 @@ pub fn trace(
 
 /// Judges packets on all columns.
 pub struct Judge<'a> {
-    /// The columns.
+    /// The columns and the oracle, built over one geometry.
     pub built: &'a Built<'a>,
 }
 

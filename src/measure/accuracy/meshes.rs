@@ -10,9 +10,9 @@ use crate::measure::random::Random;
 /// Vertices around the origin and triangles over them.
 #[derive(Debug, Clone, Default)]
 pub struct Shape {
-    /// In f64.
+    /// Positions in f64, not rounded to f32.
     pub vertices: Vec<DVec3>,
-    /// Indices of vertices.
+    /// Indices into `vertices`, three for each triangle.
     pub triangles: Vec<[u32; 3]>,
     /// From every point of a box around the origin, this fraction of the mesh's own, all vertices are in sight.
     pub core: f64,

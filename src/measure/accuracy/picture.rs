@@ -14,7 +14,7 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket};
 use crate::simd::Isa;
 
-/// Pixels.
+/// Width and height of a picture in pixels.
 const SIZE: [u32; 2] = [192, 144];
 
 /// Shades of grey: few, so that files stay small.
@@ -27,7 +27,7 @@ const LONG: f64 = 12.0;
 pub struct View {
     ground: RgbImage,
     center: DVec3,
-    /// Right, down, forward.
+    /// Unit vectors of the view: right, down, forward.
     axes: [DVec3; 3],
     /// World units from the middle of the picture to its sides.
     half: [f64; 2],

@@ -14,12 +14,12 @@ use crate::monitor::Monitor;
 /// Changes when a reader of older files would misunderstand newer ones.
 pub const VERSION: u32 = 1;
 
-/// One run.
+/// Results of one run of `lightpath accuracy`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// [`VERSION`].
+    /// Format of the file: [`VERSION`] when it was written.
     pub version: u32,
-    /// Where it ran.
+    /// The machine that the run took place on.
     pub machine: Option<Machine>,
     /// Of all random rays.
     pub seed: u64,
@@ -27,14 +27,14 @@ pub struct Report {
     pub times: u64,
     /// What was measured, in the order of every row's entries.
     pub columns: Vec<ColumnReport>,
-    /// The catalogue.
+    /// One row for each case, in the order of the catalogue.
     pub rows: Vec<Row>,
 }
 
 /// A backend in one mode.
 #[derive(Debug, Clone, Serialize)]
 pub struct ColumnReport {
-    /// Its name.
+    /// Name of the backend with its mode.
     pub name: String,
     /// Name and version of what does the work.
     pub version: String,
@@ -46,26 +46,26 @@ pub struct ColumnReport {
     pub bound: f64,
 }
 
-/// One case.
+/// Results of one case.
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
     /// The part of the catalogue.
     pub group: String,
-    /// Unique.
+    /// Name of the case, unique in the catalogue.
     pub name: String,
     /// What is traced and what must come out.
     pub what: String,
-    /// What passes.
+    /// Criterion that a backend must meet to pass, in words.
     pub mark: String,
     /// What else there is to say.
     pub note: Option<String>,
     /// Answers that the fastest columns gave.
     pub rays: u64,
-    /// By column.
+    /// Results of each column, in the order of [`Report::columns`].
     pub entries: Vec<Entry>,
     /// Of the whole case: building, tracing, judging.
     pub seconds: f64,
-    /// Of failures.
+    /// Pictures of failures, not written to JSON.
     #[serde(skip)]
     pub pictures: Vec<Picture>,
 }
@@ -75,13 +75,13 @@ pub struct Row {
 pub struct Entry {
     /// Answers that were judged.
     pub rays: u64,
-    /// Wrong ones.
+    /// Number of wrong answers.
     pub failed: u64,
-    /// By kind.
+    /// Number of wrong answers by [`super::Kind`], under its name.
     pub failures: BTreeMap<String, u64>,
     /// Unlike the exact answer, but within the bound of the backend's own test.
     pub within_bound: u64,
-    /// Counted without failing.
+    /// Answers that a case counts without failing it.
     pub counted: u64,
     /// Hits whose t was held against the exact one.
     pub measured: u64,
@@ -128,14 +128,14 @@ impl Entry {
 pub struct Picture {
     /// Index of the column.
     pub column: usize,
-    /// Its name.
+    /// Name of the column.
     pub name: String,
-    /// The file.
+    /// Content of the PNG file.
     pub png: Vec<u8>,
 }
 
 impl Report {
-    /// No rows yet.
+    /// Creates a report without rows. Builds every column once to learn its version.
     pub(super) fn new(settings: &Settings, monitor: &Monitor) -> Result<Self> {
         let empty = super::meshes::geometry(vec![], vec![], vec![]);
         let mut columns = Vec::new();

@@ -29,7 +29,7 @@ fn turn(k: usize) -> DMat3 {
 /// A closed room around the origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Room {
-    /// Six quads.
+    /// A cube of six quads.
     Quads,
     /// A cube of triangles.
     Triangles,
@@ -184,7 +184,7 @@ fn closed(room: Room, name: &str) -> Case {
 /// Where a light is, relative to the wall that it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Side {
-    /// In its plane.
+    /// In the plane of the wall.
     Flush,
     /// A hair before it.
     Before,

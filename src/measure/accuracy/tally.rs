@@ -146,12 +146,12 @@ impl Tally {
         self.worst_ulp = self.worst_ulp.max(ulp);
     }
 
-    /// All wrong answers.
+    /// Number of wrong answers of all kinds.
     pub fn failed(&self) -> u64 {
         self.failures.values().sum()
     }
 
-    /// Adds another.
+    /// Adds the counts of `other` and keeps the larger of each worst error.
     pub fn add(&mut self, other: &Self) {
         self.rays += other.rays;
         for (kind, n) in &other.failures {

@@ -33,9 +33,9 @@ use super::png;
 /// What a file is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// OpenEXR.
+    /// An OpenEXR file, of one or more parts.
     Exr,
-    /// PNG.
+    /// A PNG file, 1 to 16 bits.
     Png,
 }
 
@@ -44,9 +44,9 @@ pub enum Format {
 pub struct Picture {
     /// Where it comes from.
     pub path: String,
-    /// What it is.
+    /// Format of the file.
     pub format: Format,
-    /// At least one.
+    /// All layers, sorted by name; at least one.
     pub layers: Vec<Layer>,
     /// What its mattes are called.
     pub mattes: Names,

@@ -6,9 +6,9 @@ use crate::measure::metrics::Errors;
 /// values that lie anywhere between two halves: a step squared over 12.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Floor {
-    /// As the metric.
+    /// Expected root mean squared error, as [`Metric::Rmse`](crate::measure::metrics::Metric::Rmse).
     pub rmse: f64,
-    /// As the metric.
+    /// Expected relative squared error, as [`Metric::Relmse`](crate::measure::metrics::Metric::Relmse).
     pub relmse: f64,
 }
 

@@ -19,7 +19,7 @@ pub enum Meaning {
 }
 
 impl Meaning {
-    /// In JSON.
+    /// Name of the meaning in JSON and messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Light => "light",
@@ -29,7 +29,7 @@ impl Meaning {
     }
 }
 
-/// One layer.
+/// Channels of a picture that are compared together.
 #[derive(Debug, Clone)]
 pub struct Layer {
     /// Empty for the picture itself.

@@ -27,7 +27,7 @@ pub struct Settings {
     /// The curve; by default [`Settings::default_tonemap`]. `Max` divides by the largest value of the
     /// reference, for both.
     pub tonemap: Option<ToneOperator>,
-    /// Stops.
+    /// Exposure in stops, applied before the tone curve.
     pub exposure: f32,
 }
 
@@ -53,9 +53,9 @@ pub struct NonFinite {
 /// One layer of both files.
 #[derive(Debug)]
 pub struct Compared {
-    /// The picture's.
+    /// Layer of the picture.
     pub test: Layer,
-    /// The reference's.
+    /// Layer of the reference.
     pub reference: Layer,
     /// Empty where pixels are not finite.
     pub values: Values,
@@ -74,7 +74,7 @@ pub struct Compared {
 /// What was found out.
 #[derive(Debug)]
 pub struct Comparison {
-    /// At least one.
+    /// Layers that both files have; at least one.
     pub layers: Vec<Compared>,
     /// Names of layers that only the picture has, that only the reference has.
     pub alone: [Vec<String>; 2],

@@ -8,7 +8,7 @@ const SIZE: [usize; 2] = [176, 132];
 /// A part of pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Crop {
-    /// Top left pixel.
+    /// Column and row of the top left pixel.
     pub corner: [usize; 2],
     /// Pixels across and down.
     pub size: [usize; 2],

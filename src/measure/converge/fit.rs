@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 /// y = c x^slope.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Slope {
-    /// The exponent.
+    /// The exponent of x.
     pub slope: f64,
     /// Of the exponent, from the residuals.
     pub standard_error: f64,
-    /// c.
+    /// The factor c of the power law.
     pub factor: f64,
     /// Points that it goes through.
     pub points: usize,

@@ -27,12 +27,12 @@ impl Setting {
     }
 }
 
-/// All settings.
+/// The values of each dimension of a study; every combination is a setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
-    /// Number of backends.
+    /// Number of backends that are compared.
     pub contestants: usize,
-    /// Samplers.
+    /// Samplers that are compared.
     pub samplers: Vec<SamplerKind>,
     /// Camera samples per pixel.
     pub spp: Vec<u32>,

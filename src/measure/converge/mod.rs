@@ -43,14 +43,14 @@ use crate::world::World;
 /// In place of a signal's number: the budget is used up.
 const BUDGET: i32 = -1;
 
-/// What to measure.
+/// What a study renders, and its limits.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// Backends; the first renders the reference.
     pub contestants: Vec<Contestant>,
-    /// All settings.
+    /// Settings that are compared.
     pub grid: Grid,
-    /// How much.
+    /// Budget, number of renders and first seed.
     pub limits: Limits,
     /// When the study began, from which its budget counts.
     pub started: Instant,

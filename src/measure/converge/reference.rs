@@ -11,7 +11,7 @@ pub struct Floor {
     pub relmse: f64,
 }
 
-/// A finished reference.
+/// A picture that errors are measured against.
 #[derive(Debug, Clone)]
 pub struct Reference {
     /// R G B of all pixels.
@@ -25,12 +25,12 @@ pub struct Reference {
 pub struct Passes {
     sums: Vec<f64>,
     squares: Vec<f64>,
-    /// So far.
+    /// Number of passes so far.
     pub count: u32,
 }
 
 impl Passes {
-    /// Adds a pass.
+    /// Adds one pass: R, G, B of all pixels.
     pub fn add(&mut self, values: &[f32]) {
         self.sums.resize(values.len(), 0.0);
         self.squares.resize(values.len(), 0.0);

@@ -15,14 +15,14 @@ pub const VERSION: u32 = 1;
 /// Errors whose squares the reference's own error makes more than a tenth too large say nothing.
 const FLOOR: f64 = 10.0;
 
-/// One study.
+/// Results of one study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// [`VERSION`].
+    /// Format of the file: [`VERSION`] when it was written.
     pub version: u32,
-    /// Where it ran.
+    /// The machine that the study ran on.
     pub machine: Machine,
-    /// Worker threads.
+    /// Number of worker threads.
     pub threads: usize,
     /// As on the command line.
     pub scene: String,
@@ -72,18 +72,18 @@ pub struct ReferenceResult {
 /// A mean and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// The mean.
+    /// The mean over all renders.
     pub value: f64,
     /// `None` of a single render.
     pub standard_error: Option<f64>,
 }
 
-/// One setting.
+/// Results of one setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PointResult {
     /// As on the command line.
     pub backend: String,
-    /// `sobol` or `random`.
+    /// Sampler: `sobol` or `random`.
     pub sampler: String,
     /// Camera samples per pixel.
     pub spp: u32,
@@ -95,7 +95,7 @@ pub struct PointResult {
     pub rays: u64,
     /// Of each render; building and writing not included.
     pub seconds: Vec<f64>,
-    /// Their median.
+    /// The median of `seconds`.
     pub median_s: f64,
     /// Their median absolute deviation.
     pub mad_s: f64,
@@ -103,9 +103,9 @@ pub struct PointResult {
     pub rmse: Estimate,
     /// mean d^2 / (r^2 + 0.01)
     pub relmse: Estimate,
-    /// mean |d|
+    /// Mean absolute error: mean |d|.
     pub mae: Estimate,
-    /// mean d
+    /// Mean signed error: mean d.
     pub bias: Estimate,
     /// Whether the reference's own error is a part of it that counts.
     pub at_floor: bool,
@@ -118,7 +118,7 @@ pub struct PointResult {
 pub struct Series {
     /// As on the command line.
     pub backend: String,
-    /// `sobol` or `random`.
+    /// Sampler: `sobol` or `random`.
     pub sampler: String,
     /// The number that stays: `4 light samples`, `1 spp`; empty without area lights.
     pub fixed: String,
@@ -137,7 +137,7 @@ pub struct Ratio {
     pub spp: u32,
     /// Points on each area light.
     pub light_samples: Option<u32>,
-    /// Samples a pixel.
+    /// Samples per pixel: the product of both numbers.
     pub samples: u64,
     /// RMSE of `random` over RMSE of `sobol`.
     pub rmse: Estimate,
@@ -146,7 +146,7 @@ pub struct Ratio {
 /// The cheapest point below an error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
-    /// relmse to reach.
+    /// The relmse that is reached, a power of ten.
     pub relmse: f64,
     /// Index of the point.
     pub point: usize,
@@ -157,9 +157,9 @@ pub struct Reached {
 /// What names what was measured.
 #[derive(Debug, Clone)]
 pub struct Subject {
-    /// Where it ran.
+    /// The machine that the study ran on.
     pub machine: Machine,
-    /// Worker threads.
+    /// Number of worker threads.
     pub threads: usize,
     /// As on the command line.
     pub scene: String,

@@ -22,7 +22,7 @@ pub struct Limits {
     pub budget: f64,
     /// Renders of each setting, each with a seed of its own.
     pub repeats: u32,
-    /// The first seed.
+    /// Seed of the first round; the rounds after it count up.
     pub seed: i64,
 }
 
@@ -40,24 +40,24 @@ pub enum Purpose {
 /// A render to be done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Job {
-    /// How.
+    /// Setting to render with.
     pub setting: Setting,
     /// Of every random choice.
     pub seed: i64,
-    /// What for.
+    /// What the picture is used for.
     pub purpose: Purpose,
 }
 
 /// What is known of one setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
-    /// Which.
+    /// The setting that was rendered.
     pub setting: Setting,
-    /// Of each render.
+    /// Seconds of each render.
     pub seconds: Vec<f64>,
     /// Rays of one render.
     pub rays: u64,
-    /// Of each render.
+    /// Errors of each render.
     pub errors: Vec<Errors>,
     /// A part of the first picture.
     pub crop: Vec<f32>,

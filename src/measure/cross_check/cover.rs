@@ -9,9 +9,9 @@ use crate::accel::brute::{Near, Outline};
 /// Where a layer lies on the ray, errors of t included.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layer {
-    /// Its nearest t.
+    /// Smallest t of the layer.
     pub near: f64,
-    /// Its farthest t.
+    /// Largest t of the layer.
     pub far: f64,
 }
 

@@ -54,7 +54,7 @@ pub enum Mode {
     Coherent,
     /// 16 at a time.
     Incoherent,
-    /// Each alone.
+    /// Single rays, one query for each lane.
     Single,
 }
 
@@ -71,7 +71,7 @@ impl Mode {
 /// A backend that is checked.
 #[derive(Clone, Copy)]
 pub struct Contender<'a> {
-    /// Which one.
+    /// Backend that is checked.
     pub backend: Backend,
     /// Built over the world's geometry.
     pub accelerator: &'a dyn Accelerator,
@@ -109,11 +109,11 @@ impl Contender<'_> {
 /// What is checked, and how much.
 #[derive(Clone, Copy)]
 pub struct Check<'a> {
-    /// The scene.
+    /// The scene whose rays are checked.
     pub world: &'a World,
-    /// The judge.
+    /// The oracle, built over the scene's geometry.
     pub oracle: &'a Brute<'a>,
-    /// The judged.
+    /// The backends to check. The first one finds the camera hits.
     pub contenders: &'a [Contender<'a>],
     /// To compare with its own plain loop.
     pub coursework: Option<&'a Coursework<'a>>,
@@ -132,7 +132,7 @@ pub struct Case {
     pub shadow: bool,
     /// The renderer's, for packets.
     pub coherence: Coherence,
-    /// The rays.
+    /// The rays before the query.
     pub packet: Recorded,
 }
 
@@ -180,7 +180,6 @@ pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
 
 /// All verdicts of one packet.
 pub struct Part {
-    /// What was checked.
     case: Case,
     /// By contender, mode and lane.
     verdicts: Vec<(usize, Mode, usize, Verdict, Answer)>,

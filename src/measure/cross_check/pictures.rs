@@ -32,7 +32,7 @@ const EXPLAINED: usize = 10_000;
 /// How the pictures of two backends compare.
 #[derive(Debug, Clone, Serialize)]
 pub struct PictureReport {
-    /// The two.
+    /// Names of the two backends.
     pub backends: [&'static str; 2],
     /// Pixels of the frame.
     pub pixels: u64,

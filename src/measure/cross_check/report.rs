@@ -14,28 +14,28 @@ use crate::scene::{Backend, written::Accelerator};
 /// How many rays got which verdict.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Tally {
-    /// All of them.
+    /// Number of answers that were judged.
     pub rays: u64,
-    /// [`Verdict::Agree`]
+    /// Number of answers with [`Verdict::Agree`].
     pub agree: u64,
-    /// [`Verdict::Tie`]
+    /// Number of answers with [`Verdict::Tie`].
     pub tie: u64,
-    /// [`Verdict::Edge`]
+    /// Number of answers with [`Verdict::Edge`].
     pub edge: u64,
-    /// [`Verdict::Crowd`]
+    /// Number of answers with [`Verdict::Crowd`].
     pub crowd: u64,
-    /// [`Verdict::Leak`]
+    /// Number of answers with [`Verdict::Leak`].
     pub leak: u64,
-    /// [`Verdict::FalseHit`]
+    /// Number of answers with [`Verdict::FalseHit`].
     pub false_hit: u64,
-    /// [`Verdict::WrongPrimitive`]
+    /// Number of answers with [`Verdict::WrongPrimitive`].
     pub wrong_primitive: u64,
-    /// [`Verdict::WrongDistance`]
+    /// Number of answers with [`Verdict::WrongDistance`].
     pub wrong_distance: u64,
 }
 
 impl Tally {
-    /// Counts one ray.
+    /// Counts the verdict on one answer.
     pub fn count(&mut self, verdict: Verdict) {
         self.rays += 1;
         *match verdict {
@@ -50,7 +50,7 @@ impl Tally {
         } += 1;
     }
 
-    /// Adds another.
+    /// Adds all counts of `other`.
     pub fn add(&mut self, other: &Self) {
         self.rays += other.rays;
         self.agree += other.agree;
@@ -69,10 +69,10 @@ impl Tally {
     }
 }
 
-/// One backend's verdicts.
+/// All verdicts on one backend.
 #[derive(Debug, Clone, Serialize)]
 pub struct BackendReport {
-    /// Its name.
+    /// Name of the backend.
     pub backend: &'static str,
     /// What does the work.
     pub version: String,
@@ -149,7 +149,7 @@ impl From<Result<Stats, String>> for Tree {
 /// The answers of `coursework` held against a loop over all its tests.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct PlainLoop {
-    /// Rays compared.
+    /// Number of rays compared.
     pub rays: u64,
     /// Rays with another answer.
     pub wrong: u64,
@@ -163,7 +163,7 @@ pub struct SavedRay {
     pub lane: usize,
     /// Relative to the scene's origin.
     pub origin: [f32; 3],
-    /// Any length.
+    /// Direction, of any length but zero.
     pub direction: [f32; 3],
     /// Start of the segment.
     pub tnear: f32,
@@ -177,7 +177,7 @@ pub struct SavedRay {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Finding {
-    /// Whose answer.
+    /// Name of the backend that answered.
     pub backend: String,
     /// `oracle` or `plain loop`.
     pub against: String,
@@ -193,7 +193,7 @@ pub struct Finding {
     pub lane: usize,
     /// What the backend says.
     pub answer: Answer,
-    /// What is right.
+    /// The oracle's or the plain loop's answer.
     pub truth: Answer,
     /// The whole packet: what else is in it may matter.
     pub packet: Vec<SavedRay>,
@@ -266,7 +266,7 @@ fn saved(case: &Case) -> Vec<SavedRay> {
 pub struct Report {
     /// Of all random rays.
     pub seed: i64,
-    /// Different rays.
+    /// Number of rays, each counted once.
     pub rays: u64,
     /// Of the whole scene.
     pub primitives: u64,
@@ -285,7 +285,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Nothing yet.
+    /// Creates a report without any verdict.
     pub fn new(check: &Check) -> Self {
         let backends = check.contenders.iter().map(|contender| {
             let BuildInfo { version, isa, .. } = contender.accelerator.info();

@@ -11,11 +11,11 @@ use crate::ray::{NONE, RayPacket, Rays};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "says", rename_all = "snake_case")]
 pub enum Answer {
-    /// Nothing is met.
+    /// The ray hits nothing, or is not occluded.
     Miss,
-    /// The closest hit.
+    /// The closest hit of the ray.
     Hit {
-        /// Geometry id.
+        /// Geometry id of the hit.
         geom: u32,
         /// Primitive within its geometry.
         prim: u32,
@@ -47,7 +47,7 @@ impl Answer {
         if rays.tfar[i] == f32::NEG_INFINITY { Self::Occluded } else { Self::Miss }
     }
 
-    /// The oracle's own.
+    /// The oracle's answer: occlusion if `shadow`, else the closest hit.
     pub fn truth(oracle: &Brute, ray: &Ray, shadow: bool) -> Self {
         match oracle.closest_hit(ray) {
             None => Self::Miss,

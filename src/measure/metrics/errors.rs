@@ -3,9 +3,9 @@
 /// Errors of values x against reference values r, d = x - r.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Errors {
-    /// mean d^2
+    /// Mean squared error: mean d^2.
     pub mse: f64,
-    /// mean |d|
+    /// Mean absolute error: mean |d|.
     pub mae: f64,
     /// mean d^2 / (r^2 + 0.01): the relMSE of tev and of most papers (Rousselle et al. 2011).
     pub relmse: f64,
@@ -13,9 +13,9 @@ pub struct Errors {
     pub mrse: f64,
     /// mean |d| / (|x| + |r| + 0.01): the SMAPE of the denoising papers (Bako et al. 2017).
     pub smape: f64,
-    /// mean d
+    /// Bias, the mean signed error: mean d.
     pub bias: f64,
-    /// max |d|
+    /// Largest error: max |d|.
     pub max: f64,
     /// The smallest |d| that 99% of all |d| do not exceed.
     pub p99: f64,

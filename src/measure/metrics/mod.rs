@@ -13,24 +13,24 @@ mod ssim;
 pub use errors::Errors;
 pub use ssim::ssim;
 
-/// A metric.
+/// A measure of how far a picture is from a reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Metric {
-    /// Mean squared error.
+    /// Mean squared error over all values.
     Mse,
-    /// Its root.
+    /// Root of the mean squared error.
     Rmse,
-    /// Mean absolute error.
+    /// Mean absolute error over all values.
     Mae,
     /// Relative squared error, epsilon outside of the square.
     Relmse,
     /// Relative squared error, epsilon inside of the square.
     Mrse,
-    /// Symmetric absolute error.
+    /// Symmetric mean absolute error (SMAPE).
     Smape,
-    /// Mean signed difference.
+    /// Mean signed difference; > 0 where the picture is brighter.
     Bias,
-    /// Largest difference.
+    /// Largest absolute difference of a value.
     Max,
     /// 99th percentile of the differences.
     P99,
@@ -42,7 +42,7 @@ pub enum Metric {
     Ssim,
     /// LDR-FLIP of the 8-bit pictures.
     Flip,
-    /// HDR-FLIP.
+    /// HDR-FLIP of linear light, over several exposures.
     HdrFlip,
 }
 
@@ -85,7 +85,7 @@ impl Metric {
         }
     }
 
-    /// What is computed.
+    /// Formula of the metric, with x, r and d as in the module's documentation.
     pub fn formula(self) -> &'static str {
         match self {
             Self::Mse => "mean d^2",
@@ -135,7 +135,7 @@ impl Values {
         self.0.iter().copied()
     }
 
-    /// Adds some.
+    /// Appends metrics with their values.
     pub fn extend(&mut self, values: impl IntoIterator<Item = (Metric, f64)>) {
         self.0.extend(values);
     }
@@ -202,7 +202,7 @@ pub fn linear_from_srgb(x: f64) -> f64 {
     if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// 0 of none.
+/// The mean of `values`; 0 if there are none.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }

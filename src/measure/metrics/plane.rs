@@ -44,7 +44,7 @@ impl Plane {
         Self { width, values }
     }
 
-    /// The second half.
+    /// Convolves along y: the second half of [`Plane::convolved`].
     pub fn along_y(&self, kernel: &[f64]) -> Self {
         let (width, radius) = (self.width, kernel.len() / 2);
         let bottom = (self.values.len() / width).saturating_sub(1);
