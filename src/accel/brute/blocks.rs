@@ -39,7 +39,7 @@ impl Box3 {
         (self.min + self.max) / 2.0
     }
 
-    /// Returns whether the ray may hit the widened box at a t in [`near`, `far`].
+    /// Returns whether the ray may hit the widened box at a t between `near` and `far`.
     ///
     /// Let M be the largest coordinate of the box as seen from the ray's origin. Every plane of the
     /// box moves outwards by w = `widen` M. A difference, a reciprocal and a product round, by less

@@ -119,7 +119,7 @@ mod tests {
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     }
 
-    /// Embree's ROBUST triangle test in f32: returns [u, v, t] and the normal.
+    /// Embree's ROBUST triangle test in f32: returns u, v, t and the normal.
     fn robust(corners: [[f32; 3]; 3], o: [f32; 3], d: [f32; 3]) -> Option<([f32; 3], [f32; 3])> {
         let [a, b, c] = corners.map(|corner| minus(corner, o));
         let (e0, e1, e2) = (minus(c, a), minus(a, b), minus(b, c));
