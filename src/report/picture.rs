@@ -9,7 +9,7 @@ pub fn picture(png: &[u8], caption: &str) -> String {
     picture_of_width(png, caption, 192)
 }
 
-/// As [`picture`], `width` CSS pixels wide. Enlarged pixels stay squares.
+/// As [`picture()`], `width` CSS pixels wide. Enlarged pixels stay squares.
 pub fn picture_of_width(png: &[u8], caption: &str, width: u32) -> String {
     let (data, caption) = (STANDARD.encode(png), escape(caption));
     format!(

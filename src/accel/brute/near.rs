@@ -50,8 +50,10 @@ pub enum Outline {
 }
 
 impl Brute<'_> {
-    /// All primitives that the line of the ray hits, or would hit if every sheared corner moved by
-    /// up to `factor` times the error bound of the test. Hits at any t count.
+    /// All primitives that the line of the ray hits or nearly hits, at any t.
+    ///
+    /// A near hit is one that a shift of the sheared corners can cause. Each may move by `factor`
+    /// times the error bound of the test.
     ///
     /// A sphere gives one entry for each of its roots. A flat primitive that the ray leaves gives
     /// none. Returns `None` if there are more than `most` entries.

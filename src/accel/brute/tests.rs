@@ -83,7 +83,7 @@ fn triangles_without_area_are_never_hit() {
 
 #[test]
 fn the_segment_is_open_to_the_last_bit() {
-    // A plane z = x / 3 + y / 7: t is no f32.
+    // A plane z = x / 3 + y / 7: t is not an f32 value.
     let triangle = [[-9.0, 0.0, -3.0], [9.0, 0.0, 3.0], [0.0, 63.0, 9.0]];
     let geometry = soup(&[triangle]);
     let brute = build(&geometry);

@@ -129,7 +129,7 @@ impl Tally {
     pub fn has_any(&self, kinds: &[Kind]) -> Option<String> {
         let count = |kind: &Kind| self.failures.get(kind).copied().unwrap_or(0);
         let found = kinds.iter().find(|kind| count(kind) > 0)?;
-        Some(format!("{} answers are a {}, expected none", count(found), found.name()))
+        Some(format!("{} answers are wrong ({}), expected none", count(found), found.name()))
     }
 
     /// Counts a wrong answer, shown at `place` in pictures.

@@ -66,8 +66,9 @@ pub fn read_names<'a>(
     }
 }
 
-/// Compares the mattes of a kind whose ranks are among `layers`; nothing where ids or coverages are
-/// missing.
+/// Compares the mattes of one kind. `layers` contain its ranks.
+///
+/// The result is empty if ids or coverages of the first rank are missing.
 pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) -> Mattes {
     let channel = |rank: usize, suffix: &str| {
         let name = format!("{kind}{rank:02}.{suffix}");

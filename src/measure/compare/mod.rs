@@ -120,7 +120,7 @@ pub fn compare(test: Picture, reference: Picture, settings: &Settings) -> Result
     }
     if layers.is_empty() {
         let list = |names: &[String]| names.join(", ");
-        let message = format!("found the layers {}; none of them is to be compared", list(&own));
+        let message = format!("found the layers {}; none of them can be compared", list(&own));
         return Err(Error::invalid(test_path, message)
             .help(format!("{reference_path} has {}", list(&other))));
     }

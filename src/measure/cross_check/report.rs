@@ -113,7 +113,7 @@ impl BackendReport {
     fn failures(&self) -> Vec<String> {
         let (name, wrong, rays) = (self.backend, self.total.wrong(), self.total.rays);
         if self.must_be_right {
-            let failure = || format!("`{name}` answers {wrong} of {rays} rays wrong");
+            let failure = || format!("`{name}` gives wrong answers to {wrong} of {rays} rays");
             return (wrong > 0).then(failure).into_iter().collect();
         }
         let sources = self.sources.iter().zip(&self.allowed);
@@ -121,7 +121,7 @@ impl BackendReport {
         let failure = |((source, tally), most): (&(String, Tally), &u64)| {
             let (wrong, rays) = (tally.wrong(), tally.rays);
             format!(
-                "`{name}` answers {wrong} of {rays} {source} rays wrong, more than the known {most}"
+                "`{name}` gives wrong answers to {wrong} of {rays} {source} rays, more than the known {most}"
             )
         };
         above.map(failure).collect()
@@ -221,7 +221,7 @@ impl Finding {
             rays.leaving[i] = ray.leaving.unwrap_or(NONE);
         }
         if self.lane >= LANES || active.0[self.lane] == 0 {
-            return Err(format!("found the wrong answer in lane {}, which is no ray", self.lane));
+            return Err(format!("found the wrong answer in lane {}, which has no ray", self.lane));
         }
         if rays.possible(&active) != active {
             return Err("found a ray without direction, or one that is not finite".into());
@@ -381,11 +381,11 @@ impl Report {
         let mut failures: Vec<String> =
             self.backends.iter().flat_map(BackendReport::failures).collect();
         if let Some(Tree::Invalid(what)) = &self.tree {
-            failures.push(format!("the tree of `bvh` is not what its builder promises: {what}"));
+            failures.push(format!("the tree of `bvh` is invalid: {what}"));
         }
         if let Some(PlainLoop { rays, wrong: wrong @ 1.. }) = self.plain_loop {
             failures.push(format!(
-                "`coursework` answers {wrong} of {rays} rays unlike the plain loop over its own tests"
+                "`coursework` answers {wrong} of {rays} rays differently from a plain loop over its tests"
             ));
         }
         failures.extend(self.pictures.iter().filter_map(PictureReport::failure));

@@ -215,7 +215,7 @@ fn embree_may_be_wrong_at_its_known_rates() {
     let leaky = report_on(EMBREE, Fault::Misses(0, 0));
     let failures = leaky.failures();
     let above = |source: &str| {
-        let name = format!(" {source} rays wrong, more than the known ");
+        let name = format!(" {source} rays, more than the known ");
         failures.iter().any(|failure| failure.starts_with("`embree`") && failure.contains(&name))
     };
     assert!(above("primary") && above("edge") && !above("tiny"), "{failures:?}");
