@@ -78,7 +78,7 @@ pub fn load_library() -> Result<Arc<Api>> {
 
 /// Returns whether enough address space is left for Embree and TBB, whose files have 44 MB.
 ///
-/// The loader's error does not tell a lack of memory from other failures to map a segment.
+/// The loader's error does not distinguish a lack of memory from other failures to map a segment.
 fn has_room() -> bool {
     Vec::<u8>::new().try_reserve_exact(128 << 20).is_ok()
 }

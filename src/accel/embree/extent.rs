@@ -67,8 +67,7 @@ impl Extent {
     ///
     /// - n has an error of 6u E^2; its products with a corner or d, of 3u of their permanents. So t
     ///   has an error of at most 20u L E^2 / |n . d|.
-    /// - The errors of the corners add 3^0.5 u L E^2 / |n . d|. The relative error of n . d is 20
-    ///   q.
+    /// - The errors of the corners add 3^0.5 u L E^2 / |n . d|. n . d has a relative error of 20 q.
     /// - Together: 32 q E / |d|.
     #[inline(always)]
     pub fn sure(&self, candidate: &Candidate) -> bool {
