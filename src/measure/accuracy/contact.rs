@@ -46,13 +46,13 @@ const CONTACT: f64 = 4.0;
 
 /// Kind of primitives that an object consists of.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Made {
+pub(super) enum Solid {
     Triangles,
     Quads,
     Spheres,
 }
 
-const MADE: [Made; 3] = [Made::Triangles, Made::Quads, Made::Spheres];
+const SOLIDS: [Solid; 3] = [Solid::Triangles, Solid::Quads, Solid::Spheres];
 
 /// Size, position and rotation of an object in its world.
 #[derive(Debug, Clone, Copy)]
@@ -118,13 +118,13 @@ fn corner(k: usize) -> [f64; 3] {
 }
 
 /// Scene shapes of a convex object around the origin.
-fn convex(made: Made, place: &Place) -> Vec<Value> {
+fn convex(solid: Solid, place: &Place) -> Vec<Value> {
     let sides =
         [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    match made {
-        Made::Spheres => vec![place.sphere([0.0; 3], 1.0)],
-        Made::Quads => sides.map(|side| place.plane(side.map(corner))).to_vec(),
-        Made::Triangles => {
+    match solid {
+        Solid::Spheres => vec![place.sphere([0.0; 3], 1.0)],
+        Solid::Quads => sides.map(|side| place.plane(side.map(corner))).to_vec(),
+        Solid::Triangles => {
             // An octahedron.
             let tip = |axis: usize, k: usize| {
                 let mut v = [0.0; 3];
@@ -144,7 +144,7 @@ pub(super) fn above(random: &mut Random, normal: DVec3, least: f64) -> DVec3 {
 }
 
 /// 16 rays from one point around the object, of size `scale`, to its targets.
-fn looks(
+fn rays_at_object(
     random: &mut Random,
     scale: f64,
     target: impl Fn(&mut Random) -> DVec3,
@@ -167,13 +167,13 @@ fn looks(
 
 /// Traces packets through a geometry with every column and adds the counts to `run`.
 ///
-/// `looks` creates the first rays. `judge` traces secondary rays from the hits of one column, and
-/// counts wrong answers.
+/// `first_rays` creates the first rays. `judge` traces secondary rays from the hits of one column,
+/// and counts wrong answers.
 pub(super) fn check(
     run: &mut Run,
     geometry: &Geometry,
     salt: u64,
-    looks: impl Fn(&mut Random) -> RayPacket + Sync,
+    first_rays: impl Fn(&mut Random) -> RayPacket + Sync,
     judge: impl Fn(&mut Random, &Seen, &mut Tally) + Sync,
 ) -> Result<()> {
     let mut sums = vec![Tally::default(); run.tallies.len()];
@@ -184,7 +184,7 @@ pub(super) fn check(
             .into_par_iter()
             .filter(|_| !run.monitor.stopped())
             .map(|index| {
-                let first = looks(&mut run.random(salt << 40 | index << 1));
+                let first = first_rays(&mut run.random(salt << 40 | index << 1));
                 let mut tallies = Vec::new();
                 for (column, accelerator) in &built.columns {
                     let mut tally = Tally::default();
@@ -283,17 +283,17 @@ fn self_shadow(scale: f64) -> Case {
     let mark = Mark::Zero("shadow rays have no t");
     Case::new(GROUP, name, what, mark, move |run| {
         let mut salt = 0;
-        for made in MADE {
+        for solid in SOLIDS {
             for offset in OFFSETS {
                 salt += 1;
                 let place = Place::new(scale, offset, salt % 2 == 0);
-                let world = place.world(&convex(made, &place))?;
+                let world = place.world(&convex(solid, &place))?;
                 let target = |random: &mut Random| random.cube() * 0.55 * scale;
                 check(
                     run,
                     &world.geometry,
                     salt,
-                    |random| looks(random, scale, target, false),
+                    |random| rays_at_object(random, scale, target, false),
                     |random, seen, tally| {
                         let lights = std::array::from_fn(|i| {
                             let distance = 10f64.powf(random.within(-1.0, 3.0)) * scale;
@@ -322,29 +322,29 @@ fn self_shadow(scale: f64) -> Case {
 }
 
 /// A floor and an occluder at distance `gap` above it. The occluder is the last of its kind.
-fn stack(made: Made, place: &Place, gap: f64) -> Vec<Value> {
+fn stack(solid: Solid, place: &Place, gap: f64) -> Vec<Value> {
     let triangle = |size: f64, z: f64| {
         place.triangle([[-size, -size, z], [2.0 * size, -size, z], [-size, 2.0 * size, z]])
     };
     let quad = |size: f64, z: f64| {
         place.plane([[-size, -size, z], [size, -size, z], [size, size, z], [-size, size, z]])
     };
-    match made {
-        Made::Triangles => vec![triangle(1.0, 0.0), triangle(2.0, gap)],
-        Made::Quads => vec![quad(1.0, 0.0), quad(2.0, gap)],
-        Made::Spheres => vec![place.sphere([0.0, 0.0, -1.0], 1.0), quad(2.0, gap)],
+    match solid {
+        Solid::Triangles => vec![triangle(1.0, 0.0), triangle(2.0, gap)],
+        Solid::Quads => vec![quad(1.0, 0.0), quad(2.0, gap)],
+        Solid::Spheres => vec![place.sphere([0.0, 0.0, -1.0], 1.0), quad(2.0, gap)],
     }
 }
 
 /// Primitive number of the occluder, and its triangles with their f32 corners.
-fn planes(geometry: &Geometry, made: Made) -> (u32, Vec<[DVec3; 3]>) {
+fn planes(geometry: &Geometry, solid: Solid) -> (u32, Vec<[DVec3; 3]>) {
     let f64s = |v: [f32; 3]| DVec3::from(v.map(f64::from));
-    match made {
-        Made::Triangles => {
+    match solid {
+        Solid::Triangles => {
             let corners = geometry.meshes[0].corners(1).map(f64s);
             (geometry.primitive(0, 1), vec![corners])
         }
-        Made::Quads | Made::Spheres => {
+        Solid::Quads | Solid::Spheres => {
             let prim = geometry.quads.len() as u32 - 1;
             let [a, b, c, d] = geometry.quads[prim as usize].map(f64s);
             (geometry.primitive(geometry.quads_id(), prim), vec![[a, b, d], [c, d, b]])
@@ -366,14 +366,14 @@ fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case
     Case::new(GROUP, name, what, mark, move |run| {
         let mut salt = 0;
         for (&scale, &ulps) in scales.iter().flat_map(|s| ulps.iter().map(move |u| (s, u))) {
-            for (made, offset) in MADE.into_iter().flat_map(|m| OFFSETS.map(|o| (m, o))) {
+            for (solid, offset) in SOLIDS.into_iter().flat_map(|m| OFFSETS.map(|o| (m, o))) {
                 salt += 1;
                 let place = Place::new(scale, offset, salt % 2 == 0);
                 // The scene's origin does not depend on so small a gap.
-                let flat = place.world(&stack(made, &place, 0.125))?;
+                let flat = place.world(&stack(solid, &place, 0.125))?;
                 let unit = ulp(largest(&flat.geometry));
-                let world = place.world(&stack(made, &place, ulps * unit / scale))?;
-                in_contact(run, &world.geometry, made, &place, unit, salt)?;
+                let world = place.world(&stack(solid, &place, ulps * unit / scale))?;
+                in_contact(run, &world.geometry, solid, &place, unit, salt)?;
             }
         }
         Ok(())
@@ -383,21 +383,21 @@ fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case
 fn in_contact(
     run: &mut Run,
     geometry: &Geometry,
-    made: Made,
+    solid: Solid,
     place: &Place,
     unit: f64,
     salt: u64,
 ) -> Result<()> {
-    let (occluder, planes) = planes(geometry, made);
+    let (occluder, planes) = planes(geometry, solid);
     let [a, b, c] = planes[0];
     let up = (b - a).cross(c - a).normalize();
-    let middle = match made {
-        Made::Triangles => a.lerp(b, 0.5).lerp(c, 1.0 / 3.0),
-        Made::Quads | Made::Spheres => b.lerp(c, 0.5),
+    let middle = match solid {
+        Solid::Triangles => a.lerp(b, 0.5).lerp(c, 1.0 / 3.0),
+        Solid::Quads | Solid::Spheres => b.lerp(c, 0.5),
     };
     let scale = place.scale;
     // Rays hit the sphere near its top, and the other floors anywhere.
-    let reach = if made == Made::Spheres { 3e-4 } else { 0.5 };
+    let reach = if solid == Solid::Spheres { 3e-4 } else { 0.5 };
     check(
         run,
         geometry,
