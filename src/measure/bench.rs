@@ -25,7 +25,7 @@ use crate::world::World;
 pub struct Contestant {
     /// Name in reports, as on the command line.
     pub name: String,
-    /// The backend.
+    /// The backend, with its mode or instruction set.
     pub backend: Backend,
 }
 

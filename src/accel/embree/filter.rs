@@ -72,9 +72,9 @@ impl<'g> Truth<'g> {
 
     /// Returns where the ray passes the triangle or quad of a candidate, or `None` for a false hit.
     ///
-    /// A hit is false if the ray passes by more than the error of Embree's test. It is also false if
-    /// the triangle lies behind the surface that the ray leaves. False hits are counted. For a quad,
-    /// the half that the ray passes first is returned.
+    /// A hit is false if the ray passes by more than the error of Embree's test. It is also false
+    /// if the triangle lies behind the surface that the ray leaves. False hits are counted. For a
+    /// quad, the half that the ray passes first is returned.
     #[cold]
     pub fn passing(&self, candidate: &Candidate) -> Option<Found> {
         let at = |corners: [[f32; 3]; 3], turned: bool| {

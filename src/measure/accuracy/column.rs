@@ -129,7 +129,7 @@ pub struct Settings {
 
 /// All columns and the oracle, built over one geometry.
 pub struct Built<'g> {
-    /// The geometry.
+    /// The geometry that all of them are built over.
     pub geometry: &'g Geometry,
     /// The columns with their accelerators, in the order of the settings.
     pub columns: Vec<(&'g Column, Box<dyn Accelerator + 'g>)>,

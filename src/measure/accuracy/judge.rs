@@ -44,7 +44,7 @@ pub struct Shot {
     pub rays: Rays,
     /// Points that the rays are aimed at, for the pictures.
     pub goals: [DVec3; LANES],
-    /// The right answers.
+    /// Rule that decides which answers are right.
     pub expect: Expect,
 }
 

@@ -141,7 +141,7 @@ fn root(parent: &mut [usize], mut i: usize) -> usize {
 fn goes_round(edges: impl Iterator<Item = [DVec2; 2]>) -> bool {
     let crosses = |[p, q]: [DVec2; 2]| {
         (p.y > 0.0) != (q.y > 0.0) && {
-            // `side` is a multiple of x at y = 0, with the sign of q.y - p.y.
+            // `side` is x at y = 0, times (q.y - p.y).
             let side = p.perp_dot(q);
             if q.y > p.y { side > 0.0 } else { side < 0.0 }
         }

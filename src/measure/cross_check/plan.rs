@@ -38,7 +38,7 @@ impl<'g> Plan<'g> {
         Ok(Self { recorded, aim: Aim::new(&world.geometry), each, seed })
     }
 
-    /// Number of packets.
+    /// Number of packets, recorded and aimed.
     pub fn packets(&self) -> usize {
         let aimed = if self.aim.is_some() { Source::AIMED.len() * self.each } else { 0 };
         self.recorded.len() + aimed

@@ -191,7 +191,7 @@ pub struct Finding {
     pub shadow: bool,
     /// Lane of the wrong answer.
     pub lane: usize,
-    /// The backend's answer.
+    /// The wrong answer of the backend.
     pub answer: Answer,
     /// The oracle's or the plain loop's answer.
     pub truth: Answer,

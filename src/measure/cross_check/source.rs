@@ -2,7 +2,7 @@
 
 use crate::measure::rays::Class;
 
-/// Source of rays.
+/// Source of rays: the scene's own, or a kind of aimed rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Source {
     /// Recorded rays of the scene, of one class.
