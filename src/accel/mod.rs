@@ -126,7 +126,7 @@ fn near_by_all(geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32))
 /// Builds the accelerator of `backend` over `geometry`.
 ///
 /// # Errors
-/// - `Unsupported`: the backend cannot run here.
+/// - `Unsupported`: the backend cannot run on this machine, or is not in this build.
 /// - `Limit`: it would need more than `max_bytes`.
 /// - `Interrupted`: a signal arrived.
 /// - `Retry`: memory ran out.
