@@ -127,7 +127,7 @@ fn broken_files_are_refused_with_their_place() {
     let scratch = scratch();
     type Edit = fn(&mut Value);
     let cases: [(Edit, &str); 6] = [
-        (|f| f["findings"][0]["lane"] = 2.into(), "lane 2, which is no ray"),
+        (|f| f["findings"][0]["lane"] = 2.into(), "lane 2, which has no ray"),
         (|f| f["findings"][0]["packet"][0]["lane"] = 16.into(), "expected 0 to 15"),
         (|f| f["findings"][0]["packet"][0]["direction"] = vec![0; 3].into(), "without direction"),
         (|f| f["findings"][0]["packet"][0]["leaving"] = 99.into(), "leaves none of the"),
