@@ -207,7 +207,7 @@ mod tests {
         }
         assert_eq!(parse_point("2600000.5, 0,-1e18"), Ok([2_600_000.5, 0.0, -1e18]));
         for bad in ["", "1,2", "1,2,3,4", "a,b,c", "nan,0,0", "inf,0,0", "1e19,0,0"] {
-            assert!(parse_point(bad).is_err_and(|said| said.contains("coordinates")), "{bad}");
+            assert!(parse_point(bad).is_err_and(|text| text.contains("coordinates")), "{bad}");
         }
         assert_eq!(parse_range("3..7"), Ok(3..7));
         for bad in ["", "3", "3..3", "7..3", "..3", "3..", "3..=7", "-1..3"] {

@@ -104,7 +104,7 @@ pub fn creased_normals<P: Point>(
     reserve::exact(&mut all, positions.len(), name)?;
     all.resize(positions.len(), [0.0f32; 3]);
     let chunks = all.par_chunks_mut(CHUNK).enumerate();
-    let made: Vec<(Vec<Split>, Vec<[f32; 3]>)> = chunks
+    let results: Vec<(Vec<Split>, Vec<[f32; 3]>)> = chunks
         .map_init(
             || (Vec::new(), Around::new(degrees)),
             |(sorted, around), (chunk, normals)| {
@@ -122,12 +122,12 @@ pub fn creased_normals<P: Point>(
         )
         .collect();
     let mut creases = None;
-    let corners = made.iter().map(|(splits, _)| splits.len()).sum();
+    let corners = results.iter().map(|(splits, _)| splits.len()).sum();
     if corners > 0 {
         let mut found = Vec::new();
         reserve::exact(&mut found, corners, name)?;
-        reserve::exact(&mut all, made.iter().map(|(_, more)| more.len()).sum(), name)?;
-        for (splits, more) in made {
+        reserve::exact(&mut all, results.iter().map(|(_, more)| more.len()).sum(), name)?;
+        for (splits, more) in results {
             let first = all.len() as u32;
             found.extend(splits.iter().map(|s| (s.triangle, s.vertex, first + s.normal)));
             all.extend(more);
@@ -430,8 +430,8 @@ mod tests {
                 })
                 .collect();
             [[55.0, 30.0], [30.0, 30.0], [55.0, 55.0]].map(|angles| {
-                let made = creased_normals(&positions, &triangles, angles, "").unwrap();
-                made.creases.map_or(0, |creases| creases.normals.len())
+                let results = creased_normals(&positions, &triangles, angles, "").unwrap();
+                results.creases.map_or(0, |creases| creases.normals.len())
             })
         };
         // Rises by 22.5 degrees, then falls by 22.5 degrees.
@@ -452,9 +452,9 @@ mod tests {
         triangles.extend([[0, 0, 1], [5, 6, 5], [7, 7, 7], [0, 2, 1], [1, 2, 0]]);
         let make = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let made =
+            let results =
                 pool.install(|| creased_normals(&positions, &triangles, [20.0; 2], "")).unwrap();
-            (0..triangles.len()).map(|k| of(&made, &triangles, k)).collect::<Vec<_>>()
+            (0..triangles.len()).map(|k| of(&results, &triangles, k)).collect::<Vec<_>>()
         };
         let one = make(1);
         assert!(one.iter().flatten().flatten().all(|x| x.is_finite()));

@@ -33,9 +33,9 @@ const SIZES: std::ops::Range<usize> = 1..10;
 /// justifies.
 ///
 /// # Errors
-/// `Invalid` for a file that cannot be read as EXR, a sampling factor of zero, or a chunk that
-/// states
-/// more than its pixels need. `Unsupported` for a compression that cannot be read.
+/// `Invalid` for a file that is not readable EXR, a zero sampling factor, or a chunk that states
+/// more
+/// than its pixels need. `Unsupported` for a compression that cannot be read.
 pub fn check(path: &Path) -> Result<()> {
     let failed = |error| exr_error(path, error);
     let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;

@@ -76,10 +76,10 @@ pub fn png(path: &Path) -> Finished {
     })
 }
 
-fn inspect(path: &Path, look: impl FnOnce(&mut File) -> Option<Option<String>>) -> Finished {
+fn inspect(path: &Path, read: impl FnOnce(&mut File) -> Option<Option<String>>) -> Finished {
     match File::open(path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Finished::Missing,
         Err(_) => Finished::Broken,
-        Ok(mut file) => look(&mut file).map_or(Finished::Broken, Finished::Whole),
+        Ok(mut file) => read(&mut file).map_or(Finished::Broken, Finished::Whole),
     }
 }

@@ -30,7 +30,7 @@ enum Mapping {
 /// most coverage in a pixel.
 pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
     let channels = channels(film, layer)?;
-    let look = match layer {
+    let mapping = match layer {
         "Z" => Mapping::Depth,
         "P" => Mapping::Range,
         "N" | "Ng" => Mapping::Direction,
@@ -42,14 +42,14 @@ pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
     };
     let value = |axis: usize, pixel: usize| film.planes.float(channels[axis], pixel);
     let ranges = channels.map(|channel| range(film, channel));
-    let largest = ranges.iter().fold(0.0, |most: f32, [_, high]| most.max(*high));
+    let largest = ranges.iter().fold(0.0, |max: f32, [_, high]| max.max(*high));
     let within = |x: f32, [low, high]: [f32; 2]| match high > low {
         true => (x - low) / (high - low),
         false => 0.5,
     };
     let picture = (0..film.pixels.len()).into_par_iter().with_min_len(1024).map(|pixel| {
         let [x, y, z] = [0, 1, 2].map(|axis| value(axis, pixel));
-        match look {
+        match mapping {
             Mapping::Depth if x > ranges[0][1] => [0; 3],
             Mapping::Depth => [byte(1.0 - 0.9 * within(x, ranges[0])); 3],
             Mapping::Direction if [x, y, z] == [0.0; 3] => [0; 3],

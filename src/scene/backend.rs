@@ -132,13 +132,13 @@ mod tests {
             [Accelerator::Bvh, Accelerator::Embree, Accelerator::Coursework, Accelerator::Brute];
         for (fast, isa) in [(false, None), (true, None), (false, isa), (true, isa)] {
             for accelerator in all {
-                let made = BackendFlags { fast, isa }.on(accelerator);
+                let result = BackendFlags { fast, isa }.on(accelerator);
                 let wrong = [
                     ("--fast", fast && accelerator != Accelerator::Embree),
                     ("--isa", isa.is_some() && accelerator != Accelerator::Bvh),
                 ];
                 let wrong: Vec<&str> = wrong.iter().filter(|w| w.1).map(|w| w.0).collect();
-                let said: Vec<String> = match made {
+                let places: Vec<String> = match result {
                     Ok(backend) => {
                         assert_eq!(backend.name(), Backend::from(accelerator).name());
                         assert_eq!(backend == Backend::Embree(EmbreeMode::Fast), fast);
@@ -150,7 +150,7 @@ mod tests {
                         error.problems.into_iter().map(|problem| problem.place).collect()
                     }
                 };
-                assert_eq!(said, wrong, "{accelerator:?}");
+                assert_eq!(places, wrong, "{accelerator:?}");
             }
         }
     }

@@ -19,10 +19,9 @@ pub struct Lens {
 
 /// Returns the camera position from which all points lie within the picture without its margin.
 /// They
-/// are centred in both axes and touch the margin in at least one. If the nearest point alone would
-/// decide (one point, a line along the view, a very wide angle), the camera stands at a distance
-/// from
-/// it instead.
+/// are centred in both axes and touch the margin in at least one. The nearest point alone may
+/// decide:
+/// one point, a line along the view, a very wide angle. Then the camera keeps a distance from it.
 ///
 /// `direction` and `up` have any length and are not parallel. Returns `None` if there are no
 /// points,

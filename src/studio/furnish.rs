@@ -181,8 +181,8 @@ fn notes(subject: &Subject, mesh: &Mesh, template: &Template) -> Vec<Problem> {
         });
     }
     if let (None, None, Some([x, y, z])) = (subject.up, subject.rotate, size(mesh)) {
-        let lies = z > MIN_LENGTH_RATIO * x.max(y) || y < MAX_HEIGHT_RATIO * z;
-        if lies {
+        let on_its_side = z > MIN_LENGTH_RATIO * x.max(y) || y < MAX_HEIGHT_RATIO * z;
+        if on_its_side {
             let message =
                 format!("lies on its side? It is {x:.3} x {y:.3} x {z:.3}, and y points up");
             notes.push(Problem::new(place(), message).help("if z points up: --up z"));
@@ -191,8 +191,8 @@ fn notes(subject: &Subject, mesh: &Mesh, template: &Template) -> Vec<Problem> {
     notes
 }
 
-/// A mesh lies on its side (z is up in its file) if its size along z exceeds its size along x and y
-/// by this factor.
+/// A mesh lies on its side (z is up in its file) if its z size exceeds its x and y sizes by this
+/// factor.
 const MIN_LENGTH_RATIO: f64 = 1.25;
 
 /// A mesh also lies on its side if its height is below this fraction of its size along z.

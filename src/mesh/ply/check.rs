@@ -50,8 +50,8 @@ impl Tally {
 
     /// Returns the `texnumber` that most triangles have.
     pub(super) fn main_texture(&self) -> Option<i64> {
-        let most = self.textures.iter().max_by_key(|(number, count)| (**count, Reverse(**number)));
-        most.map(|(number, _)| *number)
+        let main = self.textures.iter().max_by_key(|(number, count)| (**count, Reverse(**number)));
+        main.map(|(number, _)| *number)
     }
 
     pub(super) fn write(&self, notes: &mut Notes) {

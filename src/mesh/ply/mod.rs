@@ -1,11 +1,12 @@
 //! The PLY reader. It reads any PLY file that holds a mesh, the common ones at memory speed.
 //!
-//! Each step is a module: [`source`] provides the bytes, [`header`] parses their declaration,
-//! [`plan`] selects the properties, [`layout`] (for text [`lines`]) locates the rows, [`vertex`]
-//! and [`face`] fill the arrays, [`check`] validates triangles. No count in the header is
-//! trusted before the rows have been found in the file. Point clouds are refused. Placement and
-//! shading are done elsewhere. Format: Turk, "The PLY Polygon File Format" (1994), and common
-//! usage.
+//! Each step is a module. [`source`] provides the bytes and [`header`] parses their declaration.
+//! [`plan`] selects the properties, and [`layout`] (for text [`lines`]) locates the rows.
+//! [`vertex`] and
+//! [`face`] fill the arrays, and [`check`] validates triangles. No count in the header is trusted
+//! before
+//! the rows have been found in the file. Point clouds are refused. Placement and shading are done
+//! elsewhere. Format: Turk, "The PLY Polygon File Format" (1994), and common usage.
 
 mod block;
 mod check;
@@ -156,8 +157,8 @@ fn whole(bytes: &[u8], job: &Job, options: ReadOptions) -> Result<Mesh> {
     }
     let vertices = vertex::read(&table(plan.vertex.element), &plan.vertex)?;
     let rows = |at: usize| spans[at].rows;
-    let least: u64 = plan.faces.iter().filter(|f| !f.strips).map(|f| rows(f.element)).sum();
-    job.fits(vertices.bytes().saturating_add(least.saturating_mul(size_of::<[u32; 3]>() as u64)))?;
+    let total: u64 = plan.faces.iter().filter(|f| !f.strips).map(|f| rows(f.element)).sum();
+    job.fits(vertices.bytes().saturating_add(total.saturating_mul(size_of::<[u32; 3]>() as u64)))?;
     let mut faces = Faces::default();
     for part in &plan.faces {
         let next = match &vertices.positions {

@@ -34,11 +34,11 @@ impl<T, W, E> Drop for Guard<'_, T, W, E> {
     }
 }
 
-/// Produces items 0 to `count` - 1 on the threads of the caller's rayon pool, and passes them to
-/// `take`
-/// in order, one at a time. Each thread has its own `scratch`. A thread that is too far ahead
-/// waits.
-/// The thread with the next item never waits.
+/// Produces items 0 to `count` - 1 on the threads of the caller's rayon pool. The items go to
+/// `take` in
+/// order, one at a time. Each thread has its own `scratch`. A thread that is too far ahead waits.
+/// The
+/// thread with the next item never waits.
 ///
 /// # Errors
 /// The first error that occurs. Nothing more is produced then.
@@ -61,10 +61,10 @@ pub fn make<R, T: Send, E: Send>(
             if number >= count {
                 return;
             }
-            let made = make(&mut scratch, number);
+            let result = make(&mut scratch, number);
             let queue = queue.lock().unwrap_or_else(PoisonError::into_inner);
             let early = |q: &mut Queue<_, _, _>| {
-                !q.over && made.is_ok() && number > q.next + AHEAD * threads
+                !q.over && result.is_ok() && number > q.next + AHEAD * threads
             };
             let mut guard =
                 changed.wait_while(queue, early).unwrap_or_else(PoisonError::into_inner);
@@ -72,7 +72,7 @@ pub fn make<R, T: Send, E: Send>(
             if queue.over {
                 return;
             }
-            let taken = made.and_then(|thing| {
+            let taken = result.and_then(|thing| {
                 queue.ready.insert(number, thing);
                 while let Some(thing) = queue.ready.remove(&queue.next) {
                     (queue.take)(queue.next, thing)?;
@@ -108,9 +108,9 @@ mod tests {
     fn run(threads: usize, count: usize, slow: usize, wrong: usize) -> (Vec<usize>, Option<usize>) {
         let mut taken = Vec::new();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let made = pool.install(|| {
-            let one = |made: &mut usize, number: usize| {
-                *made += 1;
+        let result = pool.install(|| {
+            let one = |result: &mut usize, number: usize| {
+                *result += 1;
                 if number == slow {
                     std::thread::sleep(std::time::Duration::from_millis(30));
                 }
@@ -127,7 +127,7 @@ mod tests {
                 },
             )
         });
-        (taken, made.err())
+        (taken, result.err())
     }
 
     #[test]
