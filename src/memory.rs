@@ -1,8 +1,6 @@
 //! Predicts how much memory a render will need, from headers and the accelerator's footprint.
-//! `info`
-//! prints it, and `--max-memory` is checked against it before the first mesh is read. Also returns
-//! what
-//! the system can still provide.
+//! `info` prints it, and `--max-memory` is checked against it before the first mesh is read. Also
+//! returns what the system can still provide.
 
 use std::{collections::HashSet, path::Path};
 
@@ -66,16 +64,14 @@ pub struct Promise {
 }
 
 /// Maximum number of bytes that one byte of gzip data can unpack to. zstd can reach more, but not
-/// on a
-/// mesh.
+/// on a mesh.
 const MAX_PACKING_RATIO: u64 = 1032;
 
 /// Reads the sizes from the header of a PLY file.
 pub fn promise(path: &Path) -> Result<Promise> {
     let summary = mesh::inspect_ply(path)?;
     // The reader refuses a header that declares more rows than the file has bytes. The prediction
-    // must not
-    // fail on such a header before that.
+    // must not fail on such a header before that.
     let maximum = match summary.packed {
         None => summary.file_bytes,
         Some(_) => summary.file_bytes.saturating_mul(MAX_PACKING_RATIO),
@@ -148,8 +144,7 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
 }
 
 /// Predicts the memory of a mesh alone, independent of the scene. It is known before the mesh is
-/// read
-/// for its framing.
+/// read for its framing.
 ///
 /// # Errors
 /// A header that cannot be read.
@@ -164,8 +159,7 @@ pub fn predict_mesh(path: &Path) -> Result<Prediction> {
 }
 
 /// Adds the images of all materials that shapes use, each as often as it is loaded. Files that are
-/// not
-/// images are reported later.
+/// not images are reported later.
 fn textures(scene: &Scene, sum: &mut Prediction) {
     let used = scene.shapes.iter().map(|shape| &scene.materials[shape.material]);
     let used = used.filter_map(|m| m.texture.as_ref());
@@ -196,8 +190,7 @@ impl Prediction {
     }
 
     /// Computes `peak_bytes`. Images are decoded before meshes are read, and the film is allocated
-    /// after
-    /// the accelerator is built.
+    /// after the accelerator is built.
     fn with_peak(self) -> Self {
         let world = [self.mesh_bytes, self.texture_bytes];
         let world = world.iter().fold(BASE_BYTES, |a, b| a.saturating_add(*b));
@@ -237,10 +230,8 @@ pub struct Budget {
 
 impl Budget {
     /// Returns an error if a scene does not fit. The film is given by its window, its channels in
-    /// addition
-    /// to R, G, B, A, and further bytes. The check reads the headers, then makes a small build to
-    /// measure
-    /// the accelerator's footprint.
+    /// addition to R, G, B, A, and further bytes. The check reads the headers, then makes a small
+    /// build to measure the accelerator's footprint.
     ///
     /// # Errors
     /// `Limit`, with the numbers; headers that cannot be read; a backend that cannot run.
@@ -332,15 +323,13 @@ pub fn peak_bytes() -> u64 {
 }
 
 /// Returns the memory for meshes or textures if the user sets no limit: all that the machine can
-/// still
-/// provide, including swap.
+/// still provide, including swap.
 pub fn machine() -> Option<Room> {
     available_bytes_and_swap().map(|bytes| Room { bytes, asked: false })
 }
 
 /// Returns the same as [`machine`] before `bytes` are needed. If they are not available, freed
-/// memory is
-/// returned to the system first.
+/// memory is returned to the system first.
 pub fn machine_for(bytes: u64) -> Option<Room> {
     if available_bytes().is_some_and(|available| available < bytes) {
         freed::give_back();
@@ -357,8 +346,7 @@ pub fn before_a_kill() -> Option<Room> {
 const MAX_BYTES_PER_PRIMITIVE: u64 = 512;
 
 /// Returns an error if an accelerator does not fit into the memory that the machine still has.
-/// After
-/// the build there is also a film of `film_bytes`.
+/// After the build there is also a film of `film_bytes`.
 ///
 /// # Errors
 /// `Retry`, with the numbers.

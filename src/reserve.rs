@@ -1,6 +1,5 @@
 //! Reserves memory whose size comes from a file or a scene, before it is used. So a lack of memory
-//! is an
-//! error and does not end the process.
+//! is an error and does not end the process.
 
 use crate::{
     error::{Error, Kind, Problem, Result},

@@ -1,8 +1,7 @@
 //! Parses and formats sizes, rates and other values in the form that users write and read.
 
 /// Parses a number of bytes: `512MiB`, `8G`, `1.5GB`, `1000000`. All units are powers of 1024, as
-/// for
-/// memory modules.
+/// for memory modules.
 pub fn parse_bytes(text: &str) -> Result<u64, String> {
     let expected = || "expected a size such as 8G, 512MiB or 1000000 (bytes)".to_string();
     let split = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
@@ -78,8 +77,7 @@ pub fn parse_margin(text: &str) -> Result<f64, String> {
 }
 
 /// Parses the maximum angle in degrees between the two faces of a smooth edge: `40`, `off` (0) or
-/// `all`
-/// (180).
+/// `all` (180).
 pub fn parse_smooth(text: &str) -> Result<f64, String> {
     let degrees = match text {
         "off" => Some(0.0),

@@ -1,6 +1,5 @@
 //! Cryptomatte 1.2.0 (Friedman and Jones, "Fully automatic ID mattes with support for motion blur
-//! and
-//! transparency", 2015): ids and coverages per pixel. An id is the hash of a name.
+//! and transparency", 2015): ids and coverages per pixel. An id is the hash of a name.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -64,8 +63,7 @@ impl Mattes {
     }
 
     /// Returns the header attributes by which a reader finds mattes by name. `sidecar` is the name
-    /// of a
-    /// file with the manifest, if there is one.
+    /// of a file with the manifest, if there is one.
     pub fn attributes(&self, sidecar: Option<&str>) -> Vec<(String, String)> {
         // The key is the first 7 digits of the hash of the kind itself.
         let key = format!("{:08x}", id(self.kind));
@@ -105,10 +103,8 @@ pub fn id(name: &str) -> u32 {
 }
 
 /// Fills the words of one kind of mattes. `ids` holds the number of a pixel's `samples` that hit
-/// each
-/// id. The ids are sorted by coverage; equal ones keep the order in which they were hit. Returns
-/// the
-/// coverage of the ids beyond the last rank.
+/// each id. The ids are sorted by coverage; equal ones keep the order in which they were hit.
+/// Returns the coverage of the ids beyond the last rank.
 pub fn rank(ids: &[(u32, u32)], samples: u32, words: &mut [u32]) -> Dropped {
     words.fill(0);
     let mut ids = Cow::Borrowed(ids);

@@ -1,6 +1,5 @@
 //! The layers of a scene: their channels in addition to the beauty, and their positions in the
-//! words
-//! of a pixel.
+//! words of a pixel.
 
 mod mattes;
 mod names;

@@ -6,8 +6,8 @@ use std::collections::HashMap;
 use crate::scene::{Scene, ShapeKind};
 
 /// Returns a name for every shape: its own name, or else its kind (for a mesh with the file's
-/// name).
-/// Kinds that repeat are numbered from the second on. Shapes that have the same own name share it.
+/// name). Kinds that repeat are numbered from the second on. Shapes that have the same own name
+/// share it.
 pub fn shapes(scene: &Scene) -> Vec<String> {
     let mut used = UsedNames::new(scene.shapes.iter().filter_map(|shape| shape.name.as_ref()));
     let names = scene.shapes.iter().map(|shape| match &shape.name {

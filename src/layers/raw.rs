@@ -10,9 +10,8 @@ use super::recipe::{Nearest, Recipe, count};
 pub const BEAUTY: usize = 4;
 
 /// The layout of the sums of a range of samples in the words of a pixel. First, node by node, R, G,
-/// B,
-/// A and the quantities of [`Recipe::summed`], each an f64 in two words. Then the nearest hit, then
-/// ids and counts.
+/// B, A and the quantities of [`Recipe::summed`], each an f64 in two words. Then the nearest hit,
+/// then ids and counts.
 #[derive(Debug, Clone)]
 pub struct Raw {
     samples: Range<u32>,
@@ -95,8 +94,7 @@ impl Raw {
     }
 
     /// Fills the words of a pixel. `sum` returns a sum by node and by quantity: R, G, B, A, then
-    /// the
-    /// others.
+    /// the others.
     pub fn encode(
         &self,
         sum: impl Fn(usize, usize) -> f64,

@@ -1,6 +1,5 @@
 //! Converts the sums of a pixel to its channels. This is the last step of a render, and of a merge
-//! of
-//! parts, which has no scene.
+//! of parts, which has no scene.
 
 use serde::{Deserialize, Serialize};
 
@@ -65,8 +64,7 @@ pub struct Ranks {
 
 impl Recipe {
     /// Returns the number of quantities that are summed over samples, in addition to R, G, B, A.
-    /// These are
-    /// the filtered channels and, for the variance, R, G, B and their squares.
+    /// These are the filtered channels and, for the variance, R, G, B and their squares.
     pub fn summed(&self) -> usize {
         self.filtered + if self.variance.is_some() { 6 } else { 0 }
     }
@@ -90,8 +88,7 @@ impl Recipe {
 
     /// Fills the words of a pixel from its `n` samples. `sums` holds the sum of each quantity of
     /// [`Recipe::summed`]. For each kind, `mattes` holds the number of samples that hit each id, in
-    /// the
-    /// order of the hits. Returns the coverage that the mattes cannot hold.
+    /// the order of the hits. Returns the coverage that the mattes cannot hold.
     #[inline(always)]
     pub fn fill(
         &self,

@@ -1,6 +1,5 @@
 //! The memory that this process can still get: the minimum of what the machine, its control groups
-//! and
-//! its own limits leave.
+//! and its own limits leave.
 
 use std::{
     fs::read_to_string,
@@ -8,8 +7,7 @@ use std::{
 };
 
 /// Returns the number of bytes that the process can still get without swapping. `None` if it cannot
-/// be
-/// determined.
+/// be determined.
 pub fn available_bytes() -> Option<u64> {
     available(Path::new("/"), false)
 }

@@ -85,11 +85,11 @@ impl FacesOf {
     }
 }
 
-/// Returns one unit normal per vertex, in the space of `positions`. The normal is `[0, 0, 0]` for
-/// a vertex without faces, and where the faces cancel out.
+/// Returns one unit normal per vertex, in the space of `positions`. The normal is `[0, 0, 0]` for a
+/// vertex without faces, and where the faces cancel out.
 ///
-/// Runs in the caller's rayon pool. It needs 12 bytes of temporary memory per triangle. Panics if
-/// a triangle has an index beyond `positions`.
+/// Runs in the caller's rayon pool. It needs 12 bytes of temporary memory per triangle. Panics if a
+/// triangle has an index beyond `positions`.
 pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     if triangles.len() > u32::MAX as usize {
         return one_by_one(positions, triangles);

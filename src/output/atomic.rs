@@ -3,10 +3,8 @@
 //! A [`Part`] is `NAME.<unique>.part` in the target's folder. A rename within one folder is atomic;
 //! across file systems it is a copy. The part file is removed when it is dropped, so an error or a
 //! signal that stops the work leaves nothing. After `kill -9` a `.part` may remain, but never a
-//! broken
-//! target. The data is on the disk before the rename. So after a power cut the name still refers to
-//! a
-//! complete file.
+//! broken target. The data is on the disk before the rename. So after a power cut the name still
+//! refers to a complete file.
 
 use std::{
     collections::HashMap,
@@ -31,9 +29,8 @@ const SUFFIX: &str = ".part";
 static LIVE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Removes the part files of this process, which is about to end without cleaning up. It allocates
-/// no
-/// memory and does not wait. If another thread opens or closes a part file at this moment, the part
-/// files stay.
+/// no memory and does not wait. If another thread opens or closes a part file at this moment, the
+/// part files stay.
 pub fn remove_parts() {
     let live = LIVE.try_lock();
     live.iter().flat_map(|live| live.iter()).for_each(|path| {
@@ -75,8 +72,7 @@ impl Part {
     ///
     /// # Errors
     /// `Invalid` if the folder is missing, is not a folder or is not writable, or if `target` is a
-    /// folder
-    /// or a device. `Retry` if the disk is full.
+    /// folder or a device. `Retry` if the disk is full.
     pub fn create(target: &Path) -> Result<Self> {
         let place = || target.display().to_string();
         paths::printable(target)?;
@@ -155,8 +151,7 @@ impl Part {
         })?;
         drop(live);
         // Syncing the folder writes the rename to the disk. Not every file system supports it, and
-        // the file
-        // is complete either way.
+        // the file is complete either way.
         if let Ok(folder) = File::open(folder_of(&target)) {
             let _ = folder.sync_all();
         }
@@ -170,8 +165,7 @@ pub struct Sweep(Mutex<HashMap<PathBuf, HashMap<OsString, Vec<PathBuf>>>>);
 
 impl Sweep {
     /// Removes part files of `target` that existed when its folder was listed, if their writers
-    /// have died.
-    /// Files that another process is writing stay. Returns the number removed.
+    /// have died. Files that another process is writing stay. Returns the number removed.
     pub fn target(&self, target: &Path) -> usize {
         let mut folders = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = folder_of(target);
@@ -202,8 +196,7 @@ fn target_of(part: &OsStr) -> Option<&OsStr> {
 }
 
 /// File locks. A part file is locked while its writer is alive; the system releases the lock when
-/// the
-/// process ends.
+/// the process ends.
 #[cfg(unix)]
 mod lock {
     use std::{fs::File, os::unix::fs::MetadataExt, path::Path};
@@ -211,8 +204,7 @@ mod lock {
     use rustix::fs::{FlockOperation, flock};
 
     /// Locks a new file. Returns false if the file has lost its name meanwhile. If the file system
-    /// has no
-    /// locks, no file is ever swept.
+    /// has no locks, no file is ever swept.
     pub fn lock_new(file: &File) -> bool {
         let _ = flock(file, FlockOperation::NonBlockingLockExclusive);
         file.metadata().map_or(true, |data| data.nlink() > 0)

@@ -20,8 +20,7 @@ use exr::{
 use crate::error::{Error, Kind, Problem, Result};
 
 /// Number of 64-bit integers at the start of a DWAA or DWAB chunk: the version, the packed and
-/// unpacked
-/// sizes of its sections, the counts of their values, and how they are packed (OpenEXR,
+/// unpacked sizes of its sections, the counts of their values, and how they are packed (OpenEXR,
 /// `internal_dwa_compressor.h`).
 const COUNTERS: usize = 11;
 
@@ -29,13 +28,11 @@ const COUNTERS: usize = 11;
 const SIZES: std::ops::Range<usize> = 1..10;
 
 /// Checks for values that make the `exr` crate divide by zero, or allocate more memory than the
-/// file
-/// justifies.
+/// file justifies.
 ///
 /// # Errors
 /// `Invalid` for a file that is not readable EXR, a zero sampling factor, or a chunk that states
-/// more
-/// than its pixels need. `Unsupported` for a compression that cannot be read.
+/// more than its pixels need. `Unsupported` for a compression that cannot be read.
 pub fn check(path: &Path) -> Result<()> {
     let failed = |error| exr_error(path, error);
     let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
@@ -83,8 +80,7 @@ fn stored_bytes(header: &Header, chunk: &Chunk) -> ExrResult<usize> {
 }
 
 /// Returns the largest size that a DWAA or DWAB chunk states. Returns 0 if the chunk is too short
-/// for
-/// any size, or if its pixels are `stored` uncompressed.
+/// for any size, or if its pixels are `stored` uncompressed.
 fn announced(chunk: &Chunk, stored: usize) -> u64 {
     let bytes = match &chunk.compressed_block {
         CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
@@ -102,8 +98,7 @@ fn announced(chunk: &Chunk, stored: usize) -> u64 {
 }
 
 /// Returns an upper bound for every size in a valid chunk: four times its pixels, rounded up to
-/// blocks
-/// of 8 x 8, and a little more.
+/// blocks of 8 x 8, and a little more.
 fn max_announced(header: &Header) -> u64 {
     let (width, height) = match header.blocks {
         BlockDescription::ScanLines => {

@@ -2,8 +2,7 @@
 //!
 //! No incomplete file appears under a final name. Both files are written as `.part` next to their
 //! targets and renamed together at the end ([`atomic`]). They are created before the long work
-//! starts,
-//! so that a missing or write-protected folder is reported in the first second.
+//! starts, so that a missing or write-protected folder is reported in the first second.
 
 pub mod atomic;
 pub mod exr;
@@ -32,8 +31,7 @@ use atomic::Part;
 pub const HALF_MAX: f32 = 65504.0;
 
 /// Name of the EXR attribute and PNG text that hold the fingerprint: a line that identifies the
-/// inputs
-/// of the render.
+/// inputs of the render.
 pub const FINGERPRINT: &str = "lightpath:fingerprint";
 
 /// The location of a value in a film.
@@ -70,8 +68,7 @@ pub struct Oddities {
 
 impl Oddities {
     /// Counts the values in all pixels of a film, on the threads of the caller's rayon pool. With
-    /// `float`,
-    /// no value is written as half.
+    /// `float`, no value is written as half.
     pub fn of(film: &Film, float: bool) -> Self {
         let width = film.window.width().max(1) as usize;
         let rows = film.pixels.par_chunks(width).enumerate().with_min_len(16);
@@ -194,8 +191,7 @@ impl Outputs {
     }
 
     /// Adds a further file of the same picture. It must be written and synced. It gets its final
-    /// name
-    /// together with the other two. Returns that name.
+    /// name together with the other two. Returns that name.
     pub fn add(&mut self, part: Part) -> PathBuf {
         let target = part.target().to_owned();
         self.beside.push(part);
@@ -206,8 +202,7 @@ impl Outputs {
     ///
     /// # Errors
     /// `Retry` if the disk is full, `Interrupted` if a signal arrives before the renames. No file
-    /// has its
-    /// final name then.
+    /// has its final name then.
     pub fn write(
         mut self,
         film: &Film,

@@ -2,8 +2,7 @@
 //! any.
 //!
 //! The file states its encoding, so that viewers need not guess: an `sRGB` chunk for the sRGB
-//! curve,
-//! `gAMA` 1.0 for linear values.
+//! curve, `gAMA` 1.0 for linear values.
 
 use std::{
     io::{BufWriter, Write},
@@ -67,8 +66,7 @@ pub fn encode(
     let (width, height) = (film.window.width(), film.window.height());
     let mut encoder = Encoder::new(&mut buffered, width, height);
     // The PNG is for viewing only. Fast compression writes both files in less than half of the
-    // time; the
-    // PNG has 1.2 to 2.1 times the bytes.
+    // time; the PNG has 1.2 to 2.1 times the bytes.
     encoder.set_compression(Compression::Fast);
     encoder.set_depth(match color.depth {
         Depth::Eight => BitDepth::Eight,

@@ -26,8 +26,7 @@ enum Mapping {
 }
 
 /// Returns R, G, B of every pixel, or `None` if the film has no such layer. Mattes show the id with
-/// the
-/// most coverage in a pixel.
+/// the most coverage in a pixel.
 pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
     let channels = channels(film, layer)?;
     let mapping = match layer {

@@ -15,8 +15,7 @@ pub fn byte(x: f64) -> u8 {
 static BYTES: LazyLock<Bytes> = LazyLock::new(Bytes::new);
 
 /// Number of bins. The curve rises by at most 12.92 * 255 = 3295 bytes per unit, so no bin contains
-/// two
-/// steps.
+/// two steps.
 const BINS: usize = 4096;
 
 /// Table of the values at which the byte increases.

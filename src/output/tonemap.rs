@@ -2,8 +2,7 @@
 //! specifies it.
 //!
 //! A transparent picture has straight alpha: colour is divided by alpha first, also for the maximum
-//! of
-//! the operator `max`. NaN and infinities are replaced as by `finite`.
+//! of the operator `max`. NaN and infinities are replaced as by `finite`.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

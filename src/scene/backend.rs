@@ -27,8 +27,7 @@ pub enum EmbreeMode {
     /// Without that flag: a little faster, but rays leak at edges too.
     Fast,
     /// `Robust` with the COMPACT flag: half the memory and slower queries. Only measuring commands
-    /// use
-    /// it.
+    /// use it.
     Compact,
 }
 

@@ -86,8 +86,7 @@ pub struct LightGroups {
 
 impl LightGroups {
     /// Makes the groups from the `group` and `name` of each light. A light without either is named
-    /// by
-    /// its number, from 1. Also returns the lights whose names collide with others: index and
+    /// by its number, from 1. Also returns the lights whose names collide with others: index and
     /// label.
     pub fn new<'a>(
         lights: impl IntoIterator<Item = (Option<&'a str>, Option<&'a str>)>,

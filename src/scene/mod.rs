@@ -2,8 +2,8 @@
 //!
 //! `parse` turns a file into a [`Document`] that stores the place of every value. `overrides`
 //! applies `--set`. `structure` checks the document against the [`schema()`], which is generated
-//! from the types in `description`. `check` finds what types cannot express. All problems come
-//! back in one [`Error`]. docs/scene-format.md specifies the format.
+//! from the types in `description`. `check` finds what types cannot express. All problems come back
+//! in one [`Error`]. docs/scene-format.md specifies the format.
 
 mod backend;
 mod check;
@@ -80,8 +80,7 @@ pub struct Loaded {
     /// Valid values that are most likely mistakes, in text order.
     pub warnings: Vec<Problem>,
     /// SHA-256 (hexadecimal) of the canonical JSON. Two files have the same hash if they differ
-    /// only in
-    /// spacing, comments, key order, or defaults written out.
+    /// only in spacing, comments, key order, or defaults written out.
     pub hash: String,
 }
 

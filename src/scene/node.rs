@@ -110,8 +110,7 @@ impl Node {
     }
 
     /// Converts to a plain JSON value without `comment` keys. The last of duplicate keys counts.
-    /// Whole
-    /// numbers become integers. A number beyond f64 becomes `null`.
+    /// Whole numbers become integers. A number beyond f64 becomes `null`.
     pub fn to_value(&self) -> Value {
         match &self.kind {
             NodeKind::Null => Value::Null,

@@ -1,8 +1,8 @@
 //! Parses JSON text into [`Node`]s with places: strict RFC 8259, nothing more.
 //!
 //! It is our own parser for three reasons. Messages need line and column of every value. Duplicate
-//! keys and the source text of numbers must be kept. Nesting must be bounded before it exhausts
-//! the stack. It refuses what lenient parsers accept: comments, trailing or missing commas, single
+//! keys and the source text of numbers must be kept. Nesting must be bounded before it exhausts the
+//! stack. It refuses what lenient parsers accept: comments, trailing or missing commas, single
 //! quotes, unquoted names, `NaN`, hexadecimal. A test compares it with `serde_json`.
 
 use super::node::{Member, Node, NodeKind, Place};
@@ -43,8 +43,7 @@ pub(super) struct Parser<'a> {
     pub(super) at: usize,
     line: u32,
     /// A byte offset in this line, and its column. Columns are counted from here, so that a file
-    /// with
-    /// one long line is parsed in linear time.
+    /// with one long line is parsed in linear time.
     mark: (usize, u32),
     depth: usize,
 }

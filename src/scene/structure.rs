@@ -16,8 +16,8 @@ use super::{
     schema::{resolve, tag},
 };
 
-/// Checks the whole document. Returns the pointers of values that cannot be read as their type.
-/// The meaning of all other values can still be checked.
+/// Checks the whole document. Returns the pointers of values that cannot be read as their type. The
+/// meaning of all other values can still be checked.
 pub fn check(schema: &Value, problems: &mut Problems) -> Vec<String> {
     let document = problems.document;
     let mut walk = Walk { root: schema, problems, broken: Vec::new() };

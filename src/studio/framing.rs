@@ -18,14 +18,12 @@ pub struct Lens {
 }
 
 /// Returns the camera position from which all points lie within the picture without its margin.
-/// They
-/// are centred in both axes and touch the margin in at least one. The nearest point alone may
-/// decide:
-/// one point, a line along the view, a very wide angle. Then the camera keeps a distance from it.
+/// They are centred in both axes and touch the margin in at least one. The nearest point alone may
+/// decide: one point, a line along the view, a very wide angle. Then the camera keeps a distance
+/// from it.
 ///
 /// `direction` and `up` have any length and are not parallel. Returns `None` if there are no
-/// points,
-/// or if they are not finite.
+/// points, or if they are not finite.
 pub fn frame(
     points: impl Iterator<Item = DVec3>,
     direction: DVec3,
@@ -42,8 +40,7 @@ pub fn frame(
 
 /// Returns the position for points that turn around an axis, given as a point and a unit direction.
 /// Each point may be anywhere on its circle. So one position serves all frames of a turntable,
-/// however
-/// many there are.
+/// however many there are.
 pub fn frame_turning(
     points: impl Iterator<Item = DVec3>,
     (pivot, axis): (DVec3, DVec3),
@@ -107,10 +104,8 @@ impl View {
     }
 
     /// Returns the extent of a point towards the four planes. A point p is inside the right plane
-    /// of a
-    /// camera at c if p.x - c.x <= tx (p.z - c.z). That is c.x - tx c.z >= p.x - tx p.z, so the
-    /// largest
-    /// right-hand side decides. The other planes are alike.
+    /// of a camera at c if p.x - c.x <= tx (p.z - c.z). That is c.x - tx c.z >= p.x - tx p.z, so
+    /// the largest right-hand side decides. The other planes are alike.
     #[inline(always)]
     fn reach(&self, p: DVec3) -> [f64; 4] {
         let [x, y, z] = self.axes;

@@ -21,8 +21,7 @@ use super::{
 };
 
 /// Height of the mesh above the ground, as a fraction of its longest side. It is too small to see
-/// and
-/// keeps a flat mesh out of the ground plane.
+/// and keeps a flat mesh out of the ground plane.
 const GROUND_GAP: f64 = 1e-4;
 
 /// A template fitted to a mesh.

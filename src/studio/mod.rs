@@ -1,15 +1,11 @@
 //! Makes a scene from a mesh alone.
 //!
 //! A template (the built-in studio, or any scene with a trimesh) defines the look. Its first
-//! trimesh is
-//! replaced by the file. The mesh stands on the plane named `ground`; without one, at the height of
-//! the
-//! trimesh's `center`. Its lowest vertex is slightly above the ground. The camera keeps its
-//! direction
-//! and moves to where it sees every vertex. All of this is done by overrides of the template, so
-//! the
-//! result is an ordinary scene that can be saved. A [`Turntable`] derives further scenes, one per
-//! frame.
+//! trimesh is replaced by the file. The mesh stands on the plane named `ground`; without one, at
+//! the height of the trimesh's `center`. Its lowest vertex is slightly above the ground. The camera
+//! keeps its direction and moves to where it sees every vertex. All of this is done by overrides of
+//! the template, so the result is an ordinary scene that can be saved. A [`Turntable`] derives
+//! further scenes, one per frame.
 
 mod framing;
 mod furnish;

@@ -51,8 +51,7 @@ impl<'m> Points<'m> {
     }
 
     /// Returns the bounding box of the used vertices after `place` is applied to them; empty if
-    /// there are
-    /// none.
+    /// there are none.
     pub fn bounds(&self, place: impl Fn(DVec3) -> DVec3 + Sync) -> Bounds {
         let point = |i: usize| self.used[i].then(|| place(self.mesh.positions.get(i)));
         Bounds::of_points(self.used.len(), point)

@@ -1,11 +1,9 @@
 //! Frames of a turntable: the same shapes, seen from all around.
 //!
 //! The shapes never move. A frame turns the camera, and also the lights if these stay with the
-//! camera.
-//! So the geometry and the acceleration structure serve all frames, and a frame is an ordinary
-//! scene.
-//! Positions and normals in layers, and the camera in a file's header, are in the space of that
-//! scene.
+//! camera. So the geometry and the acceleration structure serve all frames, and a frame is an
+//! ordinary scene. Positions and normals in layers, and the camera in a file's header, are in the
+//! space of that scene.
 
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
@@ -56,9 +54,8 @@ impl Turntable {
     }
 
     /// Returns the scene of one frame, turned about the vertical axis (the main axis of the
-    /// camera's
-    /// `up`) through `pivot`. Frame 0 of a turntable that starts at 0 is the scene itself, bit for
-    /// bit.
+    /// camera's `up`) through `pivot`. Frame 0 of a turntable that starts at 0 is the scene itself,
+    /// bit for bit.
     pub fn frame(&self, scene: &Description, pivot: DVec3, frame: u32) -> Description {
         let mut scene = scene.clone();
         let turned = self.start_deg + 360.0 * f64::from(frame) / f64::from(self.frames);

@@ -37,8 +37,8 @@ pub(super) struct Span {
     pub(super) blocks: Vec<Block>,
 }
 
-/// The error for a file that holds only `found` of the declared rows of `element`. `have`
-/// describes the data that is there.
+/// The error for a file that holds only `found` of the declared rows of `element`. `have` describes
+/// the data that is there.
 pub(super) fn too_short(element: &Element, found: u64, have: &str, job: &Job) -> Error {
     let declared = element.rows(element.count);
     Error::invalid(

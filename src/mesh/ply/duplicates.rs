@@ -3,10 +3,10 @@
 //! Two triangles with the same three vertices, in any order, are the same surface, because both
 //! sides are shaded. The triangles are distributed by their lowest vertex. So each task owns a
 //! range of vertices and needs no atomics. Neighbouring triangles in a file have neighbouring
-//! vertices, so a task skips most blocks of triangles. Each vertex has 16 bits. Every triangle
-//! sets one bit of its lowest vertex, chosen by a hash of the other two. Only triangles that share
-//! a bit are candidates for the next round, which uses another hash. The candidates left after the
-//! last round are sorted and compared.
+//! vertices, so a task skips most blocks of triangles. Each vertex has 16 bits. Every triangle sets
+//! one bit of its lowest vertex, chosen by a hash of the other two. Only triangles that share a bit
+//! are candidates for the next round, which uses another hash. The candidates left after the last
+//! round are sorted and compared.
 
 use std::ops::RangeInclusive;
 

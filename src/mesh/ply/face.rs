@@ -260,8 +260,7 @@ impl<'a, P: Point> BlockFaces<'a, P> {
     }
 
     /// Reads a strip of `count` corners. Every corner forms a triangle with the two before it.
-    /// Every
-    /// second triangle is reversed. The index -1 starts a new strip.
+    /// Every second triangle is reversed. The index -1 starts a new strip.
     fn strip<R: Row>(&mut self, values: &mut R, count: u64, item: Scalar, row: u64) -> Values<()> {
         let (mut before, mut seen) = ([None; 2], 0u64);
         for _ in 0..count {

@@ -6,7 +6,7 @@
 use super::scalar::{NAMES, Scalar};
 use crate::error::{Error, Result};
 
-/// The keyword of the last line.
+/// The keyword of the last line. Further words on that line are ignored.
 const END: &[u8] = b"end_header";
 /// Maximum length of a header line in bytes. A longer line means that the file is not PLY.
 const MAX_LINE: usize = 1 << 16;

@@ -1,8 +1,8 @@
 //! Locates the rows of every element before anything is allocated for them.
 //!
-//! This detects a false header: each declared row must be in the file. If the lists of all rows
-//! are as long as those of the first row, the rows have one stride and need no walk. Otherwise
-//! the rows are walked once, from list count to list count.
+//! This detects a false header: each declared row must be in the file. If the lists of all rows are
+//! as long as those of the first row, the rows have one stride and need no walk. Otherwise the rows
+//! are walked once, from list count to list count.
 
 use rayon::prelude::*;
 
@@ -86,8 +86,8 @@ pub(super) fn rows(
     walk(data, start, element, big, first, wanted, job)
 }
 
-/// Returns the layout of the first row if the data holds its list counts. The values of the row
-/// may be incomplete.
+/// Returns the layout of the first row if the data holds its list counts. The values of the row may
+/// be incomplete.
 fn first_row(data: &[u8], start: usize, element: &Element, big: bool) -> Option<Uniform> {
     let mut uniform = Uniform { start, stride: 0, offsets: Vec::new(), lengths: Vec::new() };
     let mut at = start;

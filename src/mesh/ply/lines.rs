@@ -1,7 +1,7 @@
 //! ASCII data: locates the rows and parses their numbers.
 //!
-//! A row is one line. Blank lines do not count. Lines are first counted in parallel. Then blocks
-//! of rows can be read in parallel, because the row and line numbers of each block are known.
+//! A row is one line. Blank lines do not count. Lines are first counted in parallel. Then blocks of
+//! rows can be read in parallel, because the row and line numbers of each block are known.
 
 use rayon::prelude::*;
 
@@ -152,8 +152,7 @@ impl<'a> Lines<'a> {
     }
 
     /// Returns the number of bytes after the last row, from the first word on that no element
-    /// takes.
-    /// Blank lines at the start of a chunk or block do not count.
+    /// takes. Blank lines at the start of a chunk or block do not count.
     fn rest(&mut self) -> u64 {
         while let Some(block) = self.open() {
             if block.rows > 0 {

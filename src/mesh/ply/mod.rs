@@ -2,11 +2,10 @@
 //!
 //! Each step is a module. [`source`] provides the bytes and [`header`] parses their declaration.
 //! [`plan`] selects the properties, and [`layout`] (for text [`lines`]) locates the rows.
-//! [`vertex`] and
-//! [`face`] fill the arrays, and [`check`] validates triangles. No count in the header is trusted
-//! before
-//! the rows have been found in the file. Point clouds are refused. Placement and shading are done
-//! elsewhere. Format: Turk, "The PLY Polygon File Format" (1994), and common usage.
+//! [`vertex`] and [`face`] fill the arrays, and [`check`] validates triangles. No count in the
+//! header is trusted before the rows have been found in the file. Point clouds are refused.
+//! Placement and shading are done elsewhere. Format: Turk, "The PLY Polygon File Format" (1994),
+//! and common usage.
 
 mod block;
 mod check;
@@ -74,34 +73,33 @@ impl Default for ReadOptions<'_> {
 }
 
 impl<'a> ReadOptions<'a> {
-    /// Returns the options with [`Self::repair`] changed.
+    /// Returns the options with `repair` changed.
     pub fn repair(self, repair: bool) -> Self {
         Self { repair, ..self }
     }
 
-    /// Returns the options with [`Self::mmap`] changed.
+    /// Returns the options with `mmap` changed.
     pub fn mmap(self, mmap: bool) -> Self {
         Self { mmap, ..self }
     }
 
-    /// Returns the options with [`Self::window`] changed.
+    /// Returns the options with `window` changed.
     pub fn window(self, window: usize) -> Self {
         Self { window, ..self }
     }
 
-    /// Returns the options with [`Self::room`] changed.
+    /// Returns the options with `room` changed.
     pub fn room(self, room: Option<Room>) -> Self {
         Self { room, ..self }
     }
 
-    /// Returns the options with [`Self::monitor`] changed.
+    /// Returns the options with `monitor` changed.
     pub fn monitor(self, monitor: &'a Monitor) -> Self {
         Self { monitor: Some(monitor), ..self }
     }
 }
 
-/// Reads the PLY file at `path`, plain or compressed with gzip or zstd, in the caller's rayon
-/// pool.
+/// Reads the PLY file at `path`, plain or compressed with gzip or zstd, in the caller's rayon pool.
 pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
     let name = path.display().to_string();
     let job = Job { name: &name, monitor: options.monitor, room: options.room };

@@ -7,8 +7,8 @@ const POWERS: [f64; 23] = [
 ];
 
 /// Parses a number of at most 18 digits with a small exponent at the start of `text`. It must end
-/// at a blank or at the end of `text`. Returns the value and its length in bytes. `None` means
-/// only that [`any`] must parse it.
+/// at a blank or at the end of `text`. Returns the value and its length in bytes. `None` means only
+/// that [`any`] must parse it.
 ///
 /// The result is correctly rounded. Digits below 2^53 and powers up to 1e22 are exact in `f64`, so
 /// the one multiplication or division rounds once (Clinger 1990).

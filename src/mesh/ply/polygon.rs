@@ -1,9 +1,8 @@
 //! Splits polygons into triangles.
 //!
-//! Quads are split into 0-1-2 and 0-2-3, whatever their shape. Larger polygons are projected
-//! along the largest component of their mean (Newell) normal, which keeps convexity and
-//! orientation. Convex polygons become a fan from their first vertex. The others are split by ear
-//! clipping.
+//! Quads are split into 0-1-2 and 0-2-3, whatever their shape. Larger polygons are projected along
+//! the largest component of their mean (Newell) normal, which keeps convexity and orientation.
+//! Convex polygons become a fan from their first vertex. The others are split by ear clipping.
 
 use crate::mesh::normals::{cross, sub};
 
@@ -96,8 +95,7 @@ fn is_ear(flat: &[[f64; 2]], left: &[u32], i: usize) -> bool {
     left.iter().all(|&k| {
         let p = flat[k as usize];
         // Corners that coincide with a corner of the ear do not block it: seams that join holes
-        // have
-        // such corners.
+        // have such corners.
         let outside = area([a, b, p]) < 0.0 || area([b, c, p]) < 0.0 || area([c, a, p]) < 0.0;
         outside || p == a || p == b || p == c
     })

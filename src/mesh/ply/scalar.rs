@@ -1,7 +1,7 @@
 //! The eight number types of PLY: names, sizes and how their bytes are read.
 //!
-//! Every value of every type is exact in `f64`. So the general paths carry only `f64`, and the
-//! bulk paths read the native type.
+//! Every value of every type is exact in `f64`. So the general paths carry only `f64`, and the bulk
+//! paths read the native type.
 
 use serde::Serialize;
 

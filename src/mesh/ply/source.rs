@@ -168,8 +168,7 @@ impl Map {
     fn new(file: &File, length: u64) -> Option<Self> {
         let file = file.try_clone().ok()?;
         // SAFETY: the map is read only and private to this reader. Another process may still change
-        // the
-        // file, so every value is read once and then checked as untrusted input. If the file is
+        // the file, so every value is read once and then checked as untrusted input. If the file is
         // truncated, the guard keeps the process alive and `intact` reports it.
         let bytes = unsafe { memmap2::Mmap::map(&file) }.ok()?;
         // The size of the file has changed since it was queried.
@@ -240,8 +239,7 @@ mod guard {
 
     impl Guard {
         /// Guards the addresses of `bytes`. Returns `None` if the handler cannot be installed, or
-        /// if too
-        /// many ranges are guarded already.
+        /// if too many ranges are guarded already.
         pub(super) fn new(bytes: &[u8]) -> Option<Self> {
             INSTALLED.get_or_init(install).as_ref()?;
             let free = |r: &&Range| !r.taken.swap(true, SeqCst);
@@ -267,10 +265,8 @@ mod guard {
 
     fn install() -> Option<Installed> {
         // SAFETY: plain calls with valid pointers. An all-zero `sigaction` is a valid value, and
-        // the
-        // handler has the signature that SA_SIGINFO requires. SA_ONSTACK because SIGBUS is also
-        // raised
-        // by a stack overflow.
+        // the handler has the signature that SA_SIGINFO requires. SA_ONSTACK because SIGBUS is also
+        // raised by a stack overflow.
         unsafe {
             let page = usize::try_from(libc::sysconf(libc::_SC_PAGESIZE)).ok()?;
             let mut action: libc::sigaction = std::mem::zeroed();
@@ -294,8 +290,7 @@ mod guard {
             let length = range.end.load(SeqCst) - start;
             let flags = libc::MAP_FIXED | libc::MAP_PRIVATE | libc::MAP_ANONYMOUS;
             // SAFETY: this replaces only pages of a read-only map that is alive: the thread that
-            // faulted
-            // is reading it. These pages of the file are gone, so nothing is lost.
+            // faulted is reading it. These pages of the file are gone, so nothing is lost.
             let zeros = unsafe {
                 libc::mmap(start as *mut libc::c_void, length, libc::PROT_READ, flags, -1, 0)
             };
@@ -304,8 +299,8 @@ mod guard {
                 return;
             }
         }
-        // The address is not in a guarded range: the instruction runs again, under the previous
-        // handler.
+        // The address is not in a guarded range: the instruction runs again, with the old handler.
+        // SAFETY: `before` came from `sigaction`.
         unsafe { libc::sigaction(signal, &raw const installed.before, std::ptr::null_mut()) };
     }
 }

@@ -202,8 +202,7 @@ impl<'a> Window<'a> {
     }
 
     /// Consumes the rest of the file. Returns the number of bytes after the last row; blank lines
-    /// of
-    /// text do not count.
+    /// of text do not count.
     fn trailing(&mut self, format: Format, job: &Job) -> Result<u64> {
         let mut trailing = 0u64;
         loop {

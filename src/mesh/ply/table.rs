@@ -25,8 +25,7 @@ pub(super) struct Table<'a> {
 
 impl Table<'_> {
     /// Calls `read` for all blocks in parallel, one batch at a time. The results go to `take` in
-    /// file
-    /// order. Returns the first error in file order, independent of the threads.
+    /// file order. Returns the first error in file order, independent of the threads.
     pub(super) fn blocks<T: Send>(
         &self,
         read: impl Fn(&mut Reader<'_, '_>) -> Result<T> + Sync,

@@ -42,8 +42,7 @@ impl Packing {
     }
 
     /// Returns a reader of the unpacked bytes of `packed`, which has `length` bytes if that is
-    /// known.
-    /// The window takes at most `room`.
+    /// known. The window takes at most `room`.
     ///
     /// # Errors
     /// If there is no memory for the decoder.
@@ -158,8 +157,7 @@ mod tests {
         };
         let refused = Err("Frame requires too much memory for decoding".to_owned());
         // Windows of 1 KiB and 128 MiB, then a little more, 512 MiB, 2 GiB and the largest that 8
-        // bits
-        // can express.
+        // bits can express.
         for window in [0x00, 0x88] {
             assert_eq!(read(window, None), Ok("a".repeat(100)));
         }

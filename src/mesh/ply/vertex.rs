@@ -199,8 +199,7 @@ fn empty(plan: &VertexPlan) -> Vertices {
 
 impl Records<'_> {
     /// Reads `N` roles, from `first` on, into an array with enough capacity. Values that are stored
-    /// as
-    /// type `T`, called `native`, are copied. All others are converted one by one.
+    /// as type `T`, called `native`, are copied. All others are converted one by one.
     fn columns<const N: usize, T: Native>(
         &self,
         all: &mut Vec<[T; N]>,

@@ -1,17 +1,13 @@
 //! Writes the EXR: linear BT.709 radiance for compositing, and the layers.
 //!
 //! By default it has scanlines, ZIP compression, and unnamed half channels `R G B A`,
-//! premultiplied. The
-//! display window is the whole frame, the data window is the rendered part. The same film and
-//! options
-//! give the same bytes. Therefore the line order is set explicitly: the default of the `exr` crate
-//! depends on threads. The header's attributes are sorted afterwards: the crate keeps them in a
-//! hash
-//! map.
+//! premultiplied. The display window is the whole frame, the data window is the rendered part. The
+//! same film and options give the same bytes. Therefore the line order is set explicitly: the
+//! default of the `exr` crate depends on threads. The header's attributes are sorted afterwards:
+//! the crate keeps them in a hash map.
 //!
 //! Blocks are compressed on the caller's rayon pool, a few ahead of the block that is being
-//! written. So
-//! there is no second buffer of the size of the film.
+//! written. So there is no second buffer of the size of the film.
 
 mod header;
 mod ordered;
@@ -211,8 +207,7 @@ impl Blocks<'_> {
 }
 
 /// Sorts the attributes of the header in place. Its length, and the offsets after it, do not
-/// change.
-/// Also sets the flag of long names: the `exr` crate sets it only for names of attributes.
+/// change. Also sets the flag of long names: the `exr` crate sets it only for names of attributes.
 fn finish_header<F: Read + Write + Seek>(file: &mut F, long_names: bool) -> std::io::Result<()> {
     file.seek(SeekFrom::Start(0))?;
     let mut header = read_sorted(file)?;

@@ -35,10 +35,8 @@ impl<T, W, E> Drop for Guard<'_, T, W, E> {
 }
 
 /// Produces items 0 to `count` - 1 on the threads of the caller's rayon pool. The items go to
-/// `take` in
-/// order, one at a time. Each thread has its own `scratch`. A thread that is too far ahead waits.
-/// The
-/// thread with the next item never waits.
+/// `take` in order, one at a time. Each thread has its own `scratch`. A thread that is too far
+/// ahead waits. The thread with the next item never waits.
 ///
 /// # Errors
 /// The first error that occurs. Nothing more is produced then.

@@ -1,11 +1,8 @@
 //! Sorts the attributes in the bytes of an EXR header by name.
 //!
 //! The `exr` crate writes custom attributes in the order of a hash map, which differs from run to
-//! run.
-//! OpenEXR's own library sorts them, and so does this module. An attribute is
-//! `name NUL type NUL size:i32 data`. The list ends with an empty name. Nothing in the file depends
-//! on
-//! the order.
+//! run. OpenEXR's own library sorts them, and so does this module. An attribute is `name NUL type
+//! NUL size:i32 data`. The list ends with an empty name. Nothing in the file depends on the order.
 
 use std::io::{BufReader, Error, ErrorKind, Read, Result};
 
@@ -26,8 +23,7 @@ pub const LONG_NAMES: u8 = 0x04;
 pub const SHORT_NAME_BYTES: usize = 31;
 
 /// Reads all headers from the first byte of the file on. Returns them sorted, with the same number
-/// of
-/// bytes as in the file.
+/// of bytes as in the file.
 pub fn read_sorted(file: &mut impl Read) -> Result<Vec<u8>> {
     let mut file = BufReader::new(file);
     let mut sorted = vec![0; PREAMBLE_BYTES];

@@ -5,8 +5,7 @@ use libdeflater::{CompressionLvl, Compressor};
 use crate::simd::{Isa, Kernel, dispatch};
 
 /// The fastest level of libdeflate. On a rendered frame it needs 2.4% more bytes than OpenEXR's
-/// level 4,
-/// in three quarters of the time.
+/// level 4, in three quarters of the time.
 const LEVEL: i32 = 1;
 
 /// A compressor with its buffers, reused for one block after the other.
@@ -41,8 +40,7 @@ impl Zip {
 }
 
 /// Reorders bytes to 0, 2, 4..., then 1, 3, 5..., and replaces each by its difference to the one
-/// before
-/// it, plus 128.
+/// before it, plus 128.
 struct Separate<'a> {
     raw: &'a [u8],
     differences: &'a mut [u8],

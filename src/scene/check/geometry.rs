@@ -1,6 +1,6 @@
 //! Tests whether points span an area. Tolerances are relative to the longest edge, so that scenes
-//! in millimetres and in kilometres get the same result. Range checks have ensured that corners
-//! are finite.
+//! in millimetres and in kilometres get the same result. Range checks have ensured that corners are
+//! finite.
 
 use glam::DVec3;
 

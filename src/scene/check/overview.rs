@@ -8,8 +8,7 @@ use super::Check;
 
 impl Check<'_, '_> {
     /// Warns about a camera or a light inside a sphere, mirrors without bounces, and adaptive
-    /// shadows
-    /// that cannot skip a ray.
+    /// shadows that cannot skip a ray.
     pub(super) fn look_over(&mut self, scene: &Scene) {
         let spheres: Vec<(usize, DVec3, f64)> = scene
             .shapes

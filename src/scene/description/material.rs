@@ -54,8 +54,7 @@ pub struct Material {
     /// How texels are filtered.
     pub filter: Filter,
     /// Texture lookup outside the image. Default: spheres repeat in u and clamp in v, meshes
-    /// repeat,
-    /// others clamp.
+    /// repeat, others clamp.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wrap: Option<Wrap>,
     /// Encoding of the image. Default: `srgb` for integer images of any format, `linear` for float

@@ -29,8 +29,7 @@ pub struct Description {
     #[schemars(range(max = 4294967295u32))]
     pub nbounces: u32,
     /// Area lights: trace a quarter of the shadow rays (at least 4) first. Trace the others only
-    /// where
-    /// these disagree, or where a point drawn at random does. Same mean, fewer rays.
+    /// where these disagree, or where a point drawn at random does. Same mean, fewer rays.
     #[serde(default)]
     pub adaptiveshadows: bool,
     /// Camera samples per pixel, box-filtered (their mean); 1 = one ray through the pixel centre.
@@ -219,8 +218,7 @@ pub struct Output {
     /// Names of EXR layers, as for `--aov`.
     pub layers: Vec<Name>,
     /// Number of entries in a pixel of a cryptomatte, those with the most coverage. Each of the
-    /// layers
-    /// `CryptoObject00`, `CryptoObject01`... holds two.
+    /// layers `CryptoObject00`, `CryptoObject01`... holds two.
     #[schemars(range(min = 2, max = MAX_CRYPTO_RANKS), extend("multipleOf" = 2))]
     pub cryptoranks: u32,
     /// Alpha is the fraction of camera samples that hit, instead of 1.

@@ -117,8 +117,7 @@ pub struct TriMesh {
     /// A `.ply` file, relative to the scene file.
     pub path: Name,
     /// Moves the centre of the mesh's bounding box to the origin and scales its longest side to
-    /// this
-    /// length.
+    /// this length.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
     pub fit: Option<f64>,
@@ -133,8 +132,7 @@ pub struct TriMesh {
     #[serde(default = "origin")]
     pub center: Point,
     /// Interpolates vertex normals: true, false, or only across edges below an angle. Normals of
-    /// the
-    /// file are used unchanged.
+    /// the file are used unchanged.
     #[serde(default)]
     pub smooth: Smooth,
     /// false: the `coursework` backend loops over the triangles of the mesh. Other backends ignore
@@ -166,8 +164,7 @@ pub struct Crease {
     #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
     pub angle: f64,
     /// Maximum angle of a smooth edge between flat parts. It applies at a vertex where its creases
-    /// form
-    /// at most three parts, and all faces of each part lie within 5 degrees. Default: `angle`.
+    /// form at most three parts, and all faces of each part lie within 5 degrees. Default: `angle`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
     pub flat: Option<f64>,
