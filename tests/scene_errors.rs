@@ -347,7 +347,7 @@ fn warnings() {
             "found the camera inside the sphere",
             "the material \"spare\", which no shape uses",
             "found `tWidth` without `tPath`",
-            "no mirror will mirror",
+            "mirrors do not reflect",
         ],
     );
     let light = r#"/scene/lightsources=[{"type":"pointlight","position":[0,0,0.5],"id":[1,1,1]}]"#;
