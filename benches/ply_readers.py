@@ -10,7 +10,7 @@ Every reader is a process of its own that reads the file whenever it is told to,
 they are told in turns, forwards and backwards (A B C C B A), so that what else the machine does meets all of
 them. Printed are median and minimum, the ratio of the medians to lightpath's, MB/s, and how much memory a
 first read takes beyond the arrays. Readers that are not installed are left out and named.
-  lightpath          src/mesh/ply, the file mapped: also checks, drops and counts (docs/ply.md)
+  lightpath          src/mesh/ply, the file mapped: also checks, drops and counts (docs/guide/meshes.md)
   lightpath-no-mmap  the same through a window
   floor              mapped records copied into typed arrays by all threads; binary triangles only
   ply-rs-bw          3.0.2, the newest that Rust 1.85 compiles

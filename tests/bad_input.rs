@@ -1,5 +1,5 @@
 //! What bad input gets, through the program: one clear message, the right exit code, no panic, no
-//! output, no part file, little memory. The tables here are those of docs/bad-input.md.
+//! output, no part file, little memory. The tables here are those of docs/notebook/bad-input.md.
 #![cfg(unix)]
 
 mod program;

@@ -1,4 +1,4 @@
-//! The tone operators against values worked out by hand from docs/scene-format.md.
+//! The tone operators against values worked out by hand from docs/guide/scene-format.md.
 
 use lightpath::{
     output::tonemap::to_bytes,

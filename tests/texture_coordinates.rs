@@ -1,5 +1,5 @@
 //! Which texel a camera ray sees, on every kind of shape: as f64 arithmetic gives it from the ray and the
-//! formulas of docs/scene-format.md.
+//! formulas of docs/guide/scene-format.md.
 
 mod backends;
 

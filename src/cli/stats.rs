@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::units;
 
-/// The file of `--stats`. docs/cli.md describes it.
+/// The file of `--stats`. docs/guide/cli.md describes it.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Stats {
     /// Wall-clock time.

@@ -1,4 +1,5 @@
-//! Radiance -> 8-bit or 16-bit values, for the PNG only. docs/scene-format.md, `tonemap`, is the contract.
+//! Radiance -> 8-bit or 16-bit values, for the PNG only. The contract is `tonemap` in
+//! docs/guide/scene-format.md.
 //!
 //! A transparent picture has straight alpha: colour is divided by alpha first, also for the
 //! maximum of the operator `max`. Values that no format holds count as `finite` says.

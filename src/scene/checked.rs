@@ -75,7 +75,7 @@ pub enum Falloff {
     Quadratic,
 }
 
-/// Camera as written; the formulas are in docs/scene-format.md.
+/// Camera as written; the formulas are in docs/guide/scene-format.md.
 #[derive(Debug, Clone)]
 pub struct Camera {
     /// Pixels, both >= 1.

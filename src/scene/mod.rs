@@ -3,7 +3,7 @@
 //! The way of a file: `parse` makes a [`Document`] that knows where everything stands,
 //! `overrides` applies `--set`, `structure` holds it against the [`schema()`] made from the types in
 //! `description`, and `check` finds what types cannot say. All problems come back in one
-//! [`Error`]. docs/scene-format.md is the contract.
+//! [`Error`]. docs/guide/scene-format.md is the contract.
 
 mod backend;
 mod check;

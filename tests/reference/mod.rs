@@ -1,10 +1,12 @@
-//! A second ray tracer, written from `scene-format.md` alone, to check the first one against.
+//! A second ray tracer, written from `scene-format.md` and `meshes.md` alone, to
+//! check the first one against.
 //!
 //! It shares no code with the crate: it reads the scene with `serde_json`, works in f64, tries
 //! every primitive (meshes through a plain median-split tree) and replaces every random choice
 //! by a dense regular one, so its pictures are the integrals that the renderer estimates.
 //! Clarity comes before speed; there is no error handling beyond a panic that says what was read.
-//! Quotes in doc comments name the section of `scene-format.md` that a formula is from.
+//! Quotes in doc comments name the section of docs/guide/scene-format.md, or a sentence of it or of
+//! docs/guide/meshes.md, that a formula is from.
 #![allow(dead_code)] // each test program uses its own part of this module
 
 pub mod analytic;

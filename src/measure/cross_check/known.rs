@@ -1,5 +1,5 @@
-//! How often backends that need not be right are known to be wrong: measured, docs/cli.md has the
-//! figures. What goes beyond is no known fact any more, but something that broke.
+//! Known rates of wrong answers of the backends that may be wrong. docs/notebook/crosscheck.md has
+//! the measurements. A higher rate means that something broke.
 
 use crate::scene::Backend;
 

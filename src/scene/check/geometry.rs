@@ -5,7 +5,8 @@ use glam::DVec3;
 
 /// Area / longest edge^2 below which an area is rounding noise of f64 subtraction.
 const NO_AREA: f64 = 1e-14;
-/// How far corners may lie out of the mean plane, in longest edges; from docs/scene-format.md.
+/// How far corners may lie out of the mean plane, in longest edges; from
+/// docs/guide/scene-format.md.
 const OUT_OF_PLANE: f64 = 1e-4;
 /// Turn / longest edge^2 that counts as straight: rounding, not a concave corner.
 const STRAIGHT: f64 = 1e-9;

@@ -1,4 +1,4 @@
-//! Lights: an area light is the rectangle of docs/scene-format.md and must have an area.
+//! Lights: an area light is the rectangle of docs/guide/scene-format.md and must have an area.
 
 use crate::scene::{
     checked::{Light, LightKind},
