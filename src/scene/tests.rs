@@ -235,7 +235,7 @@ fn directions_of_any_length_are_accepted() {
 
 #[test]
 fn the_example_of_the_manual_is_valid() {
-    let manual = include_str!("../../docs/scene-format.md");
+    let manual = include_str!("../../docs/guide/scene-format.md");
     let example = manual.split("```json\n").nth(1).unwrap().split("```").next().unwrap();
     let loaded = load_value(&serde_json::from_str(example).unwrap(), &[]).unwrap();
     assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
