@@ -10,7 +10,7 @@ Each reader is its own process, which reads the file on request and times itself
 backwards (A B C C B A), so that other load on the machine affects all of them. The output has median and minimum,
 the ratio of the medians to lightpath's, MB/s, and the memory that a first read takes beyond the arrays. Readers that
 are not installed are left out and named.
-  lightpath          src/mesh/ply, with a mapped file: also checks, drops and counts (docs/ply.md)
+  lightpath          src/mesh/ply, with a mapped file: also checks, drops and counts (docs/guide/meshes.md)
   lightpath-no-mmap  the same through a window
   floor              mapped records copied into typed arrays by all threads; binary triangles only
   ply-rs-bw          3.0.2, the newest that Rust 1.85 compiles

@@ -1,4 +1,4 @@
-//! Every invalid PLY file gets its message, the messages are those of docs/bad-input.md, and no
+//! Every invalid PLY file gets its message, the messages are those of docs/notebook/bad-input.md, and no
 //! sequence of bytes makes the reader panic.
 
 mod ply_writer;
@@ -352,7 +352,7 @@ fn the_program_refuses_every_bad_file() {
 
 #[test]
 fn the_table_in_the_docs_matches_the_program() {
-    let docs = include_str!("../docs/bad-input.md");
+    let docs = include_str!("../docs/notebook/bad-input.md");
     let table = docs.split("\n## Meshes\n").nth(1).unwrap().split("\n## ").next().unwrap();
     let rows = cases().into_iter().map(|(what, _, message)| (what, message)).chain(path_cases());
     let rows: Vec<String> = rows

@@ -1,5 +1,5 @@
 //! The texel that a camera ray sees, on every kind of shape, compared with f64 arithmetic on the
-//! ray and the formulas of docs/scene-format.md.
+//! ray and the formulas of docs/guide/scene-format.md.
 
 mod backends;
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::units;
 
-/// Content of the `--stats` file, described in docs/cli.md.
+/// Content of the `--stats` file, described in docs/guide/cli.md.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Stats {
     pub seconds: Seconds,

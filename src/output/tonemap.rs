@@ -1,4 +1,4 @@
-//! Converts radiance to 8-bit or 16-bit values, for the PNG only. docs/scene-format.md, `tonemap`,
+//! Converts radiance to 8-bit or 16-bit values, for the PNG only. docs/guide/scene-format.md, `tonemap`,
 //! specifies it.
 //!
 //! A transparent picture has straight alpha: colour is divided by alpha first, also for the maximum

@@ -76,7 +76,7 @@ pub enum Falloff {
     Quadratic,
 }
 
-/// The camera as written. The formulas are in docs/scene-format.md.
+/// The camera as written. The formulas are in docs/guide/scene-format.md.
 #[derive(Debug, Clone)]
 pub struct Camera {
     /// Width of the picture in pixels, >= 1.

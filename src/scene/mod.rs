@@ -3,7 +3,7 @@
 //! `parse` turns a file into a [`Document`] that stores the place of every value. `overrides`
 //! applies `--set`. `structure` checks the document against the [`schema()`], which is generated
 //! from the types in `description`. `check` finds what types cannot express. All problems come back
-//! in one [`Error`]. docs/scene-format.md specifies the format.
+//! in one [`Error`]. docs/guide/scene-format.md specifies the format.
 
 mod backend;
 mod check;

@@ -184,7 +184,7 @@ pub fn names_in(folder: &Path) -> Vec<String> {
     names
 }
 
-/// A table of docs/bad-input.md, with the program's real messages.
+/// A table of docs/notebook/bad-input.md, with the program's real messages.
 pub struct Table {
     section: &'static str,
     found: Vec<String>,
@@ -214,7 +214,7 @@ impl Table {
     #[track_caller]
     pub fn check(self) {
         let heading = format!("\n## {}\n", self.section);
-        let docs = include_str!("../../docs/bad-input.md");
+        let docs = include_str!("../../docs/notebook/bad-input.md");
         let text = docs.split(&heading).nth(1).unwrap_or_default();
         let section = text.split("\n## ").next().unwrap_or_default();
         let rows: Vec<&str> = section.lines().filter(|line| line.starts_with("| ")).collect();

@@ -13,7 +13,7 @@ use super::Check;
 pub const MAX_PIXELS: u64 = 1 << 30;
 /// Size in bytes of a pixel in the film: R, G, B, A in f32.
 const FILM_BYTES: u64 = 16;
-/// Minimum |Z x up| / |up|, from docs/scene-format.md.
+/// Minimum |Z x up| / |up|, from docs/guide/scene-format.md.
 const MIN_SINE: f64 = 1e-6;
 
 impl Check<'_, '_> {
