@@ -125,8 +125,8 @@ impl Crevice {
     /// may still hit that wall; such a hit is false. A wall that the ray leads to but passes is not
     /// excluded: at the edge where the next wall begins, only the test that both share has no gaps.
     pub fn leaves(&self, primitive: u32, direction: DVec3) -> bool {
-        let mut of = self.walls.iter().filter(|wall| wall.primitive == primitive);
-        of.any(|wall| wall.distance(self.point, direction) < 0.0)
+        let mut own = self.walls.iter().filter(|wall| wall.primitive == primitive);
+        own.any(|wall| wall.distance(self.point, direction) < 0.0)
     }
 }
 
