@@ -141,7 +141,13 @@ impl Area {
     /// Deactivates the rays that run along the plane from a surface in it.
     #[cold]
     #[inline(never)]
-    fn drop_in_plane(&self, points: &ShadowPoints, rays: &Rays, active: &mut Mask, grazing: &mut Mask) {
+    fn drop_in_plane(
+        &self,
+        points: &ShadowPoints,
+        rays: &Rays,
+        active: &mut Mask,
+        grazing: &mut Mask,
+    ) {
         for i in 0..LANES {
             let direction = lane(&rays.dir, i).as_dvec3();
             let within = direction.dot(self.plane).abs() <= f64::from(self.flush);
