@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pixels_sample_count_does_not_depend_on_its_own_samples() {
+    fn a_pixels_number_does_not_depend_on_its_own_samples() {
         let hash = |x: u64| {
             let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
             let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
