@@ -146,14 +146,14 @@ impl Sampler {
         if others == 0 {
             // All lanes sample one pixel, as in most packets of renders with many samples: one set,
             // one seed.
-            let set = Set::<D>::of(key(0));
+            let set = Set::<D>::new(key(0));
             shuffles = [set.shuffle; N];
             for d in 0..D {
                 scrambles[d] = [set.scrambles[d]; N];
             }
         } else {
             for i in 0..N {
-                let set = Set::<D>::of(key(i));
+                let set = Set::<D>::new(key(i));
                 shuffles[i] = set.shuffle;
                 for d in 0..D {
                     scrambles[d][i] = set.scrambles[d];
@@ -177,7 +177,7 @@ impl Sampler {
         first: u32,
         places: &[u8; N],
     ) -> [[f32; N]; 4] {
-        let set = Set::<4>::of(self.key(pixel, first / SEQUENCE, 0) as u32);
+        let set = Set::<4>::new(self.key(pixel, first / SEQUENCE, 0) as u32);
         let begin = shuffled(first, set.shuffle) / STRETCH as u32 * STRETCH as u32;
         let mut indices = [0; N];
         for i in 0..N {
@@ -194,7 +194,7 @@ impl Sampler {
     /// `first`.
     #[inline(always)]
     pub fn camera_stretch_samples(&self, pixel: [u32; 2], first: u32) -> [u8; STRETCH] {
-        let Set { shuffle, .. } = Set::<0>::of(self.key(pixel, first / SEQUENCE, 0) as u32);
+        let Set { shuffle, .. } = Set::<0>::new(self.key(pixel, first / SEQUENCE, 0) as u32);
         let mut indices = [0; STRETCH];
         for i in 0..STRETCH {
             indices[i] = shuffled(first + i as u32, shuffle);
@@ -262,7 +262,7 @@ struct Set<const D: usize> {
 impl<const D: usize> Set<D> {
     /// Derives the seeds as `sobol_burley` does.
     #[inline(always)]
-    fn of(seed: u32) -> Self {
+    fn new(seed: u32) -> Self {
         let own = seed.wrapping_mul(0x9c8f_2d3b);
         let mut scrambles = [0; D];
         for d in 0..D {

@@ -122,7 +122,7 @@ mod tests {
         f64::from(mixed) * (f64::from(sample % 13) * 5.0 - 30.0).exp2()
     }
 
-    fn of(samples: Range<u32>) -> Sums {
+    fn sums_of(samples: Range<u32>) -> Sums {
         let mut sums = Sums::new(2);
         for first in samples {
             sums.push(Node { first, level: 0 }, &[value(first), -value(first)]);
@@ -138,12 +138,12 @@ mod tests {
     fn any_split_gives_the_bits_of_the_whole() {
         let mut naive = 0;
         for n in [1, 2, 3, 7, 16, 23, 64, 100] {
-            let whole = of(0..n);
+            let whole = sums_of(0..n);
             for a in 0..=n {
                 for b in a..=n {
                     let mut merged = Sums::new(2);
                     for part in [0..a, a..b, b..n] {
-                        let sums = of(part.clone());
+                        let sums = sums_of(part.clone());
                         let nodes = Node::of(part);
                         assert_eq!(sums.nodes, nodes);
                         for (i, node) in nodes.iter().enumerate() {
@@ -176,9 +176,9 @@ mod tests {
     fn a_run_of_samples_has_few_nodes() {
         assert_eq!(Node::of(0..64), [Node { first: 0, level: 6 }]);
         assert_eq!(Node::of(64..96), [Node { first: 64, level: 5 }]);
-        let of = |range| Node::of(range).into_iter().map(|n| n.level).collect::<Vec<_>>();
-        assert_eq!(of(3..13), [0, 2, 2, 0]);
-        assert!(of(0..0).is_empty());
+        let levels = |range| Node::of(range).into_iter().map(|n| n.level).collect::<Vec<_>>();
+        assert_eq!(levels(3..13), [0, 2, 2, 0]);
+        assert!(levels(0..0).is_empty());
         assert!(Node::of(1..u32::MAX).len() <= 62);
     }
 }

@@ -41,7 +41,7 @@ struct Hashed {
 
 impl Contents {
     /// SHA-256 of a file in hexadecimal; `None` if the file cannot be read twice.
-    fn of(&mut self, path: &Path) -> Result<Option<String>> {
+    fn sha256_of(&mut self, path: &Path) -> Result<Option<String>> {
         if !self.known.contains_key(path) {
             let found = hashed(path)?;
             self.stamps.extend(found.as_ref().map(|found| found.stamp));
@@ -61,12 +61,12 @@ impl Contents {
     }
 
     /// SHA-256 of a mesh file, followed by the hashes of the images that it names.
-    fn of_mesh(&mut self, path: &Path) -> Result<Option<String>> {
-        let Some(mut all) = self.of(path)? else { return Ok(None) };
+    fn sha256_of_mesh(&mut self, path: &Path) -> Result<Option<String>> {
+        let Some(mut all) = self.sha256_of(path)? else { return Ok(None) };
         for name in mesh::inspect_ply(path)?.texture_files {
             let image = beside(path, &name);
             if image.is_file() {
-                all += &self.of(&image)?.unwrap_or_default();
+                all += &self.sha256_of(&image)?.unwrap_or_default();
             }
         }
         Ok(Some(all))
@@ -107,7 +107,7 @@ pub fn fingerprint(
     }
     for (shape, checked) in description.scene.shapes.iter_mut().zip(&scene.shapes) {
         if let (Shape::TriMesh(mesh), ShapeKind::Trimesh(spec)) = (&mut *shape, &checked.kind) {
-            let Some(mut hash) = contents.of_mesh(&spec.path)? else { return Ok(None) };
+            let Some(mut hash) = contents.sha256_of_mesh(&spec.path)? else { return Ok(None) };
             // Mattes of a mesh without a name are named after its file.
             if let (true, None, Some(stem)) = (mattes, &mesh.name, spec.path.file_stem()) {
                 hash += &stem.to_string_lossy();
@@ -134,7 +134,7 @@ fn replace_texture(
     contents: &mut Contents,
 ) -> Result<bool> {
     if let Some(texture) = checked.and_then(|material| material.texture.as_ref()) {
-        written.texture_path = contents.of(&texture.path)?.map(Name);
+        written.texture_path = contents.sha256_of(&texture.path)?.map(Name);
         return Ok(written.texture_path.is_some());
     }
     Ok(true)
