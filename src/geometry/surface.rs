@@ -252,8 +252,8 @@ pub(super) fn on_sphere(sphere: &Sphere, packet: &RayPacket, i: usize) -> (f64, 
     (t, (near - sphere.center).normalize_or(DVec3::Z))
 }
 
-/// Error bound of a point from a root in f64. The discriminant is off by some 64u (u = 2^-53) of
-/// the larger of its terms. The root is off by at most the square root of that.
+/// Error bound of a point from a root in f64. The discriminant is the difference of two terms and
+/// is off by some 64u (u = 2^-53) of their sum. The root is off by at most the square root of that.
 fn sphere_error(sphere: &Sphere, origin: DVec3, direction: DVec3, t: f64) -> f64 {
     let f = origin - sphere.center;
     let off = 32.0 * f64::EPSILON * (f.length_squared() + sphere.radius * sphere.radius);

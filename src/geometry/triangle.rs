@@ -91,8 +91,8 @@ const BLUR: f64 = 32.0 * f64::EPSILON;
 ///
 /// Each triple product of to_v0, direction and a side has an error of at most 8u times its
 /// permanent (u = 2^-53). The permanent is at most the product of the sums of the coordinates'
-/// magnitudes. The same bound holds for det and for the sides that the weights multiply, which are
-/// off by u. Three such errors over det move the weights, and each weight moves the position by a
+/// magnitudes. The same holds for det. The sides that the weights multiply are off by u of
+/// themselves. Three such errors over det move the weights, and each weight moves the position by a
 /// side. 64u leaves room for the rest. With some 106 bits the permanents are the same and each
 /// product is off by 2^-100 of them; the divisions add their own rounding.
 pub fn triangle_error([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3) -> f64 {
