@@ -26,7 +26,7 @@ use glam::{DVec2, DVec3};
 /// for such rays along the edges of needles and plates.
 const REACH: f64 = 24.0 / (1u64 << 24) as f64;
 
-/// Where a ray passes a triangle within [`REACH`].
+/// Where a ray passes a triangle within `REACH`.
 #[derive(Debug, Clone, Copy)]
 pub struct Passing {
     /// Ray parameter at the plane, clamped to the range of the corners.
@@ -44,7 +44,7 @@ impl Passing {
 
 /// Where the line `origin + t direction` passes a triangle. `None` if it is farther off than a test
 /// in f32 can err. Coordinates and direction must be f32 values; the rounding of f64 is a millionth
-/// of [`REACH`].
+/// of `REACH`.
 pub fn passing(corners: [DVec3; 3], origin: DVec3, direction: DVec3) -> Option<Passing> {
     let along = direction.abs().max_position();
     let across = [(along + 1) % 3, (along + 2) % 3];
