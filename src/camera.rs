@@ -1,43 +1,44 @@
-//! (pixel, sample) -> camera ray, exactly as docs/guide/scene-format.md defines it.
+//! The camera: rays from pixels and samples, exactly as docs/scene-format.md defines them.
 
 use glam::{DVec3, Vec3};
 
 use crate::sampler::disk;
 use crate::scene;
 
-/// A camera relative to the scene's origin. f64, rounded once into each ray: within half an ulp and 2^-45.
+/// A camera relative to the scene's origin. Computed in f64 and rounded once into each ray, so
+/// directions are right to half an ulp plus 2^-45.
 #[derive(Debug, Clone, Copy)]
 pub struct Camera {
-    /// Relative to the scene's origin.
+    /// Position relative to the scene's origin.
     position: DVec3,
-    /// Direction to the top left corner of the frame, before normalisation.
+    /// Direction to the top left corner of the frame, not normalized.
     corner: DVec3,
     /// Change of that direction per pixel to the right.
     right: DVec3,
     /// Change of that direction per pixel down.
     down: DVec3,
-    /// Unit direction of the view.
+    /// Unit direction of view.
     forward: DVec3,
     lens: Option<Lens>,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Lens {
-    /// Half the aperture along X.
+    /// Half the aperture, along the camera's X axis.
     x: DVec3,
-    /// Half the aperture along Y.
+    /// Half the aperture, along the camera's Y axis.
     y: DVec3,
     focal_distance: f64,
 }
 
-/// The camera's axes: X right, Y up, Z forward, unit length.
+/// The camera's unit axes: X right, Y up, Z forward.
 pub fn axes(camera: &scene::Camera) -> [DVec3; 3] {
     let z = camera.lookat.normalize();
     let x = z.cross(camera.up).normalize();
     [x, x.cross(z), z]
 }
 
-/// The frame's width and height at distance 1 from the camera.
+/// Width and height of the frame at distance 1 from the camera.
 fn frame_at_one(camera: &scene::Camera) -> [f64; 2] {
     let height = 2.0 * (camera.fov_deg.to_radians() / 2.0).tan();
     [f64::from(camera.width) / f64::from(camera.height) * height, height]
@@ -48,7 +49,7 @@ pub fn screen_window_width(camera: &scene::Camera) -> f64 {
     frame_at_one(camera)[0]
 }
 
-/// OpenEXR's `worldToCamera`: row vector times matrix, row by row; x right, y up, z forward.
+/// OpenEXR's `worldToCamera`, for row vectors times matrix, row by row. x right, y up, z forward.
 pub fn world_to_camera(camera: &scene::Camera) -> [[f64; 4]; 4] {
     let axes = axes(camera);
     let at = |row: usize| [axes[0][row], axes[1][row], axes[2][row], 0.0];
@@ -56,19 +57,21 @@ pub fn world_to_camera(camera: &scene::Camera) -> [[f64; 4]; 4] {
     [at(0), at(1), at(2), [x, y, z, 1.0]]
 }
 
-/// OpenEXR's `worldToNDC`: after the division by w, x and y run from 0 at the top left to 1 at the
-/// bottom right of the frame, and z is 0 at distance 1 and 1 at infinity, as no distance is cut off.
+/// OpenEXR's `worldToNDC`. After the division by w, x and y run from 0 at the top left to 1 at the
+/// bottom right of the frame. z is 0 at distance 1 and 1 at infinity, because there is no far
+/// plane.
 pub fn world_to_ndc(camera: &scene::Camera) -> [[f64; 4]; 4] {
     let [width, height] = frame_at_one(camera);
     world_to_camera(camera)
         .map(|[x, y, z, w]| [x / width + 0.5 * z, -y / height + 0.5 * z, z - w, z])
 }
 
-/// Where the frame at distance 1 reaches farther, directions to it are made shorter: a power of two.
+/// Largest half side of the frame at distance 1. In wider frames all directions are scaled down by
+/// this power of two.
 const FARTHEST: f64 = (1u64 << 30) as f64;
 
 impl Camera {
-    /// The camera seen from `origin`, the world position of the scene's origin.
+    /// The camera relative to `origin`, the world position of the scene's origin.
     pub fn new(camera: &scene::Camera, origin: DVec3) -> Self {
         let [x, y, z] = axes(camera);
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
@@ -80,7 +83,7 @@ impl Camera {
             y: y * (lens.aperture / 2.0),
             focal_distance: lens.focal_distance,
         });
-        // What `unit_of_frame` looks at has to fit into f32.
+        // The squared length in `unit_of_frame` must fit into f32.
         let far = half_width.max(tan) > FARTHEST;
         let scale = if far { 1.0 / FARTHEST } else { 1.0 };
         let lens = lens.map(|lens| Lens { focal_distance: lens.focal_distance / scale, ..lens });
@@ -94,20 +97,20 @@ impl Camera {
         }
     }
 
-    /// How far a point, relative to the scene's origin, lies in front of the camera: along its axis,
-    /// not along the ray.
+    /// Distance of a point in front of the camera, along the camera's axis and not along the ray.
+    /// The point is relative to the scene's origin.
     #[inline(always)]
     pub fn depth(&self, point: DVec3) -> f64 {
         (point - self.position).dot(self.forward)
     }
 
-    /// Whether rays need lens samples.
+    /// Whether rays need lens samples, that is, whether the camera has a lens.
     pub fn has_lens(&self) -> bool {
         self.lens.is_some()
     }
 
-    /// Origin and unit direction of the ray through raster position (x, y) in pixels from the
-    /// frame's top left corner, with lens coordinates in [0, 1)^2 (unused by a pinhole).
+    /// Origin and unit direction of the ray through raster position (x, y), in pixels from the
+    /// frame's top left corner. `lens` are lens coordinates in [0, 1)^2; a pinhole ignores them.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> (Vec3, Vec3) {
         match &self.lens {
@@ -124,7 +127,7 @@ impl Camera {
 }
 
 impl Camera {
-    /// [`Camera::ray`] of a camera without a lens.
+    /// [`Camera::ray`] for a camera without a lens.
     #[inline(always)]
     pub fn pinhole_ray(&self, x: f32, y: f32) -> (Vec3, Vec3) {
         (self.position.as_vec3(), unit_of_frame(self.towards(x, y)))
@@ -141,8 +144,8 @@ fn unit(v: DVec3) -> Vec3 {
     (v * (1.0 / v.dot(v).sqrt())).as_vec3()
 }
 
-/// The same of a direction to a point of the frame: one step of Newton's from a root in f32, off by 2^-45 of
-/// itself at most, without f64's root and division.
+/// [`unit`] for a direction to a point of the frame: a root in f32 and one Newton step. Its error
+/// is at most 2^-45 of the length, and it avoids f64's root and division.
 #[inline(always)]
 fn unit_of_frame(v: DVec3) -> Vec3 {
     let square = v.dot(v);
@@ -206,7 +209,7 @@ mod tests {
             let spec = scene::Camera { fov_deg, width: 65_536, height: 1, ..camera(lens) };
             let c = Camera::new(&spec, DVec3::ZERO);
             let ([x, y, z], tan) = (axes(&spec), (fov_deg / 2.0).to_radians().tan());
-            // The last two in a margin around the frame.
+            // The last two points lie in the overscan around the frame.
             for (i, j) in [(0.5, 0.5), (32_768.0, 0.5), (32_768.5, 0.25), (-7e4, 0.0), (7e4, 9.0)] {
                 let (sx, sy) = (f64::from(i), f64::from(j));
                 let to = x * ((2.0 * sx - 65_536.0) * tan) + y * ((1.0 - 2.0 * sy) * tan) + z;
@@ -220,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn lens_rays_meet_in_the_plane_of_focus() {
+    fn lens_rays_intersect_in_the_plane_of_focus() {
         let lens = scene::Lens { aperture: 0.5, focal_distance: 4.0 };
         let c = Camera::new(&camera(Some(lens)), DVec3::ZERO);
         let sharp = Camera::new(&camera(None), DVec3::ZERO).ray(50.0, 60.0, [0.0; 2]);
@@ -233,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn no_aperture_is_a_pinhole_bit_for_bit() {
+    fn an_aperture_of_zero_is_a_pinhole_bit_for_bit() {
         let lens = scene::Lens { aperture: 0.0, focal_distance: 4.0 };
         let (a, b) =
             (Camera::new(&camera(None), DVec3::ONE), Camera::new(&camera(Some(lens)), DVec3::ONE));

@@ -1,7 +1,8 @@
 //! lightpath: a CPU ray tracer for big scanned meshes.
 //!
-//! The program is [`cli`]; all the rest is a library that neither prints nor ends the process. Its front is
-//! [`Renderer`]: a [`Scene`] and meshes in, an [`Accelerator`] over them, a [`Film`] out.
+//! The program is [`cli`]. Everything else is a library that neither prints nor ends the process.
+//! Its main interface is [`Renderer`]: it takes a [`Scene`] and meshes, builds an [`Accelerator`]
+//! and renders a [`Film`].
 //!
 //! ```
 //! use lightpath::{Mesh, Positions, Renderer, Scene};
@@ -11,7 +12,8 @@
 //!     r#"{ "camera": { "type": "pinhole", "width": 32, "height": 24, "fov": 40,
 //!                      "position": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0] },
 //!          "scene": {
-//!                     "lightsources": [{ "type": "pointlight", "position": [0, 1, 3], "id": [3, 3, 3] }],
+//!                     "lightsources": [{ "type": "pointlight", "position": [0, 1, 3],
+//!                                        "id": [3, 3, 3] }],
 //!                     "materials": { "clay": { "diffusecolor": [0.8, 0.4, 0.3] } },
 //!                     "shapes": [] } }"#,
 //! )?;
@@ -28,9 +30,9 @@
 //!
 //! `examples/mesh_from_memory.rs` also writes the files.
 //!
-//! Data flows one way, one function an arrow:
+//! Data flows in one direction, with one function per arrow:
 //! scene file -> [`scene::Description`] -> [`scene::Scene`] -> [`world::World`] ->
-//! [`accel::Accelerator`] -> [`film::Film`] -> EXR and PNG. ARCHITECTURE.md draws it.
+//! [`accel::Accelerator`] -> [`film::Film`] -> EXR and PNG. ARCHITECTURE.md has the diagram.
 
 pub mod accel;
 pub mod batch;

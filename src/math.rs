@@ -1,10 +1,10 @@
 //! Small numeric helpers that the standard library lacks.
 
-/// `x^n` for x, n >= 0, with 0^0 = 1; relative error below 1e-7.
+/// `x^n` for x, n >= 0, with 0^0 = 1. Relative error below 1e-7.
 ///
-/// Branch-free f64 arithmetic on bits and polynomials, so that a loop over lanes becomes SIMD code
-/// and every machine computes the same bits (libm's `pow` differs between C libraries).
-/// log2 by the series of atanh, 2^f by Taylor's series.
+/// Computed in f64 without branches, from bits and polynomials: log2 by the series of atanh, 2^f by
+/// Taylor's series. So a loop over lanes compiles to SIMD code, and every machine computes the same
+/// bits. libm's `pow` differs between C libraries.
 #[inline(always)]
 pub fn pow(x: f32, n: f32) -> f32 {
     let bits = f64::from(x).to_bits();
@@ -21,7 +21,7 @@ pub fn pow(x: f32, n: f32) -> f32 {
     let p = 1.0 + z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * p)));
     let log2 = e + s * p * (2.0 * std::f64::consts::LOG2_E);
     let y = (log2 * f64::from(n)).clamp(-1000.0, 1000.0);
-    // Adding and taking away 1.5 * 2^52 rounds to the nearest integer.
+    // Adding and subtracting 1.5 * 2^52 rounds to the nearest integer.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     let k = (y + ROUND) - ROUND;
     let f = (y - k) * std::f64::consts::LN_2;
@@ -49,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_of_pow() {
+    fn pow_at_zero_one_and_huge_exponents() {
         assert_eq!(pow(0.0, 0.0), 1.0);
         assert_eq!(pow(0.0, 1e-3), 0.0);
         assert_eq!(pow(0.0, 5.0), 0.0);

@@ -1,4 +1,4 @@
-//! The files of a picture: how they are stored, what they say about where it comes from.
+//! The files of a picture: storage options, header attributes, manifests, warnings.
 
 use std::path::{Path, PathBuf};
 
@@ -13,41 +13,41 @@ use crate::{
     scene::{Backend, Camera, Layer, Scene, written::MAX_CRYPTO_RANKS},
 };
 
-/// How pictures are stored.
+/// Storage options of a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Storage {
-    /// 32-bit floats in the EXR in place of halves.
+    /// Whether the EXR has 32-bit floats, not halves.
     pub float: bool,
-    /// How its blocks are compressed.
+    /// Compression of the EXR's blocks.
     pub compression: exr::Compression,
-    /// A part of the EXR for every layer.
+    /// Whether each layer is a part of its own in the EXR.
     pub multipart: bool,
-    /// Bits of the PNG's channels.
+    /// Bits per channel of the PNG.
     pub depth: Depth,
-    /// The names of cryptomattes stand in files beside the EXR, not in its header.
+    /// Whether the names of cryptomattes are in files beside the EXR, not in its header.
     pub crypto_sidecar: bool,
 }
 
-/// The files of one picture, being written: `PREFIX.exr`, `PREFIX.png` and the manifests of its
-/// cryptomattes where these stand beside it.
+/// The files of one picture while they are written: `PREFIX.exr`, `PREFIX.png`, and the manifests
+/// of its cryptomattes with [`Storage::crypto_sidecar`].
 #[derive(Debug)]
 pub struct Files {
     outputs: Outputs,
     manifests: Vec<Manifest>,
 }
 
-/// A manifest beside the picture.
+/// A manifest file beside the picture.
 #[derive(Debug)]
 struct Manifest {
-    /// What its mattes are called.
+    /// Kind of the cryptomattes that it names.
     kind: &'static str,
-    /// Its name within the folder.
+    /// File name within the folder.
     name: String,
     file: Part,
 }
 
 impl Files {
-    /// Their names; the EXR's and the PNG's first.
+    /// Paths of the files, the EXR and the PNG first.
     pub fn names(prefix: &Path, plan: &Plan, storage: Storage) -> Vec<PathBuf> {
         let manifests = plan.mattes.iter().filter(|_| storage.crypto_sidecar);
         let manifests = manifests.map(|mattes| manifest_path(prefix, mattes.kind));
@@ -57,7 +57,7 @@ impl Files {
     /// Creates the part files.
     ///
     /// # Errors
-    /// Those of [`Part::create`]; a name that no EXR attribute can hold.
+    /// As [`Part::create`]; a name that no EXR attribute can hold.
     pub fn create(prefix: &Path, plan: &Plan, storage: Storage) -> Result<Self> {
         let outputs = Outputs::create(prefix)?;
         let create = |mattes: &Mattes| {
@@ -69,23 +69,23 @@ impl Files {
         Ok(Self { outputs, manifests: manifests.collect::<Result<_>>()? })
     }
 
-    /// Takes one more file of the picture: see [`Outputs::add`].
+    /// Adds another file to the picture: see [`Outputs::add`].
     pub fn add(&mut self, part: Part) -> PathBuf {
         self.outputs.add(part)
     }
 }
 
-/// The kinds of cryptomattes that may have a manifest beside the picture.
+/// Kinds of cryptomattes that can have a manifest beside the picture.
 pub const MANIFESTS: [&str; 2] = ["CryptoObject", "CryptoMaterial"];
 
-/// Where the manifest of a kind of cryptomattes stands that leaves the header.
+/// Path of the manifest for one kind of cryptomattes, if it is not in the header.
 pub fn manifest_path(prefix: &Path, kind: &str) -> PathBuf {
     let mut path = prefix.as_os_str().to_owned();
     path.push(format!(".{kind}.json"));
     path.into()
 }
 
-/// The name of a file within its folder, for an attribute.
+/// Name of a file within its folder, for an EXR attribute.
 ///
 /// # Errors
 /// A name that no EXR attribute can hold.
@@ -96,31 +96,32 @@ pub fn file_name(path: &Path) -> Result<String> {
     })
 }
 
-/// What the files of one picture say.
+/// The information that a picture's files hold beside the pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct Says<'a> {
-    /// The layers and what they mean.
+    /// Layers of the picture and their meaning.
     pub plan: &'a Plan,
-    /// More header attributes.
+    /// Additional header attributes: names and values.
     pub more: &'a [(String, String)],
-    /// What found the hits.
+    /// Backend that found the hits.
     pub info: &'a BuildInfo,
-    /// SHA-256 of what decides the pixels ([`crate::world::fingerprint`]); none where a mesh came through a pipe.
+    /// SHA-256 of everything that decides the pixels ([`crate::world::fingerprint`]). `None` if a
+    /// mesh came through a pipe.
     pub scene_hash: Option<&'a str>,
-    /// Samples of each pixel, where these are not just the scene's.
+    /// Samples per pixel, if they are not just the scene's.
     pub spp: Option<&'a str>,
-    /// Which frame of a sequence it is.
+    /// Position of the picture in a sequence.
     pub sequence: exr::Sequence,
-    /// How long the render took, if the file is to say it.
+    /// Render time in seconds, if the file is to hold it.
     pub render_seconds: Option<f32>,
-    /// What it was made of, for who asks later whether it would be the same again.
+    /// Fingerprint of the inputs, for a later check whether they would give the same picture.
     pub fingerprint: Option<&'a str>,
 }
 
-/// Writes the film of a scene; returns the names of [`Files`], in their order.
+/// Writes the film of a scene. Returns the paths of [`Files`], in their order.
 ///
 /// # Errors
-/// Those of [`Outputs::write`].
+/// As [`Outputs::write`].
 pub fn write(
     files: Files,
     film: &Film,
@@ -158,7 +159,7 @@ pub fn write(
     Ok((paths.into_iter().chain(beside).collect(), oddities))
 }
 
-/// Refuses what contradicts the scene's values.
+/// Checks the storage options against the scene.
 ///
 /// # Errors
 /// The first contradiction.
@@ -167,14 +168,14 @@ pub fn suits(scene: &Scene, storage: Storage) -> Result<()> {
     let lossy = storage.compression == exr::Compression::Dwaa;
     if lossy && scene.layers.iter().any(mattes) {
         let message =
-            "found dwaa with cryptomatte: its losses change the ids, and no matte is found again";
+            "found dwaa with cryptomatte: its losses change the ids, so mattes cannot be found";
         return Err(Error::invalid("--compression", message).help("zip, zips, piz, rle or none"));
     }
     Ok(())
 }
 
-/// What the EXR says about its origin: nothing that differs between two equal pictures, so no instruction
-/// set either.
+/// Header attributes of the EXR's origin. They are equal for equal pictures, so they do not hold
+/// the instruction set.
 fn origin(scene: &Scene, says: &Says) -> Vec<(String, String)> {
     let mode = match scene.backend {
         Backend::Embree(mode) => format!(", {mode:?}").to_lowercase(),
@@ -182,40 +183,40 @@ fn origin(scene: &Scene, says: &Says) -> Vec<(String, String)> {
     };
     let name = scene.backend.name();
     let backend = format!("{name} ({}{mode})", says.info.version);
-    let said = [
+    let values = [
         ("backend", Some(backend)),
         ("sceneHash", says.scene_hash.map(str::to_string)),
         ("seed", Some(scene.seed.to_string())),
         ("spp", Some(says.spp.map_or_else(|| scene.spp.to_string(), str::to_string))),
         ("version", Some(env!("CARGO_PKG_VERSION").to_string())),
     ];
-    let said = said.into_iter().filter_map(|(name, value)| Some((name, value?)));
-    said.map(|(name, value)| (format!("lightpath:{name}"), value)).collect()
+    let values = values.into_iter().filter_map(|(name, value)| Some((name, value?)));
+    values.map(|(name, value)| (format!("lightpath:{name}"), value)).collect()
 }
 
-/// Header attributes of the layers.
+/// Header attributes that describe the layers.
 fn layer_attributes(plan: &Plan, manifests: &[Manifest]) -> Vec<(String, String)> {
     let mut attributes = Vec::new();
     for mattes in &plan.mattes {
         let beside = manifests.iter().find(|manifest| manifest.kind == mattes.kind);
         attributes.extend(mattes.attributes(beside.map(|manifest| manifest.name.as_str())));
     }
-    let mut say = |name: &str, text: &str| {
+    let mut add = |name: &str, text: &str| {
         attributes.push((format!("lightpath:{name}"), text.to_string()));
     };
     if plan.recipe.depth.is_some() {
-        say("Z", "camera-space depth, not distance; 1e30 where nothing is hit; nearest sample");
+        add("Z", "camera-space depth, not distance; 1e30 where nothing is hit; nearest sample");
     }
     if plan.recipe.position.is_some() {
-        say("P", "world space; 0 where nothing is hit; nearest sample");
+        add("P", "world space; 0 where nothing is hit; nearest sample");
     }
     if plan.normal.is_some() || plan.geometric_normal.is_some() {
-        say("N", "world space, turned to the camera");
+        add("N", "world space, turned to the camera");
     }
     attributes
 }
 
-/// Where the picture was taken from.
+/// The camera matrices of the picture.
 fn view(camera: &Camera) -> exr::View {
     let rounded = |matrix: [[f64; 4]; 4]| std::array::from_fn(|i| matrix[i / 4][i % 4] as f32);
     exr::View {
@@ -225,7 +226,7 @@ fn view(camera: &Camera) -> exr::View {
     }
 }
 
-/// What the files could not hold.
+/// Warnings about values that the files could not hold.
 pub fn odd(oddities: &Oddities) -> Vec<Problem> {
     let mut warnings = Vec::new();
     if let Some(spot) = &oddities.first_non_finite {
@@ -246,7 +247,7 @@ pub fn odd(oddities: &Oddities) -> Vec<Problem> {
     warnings
 }
 
-/// A warning of pixels that see more things than their cryptomattes have ranks.
+/// A warning if more things cover a pixel than its cryptomattes have ranks.
 fn dropped(dropped: &Dropped) -> Option<Problem> {
     let Dropped { pixels, share, things } = *dropped;
     let message = format!(

@@ -1,31 +1,31 @@
-//! Packets of 16 rays as structures of arrays, laid out exactly as Embree's `RTCRay16` and
-//! `RTCRayHit16` (Embree >= 4.3), so that nothing is copied on the way in or out.
+//! Packets of 16 rays and their hits, as structures of arrays. The layout is exactly
+//! Embree's `RTCRay16` and `RTCRayHit16` (Embree >= 4.3), so that nothing is copied.
 
-/// No primitive, no geometry (Embree's `RTC_INVALID_GEOMETRY_ID`).
+/// Id of no primitive and no geometry (Embree's `RTC_INVALID_GEOMETRY_ID`).
 pub const NONE: u32 = u32::MAX;
 
-/// Rays per packet.
+/// Number of rays per packet.
 pub const LANES: usize = 16;
 
-/// Which lanes of a packet count: -1 yes, 0 no.
+/// A set of lanes: -1 for a lane in the set, 0 for any other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C, align(64))]
 pub struct Mask(pub [i32; LANES]);
 
 impl Mask {
-    /// No lane.
+    /// The set without lanes.
     pub const NONE: Self = Self([0; LANES]);
 
-    /// Every lane.
+    /// The set of all lanes.
     pub const ALL: Self = Self([-1; LANES]);
 
-    /// Whether any lane counts.
+    /// Whether the set contains any lane.
     #[inline(always)]
     pub fn any(&self) -> bool {
         self.0.iter().fold(0, |all, &lane| all | lane) != 0
     }
 
-    /// These lanes and those of `other`.
+    /// Union: the lanes of this set and of `other`.
     #[inline(always)]
     #[must_use]
     pub fn with(&self, other: &Self) -> Self {
@@ -36,7 +36,7 @@ impl Mask {
         joined
     }
 
-    /// These lanes, but not those of `other`.
+    /// Difference: the lanes of this set that are not in `other`.
     #[inline(always)]
     #[must_use]
     pub fn without(&self, other: &Self) -> Self {
@@ -47,7 +47,7 @@ impl Mask {
         rest
     }
 
-    /// The first lane that counts; 0 if none does.
+    /// First lane of the set; 0 if it is empty.
     #[inline(always)]
     pub fn first(&self) -> usize {
         let mut bits = 0;
@@ -57,40 +57,40 @@ impl Mask {
         bits.trailing_zeros() as usize % LANES
     }
 
-    /// Number of lanes that count.
+    /// Number of lanes in the set.
     #[inline(always)]
     pub fn count(&self) -> u32 {
         self.0.iter().fold(0_i32, |n, &lane| n.wrapping_add(lane)).unsigned_abs()
     }
 }
 
-/// 16 rays `org + t dir`, t in (`tnear`, `tfar`); coordinates relative to the scene's origin.
+/// 16 rays `org + t dir`, t in (`tnear`, `tfar`), with coordinates relative to the scene's origin.
 ///
-/// Directions need not be unit length. An occluded ray gets `tfar` = -inf.
+/// Directions need not have unit length. An occluded ray gets `tfar` = -inf.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct Rays {
-    /// Origins: x, y, z.
+    /// Origins, by axis and lane.
     pub org: [[f32; LANES]; 3],
-    /// Start of the segment, >= 0.
+    /// Start of the segment; >= 0.
     pub tnear: [f32; LANES],
-    /// Directions: x, y, z.
+    /// Directions, by axis and lane.
     pub dir: [[f32; LANES]; 3],
-    /// Room for a backend.
+    /// Scratch space for a backend (Embree's ray time).
     pub time: [f32; LANES],
-    /// End of the segment; a hit puts its t here.
+    /// End of the segment; a hit stores its t here.
     pub tfar: [f32; LANES],
-    /// All ones.
+    /// Embree's ray mask: all bits set.
     pub mask: [u32; LANES],
-    /// The primitive number (of [`crate::geometry::Geometry::primitive`]) that the ray leaves and
-    /// so cannot meet again, or [`NONE`].
+    /// Number ([`crate::geometry::Geometry::primitive`]) of the primitive that the ray leaves and
+    /// cannot hit again, or [`NONE`].
     pub leaving: [u32; LANES],
-    /// Unused (0).
+    /// Embree's ray flags: unused, 0.
     pub flags: [u32; LANES],
 }
 
 impl Rays {
-    /// Rays of no direction that end at infinity.
+    /// Rays without direction and without end.
     pub const EMPTY: Self = Self {
         org: [[0.0; LANES]; 3],
         tnear: [0.0; LANES],
@@ -102,10 +102,10 @@ impl Rays {
         flags: [0; LANES],
     };
 
-    /// The active lanes whose rays can meet anything: finite origin and direction, a direction
-    /// that is not zero (nor denormal), `tnear <= tfar`. A NaN in one lane can make a packet's
-    /// bounds useless for all of them. The renderer's own rays are possible by construction; rays
-    /// from anywhere else are masked with this first.
+    /// The active lanes whose rays can hit anything: finite origin and direction, direction neither
+    /// zero nor denormal, `tnear <= tfar`. A NaN in one lane can make a packet's bounds useless for
+    /// all lanes. The renderer's own rays are valid by construction; rays from elsewhere are masked
+    /// with this function first.
     #[inline(always)]
     pub fn possible(&self, active: &Mask) -> Mask {
         let ([ox, oy, oz], [dx, dy, dz]) = (&self.org, &self.dir);
@@ -113,7 +113,7 @@ impl Rays {
         for i in 0..LANES {
             let origin = ox[i].abs() + oy[i].abs() + oz[i].abs();
             let direction = dx[i].abs() + dy[i].abs() + dz[i].abs();
-            // NaN fails every comparison.
+            // A NaN fails every comparison.
             let sound = (origin <= f32::MAX)
                 & (f32::MIN_POSITIVE..=f32::MAX).contains(&direction)
                 & (self.tnear[i] <= self.tfar[i]);
@@ -123,28 +123,28 @@ impl Rays {
     }
 }
 
-/// What 16 rays hit.
+/// Hits of 16 rays.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct Hits {
-    /// Geometric normal of the backend, any length, not turned.
+    /// Geometric normal from the backend: any length, on either side.
     pub ng: [[f32; LANES]; 3],
     /// Barycentric weight of the second corner.
     pub u: [f32; LANES],
     /// Barycentric weight of the third corner.
     pub v: [f32; LANES],
-    /// Primitive within its geometry.
+    /// Primitive number within its geometry.
     pub prim: [u32; LANES],
-    /// Geometry, or [`NONE`] for a miss.
+    /// Geometry id, or [`NONE`] for a miss.
     pub geom: [u32; LANES],
-    /// Unused.
+    /// Unused; part of Embree's layout.
     pub instance: [u32; LANES],
-    /// Unused.
+    /// Unused; part of Embree's layout.
     pub instance_prim: [u32; LANES],
 }
 
 impl Hits {
-    /// No hits.
+    /// No lane has a hit.
     pub const EMPTY: Self = Self {
         ng: [[0.0; LANES]; 3],
         u: [0.0; LANES],
@@ -156,21 +156,21 @@ impl Hits {
     };
 }
 
-/// 16 rays and what they hit.
+/// 16 rays and their hits.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct RayPacket {
-    /// The rays.
+    /// The rays to trace.
     pub rays: Rays,
-    /// Their closest hits.
+    /// Closest hits of the rays.
     pub hits: Hits,
 }
 
 impl RayPacket {
-    /// No rays, no hits.
+    /// A packet without rays and hits.
     pub const EMPTY: Self = Self { rays: Rays::EMPTY, hits: Hits::EMPTY };
 
-    /// The active lanes that hit anything.
+    /// The active lanes that have a hit.
     #[inline(always)]
     pub fn hit(&self, active: &Mask) -> Mask {
         let mut hit = Mask::NONE;
@@ -180,22 +180,22 @@ impl RayPacket {
         hit
     }
 
-    /// Forgets the hits.
+    /// Turns all lanes into misses.
     #[inline(always)]
     pub fn clear_hits(&mut self) {
         self.hits.geom = [NONE; LANES];
     }
 }
 
-/// What the caller knows of a packet's rays.
+/// How similar the rays of a packet are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coherence {
-    /// They take much the same path: camera rays, shadow rays of neighbours.
+    /// Similar paths: camera rays, or shadow rays of neighbouring points.
     Coherent,
-    /// They do not.
+    /// Different paths, as after several bounces.
     Incoherent,
-    /// As [`Coherence::Incoherent`], and every lane is traced alone, with the backend's query for one
-    /// ray: what a measurement of single rays asks for.
+    /// As [`Coherence::Incoherent`], but every lane is traced alone with the backend's query for
+    /// single rays. For measurements of single rays.
     Single,
 }
 
@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn impossible_rays_are_told_apart() {
+    fn possible_rejects_invalid_rays() {
         let mut rays = Rays::EMPTY;
         rays.dir[2] = [1.0; LANES];
         rays.dir[2][1] = 0.0;

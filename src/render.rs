@@ -1,4 +1,5 @@
-//! [`World`] and an accelerator -> [`Film`]: tiles over threads, progress, cancel.
+//! Renders a [`World`] with an accelerator into a [`Film`]: tiles on threads, progress,
+//! cancellation.
 
 mod adaptive;
 
@@ -18,8 +19,8 @@ use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
 use crate::world::World;
 
-/// Renders the film's window on the threads of the current rayon pool. The same bits for any
-/// number of threads and any window; a film may be used again for the next frame.
+/// Renders the film's window on the threads of the current rayon pool. The bits are the same for
+/// any number of threads and any window. A film can be used again for the next frame.
 ///
 /// # Errors
 /// `Interrupted` after a signal; the film is then unfinished.
@@ -34,8 +35,8 @@ pub fn render(
     render_with(world, accelerator, isa, film, 0..world.spp, || Beauty(None), monitor)
 }
 
-/// [`render`], and the layers of a plan with it; the beauty is the same bit for bit. The film's
-/// planes are those of the plan.
+/// [`render`] with the layers of a plan. The beauty is the same bit for bit. The film's planes must
+/// be the planes of the plan.
 ///
 /// # Errors
 /// `Interrupted` after a signal; the film is then unfinished.
@@ -54,8 +55,9 @@ pub fn render_layers(
     render_with(world, accelerator, isa, film, 0..world.spp, record, monitor)
 }
 
-/// Some of the samples of [`render_layers`]: the film's planes are the words of `raw`, made for the
-/// plan's recipe, from which a merge makes the bits of the whole; its pixels are the mean of these samples.
+/// [`render_layers`] for a part of the samples. The film's planes must be the words of `raw`, which
+/// is made for the plan's recipe; a merge computes the bits of the whole from them. The film's
+/// pixels become the mean of these samples.
 ///
 /// # Errors
 /// `Interrupted` after a signal; the film is then unfinished.
@@ -119,14 +121,15 @@ fn pixels(w: Window) -> u64 {
     u64::from(w.width()) * u64::from(w.height())
 }
 
-/// A tile's pixels: disjoint pieces of the film's rows.
+/// A tile and its pixels: disjoint pieces of the film's rows.
 struct Tile<'f> {
     window: Window,
     rows: Vec<&'f mut [[f32; 4]]>,
     words: Vec<&'f mut [u32]>,
 }
 
-/// Cuts the film along the frame's absolute tile grid, and where the camera's frame ends on the right and below.
+/// Cuts the film along the frame's absolute tile grid, and at the right and bottom end of the
+/// camera's frame.
 fn tiles(film: &mut Film, [right, bottom]: [u32; 2]) -> Vec<Tile<'_>> {
     let window = film.window;
     let cuts = |from: u32, to: u32, end: u32| {
@@ -156,7 +159,7 @@ fn tiles(film: &mut Film, [right, bottom]: [u32; 2]) -> Vec<Tile<'_>> {
                 row = rest;
             }
         }
-        // None of these without layers.
+        // Empty without layers.
         for mut row in words.by_ref().take((y1 - y0) as usize) {
             for tile in &mut tiles[first..] {
                 let (piece, rest) = row.split_at_mut(tile.window.width() as usize * stride);

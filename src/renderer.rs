@@ -1,4 +1,5 @@
-//! The library's front: a [`Scene`] and meshes -> an [`Accelerator`] -> a [`Film`] -> files.
+//! The library's main interface: a [`Scene`] and meshes -> an [`Accelerator`] -> a [`Film`] ->
+//! files.
 
 use std::path::{Path, PathBuf};
 
@@ -15,11 +16,11 @@ use crate::render;
 use crate::scene::{self, Scene, Shape, ShapeKind, Smooth, Source, Trimesh};
 use crate::world::{LoadOptions, World};
 
-/// A scene whose files are read, ready to be rendered as often as one likes.
+/// A scene whose files are loaded. It can be rendered any number of times.
 ///
-/// Everything runs on the threads of the current rayon pool. Nothing is printed, and no error ends the
-/// process: every error is a [`Error`] with all that was found. [`crate::render`],
-/// [`crate::accel`] and [`crate::output`] give more control: crops, progress, cancelling.
+/// Everything runs on the threads of the current rayon pool. Nothing is printed and no error ends
+/// the process: an [`Error`] holds all problems that were found. [`crate::render`],
+/// [`crate::accel`] and [`crate::output`] offer more control: crops, progress, cancellation.
 #[derive(Debug)]
 pub struct Renderer {
     scene: Scene,
@@ -30,19 +31,20 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// Reads the scene's meshes and textures.
+    /// Loads the scene's meshes and textures.
     ///
     /// # Errors
-    /// Every problem of these files.
+    /// All problems of these files.
     pub fn new(scene: Scene) -> Result<Self> {
         Self::with_meshes(scene, Vec::new())
     }
 
-    /// The same, with meshes from memory: each becomes a shape of that name, in world units, of a
-    /// material of the scene, with interpolated normals if the mesh has normals.
+    /// [`Renderer::new`] with meshes from memory. Each tuple is a shape's name, the name of a
+    /// material of the scene, and a mesh in world units. Normals are interpolated if the mesh has
+    /// normals.
     ///
     /// # Errors
-    /// A material that the scene does not have; every problem of its files.
+    /// A material that the scene does not have; all problems of its files.
     pub fn with_meshes(mut scene: Scene, meshes: Vec<(&str, &str, Mesh)>) -> Result<Self> {
         let mut ready = Vec::new();
         for (name, material, mesh) in meshes {
@@ -52,7 +54,7 @@ impl Renderer {
                     format!("found the material {material:?}, which the scene does not have");
                 return Err(Error::invalid(name, message));
             };
-            // No file has this name: it begins with a NUL.
+            // The NUL at the start keeps the name apart from all file names.
             let path = PathBuf::from(format!("\0{}/{name}", ready.len()));
             let trimesh = Trimesh {
                 place: name.to_string(),
@@ -77,21 +79,22 @@ impl Renderer {
         Ok(Self { scene, world, plan, warnings, monitor })
     }
 
-    /// What is suspicious about the scene but does not stop a render.
+    /// Warnings about the scene: problems that do not prevent a render.
     pub fn warnings(&self) -> &[Problem] {
         &self.warnings
     }
 
-    /// Builds what finds hits, of the kind that the scene names (`accelerator`, by default `bvh`).
+    /// Builds the acceleration structure, with the backend that the scene names (`accelerator`, by
+    /// default `bvh`).
     ///
     /// # Errors
-    /// A kind that cannot run here; no memory.
+    /// A backend that cannot run here; no memory.
     pub fn accelerator(&self) -> Result<Box<dyn Accelerator + '_>> {
         let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
         accel::build(&self.world.geometry, self.scene.backend, &options, &self.monitor)
     }
 
-    /// Renders the whole frame with its layers; the same bits for any number of threads.
+    /// Renders the whole frame with its layers. The bits are the same for any number of threads.
     ///
     /// # Errors
     /// No memory for the film.
@@ -105,9 +108,9 @@ impl Renderer {
         Ok(film)
     }
 
-    /// Writes a film to `PREFIX.exr` and `PREFIX.png`, whole or not at all; returns their names. The header
-    /// says what the program's says, `accelerator` included, but no `lightpath:sceneHash`, which covers
-    /// files.
+    /// Writes a film to `PREFIX.exr` and `PREFIX.png`, whole or not at all. Returns their names.
+    /// The header is the same as the command line's, `accelerator` included, but without
+    /// `lightpath:sceneHash`, which covers files.
     ///
     /// # Errors
     /// A folder that cannot be written to; a full disk.
@@ -135,11 +138,11 @@ impl Renderer {
 }
 
 impl Scene {
-    /// A scene from its JSON text (docs/guide/scene-format.md); its paths are relative to the
-    /// working folder.
+    /// Reads a scene from its JSON text (docs/scene-format.md). Paths are relative to the working
+    /// folder.
     ///
     /// # Errors
-    /// Every problem of the text, each with line and column.
+    /// All problems of the text, each with line and column.
     pub fn from_json(text: &str) -> Result<Self> {
         let source = Source::Text { name: "scene", text: text.as_bytes(), folder: Path::new("") };
         Ok(scene::load(source, &[])?.scene)

@@ -1,40 +1,41 @@
-//! Sample points: every number a function of (seed, pixel, sample, purpose).
+//! Sample points: every point is a function of (seed, pixel, sample, purpose).
 //!
-//! Owen-scrambled Sobol, and beside it the coursework's independent points, as the baseline of reports.
+//! By default Owen-scrambled Sobol; also independent points, as in the coursework, as the baseline
+//! of reports.
 //!
 //! Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4), by the crate `sobol_burley`.
-//! Each purpose (pixel and lens; one per light and bounce) is a set of its own, scrambled and
-//! shuffled by its own seed and using the lowest dimensions, which are the best distributed.
-//! [`Sampler::camera_lanes`] and [`Sampler::light_lanes`] compute many points at once, in SIMD lanes,
-//! with the bits of the crate and in a fraction of its time.
+//! Each purpose (pixel and lens; one per light and bounce) has its own set of points. A set is
+//! scrambled and shuffled by its own seed and uses the lowest dimensions, which are distributed
+//! best. [`Sampler::camera_lanes`] and [`Sampler::light_lanes`] compute many points at once in SIMD
+//! lanes. They give the bits of the crate in a fraction of its time.
 
 use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 
-/// Longest sequence of the Sobol tables; longer ones continue with a new scramble.
+/// Length of the Sobol tables' sequences; longer sequences continue with a new scramble.
 const SEQUENCE: u32 = 1 << 16;
 
-/// Indices that stay together when a sequence is shuffled: so many from a multiple of that on. So do those of any
-/// power of two.
+/// Length of a stretch: this many indices from a multiple of it on stay together when a sequence is
+/// shuffled. The same holds for every power of two.
 pub const STRETCH: usize = 64;
 
-/// In place of the number of a Sobol sequence, of which there are fewer.
+/// Block number for the keys of independent points; no Sobol sequence has it.
 const INDEPENDENT: u32 = u32::MAX;
 
-/// How the points of a set are chosen.
+/// How the points of a set are distributed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Kind {
-    /// Owen-scrambled Sobol: stratified.
+    /// Owen-scrambled Sobol points, which are stratified.
     #[default]
     Sobol,
-    /// Each uniform in the square and independent of all others.
+    /// Independent: each point is uniform in the square.
     Random,
 }
 
 impl Kind {
-    /// Both.
+    /// All kinds of points.
     pub const ALL: [Self; 2] = [Self::Sobol, Self::Random];
 
-    /// As the scene format spells it.
+    /// Name in the scene format.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sobol => "sobol",
@@ -51,31 +52,31 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// A sampler for the scene's seed.
+    /// A Sobol sampler for the scene's seed.
     pub fn new(seed: i64) -> Self {
         Self::of(Kind::Sobol, seed)
     }
 
-    /// The same of a kind.
+    /// A sampler of this kind for the scene's seed.
     pub fn of(kind: Kind, seed: i64) -> Self {
-        // The bits are what matters; a negative seed is as good as any.
+        // Only the bits matter; a negative seed is valid.
         Self { seed: u64::from_ne_bytes(seed.to_ne_bytes()), kind }
     }
 
-    /// Pixel offset x, y and lens coordinates, all in [0, 1), of camera sample `index`.
+    /// Camera sample `index`: pixel offset x, y and lens coordinates, all in [0, 1).
     pub fn camera(&self, pixel: [u32; 2], index: u32) -> [f32; 4] {
         self.point(pixel, index, 0)
     }
 
-    /// The point in the unit square that number `index` of all samples is which the pixel takes of light
-    /// `light` after `bounce` mirror bounces.
+    /// Point `index`, in [0, 1)^2, of the pixel's sample set for `light` after `bounce` mirror
+    /// bounces. The set serves all camera samples of the pixel.
     pub fn light(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> [f32; 2] {
         let [s, t, ..] = self.point(pixel, index, light_purpose(light, bounce));
         [s, t]
     }
 
-    /// The first D coordinates of [`Sampler::camera`] in N lanes, D being 2 or 4: those of sample `index[i]` of
-    /// the pixel `[x[i], y[i]]`.
+    /// The first D coordinates of [`Sampler::camera`] in N lanes; D is 2 or 4. Lane i is sample
+    /// `index[i]` of the pixel `[x[i], y[i]]`.
     #[inline(always)]
     pub fn camera_lanes<const D: usize, const N: usize>(
         &self,
@@ -85,7 +86,7 @@ impl Sampler {
         self.lanes([x, y], index, 0)
     }
 
-    /// [`Sampler::light`] in N lanes: number `index[i]` of the pixel `[x[i], y[i]]`.
+    /// [`Sampler::light`] in N lanes. Lane i is point `index[i]` of the pixel `[x[i], y[i]]`.
     #[inline(always)]
     pub fn light_lanes<const N: usize>(
         &self,
@@ -97,8 +98,8 @@ impl Sampler {
         self.lanes([x, y], index, light_purpose(light, bounce))
     }
 
-    /// Two independent numbers in [0, 1) for decisions about camera sample `index` and light `light` after `bounce`
-    /// mirror bounces, independent of all points.
+    /// Two independent numbers in [0, 1) for random decisions, independent of all sample points. A
+    /// function of camera sample `index`, and of `light` after `bounce` mirror bounces.
     pub fn choices(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> [f64; 2] {
         let purpose = (1 << 63) | (u64::from(bounce) << 32) | u64::from(light);
         let key = self.key(pixel, index, purpose);
@@ -135,7 +136,7 @@ impl Sampler {
             return points;
         }
         let key = |i: usize| self.key([x[i], y[i]], index[i] / SEQUENCE, purpose) as u32;
-        // A loop: a closure would be compiled for the portable tier, and called.
+        // A loop, because a closure would be compiled for the portable tier and called.
         let mut others = 0;
         for i in 0..N {
             let block = (index[i] / SEQUENCE) ^ (index[0] / SEQUENCE);
@@ -143,15 +144,16 @@ impl Sampler {
         }
         let (mut shuffles, mut scrambles) = ([0; N], [[0; N]; D]);
         if others == 0 {
-            // Samples of one pixel, as in most packets of many: one set, one seed.
-            let set = Set::<D>::of(key(0));
+            // All lanes sample one pixel, as in most packets of renders with many samples: one set,
+            // one seed.
+            let set = Set::<D>::new(key(0));
             shuffles = [set.shuffle; N];
             for d in 0..D {
                 scrambles[d] = [set.scrambles[d]; N];
             }
         } else {
             for i in 0..N {
-                let set = Set::<D>::of(key(i));
+                let set = Set::<D>::new(key(i));
                 shuffles[i] = set.shuffle;
                 for d in 0..D {
                     scrambles[d][i] = set.scrambles[d];
@@ -165,8 +167,9 @@ impl Sampler {
         scrambled(&indices, &scrambles)
     }
 
-    /// [`Sampler::camera`] of N of the samples `first .. first + STRETCH`, `first` a multiple of [`STRETCH`]: of those
-    /// that have `places`, each below [`STRETCH`], when these samples are put in the order of Sobol's sequence.
+    /// [`Sampler::camera`] for N of the samples `first .. first + STRETCH`; `first` is a multiple
+    /// of [`STRETCH`]. `places`, each below [`STRETCH`], are positions of the samples in the order
+    /// of Sobol's sequence.
     #[inline(always)]
     pub fn camera_stretch<const N: usize>(
         &self,
@@ -174,7 +177,7 @@ impl Sampler {
         first: u32,
         places: &[u8; N],
     ) -> [[f32; N]; 4] {
-        let set = Set::<4>::of(self.key(pixel, first / SEQUENCE, 0) as u32);
+        let set = Set::<4>::new(self.key(pixel, first / SEQUENCE, 0) as u32);
         let begin = shuffled(first, set.shuffle) / STRETCH as u32 * STRETCH as u32;
         let mut indices = [0; N];
         for i in 0..N {
@@ -187,10 +190,11 @@ impl Sampler {
         scrambled(&indices, &scrambles)
     }
 
-    /// Those samples in that order, each as its distance from `first`.
+    /// The samples of a stretch in the order of Sobol's sequence, each as its distance from
+    /// `first`.
     #[inline(always)]
     pub fn camera_stretch_samples(&self, pixel: [u32; 2], first: u32) -> [u8; STRETCH] {
-        let Set { shuffle, .. } = Set::<0>::of(self.key(pixel, first / SEQUENCE, 0) as u32);
+        let Set { shuffle, .. } = Set::<0>::new(self.key(pixel, first / SEQUENCE, 0) as u32);
         let mut indices = [0; STRETCH];
         for i in 0..STRETCH {
             indices[i] = shuffled(first + i as u32, shuffle);
@@ -202,7 +206,7 @@ impl Sampler {
         samples
     }
 
-    /// Independent point `index`: an output of the generator SplitMix64 that starts at the set's key.
+    /// Independent point `index`: an output of SplitMix64 with the set's key as its start.
     #[inline(always)]
     fn independent(&self, pixel: [u32; 2], index: u32, purpose: u64) -> [f32; 2] {
         let key = self.key(pixel, INDEPENDENT, purpose);
@@ -217,14 +221,14 @@ impl Sampler {
     }
 }
 
-/// Where the shuffle of a set puts a sample in Sobol's sequence: within it and with its neighbours, of every power of
-/// two, as their high bits decide about the lower ones.
+/// Index in Sobol's sequence that the shuffle of a set assigns to a sample. Samples of an aligned
+/// block whose size is a power of two stay together, because high bits decide about lower ones.
 #[inline(always)]
 fn shuffled(sample: u32, shuffle: u32) -> u32 {
     owen_scramble_rev((sample % SEQUENCE).reverse_bits(), shuffle).reverse_bits() % SEQUENCE
 }
 
-/// Points of Sobol's sequence by their indices, each dimension scrambled.
+/// Points of Sobol's sequence at `indices`, with each dimension scrambled.
 #[inline(always)]
 fn scrambled<const D: usize, const N: usize>(
     indices: &[u32; N],
@@ -235,7 +239,7 @@ fn scrambled<const D: usize, const N: usize>(
         let index = indices[i];
         let later = if D > 2 { product(&MATRICES, index) } else { 0 };
         for d in 0..D {
-            // In reverse order of its bits, Sobol's first dimension is the index itself.
+            // With its bits reversed, Sobol's first dimension is the index itself.
             let sobol = match d {
                 0 => index,
                 1 => pascal(index),
@@ -249,16 +253,16 @@ fn scrambled<const D: usize, const N: usize>(
     points
 }
 
-/// How the points of a set are shuffled, and each of D dimensions scrambled.
+/// Seeds of a set: of its shuffle, and of the scramble of each dimension.
 struct Set<const D: usize> {
     shuffle: u32,
     scrambles: [u32; D],
 }
 
 impl<const D: usize> Set<D> {
-    /// As `sobol_burley` does it.
+    /// Derives the seeds as `sobol_burley` does.
     #[inline(always)]
-    fn of(seed: u32) -> Self {
+    fn new(seed: u32) -> Self {
         let own = seed.wrapping_mul(0x9c8f_2d3b);
         let mut scrambles = [0; D];
         for d in 0..D {
@@ -268,18 +272,18 @@ impl<const D: usize> Set<D> {
     }
 }
 
-/// What tells the sequences of lights apart.
+/// Purpose of the points of a light at a bounce; 0 is the camera.
 #[inline(always)]
 fn light_purpose(light: u32, bounce: u32) -> u64 {
     1 + ((u64::from(bounce) << 32) | u64::from(light))
 }
 
-/// The constants by which `sobol_burley` tells the shuffle and the dimensions apart.
+/// Constants of `sobol_burley` that separate the shuffle and the dimensions.
 const SHUFFLE: u32 = 0x79c6_8e4a;
 const SCRAMBLES: [u32; 4] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
 
-/// Sobol's second dimension, whose matrix is Pascal's triangle modulo 2: bit i of the result is the sum
-/// of all bits j of the index with i & j = i. For 16 bits.
+/// Sobol's second dimension, for 16 bits. Its matrix is Pascal's triangle modulo 2: bit i of the
+/// result is the sum of all bits j of the index with i & j = i.
 #[inline(always)]
 fn pascal(index: u32) -> u32 {
     let sum = index ^ ((index >> 1) & 0x5555);
@@ -288,8 +292,8 @@ fn pascal(index: u32) -> u32 {
     sum ^ ((sum >> 8) & 0x00ff)
 }
 
-/// The matrices of `sobol_burley`'s third and, from bit 16 on, fourth dimension: for each bit of the index what it
-/// adds to the coordinates, whose bits are in reverse order.
+/// Matrices of `sobol_burley`'s third dimension and, from bit 16 on, fourth dimension. Entry i is
+/// what bit i of the index adds to the coordinates. The bits of the coordinates are reversed.
 const MATRICES: [u32; 16] = [
     0x0001_0001,
     0x0003_0003,
@@ -309,7 +313,7 @@ const MATRICES: [u32; 16] = [
     0xa0c3_aa09,
 ];
 
-/// A matrix times the bits of an index, modulo 2.
+/// Product of a matrix and the bits of an index, modulo 2.
 #[inline(always)]
 fn product(matrix: &[u32; 16], index: u32) -> u32 {
     let mut sum = 0;
@@ -319,15 +323,16 @@ fn product(matrix: &[u32; 16], index: u32) -> u32 {
     sum
 }
 
-/// A seed whose points are independent of those of `seed`, for what must not depend on the picture's own.
+/// A seed whose points are independent of the points of `seed`, for decisions that must not depend
+/// on the picture's own samples.
 pub fn other_seed(seed: i64) -> i64 {
     mix(!u64::from_ne_bytes(seed.to_ne_bytes())) as i64
 }
 
-/// SplitMix64's step (Steele, Lea, Flood 2014).
+/// Increment of SplitMix64 (Steele, Lea, Flood 2014).
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// SplitMix64's finaliser, one step on.
+/// One step of SplitMix64 and its finaliser.
 #[inline(always)]
 fn mix(x: u64) -> u64 {
     let x = x.wrapping_add(GOLDEN);
@@ -357,7 +362,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_are_a_function_of_their_keys_alone() {
+    fn points_depend_on_their_keys_alone() {
         let sampler = Sampler::new(7);
         assert_eq!(sampler.camera([3, 4], 5), sampler.camera([3, 4], 5));
         assert_ne!(sampler.camera([3, 4], 5), sampler.camera([4, 3], 5));
@@ -368,13 +373,13 @@ mod tests {
     }
 
     #[test]
-    fn lanes_are_the_points_of_the_crate_to_the_bit() {
+    fn lanes_have_the_bits_of_the_crate() {
         for seed in 0..40 {
             for kind in Kind::ALL {
                 let sampler = Sampler::of(kind, seed);
-                // Over all seeds every index is met, and two more sequences are begun.
+                // All seeds together cover every index and begin two more sequences.
                 for first in (seed as u32 * 37..3 * SEQUENCE).step_by(80) {
-                    // One pixel and several in turn.
+                    // Alternately one pixel and several pixels.
                     let one = first / 80 % 2 == 0;
                     let x: [u32; 4] =
                         std::array::from_fn(|i| first / 3 + if one { 0 } else { i as u32 / 2 });
@@ -396,11 +401,11 @@ mod tests {
     }
 
     #[test]
-    fn independent_points_are_uniform_and_unrelated() {
+    fn independent_points_are_uniform_and_uncorrelated() {
         let (mut cells, mut products) = ([0u32; 16], [0.0f64; 6]);
         let n = 1 << 16;
         for i in 0..n {
-            // Over pixels and over samples.
+            // Over pixels and samples.
             let sampler = Sampler::of(Kind::Random, 5);
             let pixel = [i >> 8, 3];
             let [x, y, s, t] = sampler.camera(pixel, i & 255);
@@ -412,8 +417,8 @@ mod tests {
                 *product += (f64::from(a) - 0.5) * (f64::from(b) - 0.5);
             }
         }
-        // Chi-square with 15 degrees of freedom: above 37.7 once in 1000 seeds. It must not be as even as
-        // stratified points either: below 3.5 once in 1000.
+        // Chi-square with 15 degrees of freedom is above 37.7 once in 1000 seeds. The points must
+        // not be as even as stratified points either: chi-square is below 3.5 once in 1000 seeds.
         let each = f64::from(n) / 16.0;
         let chi: f64 = cells.iter().map(|&c| (f64::from(c) - each).powi(2) / each).sum();
         assert!((3.5..37.7).contains(&chi), "{chi}");

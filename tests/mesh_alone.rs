@@ -129,7 +129,7 @@ fn a_texture_by_flag_and_notes_without_one() {
     let textured = scratch.channels("o.exr");
     assert!(textured != grey && textured == picture(&scratch, "named.ply", &[]));
     let done = render(&scratch, "two.ply", &[]).good();
-    let note = "two.ply: found 2 texture files, of which \"i.ppm\" alone is used";
+    let note = "two.ply: found 2 texture files; only \"i.ppm\" is used";
     assert!(done.stderr().contains(note), "{}", done.stderr());
     assert!(scratch.channels("o.exr") == textured);
 

@@ -1,23 +1,23 @@
-//! Coverage of mattes that was not stored, because a pixel saw more things than it has ranks.
+//! Matte coverage that was lost because more things cover a pixel than its mattes have ranks.
 
-/// Coverage that no rank holds, of a pixel or of many.
+/// Coverage of one pixel or several that no rank holds.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Dropped {
-    /// Pixels that saw more things than they have ranks.
+    /// Number of pixels covered by more things than they have ranks.
     pub pixels: u64,
-    /// The largest share of one pixel that was dropped, in [0, 1].
+    /// Largest lost share of one pixel, in [0, 1].
     pub share: f32,
-    /// The most things that one pixel saw.
+    /// Largest number of things that cover one pixel.
     pub things: u32,
 }
 
 impl Dropped {
-    /// Both, where they are of other pixels.
+    /// Combines the losses of different pixels.
     pub fn and(self, other: Self) -> Self {
         Self { pixels: self.pixels + other.pixels, ..self.or(other) }
     }
 
-    /// Both, where they are of the same pixels.
+    /// Combines the losses of the same pixels, in different mattes.
     pub fn or(self, other: Self) -> Self {
         Self {
             pixels: self.pixels.max(other.pixels),

@@ -1,4 +1,4 @@
-//! The picture in memory: linear radiance per pixel and the layers beside it, before any file format.
+//! The picture in memory: linear radiance per pixel and its layers, independent of any file format.
 
 mod dropped;
 mod planes;
@@ -12,71 +12,72 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Kind, Problem, Result};
 
-/// A rectangle of pixels, top-left origin; `x1`, `y1` are excluded.
+/// A rectangle of pixels. The origin is at the top left; `x1` and `y1` are exclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
-    /// Left.
+    /// Left edge (first column).
     pub x0: u32,
-    /// Top.
+    /// Top edge (first row).
     pub y0: u32,
-    /// Right, excluded.
+    /// Right edge (first column outside).
     pub x1: u32,
-    /// Bottom, excluded.
+    /// Bottom edge (first row outside).
     pub y1: u32,
 }
 
 impl Window {
-    /// The whole frame.
+    /// The window of a whole frame.
     pub fn full(width: u32, height: u32) -> Self {
         Self { x0: 0, y0: 0, x1: width, y1: height }
     }
 
-    /// Pixels across.
+    /// Width of the window in pixels.
     pub fn width(&self) -> u32 {
         self.x1 - self.x0
     }
 
-    /// Pixels down.
+    /// Height of the window in pixels.
     pub fn height(&self) -> u32 {
         self.y1 - self.y0
     }
 }
 
-/// Linear BT.709 radiance, premultiplied alpha, row-major over the data window.
+/// A picture in linear BT.709 radiance with premultiplied alpha, row by row over the data window.
 #[derive(Debug)]
 pub struct Film {
     /// Width and height of the full frame (the display window).
     pub frame: [u32; 2],
-    /// Pixels of overscan on every side of the frame: where its top left is in the window's coordinates.
+    /// Pixels of overscan on every side of the frame. The frame's top left is at (`margin`,
+    /// `margin`) in the window's coordinates.
     pub margin: u32,
-    /// What was rendered (the data window).
+    /// The rendered window (the data window).
     pub window: Window,
-    /// `window.width() * window.height()` pixels of R, G, B, A.
+    /// R, G, B, A of `window.width() * window.height()` pixels.
     pub pixels: Vec<[f32; 4]>,
-    /// The layers that were asked for; mostly none.
+    /// The requested layers; empty for most renders.
     pub planes: Planes,
-    /// What the layers of mattes could not hold.
+    /// Coverage that the matte layers could not hold.
     pub dropped: Dropped,
 }
 
 impl Film {
-    /// Left and top of the data window, seen from the frame's top left.
+    /// Left and top of the data window, relative to the frame's top left.
     pub fn origin(&self) -> [i32; 2] {
         [self.window.x0, self.window.y0].map(|side| side.wrapping_sub(self.margin) as i32)
     }
 
-    /// A black, transparent film whose memory is there: a machine without it says so now, not
-    /// in the middle of a render.
+    /// A black, transparent film whose memory is allocated and touched. So a lack of memory shows
+    /// now, not in the middle of a render.
     ///
     /// # Errors
-    /// `Retry` if there is no memory for it.
+    /// `Retry` if memory is short.
     pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
         Ok(Blank::new(frame, window, Vec::new())?.film())
     }
 }
 
-/// Addresses for a film, without memory behind them yet: what the accelerator needs only while it
-/// is built need not stand beside the picture.
+/// A film with reserved addresses but without memory behind them. So the picture takes no memory
+/// while the accelerator is built.
 #[derive(Debug)]
 pub struct Blank {
     frame: [u32; 2],
@@ -86,10 +87,10 @@ pub struct Blank {
 }
 
 impl Blank {
-    /// Sets the addresses aside for R, G, B, A and `channels` beside them.
+    /// Reserves addresses for R, G, B, A and `channels`.
     ///
     /// # Errors
-    /// `Retry` if the system refuses so much.
+    /// `Retry` if the system refuses to reserve that much.
     pub fn new(frame: [u32; 2], window: Window, channels: Vec<Channel>) -> Result<Self> {
         let count = window.width() as usize * window.height() as usize;
         let words = count.saturating_mul(channels.len());
@@ -105,8 +106,8 @@ impl Blank {
         Ok(Self { frame, window, pixels, planes })
     }
 
-    /// The film, all of its memory touched, on the threads of the caller's rayon pool: no page faults are left to
-    /// the render.
+    /// Touches all memory of the film, on the threads of the current rayon pool. So the render has
+    /// no page faults.
     pub fn film(self) -> Film {
         let Self { frame, window, mut pixels, mut planes } = self;
         let count = window.width() as usize * window.height() as usize;
@@ -117,11 +118,11 @@ impl Blank {
     }
 }
 
-/// Elements that are worth a task of their own.
+/// Fewest elements for a task of its own.
 const GRAIN: usize = 1 << 16;
 
-/// Makes an array of room for them `count` times `value`. Where pages are given one by one that takes as long as to
-/// trace a ray for every pixel.
+/// Fills a reserved array with `count` times `value`. Where the system maps pages one by one, this
+/// takes as long as tracing a ray for every pixel.
 fn touch<T: Copy + Send + Sync>(array: &mut Vec<T>, count: usize, value: T) {
     (0..count).into_par_iter().with_min_len(GRAIN).map(|_| value).collect_into_vec(array);
 }

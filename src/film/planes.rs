@@ -1,8 +1,8 @@
-//! What stands in a film beside R, G, B, A: channels of layers.
+//! The layer channels of a film, beside R, G, B, A.
 
 use serde::{Deserialize, Serialize};
 
-/// How a channel is stored in a file.
+/// Storage type of a channel in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ChannelKind {
@@ -10,40 +10,40 @@ pub enum ChannelKind {
     Half,
     /// 32-bit float: depth, positions, mattes.
     Float,
-    /// 32-bit unsigned integer: numbers of things.
+    /// 32-bit unsigned integer: ids.
     Uint,
 }
 
-/// A channel by its name in the file.
+/// Name and storage type of a channel.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channel {
-    /// `LAYER.CHANNEL`, or a channel without a layer.
+    /// Full name: `LAYER.CHANNEL`, or a channel without a layer.
     pub name: String,
-    /// How it is stored.
+    /// Storage type in the file.
     pub kind: ChannelKind,
 }
 
-/// Channels beside the beauty. In memory every one has 32 bits.
+/// The layer channels of all pixels. In memory each channel has 32 bits.
 #[derive(Debug, Default)]
 pub struct Planes {
-    /// The channels of each pixel.
+    /// Names and types of the channels, in the order of a pixel's words.
     pub channels: Vec<Channel>,
-    /// Pixel by pixel, one word a channel: the bits of an f32, or a u32.
+    /// One word per channel, pixel by pixel: the bits of an f32, or a u32.
     pub words: Vec<u32>,
 }
 
 impl Planes {
-    /// Index of the channel of that name.
+    /// Index of the channel with this name.
     pub fn index(&self, name: &str) -> Option<usize> {
         self.channels.iter().position(|channel| channel.name == name)
     }
 
-    /// A channel of a pixel (its number in the window, row by row) as a float.
+    /// Value of a float channel at a pixel. `pixel` is the index in the window, row by row.
     pub fn float(&self, channel: usize, pixel: usize) -> f32 {
         f32::from_bits(self.words[pixel * self.channels.len() + channel])
     }
 
-    /// A channel of a pixel as an unsigned integer.
+    /// Value of an unsigned integer channel at a pixel.
     pub fn uint(&self, channel: usize, pixel: usize) -> u32 {
         self.words[pixel * self.channels.len() + channel]
     }

@@ -1,19 +1,20 @@
-//! Sums over the samples of a pixel, in an order that does not depend on who adds which samples.
+//! Sums over the samples of a pixel, in an order that gives the same bits for every split of the
+//! samples.
 
 use std::ops::Range;
 
-/// Samples `first .. first + 2^level`, where `first` is a multiple of `2^level`: a node of the binary
-/// tree over all sample numbers.
+/// A node of the binary tree over all sample numbers: samples `first .. first + 2^level`, where
+/// `first` is a multiple of `2^level`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Node {
-    /// First sample.
+    /// First sample number of the node.
     pub first: u32,
-    /// Binary logarithm of how many there are.
+    /// Binary logarithm of the number of samples.
     pub level: u32,
 }
 
 impl Node {
-    /// The nodes that a run of samples leaves, from its first to its last: as few as possible.
+    /// Splits a run of samples into as few nodes as possible, from first to last.
     pub fn of(samples: Range<u32>) -> Vec<Self> {
         let mut nodes = Vec::new();
         let mut first = samples.start;
@@ -26,39 +27,40 @@ impl Node {
         nodes
     }
 
-    /// Whether the two are the halves of one node.
+    /// Whether this node and `next` are the two halves of one node.
     fn precedes(self, next: Self) -> bool {
         self.level == next.level && self.first & (1 << self.level) == 0
     }
 }
 
-/// Sums of several quantities at once. Addition rounds, so its order is fixed: each node of the tree is
-/// the sum of its two halves, and the nodes that are left in the end are added from first to last.
+/// Sums of several quantities at once. Addition rounds, so its order is fixed. Each node of the
+/// tree is the sum of its two halves; the nodes that remain at the end are added from first to
+/// last.
 ///
-/// Renders of the samples `a..b` and `b..c` therefore give, node by node, what the render of `a..c`
-/// gives, to the bit, wherever `b` is.
+/// So renders of the samples `a..b` and `b..c`, merged node by node, give the bits of the render of
+/// `a..c`, for every `b`.
 #[derive(Debug, Clone)]
 pub struct Sums {
     width: usize,
-    /// `width` values of each node.
+    /// The sums of all nodes, `width` values per node.
     values: Vec<f64>,
     nodes: Vec<Node>,
 }
 
 impl Sums {
-    /// No samples yet, of `width` quantities.
+    /// Sums of `width` quantities, without samples.
     pub fn new(width: usize) -> Self {
         Self { width, values: Vec::new(), nodes: Vec::new() }
     }
 
-    /// Forgets all samples.
+    /// Removes all samples, for a new pixel or block.
     #[inline]
     pub fn clear(&mut self) {
         self.values.clear();
         self.nodes.clear();
     }
 
-    /// Adds a node that follows directly on the samples added before.
+    /// Adds a node, which must begin where the last one ends.
     #[inline]
     pub fn push(&mut self, mut node: Node, values: &[f64]) {
         debug_assert_eq!(values.len(), self.width);
@@ -76,24 +78,24 @@ impl Sums {
         self.nodes.push(node);
     }
 
-    /// How many nodes there are.
+    /// Number of nodes that remain.
     pub fn nodes(&self) -> usize {
         self.nodes.len()
     }
 
-    /// A quantity's value in a node.
+    /// Value of a quantity in a node.
     #[inline]
     pub fn value(&self, node: usize, quantity: usize) -> f64 {
         self.values[node * self.width + quantity]
     }
 
-    /// Sums of neighbouring quantities over all samples.
+    /// Sums of a range of quantities over all samples.
     #[inline(always)]
     pub fn totals(&self, quantities: Range<usize>, totals: &mut Vec<f64>) {
         totals.clear();
         totals.extend_from_slice(&self.values[quantities.clone()]);
         let rest = self.values.get(self.width..).unwrap_or_default();
-        // Without quantities there is nothing to cut.
+        // `chunks_exact` needs a size of at least 1, even without quantities.
         for node in rest.chunks_exact(self.width.max(1)) {
             for (total, value) in totals.iter_mut().zip(&node[quantities.clone()]) {
                 *total += value;
@@ -101,7 +103,7 @@ impl Sums {
         }
     }
 
-    /// A quantity's sum over all samples.
+    /// Sum of a quantity over all samples.
     #[inline]
     pub fn total(&self, quantity: usize) -> f64 {
         let rest = self.values.get(self.width..).unwrap_or_default();
@@ -120,7 +122,7 @@ mod tests {
         f64::from(mixed) * (f64::from(sample % 13) * 5.0 - 30.0).exp2()
     }
 
-    fn of(samples: Range<u32>) -> Sums {
+    fn sums_of(samples: Range<u32>) -> Sums {
         let mut sums = Sums::new(2);
         for first in samples {
             sums.push(Node { first, level: 0 }, &[value(first), -value(first)]);
@@ -136,12 +138,12 @@ mod tests {
     fn any_split_gives_the_bits_of_the_whole() {
         let mut naive = 0;
         for n in [1, 2, 3, 7, 16, 23, 64, 100] {
-            let whole = of(0..n);
+            let whole = sums_of(0..n);
             for a in 0..=n {
                 for b in a..=n {
                     let mut merged = Sums::new(2);
                     for part in [0..a, a..b, b..n] {
-                        let sums = of(part.clone());
+                        let sums = sums_of(part.clone());
                         let nodes = Node::of(part);
                         assert_eq!(sums.nodes, nodes);
                         for (i, node) in nodes.iter().enumerate() {
@@ -171,12 +173,12 @@ mod tests {
     }
 
     #[test]
-    fn nodes_are_few() {
+    fn a_run_of_samples_has_few_nodes() {
         assert_eq!(Node::of(0..64), [Node { first: 0, level: 6 }]);
         assert_eq!(Node::of(64..96), [Node { first: 64, level: 5 }]);
-        let of = |range| Node::of(range).into_iter().map(|n| n.level).collect::<Vec<_>>();
-        assert_eq!(of(3..13), [0, 2, 2, 0]);
-        assert!(of(0..0).is_empty());
+        let levels = |range| Node::of(range).into_iter().map(|n| n.level).collect::<Vec<_>>();
+        assert_eq!(levels(3..13), [0, 2, 2, 0]);
+        assert!(levels(0..0).is_empty());
         assert!(Node::of(1..u32::MAX).len() <= 62);
     }
 }

@@ -1,16 +1,19 @@
-//! Whether a ray meets a plane after its start.
+//! Decides whether a ray hits a plane after its start.
 //!
-//! A ray starts after its origin: what holds the origin itself is not met there. In f64 the parameter of
-//! such a plane is zero or noise of either sign, so near zero its sign is decided with some 106 bits.
+//! A ray starts after its origin, so a plane that contains the origin is no hit. In f64 the
+//! parameter of such a plane is zero or noise of either sign. So near zero the sign is decided with
+//! some 106 bits.
 
 use glam::DVec3;
 
 use super::twofold::Twofold3;
 
-/// A hit nearer than this part of the triangle's farthest coordinate may lie where the ray starts.
+/// A hit nearer than this fraction of the triangle's farthest coordinate may lie at the ray's
+/// origin.
 pub const NEAR_START: f64 = 1.0 / (1u64 << 12) as f64;
 
-/// Whether a triangle that a ray meets at `t`, as f64 has it, lies after the ray's start.
+/// Whether a hit of a triangle lies after the ray's start. `t` is the ray parameter computed in
+/// f64.
 #[inline(always)]
 pub fn is_after_start(corners: [DVec3; 3], origin: DVec3, direction: DVec3, t: f64) -> bool {
     let seen = corners.map(|v| v - origin);
@@ -19,15 +22,17 @@ pub fn is_after_start(corners: [DVec3; 3], origin: DVec3, direction: DVec3, t: f
     if t * direction.abs().max_element() > NEAR_START * far {
         return true;
     }
-    // Where all of it lies ahead along the dominant axis, as `bvh` chooses it, so does every hit.
+    // If the whole triangle lies ahead along the dominant axis, so does every hit. The axis is the
+    // one that `bvh` chooses.
     let [x, y, z] = direction.abs().to_array();
     let along = if z >= x.max(y) { 2 } else { usize::from(y >= x) };
     let sign = direction[along].signum();
     seen.iter().all(|v| v[along] * sign > 0.0) || is_ahead(corners, origin, direction, t)
 }
 
-/// Whether `origin + t direction` meets the plane of a triangle at a t > 0: not if the origin lies in the
-/// plane. Of a ray along the plane `t` decides. Coordinates are values of f32, so that their differences are exact.
+/// Whether `origin + t direction` hits the plane of a triangle at t > 0; false if the origin lies
+/// in the plane. For a ray along the plane, the given `t` decides. Coordinates must be f32 values,
+/// so that their differences are exact.
 #[cold]
 #[inline(never)]
 fn is_ahead([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3, t: f64) -> bool {
@@ -39,7 +44,8 @@ fn is_ahead([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3, t: f64) -
         return t > 0.0;
     }
     let above = normal.dot(&Twofold3::between(origin, v0)).value();
-    // Products of differences of f32 fit into 106 bits unless exponents are far apart: 0 is 0.
+    // Products of differences of f32 fit into 106 bits unless their exponents are far apart: 0 is
+    // exact.
     above != 0.0 && (above > 0.0) == (towards > 0.0)
 }
 

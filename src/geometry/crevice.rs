@@ -1,71 +1,74 @@
-//! The surfaces that meet near a point, as a ray that leaves it has to see them.
+//! Crevices: the surfaces that meet at an inner edge, for the rays that leave a point near it.
 //!
-//! A hit's point is rounded to f32 outside of its own primitive. Where that primitive shares an edge with
-//! another one that rises above it - the inner edge of a room - the rounded point may lie behind the
-//! other one, and a test in f32, whose corners move, may let a ray slip between the two. So near an edge
-//! the walls are tested in f64 from the exact point, which lies in front of all of them.
+//! A hit's point is rounded to f32, to the outside of its own primitive. At an inner edge, as in
+//! the corner of a room, another primitive rises above it. The rounded point may lie behind that
+//! primitive, and a test in f32, which moves corners, may let a ray slip between the two. So near
+//! an edge the walls are tested in f64 from the exact point, which lies in front of all of them.
 //!
-//! Where a ray comes in through a corner, several triangles are met at one t, and a backend names any of them,
-//! even one whose other side the viewer sees. [`hides`] finds the one in front.
+//! A ray that comes in through a corner hits several triangles at one t. A backend reports any of
+//! them, even one whose other side faces the viewer. [`hides`] finds the one in front.
 
 use glam::DVec3;
 
 use super::{Geometry, GeometryKind};
 
-/// How far, in units of a corner's distance, the triangle test may move a corner, and of a coordinate, how
-/// far rounding moves a point: 8.5u and 5.2u with u = 2^-24, rounded up.
+/// Largest rounding near an edge, for two errors. The triangle test moves a corner by up to 8.5u of
+/// its distance; rounding moves a point by up to 5.2u of its coordinate (u = 2^-24). Both are
+/// rounded up.
 pub const REACH: f64 = 9.0 / (1u64 << 24) as f64;
 
-/// Weights that are outside by this little are inside: some thousand roundings of f64.
+/// Tolerance of weights at an edge: some thousand roundings of f64.
 const EQUAL: f64 = 1.0 / (1u64 << 43) as f64;
 
-/// How far the point is moved into its own triangle, relative to the way to its middle and to its coordinates: far
-/// more than f64 rounds off, far less than f32 does. So it lies on no edge, and in front of the walls.
+/// How far the point is moved into its own triangle: relative to the vector to the triangle's
+/// middle, and relative to the point's coordinates. Far more than the rounding of f64, far less
+/// than that of f32. The moved point lies on no edge, and in front of the walls.
 const INWARD: [f64; 2] = [1.0 / (1u64 << 36) as f64, 1.0 / (1u64 << 44) as f64];
 
-/// A box of f32 in which a point's neighbours lie.
+/// A box in f32 that contains a point's neighbours: lower and upper corner.
 pub type Nearby = [[f32; 3]; 2];
 
 /// A triangle near the point.
 #[derive(Debug, Clone, Copy)]
 struct Triangle {
-    /// Primitive number in the whole scene.
+    /// Scene-wide primitive number.
     primitive: u32,
     corners: [DVec3; 3],
     /// `(v1 - v0) x (v2 - v0)`.
     normal: DVec3,
-    /// Whether these are the corners v2, v3, v1 of a quad.
+    /// Whether this is the half v2, v3, v1 of a quad.
     second_half: bool,
 }
 
-/// Where a ray from the exact point meets a wall.
+/// Where a ray from the exact point hits a wall.
 #[derive(Debug, Clone, Copy)]
 pub struct WallHit {
-    /// In units of the direction; >= 0.
+    /// Ray parameter, in units of the direction; >= 0.
     pub t: f64,
-    /// Primitive number in the whole scene.
+    /// Scene-wide primitive number.
     pub primitive: u32,
     /// Weight of the second corner, as a backend reports it.
     pub u: f32,
-    /// Weight of the third corner, likewise.
+    /// Weight of the third corner, as a backend reports it.
     pub v: f32,
 }
 
-/// A point near an edge of its primitive, and the walls that stand there.
+/// A point near an edge of its primitive, and the walls around it.
 #[derive(Debug, Clone)]
 pub struct Crevice {
-    /// The point in f64, a hair inside of its triangle.
+    /// The point in f64, moved slightly into its triangle.
     point: DVec3,
-    /// Those near the point that rise above its own triangle.
+    /// Triangles near the point that rise above its own triangle.
     walls: Vec<Triangle>,
-    /// Where rays start: the rounded point, or the nearest one of f32 that no neighbour stands before.
+    /// Origin of the secondary rays: the rounded point, or the nearest f32 point with no neighbour
+    /// in front of it.
     pub origin: [f32; 3],
-    /// Whether there is such a point.
+    /// Whether there is such an origin.
     pub is_clear: bool,
 }
 
 impl Crevice {
-    /// The box to look for neighbours of `point` in, on a triangle of these corners.
+    /// The box to search for neighbours of `point`, which lies on a triangle with these corners.
     pub fn nearby(point: DVec3, corners: [DVec3; 3]) -> Nearby {
         let far = corners.iter().fold(0.0, |far: f64, v| far.max((*v - point).abs().max_element()));
         let reach = 2.0 * REACH * (point.abs().max_element() + far) + f64::from(f32::MIN_POSITIVE);
@@ -76,9 +79,9 @@ impl Crevice {
         [outward(point, -1.0), outward(point, 1.0)]
     }
 
-    /// What stands around `point` on the triangle `own` of primitive `leaving`, whose unit normal is turned to
-    /// the viewer, among the `neighbours`; `origin` is the point rounded outside of its own triangle. `None` if
-    /// nothing rises above it.
+    /// Collects the walls around `point` among the `neighbours`. Returns `None` if none rises above
+    /// the point's triangle. `own`, `up` and `leaving` are that triangle, its unit normal turned to
+    /// the viewer, and its primitive. `origin` is the point rounded to the outside of its triangle.
     pub fn new(
         geometry: &Geometry,
         (point, origin): (DVec3, [f32; 3]),
@@ -95,7 +98,7 @@ impl Crevice {
             return None;
         }
         let point = inside(point, own);
-        // On the way from the point, which is inside, nothing is crossed.
+        // The exact point is inside, so the segment to a valid origin crosses nothing.
         let is_inside = |origin: [f32; 3]| {
             let way = (doubles(origin) - point) * BEYOND;
             let crosses = |other: &Triangle| other.meet(point, way).is_some_and(|hit| hit.t <= 1.0);
@@ -112,23 +115,24 @@ impl Crevice {
         Some(Self { point, walls, origin, is_clear })
     }
 
-    /// The first wall that a ray from the point meets before `tfar`.
+    /// The first wall that a ray from the point hits before `tfar`.
     pub fn meet(&self, direction: DVec3, tfar: f64) -> Option<WallHit> {
         let hits = self.walls.iter().filter_map(|wall| wall.meet(self.point, direction));
         hits.filter(|hit| hit.t < tfar).min_by(|a, b| a.t.total_cmp(&b.t))
     }
 
-    /// Whether a primitive is one of the walls and a ray leads away from it: from the rounded point the ray may
-    /// meet it all the same, which is false. A wall that the ray leads to but passes is not left out: beside it,
-    /// where another one begins, only the test that both share is without gaps.
+    /// Whether `primitive` is a wall and the ray leads away from it. A test from the rounded point
+    /// may still hit that wall; such a hit is false. A wall that the ray leads to but passes is not
+    /// excluded: at the edge where the next wall begins, only the test that both share has no gaps.
     pub fn leaves(&self, primitive: u32, direction: DVec3) -> bool {
-        let mut of = self.walls.iter().filter(|wall| wall.primitive == primitive);
-        of.any(|wall| wall.distance(self.point, direction) < 0.0)
+        let mut own = self.walls.iter().filter(|wall| wall.primitive == primitive);
+        own.any(|wall| wall.distance(self.point, direction) < 0.0)
     }
 }
 
-/// What hides a point of the triangle `own` of primitive `hit` from the viewer, whom a ray along `direction` comes
-/// from: of the `neighbours`, which the ray meets within rounding of the point, the one nearest to the viewer.
+/// The surface that hides a point from the viewer, where several are hit within rounding of the
+/// point. `own` is the triangle of the point, of primitive `hit`; the viewer's ray has the given
+/// `direction`. Returns the hit among the `neighbours` that is nearest to the viewer.
 pub fn hides(
     geometry: &Geometry,
     point: DVec3,
@@ -142,11 +146,11 @@ pub fn hides(
     let near = others.flat_map(|&primitive| triangles(geometry, primitive));
     let near = near.filter(|other| other.reaches(&nearby));
     let hits = near.filter_map(|other| other.meet(inside(point, own), -direction));
-    // Farther away nothing is tied: the ray passes what is met there.
+    // A hit farther away is not tied with the point: the ray passes it.
     hits.filter(|hit| hit.t > 0.0 && hit.t <= reach).max_by(|a, b| a.t.total_cmp(&b.t))
 }
 
-/// A point of a triangle, moved a hair into it.
+/// The point of a triangle, moved slightly into it.
 fn inside(point: DVec3, own: [DVec3; 3]) -> DVec3 {
     let middle = (own[0] + own[1] + own[2]) / 3.0 - point;
     let [least, of_coordinates] = INWARD;
@@ -154,19 +158,20 @@ fn inside(point: DVec3, own: [DVec3; 3]) -> DVec3 {
     point + middle * share.max(least).min(0.25)
 }
 
-/// Whether a corner stands above the plane through `own` with the unit normal `up`, by more than rounding.
+/// Whether a corner lies above the plane through `own` with the unit normal `up`, by more than
+/// rounding.
 fn rises(corner: DVec3, point: DVec3, own: DVec3, up: DVec3) -> bool {
     let size = (corner - point).length() + (own - point).length() + point.length();
     (corner - own).dot(up) > EQUAL * size
 }
 
-/// How many steps of f32 away a better origin is looked for, in each coordinate.
+/// How many steps of f32, in each coordinate, the search for an origin goes.
 const STEPS: i32 = 2;
 
-/// The way to an origin goes on by this much: what is clear is clear by more than rounding.
+/// The segment to an origin is extended by this factor, so that it is clear by more than rounding.
 const BEYOND: f64 = 1.0 + 1.0 / 256.0;
 
-/// The numbers of f32 around a point, up to [`STEPS`] steps away.
+/// The f32 points around a point, up to [`STEPS`] steps away.
 fn around(point: DVec3) -> impl Iterator<Item = [f32; 3]> {
     let [x, y, z] = point.as_vec3().to_array();
     let step = |x: f32, n: i32| x + n as f32 * (x.abs() * f32::EPSILON).max(f32::MIN_POSITIVE);
@@ -180,19 +185,19 @@ fn doubles(v: [f32; 3]) -> DVec3 {
 }
 
 impl Triangle {
-    /// Whether its box reaches into another.
+    /// Whether the triangle's bounding box overlaps a box.
     fn reaches(&self, [low, high]: &Nearby) -> bool {
         let [a, b, c] = self.corners;
         let (below, above) = (a.min(b).min(c), a.max(b).max(c));
         below.cmple(doubles(*high)).all() && above.cmpge(doubles(*low)).all()
     }
 
-    /// Where a ray from `point` meets the plane, in units of the direction; not finite for a ray along it.
+    /// Ray parameter at the plane, in units of the direction; not finite for a ray along the plane.
     fn distance(&self, point: DVec3, direction: DVec3) -> f64 {
         (self.corners[0] - point).dot(self.normal) / self.normal.dot(direction)
     }
 
-    /// Where a ray from `point` meets it; edges belong to it.
+    /// Intersects a ray from `point` with the triangle. Edges belong to it.
     fn meet(&self, point: DVec3, direction: DVec3) -> Option<WallHit> {
         let [a, b, c] = self.corners;
         let (e1, e2, to_a) = (b - a, c - a, a - point);
@@ -202,7 +207,7 @@ impl Triangle {
         let (u, v) = (r.dot(e2) / det, -r.dot(e1) / det);
         let permanent = to_a.length() * direction.length() * e1.length().max(e2.length());
         let slack = (EQUAL * (1.0 + permanent / det.abs())).min(1.0 / 1024.0);
-        // A NaN, of a ray along the plane, is no hit.
+        // A ray along the plane gives NaN, which is no hit.
         if !(t >= 0.0 && u >= -slack && v >= -slack && u + v <= 1.0 + slack) {
             return None;
         }
@@ -212,7 +217,7 @@ impl Triangle {
     }
 }
 
-/// The triangles of a planar primitive; none of a sphere.
+/// The triangles of a primitive: one, two for a quad, none for a sphere.
 fn triangles(geometry: &Geometry, primitive: u32) -> impl Iterator<Item = Triangle> {
     let (geom, prim) = geometry.place(primitive);
     let one = |corners: [[f32; 3]; 3], second_half: bool| {
@@ -231,7 +236,7 @@ fn triangles(geometry: &Geometry, primitive: u32) -> impl Iterator<Item = Triang
     parts.into_iter().flatten()
 }
 
-/// Whether a primitive is a triangle or quad that reaches into a box.
+/// Whether a primitive is a triangle or quad whose bounding box overlaps `nearby`.
 pub fn is_near(geometry: &Geometry, primitive: u32, nearby: &Nearby) -> bool {
     triangles(geometry, primitive).any(|triangle| triangle.reaches(nearby))
 }
@@ -240,7 +245,7 @@ pub fn is_near(geometry: &Geometry, primitive: u32, nearby: &Nearby) -> bool {
 mod tests {
     use super::*;
 
-    /// A floor, z = 0, x and y >= 0, and walls on the planes x = 0 and y = 0.
+    /// A floor (z = 0, x and y >= 0), and walls on the planes x = 0 and y = 0.
     fn corner() -> Geometry {
         let quads = vec![
             [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
@@ -257,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_into_the_wall_meets_it_even_from_the_edge() {
+    fn a_ray_into_the_wall_hits_it_even_from_the_edge() {
         let point = DVec3::new(0.0, 0.3, 0.0);
         let crevice = at(point, [-1e-8, 0.3, 1e-9]).unwrap();
         assert!(crevice.is_clear && crevice.origin[0] > 0.0 && crevice.origin[2] > 0.0);
@@ -269,7 +274,7 @@ mod tests {
         let hit = crevice.meet(DVec3::new(-1.0, 0.0, 1e-6), 1.0).unwrap();
         assert!(hit.primitive == 1 && (0.0..1e-10).contains(&hit.t));
         assert!(crevice.meet(DVec3::new(1e-9, 0.0, 1.0), f64::INFINITY).is_none(), "off the wall");
-        // Both walls, from the vertex.
+        // From the vertex, both walls are hit.
         let crevice = at(DVec3::ZERO, [0.0; 3]).unwrap();
         for direction in [DVec3::new(-1.0, 0.5, 0.1), DVec3::new(0.5, -1.0, 0.1)] {
             assert!(crevice.meet(direction, 1.0).is_some());
@@ -278,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_before_the_wall_is_before_it() {
+    fn a_wall_is_hit_at_its_distance_from_the_point() {
         let point = DVec3::new(1e-7, 0.3, 0.0);
         let crevice = at(point, [1e-7, 0.3, 1e-9]).unwrap();
         assert!(crevice.is_clear);
@@ -287,10 +292,10 @@ mod tests {
         assert!(crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1e-8).is_none(), "the light is nearer");
     }
 
-    /// Two faces that hang from one edge, both on the viewer's side of it: the one in front hides the other, at the
-    /// edge, too.
+    /// Two faces that hang from one edge, both on the viewer's side of it. The one in front hides
+    /// the other, also at the edge itself.
     #[test]
-    fn of_two_faces_at_an_edge_the_one_in_front_is_seen() {
+    fn the_face_in_front_hides_the_other_at_a_shared_edge() {
         let mesh = super::super::TriangleMesh::new(
             vec![[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.5, -1.0], [-0.5, 0.5, -1.0]],
             vec![[0, 1, 2], [0, 1, 3]],
@@ -304,13 +309,13 @@ mod tests {
             assert!(seen(0, point, DVec3::X).is_none());
             assert_eq!(seen(0, point, -DVec3::X).map(|hit| hit.primitive), Some(1));
         }
-        // Below the edge the ray meets the two far from each other.
+        // Below the edge, the ray's two hits are far apart.
         let below = DVec3::new(-0.25, 0.5, -0.5);
         assert!(seen(1, below, DVec3::X).is_none());
     }
 
     #[test]
-    fn what_falls_away_is_no_wall() {
+    fn surfaces_behind_the_plane_are_no_walls() {
         let geometry = corner();
         let own = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let point = DVec3::new(0.0, 0.3, 0.0);

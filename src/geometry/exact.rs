@@ -1,4 +1,4 @@
-//! The point of one hit in f64, for what single precision is too coarse for.
+//! The point of one hit in f64, for uses that f32 is too coarse for.
 
 use glam::DVec3;
 
@@ -6,8 +6,9 @@ use super::surface::{hit_corners, on_sphere};
 use super::{Geometry, Surfaces};
 use crate::ray::RayPacket;
 
-/// Where lane `i` of a traced packet, which hit, meets its primitive: relative to the scene's origin, to f64
-/// rounding. `surfaces` are the packet's ([`super::refine`]), which hold the same point rounded.
+/// Position of the hit of lane `i`, relative to the scene's origin, to f64 rounding. The lane must
+/// have hit. `surfaces` are the packet's surface points ([`super::refine`]); they hold the same
+/// point rounded to f32.
 pub fn exact_position(
     geometry: &Geometry,
     packet: &RayPacket,

@@ -1,4 +1,4 @@
-//! The corners of what the lanes of a packet hit, out of the scene's arrays.
+//! Fetches the corners of the triangles that the lanes of a packet hit.
 
 use std::ops::Range;
 
@@ -6,8 +6,8 @@ use super::{Geometry, GeometryKind};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::simd::{self, prefetch};
 
-/// Asks for the index triples of the triangles that were hit, to be in the cache when
-/// [`prefetch_vertices`] and [`super::refine`] read them.
+/// Prefetches the vertex indices of the triangles that were hit, for [`prefetch_vertices`] and
+/// [`super::refine`].
 #[inline(always)]
 pub fn prefetch_indices(geometry: &Geometry, packet: &RayPacket) {
     for i in 0..LANES {
@@ -17,7 +17,7 @@ pub fn prefetch_indices(geometry: &Geometry, packet: &RayPacket) {
     }
 }
 
-/// Asks for the vertices of the triangles that some lanes hit.
+/// Prefetches the vertices of the triangles that were hit, for some `lanes`.
 #[inline(always)]
 pub fn prefetch_vertices(geometry: &Geometry, packet: &RayPacket, lanes: Range<usize>) {
     for i in lanes {
@@ -31,8 +31,9 @@ pub fn prefetch_vertices(geometry: &Geometry, packet: &RayPacket, lanes: Range<u
     }
 }
 
-/// Fetches the corners of the triangles that the lanes `hit`, and the numbers of what they hit in the whole
-/// scene; `weights` of quads become those of their halves. Which lanes hit spheres: their corners are left as they are.
+/// Fetches the corners of the triangles and the scene-wide primitive numbers, for the lanes in
+/// `hit`. The `weights` of a quad become those of its half. Returns the lanes that hit spheres;
+/// their corners stay unchanged.
 #[inline(always)]
 pub fn gather(
     geometry: &Geometry,
@@ -55,7 +56,7 @@ pub fn gather(
     }
 }
 
-/// What every lane hits, if that is one geometry.
+/// The geometry that all lanes hit, if it is the same.
 #[inline(always)]
 fn one_geometry(geometry: &Geometry, hit: &Mask, packet: &RayPacket) -> Option<GeometryKind> {
     let geom = packet.hits.geom[0];
@@ -64,14 +65,14 @@ fn one_geometry(geometry: &Geometry, hit: &Mask, packet: &RayPacket) -> Option<G
     same.then(|| geometry.kind(geom))
 }
 
-/// Whether every lane hits the same primitive of a geometry.
+/// Whether all lanes hit the same primitive number of a geometry.
 #[inline(always)]
 fn one_primitive(packet: &RayPacket) -> bool {
     let prim = &packet.hits.prim;
     (0..LANES).fold(true, |same, i| same & (prim[i] == prim[0]))
 }
 
-/// Corners of the halves of one quad that the lanes hit.
+/// Fetches the corners of the halves of one quad that all lanes hit.
 #[inline(always)]
 fn one_quad(
     geometry: &Geometry,
@@ -96,7 +97,7 @@ fn one_quad(
     }
 }
 
-/// Corners of one mesh's triangles.
+/// Fetches the corners of triangles of one mesh that all lanes hit.
 #[inline(always)]
 fn one_mesh(
     geometry: &Geometry,
@@ -116,7 +117,7 @@ fn one_mesh(
     }
 }
 
-/// Corners of whatever each lane hit.
+/// Fetches the corners lane by lane, for packets that hit several geometries.
 #[inline(never)]
 fn one_by_one(
     geometry: &Geometry,

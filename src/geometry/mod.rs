@@ -1,4 +1,5 @@
-//! All primitives of a scene, relative to one f64 origin, as every accelerator sees them.
+//! The primitives of a scene, in coordinates relative to one f64 origin. All accelerators read them
+//! from here.
 
 mod ahead;
 mod behind;
@@ -31,14 +32,15 @@ pub struct TriangleMesh {
     vertices: Vec<[f32; 3]>,
     /// Vertex indices, each below `vertices().len()`.
     triangles: Vec<[u32; 3]>,
-    /// Which triangle is beside each of the last ones, which are stitches.
+    /// The last `stitches.len()` triangles are stitches. For each of them, the triangle beside it.
     stitches: Vec<u32>,
-    /// The coursework's `bvh: false`: its backend loops over the triangles.
+    /// True for `bvh: false` in the scene: the `coursework` backend tests each triangle of the mesh
+    /// in a loop.
     pub loop_only: bool,
 }
 
 impl TriangleMesh {
-    /// Takes the arrays; indices must be below the number of vertices.
+    /// Creates a mesh without stitches. Every index must be below the number of vertices.
     pub fn new(mut vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, loop_only: bool) -> Self {
         debug_assert!(triangles.iter().flatten().all(|&i| (i as usize) < vertices.len()));
         vertices.reserve_exact(1);
@@ -46,17 +48,17 @@ impl TriangleMesh {
         Self { vertices, triangles, stitches: Vec::new(), loop_only }
     }
 
-    /// The vertices.
+    /// Vertex positions, without the padding element.
     pub fn vertices(&self) -> &[[f32; 3]] {
         self.vertices.split_last().map_or(&[], |(_, rest)| rest)
     }
 
-    /// The vertices and the unused element behind them.
+    /// Vertex positions and the unused padding element behind them.
     pub fn padded_vertices(&self) -> &[[f32; 3]] {
         &self.vertices
     }
 
-    /// Vertex indices of each triangle.
+    /// Vertex indices of each triangle, stitches included.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
@@ -68,47 +70,47 @@ impl TriangleMesh {
         [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 
-    /// Bytes of all arrays.
+    /// Memory of all arrays, in bytes.
     pub fn bytes(&self) -> u64 {
         let indices = size_of_val(&self.triangles[..]) + size_of_val(&self.stitches[..]);
         (size_of_val(&self.vertices[..]) + indices) as u64
     }
 }
 
-/// The primitives of a scene. Geometry ids: the meshes in order, then one for all quads, then one
-/// for all spheres, whether or not there are any.
+/// All primitives of a scene. The meshes have the first geometry ids, in order. One id for all
+/// quads and one for all spheres follow, even if there are none.
 #[derive(Debug, Default)]
 pub struct Geometry {
-    /// World position of the point that all coordinates are relative to.
+    /// World position that all coordinates are relative to.
     pub origin: DVec3,
-    /// Triangles.
+    /// Triangle meshes; the geometry id of a mesh is its index.
     pub meshes: Vec<TriangleMesh>,
     /// Convex planar quads, corners in order.
     pub quads: Vec<[[f32; 3]; 4]>,
-    /// Spheres.
+    /// All spheres, in f64.
     pub spheres: Vec<Sphere>,
-    /// Sum of the primitives of all geometries before each one, and the total.
+    /// First primitive number of each geometry, then the total number of primitives.
     bases: Vec<u32>,
     /// Whether any mesh has stitches.
     stitched: bool,
 }
 
-/// Which kind of primitive a geometry id names.
+/// The kind of primitive that a geometry id stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GeometryKind {
-    /// Index into [`Geometry::meshes`].
+    /// A triangle mesh, with its index in [`Geometry::meshes`].
     Mesh(usize),
-    /// [`Geometry::quads`].
+    /// The quads of [`Geometry::quads`]; a primitive number is an index into it.
     Quads,
-    /// [`Geometry::spheres`].
+    /// The spheres of [`Geometry::spheres`]; a primitive number is an index into it.
     Spheres,
 }
 
 impl Geometry {
-    /// Collects the primitives.
+    /// Numbers the primitives of all geometries.
     ///
     /// # Errors
-    /// The number of primitives, if it is not below 2^32 - 1.
+    /// The number of primitives counted so far, as soon as it is not below 2^32 - 1.
     pub fn new(
         origin: DVec3,
         meshes: Vec<TriangleMesh>,
@@ -136,7 +138,7 @@ impl Geometry {
         self.meshes.len() as u32 + 1
     }
 
-    /// What a geometry id (not [`NONE`]) names.
+    /// Returns the kind of geometry `geom`, which must not be [`NONE`].
     #[inline(always)]
     pub fn kind(&self, geom: u32) -> GeometryKind {
         match (geom as usize).checked_sub(self.meshes.len()) {
@@ -146,43 +148,45 @@ impl Geometry {
         }
     }
 
-    /// One number per primitive of the whole scene; lower geometry ids first.
+    /// Scene-wide number of primitive `prim` of geometry `geom`. Lower geometry ids have lower
+    /// numbers.
     #[inline(always)]
     pub fn primitive(&self, geom: u32, prim: u32) -> u32 {
         self.bases[geom as usize] + prim
     }
 
-    /// Geometry id and number in it of a primitive of the whole scene: the inverse of
+    /// Geometry id, and number in that geometry, of a scene-wide primitive number. The inverse of
     /// [`Geometry::primitive`].
     #[inline(always)]
     pub fn place(&self, primitive: u32) -> (u32, u32) {
         let geom = match self.bases[1] {
-            // Most scenes have one mesh that matters.
+            // Most scenes have one large mesh.
             first if primitive < first => 0,
             _ => self.bases.partition_point(|&base| base <= primitive) - 1,
         };
         (geom as u32, primitive - self.bases[geom])
     }
 
-    /// Primitives of all geometries.
+    /// Number of primitives of all geometries.
     pub fn count(&self) -> u64 {
         self.bases.last().copied().unwrap_or(0).into()
     }
 
-    /// First primitive number of each geometry, and the total number of primitives.
+    /// First primitive number of each geometry, then the total number of primitives.
     pub fn bases(&self) -> &[u32] {
         &self.bases
     }
 
-    /// The triangle of a quad that `u`, `v` of a hit fall into, and `u`, `v` in it. Embree's
-    /// convention: `v0 v1 v3` where u + v <= 1, else `v2 v3 v1` with 1 - u, 1 - v.
+    /// Corners of the half of quad `prim` that contains the hit (`u`, `v`), and the hit's
+    /// barycentrics in that half. Embree's convention: `v0 v1 v3` where u + v <= 1, else `v2 v3 v1`
+    /// with 1 - u, 1 - v.
     #[inline(always)]
     pub fn quad_half(&self, prim: u32, u: f32, v: f32) -> ([[f32; 3]; 3], f32, f32) {
         let [v0, v1, v2, v3] = self.quads[prim as usize];
         if u + v <= 1.0 { ([v0, v1, v3], u, v) } else { ([v2, v3, v1], 1.0 - u, 1.0 - v) }
     }
 
-    /// Bytes of the primitive arrays.
+    /// Memory of the primitive arrays, in bytes.
     pub fn bytes(&self) -> u64 {
         self.meshes.iter().map(TriangleMesh::bytes).sum::<u64>()
             + (size_of_val(&self.quads[..]) + size_of_val(&self.spheres[..])) as u64

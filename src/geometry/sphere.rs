@@ -1,21 +1,21 @@
-//! Ray against sphere, in f64, stable for tiny, far and huge spheres.
+//! Intersection of a ray and a sphere, in f64, stable for tiny, far and huge spheres.
 
 use glam::DVec3;
 
 use super::twofold::Twofold;
 
-/// A sphere relative to the scene's origin.
+/// A sphere, relative to the scene's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {
-    /// Relative to the scene's origin.
+    /// Centre, relative to the scene's origin.
     pub center: DVec3,
-    /// > 0
+    /// Radius, in scene units; above 0.
     pub radius: f64,
 }
 
 impl Sphere {
-    /// A box around the sphere, three to five ulp larger than need be: more than a product of a side with a
-    /// ray's inverse direction rounds off.
+    /// Bounding box, three to five ulp larger than necessary. That exceeds the rounding of a
+    /// product of a side and a ray's inverse direction.
     pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
         let below = |x: f32| x - 4.0 * x.abs() * f32::EPSILON - f32::MIN_POSITIVE;
         let lower = (self.center - self.radius).to_array().map(|x| below(x as f32));
@@ -23,16 +23,16 @@ impl Sphere {
         (lower, upper)
     }
 
-    /// The closest parameter t in (`tnear`, `tfar`) at which `origin + t direction` meets the
-    /// surface, or NaN. `leaving`: the ray starts on this sphere up to rounding, so the root at its
-    /// origin, the smaller in magnitude, does not count.
+    /// Closest ray parameter in (`tnear`, `tfar`) at which `origin + t direction` hits the surface,
+    /// or NaN. With `leaving`, the ray starts on this sphere up to rounding: the root of smaller
+    /// magnitude is at its origin and does not count.
     ///
-    /// The quadratic of Haines et al. 2019, Ray Tracing Gems ch. 7 (eqs. 5 to 10): the
-    /// discriminant from the vector between the centre and the ray's closest point, the roots
-    /// without cancellation. Where f64 would lose too much of them - a ray near the outline, an
-    /// origin near the surface of a large sphere, a tiny sphere far away - they are computed again
-    /// with twice the bits: hit and miss are told apart up to some 2^-98 of the squared distance,
-    /// and roots are right to single precision. A zero or non-finite direction misses.
+    /// The quadratic of Haines et al. 2019, Ray Tracing Gems ch. 7 (eqs. 5 to 10). The discriminant
+    /// comes from the vector between the centre and the ray's closest point, and the roots have no
+    /// cancellation. f64 loses too many digits for a ray near the outline, an origin near the
+    /// surface of a large sphere, or a tiny sphere far away. There the roots are computed again
+    /// with twice the bits. Hit and miss are then separated up to some 2^-98 of the squared
+    /// distance, and roots are right to single precision. A zero or non-finite direction misses.
     #[inline(always)]
     pub fn intersect(
         &self,
@@ -46,8 +46,8 @@ impl Sphere {
         if sure { t } else { self.carefully(origin, direction, tnear, tfar, leaving) }
     }
 
-    /// [`Sphere::intersect`] in f64 alone, and whether that is enough. No branches: 16 rays at once become a few
-    /// vectors.
+    /// [`Sphere::intersect`] in f64 alone, and whether that is precise enough. Without branches, so
+    /// that 16 rays compile to a few vector instructions.
     #[inline(always)]
     pub fn quickly(
         &self,
@@ -69,11 +69,12 @@ impl Sphere {
         (root([a, b, c], a * squared, tnear, tfar, leaving), !unsure)
     }
 
-    /// Whether the ray surely passes beside the sphere or leads away from it, told without a division: where it does
-    /// [`Sphere::intersect`] is NaN.
+    /// Returns true only if the ray passes beside the sphere or leads away from it;
+    /// [`Sphere::intersect`] is NaN then. Needs no division. Conservative: may return false for a
+    /// ray that misses.
     ///
-    /// In f64 b^2 - a c is right to some 2^-49 of a times the larger of the squares, and where the origin is
-    /// clearly outside b is clearly not zero for any ray that hits.
+    /// In f64, b^2 - a c is right to some 2^-49 of a times the larger of the squares. For an origin
+    /// clearly outside, b is clearly not zero for any ray that hits.
     #[inline(always)]
     pub fn surely_missed(&self, origin: DVec3, direction: DVec3) -> bool {
         let f = origin - self.center;
@@ -107,24 +108,25 @@ impl Sphere {
     }
 }
 
-/// The first root of a t^2 - 2 b t + c = 0 between `tnear` and `tfar`, or NaN; `leaving`: not the smaller one
-/// in magnitude.
+/// The first root of a t^2 - 2 b t + c = 0 between `tnear` and `tfar`, or NaN. With `leaving`, the
+/// root of smaller magnitude is left out.
 #[inline(always)]
 fn root([a, b, c]: [f64; 3], discriminant: f64, tnear: f64, tfar: f64, leaving: bool) -> f64 {
     let q = b + b.signum() * discriminant.sqrt();
     let (small, large) = (if leaving { f64::NAN } else { c / q }, q / a);
     let swapped = small > large;
     let (t0, t1) = if swapped { (large, small) } else { (small, large) };
-    // A NaN root, of a negative discriminant too, fails both comparisons and is no hit.
+    // A NaN root fails both comparisons and is no hit. A negative discriminant gives one.
     let second = if (t1 > tnear) & (t1 < tfar) { t1 } else { f64::NAN };
     if (t0 > tnear) & (t0 < tfar) { t0 } else { second }
 }
 
-/// Below this fraction of the larger of squared distance and squared radius f64's discriminant,
-/// which is right to some 2^-50 of that, has too few digits left.
+/// Limit of f64 for the discriminant, relative to the larger of squared distance and squared
+/// radius. The discriminant is right to some 2^-50 of that; below this fraction too few digits are
+/// left.
 const NEAR_OUTLINE: f64 = 1.0 / (1u64 << 32) as f64;
 
-/// The same for the squared distance minus the squared radius.
+/// The same limit for the squared distance minus the squared radius.
 const NEAR_SURFACE: f64 = 1.0 / (1u64 << 20) as f64;
 
 #[cfg(test)]
@@ -157,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_clearly_beside_or_behind_is_surely_missed() {
+    fn surely_missed_is_true_beside_and_behind_the_sphere() {
         let sphere = Sphere { center: DVec3::ZERO, radius: 1.0 };
         let missed = |origin: [f64; 3], direction: [f64; 3]| {
             sphere.surely_missed(origin.into(), direction.into())
@@ -174,7 +176,7 @@ mod tests {
 
         /// Half of the rays pass near the outline, half of the origins lie near the surface.
         #[test]
-        fn what_is_surely_missed_is_not_hit(
+        fn surely_missed_never_contradicts_intersect(
             center in prop::array::uniform3(-1.0..1.0f64),
             away in prop::array::uniform3(-1.0..1.0f64),
             direction in prop::array::uniform3(-1.0..1.0f64),
@@ -207,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_that_leaves_meets_only_the_other_side() {
+    fn a_leaving_ray_hits_only_the_far_side() {
         let sphere = Sphere { center: DVec3::ZERO, radius: 1.0 };
         let out = sphere.intersect(DVec3::Z, DVec3::new(0.1, 0.0, 1.0), 0.0, FAR, true);
         assert!(out.is_nan());
@@ -216,16 +218,16 @@ mod tests {
     }
 
     #[test]
-    fn an_origin_that_rounding_moved_off_the_sphere_does_not_meet_it() {
-        // Where f32 is coarser than the sphere the origin may lie radii away from it; a ray that
-        // rises from the tangent plane must not be thought to enter.
+    fn a_leaving_ray_with_a_rounded_origin_misses_the_near_side() {
+        // If f32 is coarser than the sphere, the rounded origin may lie several radii away. A ray
+        // that rises from the tangent plane must not enter the sphere.
         let sphere = Sphere { center: DVec3::ZERO, radius: 1.0 };
         let (origin, direction) = (DVec3::new(2.0, 0.0, 1.0), DVec3::new(-1.0, 0.0, 0.1));
         assert!(sphere.intersect(origin, direction, 0.0, FAR, true).is_nan());
     }
 
     #[test]
-    fn a_step_above_a_huge_sphere_is_not_lost() {
+    fn an_origin_just_above_a_huge_sphere_hits_it() {
         let sphere = Sphere { center: DVec3::new(0.0, -1e7, 0.0), radius: 1e7 };
         for height in [1.0, 1e-3, 1e-6, 1e-9] {
             let origin = DVec3::new(0.0, height, 0.0);

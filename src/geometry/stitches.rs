@@ -1,10 +1,10 @@
-//! Stitches: triangles without area that close T-junctions, between a long edge and the points on it that only
-//! the other side uses.
+//! Stitches: triangles without area that close T-junctions. A stitch lies between a long edge and
+//! the points on it that only the other side uses.
 //!
-//! Rounding moves these points off the edge: when the mesh is placed, and again when a test takes corners
-//! relative to a ray. What opens between them is the stitch, as it has the same rounded corners: with it the mesh
-//! stays closed. It is as narrow as the rounding, so its normal means nothing; a hit counts as one of the
-//! triangle beside it.
+//! Rounding moves these points off the edge: once when the mesh is placed, and again when a test
+//! takes corners relative to a ray. The stitch has the same rounded corners, so it fills the gap
+//! and the mesh stays closed. It is only as wide as the rounding, so its normal is meaningless. A
+//! hit on a stitch counts as a hit of the triangle beside it.
 
 use std::collections::HashMap;
 
@@ -15,8 +15,8 @@ use super::{Geometry, GeometryKind, TriangleMesh};
 use crate::ray::{LANES, Mask, RayPacket};
 
 impl TriangleMesh {
-    /// Adds those of `candidates` behind the other triangles that lie along an edge of one of them. Indices must
-    /// be below the number of vertices.
+    /// Appends those `candidates` that lie along an edge of a triangle of the mesh. Indices must be
+    /// below the number of vertices.
     #[must_use]
     pub fn with_stitches(mut self, candidates: &[[u32; 3]]) -> Self {
         if candidates.is_empty() {
@@ -31,12 +31,12 @@ impl TriangleMesh {
         self
     }
 
-    /// How many of the last triangles are stitches.
+    /// Number of stitches: the last triangles of the mesh.
     pub fn stitches(&self) -> usize {
         self.stitches.len()
     }
 
-    /// The triangle beside stitch `prim`; `None` for any other triangle.
+    /// Triangle beside stitch `prim`; `None` for any other triangle.
     #[inline]
     fn beside_stitch(&self, prim: u32) -> Option<u32> {
         let first = self.triangles.len() - self.stitches.len();
@@ -44,12 +44,12 @@ impl TriangleMesh {
         self.stitches.get(stitch).copied()
     }
 
-    /// For each of `stitches` the triangle across its longest edge, or across that of a stitch which has this edge
-    /// and a longer one, and so on. `None` where there is none.
+    /// Finds for each stitch the triangle across its longest edge. If another stitch lies there,
+    /// the search goes on across that stitch's longest edge. `None` if no triangle is found.
     fn beside(&self, stitches: &[[u32; 3]]) -> Vec<Option<u32>> {
         let longest: Vec<[u32; 2]> = stitches.iter().map(|&stitch| self.longest(stitch)).collect();
         let mut marked = vec![false; self.vertices.len()];
-        // By edge the first stitch that has a longer one.
+        // For each edge, the first stitch that has a longer one.
         let mut longer: HashMap<[u32; 2], Option<usize>> = HashMap::new();
         for (index, &stitch) in stitches.iter().enumerate() {
             stitch.iter().for_each(|&v| marked[v as usize] = true);
@@ -83,8 +83,8 @@ impl TriangleMesh {
     }
 }
 
-/// For each of `count` what is `found` there, or at the first of those that follow it where anything is; each is
-/// looked at once.
+/// For each of `count` indices, the first `found` value along the chain of `next`. Each index is
+/// visited once.
 fn follow(
     count: usize,
     found: impl Fn(usize) -> Option<u32>,
@@ -99,7 +99,7 @@ fn follow(
             if let Some(known) = results[index] {
                 break known;
             }
-            // What comes back to itself finds nothing.
+            // A chain that returns to itself finds nothing.
             results[index] = Some(None);
             path.push(index);
             if let Some(prim) = found(index) {
@@ -112,7 +112,7 @@ fn follow(
     results.into_iter().map(Option::flatten).collect()
 }
 
-/// Each edge with its lower vertex first.
+/// The edges, each with its lower vertex first.
 fn edges([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
     [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
 }
@@ -122,8 +122,9 @@ fn exact(vertex: [f32; 3]) -> DVec3 {
 }
 
 impl Geometry {
-    /// Moves hits of stitches to the triangles beside them, from which they are no farther than coordinates are
-    /// rounded by. To be called before [`super::refine`]; costs nothing where there are none.
+    /// Moves hits on stitches to the triangles beside them. They are no farther away than the
+    /// rounding of coordinates. Call it before [`super::refine`]; it costs nothing in a scene
+    /// without stitches.
     #[inline(always)]
     pub fn beside_stitches(&self, hit: &Mask, packet: &mut RayPacket) {
         if self.stitched {
@@ -137,7 +138,7 @@ impl Geometry {
             let GeometryKind::Mesh(mesh) = self.kind(packet.hits.geom[i]) else { continue };
             let mesh = &self.meshes[mesh];
             let Some(prim) = mesh.beside_stitch(packet.hits.prim[i]) else { continue };
-            let vector = |of: &[[f32; LANES]; 3]| exact([of[0][i], of[1][i], of[2][i]]);
+            let vector = |v: &[[f32; LANES]; 3]| exact([v[0][i], v[1][i], v[2][i]]);
             let t = f64::from(packet.rays.tfar[i]);
             let point = vector(&packet.rays.org) + vector(&packet.rays.dir) * t;
             let (u, v) = weights(point, mesh.corners(prim).map(exact));
@@ -147,7 +148,8 @@ impl Geometry {
     }
 }
 
-/// Barycentric weights of the second and third corner at the point of the triangle below `point`.
+/// Barycentric weights of the second and third corner, at the projection of `point` onto the
+/// triangle.
 fn weights(point: DVec3, [a, b, c]: [DVec3; 3]) -> (f64, f64) {
     let (e1, e2, p) = (b - a, c - a, point - a);
     let normal = e1.cross(e2);

@@ -1,6 +1,7 @@
-//! Hits -> surface points: position, normal and a safe origin for the rays that leave.
+//! Turns hits into surface points: position, normal and a safe origin for secondary rays.
 //!
-//! All in f64 from the primitive itself, whatever the backend computed, then rounded once.
+//! Everything is computed in f64 from the primitive itself, then rounded once. Only the choice of
+//! the primitive is the backend's.
 
 use glam::DVec3;
 
@@ -17,33 +18,34 @@ use crate::ray::{LANES, Mask, RayPacket};
 pub struct Surfaces {
     /// Position, rounded to nearest: within half an ulp per coordinate.
     pub position: [[f32; LANES]; 3],
-    /// Position rounded away from the surface, to the side that the ray came from: at most 1.5 ulp
-    /// per coordinate from the exact point and never behind the surface's tangent plane.
+    /// Position rounded away from the surface, to the side of the incoming ray. At most 1.5 ulp per
+    /// coordinate from the exact point and never behind the surface's tangent plane.
     pub outside: [[f32; LANES]; 3],
-    /// Where on the ray: rounded once from f64, in units of the ray's direction.
+    /// Ray parameter of the hit, in units of the ray's direction; rounded once from f64.
     pub t: [f32; LANES],
-    /// Unit geometric normal, turned to the ray's origin.
+    /// Unit geometric normal, on the side of the incoming ray.
     pub ng: [[f32; LANES]; 3],
-    /// Barycentric weight of the second corner (of the half of a quad), in [0, 1]; not rounded, as texture
-    /// coordinates are made of it.
+    /// Barycentric weight of the second corner (of a quad's half), in [0, 1]. Kept in f64, because
+    /// texture coordinates are computed from it.
     pub u: [f64; LANES],
     /// Barycentric weight of the third corner, in [0, 1].
     pub v: [f64; LANES],
-    /// Primitive number in the whole scene.
+    /// Scene-wide primitive number, by lane.
     pub primitive: [u32; LANES],
-    /// Which lanes hit anything.
+    /// Lanes that hit anything.
     pub hit: Mask,
-    /// Hits of triangles and quads so close to an edge that a ray which leaves them may slip past a neighbour:
-    /// see [`Crevice`](super::Crevice).
+    /// Hits of triangles and quads so close to an edge that a secondary ray may slip past the
+    /// neighbour: see [`Crevice`](super::Crevice).
     pub at_edge: Mask,
-    /// Hits of triangles and quads that are false, for all that the test of a backend in f32 may be
-    /// off ([`passing`]) or whose reported t is, or that the ray leaves behind ([`Geometry::is_left_behind`]): what is
-    /// nearest must be found again.
+    /// False hits of triangles and quads. The nearest hit of these lanes must be found again. A hit
+    /// is false if the ray's distance from the triangle, or the error of the reported t, exceeds
+    /// the error of an f32 test ([`passing`]). It is also false if the triangle lies behind the
+    /// primitive that the ray leaves ([`Geometry::is_left_behind`]).
     pub doubtful: Mask,
 }
 
 impl Surfaces {
-    /// No surface points.
+    /// No lane has a surface point.
     pub const EMPTY: Self = Self {
         position: [[0.0; LANES]; 3],
         outside: [[0.0; LANES]; 3],
@@ -57,14 +59,15 @@ impl Surfaces {
         doubtful: Mask::NONE,
     };
 
-    /// Barycentric weights of lane `i`, which hit a triangle or the half of a quad; each in [0, 1].
+    /// Barycentric weights of lane `i`, each in [0, 1]. The lane must have hit a triangle or the
+    /// half of a quad.
     #[inline(always)]
     pub fn weights(&self, i: usize) -> [f64; 3] {
         [(1.0 - self.u[i] - self.v[i]).max(0.0), self.u[i], self.v[i]]
     }
 }
 
-/// Computes the surface points of the lanes of a traced packet that `hit`.
+/// Computes the surface points of the lanes in `hit`, from a traced packet.
 #[inline(always)]
 pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Surfaces) {
     out.hit = *hit;
@@ -96,8 +99,8 @@ pub fn refine(geometry: &Geometry, hit: &Mask, packet: &RayPacket, out: &mut Sur
     }
 }
 
-/// The corners of the triangle that lane `i` of a traced packet hit, of a quad its half, and the weights in it that
-/// the backend reported; `None` for a sphere.
+/// Corners of the triangle (or half of a quad) that lane `i` hit, and the barycentrics that the
+/// backend reported. `None` for a sphere.
 pub(super) fn hit_corners(
     geometry: &Geometry,
     packet: &RayPacket,
@@ -114,7 +117,7 @@ pub(super) fn hit_corners(
     Some((corners, (f64::from(u), f64::from(v))))
 }
 
-/// The triangle that lane `i` of a traced packet hit (a quad's half) and the point on it, in f64; `None` for a
+/// Triangle (or half of a quad) that lane `i` hit, and the refined point on it in f64. `None` for a
 /// sphere.
 pub fn hit_triangle(
     geometry: &Geometry,
@@ -129,9 +132,10 @@ pub fn hit_triangle(
     Some((corners, point))
 }
 
-/// How far, in scene units, the position of lane `i`, which hit, may be from where the exact ray meets the exact primitive, if
-/// it does, by the larger coordinate: its own rounding, and what that of f64 comes to along a surface that
-/// the ray meets at a small angle.
+/// Error bound of the position of lane `i`, which must have hit, in scene units by the larger
+/// coordinate. It bounds the distance from the point where the exact ray hits the exact primitive,
+/// if it does. It includes the position's own rounding and the rounding of f64, which grows where
+/// the angle between ray and surface is small.
 pub fn position_error(geometry: &Geometry, packet: &RayPacket, points: &Surfaces, i: usize) -> f64 {
     let (origin, direction) = ray(packet, i);
     let error = match hit_corners(geometry, packet, i) {
@@ -144,19 +148,19 @@ pub fn position_error(geometry: &Geometry, packet: &RayPacket, points: &Surfaces
     error + rounding(points, i)
 }
 
-/// What a position's own rounding comes to, and what this sum itself rounds off.
+/// Bound of the rounding of a position to f32, including the rounding of the final sum.
 fn rounding(points: &Surfaces, i: usize) -> f64 {
     0.5001 * f64::from(f32::EPSILON) * dvec(&points.position, i).abs().max_element()
 }
 
-/// By how much, relatively, a backend's t may differ from f64's without a closer look.
+/// Largest relative difference between the reported t and f64's t that needs no closer look.
 const T_SLACK: f64 = 1.0 / (1u64 << 20) as f64;
 
-/// A reported t that is farther off, relatively, says nothing of which hit is nearest.
+/// A reported t with a larger relative error does not tell which hit is nearest.
 const T_COARSE: f64 = 1.0 / (1u64 << 12) as f64;
 
-/// Stores the point of a triangle that a backend reported at `reported`; whether the ray meets it there
-/// beyond doubt.
+/// Stores the point of a triangle in lane `i`. `reported` is the backend's t. Returns true if the
+/// hit is beyond doubt.
 #[inline(always)]
 fn put(
     out: &mut Surfaces,
@@ -170,11 +174,11 @@ fn put(
     out.t[i] = point.t as f32;
     store(out, i, point.position, point.normal, direction);
     let off = (point.t - f64::from(reported)).abs();
-    // Where the ray starts nothing is sure.
+    // At t <= 0 the comparison is false: no hit at the ray's start is certain.
     point.met & (off < point.t * T_SLACK)
 }
 
-/// Computes the points of lanes again for which f64 has too few digits.
+/// Recomputes the points of the lanes where f64 has too few digits.
 #[cold]
 #[inline(never)]
 fn sharpen(
@@ -195,8 +199,8 @@ fn sharpen(
     }
 }
 
-/// Looks closer at the lanes of triangles that f64 alone is not sure of: at an edge f32 and f64 may see
-/// a ray on different sides, and at a small angle t is hard to tell.
+/// Decides the hits that f64 alone cannot confirm. At an edge, f32 and f64 may see a ray on
+/// different sides; at a small angle, t is imprecise.
 #[cold]
 #[inline(never)]
 fn doubt(
@@ -215,7 +219,7 @@ fn doubt(
         let passing = passing
             .filter(|passing| passing.explains(reported))
             .filter(|passing| is_after_start(triangle, origin, direction, passing.t))
-            // Far from f64's t, whatever the reason: something else may be nearer.
+            // If the reported t is far from f64's t, something else may be nearer.
             .filter(|passing| (passing.t - reported).abs() <= passing.t.abs() * T_COARSE)
             .filter(|_| !geometry.is_left_behind(leaving, origin, direction, triangle));
         match passing {
@@ -236,10 +240,10 @@ fn refine_spheres(geometry: &Geometry, lanes: &Mask, packet: &RayPacket, out: &m
     }
 }
 
-/// Where on its ray lane `i` meets the sphere that it hit, and the outward normal there.
+/// Ray parameter and outward normal where lane `i` hits its sphere.
 pub(super) fn on_sphere(sphere: &Sphere, packet: &RayPacket, i: usize) -> (f64, DVec3) {
     let (origin, direction) = ray(packet, i);
-    // The backend's t names the root; the root itself is found again in f64.
+    // The reported t selects one of the two roots; that root is computed again in f64.
     let reported = f64::from(packet.rays.tfar[i]);
     let slack = reported.abs() * 1e-6;
     let root = sphere.intersect(origin, direction, reported - slack, reported + slack, false);
@@ -248,8 +252,8 @@ pub(super) fn on_sphere(sphere: &Sphere, packet: &RayPacket, i: usize) -> (f64, 
     (t, (near - sphere.center).normalize_or(DVec3::Z))
 }
 
-/// How far the point of a root in f64 may be from the exact one: the discriminant is off by some 64u
-/// (u = 2^-53) of what it is the difference of, its root by no more than the root of that.
+/// Error bound of a point from a root in f64. The discriminant is the difference of two terms and
+/// is off by some 64u (u = 2^-53) of their sum. The root is off by at most the square root of that.
 fn sphere_error(sphere: &Sphere, origin: DVec3, direction: DVec3, t: f64) -> f64 {
     let f = origin - sphere.center;
     let off = 32.0 * f64::EPSILON * (f.length_squared() + sphere.radius * sphere.radius);
@@ -267,7 +271,7 @@ fn dvec(v: &[[f32; LANES]; 3], i: usize) -> DVec3 {
     DVec3::new(f64::from(v[0][i]), f64::from(v[1][i]), f64::from(v[2][i]))
 }
 
-/// Rounds a point and its unit normal into lane `i`, turned against `direction`.
+/// Rounds a point and its unit normal into lane `i`. The normal is turned against `direction`.
 #[inline(always)]
 fn store(out: &mut Surfaces, i: usize, position: DVec3, normal: DVec3, direction: DVec3) {
     let turn = if normal.dot(direction) > 0.0 { -1.0 } else { 1.0 };
@@ -280,15 +284,15 @@ fn store(out: &mut Surfaces, i: usize, position: DVec3, normal: DVec3, direction
     }
 }
 
-/// `rounded`, or its neighbour where it lies on the wrong side of `exact`: the result minus
-/// `exact` has the sign of `towards` or is zero, so that over three axes the dot product with the
-/// normal is never negative.
+/// Returns `rounded`, or its neighbour if `rounded` lies on the wrong side of `exact`. The result
+/// minus `exact` is zero or has the sign of `towards`. So the sum over three axes, the dot product
+/// with the normal, is never negative.
 #[inline(always)]
 pub fn round_towards(exact: f64, rounded: f32, towards: f64) -> f32 {
     let wrong = (f64::from(rounded) - exact) * towards < 0.0;
     let step = if (rounded > 0.0) == (towards > 0.0) { 1 } else { -1 };
     let next = f32::from_bits((rounded.to_bits() as i32).wrapping_add(step) as u32);
-    // Around zero the neighbours are denormals; the smallest normal number does as well.
+    // The neighbours of zero are denormal; the smallest normal number serves as well.
     let next = if rounded == 0.0 { f32::MIN_POSITIVE.copysign(towards as f32) } else { next };
     if wrong { next } else { rounded }
 }
@@ -314,9 +318,9 @@ mod tests {
         }
     }
 
-    /// A packet whose rays all hit one quad takes a way of its own; one ray alone does not.
+    /// All rays on one quad take a special path in `gather`; a single ray does not.
     #[test]
-    fn a_packet_on_one_quad_is_its_rays_one_by_one() {
+    fn a_packet_on_one_quad_equals_its_single_rays() {
         let quads = vec![
             [[9.0, 9.0, 9.0], [8.0, 9.0, 9.0], [8.0, 8.0, 9.0], [9.0, 8.0, 9.0]],
             [[0.0, 0.0, 1.0], [1.0, 0.0, 1.5], [1.0, 1.0, 1.5], [0.0, 1.0, 1.0]],

@@ -1,4 +1,4 @@
-//! The point of a triangle that a ray meets, in f64 from the f32 vertices.
+//! The point where a ray hits a triangle, in f64 from the f32 vertices.
 
 use glam::DVec3;
 
@@ -16,38 +16,39 @@ pub struct TrianglePoint {
     pub u: f64,
     /// Weight of v2, in [0, 1].
     pub v: f64,
-    /// Where the ray meets the plane; not finite for a ray along it.
+    /// Ray parameter at the triangle's plane; not finite for a ray that lies in the plane.
     pub t: f64,
-    /// Whether the ray's line meets the triangle, to f64 rounding.
+    /// Whether the ray's line hits the triangle, to f64 rounding.
     pub met: bool,
-    /// Whether the rounding leaves u and v within 2.5e-7.
+    /// Whether rounding moves u and v by at most 2.5e-7.
     pub sharp: bool,
-    /// Whether an edge is so near that a test in f32 or the rounding of the point may see it on the other
-    /// side.
+    /// Whether an edge is so close that a test in f32, or the rounding of the point, may put the
+    /// point on its other side.
     pub at_edge: bool,
 }
 
-/// What u and v may be off by; they are held to 1e-6.
+/// Largest rounding error of u and v before [`sharpen_triangle`] is needed; they must be right to
+/// 1e-6.
 const SHARP: f64 = 2.5e-7;
 
-/// Moves barycentric weights into the triangle: u, v >= 0, u + v <= 1. NaN becomes 0.
+/// Clamps barycentric weights to the triangle: u, v >= 0, u + v <= 1. NaN becomes 0.
 #[inline(always)]
 pub fn clamp_barycentrics(u: f64, v: f64) -> (f64, f64) {
-    // Unlike `clamp`, `max` and `min` return the other operand for a NaN.
+    // Unlike `clamp`, `max` and `min` return the other operand if one is NaN.
     let unit = |x: f64| f64::min(x.max(0.0), 1.0);
     let (u, v) = (unit(u), unit(v));
-    // The nearest point of the third edge: no division.
+    // The nearest point of the third edge, without a division.
     let beyond = (u + v - 1.0).max(0.0) * 0.5;
     (u - beyond, v - beyond)
 }
 
-/// Where the ray `origin + t direction`, which a backend reported to hit this triangle at (u, v),
-/// meets its plane, moved onto the triangle.
+/// Recomputes the hit of the ray `origin + t direction` on a triangle, clamped to the triangle. The
+/// weights (u, v) are the hit that a backend reported.
 ///
-/// The position is the weighted mean of the corners, so it lies on the triangle to f64 rounding
-/// however the ray came, and in the triangle's box even where the corners differ by many orders of
-/// magnitude (sums of edges would cancel there). Where the ray lies in the plane the backend's
-/// (u, v) decide. How far all that may be off says [`super::position_error`].
+/// The position is the weighted mean of the corners. So it lies on the triangle to f64 rounding
+/// from every direction. It lies in the triangle's box even where the corners differ by many orders
+/// of magnitude: a sum of edges would cancel there. For a ray in the plane the reported (u, v)
+/// decide. [`super::position_error`] bounds the error.
 #[inline(always)]
 pub fn refine_triangle(
     [v0, v1, v2]: [DVec3; 3],
@@ -69,10 +70,11 @@ pub fn refine_triangle(
     let (u, v) = if sound { (ru, rv) } else { (u, v) };
     let (u, v) = clamp_barycentrics(u, v);
     let position = v0 * (1.0 - u - v).max(0.0) + v1 * u + v2 * v;
-    // What the weights are off by: see `triangle_error`.
+    // Error bound of the weights: see `triangle_error`.
     let blur = BLUR * sum(to_v0) * sum(direction) * sum(e1).max(sum(e2));
     let sharp = blur * inverse.abs() <= SHARP;
-    // The distance from the edge opposite of a corner is its weight times |n| over that edge's length.
+    // The distance from an edge is the weight of the opposite corner times |n| over the length of
+    // the edge.
     let (area, side) = (normal.length(), sum(e1) + sum(e2));
     let least = f64::min(f64::min(u, v), 1.0 - u - v);
     let at_edge = !(least * area > REACH * side * (position.abs().max_element() + side));
@@ -80,17 +82,19 @@ pub fn refine_triangle(
     TrianglePoint { position, normal, u, v, t, met, sharp, at_edge }
 }
 
-/// 64u, u = 2^-53.
+/// Factor of the error bound in [`triangle_error`]: 64u, u = 2^-53.
 const BLUR: f64 = 32.0 * f64::EPSILON;
 
-/// How far the position may be from where the ray meets the plane, by the larger coordinate, if it meets
-/// the triangle there: that of [`refine_triangle`], or of [`sharpen_triangle`] where that is asked.
+/// Error bound of the position, by the larger coordinate: its distance from where the ray hits the
+/// plane. Valid if that point lies in the triangle. It holds for [`refine_triangle`], and for
+/// [`sharpen_triangle`] where the hit is not `sharp`.
 ///
-/// Each triple product of to_v0, direction and a side is off by at most 8u times its permanent
-/// (u = 2^-53), which is at most the product of the sums of their coordinates' magnitudes; so are det
-/// and, moved by u times the sides, what the weights multiply. Three such errors over det move the
-/// weights, and the weights move the position by a side each: 64u leaves room for the rest. With some
-/// 106 bits the permanents are the same, each product off by 2^-100 of them, and there are the divisions.
+/// Each triple product of to_v0, direction and a side has an error of at most 8u times its
+/// permanent (u = 2^-53). The permanent is at most the product of the sums of the coordinates'
+/// magnitudes. The same holds for det. The sides that the weights multiply are off by u of
+/// themselves. Three such errors over det move the weights, and each weight moves the position by a
+/// side. 64u leaves room for the rest. With some 106 bits the permanents are the same and each
+/// product is off by 2^-100 of them; the divisions add their own rounding.
 pub fn triangle_error([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3) -> f64 {
     let (e1, e2) = (v1 - v0, v2 - v0);
     let (side1, side2) = (sum(e1), sum(e2));
@@ -99,16 +103,16 @@ pub fn triangle_error([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3)
     let moved = if fast <= SHARP * side1.min(side2) {
         fast
     } else {
-        // Of f64's determinant no digit may be right.
+        // No digit of f64's determinant may be right here.
         let det = volume([v0, v1, v2], direction).abs();
         2f64.powi(-95) * permanent / det + 4.0 * f64::EPSILON * (side1 + side2)
     };
-    // Both points lie on the triangle; `min` returns the other operand for a NaN.
+    // Both points lie on the triangle. `min` returns the other operand if one is NaN.
     moved.min(side1 + side2) + 4.0 * f64::EPSILON * (sum(v0) + sum(v1) + sum(v2))
 }
 
-/// [`refine_triangle`] with some 106 bits, for needles that f64 has too few digits for. Coordinates and direction
-/// are values of f32, so that their differences are exact.
+/// [`refine_triangle`] with some 106 bits, for needles where f64 has too few digits. Coordinates
+/// and direction must be f32 values, so that their differences are exact.
 #[cold]
 #[inline(never)]
 pub fn sharpen_triangle(
@@ -130,18 +134,18 @@ pub fn sharpen_triangle(
     let (u, v) = clamp_barycentrics(u, v);
     let position = v0 * (1.0 - u - v).max(0.0) + v1 * u + v2 * v;
     let normal = normal.value();
-    // Its length may be outside of what can be squared.
+    // The square of its length may overflow or underflow.
     let normal = normal / normal.abs().max_element();
     TrianglePoint { position, normal: normal.normalize(), u, v, t, met, sharp: true, at_edge: true }
 }
 
-/// The triple product of two sides and the direction, with some 106 bits.
+/// Triple product of two sides and the direction, with some 106 bits.
 fn volume([v0, v1, v2]: [DVec3; 3], direction: DVec3) -> f64 {
     let normal = Twofold3::between(v0, v1).cross(&Twofold3::between(v0, v2));
     normal.dot(&Twofold3::between(DVec3::ZERO, direction)).value()
 }
 
-/// Sum of the coordinates' magnitudes.
+/// Sum of the magnitudes of the coordinates.
 #[inline(always)]
 fn sum(v: DVec3) -> f64 {
     v.x.abs() + v.y.abs() + v.z.abs()
@@ -168,15 +172,15 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_is_met_exactly_beside_a_far_one() {
+    fn a_near_corner_is_exact_beside_a_far_one() {
         let corners = [DVec3::new(1.0, -7e7, 1.0), DVec3::new(1.0, 5.6e-7, 1.0), DVec3::Z * 2e7];
         let point = refine_triangle(corners, DVec3::new(9.0, 5.6e-7, 1.0), -DVec3::X, (0.0, 0.0));
         assert_eq!(point.position.y as f32, 5.6e-7);
     }
 
-    /// A needle sixteen decades long.
+    /// A needle that is sixteen decades long.
     #[test]
-    fn a_needle_is_met_where_it_is() {
+    fn a_needle_is_refined_with_106_bits() {
         let corners = [
             DVec3::new(3e-8, 1e-8, -2e-8),
             DVec3::new(6.7108864e7, 3.3554432e7, 1.6777216e7),
@@ -188,17 +192,17 @@ mod tests {
         let fast = refine_triangle(corners, origin, direction, (0.0, 0.0));
         let point = sharpen_triangle(corners, origin, direction, (0.0, 0.0));
         assert!(!fast.sharp && point.sharp);
-        // The ray passes the second corner exactly, at 2^26.
+        // The exact ray passes through the second corner, at t = 2^26.
         assert!((point.t / 67_108_864.0 - 1.0).abs() < 1e-12, "{point:?} {fast:?}");
         assert!((point.u - 1.0).abs() < 1e-12 && point.v.abs() < 1e-12, "{point:?} {fast:?}");
         let off = (point.position - corners[1]).abs().max_element();
         let error = triangle_error(corners, origin, direction);
-        // Less than half an ulp of f32 there, which the bound of f64 alone is not.
+        // Less than half an ulp of f32 there. The bound of f64 alone is larger.
         assert!(off <= error && error < 4.0, "{off} {error}");
     }
 
     #[test]
-    fn both_ways_agree_where_f64_is_enough() {
+    fn refine_and_sharpen_agree_where_f64_is_enough() {
         let corners =
             [DVec3::new(0.5, -1.0, 3.0), DVec3::new(2.0, 0.25, 3.5), DVec3::new(0.0, 4.0, 2.5)];
         let (origin, direction) = (DVec3::new(0.5, 1.0, -3.0), DVec3::new(0.0625, -0.125, 1.0));

@@ -1,14 +1,14 @@
-//! Sums and products of f64 with some 106 bits, for differences that f64 loses.
+//! Double-double arithmetic: sums and products of f64 with some 106 bits.
 //!
-//! Dekker 1971, "A floating-point technique for extending the available precision"; the algorithms
-//! and their bounds as in Joldes, Muller and Popescu 2017, "Tight and rigorous error bounds for
-//! basic building blocks of double-word arithmetic".
+//! Dekker 1971, "A floating-point technique for extending the available precision". The algorithms
+//! and their bounds are those of Joldes, Muller and Popescu 2017, "Tight and rigorous error bounds
+//! for basic building blocks of double-word arithmetic".
 
 use std::ops::{Add, Mul, Sub};
 
 use glam::DVec3;
 
-/// `hi + lo`, |lo| <= ulp(hi) / 2.
+/// The unevaluated sum `hi + lo`, with |lo| <= ulp(hi) / 2.
 #[derive(Debug, Clone, Copy)]
 pub struct Twofold {
     hi: f64,
@@ -29,7 +29,7 @@ impl Twofold {
         Self { hi, lo: a.mul_add(b, -hi) }
     }
 
-    /// To the nearest f64, nearly.
+    /// The value rounded to f64, almost to nearest.
     pub fn value(self) -> f64 {
         self.hi
     }
@@ -67,7 +67,7 @@ fn quick(a: f64, b: f64) -> Twofold {
     Twofold { hi, lo: b - (hi - a) }
 }
 
-/// A vector of them.
+/// A vector of three [`Twofold`] coordinates.
 #[derive(Debug, Clone, Copy)]
 pub struct Twofold3([Twofold; 3]);
 
@@ -77,19 +77,19 @@ impl Twofold3 {
         Self([0, 1, 2].map(|axis| Twofold::sum(to[axis], -from[axis])))
     }
 
-    /// The vector product.
+    /// Vector (cross) product, with some 106 bits.
     pub fn cross(&self, other: &Self) -> Self {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
         Self([b * z - c * y, c * x - a * z, a * y - b * x])
     }
 
-    /// The scalar product.
+    /// Scalar (dot) product, with some 106 bits.
     pub fn dot(&self, other: &Self) -> Twofold {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
         a * x + b * y + c * z
     }
 
-    /// To the nearest f64, nearly.
+    /// The coordinates rounded to f64, almost to nearest.
     pub fn value(&self) -> DVec3 {
         DVec3::from(self.0.map(Twofold::value))
     }
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_f64_loses_is_kept() {
+    fn small_terms_survive_beside_large_ones() {
         let big = Twofold::sum(1e16, 0.25);
         assert_eq!((big - Twofold::sum(1e16, 0.0)).value(), 0.25);
         // (1 + 2^-40)^2 - 1 - 2^-39 = 2^-80

@@ -9,30 +9,31 @@ use crate::shading::Lanes;
 use super::quarters::{PACKETS, packet};
 use super::slot::Pattern;
 
-/// A packet's values of one quantity.
+/// One quantity's values, by lane of a packet.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub struct Values(pub Lanes);
 
-/// Sums of some quantities for each pixel of a block, in the fixed order of [`Sums`].
+/// Sums of several quantities for each pixel of a block, in the fixed order of [`Sums`].
 #[derive(Debug)]
 pub struct BlockSums {
     quantities: usize,
-    /// Quantities that are the squares of others.
+    /// How many quantities are squares of other quantities.
     squares: usize,
     pixels: usize,
     sums: Sums,
-    /// One node's values, pixel by pixel.
+    /// Values of the current node, pixel by pixel.
     node: Vec<f64>,
-    /// Sums of neighbouring samples: by quantity, the first and the last two packets of [`Quarters`].
+    /// Sums of neighbouring samples, by quantity: for the first two packets of a group of
+    /// [`Quarters`], and for its last two.
     ///
     /// [`Quarters`]: super::quarters::Quarters
     pairs: Vec<[[f64; LANES]; 2]>,
 }
 
 impl BlockSums {
-    /// Room for the blocks of a pattern: sums of `values` quantities, and of the squares of the last `squares`
-    /// of these.
+    /// Creates sums for the blocks of a pattern: of `values` quantities, and of the squares of the
+    /// last `squares` of them.
     pub fn new(pattern: &Pattern, values: usize, squares: usize) -> Self {
         let (pixels, quantities) = (pattern.pixels(), values + squares);
         let width = pixels * quantities;
@@ -40,14 +41,14 @@ impl BlockSums {
         Self { quantities, squares, pixels, sums, node, pairs: vec![[[0.0; LANES]; 2]; quantities] }
     }
 
-    /// A new block begins.
+    /// Starts a new block: all sums become 0.
     #[inline(always)]
     pub fn clear(&mut self) {
         self.sums.clear();
     }
 
-    /// Adds a packet, of which only samples within `samples` count: its values by quantity and lane; what is
-    /// not `filled` is 0.
+    /// Adds a packet. `lanes` holds its values by quantity; a quantity that is not `filled` is 0.
+    /// Only samples within `samples` count.
     #[inline(always)]
     pub fn add(
         &mut self,
@@ -72,13 +73,14 @@ impl BlockSums {
         }
     }
 
-    /// Adds a packet of [`Quarters`](super::quarters::Quarters), which would have 16 samples from `first` on, and
-    /// with its last one the node of the group.
+    /// Adds a packet of [`Quarters`](super::quarters::Quarters). Without reordering it would have
+    /// the 16 samples from `first` on. The last packet of a group also adds the group's node.
     ///
-    /// The node is the sum that samples in their order have: a shuffle of the kind that samples have only swaps the
-    /// halves of nodes, so its tree is that of indices in the sequence. Neighbours, which differ in j0, stand in the
-    /// same lane of two packets, then halves of the lanes differ in j1, their halves in j2, the pairs of packets in
-    /// j3, and what is left in j4 and j5.
+    /// The node has the same bits as the sum of the samples in order. The shuffle of samples only
+    /// swaps halves of nodes, so the tree of samples is the tree of sequence indices. Indices that
+    /// differ in bit j0 are in the same lane of two packets. The halves of the lanes differ in j1,
+    /// and their halves in j2. The two pairs of packets differ in j3. The remaining lanes differ in
+    /// j4 and j5.
     #[inline(always)]
     pub fn add_quarter(&mut self, first: u32, lanes: &[Values]) {
         let packet = packet(first);
@@ -103,7 +105,7 @@ impl BlockSums {
             .push(Node { first: first / samples * samples, level: samples.ilog2() }, &self.node);
     }
 
-    /// Makes the node of a packet over all its samples of `PIXELS` pixels.
+    /// Computes the node of a packet of `PIXELS` pixels, over all its samples.
     #[inline(always)]
     fn fold<const PIXELS: usize>(&mut self, lanes: &[Values], filled: &[bool]) {
         let linear = lanes.len() - self.squares;
@@ -130,7 +132,7 @@ impl BlockSums {
         }
     }
 
-    /// Makes the node of one sample of a packet.
+    /// Computes the node of one sample of a packet.
     fn take(&mut self, pattern: &Pattern, sample: u32, lanes: &[Values], filled: &[bool]) {
         let linear = lanes.len() - self.squares;
         for pixel in 0..self.pixels {
@@ -146,20 +148,20 @@ impl BlockSums {
         }
     }
 
-    /// A quantity of a pixel, over all samples.
+    /// Sum of one quantity of a pixel over all samples.
     #[inline(always)]
     pub fn total(&self, pixel: usize, quantity: usize) -> f64 {
         self.sums.total(pixel * self.quantities + quantity)
     }
 
-    /// All quantities of a pixel, over all samples.
+    /// Sums of all quantities of a pixel over all samples.
     #[inline(always)]
     pub fn totals(&self, pixel: usize, totals: &mut Vec<f64>) {
         let first = pixel * self.quantities;
         self.sums.totals(first..first + self.quantities, totals);
     }
 
-    /// A quantity of a pixel in one node of the samples' tree.
+    /// Value of one quantity of a pixel in one node of the tree of samples.
     pub fn value(&self, node: usize, pixel: usize, quantity: usize) -> f64 {
         self.sums.value(node, pixel * self.quantities + quantity)
     }
@@ -174,8 +176,8 @@ fn doubles(values: &Lanes) -> [f64; LANES] {
     doubles
 }
 
-/// Sums over the samples of each of `PIXELS` pixels, as [`Pattern`] has them in its lanes: neighbours, then
-/// neighbouring pairs, and so on.
+/// Sums over the samples of each of `PIXELS` pixels, for lanes in the order of [`Pattern`]: first
+/// neighbouring samples, then neighbouring pairs, and so on.
 #[inline(always)]
 fn fold_lanes<const PIXELS: usize>(mut values: [f64; LANES]) -> [f64; LANES] {
     let mut left = LANES;

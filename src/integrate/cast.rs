@@ -1,5 +1,5 @@
-//! `cast` of docs/guide/scene-format.md for a packet: light, shadows and mirrors from its first
-//! hits on.
+//! The Whitted integrator for one packet: light, shadows and mirror bounces from its first hits on.
+//! Implements `cast` of docs/scene-format.md.
 
 use glam::Vec3;
 
@@ -19,29 +19,30 @@ use crate::sampler::Sampler;
 use crate::shading::{Area, Emitter, Lanes3, Lit, Points, ShadowPoints, lane, reflect};
 use crate::world::World;
 
-/// Room for one packet's shading, kept between packets.
+/// State and buffers for the shading of one packet; reused from packet to packet.
 pub struct Cast<'a> {
     world: &'a World,
     accelerator: &'a dyn Accelerator,
     sampler: Sampler,
     monitor: &'a Monitor,
-    /// See [`joint_light`](super::joint::joint_light).
+    /// Light that shares the camera's sequence: see [`joint_light`](super::joint::joint_light).
     joint: Option<u32>,
     surfaces: Surfaces,
     crevices: Crevices,
-    /// Lanes whose hits no test in f32 can confirm: those of walls in [`Crevices`].
+    /// Lanes whose hit is on a wall of [`Crevices`]: certain, although no test in f32 can confirm
+    /// it.
     certain: Mask,
     points: Points,
     shadow: Rays,
     lit: Lit,
     gathered: ShadowPoints,
     throughput: [f32; LANES],
-    /// Radiance that the packet's lanes carry.
+    /// Radiance of the packet's lanes: the result of [`Cast::run`].
     pub radiance: Lanes3,
 }
 
 impl<'a> Cast<'a> {
-    /// Room for the packets of `world`.
+    /// Allocates the buffers for packets of `world`.
     #[inline(always)]
     pub fn new(
         world: &'a World,
@@ -68,7 +69,7 @@ impl<'a> Cast<'a> {
         }
     }
 
-    /// Fills `radiance` for a slot whose camera rays are traced; returns the lanes that hit.
+    /// Computes `radiance` for a slot whose camera rays are traced. Returns the lanes that hit.
     #[inline(always)]
     pub fn run<R: Record>(
         &mut self,
@@ -116,7 +117,7 @@ impl<'a> Cast<'a> {
         first_hit
     }
 
-    /// The surface points of a traced packet; returns the lanes that have one.
+    /// Computes the surface points of a traced packet. Returns the lanes that hit.
     #[inline(always)]
     fn refine(&mut self, slot: &mut Slot, active: &Mask) -> Mask {
         let hit = slot.packet.hit(active);
@@ -126,7 +127,7 @@ impl<'a> Cast<'a> {
         self.refine_hits(slot, &hit);
         let doubtful = self.surfaces.doubtful.without(&self.certain);
         if doubtful.any() {
-            self.look_again(slot, &doubtful);
+            self.retrace_doubtful(slot, &doubtful);
             let hit = slot.packet.hit(active);
             self.refine_hits(slot, &hit);
             return hit;
@@ -141,19 +142,19 @@ impl<'a> Cast<'a> {
         refine(geometry, hit, &slot.packet, &mut self.surfaces);
     }
 
-    /// Traces the lanes again whose hits are doubtful.
+    /// Traces the lanes with doubtful hits again.
     #[cold]
     #[inline(never)]
-    fn look_again(&mut self, slot: &mut Slot, doubtful: &Mask) {
+    fn retrace_doubtful(&mut self, slot: &mut Slot, doubtful: &Mask) {
         for i in (0..LANES).filter(|&i| doubtful.0[i] != 0) {
-            // No camera ray and no mirrored ray ends.
+            // Camera rays and mirrored rays have no end.
             slot.packet.rays.tfar[i] = f32::INFINITY;
             slot.packet.hits.geom[i] = NONE;
         }
         self.accelerator.closest(doubtful, &mut slot.packet, Coherence::Incoherent);
     }
 
-    /// Finds what rises beside the points that lie at an edge, if any ray leaves them.
+    /// Finds the walls beside points near an edge, if any secondary ray leaves them.
     #[inline(always)]
     fn find_crevices(&mut self, slot: &mut Slot, hit: &Mask, bounce: u32) {
         self.crevices.clear();
@@ -168,7 +169,7 @@ impl<'a> Cast<'a> {
         }
     }
 
-    /// Traces the mirrored rays of the last points; returns the lanes that have one.
+    /// Traces the mirrored rays of the last points. Returns the lanes that have one.
     #[inline(always)]
     fn mirror(&mut self, slot: &mut Slot, counts: &mut RayCounts) -> Mask {
         let rays = &mut slot.packet.rays;
@@ -226,7 +227,7 @@ impl<'a> Cast<'a> {
         }
     }
 
-    /// A light of which every lane sees one point: that of `q`, on the area if it has one.
+    /// Adds a light of which every lane samples one point `q`, on `area` if the light has one.
     #[inline(always)]
     fn one_point<R: Record>(
         &mut self,
@@ -267,7 +268,8 @@ impl<'a> Cast<'a> {
         }
     }
 
-    /// The points of one area light for all lanes: all of them, or those that [`Sparing`] asks for.
+    /// Adds one area light to all lanes. Traces all of its points, or the points that [`Sparing`]
+    /// selects.
     #[inline(always)]
     fn area_light<R: Record>(
         &mut self,
@@ -305,7 +307,7 @@ impl<'a> Cast<'a> {
         }
     }
 
-    /// Adaptive shadows: as many steps as the light needs.
+    /// Adaptive shadows: [`Sparing`] selects the points to trace, in several steps.
     #[inline(always)]
     fn sparing_light<R: Record>(
         &mut self,
@@ -344,8 +346,9 @@ impl<'a> Cast<'a> {
         sums.add_part::<R>(&part, sparing.factor());
     }
 
-    /// Calls `each` with the (lane, sample) pairs that can be lit at all, in order, traced 16 a packet. Without
-    /// `counts` none is traced, and all are seen.
+    /// Calls `each` with the (lane, sample) pairs whose light point can contribute, in order; 16
+    /// shadow rays are traced per packet. Without `counts`, no ray is traced and all points count
+    /// as visible.
     #[inline(always)]
     fn light_points(
         &mut self,
@@ -437,10 +440,11 @@ impl<'a> Cast<'a> {
     }
 }
 
-/// Light of one area light, by lane, before the base colour; f64, as there may be many points.
+/// Light of one area light, by lane, before the base colour. In f64, because there may be many
+/// points.
 struct Sums {
     light: [[f64; 3]; LANES],
-    /// The same in its parts, for layers.
+    /// The same light, separated for the layers.
     split: SplitSums,
 }
 
@@ -460,7 +464,8 @@ impl Sums {
         }
     }
 
-    /// Adds a part times a factor, which takes away no more than there is, but for rounding: 0 is the least.
+    /// Adds `part` times `factor`. A negative factor never removes more light than there is, except
+    /// for rounding, so results are clamped to 0.
     #[inline(always)]
     fn add_part<R: Record>(&mut self, part: &Self, factor: f64) {
         if factor == 0.0 {
@@ -477,7 +482,7 @@ impl Sums {
     }
 }
 
-/// Whether mirrored rays still run much the same way: all within some 26 degrees of the first.
+/// Whether mirrored rays are coherent: all within some 26 degrees of the first.
 #[inline(always)]
 fn coherence(active: &Mask, rays: &Rays) -> Coherence {
     let axis = lane(&rays.dir, active.first());

@@ -1,4 +1,5 @@
-//! Rays that leave points near an edge: what stands there is tested in f64 before anything is traced.
+//! Secondary rays from points near an edge. The walls at the edge are tested in f64 before any ray
+//! is traced.
 
 use glam::DVec3;
 
@@ -6,34 +7,35 @@ use crate::accel::Accelerator;
 use crate::geometry::{Crevice, Geometry, Surfaces, TrianglePoint, hides, hit_triangle, refine};
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 
-/// How many hits of a ray are passed by at most before the next one counts.
+/// Largest number of rejected hits along one ray; the search stops after that.
 const MAX_PASSED: usize = 64;
 
-/// How many times a hit gives way to one that hides it.
+/// How many times a hit is replaced by one that hides it.
 const MAX_HIDING: usize = 8;
 
-/// The points of a packet that lie near an edge of their primitive with something rising beside it.
+/// The crevices of a packet: points near an edge of their primitive with a wall beside it.
 #[derive(Debug, Default)]
 pub struct Crevices {
-    /// By lane; most packets have none.
-    of: Vec<(usize, Crevice)>,
+    /// Lane and crevice; empty for most packets.
+    by_lane: Vec<(usize, Crevice)>,
 }
 
 impl Crevices {
-    /// Forgets the last packet's.
+    /// Removes the crevices of the last packet.
     #[inline(always)]
     pub fn clear(&mut self) {
-        self.of.clear();
+        self.by_lane.clear();
     }
 
-    /// Whether there are none.
+    /// Whether the packet has no crevices.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        self.of.is_empty()
+        self.by_lane.is_empty()
     }
 
-    /// Finds those of the lanes `at_edge` of a traced packet, and moves the origins of their rays. A hit that another
-    /// one of the same t hides from the viewer gives way to it.
+    /// Finds the crevices of the lanes `at_edge` of a traced packet, and moves the origins of their
+    /// secondary rays. A hit that another hit at the same t hides from the viewer is replaced by
+    /// that hit.
     #[cold]
     #[inline(never)]
     pub fn find(
@@ -47,7 +49,9 @@ impl Crevices {
         let scene = (geometry, accelerator);
         let at = |i: &usize| at_edge.0[*i] != 0;
         let mut neighbours = Vec::new();
-        let hidden = (0..LANES).filter(at).filter(|&i| unhide(scene, packet, i, &mut neighbours));
+        let hidden = (0..LANES)
+            .filter(at)
+            .filter(|&i| replace_hidden_hit(scene, packet, i, &mut neighbours));
         if hidden.count() > 0 {
             let hit = surfaces.hit;
             refine(geometry, &hit, packet, surfaces);
@@ -56,24 +60,24 @@ impl Crevices {
             let Some((corners, point)) = near(scene, packet, i, &mut neighbours) else { continue };
             let lane = |v: &[[f32; LANES]; 3]| DVec3::from([0, 1, 2].map(|k| f64::from(v[k][i])));
             let (origin, ng) = ([0, 1, 2].map(|k| surfaces.outside[k][i]), lane(&surfaces.ng));
-            // Turned to the viewer as the rounded one is.
+            // Turned to the viewer, like the rounded normal.
             let normal = if point.normal.dot(ng) < 0.0 { -point.normal } else { point.normal };
             let own = (corners, normal, surfaces.primitive[i]);
             let crevice = Crevice::new(geometry, (point.position, origin), own, &neighbours);
             if let Some(crevice) = crevice {
                 (0..3).for_each(|k| surfaces.outside[k][i] = crevice.origin[k]);
-                self.of.push((i, crevice));
+                self.by_lane.push((i, crevice));
             }
         }
     }
 
-    /// That of a lane.
-    fn of(&self, lane: usize) -> Option<&Crevice> {
-        self.of.iter().find(|(of, _)| *of == lane).map(|(_, crevice)| crevice)
+    /// Crevice of a lane.
+    fn get(&self, lane: usize) -> Option<&Crevice> {
+        self.by_lane.iter().find(|(i, _)| *i == lane).map(|(_, crevice)| crevice)
     }
 
-    /// [`Accelerator::occluded`] of shadow rays, of which ray `i` leaves the point of lane `from[i]`. What
-    /// `passes` names does not stop the rays `grazing`.
+    /// [`Accelerator::occluded`] for shadow rays; ray `i` starts at the point of lane `from[i]`.
+    /// Primitives for which `passes` returns true do not occlude the `grazing` rays.
     #[cold]
     #[inline(never)]
     pub fn occluded(
@@ -87,12 +91,12 @@ impl Crevices {
     ) {
         let (mut rest, mut stopped) = (*active, Mask::NONE);
         for i in (0..LANES).filter(|&i| active.0[i] != 0) {
-            let (crevice, is_grazing) = (self.of(from[i] % LANES), grazing.0[i] != 0);
+            let (crevice, is_grazing) = (self.get(from[i] % LANES), grazing.0[i] != 0);
             let way = direction(rays, i);
-            let met =
+            let hits_wall =
                 crevice.is_some_and(|crevice| crevice.meet(way, rays.tfar[i].into()).is_some());
             let is_clear = crevice.is_none_or(|crevice| crevice.is_clear) && !is_grazing;
-            if is_clear && !met {
+            if is_clear && !hits_wall {
                 continue;
             }
             rest.0[i] = 0;
@@ -100,9 +104,9 @@ impl Crevices {
                 let wall = crevice.is_some_and(|crevice| crevice.leaves(primitive, way));
                 wall || (is_grazing && passes(primitive))
             };
-            let is_stopped = met || {
+            let is_stopped = hits_wall || {
                 let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
-                pass(geometry, accelerator, &mut packet, i, passed)
+                closest_not_passed(geometry, accelerator, &mut packet, i, passed)
             };
             stopped.0[i] = -i32::from(is_stopped);
         }
@@ -114,8 +118,8 @@ impl Crevices {
         }
     }
 
-    /// Traces the mirrored rays of the lanes that have a crevice. Returns these lanes, which are done, and those of
-    /// them whose hits are certain, whatever a test in f32 makes of them.
+    /// Traces the mirrored rays of the lanes that have a crevice. Returns these lanes, and the
+    /// subset whose hits are certain even if a test in f32 rejects them.
     #[cold]
     #[inline(never)]
     pub fn closest(
@@ -126,14 +130,14 @@ impl Crevices {
         packet: &mut RayPacket,
     ) -> (Mask, Mask) {
         let (mut done, mut certain) = (Mask::NONE, Mask::NONE);
-        for (i, crevice) in self.of.iter().filter(|(i, _)| active.0[*i] != 0) {
+        for (i, crevice) in self.by_lane.iter().filter(|(i, _)| active.0[*i] != 0) {
             done.0[*i] = -1;
             let way = direction(&packet.rays, *i);
             let hit = crevice.meet(way, f64::INFINITY);
-            // Something else may stand before the wall.
+            // Something else may lie in front of the wall.
             packet.rays.tfar[*i] = hit.map_or(f32::INFINITY, |hit| hit.t as f32);
             let passed = |primitive| crevice.leaves(primitive, way);
-            if pass(geometry, accelerator, packet, *i, passed) {
+            if closest_not_passed(geometry, accelerator, packet, *i, passed) {
                 continue;
             }
             if let Some(hit) = hit {
@@ -147,8 +151,8 @@ impl Crevices {
     }
 }
 
-/// The triangle that lane `i` hit and the point on it; into `neighbours` go the primitives around it. `None` for a
-/// sphere.
+/// Returns the triangle that lane `i` hit and the point on it; `None` for a sphere. `neighbours`
+/// receives the primitives around the point.
 fn near(
     (geometry, accelerator): (&Geometry, &dyn Accelerator),
     packet: &RayPacket,
@@ -162,8 +166,8 @@ fn near(
     Some((corners, point))
 }
 
-/// Replaces a hit by the one that hides it; returns whether there was one.
-fn unhide(
+/// Replaces a hit by the one that hides it from the viewer. Returns true if there was one.
+fn replace_hidden_hit(
     scene: (&Geometry, &dyn Accelerator),
     packet: &mut RayPacket,
     i: usize,
@@ -173,7 +177,7 @@ fn unhide(
     for _ in 0..MAX_HIDING {
         let Some((corners, point)) = near(scene, packet, i, neighbours) else { break };
         let hit = scene.0.primitive(packet.hits.geom[i], packet.hits.prim[i]);
-        // What the ray leaves is behind it.
+        // The primitive that the ray leaves lies behind the hit.
         neighbours.retain(|&primitive| primitive != packet.rays.leaving[i]);
         let way = direction(&packet.rays, i);
         let Some(before) = hides(scene.0, point.position, (corners, hit), way, neighbours) else {
@@ -186,8 +190,8 @@ fn unhide(
     was_hidden
 }
 
-/// Finds the closest hit of ray `i` alone that is not `passed` by; returns whether there is one.
-fn pass(
+/// Traces ray `i` alone for the closest hit that is not `passed`. Returns true if there is one.
+fn closest_not_passed(
     geometry: &Geometry,
     accelerator: &dyn Accelerator,
     packet: &mut RayPacket,
@@ -211,7 +215,8 @@ fn pass(
             found = true;
             break;
         }
-        // Others may be met at the same t, so it alone is left out, until it comes again.
+        // Other primitives may be hit at the same t. So only this one is excluded; if it is hit
+        // again, the ray continues after it.
         if seen.contains(&primitive) {
             packet.rays.tnear[i] = packet.rays.tfar[i].max(packet.rays.tnear[i]);
         }

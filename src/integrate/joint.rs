@@ -1,14 +1,16 @@
-//! Which light's points and the pixel's are one stratified set: docs/sampling.md has why.
+//! Decides which light shares one stratified sequence with the pixel offsets; docs/sampling.md
+//! explains why.
 
 use crate::shading::Emitter;
 use crate::world::World;
 
-/// Camera samples from which on light and camera share a sequence: of fewer points two sets of their own, in the
-/// first two dimensions, err less.
-const LEAST_JOINT: u32 = 16;
+/// Fewest camera samples at which the light shares the camera's sequence. With fewer, two separate
+/// sets in the first two dimensions have a lower error.
+const MIN_JOINT_SAMPLES: u32 = 16;
 
-/// The light whose points share the camera's sequence, in the dimensions of the lens: the first area light,
-/// if it has one point per camera sample, of which there are enough, and there is no lens.
+/// Index of the light whose points share the camera's sequence, in the dimensions of the lens. That
+/// is the first area light. It must have one point per camera sample, there must be enough samples,
+/// and the camera must have no lens.
 #[inline(always)]
 pub fn joint_light(world: &World) -> Option<u32> {
     let (area, first) =
@@ -16,6 +18,6 @@ pub fn joint_light(world: &World) -> Option<u32> {
             Emitter::Area(area) => Some((area, index)),
             Emitter::Point(_) => None,
         })?;
-    let shares = area.samples == 1 && world.spp >= LEAST_JOINT && !world.camera.has_lens();
+    let shares = area.samples == 1 && world.spp >= MIN_JOINT_SAMPLES && !world.camera.has_lens();
     shares.then_some(first)
 }

@@ -1,16 +1,16 @@
-//! A light on its way into the film.
+//! The light that is being sampled.
 
 use crate::shading::Light;
 
-/// A light, and when its light is gathered.
+/// A light, and the bounce at which its light is gathered.
 #[derive(Clone, Copy)]
 pub struct Lamp<'a> {
-    /// The light.
+    /// The light to sample.
     pub light: &'a Light,
-    /// Number of the light.
+    /// Index of the light in the world.
     pub index: u32,
-    /// 0 at the camera rays' hits.
+    /// Bounce of the shading points: 0 for hits of camera rays.
     pub bounce: u32,
-    /// Whether any point has a specular term.
+    /// Whether any shading point has a specular term.
     pub glossy: bool,
 }

@@ -1,7 +1,7 @@
-//! One tile of the picture, packet by packet: camera rays, hits, light, mirrors, pixels.
+//! Renders one tile, packet by packet: camera rays, hits, shading, mirror bounces, pixels.
 //!
-//! Packets sit on the frame's absolute pixel and sample grid and are traced whole, so that a crop
-//! of the render is the render of the crop, whatever a backend does inside a packet.
+//! Packets lie on the frame's absolute grid of pixels and samples and are traced whole. So a crop
+//! of the render equals the render of the crop, whatever a backend does inside a packet.
 
 mod block;
 mod cast;
@@ -42,17 +42,18 @@ pub use self::slot::Pattern;
 use self::sky::Sky;
 use self::slot::Slot;
 
-/// Pixels along a tile's side; a multiple of every packet's block.
+/// Side of a tile in pixels; a multiple of every packet's block.
 pub const TILE: u32 = 32;
 
-/// Rays traced, by class.
+/// Number of rays traced, by class.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RayCounts {
-    /// From the camera, with those that whole squares of the picture were told of: see [`Accelerator::nothing_between`].
+    /// Camera rays, including the rays of empty blocks, which are not traced one by one: see
+    /// [`Accelerator::nothing_between`].
     pub primary: u64,
-    /// Towards lights.
+    /// Shadow rays, from surfaces to lights.
     pub shadow: u64,
-    /// Mirror bounces.
+    /// Rays of mirror bounces.
     pub reflection: u64,
 }
 
@@ -67,35 +68,35 @@ impl std::ops::Add for RayCounts {
     }
 }
 
-/// What does not change from tile to tile.
+/// The parts of a render that are the same for all tiles.
 #[derive(Clone, Copy)]
 pub struct Integrator<'a> {
-    /// What is rendered.
+    /// The scene that is rendered.
     pub world: &'a World,
-    /// What finds the hits.
+    /// Backend that finds the hits.
     pub accelerator: &'a dyn Accelerator,
-    /// Asks to stop.
+    /// Progress and the request to stop.
     pub monitor: &'a Monitor,
 }
 
-/// Rendering one tile.
+/// Renders one tile into its rows.
 pub struct TileKernel<'a, 'r, 'f, R> {
-    /// What does not change.
+    /// Scene, backend and monitor.
     pub integrator: Integrator<'a>,
-    /// The kept pixels of this tile: all within one square of the frame's tile grid.
+    /// The kept pixels of this tile, all within one square of the frame's tile grid.
     pub window: Window,
-    /// Their R, G, B, A, row by row.
+    /// R, G, B, A of the kept pixels, row by row.
     pub rows: &'r mut [&'f mut [[f32; 4]]],
-    /// What is kept beside them: [`Beauty`] keeps nothing.
+    /// Records the layers; [`Beauty`] records none.
     pub record: R,
     /// The words of the kept pixels' layers, row by row.
     pub words: &'r mut [&'f mut [u32]],
-    /// Which of the world's samples are taken.
+    /// Range of the world's samples that this render takes.
     pub samples: Range<u32>,
 }
 
 impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty<'static>> {
-    /// Without layers.
+    /// A kernel without layers, for all samples of the world.
     pub fn beauty(
         integrator: Integrator<'a>,
         window: Window,
@@ -116,26 +117,26 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
         let pattern = Pattern::for_spp(world.spp);
         let samples = self.samples.clone();
         let limit = limit(world, self.window);
-        let (blocks, told) = self.blocks(&pattern, limit);
+        let (blocks, background_rays) = self.blocks(&pattern, limit);
         let begin = samples.start / pattern.samples * pattern.samples;
         let units = blocks.iter().flat_map(|&corner| {
             (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
         let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
         let mut counts = pipeline(integrator, &pattern, &samples, limit, units, &mut tile);
-        counts.primary += told;
+        counts.primary += background_rays;
         (counts, tile.kernel.record.dropped())
     }
 }
 
-/// A tile, and the sums of the block that is being finished.
+/// A tile, and the sums of its current block.
 struct Tile<'a, 'r, 'f, R> {
     kernel: TileKernel<'a, 'r, 'f, R>,
     sums: BlockSums,
 }
 
 impl<R: Record> Finish for Tile<'_, '_, '_, R> {
-    // What records keep of equals is the first.
+    // A record keeps the first of equally near samples, so its samples must come in order.
     const ANY_ORDER: bool = !R::ON;
 
     #[inline(always)]
@@ -151,29 +152,30 @@ impl<R: Record> Finish for Tile<'_, '_, '_, R> {
 }
 
 impl<R: Record> TileKernel<'_, '_, '_, R> {
-    /// Corners of the blocks whose samples are to be taken, and how many camera rays the others have, which are
-    /// written. (Once a tile: apart from the loop over packets.)
+    /// Writes the blocks that no camera ray can hit. Returns the corners of all other blocks, and
+    /// how many camera rays the written blocks have. Called once per tile, outside the loop over
+    /// packets.
     #[inline(never)]
     fn blocks(&mut self, pattern: &Pattern, limit: [u32; 2]) -> (Vec<[u32; 2]>, u64) {
         let (world, count) = (self.integrator.world, self.samples.end - self.samples.start);
-        // What is recorded, and sums to be merged, take their samples one by one.
+        // Layers and sums to be merged need every sample of a pixel.
         let mut sky = (!self.record.has_words())
             .then(|| Sky::new(world, self.integrator.accelerator, count, pattern.block));
-        let mut told = 0;
+        let mut background_rays = 0;
         let mut blocks = Vec::with_capacity((TILE * TILE) as usize / pattern.pixels());
         for corner in corners(pattern, self.window) {
             if sky.as_mut().is_some_and(|sky| sky.has(corner)) {
                 self.write_sky(corner, pattern.block);
-                told += u64::from(pattern.within(limit, corner)) * u64::from(count);
+                background_rays += u64::from(pattern.within(limit, corner)) * u64::from(count);
             } else {
                 blocks.push(corner);
             }
         }
-        (blocks, told)
+        (blocks, background_rays)
     }
 
-    /// Shades a traced packet, adds it to its pixels' sums and, after the last sample, writes the
-    /// pixels.
+    /// Shades a traced packet and adds it to its pixels' sums. Writes the pixels after the last
+    /// sample.
     #[inline(always)]
     fn finish(
         &mut self,
@@ -192,7 +194,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         let alpha = alpha(&hit, world.transparent);
         let (block, [r, g, b]) = (pattern.block, &cast.radiance);
         if world.spp == 1 && !self.record.has_words() {
-            // A lane is a pixel.
+            // Each lane is one pixel.
             return self.write(slot.corner, block, |i| [r[i], g[i], b[i], alpha[i]]);
         }
         if R::ON {
@@ -213,7 +215,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         }
     }
 
-    /// Writes the layers of a block's pixels, those that are kept.
+    /// Writes the layers of a block's kept pixels.
     #[inline(always)]
     fn write_words(&mut self, [x, y]: [u32; 2], pattern: &Pattern, beauty: &BlockSums) {
         let (w, [width, height]) = (self.window, pattern.block);
@@ -227,7 +229,8 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         }
     }
 
-    /// Writes the pixels of a block in which there is nothing: the mean of equals is one of them, exactly.
+    /// Writes the pixels of a block as background. The mean of equal samples is exactly one of
+    /// them, so one value is enough.
     fn write_sky(&mut self, corner: [u32; 2], block: [u32; 2]) {
         let world = self.integrator.world;
         let [r, g, b] = world.background.to_array();
@@ -235,7 +238,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         self.write(corner, block, |_| pixel);
     }
 
-    /// Writes a block's pixels by their index in it, those that are kept.
+    /// Writes the kept pixels of a block. `pixel` gives the value by index in the block.
     #[inline(always)]
     fn write(
         &mut self,
@@ -245,7 +248,8 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
     ) {
         let w = self.window;
         if [width, height] == [4, 4] && x >= w.x0 && y >= w.y0 && x + 4 <= w.x1 && y + 4 <= w.y1 {
-            // What the loop below does, for what nearly every block of single samples is.
+            // The same as the loop below, for a whole 4 x 4 block: nearly every block of a render
+            // with one sample per pixel.
             let left = (x - w.x0) as usize;
             for dy in 0..4 {
                 let row = &mut self.rows[(y - w.y0) as usize + dy][left..];
@@ -269,8 +273,9 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
     }
 }
 
-/// Right and bottom end, excluded, of the pixels that may share packets with those of `window`: of the camera's
-/// frame if the window begins within it, else of all. So overscan changes no packet of the frame.
+/// Right and bottom end (exclusive) of the pixels that may share packets with the pixels of
+/// `window`. That is the end of the camera's frame if the window begins within it, else the end of
+/// all pixels. So overscan changes no packet of the frame.
 pub fn limit(world: &World, window: Window) -> [u32; 2] {
     let [right, bottom] = world.frame_end();
     let [width, height] = world.frame;
@@ -289,7 +294,7 @@ fn alpha(hit: &Mask, transparent: bool) -> [f32; LANES] {
     alpha
 }
 
-/// Corners of the blocks that reach into the window, in Z-order over the window's tile.
+/// Corners of the blocks that overlap the window, in Z-order over the window's tile.
 #[inline(always)]
 fn corners(pattern: &Pattern, w: Window) -> impl Iterator<Item = [u32; 2]> + use<> {
     let [bw, bh] = pattern.block;
@@ -301,7 +306,7 @@ fn corners(pattern: &Pattern, w: Window) -> impl Iterator<Item = [u32; 2]> + use
     })
 }
 
-/// The position of an index along the Z-order curve of a tile.
+/// Position of an index on the Z-order curve of a tile.
 #[inline(always)]
 fn morton(index: u32) -> [u32; 2] {
     let even = |mut bits: u32| {
@@ -328,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_of_a_crop_are_those_of_the_frame_that_reach_into_it() {
+    fn a_crop_has_the_blocks_of_the_frame_that_overlap_it() {
         let pattern = Pattern::for_spp(1);
         let crop = Window { x0: 35, y0: 3, x1: 41, y1: 5 };
         let mut blocks: Vec<_> = corners(&pattern, crop).collect();

@@ -1,8 +1,9 @@
-//! A rectangle of pixels, each with samples of its own number, taken in passes.
+//! Adaptive sampling of a rectangle of pixels: each pixel has its own number of samples, taken in
+//! passes.
 //!
-//! Packets are one pixel x 16 samples, the same that a render of so many samples traces. A pass continues
-//! the sums where the one before ended, in their fixed order, so that a pixel has the bits of a render of as
-//! many samples as it has.
+//! A packet is one pixel x 16 samples, as in a plain render of 16 samples or more. A pass continues
+//! the sums of the pass before, in their fixed order. So a pixel with n samples has the bits of a
+//! plain render with n samples.
 
 use std::ops::Range;
 
@@ -19,36 +20,36 @@ use super::record::Record;
 use super::slot::{Pattern, Slot};
 use super::{Integrator, RayCounts, alpha, limit, morton};
 
-/// The least of samples that a pass takes of a pixel, and what it takes a multiple of.
+/// Fewest samples that a pass takes of a pixel; a pass takes a multiple of it.
 pub const LEAST: u32 = LANES as u32;
 
-/// Any sample.
+/// Passes take whole packets, so no sample number is excluded.
 const ALL: Range<u32> = 0..u32::MAX;
 
-/// The pixels of a rectangle and what is known of each so far.
+/// The pixels of a rectangle, with the samples that they have so far.
 #[derive(Debug)]
 pub struct Passes<H> {
     window: Window,
-    /// By pixel, row by row.
+    /// Tallies of the pixels, row by row.
     pub tallies: Vec<Tally>,
     held: Vec<H>,
     errors: Errors,
     decided: Decided,
 }
 
-/// What is decided about the numbers of samples.
+/// How far the numbers of samples are decided.
 #[derive(Debug)]
 enum Decided {
-    /// Those of the first pass.
+    /// Only the first pass, which has the same number for all pixels.
     Nothing,
-    /// The first plan.
+    /// The first plan; the second is not made yet.
     First(Plan),
-    /// All.
+    /// Both plans: nothing is left to decide.
     All,
 }
 
 impl<H> Passes<H> {
-    /// Pixels without samples, which want `first`.
+    /// Creates pixels without samples; the first pass takes `first` of each.
     pub fn new(window: Window, first: u32, held: impl Fn() -> H) -> Self {
         let count = (window.width() * window.height()) as usize;
         let tally = Tally { wanted: first, aim: first, plan: first, ..Tally::default() };
@@ -57,8 +58,8 @@ impl<H> Passes<H> {
         Self { window, tallies: vec![tally; count], held, errors, decided: Decided::Nothing }
     }
 
-    /// After a pass that has taken all that was aimed at: gives the pixels whose plan is not reached twice their
-    /// samples; whether there are any.
+    /// Starts the next doubling; called when all pixels have reached their `aim`. Each pixel below
+    /// its plan gets twice its samples. Returns true if there are such pixels.
     pub fn choose(&mut self, goal: &Goal) -> bool {
         let count = self.tallies.len();
         if !matches!(self.decided, Decided::All) {
@@ -80,7 +81,7 @@ impl<H> Passes<H> {
         }
     }
 
-    /// Makes the next plan; whether there is one.
+    /// Makes the next plan. Returns false if both are made.
     fn decide(&mut self, goal: &Goal) -> bool {
         let first = match std::mem::replace(&mut self.decided, Decided::All) {
             Decided::Nothing => None,
@@ -101,21 +102,21 @@ impl<H> Passes<H> {
         true
     }
 
-    /// Samples that the next pass will take.
+    /// Number of samples that the next pass takes, over all pixels.
     pub fn wanted(&self) -> u64 {
         self.tallies.iter().map(|tally| u64::from(tally.wanted - tally.taken)).sum()
     }
 
-    /// Lets all pixels below `most` have twice their samples.
+    /// Lets all pixels with fewer than `most` samples take twice as many.
     pub fn double(&mut self, most: u32) {
         for tally in &mut self.tallies {
             tally.aim = if tally.taken < most { 2 * tally.taken } else { tally.taken };
         }
     }
 
-    /// Sets what the next pass takes: all that pixels shall have, or after a `shift` steps of the half, the
-    /// quarter ... of what would double their samples. Runs of a power of two that begin at a multiple of
-    /// it are stratified.
+    /// Sets the samples that the next pass takes of each pixel. With a `shift` of 0 it takes the
+    /// whole doubling, with 1 half of it, with 2 a quarter, and so on. A run whose length is a
+    /// power of two is stratified if it begins at a multiple of that length.
     pub fn want(&mut self, shift: u32) {
         for tally in &mut self.tallies {
             let step = (tally.aim / 2).checked_shr(shift).unwrap_or(0);
@@ -124,7 +125,7 @@ impl<H> Passes<H> {
         }
     }
 
-    /// How many samples the pixels of `kept` have.
+    /// Number of samples of each pixel of `kept`.
     pub fn taken(&self, kept: Window) -> impl Iterator<Item = u32> + Clone {
         let rows = (kept.y0..kept.y1).flat_map(move |y| (kept.x0..kept.x1).map(move |x| [x, y]));
         rows.map(|pixel| self.tallies[self.index(pixel)].taken)
@@ -134,7 +135,8 @@ impl<H> Passes<H> {
         ((y - self.window.y0) * self.window.width() + x - self.window.x0) as usize
     }
 
-    /// Writes the pixels of `kept`, a part of the rectangle, into its rows, and the words of their layers.
+    /// Writes the pixels of `kept`, a part of the rectangle, into `rows`, and their layers into
+    /// `words`.
     pub fn write<R: Record<Held = H>>(
         &mut self,
         kept: Window,
@@ -158,13 +160,13 @@ impl<H> Passes<H> {
     }
 }
 
-/// One pass: takes what every pixel wants.
+/// Runs one pass: takes the wanted samples of every pixel.
 pub struct PassKernel<'a, 'p, R: Record> {
-    /// What does not change.
+    /// Scene, backend and monitor.
     pub integrator: Integrator<'a>,
-    /// The pixels.
+    /// The pixels to sample.
     pub passes: &'p mut Passes<R::Held>,
-    /// What is kept beside them.
+    /// Records the layers of the pixels.
     pub record: &'p mut R,
 }
 
@@ -204,7 +206,7 @@ struct Pass<'p, R: Record> {
     passes: &'p mut Passes<R::Held>,
     record: &'p mut R,
     transparent: bool,
-    /// Of this pass and pixel.
+    /// Sums of the current pixel over this pass.
     sums: BlockSums,
 }
 

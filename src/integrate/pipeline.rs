@@ -1,4 +1,4 @@
-//! Camera packets one after the other, two of them under way at a time.
+//! Traces and shades camera packets, with two packets in flight.
 
 use std::ops::Range;
 
@@ -12,12 +12,12 @@ use super::quarters::Quarters;
 use super::slot::{Pattern, Slot};
 use super::{Integrator, RayCounts};
 
-/// What becomes of a packet whose camera rays are traced.
+/// Shades the packets whose camera rays are traced.
 pub trait Finish {
     /// Whether the samples of a pixel may come in the order of [`Quarters`].
     const ANY_ORDER: bool;
 
-    /// Shades it and adds it to its pixels. Packets come in the order of their units.
+    /// Shades a packet and adds it to its pixels. Packets come in the order of their units.
     fn finish(
         &mut self,
         slot: &mut Slot,
@@ -27,9 +27,9 @@ pub trait Finish {
     );
 }
 
-/// Traces packet k, finishes packet k - 1, and so on: while one packet is traced, the memory that the
-/// other needs for shading is on its way. A unit is a block's corner and its packet's first sample. Lanes are
-/// active left of and above `limit`.
+/// Traces packet k, then finishes packet k - 1, for all units: while one packet is traced,
+/// prefetches load the memory that shading of the other needs. A unit is the corner of a block and
+/// the first sample of a packet. Lanes are active left of and above `limit`.
 #[inline(always)]
 pub fn pipeline<F: Finish>(
     integrator: Integrator,
@@ -70,7 +70,8 @@ pub fn pipeline<F: Finish>(
         if traced > 0 {
             work.finish(before, pattern, &mut cast, &mut counts);
         }
-        // Half of the lines now, half after the next aim: all at once are more than a core waits for.
+        // Half of the cache lines now, half after the next aim: all at once exceed the misses that
+        // a core can have outstanding.
         prefetch_vertices(&world.geometry, &slot.packet, 0..LANES / 2);
         std::mem::swap(&mut slot, &mut before);
         if monitor.stopped() {

@@ -1,45 +1,49 @@
-//! How many samples each pixel gets, decided without its own samples.
+//! Decides how many samples each pixel gets, without the pixel's own samples.
 //!
-//! A mean over a number of samples that depends on these samples is biased. So a pixel's number is a function of
-//! the samples of other pixels, whose sequences are independent of its own, and the mean over its first n
-//! samples has the right expectation for each n:
+//! A mean is biased if the number of its samples depends on these samples. So the number of a
+//! pixel's samples is a function of the samples of other pixels, whose sequences are independent of
+//! its own. The mean over the pixel's first n samples then has the right expectation for each n:
 //!
-//! - First plan: from the errors of its neighbours after the first pass, which has the same size for all.
-//! - Second plan: from the errors of its neighbours after as many samples as the first plan would give them
-//!   without this pixel. How far a neighbour is sampled depends on this pixel, so what is beyond that is not used.
+//! - First plan: from the errors of the neighbours after the first pass, which has the same size
+//!   for all pixels.
+//! - Second plan: from the errors of the neighbours after the samples that the first plan would
+//!   give them without this pixel. How far a neighbour is sampled beyond that depends on this
+//!   pixel, so those samples are not used.
 //!
-//! Leaving a pixel out lowers its neighbours' first plans or keeps them, as sums are over fixed weights and no
-//! error is negative: what the second plan asks for has been taken. Sums of the first plan are integers, so that
-//! what is left out leaves no rounding error behind.
+//! Without one pixel, the first plans of its neighbours are lower or the same: weights are fixed
+//! and no error is negative. So the samples that the second plan reads have been taken. The sums of
+//! the first plan are integers, so that subtracting a pixel leaves no rounding error.
 
 use super::noise::{Goal, LARGEST};
 
-/// Binomial weights of the windows over which errors are averaged, from the middle outwards: 5 x 5 and 9 x 9 pixels.
-/// The small one is sharper, the large one sees what few samples meet.
+/// Binomial weights of the windows over which errors are averaged, from the middle outwards: 5 x 5
+/// and 9 x 9 pixels. The small window is sharper; the large one also sees features that few samples
+/// hit.
 const WINDOWS: [&[u64]; 2] = [&[6, 4, 1], &[70, 56, 28, 8, 1]];
 
-/// How far the larger window reaches.
+/// Radius of the larger window in pixels.
 const REACH: usize = 4;
 
-/// Steps of an error in sums of integers.
+/// Integer steps per unit of error, for exact sums.
 const STEPS: f32 = 65536.0;
 
 /// The errors of the pixels of a rectangle.
 #[derive(Debug)]
 pub struct Errors {
     width: usize,
-    /// Samples of the first pass.
+    /// Samples per pixel of the first pass.
     first: u32,
-    /// By pixel, after `first`, 2 `first`, 4 `first` ... samples: [`super::noise::Tally::error`].
+    /// Error by pixel, after `first`, 2 `first`, 4 `first` ... samples:
+    /// [`super::noise::Tally::error`].
     levels: Vec<Vec<f32>>,
 }
 
-/// Numbers of samples by the first pass.
+/// Result of the first plan.
 #[derive(Debug)]
 pub struct Plan {
-    /// By pixel.
+    /// Number of samples, by pixel.
     pub samples: Vec<u32>,
-    /// By pixel, of its neighbours.
+    /// Sums over the neighbours of each pixel.
     sums: Vec<Sums>,
 }
 
@@ -63,7 +67,7 @@ fn steps(error: f32) -> u64 {
     (error.min(LARGEST) * STEPS) as u64
 }
 
-/// The weight in each window of what is so far away, across and down.
+/// Weight in each window of a pixel at this distance, across and down.
 fn weights(apart: [usize; 2]) -> [u64; WINDOWS.len()] {
     WINDOWS.map(|weights| {
         let [x, y] = apart.map(|apart| weights.get(apart).copied().unwrap_or(0));
@@ -72,12 +76,13 @@ fn weights(apart: [usize; 2]) -> [u64; WINDOWS.len()] {
 }
 
 impl Errors {
-    /// None yet, of a rectangle `width` pixels wide.
+    /// Creates the errors of a rectangle `width` pixels wide, without values.
     pub fn new(width: usize, first: u32) -> Self {
         Self { width, first, levels: Vec::new() }
     }
 
-    /// Sets the error of pixel `at` of `count` after `samples`, `first` times a power of two.
+    /// Sets the error of pixel `at` of `count` pixels after `samples`, which is `first` times a
+    /// power of two.
     pub fn set(&mut self, at: usize, count: usize, samples: u32, error: f32) {
         let level = self.level(samples);
         while self.levels.len() <= level {
@@ -86,12 +91,12 @@ impl Errors {
         self.levels[level][at] = error;
     }
 
-    /// The numbers of samples by the first pass, and the sums that they follow from.
+    /// Computes the first plan: numbers of samples from the errors after the first pass.
     pub fn first_plan(&self, goal: &Goal) -> Plan {
         let errors: Vec<u64> = self.levels[0].iter().map(|&error| steps(error)).collect();
         let mut sums = vec![Sums::default(); errors.len()];
         for (window, weights) in WINDOWS.into_iter().enumerate() {
-            // Row by row, then column by column, and the pixel itself taken away.
+            // Sums by row, then by column, without the pixel itself.
             let (width, height) = (self.width, errors.len() / self.width);
             let across =
                 |at: usize| line(at % width, width, weights, |x| errors[at - at % width + x]);
@@ -110,7 +115,8 @@ impl Errors {
         Plan { samples, sums }
     }
 
-    /// The numbers of samples by what the first plan has brought.
+    /// Computes the second plan: numbers of samples from the errors after the samples of the first
+    /// plan.
     pub fn second_plan(&self, goal: &Goal, first: &Plan) -> Vec<u32> {
         (0..first.samples.len()).map(|at| self.second(goal, first, at)).collect()
     }
@@ -122,7 +128,7 @@ impl Errors {
         let rows = || (y.saturating_sub(REACH)..(y + REACH + 1).min(height)).map(|row| row * width);
         let even = |row: usize| first.samples[row + left..row + right].iter().all(|&n| n == taken);
         if taken == self.first && rows().all(even) {
-            // The errors of the first plan, and so its sums.
+            // All errors are the ones of the first plan, so the sums are the same.
             return taken;
         }
         let mut sums = first.sums[at].map(|Sum { weights, .. }| Sum { errors: 0, weights });
@@ -131,7 +137,7 @@ impl Errors {
                 let apart = [(other - row).abs_diff(x), (row / width).abs_diff(y)];
                 let weights = weights(apart);
                 let samples = self.without(goal, first, (other, at), weights);
-                // What it would be after as many samples as this pixel has.
+                // Expected error after as many samples as this pixel has.
                 let error = self.levels[self.level(samples)][other] * goal.fall(samples, taken);
                 for (sum, weight) in sums.iter_mut().zip(weights) {
                     sum.errors += weight * steps(error);
@@ -141,7 +147,8 @@ impl Errors {
         self.by(goal, taken, &sums)
     }
 
-    /// What the first plan of pixel `at` would be if `out`, which has these weights there, had no error.
+    /// First plan of pixel `at` if pixel `out` had no error. `weights` are the weights of `out`
+    /// there.
     fn without(
         &self,
         goal: &Goal,
@@ -160,7 +167,7 @@ impl Errors {
         self.by(goal, self.first, &sums)
     }
 
-    /// How many samples of a pixel follow from its neighbours' errors after `taken`.
+    /// Number of samples of a pixel, from its neighbours' errors after `taken` samples.
     fn by(&self, goal: &Goal, taken: u32, sums: &Sums) -> u32 {
         let need = sums.iter().map(|sum| sum.mean()).fold(0.0, f64::max);
         goal.samples(taken, need)
@@ -171,7 +178,7 @@ impl Errors {
     }
 }
 
-/// The weighted sum of the values around place `at` of a line, with its own.
+/// Weighted sum of the values around place `at` of a line, `at` included.
 fn line(at: usize, length: usize, weights: &[u64], value: impl Fn(usize) -> u64) -> Sum {
     let mut sum = Sum::default();
     for place in (at + 1).saturating_sub(weights.len())..(at + weights.len()).min(length) {
@@ -191,7 +198,7 @@ mod tests {
         Goal::new(0.1, relative, 0.0, 1024, 1.5)
     }
 
-    /// Both plans of pixels whose errors after 16, 32 ... samples are `error`.
+    /// Both plans for pixels whose errors after 16, 32 ... samples are `error`.
     fn plans(
         goal: &Goal,
         width: usize,
@@ -213,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_of_a_noisy_pixel_get_more_and_distant_ones_and_itself_do_not() {
+    fn only_the_neighbours_of_a_noisy_pixel_get_more_samples() {
         let noisy = 12 * 5 + 5;
         let [_, second] =
             plans(&goal(Relative::Pixel), 12, 144, |at, _| if at == noisy { 1e4 } else { 0.0 });
@@ -223,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn what_falls_fast_needs_fewer_than_the_first_plan_feared() {
+    fn the_second_plan_follows_how_fast_errors_fall() {
         let even = |fall: f32| {
             let error = move |_, samples: u32| 64.0 * (16.0 / samples as f32).powf(fall);
             plans(&goal(Relative::Pixel), 8, 64, error)
@@ -246,7 +253,7 @@ mod tests {
             let (width, count) = (7, 7 * 6);
             let relative = if case % 2 == 0 { Relative::Pixel } else { Relative::Picture };
             let goal = goal(relative);
-            // Heavy tails: most are 0 or small, some are the largest that there are.
+            // Heavy tails: most errors are 0 or small, some are the largest possible.
             let error = |seed: u64, at: usize, samples: u32| {
                 let bits = hash(hash(case * 1000 + seed) ^ (at as u64) << 32 ^ u64::from(samples));
                 let scale = ((bits % 64) as f32 - 36.0).exp2().min(268_435_456.0);
@@ -262,13 +269,13 @@ mod tests {
                 assert_eq!((found[0][own], found[1][own]), (first[own], second[own]), "{case}");
                 others += usize::from(found[1] != second);
             }
-            // It does matter to others, or nothing is shown.
+            // The samples must matter to other pixels, or the test shows nothing.
             assert!(case % 8 > 0 || others > 0 || second.iter().all(|&n| n == 1024), "{case}");
         }
     }
 
     #[test]
-    fn no_pixel_gets_more_than_the_most_and_one_alone_what_all_get() {
+    fn sample_counts_stay_within_their_limits() {
         let [_, second] = plans(&goal(Relative::Pixel), 4, 16, |_, _| 268_435_456.0);
         assert_eq!(second, [1024; 16]);
         assert_eq!(plans(&goal(Relative::Pixel), 1, 1, |_, _| 1e6), [[16], [16]]);

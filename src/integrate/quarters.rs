@@ -1,9 +1,10 @@
-//! 64 samples of a pixel in four packets, each with the points of one quarter of a light: so the shadow rays of
-//! a packet stay together.
+//! Reorders 64 samples of a pixel into four packets, each with the points of one quarter of a
+//! light. So the shadow rays of a packet stay coherent.
 //!
-//! It is the light that shares the camera's sequence. The first binary digits of Sobol's third and fourth dimension
-//! are sums modulo 2 of digits of the index, as [`crate::sampler`] has their matrices: of j0, j1, j3, j4 and of j0,
-//! j1, j4. Scrambling only changes which quarter is which.
+//! It applies to the light that shares the camera's sequence. The first binary digits of Sobol's
+//! third and fourth dimension are sums modulo 2 of index bits, by the matrices in
+//! [`crate::sampler`]: of j0, j1, j3, j4 and of j0, j1, j4. Scrambling only changes which quarter
+//! is which.
 
 use std::ops::Range;
 
@@ -14,16 +15,16 @@ use crate::world::World;
 
 use super::joint::joint_light;
 
-/// Packets of a group.
+/// Packets in a group of reordered samples.
 pub const PACKETS: usize = 4;
 
-/// Samples of a group.
+/// Samples in a group: one stretch of the sequence.
 const GROUP: u32 = STRETCH as u32;
 
-/// By packet and lane the index in the group's stretch of the sequence, from its digits: j1, j2, j4, j5 are the
-/// lane's, the highest first, j3 is the packet's higher one, and j0 what makes the quarter. The lanes of two packets
-/// that differ in the lower digit of their numbers therefore hold pairs of neighbours; see
-/// [`super::block::BlockSums::add_quarter`].
+/// Index within the group's stretch of the sequence, by packet and lane. Bits j1, j2, j4, j5 of the
+/// index come from the lane, the highest first. Bit j3 is the higher bit of the packet number. Bit
+/// j0 selects the quarter. So two packets that differ in the lower bit of their numbers hold pairs
+/// of neighbours in their lanes; see [`super::block::BlockSums::add_quarter`].
 const INDICES: [[u8; LANES]; PACKETS] = {
     let mut indices = [[0; LANES]; PACKETS];
     let mut at = 0;
@@ -37,43 +38,46 @@ const INDICES: [[u8; LANES]; PACKETS] = {
     indices
 };
 
-/// What sample the lanes of packets are.
+/// Decides which packets are reordered, and computes their samples.
 pub struct Quarters {
-    /// Whether groups are put in this order.
+    /// Whether groups are reordered in this render.
     on: bool,
-    /// Whether more than the shared light asks which samples lanes are.
-    asked: bool,
-    /// Of the pixel's present group the sample, counted in it, at each index of the sequence.
+    /// Whether anything besides the shared light needs the sample numbers of lanes.
+    needs_samples: bool,
+    /// Sample at each index of the sequence, counted within the current group of the pixel.
     samples: [u8; STRETCH],
 }
 
 impl Quarters {
-    /// For the packets of a world, 16 samples of one pixel each.
+    /// For a world rendered in packets of 16 samples of one pixel.
     #[inline(always)]
     pub fn new(world: &World) -> Self {
-        // What adaptive shadows leave out depends on the packets.
+        // The points that adaptive shadows skip depend on the packets, so nothing is reordered
+        // there.
         let on = world.sampler == Kind::Sobol && !world.adaptive_shadows;
         Self {
             on: on && joint_light(world).is_some(),
-            asked: world.lights.len() > 1 || world.nbounces > 0,
+            needs_samples: world.lights.len() > 1 || world.nbounces > 0,
             samples: [0; STRETCH],
         }
     }
 
-    /// Whether the group of a packet, by its first sample, lies within `samples` and is put in this order.
+    /// Whether the group of the packet with first sample `first` is reordered and lies within
+    /// `samples`.
     #[inline(always)]
     pub fn has(&self, first: u32, samples: &Range<u32>) -> bool {
         let group = first / GROUP * GROUP;
         self.on & (group >= samples.start) & (samples.end.saturating_sub(group) >= GROUP)
     }
 
-    /// The samples of the packet that would otherwise have 16 from `first` on; if nobody asks, `first`. A group's
-    /// packets come in their order.
+    /// Sample number of each lane, for the packet that would have the 16 samples from `first` on
+    /// without reordering. All are `first` if nothing needs them. The packets of a group must come
+    /// in order.
     #[inline(always)]
     pub fn samples(&mut self, sampler: &Sampler, pixel: [u32; 2], first: u32) -> [u32; LANES] {
         let (packet, group) = (packet(first), first / GROUP * GROUP);
         let mut samples = [first; LANES];
-        if !self.asked {
+        if !self.needs_samples {
             return samples;
         }
         if packet == 0 {
@@ -87,13 +91,13 @@ impl Quarters {
     }
 }
 
-/// Camera points of that packet: [`Sampler::camera`] of its samples.
+/// Camera points of the same packet: [`Sampler::camera`] of its samples.
 #[inline(always)]
 pub fn points(sampler: &Sampler, pixel: [u32; 2], first: u32) -> [Lanes; 4] {
     sampler.camera_stretch(pixel, first / GROUP * GROUP, &INDICES[packet(first)])
 }
 
-/// Which packet of its group has 16 samples from `first` on.
+/// Index within its group of the packet whose first sample is `first`.
 #[inline(always)]
 pub fn packet(first: u32) -> usize {
     (first % GROUP) as usize / LANES
@@ -106,11 +110,11 @@ mod tests {
     use super::*;
 
     fn quarters() -> Quarters {
-        Quarters { on: true, asked: true, samples: [0; STRETCH] }
+        Quarters { on: true, needs_samples: true, samples: [0; STRETCH] }
     }
 
     #[test]
-    fn a_packet_has_one_quarter_of_the_light() {
+    fn each_packet_samples_one_quarter_of_the_light() {
         for seed in 0..20 {
             let (sampler, mut quarters) = (Sampler::new(seed), quarters());
             for group in [0, 64, 1 << 16, 12 * 64] {
@@ -139,10 +143,10 @@ mod tests {
     }
 
     #[test]
-    fn sums_are_those_of_samples_in_order() {
+    fn reordered_sums_keep_their_bits() {
         let pattern = Pattern::for_spp(64);
         let (sampler, mut quarters) = (Sampler::new(9), quarters());
-        // The sum depends on the order.
+        // The bits of the sum depend on the order of samples.
         let value = |sample: u32| {
             (sample.wrapping_mul(0x9e37_79b9) as f32) * (sample as f32 % 13.0 - 6.0).exp2()
         };

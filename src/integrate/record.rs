@@ -1,4 +1,4 @@
-//! What is kept of a packet beside its radiance: nothing, or the layers of a plan.
+//! Records layers while a packet is shaded: nothing, or the layers of a plan.
 //!
 //! [`Record::ON`] is a constant, so a render without layers is compiled without any of this.
 
@@ -16,40 +16,40 @@ use super::lamp::Lamp;
 use super::slot::{Pattern, Slot};
 use super::split::Split;
 
-/// Watches the light of packets being gathered.
+/// Receives the light of packets while it is gathered.
 pub trait Record {
-    /// Whether the light of packets is watched.
+    /// Whether the light of packets is recorded.
     const ON: bool;
-    /// Whether words are written for each pixel.
+    /// Whether the record writes words for each pixel.
     fn has_words(&self) -> bool;
-    /// What is kept of one pixel between passes over its samples.
+    /// State of one pixel between passes over its samples.
     type Held: Send;
-    /// That of a pixel without samples.
+    /// State of a pixel without samples.
     fn held(&self) -> Self::Held;
-    /// Exchanges what is kept of the block, which is one pixel, with another pixel's.
+    /// Swaps the state of the block, which is one pixel, with the state of another pixel.
     fn exchange(&mut self, held: &mut Self::Held);
-    /// A new block of pixels begins.
+    /// Starts a new block of pixels.
     fn begin(&mut self);
-    /// The first hits of a packet's camera rays.
+    /// Records the first hits of a packet's camera rays.
     fn surface(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, points: &Points);
-    /// What a light brings, to be multiplied by base colours and throughputs.
+    /// Records the light of one source, to be multiplied by base colours and throughputs.
     fn light(&mut self, lamp: &Lamp, base: &Lanes3, throughput: &Lanes, split: &Split);
-    /// Ambient light that the lanes carry.
+    /// Records ambient light, by lane.
     fn ambient(&mut self, bounce: u32, sent: &Lanes3);
-    /// Background that the lanes carry.
+    /// Records background radiance, by lane.
     fn background(&mut self, bounce: u32, sent: &Lanes3);
-    /// The packet is done: its samples within `samples` count.
+    /// Ends the packet and adds its samples within `samples`.
     fn packet(&mut self, slot: &Slot, samples: &Range<u32>, radiance: &Lanes3);
-    /// Writes the words of one pixel of the block, of `n` samples, into a row, as pixel `column` of it.
+    /// Writes the words of one pixel of the block, with `n` samples, into a row at pixel `column`.
     /// `beauty` holds R, G, B, A.
     fn write(&mut self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]);
-    /// What the mattes of the written pixels could not hold.
+    /// Coverage of the written pixels that no rank of the mattes could hold.
     fn dropped(&self) -> Dropped {
         Dropped::default()
     }
 }
 
-/// The beauty alone; of a part of the samples, its sums as words.
+/// Records no layers. For a part of the samples, writes the sums of the beauty as words.
 #[derive(Debug, Clone, Copy)]
 pub struct Beauty<'a>(pub Option<&'a Raw>);
 
@@ -88,31 +88,31 @@ pub struct Held {
     mattes: Vec<Vec<(u32, u32)>>,
 }
 
-/// The layers of a plan, for one block of pixels at a time.
+/// Records the layers of a plan, for one block of pixels at a time.
 #[derive(Debug)]
 pub struct Layers<'a> {
     plan: &'a Plan,
-    /// How a part of the samples is written; all of them are written as channels.
+    /// Encoding of a part of the samples; `None` for all samples, which are written as channels.
     raw: Option<&'a Raw>,
     pattern: Pattern,
-    /// One packet's values by quantity: the filtered channels, for the variance R, G, B.
+    /// One packet's values by quantity: the filtered channels, then R, G, B for the variance.
     lanes: Vec<Values>,
-    /// Which of them the packet has; the others are 0.
+    /// Which quantities the packet has; the others are 0.
     filled: Vec<bool>,
-    /// Their sums over packets.
+    /// Sums of all quantities over the packets of the block.
     sums: BlockSums,
-    /// By pixel of the block.
+    /// Nearest sample, by pixel of the block.
     nearest: [Nearest; LANES],
-    /// By pixel of the block and kind of mattes: ids and how often they were met.
+    /// Ids and hit counts, by pixel of the block and by kind of mattes.
     mattes: [Vec<Vec<(u32, u32)>>; LANES],
-    /// The sums of one pixel.
+    /// Buffer for the sums of one pixel.
     totals: Vec<f64>,
-    /// Of all pixels that were written.
+    /// Coverage that no rank of the mattes could hold, over all written pixels.
     dropped: Dropped,
 }
 
 impl<'a> Layers<'a> {
-    /// Room for the layers of `plan`, of a world of `spp` samples a pixel.
+    /// Allocates the layers of `plan`, for a world of `spp` samples per pixel.
     pub fn new(plan: &'a Plan, raw: Option<&'a Raw>, spp: u32) -> Self {
         let pattern = Pattern::for_spp(spp);
         let (values, squares) = quantities(plan);
@@ -130,7 +130,7 @@ impl<'a> Layers<'a> {
         }
     }
 
-    /// Adds 16 values to a quantity.
+    /// Adds the values of a packet to a quantity.
     #[inline(always)]
     fn add(&mut self, quantity: usize, values: &Lanes) {
         let Values(lanes) = &mut self.lanes[quantity];
@@ -143,7 +143,7 @@ impl<'a> Layers<'a> {
         }
     }
 
-    /// Adds 16 vectors to the three channels from `first` on.
+    /// Adds the vectors of a packet to the three channels from `first` on.
     #[inline(always)]
     fn add3(&mut self, first: Option<usize>, values: &Lanes3) {
         let Some(first) = first else { return };
@@ -152,7 +152,7 @@ impl<'a> Layers<'a> {
         }
     }
 
-    /// The same of lanes that hit.
+    /// [`Layers::add3`] for the lanes in `hit` only.
     #[inline(always)]
     fn add_hit(&mut self, first: Option<usize>, hit: &Mask, values: &Lanes3) {
         if first.is_none() {
@@ -196,7 +196,7 @@ impl<'a> Layers<'a> {
         }
     }
 
-    /// Adds u, v and 1 of every lane that has texture coordinates; v runs up, as in files of meshes.
+    /// Adds u, v and 1 for every lane with texture coordinates. v points up, as in mesh files.
     #[inline(always)]
     fn add_uv(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, hit: &Mask) {
         let Some(first) = self.plan.uv else { return };
@@ -212,7 +212,7 @@ impl<'a> Layers<'a> {
         self.add3(Some(first), &uv);
     }
 
-    /// Counts the shapes of each pixel.
+    /// Counts the shapes that the lanes of each pixel hit.
     #[inline(always)]
     fn count_shapes(&mut self, world: &World, packet: &RayPacket, hit: &Mask) {
         if let Some(shape) = world.shapes.one_shape(packet, hit) {
@@ -235,7 +235,7 @@ impl<'a> Layers<'a> {
         }
     }
 
-    /// A shape that was met some times at a pixel of the block.
+    /// Counts `times` hits of a shape at a pixel of the block.
     #[inline(always)]
     fn count_shape(&mut self, pixel: usize, shape: u32, times: u32) {
         for (counts, mattes) in self.mattes[pixel].iter_mut().zip(&self.plan.mattes) {
@@ -243,7 +243,7 @@ impl<'a> Layers<'a> {
         }
     }
 
-    /// The words of a part of the samples.
+    /// Encodes the sums of one pixel for a part of the samples.
     #[inline(never)]
     fn encode(&self, raw: &Raw, pixel: usize, beauty: &BlockSums, column: usize, row: &mut [u32]) {
         let stride = raw.words();
@@ -256,7 +256,7 @@ impl<'a> Layers<'a> {
     }
 }
 
-/// Values that are summed, and how many squares beside them.
+/// Number of summed values, and number of squares beside them.
 fn quantities(plan: &Plan) -> (usize, usize) {
     let squares = if plan.recipe.variance.is_some() { 3 } else { 0 };
     (plan.recipe.summed() - squares, squares)
@@ -324,7 +324,7 @@ impl Record for Layers<'_> {
         for axis in 0..3 {
             for i in 0..LANES {
                 let carried = base[axis][i] * throughput[i];
-                // What an unlit lane carries is of no packet in particular.
+                // An unlit lane may carry garbage from another packet.
                 let (d, s) = (split.diffuse[axis][i], split.specular[axis][i]);
                 diffuse[axis][i] = if d == 0.0 { 0.0 } else { d * carried };
                 specular[axis][i] = if s == 0.0 { 0.0 } else { s * carried };

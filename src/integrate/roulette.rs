@@ -1,45 +1,48 @@
-//! Shadow rays where they are needed: a part of a packet's light points first, and the others only where
-//! these disagree, or by chance.
+//! Adaptive shadows: traces a part of a packet's light points first. The other points are traced
+//! only where the first ones disagree, or by chance.
 //!
-//! If all of the first points are seen, the packet most likely lies in full light. The others then count as seen,
-//! and one point of the light is drawn for each shading point, with a probability in proportion to what it brings.
-//! Where a drawn point is hidden, all are traced, and what is hidden is taken away, divided by the probability P with
-//! which it was found out: that at least one lane draws a hidden point. It is known then, as all visibilities are.
-//! If none of the first points is seen, one of the others is drawn, evenly, and what is seen is added, divided by
-//! that probability.
+//! If all of the first points are visible, the packet most likely lies in full light. The other
+//! points then count as visible. One point of the light is drawn for each shading point, with a
+//! probability in proportion to its contribution. If a drawn point is hidden, all points are
+//! traced. The hidden light is then subtracted, divided by the probability P of this event: that at
+//! least one lane draws a hidden point. P is known at that time, because all visibilities are.
 //!
-//! The mean over the draws is what tracing all points gives, for any scene. In full light it is between black and full
-//! light: P is no less than the share of a lane's light that is hidden, so no more is taken away than there is.
-//! Diffuse and specular light have a draw each, which makes that true for every colour. In the umbra no more is added
-//! than all points would bring if each were as bright as the mean of those that are seen.
+//! If none of the first points is visible, one of the others is drawn, with uniform probability. If
+//! it is visible, all are traced, and the visible light is added, divided by the same probability.
+//!
+//! The estimator is unbiased: its mean over the draws is the result of tracing all points, for any
+//! scene. In full light it never falls below black: P is at least the hidden share of a lane's
+//! light, so no more is subtracted than there is. Diffuse and specular light have a draw each, so
+//! that this holds for every colour. In the umbra the added light has a limit: all points, each as
+//! bright as the mean of the visible ones.
 
 use crate::ray::LANES;
 use crate::scene::FIRST_SHADOW_POINTS;
 
-/// The first points are this part of all, but no fewer than [`FIRST_SHADOW_POINTS`].
+/// Denominator of the share of first points, with a minimum of [`FIRST_SHADOW_POINTS`].
 const PART: u32 = 4;
 
-/// A light point at one shading point.
+/// A light point seen from one shading point.
 #[derive(Debug, Clone, Copy)]
 pub struct LightPoint {
     /// Lane of the shading point.
     pub lane: usize,
-    /// Number of the light's point.
+    /// Index of the point among the light's points.
     pub sample: u32,
-    /// Not hidden, or not traced.
+    /// Whether the point is not hidden, or was not traced.
     pub visible: bool,
-    /// As in [`crate::shading::Lit`].
+    /// Diffuse weight, as in [`crate::shading::Lit`].
     pub diffuse: f32,
-    /// The same.
+    /// Specular weight, as in [`crate::shading::Lit`].
     pub specular: f32,
 }
 
-/// Where the light of a point belongs.
+/// The sum to which the light of a point is added.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sum {
-    /// To the sum that counts in full.
+    /// The sum that counts in full.
     Whole,
-    /// To the sum that counts by [`Sparing::factor`].
+    /// The sum that is multiplied by [`Sparing::factor`].
     Part,
 }
 
@@ -52,12 +55,13 @@ enum Step {
     Refine,
 }
 
-/// A point drawn from many with probabilities in proportion to their weights, which come one by one.
+/// Weighted reservoir sampling: one point drawn with probability in proportion to its weight. The
+/// points come one by one.
 #[derive(Debug, Clone, Copy, Default)]
 struct Draw {
     total: f64,
     sample: u32,
-    /// Uniform in [0, 1) and independent of what is drawn so far.
+    /// Uniform in [0, 1) and independent of the draws so far.
     uniform: f64,
 }
 
@@ -77,31 +81,31 @@ impl Draw {
     }
 }
 
-/// The points of a light for one packet, step by step.
+/// Adaptive shadows of one light for one packet: selects the points of each step.
 #[derive(Debug, Clone)]
 pub struct Sparing {
     points: u32,
     first: u32,
     step: Step,
-    /// Rays of the first points, and those that reached the light.
+    /// Rays of the first points, and how many of them reached the light.
     active: u32,
     seen: u32,
-    /// Whether a drawn point says otherwise than the first ones.
+    /// Whether a drawn point contradicts the first ones.
     found: bool,
-    /// By lane: for diffuse light, for specular light.
+    /// By lane: the draw for diffuse light and the draw for specular light.
     draws: [[Draw; 2]; LANES],
-    /// The weights of what was found otherwise.
+    /// Sums of the weights of the points that contradict the first ones.
     others: [[f64; 2]; LANES],
 }
 
 impl Sparing {
-    /// Points of a light that are always traced.
+    /// Number of points of a light that are always traced.
     #[inline(always)]
     pub fn first(points: u32) -> u32 {
         points.div_ceil(PART).max(FIRST_SHADOW_POINTS).min(points)
     }
 
-    /// The first step. `uniform`: two independent numbers in [0, 1) for each lane.
+    /// Starts at the first step. `uniform` returns two independent numbers in [0, 1) for each lane.
     #[inline(always)]
     pub fn new(points: u32, uniform: impl Fn(usize) -> [f64; 2]) -> Self {
         let mut draws = [[Draw::default(); 2]; LANES];
@@ -122,13 +126,13 @@ impl Sparing {
         }
     }
 
-    /// Whether this step's points are traced; if not, all are seen.
+    /// Whether this step's points are traced; if not, all count as visible.
     #[inline(always)]
     pub fn traced(&self) -> bool {
         self.step != Step::Unoccluded
     }
 
-    /// How many points of each lane this step has at most.
+    /// Largest number of points that this step has in a lane.
     #[inline(always)]
     pub fn count(&self) -> u32 {
         match self.step {
@@ -138,7 +142,8 @@ impl Sparing {
         }
     }
 
-    /// Point `k` of this step, below [`Self::count`], in a lane.
+    /// Number of the light point `k` of this step in a lane, for k below [`Self::count`]. `None` if
+    /// the lane has fewer.
     #[inline(always)]
     pub fn sample(&self, lane: usize, k: u32) -> Option<u32> {
         match self.step {
@@ -151,7 +156,7 @@ impl Sparing {
             Step::Draw => {
                 let [diffuse, specular] = self.draws[lane];
                 let sample = if k == 0 { diffuse.sample } else { specular.sample };
-                // The first points are known, and one ray is enough for both.
+                // The first points are known already. One ray serves both draws of the same point.
                 let twice = k == 1 && sample == diffuse.sample;
                 (sample >= self.first && !twice).then_some(sample)
             }
@@ -159,17 +164,17 @@ impl Sparing {
         }
     }
 
-    /// None of the first points was seen.
+    /// Whether none of the first points was visible.
     #[inline(always)]
     fn dark(&self) -> bool {
         self.seen == 0
     }
 
-    /// Takes a point of this step; returns where its light belongs.
+    /// Takes the result of a point of this step. Returns the sum that its light belongs to.
     #[inline(always)]
     pub fn take(&mut self, point: &LightPoint) -> Option<Sum> {
         let LightPoint { lane, sample, visible, .. } = *point;
-        // Without diffuse light every point is as good.
+        // Without diffuse light, all points have the same weight.
         let diffuse = if point.diffuse > 0.0 { f64::from(point.diffuse) } else { 1.0 };
         let weights = [diffuse, f64::from(point.specular)];
         match self.step {
@@ -199,7 +204,7 @@ impl Sparing {
         }
     }
 
-    /// Goes on to the next step; whether there is one.
+    /// Moves on to the next step. Returns false if there is none.
     #[inline(always)]
     pub fn next(&mut self) -> bool {
         self.step = match self.step {
@@ -213,8 +218,8 @@ impl Sparing {
         true
     }
 
-    /// What [`Sum::Part`] is multiplied by, after the last step: 1 over the probability of tracing all points,
-    /// negative where their light counts as seen already.
+    /// Factor of [`Sum::Part`], valid after the last step: 1 over the probability of tracing all
+    /// points. It is negative if their light already counts as visible.
     #[inline(always)]
     pub fn factor(&self) -> f64 {
         let mut chance = 0.0;
@@ -246,7 +251,8 @@ mod tests {
         [diffuse, if gloss && at < 2 { 40.0 } else { 0.0 }]
     }
 
-    /// Diffuse and specular light and visible points of lanes 0 and 1, if `uniform` decides.
+    /// Diffuse light, specular light and number of visible points in lanes 0 and 1, for the given
+    /// `uniform` numbers.
     fn light(
         uniform: [[f64; 2]; 2],
         points: u32,
@@ -282,8 +288,8 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_over_the_draws_is_what_tracing_gives_and_none_is_negative() {
-        // Full light with something hidden, umbra with something seen, and first points that disagree.
+    fn the_estimator_is_unbiased_and_never_negative() {
+        // Full light with hidden points, umbra with visible points, and first points that disagree.
         let few = |lane: usize, sample: u32| sample % 5 == 4 + lane as u32 * 7;
         let cases: [&dyn Fn(usize, u32) -> bool; 5] = [
             &move |lane, sample| !few(lane, sample),
@@ -295,7 +301,7 @@ mod tests {
         let (points, draws, sampler) = (12, 50_000, Sampler::new(1));
         for (case, visible) in cases.into_iter().enumerate() {
             for gloss in [false, true] {
-                // Of lanes and quantities: sum, sum of squares.
+                // By lane and quantity: sum and sum of squares.
                 let mut sums = [[[0.0; 2]; 3]; 2];
                 for draw in 0..draws {
                     let uniform = [0, 1].map(|lane| sampler.choices([lane, 0], draw, 0, 0));
@@ -336,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn few_points_are_all_first() {
+    fn a_light_of_few_points_is_always_traced_whole() {
         assert_eq!([1, 4, 8, 64].map(Sparing::first), [1, 4, 4, 16]);
     }
 }

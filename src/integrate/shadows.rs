@@ -1,4 +1,4 @@
-//! Shadow rays: from points to a light, and which of them arrive.
+//! Shadow rays from shading points to a light.
 
 use super::crevices::Crevices;
 use crate::accel::Accelerator;
@@ -7,20 +7,20 @@ use crate::ray::{Coherence, LANES, Mask, Rays};
 use crate::scene::Falloff;
 use crate::shading::{Area, Lanes3, Lit, ShadowPoints, light_rays};
 
-/// The shadow rays of a packet of points to one light.
+/// The shadow rays of a packet of shading points to one light.
 #[derive(Clone, Copy)]
 pub struct ShadowRays<'a> {
-    /// The area that the light points lie on; `None` for a point light.
+    /// Area that the light points lie on; `None` for a point light.
     pub area: Option<&'a Area>,
-    /// Which rays there are.
+    /// Lanes that have a shadow ray.
     pub active: Mask,
-    /// Those whose light lies in a surface that they nearly run along.
+    /// Rays that nearly run along the surface in which their light lies.
     grazing: Mask,
 }
 
 impl<'a> ShadowRays<'a> {
-    /// Aims `rays` from `points` at the light points `q`; `lit` is what arrives of those that nothing stops.
-    /// `glossy`: whether any point has a specular term.
+    /// Creates `rays` from `points` to the light points `q`. Sets `lit` to the light that arrives
+    /// if nothing occludes the ray. `glossy`: whether any shading point has a specular term.
     #[inline(always)]
     pub fn aim(
         points: &ShadowPoints,
@@ -39,9 +39,9 @@ impl<'a> ShadowRays<'a> {
         Self { area, active, grazing }
     }
 
-    /// Traces them, ray `i` from the point of lane `from[i]` of those that have `crevices`: all at once but for
-    /// rays from near edges, and those along the surface that the light lies in. Sets `tfar` to -inf where a ray is
-    /// stopped.
+    /// Traces the rays; `tfar` becomes -inf where a ray is occluded. Ray `i` starts at the point of
+    /// lane `from[i]`, whose crevice may be in `crevices`. Rays from near edges, and rays along the
+    /// surface that contains the light, are traced one by one.
     #[inline(always)]
     pub fn trace(
         &self,
@@ -61,7 +61,7 @@ impl<'a> ShadowRays<'a> {
     }
 }
 
-/// Every ray from the point of its own lane.
+/// Lane numbers for rays that start at the point of their own lane.
 pub const OWN: [usize; LANES] = {
     let mut own = [0; LANES];
     let mut i = 0;

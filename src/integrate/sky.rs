@@ -1,4 +1,4 @@
-//! Parts of the picture in which there is nothing, told without tracing their samples.
+//! Finds blocks of pixels whose camera rays all miss, without tracing them.
 
 use crate::accel::Accelerator;
 use crate::ray::{Mask, Rays};
@@ -7,17 +7,17 @@ use crate::world::World;
 
 use super::TILE;
 
-/// What asking for a square costs pays off where it holds so many camera rays.
-const WORTH: u64 = 1024;
+/// Fewest camera rays in a square for which a query pays off.
+const MIN_RAYS: u64 = 1024;
 
-/// Squares within one another: a tile, quarters of tiles, and so on down to pixels.
+/// Number of nested square sizes: a tile, its quarters, and so on down to pixels.
 const LEVELS: usize = TILE.ilog2() as usize + 1;
 
-/// What is known of the squares that were asked for last.
+/// Empty squares of the picture. Keeps the result of the last query for each square size.
 pub struct Sky<'a> {
     world: &'a World,
     accelerator: &'a dyn Accelerator,
-    /// How many levels are worth asking for.
+    /// Number of square sizes, from the largest, that are worth a query.
     levels: usize,
     squares: [Square; LEVELS],
 }
@@ -30,7 +30,8 @@ struct Square {
 }
 
 impl<'a> Sky<'a> {
-    /// For blocks of pixels of so many samples each, whose sides are `block` at least.
+    /// Creates an empty cache for blocks of at least `block` pixels, with `samples` samples per
+    /// pixel.
     pub fn new(
         world: &'a World,
         accelerator: &'a dyn Accelerator,
@@ -40,22 +41,23 @@ impl<'a> Sky<'a> {
         let worth = |level: &usize| {
             let side = TILE >> level;
             let rays = u64::from(side * side) * u64::from(samples);
-            side >= block[0].max(block[1]) && rays >= WORTH
+            side >= block[0].max(block[1]) && rays >= MIN_RAYS
         };
-        // Only a pinhole's rays leave one point.
+        // The rays of a lens have no common origin.
         let levels = if world.camera.has_lens() { 0 } else { (0..LEVELS).filter(worth).count() };
-        // None yet.
+        // No query was made yet.
         let squares = [Square { corner: [u32::MAX; 2], empty: false }; LEVELS];
         Self { world, accelerator, levels, squares }
     }
 
-    /// Whether for sure no camera ray of the block at `corner` meets anything.
+    /// Returns true only if no camera ray of the block at `corner` hits anything. Conservative: may
+    /// return false for an empty block.
     pub fn has(&mut self, corner: [u32; 2]) -> bool {
         for level in 0..self.levels {
             let side = TILE >> level;
             let corner = corner.map(|x| x / side * side);
             if self.squares[level].corner != corner {
-                let Some(empty) = self.ask(corner, side) else {
+                let Some(empty) = self.query(corner, side) else {
                     self.levels = 0;
                     return false;
                 };
@@ -68,8 +70,8 @@ impl<'a> Sky<'a> {
         false
     }
 
-    /// Whether for sure no camera ray of the square at `corner` meets anything; `None` if nobody can tell.
-    fn ask(&self, [x, y]: [u32; 2], side: u32) -> Option<bool> {
+    /// The same for one square. `None` if the backend never answers such queries.
+    fn query(&self, [x, y]: [u32; 2], side: u32) -> Option<bool> {
         let at = |pixel: u32| pixel.wrapping_sub(self.world.margin) as i32 as f32;
         let mut rays = Rays::EMPTY;
         let mut active = Mask::NONE;

@@ -1,4 +1,4 @@
-//! A packet of camera rays: which pixels and samples its lanes are.
+//! A packet of camera rays: which pixel and sample each lane stands for.
 
 use std::ops::Range;
 
@@ -8,29 +8,29 @@ use crate::sampler::Sampler;
 use crate::shading::{Lanes, set_lane};
 use crate::world::World;
 
-/// How the 16 lanes of a packet cover pixels and samples: the smallest piece of the picture.
+/// How the 16 lanes of a packet cover pixels and samples.
 #[derive(Debug, Clone, Copy)]
 pub struct Pattern {
-    /// Pixels across and down.
+    /// Size of the block in pixels: width, height.
     pub block: [u32; 2],
-    /// Samples of each pixel.
+    /// Samples per pixel in one packet.
     pub samples: u32,
-    /// Pixel within the block, by lane.
+    /// Column of the lane's pixel within the block.
     pub x: [u32; LANES],
-    /// Pixel within the block, by lane.
+    /// Row of the lane's pixel within the block.
     pub y: [u32; LANES],
-    /// Index of that pixel in the block, by lane.
+    /// Index of the lane's pixel within the block.
     pub pixel: [usize; LANES],
-    /// Sample within the packet, by lane. The lower half of the lanes has the even samples, the upper half
-    /// the odd ones, and so on within each half: so sums over lanes fold by halves in the order of
-    /// [`crate::film::Sums`].
+    /// Sample number within the packet, by lane. The lower half of the lanes has the even samples,
+    /// the upper half the odd ones, and so on within each half. So sums over lanes fold by halves
+    /// in the order of [`crate::film::Sums`].
     sample: [u32; LANES],
-    /// The lanes pixel by pixel, samples ascending.
+    /// Lanes sorted by pixel, then by sample.
     pub order: [usize; LANES],
 }
 
 impl Pattern {
-    /// The pattern for `spp` samples per pixel.
+    /// The pattern for a render of `spp` samples per pixel.
     pub fn for_spp(spp: u32) -> Self {
         let (block, samples): (_, u32) = match spp {
             0..4 => ([4, 4], 1),
@@ -39,7 +39,7 @@ impl Pattern {
         };
         let pixels = LANES / samples as usize;
         let pixel: [usize; LANES] = std::array::from_fn(|i| i % pixels);
-        // Of so many samples by bit-reversed number.
+        // Bit-reversed sample number, in the bits that `samples` needs.
         let reversed = |i: u32| i.reverse_bits().checked_shr(32 - samples.ilog2()).unwrap_or(0);
         let sample: [u32; LANES] = std::array::from_fn(|i| reversed((i / pixels) as u32));
         let mut order: [usize; LANES] = std::array::from_fn(|i| i);
@@ -55,7 +55,7 @@ impl Pattern {
         }
     }
 
-    /// Samples by lane, of a packet that begins at `first`.
+    /// Sample number of each lane, in a packet whose first sample is `first`.
     #[inline(always)]
     pub fn numbers(&self, first: u32) -> [u32; LANES] {
         let mut numbers = [0; LANES];
@@ -65,46 +65,50 @@ impl Pattern {
         numbers
     }
 
-    /// Pixels left of and above `limit` in the block at `corner`.
+    /// Number of pixels of the block at `corner` that lie left of and above `limit`.
     #[inline(always)]
     pub fn within(&self, limit: [u32; 2], corner: [u32; 2]) -> u32 {
         let [width, height] = [0, 1].map(|k| self.block[k].min(limit[k] - corner[k]));
         width * height
     }
 
-    /// Pixels of a block.
+    /// Number of pixels in a block.
     #[inline(always)]
     pub fn pixels(&self) -> usize {
         (self.block[0] * self.block[1]) as usize
     }
 }
 
-/// A packet on its way from the camera to its pixels.
+/// A packet between its camera rays and its pixels.
 #[derive(Clone)]
 pub struct Slot {
-    /// The rays and what they hit.
+    /// The camera rays and their hits.
     pub packet: RayPacket,
-    /// Lanes within the pixels and within the samples that are taken.
+    /// Lanes whose pixel and sample are part of the render.
     pub active: Mask,
-    /// Pixel of the camera's frame, by lane; left of it and above it negative, as two's complement.
+    /// Column of the lane's pixel in the camera's frame; negative left of the frame, as two's
+    /// complement.
     pub x: [u32; LANES],
-    /// The same, downwards.
+    /// Row of the lane's pixel in the camera's frame; negative above the frame, as two's
+    /// complement.
     pub y: [u32; LANES],
-    /// Camera sample of that pixel, by lane; of [`Quarters`](quarters::Quarters) only if somebody asks.
+    /// Camera sample of the lane's pixel. Packets of [`Quarters`](quarters::Quarters) set it only
+    /// if more than the shared light reads it.
     pub sample: [u32; LANES],
     /// Top left pixel of the block, in the window's coordinates.
     pub corner: [u32; 2],
-    /// First sample of the packet; of one of [`Quarters`](quarters::Quarters) what it would be.
+    /// First sample of the packet. For a packet of [`Quarters`](quarters::Quarters): the first
+    /// sample that the packet at this place would have without reordering.
     pub first: u32,
-    /// Whether it is one of these.
+    /// Whether this is a packet of [`Quarters`](quarters::Quarters).
     pub quarter: bool,
-    /// Points in the unit square that are stratified together with the pixel offsets, for what the caller
-    /// of [`Slot::aim`] takes them.
+    /// Points in the unit square, stratified together with the pixel offsets. The caller of
+    /// [`Slot::aim`] may use them for a light.
     pub spare: [Lanes; 2],
 }
 
 impl Slot {
-    /// No rays.
+    /// A packet without rays.
     pub const EMPTY: Self = Self {
         packet: RayPacket::EMPTY,
         active: Mask::NONE,
@@ -117,15 +121,16 @@ impl Slot {
         spare: [[0.0; LANES]; 2],
     };
 
-    /// Pixel of a lane.
+    /// Pixel of lane `i` in the camera's frame.
     #[inline(always)]
     pub fn pixel(&self, i: usize) -> [u32; 2] {
         [self.x[i], self.y[i]]
     }
 
-    /// Aims the camera rays of the block at `corner`, of [`Slot::sample`] those within `samples`, of pixels those
-    /// left of and above `limit`; returns how many.
-    /// With `spare` and without a lens, which takes them, draws [`Slot::spare`], too.
+    /// Creates the camera rays of the block at `corner` and returns how many are active. A lane is
+    /// active if its [`Slot::sample`] is in `samples` and its pixel lies left of and above the
+    /// limit `[width, height]`. With `spare`, also draws [`Slot::spare`], unless a lens uses these
+    /// dimensions.
     #[inline(always)]
     pub fn aim(
         &mut self,
@@ -208,7 +213,7 @@ mod tests {
             let ordered = pattern.order.map(|i| (pattern.pixel[i], pattern.sample[i]));
             let expected = |k: usize| (k / pattern.samples as usize, k as u32 % pattern.samples);
             assert_eq!(ordered, std::array::from_fn(expected));
-            // Neighbouring samples stand half a packet apart.
+            // Samples 2k and 2k + 1 lie half a packet apart.
             for k in (0..LANES).step_by(2).filter(|_| pattern.samples > 1) {
                 assert_eq!(pattern.order[k] + LANES / 2, pattern.order[k + 1]);
             }

@@ -1,16 +1,16 @@
-//! The light of one lamp in its parts, which only layers want to know.
+//! The diffuse and specular light of one light source, separated for layers.
 
 use crate::ray::{LANES, Mask};
 use crate::shading::{Lanes, Lanes3, Light, Lit};
 
-/// What one light brings to each lane, before the base colour: diffuse and specular apart.
+/// Light of one source in each lane, before the base colour, as diffuse and specular parts.
 #[derive(Debug, Clone)]
 pub struct Split {
-    /// By axis and lane.
+    /// Diffuse light, by axis and lane.
     pub diffuse: Lanes3,
-    /// The same.
+    /// Specular light, by axis and lane.
     pub specular: Lanes3,
-    /// The share of its points that are seen.
+    /// Fraction of the light's points that are visible, by lane.
     pub visible: Lanes,
 }
 
@@ -18,7 +18,8 @@ impl Split {
     const NONE: Self =
         Self { diffuse: [[0.0; LANES]; 3], specular: [[0.0; LANES]; 3], visible: [0.0; LANES] };
 
-    /// A light point of each lane that `visible` has, with the weights of [`Lit`].
+    /// Light of one point per lane, with the weights of [`Lit`]. Lanes outside of `visible` receive
+    /// none.
     #[inline(always)]
     pub fn of(light: &Light, lit: &Lit, visible: &Mask) -> Self {
         let mut split = Self::NONE;
@@ -38,7 +39,7 @@ impl Split {
     }
 }
 
-/// Sums over the points of a light, of which there may be many.
+/// Sums over the points of a light, in f64, because there may be many.
 #[derive(Debug, Clone)]
 pub struct SplitSums {
     diffuse: [[f64; LANES]; 3],
@@ -47,11 +48,11 @@ pub struct SplitSums {
 }
 
 impl SplitSums {
-    /// No light.
+    /// Sums before the first point.
     pub const NONE: Self =
         Self { diffuse: [[0.0; LANES]; 3], specular: [[0.0; LANES]; 3], visible: [0.0; LANES] };
 
-    /// Adds a light point to lane `i`, with the weights of [`Lit`].
+    /// Adds a visible light point to lane `i`, with the weights of [`Lit`].
     #[inline(always)]
     pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32) {
         for axis in 0..3 {
@@ -61,7 +62,8 @@ impl SplitSums {
         self.visible[i] += 1.0;
     }
 
-    /// Adds a part times a factor; what is left of light is 0 at least, but for rounding.
+    /// Adds `part` times `factor`. Sums of light are clamped to 0, because rounding may make them
+    /// negative.
     #[inline(always)]
     pub fn add_part(&mut self, part: &Self, factor: f64) {
         for axis in 0..3 {
@@ -77,7 +79,7 @@ impl SplitSums {
         }
     }
 
-    /// Their mean, with a `share` of 1 over the number of points.
+    /// Mean over the points; `share` is 1 over their number.
     #[inline(always)]
     pub fn mean(&self, share: f64) -> Split {
         let mut split = Split::NONE;

@@ -1,8 +1,10 @@
-//! Samples where they are needed, and for as long as there is time.
+//! Adaptive sampling: more samples where the error is large, until the error or the time limit is
+//! reached.
 //!
-//! What a pixel gets depends on the other pixels of its tile alone (all of them, also where a crop cuts it) and on
-//! one number of the whole frame, its brightness; so neither threads nor crops make a difference. Only a limit of
-//! time does. It does not depend on the pixel's own samples, so their mean has no bias.
+//! The number of a pixel's samples depends on the other pixels of its tile and on one number of the
+//! whole frame, its brightness. All pixels of the tile count, also where a crop cuts it. So threads
+//! and crops make no difference; only a time limit does. The number does not depend on the pixel's
+//! own samples, so their mean is unbiased.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
@@ -23,34 +25,35 @@ use crate::sampler::other_seed;
 use crate::simd::{self, Isa};
 use crate::world::World;
 
-/// Pixels of the frame, at most, that tell its brightness, and the least distance between them.
+/// Largest number of pixels that sample the frame's brightness, and the least distance between
+/// them.
 const PROBES: f64 = 1024.0;
 const PROBE_DISTANCE: u32 = 4;
 
-/// What keeping a pixel's layers takes beside their sums, as allocated.
+/// Heap memory of one pixel's layers beside their sums, in bytes.
 const HELD_BYTES: usize = 256;
 
-/// What a pixel's first plan takes.
+/// Memory of one pixel's first plan, in bytes.
 const PLAN_BYTES: usize = 36;
 
-/// How many samples a pixel gets. The world's `spp` must be `most`.
+/// Settings of adaptive sampling. The world's `spp` must equal `most`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Adaptive {
-    /// Samples of every pixel: a power of two, at least [`LEAST`].
+    /// Samples of every pixel in the first pass: a power of two, at least [`LEAST`].
     pub first: u32,
-    /// Samples that no pixel exceeds: a power of two.
+    /// Largest number of samples of a pixel: a power of two.
     pub most: u32,
-    /// Relative standard error at which a pixel is good.
+    /// Relative standard error at which a pixel needs no more samples.
     pub noise: Option<f64>,
     /// What `noise` is relative to.
     pub relative: Relative,
-    /// When no pass is begun any more that would end later. The first one always is taken.
+    /// Time limit: no pass begins that would end later. The first pass is always taken.
     pub time: Option<Duration>,
 }
 
 impl Adaptive {
-    /// Bytes that a pixel of a film with `words` words of layers takes until its last pass. Only a limit of
-    /// time keeps them for all pixels at once.
+    /// Memory per pixel in bytes until its last pass, for a film with `words` words of layers. Only
+    /// a time limit keeps it for all pixels at once; it is 0 without one.
     pub fn bytes_per_pixel(&self, words: usize) -> u64 {
         let held = if words > 0 { HELD_BYTES + 2 * words * size_of::<f64>() } else { 0 };
         let levels = 1 + (self.most / self.first.max(1)).max(1).ilog2() as usize;
@@ -59,21 +62,21 @@ impl Adaptive {
     }
 }
 
-/// Camera samples of the pixels of a film.
+/// Number of camera samples of a film's pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Taken {
-    /// The fewest.
+    /// Fewest samples of a pixel.
     pub least: u32,
-    /// The most.
+    /// Most samples of a pixel.
     pub most: u32,
-    /// On average.
+    /// Mean number of samples per pixel.
     pub mean: f64,
 }
 
-/// What some tiles took, and what their mattes could not hold.
+/// Ray counts, sample counts and lost matte coverage of some tiles.
 type Rendered = (RayCounts, Taken, Dropped);
 
-/// What all tiles share.
+/// Settings that all tiles share.
 #[derive(Clone, Copy)]
 struct Job<'a> {
     integrator: Integrator<'a>,
@@ -82,7 +85,7 @@ struct Job<'a> {
     goal: Option<Goal>,
 }
 
-/// Renders the film's window with as many samples as each pixel needs, and the layers of a plan with it.
+/// Renders the film's window, and the layers of a plan, with as many samples as each pixel needs.
 ///
 /// # Errors
 /// `Interrupted` after a signal; the film is then unfinished.
@@ -134,7 +137,7 @@ impl Job<'_> {
         (rays, taken)
     }
 
-    /// Each tile until its pixels are good.
+    /// Renders each tile until its pixels need no more samples.
     fn tile_by_tile<R: Record>(
         &self,
         tiles: Vec<Tile>,
@@ -154,7 +157,8 @@ impl Job<'_> {
         tiles.into_par_iter().map(render).reduce_with(join)
     }
 
-    /// Passes over the whole film: each as large as the time that is left allows, the last ones small.
+    /// Renders in passes over the whole film. Each pass is as large as the remaining time allows,
+    /// so the last ones are small.
     fn in_time<R: Record + Send>(
         &self,
         time: Duration,
@@ -165,7 +169,7 @@ impl Job<'_> {
         let make = |tile| Work::new(self, tile, record());
         let mut all: Vec<Work<R>> = tiles.into_par_iter().map(make).collect();
         let mut rays = RayCounts::default();
-        // By how much the next passes are smaller than one that doubles.
+        // How often the size of the next passes is halved, from a pass that doubles the samples.
         let mut shift = 0;
         loop {
             let (begun, wanted) = (Instant::now(), wanted(&all));
@@ -201,8 +205,8 @@ impl Job<'_> {
         Some((rays, taken, dropped))
     }
 
-    /// The mean radiance of the frame, over a grid of its pixels, and what it cost. The samples are others than those
-    /// of the picture, whose numbers depend on it.
+    /// Mean radiance of the frame, over a grid of its pixels, and the rays this took. Its samples
+    /// are independent of the picture's, because the picture's sample counts depend on it.
     fn brightness(&self) -> (f64, RayCounts) {
         let world = self.integrator.world;
         let other = World { seed: other_seed(world.seed), ..world.clone() };
@@ -228,7 +232,7 @@ impl Job<'_> {
                 ((r + g + b) / (3.0 * f64::from(LEAST)), rays)
             })
             .collect();
-        // In the order of the pixels: the same bits for any number of threads.
+        // Summed in the order of the pixels, for the same bits with any number of threads.
         let finite = sums.iter().filter(|(radiance, _)| radiance.is_finite());
         let sum: f64 = finite.map(|(radiance, _)| radiance).sum();
         let rays = sums.iter().fold(RayCounts::default(), |all, (_, rays)| all + *rays);
@@ -244,7 +248,7 @@ impl Job<'_> {
     }
 }
 
-/// A tile under way.
+/// A tile between its passes.
 struct Work<'f, R: Record> {
     tile: Tile<'f>,
     record: R,
@@ -268,7 +272,8 @@ impl<'f, R: Record> Work<'f, R> {
         }
     }
 
-    /// Which pixels go on: those that are not good, or all.
+    /// Chooses the pixels that take more samples: the pixels below their plan, or all without a
+    /// goal.
     fn choose(&mut self, job: &Job) {
         match &job.goal {
             Some(goal) => {
@@ -278,7 +283,8 @@ impl<'f, R: Record> Work<'f, R> {
         }
     }
 
-    /// Writes the pixels; nothing if the job was stopped, as they may have no samples.
+    /// Writes the pixels. Writes nothing if the job was stopped, because pixels may have no samples
+    /// then.
     fn finish(mut self, monitor: &Monitor) -> (Taken, Dropped) {
         if monitor.stopped() {
             return Default::default();
@@ -295,19 +301,19 @@ impl<'f, R: Record> Work<'f, R> {
     }
 }
 
-/// Samples that the next pass takes.
+/// Number of samples of the next pass, over all tiles.
 fn wanted<R: Record>(all: &[Work<R>]) -> u64 {
     all.iter().map(|work| work.passes.wanted()).sum()
 }
 
-/// The same if it is `shift` times halved.
+/// Halves the next pass `shift` times and returns its number of samples.
 fn wanted_after<R: Record + Send>(all: &mut [Work<R>], shift: u32) -> u64 {
     all.par_iter_mut().for_each(|work| work.passes.want(shift));
     wanted(all)
 }
 
-/// All of the frame's tile that a part of it lies in; of one that reaches beyond the camera's frame the part
-/// within the frame or the part beyond.
+/// The whole tile of the frame in which `part` lies. If the tile extends beyond the camera's frame,
+/// the part inside the frame or the part beyond it.
 fn whole(part: Window, world: &World) -> Window {
     let limit = limit(world, part);
     let cut = |from: u32, axis: usize| {

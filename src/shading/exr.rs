@@ -1,7 +1,8 @@
-//! OpenEXR textures: the pixels of the data window, wherever it lies in the picture.
+//! OpenEXR textures: reads the pixels of the data window, wherever it lies in the picture.
 //!
-//! A texture is the whole picture (the display window), black where the file has no pixels. Memory is
-//! taken only for what the file has: a small file can name a picture of any size.
+//! A texture is the whole picture (the display window), black where the file has no pixels. Memory
+//! is allocated only for the pixels in the file, because a small file can declare a picture of any
+//! size.
 
 use std::{
     fs::File,
@@ -21,26 +22,26 @@ use crate::{
     reserve,
 };
 
-/// What the header says of size.
+/// Position and size of picture and data window, from the header.
 #[derive(Debug, Clone)]
 pub struct Layout {
     /// Width and height of the picture.
     pub size: [u32; 2],
-    /// Columns of the picture that the file has.
+    /// Columns of the picture for which the file has pixels.
     pub columns: Range<u32>,
-    /// Rows of the picture that the file has.
+    /// Rows of the picture for which the file has pixels.
     pub rows: Range<u32>,
-    /// Where the data window begins, seen from the picture's top left.
+    /// Top left pixel of the data window, relative to the picture's top left.
     first: [i64; 2],
-    /// It has an alpha channel.
+    /// Whether the file has an alpha channel.
     pub has_alpha: bool,
 }
 
 impl Layout {
-    /// Reads the header.
+    /// Reads the layout from the header of a file.
     ///
     /// # Errors
-    /// `Invalid` for what is no EXR, or has no red, green and blue.
+    /// `Invalid` for a file that is no EXR or has no channels R, G and B.
     pub fn of(file: &mut BufReader<File>, path: &Path) -> Result<Self> {
         exr_check::check(path)?;
         rewind(file, path)?;
@@ -73,12 +74,13 @@ impl Layout {
         })
     }
 
-    /// Pixels that the file has of the picture.
+    /// Number of the picture's pixels that the file has.
     pub fn pixels(&self) -> u64 {
         self.columns.len() as u64 * self.rows.len() as u64
     }
 
-    /// Number of a pixel of the data window among those of the picture.
+    /// Index of a pixel of the data window among the pixels that are kept; `None` if it lies
+    /// outside of the picture.
     fn place(&self, x: usize, y: usize) -> Option<usize> {
         let within = |at: usize, first: i64, inside: &Range<u32>| {
             let at = u32::try_from(at as i64 + first).ok()?;
@@ -88,10 +90,10 @@ impl Layout {
         Some(within(y, self.first[1], &self.rows)? * self.columns.len() + x)
     }
 
-    /// Reads R, G, B of these pixels, row by row.
+    /// Reads R, G, B of the kept pixels, row by row.
     ///
     /// # Errors
-    /// `Invalid` for damaged files, `Retry` where there is no memory.
+    /// `Invalid` for damaged files, `Retry` if memory is short.
     pub fn read(&self, file: &mut BufReader<File>, path: &Path) -> Result<Vec<f32>> {
         let count = usize::try_from(self.pixels()).unwrap_or(usize::MAX).saturating_mul(3);
         let bytes = (count as u64).saturating_mul(size_of::<f32>() as u64);

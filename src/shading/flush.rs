@@ -1,8 +1,8 @@
 //! Area lights that lie in a surface: a panel in a ceiling, a window in a wall.
 //!
-//! Such a surface cannot shadow its light, but its rounding may stand before that of the light's points. So
-//! a shadow ray ends before the plane by the distance that the two are apart, which at a small angle is far
-//! along the ray.
+//! Such a surface cannot shadow its light, but rounding may put it in front of the light's points.
+//! So a shadow ray ends before the plane, by the distance between surface and light. At a small
+//! angle that is far along the ray.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -12,20 +12,22 @@ use super::points::{ShadowPoints, lane};
 use crate::geometry::{Geometry, GeometryKind};
 use crate::ray::{LANES, Mask, Rays};
 
-/// u: half an ulp of 1.
+/// Unit roundoff u of f32: half an ulp of 1.
 const UNIT: f64 = 0.5 * f32::EPSILON as f64;
 
-/// See [`Area::gap`].
+/// Tolerance of coplanarity; see [`Area::gap`].
 const COPLANAR: f64 = 4.0 * UNIT;
 
-/// A ray that would end before this because of its light's plane is traced to its end instead.
+/// Smallest ray end in front of the light's plane. A ray that would end earlier is traced to its
+/// own end instead.
 const GRAZING: f64 = 1.0 - 1.0 / 256.0;
 
-/// N.L of a point in a light's plane that sees the light beside it.
+/// Largest N.L of a point that lies in a light's plane and sees the light beside it.
 const ALONG: f64 = 1e-4;
 
 impl Area {
-    /// A light of `samples` points with these sides, in the scene's recentred space, that lies in no surface yet.
+    /// An area light of `samples` points with these sides, relative to the scene's origin.
+    /// [`Area::flush`] is not set yet.
     pub fn new(corner: Vec3, edge: DVec3, height: DVec3, lambertian: bool, samples: u32) -> Self {
         let plane = edge.cross(height).normalize();
         let normal = lambertian.then(|| plane.as_vec3());
@@ -33,9 +35,10 @@ impl Area {
         Self { corner, edge, height, normal, samples, plane, flush: 0.0 }
     }
 
-    /// How far a primitive reaches from the light's plane, if it lies in it for all that f32 can tell: a wall,
-    /// a ceiling. What is farther from it than 4u of its largest coordinate (u = 2^-24) lies before or behind the
-    /// light; corners in the light's own plane are rounded by 1.8u.
+    /// Largest distance of a primitive from the light's plane, if the primitive is coplanar with
+    /// the light as far as f32 can tell: a wall, a ceiling. `None` if it is farther away than 4u of
+    /// its largest coordinate (u = 2^-24); it then lies in front of the light or behind it. Corners
+    /// in the light's own plane are rounded by 1.8u.
     pub fn gap(&self, geometry: &Geometry, primitive: u32) -> Option<f64> {
         let (geom, prim) = geometry.place(primitive);
         let corner = self.corner.as_dvec3();
@@ -55,12 +58,12 @@ impl Area {
         }
     }
 
-    /// Whether a primitive lies in the light's plane.
+    /// Whether a primitive lies in the light's plane, as far as f32 can tell.
     pub fn holds(&self, geometry: &Geometry, primitive: u32) -> bool {
         self.gap(geometry, primitive).is_some()
     }
 
-    /// Sets [`Area::flush`] by the triangles and quads that the light lies in.
+    /// Sets [`Area::flush`] from the triangles and quads that the light lies in.
     pub fn set_flush(&mut self, geometry: &Geometry) {
         let [a, b] = [self.corner, self.corner + self.edge + self.height].map(|v| v.as_dvec3());
         let [c, d] = [self.corner + self.edge, self.corner + self.height].map(|v| v.as_dvec3());
@@ -79,20 +82,21 @@ impl Area {
         let most = |a: f64, b: f64| a.max(b);
         let mut gap = f64::NEG_INFINITY;
         for (geom, mesh) in (0..).zip(&geometry.meshes) {
-            let of = |prim: u32| {
+            let gap_of = |prim: u32| {
                 let near = reaches(&mesh.corners(prim));
                 let gap = near.then(|| self.gap(geometry, geometry.primitive(geom, prim)));
                 gap.flatten().unwrap_or(f64::NEG_INFINITY)
             };
             let all = 0..mesh.triangles().len() as u32;
-            // Frames of a batch are prepared outside of any pool, and must not start the global one.
+            // Frames of a batch are prepared outside of any pool and must not start the global
+            // pool.
             gap = gap.max(match rayon::current_thread_index() {
                 Some(_) => all
                     .into_par_iter()
                     .with_min_len(1 << 14)
-                    .map(of)
+                    .map(gap_of)
                     .reduce(|| f64::NEG_INFINITY, most),
-                None => all.map(of).fold(f64::NEG_INFINITY, most),
+                None => all.map(gap_of).fold(f64::NEG_INFINITY, most),
             });
         }
         let quads = (0..geometry.quads.len() as u32)
@@ -104,9 +108,10 @@ impl Area {
         self.flush = if gap >= 0.0 { (gap + own) as f32 } else { 0.0 };
     }
 
-    /// Ends the rays to points of a light that lies in a surface before that surface, and returns those for
-    /// which that is not near the light: what these meet has to be asked for its plane ([`Area::holds`]). Rays along
-    /// the plane from points in it bring nothing: they are switched off.
+    /// Ends the shadow rays to a light that lies in a surface before that surface. Returns the
+    /// grazing rays: the ones that would end far from the light. They keep their end, and their
+    /// hits must be checked against the light's plane ([`Area::holds`]). Rays along the plane from
+    /// points in it carry no light; they become inactive.
     #[inline(always)]
     pub fn end_before_plane(
         &self,
@@ -118,7 +123,7 @@ impl Area {
         let mut grazing = Mask::NONE;
         for i in 0..LANES {
             let [dx, dy, dz] = [rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]].map(f64::from);
-            // How far the ray starts from the plane.
+            // Distance of the ray's origin from the plane.
             let height = (dx * x + dy * y + dz * z).abs();
             let end = 1.0 - flush / height;
             let near = end >= GRAZING;
@@ -128,15 +133,21 @@ impl Area {
             grazing.0[i] = active.0[i] & -i32::from(!near);
         }
         if grazing.any() {
-            self.leave_out(points, rays, active, &mut grazing);
+            self.drop_in_plane(points, rays, active, &mut grazing);
         }
         grazing
     }
 
-    /// Switches off the rays that run along the plane from a surface in it.
+    /// Deactivates the rays that run along the plane from a surface in it.
     #[cold]
     #[inline(never)]
-    fn leave_out(&self, points: &ShadowPoints, rays: &Rays, active: &mut Mask, grazing: &mut Mask) {
+    fn drop_in_plane(
+        &self,
+        points: &ShadowPoints,
+        rays: &Rays,
+        active: &mut Mask,
+        grazing: &mut Mask,
+    ) {
         for i in 0..LANES {
             let direction = lane(&rays.dir, i).as_dvec3();
             let within = direction.dot(self.plane).abs() <= f64::from(self.flush);

@@ -1,5 +1,4 @@
-//! Image files: the format by content, the header, what they will take, and what can be wrong with them in our
-//! words.
+//! Image files: format detection by content, headers, memory limits, and error messages.
 
 use std::{
     fs::File,
@@ -18,19 +17,19 @@ use crate::{
 
 const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
 
-/// Bytes that an image takes.
+/// Memory that an image needs, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TextureSize {
-    /// As a texture.
+    /// Memory of the finished texture.
     pub stored: u64,
-    /// At most while it is decoded, the texture included.
+    /// Peak memory while the image is decoded, including the texture.
     pub decoding: u64,
 }
 
 impl TextureSize {
     pub(super) fn of(source: &Source) -> Self {
         match source {
-            // Straight into the texture.
+            // Decoded directly into the texture.
             Source::Exr(layout, _) => {
                 let stored = layout.pixels().saturating_mul(12);
                 Self { stored, decoding: stored }
@@ -43,7 +42,7 @@ impl TextureSize {
         let (width, height) = decoder.dimensions();
         let color = decoder.color_type();
         let file = u64::from(color.bytes_per_pixel());
-        // `decode`: the file's pixels, then RGB of the same type, then what is kept.
+        // In `decode`: the file's pixels, then RGB of the same type, then the stored texels.
         let (stored, decoding, table) = match color.bytes_per_pixel() / color.channel_count() {
             1 => (3, file + 3, size_of::<[f32; 256]>()),
             2 => (12, (file + 6).max(6 + 12), 0),
@@ -72,16 +71,16 @@ fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
     Ok((BufReader::with_capacity(1 << 16, file), Stamp::of(&data)))
 }
 
-/// An image whose header is read.
+/// An image file whose header is read.
 pub(super) struct Opened {
     pub(super) source: Source,
     pub(super) stamp: Option<Stamp>,
 }
 
-/// Where its pixels come from.
+/// Decoder of the image's pixels.
 pub(super) enum Source {
     Exr(Layout, BufReader<File>),
-    /// The last is what integers are divided by, if not the largest of their type.
+    /// The last field is the divisor of integers, if it is not the largest value of their type.
     Image(ImageFormat, Box<dyn ImageDecoder>, Option<u16>),
 }
 
@@ -94,7 +93,7 @@ impl Source {
     }
 }
 
-/// Reads the file's header.
+/// Reads the header of an image file and selects the decoder.
 pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
     let (file, stamp) = open(path)?;
     let mut reader = ImageReader::new(file)
@@ -121,14 +120,14 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
     Ok(Opened { source: Source::Image(format, Box::new(decoder), None), stamp })
 }
 
-/// What the decoders may allocate for themselves. Ours is [`check_size`].
+/// Limits on what the decoders allocate themselves. [`check_size`] limits the rest.
 fn limits(max_bytes: u64) -> Limits {
     let mut limits = Limits::default();
     limits.max_alloc = Some(max_bytes);
     limits
 }
 
-/// Compares what the header announces, decoded and as we keep it, with the limit; returns these bytes.
+/// Compares the memory that the header announces with the limit. Returns the peak memory in bytes.
 pub(super) fn check_size(path: &Path, source: &Source, max_bytes: u64) -> Result<u64> {
     let (width, height) = source.dimensions();
     let pixels = u64::from(width) * u64::from(height);
@@ -152,17 +151,18 @@ pub(super) fn check_size(path: &Path, source: &Source, max_bytes: u64) -> Result
     Ok(needed)
 }
 
-/// The JPEG decoder paints what is missing grey; we refuse a file without its end marker.
+/// Rejects a JPEG without its end marker. The decoder would fill the missing part with grey.
 pub(super) fn check_jpeg_end(path: &Path) -> Result<()> {
     let data = std::fs::read(path).map_err(|e| Error::io(path, "read the texture", &e))?;
     if jpeg_is_complete(&data) { Ok(()) } else { Err(truncated(path)) }
 }
 
-/// Walks the segments to the end-of-image marker.
+/// Follows the segments to the end-of-image marker.
 fn jpeg_is_complete(data: &[u8]) -> bool {
     let mut at = 2;
     loop {
-        // To the next marker: entropy-coded data has FF only before 00 or a restart (D0-D7).
+        // Search for the next marker. In entropy-coded data, FF occurs only before 00 or a restart
+        // marker (D0-D7).
         while at + 1 < data.len() && (data[at] != 0xff || matches!(data[at + 1], 0 | 0xff)) {
             at += 1;
         }
@@ -186,7 +186,7 @@ fn truncated(path: &Path) -> Error {
     Error::invalid(name(path), "the image ends too early").help("the file may be cut off")
 }
 
-/// What the decoder said, in our words.
+/// Translates an error of the decoder into a message of ours.
 pub(super) fn explain(path: &Path, error: ImageError) -> Error {
     match error {
         ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => truncated(path),

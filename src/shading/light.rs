@@ -1,4 +1,4 @@
-//! Lights: where they are, and Blinn-Phong light at 16 points from 16 light points.
+//! Lights, and the Blinn-Phong light that 16 points receive from 16 light points.
 
 use glam::{DVec3, Vec3};
 
@@ -7,48 +7,48 @@ use crate::geometry::NONE;
 use crate::ray::{LANES, Mask, Rays};
 pub use crate::scene::Falloff;
 
-/// A light in the scene's recentred f32 space.
+/// A light, relative to the scene's origin, in f32.
 #[derive(Debug, Clone)]
 pub struct Light {
     /// Colour of the diffuse term (`id`).
     pub diffuse: Vec3,
     /// Colour of the specular term (`is`).
     pub specular: Vec3,
-    /// Where its points are.
+    /// Position and shape of the light.
     pub emitter: Emitter,
 }
 
-/// Where a light's points are.
+/// Position and shape of a light.
 #[derive(Debug, Clone)]
 pub enum Emitter {
-    /// One point.
+    /// A point light and its position.
     Point(Vec3),
-    /// A rectangle.
+    /// A rectangular area light.
     Area(Area),
 }
 
 /// A rectangle of light points: `corner + s edge + t height`, s, t in [0, 1).
 #[derive(Debug, Clone, Copy)]
 pub struct Area {
-    /// Corner.
+    /// Corner at s = t = 0.
     pub corner: Vec3,
-    /// First side.
+    /// Side along s, as a vector.
     pub edge: Vec3,
-    /// Second side.
+    /// Side along t, as a vector.
     pub height: Vec3,
-    /// Unit normal of a one-sided cosine emitter; `None` shines alike everywhere.
+    /// Unit normal of a one-sided cosine emitter. `None`: emits equally in all directions.
     pub normal: Option<Vec3>,
-    /// Points per shading point.
+    /// Number of light points per shading point.
     pub samples: u32,
     /// Unit normal of the rectangle, in f64.
     pub plane: DVec3,
-    /// How far, along that normal, surfaces that the light lies in, and its points, may be from its plane; 0 for a
-    /// light that lies in none.
+    /// Largest distance, along `plane`, from the light's plane to the surfaces that the light lies
+    /// in and to its own rounded points. 0 for a light that lies in no surface.
     pub flush: f32,
 }
 
 impl Area {
-    /// The light points of 16 points (s, t) in the unit square.
+    /// Light points for 16 points (s, t) in the unit square.
     #[inline(always)]
     pub fn points(&self, [s, t]: &[Lanes; 2]) -> Lanes3 {
         let mut q = [[0.0; LANES]; 3];
@@ -59,26 +59,26 @@ impl Area {
     }
 }
 
-/// Weights of a light's diffuse and specular colours at 16 points, falloff included.
+/// Weights of a light's diffuse and specular colours at 16 points, including falloff.
 #[derive(Debug, Clone)]
 pub struct Lit {
-    /// kd (N.L) / falloff
+    /// kd (N.L) emission / falloff
     pub diffuse: Lanes,
-    /// ks max(0, N.H)^exponent / falloff
+    /// ks max(0, N.H)^exponent emission / falloff
     pub specular: Lanes,
 }
 
 impl Lit {
-    /// No light.
+    /// Weights of zero: no light.
     pub const EMPTY: Self = Self { diffuse: [0.0; LANES], specular: [0.0; LANES] };
 }
 
-/// Shadow rays from `points` to the light points `q`, and what light these give if unoccluded.
-/// Returns the lanes that can be lit at all (N.L > 0). `glossy`: whether any ks > 0.
+/// Creates shadow rays from `points` to the light points `q`, and the light that arrives if nothing
+/// occludes them. Returns the lanes that can receive light (N.L > 0). `glossy`: whether any ks > 0.
 ///
-/// The terms are those of docs/guide/scene-format.md. A ray's parameter is 0 at its origin and 1
-/// at the light; it ends before 1 by the relative rounding error of its own end points, so that what
-/// stands at the light itself does not shadow it.
+/// docs/scene-format.md defines the terms. A ray's parameter is 0 at its origin and 1 at the light.
+/// The ray ends before 1 by the relative rounding error of its end points, so that a surface at the
+/// light itself does not occlude it.
 #[inline(always)]
 pub fn light_rays(
     points: &ShadowPoints,
@@ -106,7 +106,7 @@ pub fn light_rays(
         let divided = if quadratic { 1.0 / d2 } else { 1.0 };
         let weight = emission * if linear { inverse } else { divided };
         lit.diffuse[i] = points.kd[i] * cosine * weight;
-        // Until `specular` below: the weight alone.
+        // The weight only; `specular` below multiplies it by the rest.
         lit.specular[i] = points.ks[i] * weight;
         let on = (cosine > 0.0) & (d2 > 0.0) & (emission > 0.0);
         active.0[i] = points.hit.0[i] & -i32::from(on);
@@ -118,10 +118,10 @@ pub fn light_rays(
         rays.tnear[i] = 0.0;
         let scale = origin.abs().max_element() + q.abs().max_element();
         let ulps = 4.0 * f32::EPSILON * (1.0 + scale / direction.abs().max_element());
-        // A light that is nearer than its own rounding is not before the ray's start.
+        // A light nearer than its own rounding must not end the ray before its start.
         rays.tfar[i] = (1.0 - ulps).max(0.0);
         // A lifted origin may have its own facet between itself and a light below the facet's
-        // horizon; otherwise a planar primitive cannot shadow a point of its own.
+        // horizon. In all other cases a planar primitive cannot shadow its own point.
         let own_counts = (points.lifted.0[i] != 0) & (l.dot(lane(&points.ng, i)) < 0.0);
         rays.leaving[i] = if own_counts { NONE } else { points.primitive[i] };
     }
@@ -131,7 +131,7 @@ pub fn light_rays(
     active
 }
 
-/// Multiplies the specular weights by max(0, N.H)^exponent, H the unit half vector.
+/// Multiplies the specular weights by max(0, N.H)^exponent; H is the unit half vector.
 #[inline(always)]
 fn specular(points: &ShadowPoints, q: &Lanes3, lit: &mut Lit) {
     for i in 0..LANES {
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn the_terms_are_those_of_the_format() {
+    fn the_terms_match_the_scene_format() {
         let q = Vec3::new(-3.0, 4.0, 0.0);
         for (falloff, divisor) in
             [(Falloff::None, 1.0), (Falloff::Linear, 5.0), (Falloff::Quadratic, 25.0)]
@@ -190,8 +190,8 @@ mod tests {
     }
 
     #[test]
-    fn a_light_nearer_than_its_rounding_is_seen() {
-        // Far from the origin the end of the segment is less sure than the segment is long.
+    fn a_light_nearer_than_its_rounding_is_visible() {
+        // Far from the origin, the rounding of the segment's end exceeds the segment's length.
         let mut points = one_point();
         let at = Vec3::new(1000.0, 500.0, 0.0);
         set_lane(&mut points.position, 0, at);

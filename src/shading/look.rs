@@ -1,4 +1,4 @@
-//! What a surface looks like: material, texture, vertex colours, shading normals.
+//! Appearance of a surface: material, texture, vertex colours, shading normals.
 
 use glam::{DVec2, Vec3};
 
@@ -10,46 +10,46 @@ use crate::mesh::{Colors, Normals};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::scene::{ColorSpace, Filter, Wrap};
 
-/// Blinn-Phong coefficients and where the base colour comes from.
+/// Blinn-Phong coefficients, and the source of the base colour.
 #[derive(Debug, Clone)]
 pub struct Material {
-    /// Diffuse.
+    /// Coefficient kd of the diffuse term.
     pub kd: f32,
-    /// Specular.
+    /// Coefficient ks of the specular term.
     pub ks: f32,
-    /// Ambient.
+    /// Coefficient ka of the ambient term.
     pub ka: f32,
-    /// Mirror.
+    /// Coefficient kr of the mirror term.
     pub kr: f32,
-    /// Specular exponent.
+    /// Exponent of the specular term.
     pub exponent: f32,
-    /// Base colour without a texture.
+    /// Base colour where there is no texture.
     pub base: Vec3,
-    /// Index into [`Shapes::textures`].
+    /// Texture of the base colour, as an index into [`Shapes::textures`].
     pub texture: Option<u32>,
-    /// Texture filter.
+    /// Filter of the texture lookup.
     pub filter: Filter,
-    /// What lies beyond the image; `None` is the shape's default.
+    /// Wrap mode beyond the image; `None` is the shape's default.
     pub wrap: Option<Wrap>,
-    /// u, v are multiplied by it.
+    /// Factor of u and v.
     pub uv_scale: DVec2,
 }
 
-/// Vertex colours as stored and how to decode them.
+/// Vertex colours as stored, and how to decode them.
 #[derive(Debug, Clone)]
 pub struct VertexColors {
-    /// As stored.
+    /// Values as stored in the file.
     pub values: Colors,
-    /// How integers and floats become linear light.
+    /// Colour space of the values; decoding makes them linear.
     pub space: ColorSpace,
 }
 
-/// A shape: material and per-vertex data.
+/// Material and per-vertex data of a shape.
 #[derive(Debug, Clone)]
 pub struct Shape {
-    /// Index into [`Shapes::materials`].
+    /// Material of the shape, as an index into [`Shapes::materials`].
     pub material: u32,
-    /// Texture coordinates.
+    /// Source of its texture coordinates.
     pub uv: UvSource,
     /// Unit normals of a smooth mesh.
     pub normals: Option<Normals>,
@@ -57,12 +57,12 @@ pub struct Shape {
     pub colors: Option<VertexColors>,
 }
 
-/// Which shape a geometry's primitives belong to.
+/// Maps the primitives of a geometry to shapes.
 #[derive(Debug, Clone)]
 pub enum Owner {
-    /// All to one.
+    /// All primitives belong to this shape.
     One(u32),
-    /// One each.
+    /// The shape of each primitive.
     Each(Vec<u32>),
 }
 
@@ -79,18 +79,18 @@ impl Owner {
 /// All shapes, materials and textures of a scene.
 #[derive(Debug, Default)]
 pub struct Shapes {
-    /// By geometry id.
+    /// Shapes of the primitives, by geometry id.
     pub owners: Vec<Owner>,
-    /// In file order.
+    /// Shapes in file order.
     pub shapes: Vec<Shape>,
-    /// Used by shapes.
+    /// Materials that the shapes use.
     pub materials: Vec<Material>,
-    /// Used by materials.
+    /// Textures that the materials use.
     pub textures: Vec<Texture>,
 }
 
 impl Shapes {
-    /// Looks up what 16 surface points look like.
+    /// Computes the shading points of 16 surface points: material, base colour and shading normal.
     #[inline(always)]
     pub fn look(
         &self,
@@ -125,13 +125,14 @@ impl Shapes {
         }
     }
 
-    /// The shape that a hit's primitive belongs to: its index in file order.
+    /// Shape of a primitive, as an index in file order.
     #[inline(always)]
     pub fn shape(&self, geom: u32, prim: u32) -> u32 {
         self.owners[geom as usize].shape(prim)
     }
 
-    /// The shape that every lane of `hit` hits, if it is the same mesh or the same primitive.
+    /// The shape that all lanes of `hit` share: all lanes hit the same mesh or the same primitive.
+    /// `None` if they differ or none hits.
     #[inline(always)]
     pub fn one_shape(&self, packet: &RayPacket, hit: &Mask) -> Option<u32> {
         if !hit.any() {
@@ -141,7 +142,7 @@ impl Shapes {
         let (geom, prim) = (packet.hits.geom[first], packet.hits.prim[first]);
         let owner = &self.owners[geom as usize];
         let any_prim = matches!(owner, Owner::One(_));
-        // A loop: a closure would be compiled for the portable tier, and called.
+        // A loop, because a closure would be compiled for the portable tier and called.
         let mut others = 0;
         for i in 0..LANES {
             let own = (packet.hits.geom[i] == geom) & (any_prim | (packet.hits.prim[i] == prim));
@@ -150,14 +151,14 @@ impl Shapes {
         (others == 0).then(|| owner.shape(prim))
     }
 
-    /// Whether a shape has texture coordinates; not so a mesh whose file has none.
+    /// Whether a shape has texture coordinates. A mesh has none if its file has none.
     #[inline(always)]
     pub fn has_uv(&self, shape: u32) -> bool {
         !matches!(self.shapes[shape as usize].uv, UvSource::None)
     }
 
-    /// Texture coordinates under lane `i`, which hit: v runs down, before any `tScale`. `None` for a shape
-    /// without.
+    /// Texture coordinates at the hit of lane `i`, which must have hit. v points down; `tScale` is
+    /// not applied. `None` for a shape without coordinates.
     #[inline(always)]
     pub fn uv(
         &self,
@@ -170,7 +171,7 @@ impl Shapes {
         self.shapes[shape as usize].uv.at(geometry, packet, surfaces, i)
     }
 
-    /// Bytes of vertex data: normals, texture coordinates, colours.
+    /// Memory of the vertex data in bytes: normals, texture coordinates, colours.
     pub fn vertex_bytes(&self) -> u64 {
         let shapes = self.shapes.iter().map(|shape| {
             let uv = shape.uv.bytes();
@@ -185,13 +186,12 @@ impl Shapes {
         shapes.sum()
     }
 
-    /// Bytes of textures.
+    /// Memory of all textures in bytes.
     pub fn texture_bytes(&self) -> u64 {
         self.textures.iter().map(Texture::bytes).sum()
     }
 
-    /// The material, if every lane that hits anything hits the same shape and nothing varies
-    /// over it.
+    /// The material of all lanes, if they hit the same shape and nothing varies over it.
     #[inline(always)]
     fn one_plain_material(&self, packet: &RayPacket, surfaces: &Surfaces) -> Option<&Material> {
         let shape = &self.shapes[self.one_shape(packet, &surfaces.hit)? as usize];
@@ -200,7 +200,7 @@ impl Shapes {
         plain.then_some(material)
     }
 
-    /// Texture, vertex colours and shading normal of one lane.
+    /// Computes texture, vertex colours and shading normal of one lane.
     #[inline(never)]
     fn details(
         &self,
@@ -263,12 +263,12 @@ fn weighted(weights: [f32; 3], values: [Vec3; 3]) -> Vec3 {
     values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
 }
 
-/// Interpolated normal, and the shadow origin lifted off the facets.
+/// Sets the interpolated normal, and lifts the shadow origin off the facets.
 ///
-/// Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II ch. 4:
-/// P' = P - sum w_i min(0, (P - V_i).N_i) N_i. Corner normals are negated where N is; one that then
-/// faces away from Ng would push the origin under the facet, so it lifts nothing. Where the normals
-/// cancel, or there are none, N = Ng and P' = P.
+/// Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II ch. 4: P' = P - sum w_i min(0,
+/// (P - V_i).N_i) N_i. Corner normals are negated if N is. A corner normal that then faces away
+/// from Ng would push the origin below the facet, so it lifts nothing. If the normals cancel or are
+/// missing, N = Ng and P' = P.
 fn smooth(corners: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 3], i: usize, out: &mut Points) {
     let ng = lane(&out.at.ng, i);
     let Some(n) = weighted(weights, normals).try_normalize() else {
@@ -277,7 +277,7 @@ fn smooth(corners: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 3], i: usize, o
     let side = if n.dot(ng) < 0.0 { -1.0 } else { 1.0 };
     set_lane(&mut out.at.n, i, n * side);
     let point = |c: usize| {
-        // P - V_c from the edges: no cancellation of large coordinates.
+        // P - V_c from the edges, so that large coordinates do not cancel.
         weighted(weights, corners.map(|corner| corner - corners[c]))
     };
     let lift = (0..3).fold(Vec3::ZERO, |lift, c| {
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn normals_that_face_away_never_push_the_shadow_origin_under_the_facet() {
+    fn normals_facing_away_never_push_the_shadow_origin_below_the_facet() {
         let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let away =
             [Vec3::new(-1.0, -1.0, -0.5), Vec3::new(1.0, 0.0, 3.0), Vec3::new(0.0, 1.0, 3.0)];
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn normals_that_cancel_or_are_missing_leave_the_facet_flat() {
+    fn cancelling_or_missing_normals_leave_the_facet_flat() {
         let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
         for normals in [[Vec3::ZERO; 3], [Vec3::Z, -Vec3::Z, Vec3::ZERO]] {
             let mut points = Points::EMPTY;

@@ -1,5 +1,5 @@
-//! Surface points -> what they look like and what light they get. Knows nothing of how hits are
-//! found.
+//! Materials, textures and lights: turns surface points into colours and incoming light.
+//! Independent of the accelerators.
 
 mod exr;
 mod flush;

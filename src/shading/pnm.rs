@@ -1,7 +1,8 @@
-//! Netpbm files (P1 to P7) with their samples as they are: what the header calls white is told beside them.
+//! Netpbm files (P1 to P7) with unscaled samples; the white level of the header is returned beside
+//! them.
 //!
-//! The decoder scales samples to 8 or 16 bits, and rounds. A header that says 255 or 65535 leaves it nothing to
-//! scale.
+//! The `image` decoder scales samples to 8 or 16 bits, and rounds. A header with a white level of
+//! 255 or 65535 leaves nothing to scale.
 
 use std::io::{Cursor, Read};
 
@@ -10,13 +11,13 @@ use image::codecs::pnm::{
 };
 use image::error::ImageResult;
 
-/// The decoder of a file that begins at `reader`, and the sample that means white; `None` where that is 255 or
-/// 65535 anyway.
+/// Returns the decoder of the file that begins at `reader`, and the sample that means white. `None`
+/// for white if it is 255 or 65535 anyway.
 pub fn decoder<R: Read>(reader: R) -> ImageResult<(PnmDecoder<impl Read>, Option<u16>)> {
     let (rest, header) = PnmDecoder::new(reader)?.into_inner();
     let white = header.maximal_sample();
     let full = if white > 255 { 65535 } else { 255 };
-    let (header, white) = match saying(&header, full) {
+    let (header, white) = match with_white(&header, full) {
         Some(unscaled) if white != full => (unscaled, u16::try_from(white).ok()),
         _ => (header, None),
     };
@@ -25,8 +26,8 @@ pub fn decoder<R: Read>(reader: R) -> ImageResult<(PnmDecoder<impl Read>, Option
     Ok((PnmDecoder::new(Cursor::new(start).chain(rest))?, white))
 }
 
-/// The header with another largest sample; `None` where samples are bits.
-fn saying(header: &PnmHeader, white: u32) -> Option<PnmHeader> {
+/// The header with another white level; `None` if samples are bits.
+fn with_white(header: &PnmHeader, white: u32) -> Option<PnmHeader> {
     use ArbitraryTuplType::{BlackAndWhite, BlackAndWhiteAlpha};
     if let Some(&grey) = header.as_graymap() {
         return Some(GraymapHeader { maxwhite: white, ..grey }.into());

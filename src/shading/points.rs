@@ -1,4 +1,4 @@
-//! 16 points ready to be shaded, as structures of arrays.
+//! 16 shading points as structures of arrays.
 
 use glam::Vec3;
 
@@ -11,39 +11,39 @@ pub type Lanes = [f32; LANES];
 /// One vector per lane.
 pub type Lanes3 = [Lanes; 3];
 
-/// Lane `i` as a vector.
+/// The vector of lane `i`.
 #[inline(always)]
 pub fn lane(v: &Lanes3, i: usize) -> Vec3 {
     Vec3::new(v[0][i], v[1][i], v[2][i])
 }
 
-/// Sets lane `i`.
+/// Sets the vector of lane `i`.
 #[inline(always)]
 pub fn set_lane(v: &mut Lanes3, i: usize, value: Vec3) {
     (v[0][i], v[1][i], v[2][i]) = (value.x, value.y, value.z);
 }
 
-/// What a light needs to know of 16 points.
+/// The part of 16 shading points that light sampling reads.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct ShadowPoints {
-    /// P, relative to the scene's origin.
+    /// Position P, relative to the scene's origin.
     pub position: Lanes3,
-    /// Where shadow rays start: P', outside the surface.
+    /// Origin of the shadow rays: P', outside the surface.
     pub origin: Lanes3,
-    /// Unit geometric normal, turned to the viewer.
+    /// Unit geometric normal, on the viewer's side.
     pub ng: Lanes3,
     /// Unit shading normal, on the side of `ng`.
     pub n: Lanes3,
     /// Unit direction to the viewer.
     pub view: Lanes3,
-    /// Diffuse coefficient.
+    /// Coefficient kd of the diffuse term, by lane.
     pub kd: Lanes,
-    /// Specular coefficient.
+    /// Coefficient ks of the specular term, by lane.
     pub ks: Lanes,
-    /// Specular exponent.
+    /// Exponent of the specular term.
     pub exponent: Lanes,
-    /// Primitive number.
+    /// Scene-wide primitive number, by lane.
     pub primitive: [u32; LANES],
     /// Lanes whose shadow origin is lifted off the surface (smooth normals).
     pub lifted: Mask,
@@ -52,7 +52,7 @@ pub struct ShadowPoints {
 }
 
 impl ShadowPoints {
-    /// No points.
+    /// No lane has a point.
     pub const EMPTY: Self = Self {
         position: [[0.0; LANES]; 3],
         origin: [[0.0; LANES]; 3],
@@ -67,7 +67,7 @@ impl ShadowPoints {
         hit: Mask::NONE,
     };
 
-    /// The points of `lanes`, those from `count` on switched off.
+    /// Copies the points of `lanes`. Lanes from `count` on become inactive.
     #[inline(always)]
     pub fn gather(&mut self, from: &Self, lanes: &[usize; LANES], count: usize) {
         let pick3 = |to: &mut Lanes3, from: &Lanes3, i: usize, j: usize| {
@@ -92,22 +92,22 @@ impl ShadowPoints {
     }
 }
 
-/// 16 points with all that shading needs.
+/// 16 shading points with everything that shading reads.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct Points {
-    /// What lights need.
+    /// The part that light sampling reads.
     pub at: ShadowPoints,
-    /// Base colour.
+    /// Base colour of the surface, by lane.
     pub base: Lanes3,
-    /// Ambient coefficient.
+    /// Coefficient ka of the ambient term, by lane.
     pub ka: Lanes,
-    /// Mirror coefficient.
+    /// Coefficient kr of the mirror term, by lane.
     pub kr: Lanes,
 }
 
 impl Points {
-    /// No points.
+    /// No lane has a point.
     pub const EMPTY: Self = Self {
         at: ShadowPoints::EMPTY,
         base: [[0.0; LANES]; 3],
@@ -116,13 +116,13 @@ impl Points {
     };
 }
 
-/// R.Ng of a mirrored ray at least: what rounding may take away, twice.
-const LEAST_RISE: f32 = 8.0 * f32::EPSILON;
+/// Smallest R.Ng of a mirrored ray: twice the largest effect of rounding.
+const MIN_RISE: f32 = 8.0 * f32::EPSILON;
 
-/// Turns `rays` into the mirrored rays of the points with kr > 0; returns those lanes.
+/// Turns `rays` into the mirrored rays of the points with kr > 0. Returns these lanes.
 ///
-/// R = reflect(D, N); where that goes below the surface (R.Ng <= 0) R is mirrored at Ng's plane. It
-/// then rises by at least `LEAST_RISE`, so that its rounding does not take it into its own surface.
+/// R = reflect(D, N). If R points below the surface (R.Ng <= 0), it is mirrored at the plane of Ng.
+/// R then rises by at least `MIN_RISE`, so that rounding does not send it into its own surface.
 #[inline(always)]
 pub fn reflect(points: &Points, outside: &Lanes3, rays: &mut Rays) -> Mask {
     let mut active = Mask::NONE;
@@ -132,7 +132,7 @@ pub fn reflect(points: &Points, outside: &Lanes3, rays: &mut Rays) -> Mask {
         let r = d - n * (2.0 * d.dot(n));
         let below = r.dot(ng).min(0.0);
         let r = r - ng * (2.0 * below);
-        let r = r + ng * (LEAST_RISE - r.dot(ng)).max(0.0);
+        let r = r + ng * (MIN_RISE - r.dot(ng)).max(0.0);
         let r = r * (1.0 / r.dot(r).sqrt());
         set_lane(&mut rays.org, i, lane(outside, i));
         set_lane(&mut rays.dir, i, r);
@@ -162,7 +162,7 @@ mod tests {
         assert_eq!(active.count(), 1);
         assert!((lane(&rays.dir, 0) - Vec3::new(0.6, 0.8, 0.0)).length() < 1e-6);
 
-        // A shading normal that leans so far that the mirrored ray would go under the surface.
+        // The shading normal leans so far that the mirrored ray would go below the surface.
         set_lane(&mut points.at.n, 0, Vec3::new(0.9, 0.435_889_9, 0.0).normalize());
         reflect(&points, &[[0.0; LANES]; 3], &mut rays);
         assert!(lane(&rays.dir, 0).y > 0.0);

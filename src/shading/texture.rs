@@ -1,14 +1,16 @@
-//! Textures: image files become linear RGB that can be looked up at (u, v).
+//! Textures: loads image files as linear RGB and looks up colours at (u, v).
 //!
-//! Reads PPM and its kin, PNG, JPEG, Radiance HDR and OpenEXR, told apart by content, never by
-//! file name. Texels are decoded to linear light before any filtering: sRGB for integer images
-//! of any format, none for float images, unless the scene says otherwise. Integers are divided by
-//! the largest of their type, those of Netpbm files by what their header calls white. Embedded colour
-//! profiles, gamma chunks and EXIF orientations are not applied; alpha is dropped.
-//! An OpenEXR is the picture of its display window; only the pixels that it has take memory.
-//! Refuses what is larger than a given number of bytes (known from the header, before pixels are
-//! decoded), what ends too early, and float images with texels that are not finite. Negative
-//! texels are kept and counted.
+//! Reads PPM and related formats, PNG, JPEG, Radiance HDR and OpenEXR. The content decides the
+//! format, never the file name. Texels are decoded to linear light before filtering: integer images
+//! of any format from sRGB, float images unchanged, unless the scene sets the colour space.
+//! Integers are divided by the largest value of their type; Netpbm samples are divided by the white
+//! level of their header. Embedded colour profiles, gamma chunks and EXIF orientations are ignored;
+//! alpha is dropped. The texture of an OpenEXR is its display window; memory is allocated only for
+//! the pixels in the file.
+//!
+//! Rejected are images above a given number of bytes (known from the header, before decoding),
+//! truncated files, and float images with texels that are not finite. Negative texels are kept and
+//! counted.
 
 use std::{ops::Range, path::Path};
 
@@ -26,10 +28,10 @@ use image::{DynamicImage, ImageDecoder, ImageFormat};
 
 use super::exr::Layout;
 
-/// What [`Texture::load`] lets one texture take while it is decoded: 4 GiB.
+/// Limit of [`Texture::load`] on the memory of one texture while it is decoded: 4 GiB.
 pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
 
-/// An image as linear RGB, rows from the top.
+/// An image in linear RGB; rows from the top.
 #[derive(Debug, Clone)]
 pub struct Texture {
     width: u32,
@@ -40,27 +42,27 @@ pub struct Texture {
     stamp: Option<Stamp>,
 }
 
-/// Texels with a negative value, which no surface reflects.
+/// Texels with a negative value. No real surface has a negative reflectance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Negative {
-    /// How many, >= 1.
+    /// Number of texels, >= 1.
     pub texels: u64,
-    /// Column and row of the first, from the top left.
+    /// Column and row of the first such texel, from the top left.
     pub first: [u32; 2],
 }
 
-/// 8-bit images stay 8-bit: a quarter of the memory, and exact.
+/// Stored texels. 8-bit images stay 8-bit: a quarter of the memory, and exact.
 #[derive(Debug, Clone)]
 enum Texels {
-    /// RGB bytes, and the linear value of each byte.
+    /// RGB bytes, and a table of the linear value of each byte.
     Bytes(Vec<u8>, Box<[f32; 256]>),
-    /// Linear RGB.
+    /// Linear RGB of every texel.
     Floats(Vec<f32>),
     /// Linear RGB of a part of the image; the rest is black.
     Part(Box<Part>),
 }
 
-/// The texels that a file has of its image.
+/// The texels of an image that its file has.
 #[derive(Debug, Clone)]
 struct Part {
     texels: Vec<f32>,
@@ -81,22 +83,22 @@ impl Part {
 }
 
 impl Texture {
-    /// Reads an image file of at most 4 GiB.
+    /// Reads an image that needs at most 4 GiB while it is decoded.
     ///
-    /// `color_space` `None`: sRGB for integer images, linear for float images.
+    /// A `color_space` of `None` is sRGB for integer images and linear for float images.
     pub fn load(path: &Path, color_space: Option<ColorSpace>) -> Result<Self> {
         Self::load_within(path, color_space, DEFAULT_MAX_BYTES)
     }
 
-    /// What the file at `path` will take, from its header alone.
+    /// Memory that the image at `path` needs, from its header alone.
     ///
     /// # Errors
-    /// What [`Texture::load`] would say of the header.
+    /// The errors of [`Texture::load`] that concern the header.
     pub fn size(path: &Path) -> Result<TextureSize> {
         Ok(TextureSize::of(&source(path, u64::MAX)?.source))
     }
 
-    /// Reads an image file that needs at most `max_bytes` while it is decoded.
+    /// Reads an image that needs at most `max_bytes` while it is decoded.
     pub fn load_within(
         path: &Path,
         color_space: Option<ColorSpace>,
@@ -115,7 +117,7 @@ impl Texture {
                 if format == ImageFormat::Jpeg {
                     check_jpeg_end(path)?;
                 }
-                // The library's allocations cannot fail one by one.
+                // The library's single allocations cannot fail, so the sum is tested first.
                 reserve::probe(needed, &name(path))?;
                 let image = DynamicImage::from_decoder(decoder).map_err(|e| explain(path, e))?;
                 let texels = decode(image, color_space, white).map_err(|texel| {
@@ -154,17 +156,17 @@ impl Texture {
         self.had_alpha
     }
 
-    /// The texels with negative values, which are kept, if there are any.
+    /// Texels with negative values, if there are any. They are kept.
     pub fn negative(&self) -> Option<Negative> {
         self.negative
     }
 
-    /// The file as it was when it was opened.
+    /// Stamp of the file when it was opened.
     pub fn stamp(&self) -> Option<Stamp> {
         self.stamp
     }
 
-    /// Bytes of memory that the texels take.
+    /// Memory of the texels, in bytes.
     pub fn bytes(&self) -> u64 {
         let bytes = match &self.texels {
             Texels::Bytes(bytes, table) => bytes.len() + size_of_val(&**table),
@@ -174,11 +176,12 @@ impl Texture {
         bytes as u64
     }
 
-    /// Linear RGB at (u, v): u runs right, v runs down from the first row, the image is [0, 1]^2.
+    /// Linear RGB at (u, v). u points right, v points down from the first row; the image is [0,
+    /// 1]^2.
     ///
-    /// Any u, v are safe: NaN looks up texel 0 of its axis, huge values some texel of the image.
+    /// Any u, v are safe: NaN gives texel 0 of its axis, huge values give some texel of the image.
     pub fn lookup(&self, u: f64, v: f64, filter: Filter, wrap_u: Wrap, wrap_v: Wrap) -> Vec3 {
-        // The products are exact for u, v that came from f32, so floor never errs at a border.
+        // The products are exact for u, v that are f32 values, so floor is right at every border.
         let x = u * f64::from(self.width);
         let y = v * f64::from(self.height);
         match filter {
@@ -216,8 +219,8 @@ impl Texture {
 }
 
 impl Texels {
-    /// The values that may be anything, with their first column and row and how many columns they have, in an image of
-    /// `width`.
+    /// The float values, which may be anything, with their first column and row and their number of
+    /// columns, in an image of `width`. `None` for bytes.
     fn floats(&self, width: u32) -> Option<(&[f32], [u32; 2], u32)> {
         match self {
             Texels::Bytes(..) => None,
@@ -236,7 +239,7 @@ impl Texels {
         Some(place(at / 3, first, width))
     }
 
-    /// The texels with a negative value.
+    /// Counts the texels with a negative value.
     fn negative(&self, width: u32) -> Option<Negative> {
         let (values, first, width) = self.floats(width)?;
         let negative = |rgb: &[f32]| rgb.iter().any(|&value| value < 0.0);
@@ -246,14 +249,14 @@ impl Texels {
     }
 }
 
-/// Column and row of a texel, of those from `first` on in rows of `width`.
+/// Column and row of texel number `texel`, in rows of `width` that begin at (`left`, `top`).
 fn place(texel: usize, [left, top]: [u32; 2], width: u32) -> [u32; 2] {
     let (texel, width) = (texel as u64, u64::from(width));
     [left + (texel % width) as u32, top + (texel / width) as u32]
 }
 
-/// Texel index `floor + offset` on an axis of `size` texels. `floor` may be anything: `as`
-/// saturates and turns NaN into 0.
+/// Texel index `floor + offset` on an axis of `size` texels. Any `floor` is safe: `as` saturates
+/// and turns NaN into 0.
 fn index(floor: f64, offset: i64, size: u32, wrap: Wrap) -> usize {
     let i = (floor as i64).saturating_add(offset);
     let size = i64::from(size);
@@ -268,28 +271,30 @@ fn index(floor: f64, offset: i64, size: u32, wrap: Wrap) -> usize {
     inside as usize
 }
 
-/// A filter weight; 0 where the coordinate was not finite.
+/// A filter weight; 0 if the coordinate was not finite.
 fn fraction(value: f64) -> f32 {
     if value.is_finite() { value as f32 } else { 0.0 }
 }
 
-/// `a` at 0, `b` at 1; exactly `a` everywhere when the two are equal.
+/// Linear interpolation from `a` at t = 0 to `b` at t = 1. Exactly `a` for any t if the two are
+/// equal.
 fn mix(a: Vec3, b: Vec3, t: f32) -> Vec3 {
     a + (b - a) * t
 }
 
-/// sRGB to linear (IEC 61966-2-1); odd, so that negative values of float images survive.
+/// Decodes sRGB to linear (IEC 61966-2-1). An odd function, so that negative values of float images
+/// survive.
 pub(super) fn linear_from_srgb(value: f64) -> f64 {
     let x = value.abs();
     let linear = if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
     linear.copysign(value)
 }
 
-/// Drops alpha, spreads grey to RGB and makes values linear. `white`: what integers are divided by, if not
-/// the largest of their type.
+/// Drops alpha, expands grey to RGB and makes values linear. `white` is the divisor of integers, if
+/// it is not the largest value of their type.
 ///
 /// # Errors
-/// The first texel (row by row) that is larger than `white`.
+/// The first texel (row by row) with a value above `white`.
 fn decode(
     image: DynamicImage,
     color_space: Option<ColorSpace>,
@@ -329,7 +334,7 @@ fn decode(
     }
 }
 
-/// The texels of an EXR: linear unless the scene says otherwise.
+/// Texels of an EXR: linear unless the scene sets another colour space.
 fn exr_texels(layout: Layout, mut texels: Vec<f32>, color_space: Option<ColorSpace>) -> Texels {
     if color_space == Some(ColorSpace::Srgb) {
         texels.iter_mut().for_each(|v| *v = linear_from_srgb(f64::from(*v)) as f32);
@@ -356,7 +361,7 @@ mod tests {
     const R: Wrap = Wrap::Repeat;
     const C: Wrap = Wrap::Clamp;
 
-    /// A folder with one file in it.
+    /// Writes one file into a new folder.
     fn file(name: &str, data: &[u8]) -> (TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
@@ -385,14 +390,14 @@ mod tests {
         Texture::load(&path, Some(ColorSpace::Linear)).unwrap()
     }
 
-    /// 4 x 2, grey 0 20 40 60 over 100 120 140 160, of 200.
+    /// A linear 4 x 2 texture: grey 0 20 40 60 over 100 120 140 160, white is 200.
     fn ramp() -> Texture {
         let grey = "0 20 40 60 100 120 140 160".split(' ');
         let body: Vec<String> = grey.map(|g| format!("{g} {g} {g}")).collect();
         linear_ppm(&format!("P3\n# by hand\n4 2\n200\n{}\n", body.join("\n")))
     }
 
-    /// In units of the ramp; its samples are 8-bit, so within 200/255/2 of them.
+    /// Grey value of a lookup, in units of the ramp.
     fn grey(texture: &Texture, u: f64, v: f64, filter: Filter, wrap: Wrap) -> f32 {
         let rgb = texture.lookup(u, v, filter, wrap, wrap);
         assert_eq!((rgb.x, rgb.x), (rgb.y, rgb.z));
@@ -503,7 +508,7 @@ mod tests {
     }
 
     #[test]
-    fn linear_is_obeyed() {
+    fn a_linear_color_space_skips_the_srgb_curve() {
         let t = linear_ppm("P3 1 1 255 51 102 255");
         let rgb = t.lookup(0.5, 0.5, N, C, C);
         assert!((rgb - Vec3::new(0.2, 0.4, 1.0)).length() < 1e-6);
@@ -519,7 +524,7 @@ mod tests {
         assert_eq!(t.lookup(0.0, 0.0, N, C, C), Vec3::new(half, 0.0, 1.0));
     }
 
-    /// Every sample of every kind of Netpbm file, divided by what its header calls white.
+    /// Every sample of every kind of Netpbm file is divided by the header's white level.
     #[test]
     fn samples_of_any_maxval_are_exact() {
         for white in [1u32, 2, 100, 200, 254, 255, 256, 1000, 4095, 65534, 65535] {
@@ -612,7 +617,7 @@ mod tests {
     }
 
     #[test]
-    fn jpeg() {
+    fn jpeg_is_decoded() {
         let image = RgbImage::from_pixel(16, 8, Rgb([200, 100, 50]));
         let (_folder, path) = saved("t.jpg", &image.into());
         let t = Texture::load(&path, Some(ColorSpace::Linear)).unwrap();
@@ -652,9 +657,10 @@ mod tests {
         assert!(message.contains("texel (1, 1) is NaN"), "{message}");
     }
 
-    /// A data window that is in the picture, leaves it on two sides, lies beside it, or holds it.
+    /// The data window lies inside the picture, leaves it on two sides, lies beside it, or contains
+    /// it.
     #[test]
-    fn an_exr_is_the_picture_of_its_display_window() {
+    fn an_exr_texture_is_its_display_window() {
         use ::exr::prelude::*;
         for (first, size) in
             [((2, 1), (3, 2)), ((-2, -1), (4, 3)), ((9, 9), (2, 2)), ((-1, -1), (9, 8))]
@@ -713,7 +719,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_image_is_a_clear_error() {
+    fn files_that_are_no_images_have_clear_errors() {
         let folder = tempfile::tempdir().unwrap();
         let message = |path: &Path| Texture::load(path, None).unwrap_err().to_string();
         let missing = message(&folder.path().join("no.png"));
@@ -740,7 +746,7 @@ mod tests {
             };
             let (_folder, path) = saved(name, &image);
             let whole = std::fs::read(&path).unwrap();
-            // A PNG is whole once its pixels are; its last chunk says nothing.
+            // A PNG is complete once its pixels are; its last chunk holds no data.
             let end = whole.len() - if name == "t.png" { 13 } else { 1 };
             for length in (0..end).step_by(7).chain([end]) {
                 std::fs::write(&path, &whole[..length]).unwrap();

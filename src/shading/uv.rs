@@ -1,4 +1,4 @@
-//! Texture coordinates of a hit: f64 from the ray and the primitive on, until the texel is known.
+//! Texture coordinates of a hit, in f64 from the ray and the primitive to the texel.
 
 use glam::{DVec2, DVec3};
 
@@ -6,28 +6,29 @@ use crate::geometry::{Geometry, GeometryKind, Surfaces, exact_position};
 use crate::ray::RayPacket;
 use crate::scene::Wrap;
 
-/// Where texture coordinates come from.
+/// Source of a shape's texture coordinates.
 #[derive(Debug, Clone)]
 pub enum UvSource {
-    /// There are none.
+    /// The shape has no texture coordinates.
     None,
-    /// Latitude and longitude; `pole` is the axis 0, 1, 2.
+    /// Latitude and longitude of a sphere.
     Sphere {
-        /// Which axis the poles are on.
+        /// Axis of the poles: 0, 1 or 2.
         pole: u8,
     },
-    /// Linear functions of the position on a plane or a single triangle.
+    /// Linear functions of the position on a plane or a single triangle, from the corners in f64.
     Linear(Box<UvFrame>),
-    /// The same from the corners that the geometry holds, which are rounded: no texture needs them.
+    /// The same functions from the rounded corners of the geometry, for shapes without a texture.
     Corners,
-    /// One per vertex of the mesh; v up, as in the file.
+    /// One coordinate pair per vertex of the mesh; v points up, as in the file.
     PerVertex(Vec<[f32; 2]>),
-    /// Three per triangle of the mesh; v up, as in the file.
+    /// Three coordinate pairs per triangle of the mesh; v points up, as in the file.
     PerCorner(Vec<[[f32; 2]; 3]>),
 }
 
 impl UvSource {
-    /// (u, v) under lane `i` of a traced packet, which hit this shape; v runs down.
+    /// Texture coordinates (u, v) at the hit of lane `i`, which must have hit this shape. v points
+    /// down.
     pub(super) fn at(
         &self,
         geometry: &Geometry,
@@ -52,14 +53,14 @@ impl UvSource {
             }
             (Self::PerVertex(uv), GeometryKind::Mesh(mesh)) => {
                 let corners = geometry.meshes[mesh].triangles()[prim as usize];
-                Some(of_file(corners.map(|corner| uv[corner as usize]), surfaces.weights(i)))
+                Some(file_uv(corners.map(|corner| uv[corner as usize]), surfaces.weights(i)))
             }
-            (Self::PerCorner(uv), _) => Some(of_file(uv[prim as usize], surfaces.weights(i))),
+            (Self::PerCorner(uv), _) => Some(file_uv(uv[prim as usize], surfaces.weights(i))),
             _ => None,
         }
     }
 
-    /// What lies beyond the image where the scene does not say: in u and in v.
+    /// Default wrap mode in u and in v, for scenes that set none.
     pub(super) fn wrap(&self) -> [Wrap; 2] {
         match self {
             Self::Sphere { .. } => [Wrap::Repeat, Wrap::Clamp],
@@ -68,7 +69,7 @@ impl UvSource {
         }
     }
 
-    /// Bytes beside the value itself.
+    /// Heap memory in bytes.
     pub(super) fn bytes(&self) -> usize {
         match self {
             Self::PerVertex(uv) => size_of_val(&uv[..]),
@@ -83,36 +84,36 @@ fn exact(vertex: [f32; 3]) -> DVec3 {
     DVec3::from(vertex.map(f64::from))
 }
 
-/// The mean of a file's coordinates, turned to run down.
-fn of_file(corners: [[f32; 2]; 3], weights: [f64; 3]) -> DVec2 {
+/// Interpolates coordinates of a file, and flips v to point down.
+fn file_uv(corners: [[f32; 2]; 3], weights: [f64; 3]) -> DVec2 {
     let [a, b, c] = corners.map(|uv| DVec2::from(uv.map(f64::from)));
     let mean = a * weights[0] + b * weights[1] + c * weights[2];
     DVec2::new(mean.x, 1.0 - mean.y)
 }
 
-/// u and v as linear functions of the position.
+/// Texture coordinates u and v as linear functions of the position.
 #[derive(Debug, Clone, Copy)]
 pub struct UvFrame {
-    /// Where (u, v) is `start`; relative to the scene's origin.
+    /// Position at which (u, v) is `start`, relative to the scene's origin.
     corner: DVec3,
     start: DVec2,
-    /// Change of u with the position.
+    /// Gradient of u over the position.
     u: DVec3,
-    /// Change of v with the position.
+    /// Gradient of v over the position.
     v: DVec3,
 }
 
 impl UvFrame {
-    /// With a = v2 - v3, b = v0 - v3: u = (P - v3).a/|a|^2, v = 1 - (P - v3).b/|b|^2. Corners relative to the
-    /// scene's origin.
+    /// The frame of a quad. With a = v2 - v3, b = v0 - v3: u = (P - v3).a/|a|^2, v = 1 - (P -
+    /// v3).b/|b|^2. Corners are relative to the scene's origin.
     pub fn of_quad(&[v0, _, v2, v3]: &[DVec3; 4]) -> Self {
         let (a, b) = (v2 - v3, v0 - v3);
         Self { corner: v3, start: DVec2::Y, u: a / a.dot(a), v: -b / b.dot(b) }
     }
 
-    /// With e = v1 - v0, h the part of v2 - v0 perpendicular to e, [m, M] the range of the corners
-    /// along e: u = 1 - ((P - v0).e/|e| - m)/(M - m), v = (P - v0).h/|h|^2. Corners relative to the scene's
-    /// origin.
+    /// The frame of a triangle. With e = v1 - v0, h the part of v2 - v0 perpendicular to e, and [m,
+    /// M] the range of the corners along e: u = 1 - ((P - v0).e/|e| - m)/(M - m), v = (P -
+    /// v0).h/|h|^2. Corners are relative to the scene's origin.
     pub fn of_triangle(corners: &[DVec3; 3]) -> Self {
         let [v0, v1, v2] = *corners;
         let e = (v1 - v0).normalize();
@@ -131,8 +132,9 @@ impl UvFrame {
     }
 }
 
-/// `u = 0.5 + atan2(p.x, -p.y)/(2 pi)`, `v = 0.5 - asin(p.z/|p|)/pi`, poles moved to `pole`; `p` of any
-/// length. The arcsine as an arctangent keeps its digits at the poles.
+/// Latitude and longitude of a direction of any length: `u = 0.5 + atan2(p.x, -p.y)/(2 pi)`, `v =
+/// 0.5 - asin(p.z/|p|)/pi`, with the poles moved to the axis `pole`. The arcsine is computed as an
+/// arctangent, which keeps its digits at the poles.
 fn sphere_uv(p: DVec3, pole: u8) -> DVec2 {
     use std::f64::consts::{PI, TAU};
     let p = match pole {
@@ -175,7 +177,7 @@ mod tests {
             |corners: [DVec3; 3]| corners.map(|p| UvFrame::of_triangle(&corners).at(p));
         let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(1.0, 2.0, 0.0)];
         assert_eq!(at_corners(corners), [DVec2::X, DVec2::ZERO, DVec2::new(0.75, 1.0)]);
-        // A third corner that sticks out widens the range.
+        // A third corner outside of the first edge's range widens the range.
         let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(-4.0, 2.0, 0.0)];
         assert_eq!(at_corners(corners)[0].x, 0.5);
     }

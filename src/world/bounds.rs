@@ -1,4 +1,4 @@
-//! Boxes in world space, f64.
+//! Bounding boxes in world space, in f64.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -9,17 +9,18 @@ use crate::scene::{Camera, ShapeKind};
 /// An axis-aligned box; empty where `min > max`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
-    /// Lowest corner.
+    /// Corner with the lowest coordinates.
     pub min: DVec3,
-    /// Highest corner.
+    /// Corner with the highest coordinates.
     pub max: DVec3,
 }
 
 impl Bounds {
-    /// Holds nothing.
+    /// The empty box, which contains nothing.
     pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
-    /// The smallest box around `n` points that `point` computes, in parallel.
+    /// The smallest box around the `n` points that `point` computes, in parallel. `None` is
+    /// skipped.
     pub fn of_points(n: usize, point: impl Fn(usize) -> Option<DVec3> + Sync) -> Self {
         const CHUNK: usize = 1 << 16;
         (0..n.div_ceil(CHUNK))
@@ -31,7 +32,7 @@ impl Bounds {
             .reduce(|| Self::EMPTY, Self::union)
     }
 
-    /// The box of a shape other than a mesh.
+    /// Bounding box of a shape; empty for a mesh.
     pub fn of_shape(shape: &ShapeKind) -> Self {
         match shape {
             ShapeKind::Sphere { center, radius, .. } => {
@@ -49,12 +50,12 @@ impl Bounds {
         Self { min: self.min.min(p), max: self.max.max(p) }
     }
 
-    /// The smallest box around both.
+    /// The smallest box around both boxes.
     pub fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// The middle; the origin of space if empty.
+    /// Middle of the box; zero for an empty box.
     pub fn center(self) -> DVec3 {
         if self.min.cmple(self.max).all() {
             self.min + (self.max - self.min) / 2.0
@@ -63,13 +64,14 @@ impl Bounds {
         }
     }
 
-    /// The point that the scene's coordinates are taken relative to: the lower corner and half of
-    /// each side, in steps of 2^-16 of the longest half. So few bits that a box which moves exactly
-    /// in f64 takes it along exactly, and all that is relative to it stays the same, bit for bit.
+    /// Origin for coordinates relative to this box: the lower corner plus half of each side,
+    /// rounded to steps of 2^-16 of the longest half. It needs few bits. So when the box moves
+    /// exactly in f64, the origin moves exactly with it, and all relative coordinates keep their
+    /// bits.
     pub fn origin(self) -> DVec3 {
         let half = (self.max - self.min) / 2.0;
         let longest = half.max_element();
-        // The power of two at or below the longest half.
+        // The largest power of two that is not above the longest half.
         let power = f64::from_bits(longest.to_bits() & (0x7ff << 52));
         let step = power / 65536.0;
         if step.is_normal() && longest > 0.0 {
@@ -79,12 +81,12 @@ impl Bounds {
         }
     }
 
-    /// Longest side.
+    /// Length of the longest side.
     pub fn longest_side(self) -> f64 {
         (self.max - self.min).max_element()
     }
 
-    /// Whether the whole box lies behind the camera or beyond one side of its frustum.
+    /// Whether the whole box lies behind the camera or outside of one side of its frustum.
     pub fn outside_view(self, camera: &Camera) -> bool {
         let [x, y, z] = axes(camera);
         let tan = (camera.fov_deg.to_radians() / 2.0).tan();

@@ -1,5 +1,5 @@
-//! What a picture is made of, as one hash: equal for two renders that ask for the same pixels, whatever
-//! their files are called and wherever they lie.
+//! One hash of everything a picture is made from. Two renders of the same pixels have the same
+//! hash, whatever the names and folders of their files.
 
 use std::{
     collections::{BTreeSet, HashMap, HashSet},
@@ -22,16 +22,17 @@ use crate::{
 
 use super::sources::beside;
 
-/// Contents of files by SHA-256. Each file is read once, so that frames of a batch can share it.
+/// SHA-256 of the contents of files. Each file is read once, so that frames of a batch share the
+/// result.
 #[derive(Debug, Default)]
 pub struct Contents {
-    /// `None`: a pipe, whose bytes come only once.
+    /// Hashes by path; `None` for a pipe, whose bytes can be read only once.
     known: HashMap<PathBuf, Option<Hashed>>,
-    /// Stamps of all of them.
+    /// Stamps of all hashed files.
     stamps: HashSet<Stamp>,
 }
 
-/// A file's hash.
+/// Hash and stamp of a file.
 #[derive(Debug, Clone)]
 struct Hashed {
     sha256: String,
@@ -39,8 +40,8 @@ struct Hashed {
 }
 
 impl Contents {
-    /// The SHA-256 (hexadecimal) of a file; `None` if it cannot be read twice.
-    fn of(&mut self, path: &Path) -> Result<Option<String>> {
+    /// SHA-256 of a file in hexadecimal; `None` if the file cannot be read twice.
+    fn sha256_of(&mut self, path: &Path) -> Result<Option<String>> {
         if !self.known.contains_key(path) {
             let found = hashed(path)?;
             self.stamps.extend(found.as_ref().map(|found| found.stamp));
@@ -50,8 +51,8 @@ impl Contents {
         Ok(found.map(|found| found.sha256.clone()))
     }
 
-    /// Whether the file was hashed as it was when it had this stamp. A frame's scene may name it by
-    /// another path than the scene that was read.
+    /// Whether the hashed file had this stamp. The scene of a frame may use another path than the
+    /// loaded scene, so an unknown path is looked up by stamp alone.
     pub(super) fn has(&self, path: &Path, stamp: &Stamp) -> bool {
         match self.known.get(path) {
             Some(found) => found.as_ref().is_some_and(|found| found.stamp == *stamp),
@@ -59,23 +60,23 @@ impl Contents {
         }
     }
 
-    /// The same of a mesh and of the images that it names itself.
-    fn of_mesh(&mut self, path: &Path) -> Result<Option<String>> {
-        let Some(mut all) = self.of(path)? else { return Ok(None) };
+    /// SHA-256 of a mesh file, followed by the hashes of the images that it names.
+    fn sha256_of_mesh(&mut self, path: &Path) -> Result<Option<String>> {
+        let Some(mut all) = self.sha256_of(path)? else { return Ok(None) };
         for name in mesh::inspect_ply(path)?.texture_files {
             let image = beside(path, &name);
             if image.is_file() {
-                all += &self.of(&image)?.unwrap_or_default();
+                all += &self.sha256_of(&image)?.unwrap_or_default();
             }
         }
         Ok(Some(all))
     }
 }
 
-/// The SHA-256 (hexadecimal) of everything that decides a picture's pixels: the resolved scene as JSON
-/// with its overrides, the contents of its meshes and textures in place of their names, and whether
-/// meshes are repaired. The crop, the sample range and the machine are not part of it: pieces of one
-/// picture share it. `None` where a mesh comes through a pipe.
+/// SHA-256 (hexadecimal) of everything that decides a picture's pixels. That is the resolved scene
+/// as JSON with its overrides, with the contents of meshes and textures in place of their names,
+/// and whether meshes are repaired. Crop, sample range and machine are not part of it, so all
+/// pieces of one picture share it. `None` if a mesh comes through a pipe.
 ///
 /// # Errors
 /// Files that cannot be read.
@@ -91,7 +92,7 @@ pub fn fingerprint(
     let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
     let mattes = scene.layers.iter().any(mattes);
     if !mattes {
-        // Nothing has ranks.
+        // Without mattes, the number of ranks does not matter.
         description.output.cryptoranks = written::Output::default().cryptoranks;
     }
 
@@ -106,8 +107,8 @@ pub fn fingerprint(
     }
     for (shape, checked) in description.scene.shapes.iter_mut().zip(&scene.shapes) {
         if let (Shape::TriMesh(mesh), ShapeKind::Trimesh(spec)) = (&mut *shape, &checked.kind) {
-            let Some(mut hash) = contents.of_mesh(&spec.path)? else { return Ok(None) };
-            // Mattes of meshes without a name are called by the file.
+            let Some(mut hash) = contents.sha256_of_mesh(&spec.path)? else { return Ok(None) };
+            // Mattes of a mesh without a name are named after its file.
             if let (true, None, Some(stem)) = (mattes, &mesh.name, spec.path.file_stem()) {
                 hash += &stem.to_string_lossy();
             }
@@ -126,20 +127,20 @@ pub fn fingerprint(
     Ok(Some(hexadecimal(&hash.finalize())))
 }
 
-/// Puts a hash in the place of a material's image; `false` if there is none to be had.
+/// Replaces the path of a material's image by its hash. Returns false if the image has no hash.
 fn replace_texture(
     written: &mut written::Material,
     checked: Option<&Material>,
     contents: &mut Contents,
 ) -> Result<bool> {
     if let Some(texture) = checked.and_then(|material| material.texture.as_ref()) {
-        written.texture_path = contents.of(&texture.path)?.map(Name);
+        written.texture_path = contents.sha256_of(&texture.path)?.map(Name);
         return Ok(written.texture_path.is_some());
     }
     Ok(true)
 }
 
-/// The hash of a file; `None` for a pipe.
+/// Hash and stamp of a file; `None` for a pipe.
 ///
 /// # Errors
 /// A file that cannot be read, or is written meanwhile.

@@ -1,4 +1,5 @@
-//! [`Scene`] -> [`World`]: meshes and textures loaded, everything relative to one f64 origin.
+//! Turns a [`Scene`] into a [`World`]: loads meshes and textures, and moves everything to one f64
+//! origin.
 
 mod bounds;
 mod fingerprint;
@@ -32,28 +33,29 @@ pub use self::resolution::{Resolution, ulp};
 pub use self::sources::{Read, mesh_sources, own_texture, sources};
 pub use self::textures::one_of_several;
 
-/// How files are read.
+/// Options for reading the scene's files.
 #[derive(Debug, Default)]
 pub struct LoadOptions {
     /// Drop triangles that use bad vertices instead of refusing the mesh.
     pub repair: bool,
     /// Read meshes through a window instead of mapping their files into memory.
     pub no_mmap: bool,
-    /// Meshes that have been read already, by the path that the scene names.
+    /// Meshes that are in memory already, by the path that the scene uses for them.
     pub ready: Vec<(PathBuf, Mesh)>,
-    /// The most that the arrays of all meshes may take.
+    /// Memory limit of the arrays of all meshes.
     pub room: Option<Room>,
-    /// The most that all textures may take, decoding included; without it each may take 4 GiB.
+    /// Memory limit of all textures, decoding included. Without it the limit is 4 GiB for each
+    /// texture.
     pub texture_bytes: Option<u64>,
-    /// Measure the [`Resolution`] of every mesh. Without it edges that collapsed are looked for
-    /// where there may be any.
+    /// Measures the [`Resolution`] of every mesh. Without it, collapsed edges are searched only in
+    /// meshes that may have some.
     pub resolutions: bool,
 }
 
 impl LoadOptions {
     fn mesh(&mut self, path: &Path, monitor: &Monitor) -> Result<Mesh> {
         let ready = self.ready.iter().position(|(ready, _)| ready == path);
-        // What the machine has left was asked for when such a mesh was there already.
+        // A limit from free memory was measured when the ready meshes were in memory already.
         let counts = ready.is_none() || self.room.is_some_and(|room| room.asked);
         let mesh = match ready {
             Some(index) => self.ready.swap_remove(index).1,
@@ -68,51 +70,51 @@ impl LoadOptions {
     }
 }
 
-/// Everything a render needs except the accelerator; all positions relative to
+/// Everything that a render needs except the accelerator. All positions are relative to
 /// `geometry.origin`. A clone shares geometry and shapes.
 #[derive(Debug, Clone)]
 pub struct World {
-    /// What the accelerator is built over.
+    /// The primitives, over which the accelerator is built.
     pub geometry: Arc<Geometry>,
-    /// What the primitives look like.
+    /// Materials and per-vertex data of the primitives.
     pub shapes: Arc<Shapes>,
-    /// In file order.
+    /// The lights in file order.
     pub lights: Vec<Light>,
-    /// The camera.
+    /// The camera, relative to the origin.
     pub camera: Camera,
-    /// Pixels across and down that can be rendered: the camera's frame and the margin around it.
+    /// Width and height of the area that can be rendered: the camera's frame and its overscan.
     pub frame: [u32; 2],
     /// Pixels of overscan on every side of the camera's frame.
     pub margin: u32,
-    /// Shadow rays of area lights are traced where they are needed.
+    /// Whether shadow rays of area lights are traced adaptively.
     pub adaptive_shadows: bool,
-    /// Camera samples per pixel; of an adaptive render the most.
+    /// Camera samples per pixel; the maximum in an adaptive render.
     pub spp: u32,
-    /// Mirror bounces.
+    /// Largest number of mirror bounces.
     pub nbounces: u32,
-    /// Of every random choice.
+    /// Seed of all random choices.
     pub seed: i64,
-    /// How sample points are chosen.
+    /// Kind of sample points.
     pub sampler: SamplerKind,
-    /// Radiance of rays that leave the scene.
+    /// Radiance of rays that hit nothing.
     pub background: Vec3,
-    /// Ambient light.
+    /// Colour of the ambient light.
     pub ambient: Vec3,
-    /// Of all lights.
+    /// Falloff with distance, of all lights.
     pub falloff: Falloff,
-    /// Alpha is coverage.
+    /// Whether alpha is coverage; otherwise it is 1.
     pub transparent: bool,
-    /// What single precision leaves of the meshes, if [`LoadOptions::resolutions`] asked.
+    /// Resolution of the meshes in f32, if [`LoadOptions::resolutions`] is set.
     pub resolutions: Vec<Resolution>,
-    /// Why coordinates are relative to `geometry.origin`, and what that leaves near the camera.
+    /// Origin of the coordinates, and the precision near the camera.
     pub origin: Origin,
-    /// The files that were opened.
+    /// The files that were opened, with their stamps.
     pub read: Read,
 }
 
 impl World {
-    /// Opens the scene's files and prepares what rays need, on the threads of the current rayon
-    /// pool. Problems that do not stop a render are returned as warnings.
+    /// Opens the scene's files and prepares the data that rays need, on the threads of the current
+    /// rayon pool. Problems that do not prevent a render are returned as warnings.
     ///
     /// # Errors
     /// All problems of meshes and textures; `Interrupted` after a signal.
@@ -160,8 +162,8 @@ impl World {
         }
         failures.check()?;
         let mut looks = looks.unwrap_or_default();
-        let said = (&mut read, &mut warnings);
-        let own = textures::load_own(&own_textures, scene, left, &mut looks, said)?;
+        let log = (&mut read, &mut warnings);
+        let own = textures::load_own(&own_textures, scene, left, &mut looks, log)?;
         let (textures, materials) = looks;
         check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut warnings)?;
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
@@ -198,7 +200,7 @@ impl World {
         Ok((world, warnings))
     }
 
-    /// Everything but the shapes, which are there.
+    /// Creates the world around existing geometry and shapes.
     fn over(geometry: Arc<Geometry>, shapes: Arc<Shapes>, chosen: Origin, scene: &Scene) -> Self {
         let origin = chosen.position;
         Self {
@@ -223,50 +225,50 @@ impl World {
         }
     }
 
-    /// The same shapes in another frame of their scene: camera, lights, settings. What is built over
-    /// this world's geometry serves that one too. `scene` differs from the one that was loaded in
-    /// nothing that concerns shapes or materials.
+    /// Another frame of the same scene: new camera, lights and settings, the same geometry and
+    /// shapes. An accelerator over this world's geometry serves the new world too. `scene` must not
+    /// differ from the loaded scene in shapes or materials.
     pub fn frame_of(&self, scene: &Scene) -> Self {
         Self::over(Arc::clone(&self.geometry), Arc::clone(&self.shapes), self.origin, scene)
     }
 
-    /// Lets `margin` more pixels be rendered on every side of the camera's frame, whose own pixels stay
-    /// what they are. Windows count from the margin's top left.
+    /// Adds `margin` pixels of overscan on every side of the camera's frame. The frame's own pixels
+    /// do not change. Windows count from the top left of the overscan.
     pub fn with_margin(mut self, margin: u32) -> Self {
         self.frame = self.frame.map(|side| side - 2 * self.margin + 2 * margin);
         self.margin = margin;
         self
     }
 
-    /// Right and bottom end, excluded, of the camera's frame in the coordinates of windows.
+    /// Right and bottom end (exclusive) of the camera's frame, in the coordinates of windows.
     pub fn frame_end(&self) -> [u32; 2] {
         self.frame.map(|side| side - self.margin)
     }
 
-    /// Triangles of all meshes, and single triangles. Planes and spheres are not counted.
+    /// Number of triangles, of meshes and single ones. Planes and spheres are not counted.
     pub fn triangles(&self) -> u64 {
         self.geometry.meshes.iter().map(|mesh| mesh.triangles().len() as u64).sum()
     }
 
-    /// What an accelerator is built over: triangles, two for each plane, and spheres.
+    /// Number of primitives for the accelerator: triangles, two for each plane, and spheres.
     pub fn primitives(&self) -> u64 {
         let others = 2 * self.geometry.quads.len() + self.geometry.spheres.len();
         self.triangles() + others as u64
     }
 
-    /// Bytes held by primitives and vertex data.
+    /// Memory of primitives and vertex data, in bytes.
     pub fn mesh_bytes(&self) -> u64 {
         self.geometry.bytes() + self.shapes.vertex_bytes()
     }
 
-    /// Bytes held by textures.
+    /// Memory of textures, in bytes.
     pub fn texture_bytes(&self) -> u64 {
         self.shapes.texture_bytes()
     }
 }
 
-/// Refuses what Embree would silently leave out, and warns where its single-precision products
-/// leave their range: `tests/properties.rs` finds right answers from 1e-12 to 1e12.
+/// Rejects scenes that Embree would silently drop. Warns where its single-precision products
+/// overflow or underflow: `tests/properties.rs` finds right answers from 1e-12 to 1e12.
 fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
     let size = bounds.longest_side();
     if size / 2.0 >= LARGEST {
@@ -276,7 +278,7 @@ fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
     }
     if size > 1e12 || (0.0..1e-12).contains(&size) {
         let message = format!(
-            "found a scene of size {size:.1e}: outside of 1e-12 to 1e12 rays may miss what they should hit"
+            "found a scene of size {size:.1e}: outside of 1e-12 to 1e12, rays may miss surfaces"
         );
         warnings.push(Problem::new("scene", message).help("choose another unit of length"));
     }
@@ -297,7 +299,8 @@ fn recentre(light: &crate::scene::Light, geometry: &Geometry) -> Light {
     Light { diffuse: light.diffuse, specular: light.specular, emitter }
 }
 
-/// Sorts the shapes into geometries: one per mesh, one of all single triangles, quads, spheres.
+/// Sorts the shapes into geometries: one per mesh, then one each for all single triangles, all
+/// quads and all spheres.
 fn gather(
     scene: &Scene,
     meshes: Vec<(usize, PlacedMesh)>,
@@ -351,7 +354,7 @@ fn gather(
     Ok((geometry, Shapes { owners, shapes, materials: Vec::new(), textures: Vec::new() }))
 }
 
-/// The texture coordinates of a plane or a triangle: only what is textured keeps its frame.
+/// Texture coordinates of a plane or a triangle. Only textured shapes keep their frame.
 fn linear(textured: bool, frame: impl FnOnce() -> UvFrame) -> UvSource {
     if textured { UvSource::Linear(Box::new(frame())) } else { UvSource::Corners }
 }

@@ -1,10 +1,11 @@
-//! Which point the scene's coordinates are taken relative to, and what precision that leaves.
+//! Chooses the origin of the scene's coordinates, and computes the precision near the camera.
 //!
-//! Rays and corners are f32. A coordinate is rounded by up to 2^-24 of its distance from the origin, so
-//! the origin belongs where the picture needs its precision. The middle of the scene's box serves all
-//! cameras alike, and is taken as long as the box is not large beside what the camera sees nearby.
-//! Otherwise the camera itself is the origin: then everything is rounded by at most 2^-24 of its own
-//! distance from the camera, far less than a pixel, however large the scene is.
+//! Rays and corners are f32. A coordinate is rounded by up to 2^-24 of its distance from the
+//! origin, so the origin belongs where the picture needs precision. The middle of the scene's box
+//! serves all cameras equally. It is the origin as long as the box is not large compared with what
+//! the camera sees nearby. Otherwise the camera is the origin. Every coordinate is then rounded by
+//! at most 2^-24 of its own distance from the camera. That is far less than a pixel, however large
+//! the scene is.
 
 use glam::DVec3;
 
@@ -12,38 +13,39 @@ use super::bounds::Bounds;
 use crate::error::Problem;
 use crate::scene::{Camera, ShapeKind};
 
-/// The box's middle is the origin while half of the longest side is at most this many times the camera's
-/// distance from the nearest shape: positions are then off by at most 2^-16 of their distance.
+/// Largest ratio of half of the box's longest side to the camera's distance from the nearest shape,
+/// for an origin in the middle of the box. Positions are then off by at most 2^-16 of their
+/// distance.
 const MAX_RATIO: f64 = 256.0;
 
-/// A camera inside of a shape's box is taken to be this part of the box's longest side away from it.
+/// A camera inside a shape's box counts as this fraction of the box's longest side away from it.
 const INSIDE: f64 = 1.0 / 256.0;
 
-/// A camera that is nearer to a shape than this part of its size stands on it.
+/// A camera nearer to a shape than this fraction of the shape's size stands on it.
 const STANDING: f64 = 1e-9;
 
-/// Rounding above this part of a pixel is warned of.
+/// Rounding above this fraction of a pixel causes a warning.
 const MAX_PIXELS: f64 = 1.0 / 16.0;
 
 /// Half an ulp of 1 in single and in double precision.
 const SINGLE: f64 = 1.0 / (1u64 << 24) as f64;
 const DOUBLE: f64 = 1.0 / (1u64 << 53) as f64;
 
-/// Where coordinates are relative to, and how far they are rounded near the camera.
+/// The origin of coordinates, and the rounding of positions near the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Origin {
     /// World position of the origin.
     pub position: DVec3,
-    /// Whether that is the camera's position instead of the middle of the scene's box.
+    /// Whether the origin is the camera's position, not the middle of the scene's box.
     pub at_camera: bool,
-    /// Longest side of the scene's box, in world units.
+    /// Longest side of the scene's bounding box, in world units.
     pub extent: f64,
-    /// A lower bound on the camera's distance from the nearest shape that it does not stand on, in world units;
-    /// infinite without such a shape.
+    /// Lower bound of the camera's distance from the nearest shape that it does not stand on, in
+    /// world units. Infinite without such a shape.
     pub nearest: f64,
-    /// How far a coordinate at that distance may be rounded, in world units.
+    /// Largest rounding of a coordinate at that distance, in world units.
     pub rounding: f64,
-    /// The same, seen from the camera, in pixels.
+    /// The same rounding seen from the camera, in pixels.
     pub pixels: f64,
 }
 
@@ -79,7 +81,7 @@ impl Origin {
         Self { position, at_camera, extent, nearest, rounding, pixels }
     }
 
-    /// What there is to say where the rounding is visible.
+    /// A warning if the rounding is visible.
     pub fn warning(&self) -> Option<Problem> {
         let Self { extent, nearest, rounding, pixels, .. } = *self;
         let message = format!(
@@ -91,7 +93,8 @@ impl Origin {
     }
 }
 
-/// A lower bound on the distance of a shape from a point: exact for spheres, that of its box for others.
+/// Lower bound of the distance from a point to a shape: exact for spheres, the distance to the
+/// bounding box for others.
 fn distance(point: DVec3, shape: &ShapeKind, bounds: Bounds) -> f64 {
     if let ShapeKind::Sphere { center, radius, .. } = shape {
         return ((*center - point).length() - radius).abs();
@@ -135,14 +138,14 @@ mod tests {
     }
 
     #[test]
-    fn what_doubles_cannot_hold_is_warned_of() {
+    fn a_scene_too_large_for_doubles_causes_a_warning() {
         let origin = choose(DVec3::new(0.5, 1.7, 4.0), &[sphere(1e14), sphere(1.0)]);
         let warning = origin.warning().unwrap().to_string();
         assert!(warning.contains("of a pixel"), "{warning}");
     }
 
     #[test]
-    fn a_camera_inside_of_a_box_is_near_it() {
+    fn a_camera_inside_a_box_counts_as_near() {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::ONE, DVec3::new(0.0, 1.0, 1.0)];
         let plane = ShapeKind::Plane { corners };
         let origin = choose(DVec3::splat(0.5), std::slice::from_ref(&plane));

@@ -1,7 +1,7 @@
-//! A mesh file -> its place in the world: fit, rotate, size, center; then the scene's origin.
+//! Places the mesh of a file in the world: fit, rotate, size, center, then the scene's origin.
 //!
-//! Differences first: what is far from the origin of the world is made small exactly before it is
-//! turned, scaled and rounded.
+//! Differences come first: large coordinates become small exactly before they are rotated, scaled
+//! and rounded.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -15,7 +15,8 @@ use crate::reserve::{self, Room};
 use crate::scene::{ColorSpace, Smooth, Trimesh};
 use crate::shading::{Shape, UvSource, VertexColors};
 
-/// Embree silently drops primitives beyond this (its `FLT_LARGE`); so does f32's square.
+/// Largest coordinate. Embree silently drops primitives beyond it (its `FLT_LARGE`), and its square
+/// in f32 would overflow.
 pub(super) const LARGEST: f64 = 1.844e18;
 
 /// A mesh with its transform: `linear (p - middle) + center`.
@@ -28,7 +29,7 @@ pub struct PlacedMesh {
 }
 
 impl PlacedMesh {
-    /// Works out where the mesh of the file goes.
+    /// Computes the transform and the world bounds of a mesh.
     pub fn new(
         mesh: Mesh,
         spec: &Trimesh,
@@ -67,12 +68,12 @@ impl PlacedMesh {
         Ok(Self { mesh, spec: spec.clone(), linear, middle, bounds })
     }
 
-    /// The box over all used vertices, in world space.
+    /// Bounding box of all used vertices, in world space.
     pub fn bounds(&self) -> Bounds {
         self.bounds
     }
 
-    /// What becomes of the vertices of a file of floats around `origin`.
+    /// Maps vertices of an f32 file to f32 positions around `origin`.
     #[inline(always)]
     fn placed(&self, origin: DVec3) -> impl Fn(DVec3) -> [f32; 3] + Sync + use<> {
         let linear = self.linear;
@@ -80,20 +81,21 @@ impl PlacedMesh {
         move |p| (linear * p + offset).as_vec3().to_array()
     }
 
-    /// The same of a file of doubles: what is far away in the file is made small exactly first.
+    /// Maps vertices of an f64 file to f32 positions around `origin`. Large coordinates of the file
+    /// become small exactly first.
     #[inline(always)]
     fn placed_exactly(&self, origin: DVec3) -> impl Fn(DVec3) -> [f32; 3] + Sync + use<> {
         let (linear, middle, center) = (self.linear, self.middle, self.spec.center - origin);
         move |p| (linear * (p - middle) + center).as_vec3().to_array()
     }
 
-    /// The largest coordinate around `origin`.
+    /// Magnitude of the largest coordinate around `origin`.
     fn reach(&self, origin: DVec3) -> f64 {
         let Bounds { min, max } = self.bounds;
         (min - origin).abs().max((max - origin).abs()).max_element()
     }
 
-    /// What single precision around `origin` leaves of the mesh.
+    /// Measures the resolution of the mesh in f32 around `origin`.
     pub fn resolution(&self, origin: DVec3) -> Resolution {
         let (mesh, spec) = (&self.mesh, &self.spec);
         let scale = self.linear.x_axis.length();
@@ -115,8 +117,8 @@ impl PlacedMesh {
         }
     }
 
-    /// Whether edges may collapse around `origin`, from the box alone: where the file has doubles, or
-    /// where f32 around `origin` is more than two bits coarser than the file's own.
+    /// Decides from the box alone whether edges may collapse around `origin`. They may if the file
+    /// has doubles, or if f32 around `origin` is more than two bits coarser than the file's own.
     pub fn doubt(&self, origin: DVec3) -> Option<Doubt> {
         let Trimesh { place, path, center, .. } = &self.spec;
         let scale = self.linear.x_axis.length();
@@ -130,14 +132,15 @@ impl PlacedMesh {
         doubtful.then(|| Doubt { place: place.clone(), path: path.clone(), ulp: ulp_there })
     }
 
-    /// What became of triangles without area, to be said when the mesh is placed; `None` without any.
+    /// The triangles without area, for warnings once the mesh is placed. `None` if there are none.
     pub fn without_area(&self) -> Option<WithoutArea> {
         let count = self.mesh.notes.degenerate_dropped;
         let path = || self.spec.path.display().to_string();
         (count > 0).then(|| WithoutArea { path: path(), count })
     }
 
-    /// Refuses what [`Self::finish`] takes beside the mesh where there is no room for it; returns what it leaves.
+    /// Checks that the memory of [`Self::finish`] fits into `room`. Returns the room that is left
+    /// after it.
     ///
     /// # Errors
     /// As [`Room::check`].
@@ -147,10 +150,10 @@ impl PlacedMesh {
         Ok(room.less(if made { 12 * self.mesh.positions.len() as u64 } else { 0 }))
     }
 
-    /// Vertices relative to `origin`, and the vertex data that `shape` needs.
+    /// Returns the mesh relative to `origin`, and sets the vertex data of `shape`.
     ///
     /// # Errors
-    /// `Retry` where there is no memory for them.
+    /// `Retry` if memory is short.
     pub fn finish(self, origin: DVec3, shape: &mut Shape) -> Result<TriangleMesh> {
         reserve::probe(self.finish_bytes(), &self.spec.path.display().to_string())?;
         let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
@@ -161,7 +164,7 @@ impl PlacedMesh {
                 all
             }
             Positions::F64(all) => {
-                // Room for the unused vertex that `TriangleMesh` adds.
+                // One more, for the padding vertex that `TriangleMesh` adds.
                 let mut rounded = Vec::with_capacity(all.len() + 1);
                 let each = all.par_iter().map(|&p| placed_exactly(DVec3::from(p)));
                 each.collect_into_vec(&mut rounded);
@@ -194,8 +197,8 @@ impl PlacedMesh {
         Ok(placed.with_stitches(&mesh.stitches))
     }
 
-    /// What [`PlacedMesh::finish`] takes beside the mesh: floats in place of doubles, and normals with a list of
-    /// the faces of each vertex.
+    /// Memory of [`PlacedMesh::finish`] beyond the mesh: floats for doubles, and normals with a
+    /// list of the faces of each vertex.
     fn finish_bytes(&self) -> u64 {
         let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
         let rounded = match self.mesh.positions {
@@ -210,14 +213,15 @@ impl PlacedMesh {
     }
 }
 
-/// Triangles of a file that have no area there.
+/// The triangles of a file that have no area.
 pub struct WithoutArea {
     path: String,
     count: u64,
 }
 
 impl WithoutArea {
-    /// How many are dropped, and how many kept as stitches of `mesh`, which is placed.
+    /// Warnings with the number of dropped triangles and the number kept as stitches of the placed
+    /// `mesh`.
     pub fn warnings(&self, mesh: &TriangleMesh) -> impl Iterator<Item = Problem> {
         let kept = mesh.stitches() as u64;
         let dropped = self.count.saturating_sub(kept);
@@ -225,12 +229,12 @@ impl WithoutArea {
             (dropped, "degenerate triangles (zero area) were dropped"),
             (kept, "triangles without area are kept: they close T-junctions"),
         ];
-        let told = counts.into_iter().filter(|(count, _)| *count > 0);
-        told.map(|(count, what)| Problem::new(&self.path, format!("{count} {what}")))
+        let nonzero = counts.into_iter().filter(|(count, _)| *count > 0);
+        nonzero.map(|(count, what)| Problem::new(&self.path, format!("{count} {what}")))
     }
 }
 
-/// The file's normals, turned with the mesh, at unit length; zero where the file's is zero.
+/// Rotates the file's normals with the mesh and normalizes them. Zero normals stay zero.
 fn rotated(mut normals: Vec<[f32; 3]>, linear: DMat3) -> Vec<[f32; 3]> {
     normals.par_iter_mut().for_each(|n| {
         let turned = linear * DVec3::from(n.map(f64::from));
@@ -239,13 +243,13 @@ fn rotated(mut normals: Vec<[f32; 3]>, linear: DMat3) -> Vec<[f32; 3]> {
     normals
 }
 
-/// The turn and scale of a mesh whose own box is `own` (read for `fit` alone), and the point of
-/// the file that comes to lie on `center`: world = linear (file - middle) + center.
+/// Rotation and scale of a mesh, and the point of the file that is placed at `center`: world =
+/// linear (file - middle) + center. `own` is the mesh's own box; only `fit` uses it.
 pub fn placement(spec: &Trimesh, own: Bounds) -> (DMat3, DVec3) {
     let [x, y, z] = spec.rotate_deg.to_array().map(f64::to_radians);
     let rotation =
         DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
-    // Quarter turns must be exact, or a turned mesh would not be the same mesh.
+    // Quarter turns must be exact, or a rotated mesh would not be the same mesh.
     let exact = |x: f64| if (x - x.round()).abs() < 1e-15 { x.round() } else { x };
     let rotation = DMat3::from_cols_array(&rotation.to_cols_array().map(exact));
     match spec.fit {
@@ -268,10 +272,10 @@ fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {
     let path = spec.path.display().to_string();
     if notes.textures > 1 {
         let message = format!(
-            "its faces name {} textures (texnumber), of which one is shown on all",
+            "its faces use {} textures (texnumber), but one of them is shown on all faces",
             notes.textures
         );
-        warnings.push(Problem::new(&path, message).help("one mesh file per texture shows all"));
+        warnings.push(Problem::new(&path, message).help("write one mesh file per texture"));
     }
     for (count, what) in dropped.into_iter().filter(|(count, _)| *count > 0) {
         warnings.push(Problem::new(&path, format!("{count} {what}")));

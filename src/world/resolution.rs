@@ -1,4 +1,4 @@
-//! How much detail of a mesh is left once its vertices are f32 around the scene's origin.
+//! Measures how much detail a mesh keeps when its vertices become f32 around the scene's origin.
 
 use std::path::{Path, PathBuf};
 
@@ -8,24 +8,25 @@ use rayon::prelude::*;
 use crate::error::Problem;
 use crate::geometry::TriangleMesh;
 
-/// What single precision around the scene's origin leaves of a mesh.
+/// Detail of a mesh in single precision around the scene's origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Resolution {
-    /// Where the scene names the mesh.
+    /// Position of the mesh in the scene file.
     pub place: String,
-    /// The file.
+    /// Path of the mesh file.
     pub path: PathBuf,
-    /// Distance between neighbours in f32 at the mesh's farthest coordinate, in world units.
+    /// Distance between neighbouring f32 values at the mesh's farthest coordinate, in world units.
     pub ulp: f64,
-    /// The shortest edge as the file has it, in world units; infinite without triangles.
+    /// Shortest edge in the file, in world units; infinite without triangles.
     pub shortest_edge: f64,
-    /// Edges whose ends differ in the file and no longer do.
+    /// Number of edges whose ends differ in the file but not in f32.
     pub collapsed_edges: u64,
 }
 
 impl Resolution {
-    /// Measures the edges of `triangles`: `exact` is a vertex in any space where lengths are `1 /
-    /// scale` of the world's, `rounded` the same vertex as rays will see it. In parallel.
+    /// Measures the edges of `triangles`, in parallel. Returns the shortest edge in world units and
+    /// the number of collapsed edges. `exact` is a vertex in a space whose lengths are `1 / scale`
+    /// of the world's; `rounded` is the same vertex in f32.
     pub fn edges(
         triangles: &[[u32; 3]],
         scale: f64,
@@ -48,7 +49,7 @@ impl Resolution {
         (shortest_squared.sqrt() * scale, count_once(collapsed))
     }
 
-    /// What there is to say about lost edges.
+    /// A warning if edges collapsed.
     pub fn warning(&self) -> Option<Problem> {
         warning(&self.place, &self.path, self.ulp, self.collapsed_edges)
     }
@@ -57,34 +58,34 @@ impl Resolution {
 /// A mesh whose edges may have collapsed.
 #[derive(Debug)]
 pub struct Doubt {
-    /// Where the scene names it.
+    /// Position of the mesh in the scene file.
     pub place: String,
-    /// The file.
+    /// Path of the mesh file.
     pub path: PathBuf,
-    /// As in [`Resolution`].
+    /// The ulp at the farthest coordinate, as in [`Resolution`].
     pub ulp: f64,
 }
 
 impl Doubt {
-    /// Looks for collapsed edges.
+    /// Counts the collapsed edges; returns a warning if there are any.
     pub fn settle(&self, mesh: &TriangleMesh) -> Option<Problem> {
         warning(&self.place, &self.path, self.ulp, collapsed_edges(mesh))
     }
 }
 
-/// What there is to say about `collapsed` edges of a mesh; nothing if there are none.
+/// A warning about `collapsed` edges of a mesh; `None` if there are none.
 fn warning(place: &str, path: &Path, ulp: f64, collapsed: u64) -> Option<Problem> {
     let message = format!(
-        "{collapsed} edges of {} collapse: their ends, apart in the file, are one point in single \
-         precision around the middle of the scene, which is {ulp:.2e} coarse there",
+        "{collapsed} edges of {} collapse: their ends differ in the file, but are one point in single \
+         precision around the scene's origin, where the step between numbers is up to {ulp:.2e}",
         path.display(),
     );
     let help = "bring the shapes of the scene closer together, or render them apart";
     (collapsed > 0).then(|| Problem::new(place, message).help(help))
 }
 
-/// Edges of a mesh as rays see it whose ends are one point. Such an edge had two ends in its file:
-/// triangles without area are dropped when it is read.
+/// Number of edges of a placed mesh whose ends are the same point. Such an edge had two different
+/// ends in its file: triangles without area are dropped when it is read.
 fn collapsed_edges(mesh: &TriangleMesh) -> u64 {
     const CHUNK: usize = 1 << 15;
     let vertices = mesh.vertices();
@@ -107,7 +108,7 @@ fn collapsed_edges(mesh: &TriangleMesh) -> u64 {
     }))
 }
 
-/// Triangles share their edges.
+/// Number of different edges: triangles share them.
 fn count_once(mut edges: Vec<[u32; 2]>) -> u64 {
     edges.par_sort_unstable();
     edges.dedup();
@@ -126,7 +127,7 @@ impl Default for Edges {
 }
 
 impl Edges {
-    /// Takes note of an edge; one without length in the file is none.
+    /// Records the squared length of an edge. An edge of length 0 in the file does not count.
     fn see(&mut self, squared: f64) {
         if squared > 0.0 && squared < self.shortest_squared {
             self.shortest_squared = squared;
@@ -140,7 +141,7 @@ impl Edges {
     }
 }
 
-/// Distance from |x| to the next larger f32.
+/// Distance from |x|, rounded to f32, to the next larger f32.
 pub fn ulp(x: f64) -> f64 {
     let x = (x.abs() as f32).max(f32::MIN_POSITIVE);
     f64::from(f32::from_bits(x.to_bits() + 1)) - f64::from(x)
@@ -161,7 +162,8 @@ mod tests {
     fn shared_edges_count_once_and_only_where_the_ends_differ() {
         let at = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1e-3, 0.0], [0.0, 0.0, 0.0]];
         let exact = |i: u32| DVec3::from(at[i as usize]);
-        // In steps of a quarter vertex 2 falls onto vertex 1; vertices 0 and 3 always were one.
+        // Rounded to quarters, vertex 2 falls onto vertex 1. Vertices 0 and 3 are the same point
+        // from the start.
         let coarse = |p: DVec3| ((p * 4.0).round() / 4.0).as_vec3().to_array();
         let triangles = [[0, 1, 2], [2, 1, 3], [0, 1, 3]];
         let (shortest, collapsed) = Resolution::edges(&triangles, 2.0, exact, coarse);

@@ -1,4 +1,4 @@
-//! The files that a scene's picture is made of.
+//! Lists the files that a scene's picture is made from.
 
 use std::{
     fs::Metadata,
@@ -15,8 +15,8 @@ use crate::error::Result;
 
 use super::fingerprint::Contents;
 
-/// Every file that a scene names: meshes, textures of its materials, and the images that meshes name
-/// themselves, used or not. Reads the headers of the meshes; a pipe is not opened.
+/// All files that a scene names: meshes, textures of its materials, and the images that the meshes
+/// themselves name, used or not. Reads the headers of the meshes; pipes are not opened.
 pub fn sources(scene: &Scene) -> Vec<PathBuf> {
     let mut all = Vec::new();
     for shape in &scene.shapes {
@@ -29,37 +29,37 @@ pub fn sources(scene: &Scene) -> Vec<PathBuf> {
     all
 }
 
-/// The images that a mesh file names; none for what is no mesh file.
+/// The images that a mesh file names; empty if it is no mesh file.
 pub fn mesh_sources(path: &Path) -> Vec<PathBuf> {
     if !std::fs::metadata(path).is_ok_and(|data: Metadata| data.is_file()) {
         return Vec::new();
     }
-    // What is wrong with a header is said when the mesh is read.
+    // Errors of the header are reported when the mesh is read.
     let named = mesh::inspect_ply(path).map(|summary| summary.texture_files);
     named.unwrap_or_default().iter().map(|name| beside(path, name)).collect()
 }
 
-/// The image that a mesh names itself, wherever the mesh came from.
+/// The image that a mesh itself names, wherever the mesh came from.
 pub fn own_texture(path: &Path, mesh: &Mesh) -> Option<PathBuf> {
     mesh.texture_file.as_ref().map(|name| beside(path, name))
 }
 
-/// A file that a mesh names, seen from its folder.
+/// Path of a file that a mesh names, relative to the mesh's folder.
 pub(super) fn beside(mesh: &Path, name: &str) -> PathBuf {
     mesh.parent().unwrap_or(Path::new("")).join(name)
 }
 
-/// Files that were read, with their stamps at that time: none for pipes.
+/// Files that were read, with their stamps at that time. Pipes have no stamp.
 #[derive(Debug, Clone, Default)]
 pub struct Read(pub(super) Vec<(PathBuf, Option<Stamp>)>);
 
 impl Read {
-    /// The files.
+    /// Paths of all files that were read.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         self.0.iter().map(|(path, _)| path.as_path())
     }
 
-    /// Makes sure that what was hashed is what was read.
+    /// Checks that the hashed contents are the contents that were read.
     ///
     /// # Errors
     /// `Retry` for a file that was replaced or written in between.

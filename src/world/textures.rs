@@ -1,4 +1,4 @@
-//! Materials and the images they name; each image is opened once.
+//! Loads the materials and their images; each image is opened once.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::shading::{DEFAULT_MAX_BYTES, Material, Negative, Texture};
 
 use super::sources::{Read, beside};
 
-/// Loads the textures of the materials that shapes use, into at most `budget` bytes.
+/// Loads the textures of the materials that shapes use, within `budget`.
 pub fn load(
     scene: &Scene,
     budget: Option<Room>,
@@ -65,11 +65,12 @@ pub fn load(
     Ok((textures, materials))
 }
 
-/// Loads an image into what is left.
+/// Loads one image within the memory that is left.
 fn one(path: &Path, space: Option<ColorSpace>, left: Option<Room>) -> Result<Texture> {
     let most = match left {
         Some(left) if left.asked => left.bytes.min(DEFAULT_MAX_BYTES),
-        // Another machine may have more; what is too large for any is said below.
+        // Too little free memory here: the file may be fine on another machine, so this error is
+        // retryable. An image above the fixed limit fails below.
         Some(left) if left.bytes < DEFAULT_MAX_BYTES => {
             let needed = Texture::size(path)?.decoding;
             if needed <= DEFAULT_MAX_BYTES {
@@ -82,17 +83,18 @@ fn one(path: &Path, space: Option<ColorSpace>, left: Option<Room>) -> Result<Tex
     Texture::load_within(path, space, most)
 }
 
-/// An image that a mesh file names, for the shape of this number.
+/// Index of a shape, and the image that its mesh file names.
 pub type Own = (usize, PathBuf);
 
-/// Says that a mesh which names several images is shown with one of them.
+/// A warning if a mesh names several images, because only one of them is used.
 pub fn one_of_several(mesh: &Mesh, path: &Path) -> Option<Problem> {
     let (count, shown) = (mesh.notes.texture_files, mesh.texture_file.as_ref()?);
-    let message = format!("found {count} texture files, of which {shown:?} alone is used");
+    let message = format!("found {count} texture files; only {shown:?} is used");
     (count > 1).then(|| Problem::new(path.display().to_string(), message))
 }
 
-/// The image that the mesh at `path` names, if it can be shown; its material has none.
+/// The image that the mesh at `path` names, if it can be shown. For meshes whose material has no
+/// texture.
 pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) -> Option<Own> {
     let name = mesh.texture_file.as_ref().filter(|_| mesh.uvs.is_some())?;
     let image = beside(path, name);
@@ -102,13 +104,13 @@ pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) 
     }
     let place = path.display().to_string();
     let reason = format!("there is no file {}", image.display());
-    let message = format!("found the texture {name:?}, which is not used: {reason}");
+    let message = format!("the texture {name:?} is not used: {reason}");
     warnings.push(Problem::new(place, message));
     None
 }
 
-/// Opens them, and gives each shape a material of its own with its image: pairs of shape and
-/// material. All textures together take at most `budget` bytes.
+/// Loads the images that meshes name, and creates a material with its image for each of these
+/// shapes. Returns pairs of shape and material. All textures together take at most `budget` bytes.
 pub fn load_own(
     own: &[Own],
     scene: &Scene,
@@ -154,12 +156,12 @@ fn warn(spec: &TextureUse, texture: &Texture, warnings: &mut Vec<Problem>) {
     warn_of_negative(&spec.place, &spec.path, texture, warnings);
 }
 
-/// Texels that no surface has: they make radiance negative.
+/// Warns of texels below 0: no real surface has them, and they make radiance negative.
 fn warn_of_negative(place: &str, path: &Path, texture: &Texture, warnings: &mut Vec<Problem>) {
     let Some(Negative { texels, first: [x, y] }) = texture.negative() else { return };
     let message = format!(
-        "{texels} texels of {} are negative, the first at ({x}, {y}); they are kept, and what they cover \
-         has negative radiance",
+        "{texels} texels of {} are negative, the first at ({x}, {y}); they are kept, so the surfaces \
+         they cover have negative radiance",
         path.display()
     );
     let help = "a colour is at least 0: clip the image, or convert it to a wider gamut";
