@@ -183,7 +183,7 @@ fn the_mean_of_a_picture_does_not_depend_on_when_its_pixels_stop() {
     }
 }
 
-/// The table of docs/sampling.md: `cargo test --release --test noise_bias -- --ignored --nocapture`, some minutes.
+/// The table of docs/notebook/sampling.md: `cargo test --release --test noise_bias -- --ignored --nocapture`, some minutes.
 #[test]
 #[ignore = "256 seeds of 200 cases"]
 fn the_table_of_biases() {

@@ -1,4 +1,4 @@
-//! The plan of dimensions of docs/sampling.md: what is stratified together, and that the renderer keeps to it.
+//! The plan of dimensions of docs/guide/sampling.md: what is stratified together, and that the renderer keeps to it.
 
 use std::path::Path;
 

@@ -43,7 +43,7 @@ impl Footprint {
                 };
                 measure(build)
             }
-            // The most of the scans that docs/bvh.md has, rounded up.
+            // The most of the scans that docs/notebook/bvh.md has, rounded up.
             Backend::Bvh(_) => Ok(Self::constant(34.0, 68.0)),
             // Measured on scans, rounded up.
             Backend::Coursework => Ok(Self::constant(136.0, 300.0)),

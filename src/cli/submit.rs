@@ -95,7 +95,7 @@ fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
     seconds.ok_or_else(|| "expected seconds above 0, for example 2.5".to_string())
 }
 
-/// Rays of a thread in a second, and triangles that it reads and builds: docs/scaling.md has where they
+/// Rays of a thread in a second, and triangles that it reads and builds: docs/notebook/scaling.md has where they
 /// come from. They only decide how many frames a task gets.
 const RAYS_PER_SECOND: f64 = 5e6;
 const TRIANGLES_PER_SECOND: f64 = 1.8e6;

@@ -1,4 +1,4 @@
-//! Which light's points and the pixel's are one stratified set: docs/sampling.md has why.
+//! Which light's points and the pixel's are one stratified set: docs/notebook/sampling.md has why.
 
 use crate::shading::Emitter;
 use crate::world::World;

@@ -68,7 +68,7 @@ pub struct Goal {
 }
 
 /// The power by which the variance of a pixel's mean is expected to fall with its samples: of stratified points that
-/// of the slopes in docs/sampling.md.
+/// of the slopes in docs/notebook/sampling.md.
 pub fn rate(kind: Kind) -> f64 {
     match kind {
         Kind::Sobol => 1.75,
