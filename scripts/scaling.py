@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""What a frame costs, by triangles, pixels, samples and threads: measured, fitted, and carried on to a farm.
+"""Measures the time of a frame by triangles, pixels, samples and threads, fits a model, and predicts a farm.
 
     scripts/scaling.py [--program target/release/lightpath] [--rounds 3] > entry.md
 
-Renders generated meshes with `lightpath render --stats` on an otherwise idle machine. Takes the least of some
-rounds of each phase, and fits one line per phase by least squares of relative errors. Prints an entry for
-docs/notebook/scaling.md. Only Python's own library.
+Renders generated meshes with `lightpath render --stats` on an otherwise idle machine, takes the minimum over the
+rounds for each phase, fits one line per phase by least squares of relative errors, and prints an entry for
+docs/notebook/scaling.md. Needs only Python's standard library.
 """
 
 import argparse
