@@ -4,14 +4,14 @@ SCENE  ?= scenes/still-life.json
 OUT    ?= out/$(basename $(notdir $(SCENE)))
 PREFIX ?= /usr/local
 ARGS   ?=
-# Of each study of `make report`.
+# Seconds for each study of `make report`.
 REPORT_SECONDS ?= 40
-# Embree that `install` copies, if it is there.
+# Folder of the Embree that `install` copies, if it exists.
 EMBREE ?= vendor/embree
 
 CARGO_TARGET_DIR ?= target
 BINARY := $(CARGO_TARGET_DIR)/release/lightpath
-# One profile for everything, so that nothing is compiled twice.
+# One profile for all targets, so that nothing is compiled twice.
 FLAGS  := --locked --release
 # Where setup puts Rust when the system's own is too old.
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
@@ -23,7 +23,7 @@ help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1	\2/p' Makefile | expand -t 12
 	@echo 'Example: make render SCENE=scenes/spot.json ARGS="--spp 16"'
 
-setup: ## install what is missing: Rust, a linker, Embree 4; says what and why
+setup: ## install what is missing (Rust, a linker, Embree 4), with a reason for each
 	@scripts/setup.sh
 
 build: setup ## compile target/release/lightpath
@@ -33,7 +33,7 @@ render: build ## render SCENE (scenes/still-life.json) to OUT.exr and OUT.png (o
 	@mkdir -p $(dir $(OUT))
 	$(BINARY) render $(SCENE) -o $(OUT) $(ARGS)
 
-test: setup ## all tests, and whether it compiles without Embree
+test: setup ## all tests, and a check that it compiles without Embree
 	cargo check $(FLAGS) --no-default-features
 	cargo test $(FLAGS) --no-fail-fast $(ARGS)
 
@@ -81,6 +81,6 @@ dist: build ## a .deb and a relocatable tarball in target/dist/
 $(BINARY):
 	$(MAKE) build
 
-clean: ## remove what was compiled and rendered (not vendor/)
+clean: ## remove compiled and rendered files (not vendor/)
 	cargo clean
 	rm -rf out

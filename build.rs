@@ -1,25 +1,27 @@
-//! Tells the crate what it cannot know by itself: the file name under which Embree 4 is loaded at run
-//! time and where the loader may look for it, whether tests can use it, whether this compiler has AVX-512, and
-//! its own origin. Nothing here can fail the build: without Embree it still succeeds, and says how to install it.
+//! Passes facts about the build machine to the crate: the file name and search path of Embree 4,
+//! whether tests can use it, whether this compiler supports AVX-512, and the commit.
+//!
+//! Nothing here can fail the build. Without Embree it prints a warning that names the way to
+//! install it.
 
 use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What `dlopen` gets when no library is found now: the soname of Embree 4.
+/// Name to load if no library is found now: the soname of Embree 4.
 const EMBREE_SONAME: &str = "libembree4.so.4";
 
 /// The first Rust release whose AVX-512 target features and intrinsics are stable.
 const AVX512_SINCE: (u32, u32) = (1, 89);
 
-/// What ends up in the executable, and therefore what makes a build "dirty".
+/// Paths that the executable is built from. A change in one of them makes a build "dirty".
 const BUILT_FROM: [&str; 4] = ["build.rs", "Cargo.toml", "Cargo.lock", "src"];
 
 fn main() {
     let root = PathBuf::from(variable("CARGO_MANIFEST_DIR"));
     for path in BUILT_FROM {
-        // A missing path would run this script on every build.
+        // A missing path would rerun this script on every build.
         if root.join(path).exists() {
             println!("cargo::rerun-if-changed={path}");
         }
@@ -37,14 +39,14 @@ fn variable(name: &str) -> String {
     env::var(name).unwrap_or_default()
 }
 
-/// The first line that a command prints, or `None` when it fails.
+/// Returns the first line that a command prints, or `None` if it fails.
 fn first_line(command: &mut Command) -> Option<String> {
     let output = command.output().ok().filter(|output| output.status.success())?;
     let text = String::from_utf8(output.stdout).ok()?;
     Some(text.lines().next().unwrap_or_default().trim().to_owned())
 }
 
-// ---------------------------------------------------------------------------------------------------
+// -------------------------------------------------------------------------------------------------
 // The compiler
 
 fn compiler() {
@@ -59,11 +61,11 @@ fn compiler() {
     }
 }
 
-// ---------------------------------------------------------------------------------------------------
+// -------------------------------------------------------------------------------------------------
 // The commit
 
-/// `LIGHTPATH_GIT_COMMIT`: the short hash, with `-dirty` when a built file differs from it, or
-/// `unknown` for a source tree that is not the root of a git checkout.
+/// Sets `LIGHTPATH_GIT_COMMIT`: the short hash, `-dirty` if a built file differs from it, or
+/// `unknown` if the source tree is not the root of a git checkout.
 fn commit(root: &Path) {
     let commit = git_commit(root).unwrap_or_else(|| "unknown".to_owned());
     println!("cargo::rustc-env=LIGHTPATH_GIT_COMMIT={commit}");
@@ -76,12 +78,12 @@ fn git_commit(root: &Path) -> Option<String> {
         command.env_remove("GIT_DIR").env_remove("GIT_WORK_TREE").env_remove("GIT_INDEX_FILE");
         first_line(&mut command)
     };
-    // A copy of the sources inside somebody else's checkout is not that checkout.
+    // A copy of the sources inside another checkout must not report that checkout's commit.
     let top = PathBuf::from(git(&["rev-parse", "--show-toplevel"])?);
     if top.canonicalize().ok()? != root.canonicalize().ok()? {
         return None;
     }
-    // The log of HEAD changes with every commit and every checkout, and with nothing else.
+    // The log of HEAD changes with every commit and checkout, and at no other time.
     for name in ["HEAD", "logs/HEAD"] {
         let path = git(&["rev-parse", "--git-path", name])?;
         if root.join(&path).exists() {
@@ -93,17 +95,17 @@ fn git_commit(root: &Path) -> Option<String> {
     Some(if changed.is_empty() { hash } else { format!("{hash}-dirty") })
 }
 
-// ---------------------------------------------------------------------------------------------------
+// -------------------------------------------------------------------------------------------------
 // Embree
 
-/// A library found on this machine.
+/// An Embree library found on this machine.
 struct Library {
     folder: PathBuf,
     file: String,
 }
 
-/// `LIGHTPATH_EMBREE_FILE`, the name that is loaded at run time, and the folders in which the dynamic
-/// loader looks for it: the executable's own run path.
+/// Sets `LIGHTPATH_EMBREE_FILE`, the name to load at run time, and the executable's run path, which
+/// the dynamic loader searches.
 fn embree(root: &Path) {
     println!("cargo::rerun-if-env-changed=EMBREE_DIR");
     let vendor = root.join("vendor").join("embree");
@@ -129,33 +131,35 @@ fn embree(root: &Path) {
     match &found {
         Some(library) => {
             println!("cargo::rerun-if-changed={}", library.folder.join(&library.file).display());
-            // For the tests alone: those that need it are ignored without it.
+            // Only for tests: those that need Embree are ignored without it.
             println!("cargo::rustc-cfg=lightpath_embree");
         }
         None => println!(
-            "cargo::warning=Embree 4 is not installed: `make setup` installs it. Until then there is no `--backend embree`."
+            "cargo::warning=Embree 4 is not installed, so `--backend embree` is not available: `make setup` installs it."
         ),
     }
     let file = found.as_ref().map_or(EMBREE_SONAME, |library| &library.file);
     println!("cargo::rustc-env=LIGHTPATH_EMBREE_FILE={file}");
 
     if variable("CARGO_CFG_TARGET_OS") == "linux" {
-        // Installed; target/release/lightpath; target/release/deps/<test>; doctests, which run anywhere.
-        // The vendor folder is listed even while it does not exist: `make setup` needs no rebuild.
+        // In this order: installed; target/release/lightpath; target/release/deps/<test>; doctests,
+        // which run anywhere. The vendor folder is listed even if it does not exist yet, so `make
+        // setup` needs no rebuild.
         let mut folders: Vec<PathBuf> = explicit.into_iter().collect();
         folders.push("$ORIGIN/../lib/lightpath".into());
         folders.push("$ORIGIN/../../vendor/embree".into());
         folders.push("$ORIGIN/../../../vendor/embree".into());
         folders.push(vendor);
         let list: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
-        // One argument each, not -Wl: a comma in a folder's name would split that one.
+        // One argument each instead of -Wl, which would split a folder name at a comma.
         for argument in ["-Xlinker", "-rpath", "-Xlinker", &list.join(":")] {
             println!("cargo::rustc-link-arg={argument}");
         }
     }
 }
 
-/// `LIGHTPATH_EMBREE_HEADERS`, the folder to include from or nothing, for the test that compares structures.
+/// Sets `LIGHTPATH_EMBREE_HEADERS`, the include folder (or empty), for the test that compares
+/// structures.
 fn headers(chosen: Option<&Path>) {
     let chosen = chosen.map(|folder| folder.join("include"));
     let folders = chosen.into_iter().chain(["/usr/include", "/usr/local/include"].map(Into::into));
@@ -167,7 +171,8 @@ fn headers(chosen: Option<&Path>) {
     println!("cargo::rustc-env=LIGHTPATH_EMBREE_HEADERS={}", folder.display());
 }
 
-/// The folders where a distribution or a `make install` puts libraries, when building for this machine.
+/// Returns the library folders of distributions and of `make install`, if the build is for this
+/// machine.
 fn system_folders() -> Vec<PathBuf> {
     if variable("HOST") != variable("TARGET") {
         return Vec::new();
@@ -180,8 +185,8 @@ fn system_folders() -> Vec<PathBuf> {
         .collect()
 }
 
-/// The Embree 4 library of a folder: the soname if it is there, else a name with a version
-/// (`libembree4-4aef3270.so.4`, `libembree4.so.4.4.0`), else the developer's link `libembree4.so`.
+/// Returns the Embree 4 library of a folder: preferably the soname, then a name with a version
+/// (`libembree4-4aef3270.so.4`, `libembree4.so.4.4.0`), then the developer's link `libembree4.so`.
 fn library_in(folder: &Path) -> Option<Library> {
     let mut names: Vec<String> = fs::read_dir(folder)
         .ok()?

@@ -1,6 +1,8 @@
-//! How long a film takes to become an EXR: `exr_write IN.exr OUT.exr THREADS REPEATS` reads the
-//! channels of a file, writes them again with ZIP, and prints the seconds of every time.
-//! `benches/exr_write.py` compares it with OpenEXR's own library.
+//! Times how long a film takes to become an EXR.
+//!
+//! `exr_write IN.exr OUT.exr THREADS REPEATS` reads the channels of a file, writes them again with
+//! ZIP, and prints the seconds of every run. `benches/exr_write.py` compares it with OpenEXR's own
+//! library.
 
 use std::{fs::File, path::Path, time::Instant};
 
@@ -30,7 +32,7 @@ fn main() {
     }
 }
 
-/// The channels of a file that lightpath wrote.
+/// Reads the channels of a file that lightpath wrote.
 fn film(path: &Path) -> Film {
     let reader = read().no_deep_data().largest_resolution_level().all_channels();
     let image = reader.first_valid_layer().all_attributes().from_file(path).expect("an EXR");
@@ -59,7 +61,7 @@ fn film(path: &Path) -> Film {
         film.planes.channels.push(Channel { name, kind });
         film.planes.words.extend(words);
     }
-    // Channel by channel -> pixel by pixel.
+    // Transposes from channel by channel to pixel by pixel.
     let (count, pixels) = (film.planes.channels.len(), film.pixels.len());
     let planes = std::mem::take(&mut film.planes.words);
     let pixel = |i: usize| (0..count).map(move |channel| channel * pixels + i);

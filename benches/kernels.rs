@@ -1,6 +1,6 @@
-//! The kernels one by one, per instruction-set tier: `cargo bench --bench kernels`.
+//! Benchmarks of single kernels per instruction set: `cargo bench --bench kernels`.
 //!
-//! For finding out what a change to one kernel does; whole pictures are in `benches/render.rs`.
+//! They show what a change to one kernel does. Whole pictures are in `benches/render.rs`.
 
 use divan::{Bencher, black_box, counter::ItemsCount};
 use lightpath::accel::bvh::{
@@ -23,7 +23,8 @@ fn main() {
 const TIERS: &[Isa] = Isa::compiled();
 const ALL: Mask = Mask([-1; LANES]);
 
-/// Makes a kernel of its arguments and an expression: a closure would not be compiled per tier.
+/// Defines a kernel from its arguments and an expression. A closure would not be compiled per
+/// instruction set.
 macro_rules! kernel {
     ($name:ident<$l:lifetime>($($arg:ident: $ty:ty),*) -> $out:ty $body:block) => {
         struct $name<$l> {
@@ -63,7 +64,7 @@ fn lanes(f: impl Fn(f32) -> f32) -> [f32; LANES] {
     std::array::from_fn(|i| f(i as f32))
 }
 
-/// Hit positions of 16 triangles in f64.
+/// Computes the hit positions of 16 triangles in f64.
 #[divan::bench(args = TIERS)]
 fn refine_16_hits(bencher: Bencher, isa: Isa) {
     let vertices = (0..48).map(|i| [(i * 7 % 5) as f32, (i * 3 % 7) as f32, (i % 3) as f32 + 5.0]);
@@ -81,7 +82,7 @@ fn refine_16_hits(bencher: Bencher, isa: Isa) {
     });
 }
 
-/// Shadow rays and light terms of 16 points, with and without a specular term.
+/// Makes the shadow rays and light terms of 16 points, with and without a specular term.
 #[divan::bench(args = TIERS, consts = [false, true])]
 fn light_16_points<const GLOSSY: bool>(bencher: Bencher, isa: Isa) {
     let mut points = ShadowPoints::EMPTY;
@@ -114,7 +115,7 @@ fn sobol_point(bencher: Bencher) {
     });
 }
 
-/// A bumpy square of `2 rows^2` triangles around the origin, 2 units wide, at z = 0.
+/// Returns a bumpy square of `2 rows^2` triangles around the origin, 2 units wide, at z = 0.
 fn terrain(rows: u32) -> Geometry {
     let at = |row: u32, column: u32| {
         let [x, y] = [row, column].map(|i| i as f32 / rows as f32 * 2.0 - 1.0);
@@ -134,7 +135,7 @@ fn bvh(geometry: &Geometry, isa: Isa) -> Bvh<'_> {
     Bvh::build(geometry, isa, &options, &Monitor::default()).expect("a tree")
 }
 
-/// 16 rays from one point, to points of the terrain that are `spread` apart.
+/// Returns 16 rays from one point to points of the terrain that are `spread` apart.
 fn down(spread: f32) -> RayPacket {
     let mut packet = RayPacket::EMPTY;
     packet.rays.org = [[0.3; LANES], [-0.2; LANES], [2.0; LANES]];
@@ -150,25 +151,25 @@ fn kernel(bencher: Bencher, isa: Isa, which: Which) {
     bencher.counter(ItemsCount::new(COUNT)).bench_local(|| bvh.run_kernel(which, black_box(&rays)));
 }
 
-/// One ray, 256 nodes: 16 boxes each, those that are met sorted.
+/// One ray, 256 nodes: tests 16 boxes each and sorts those that it hits.
 #[divan::bench(args = TIERS)]
 fn bvh_node(bencher: Bencher, isa: Isa) {
     kernel(bencher, isa, Which::Node);
 }
 
-/// One ray, 256 leaves: which triangles may be hit.
+/// One ray, 256 leaves: finds the triangles that may be hit.
 #[divan::bench(args = TIERS)]
 fn bvh_leaf(bencher: Bencher, isa: Isa) {
     kernel(bencher, isa, Which::Leaf);
 }
 
-/// One ray, 256 triangles: the exact decision and t.
+/// One ray, 256 triangles: decides exactly and computes t.
 #[divan::bench(args = TIERS)]
 fn bvh_exact(bencher: Bencher, isa: Isa) {
     kernel(bencher, isa, Which::Exact);
 }
 
-/// A tree over 100 thousand triangles, on all threads.
+/// Builds a tree over 100 thousand triangles, on all threads.
 #[divan::bench(args = TIERS)]
 fn bvh_build_100k(bencher: Bencher, isa: Isa) {
     let geometry = terrain(224);
@@ -176,8 +177,8 @@ fn bvh_build_100k(bencher: Bencher, isa: Isa) {
     bencher.counter(ItemsCount::new(triangles)).bench_local(|| bvh(&geometry, isa));
 }
 
-/// 16 rays through a tree over 100 thousand triangles, far apart and one by one, or close together
-/// as one packet.
+/// Traces 16 rays through a tree over 100 thousand triangles: far apart and one by one, or close
+/// together as one packet.
 #[divan::bench(args = TIERS, consts = [false, true])]
 fn bvh_closest_16<const PACKET: bool>(bencher: Bencher, isa: Isa) {
     let geometry = terrain(224);

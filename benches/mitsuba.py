@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
-"""lightpath against Mitsuba 3: the same scene, the same picture, time and error.
+"""Compares time and error of lightpath and Mitsuba 3 on the same scene.
 
 usage: mitsuba.py [--lightpath PROGRAM] [--json STATE.json] [--size N] STEP... MESH.ply
    pip install mitsuba==3.9.1 numpy; its LLVM variant needs libLLVM (Debian: apt-get install libllvm15)
 
-The scene is one description below, written out for both: the mesh, diffuse, on a ground plane, under a square
-area light, black around it; 1024 x 1024, box filter. Mitsuba renders it with `llvm_ad_rgb`, `direct` with one emitter
+Both scene files are written from one description below: a diffuse mesh on a ground plane, under a square area
+light, with a black background; 1024 x 1024, box filter. Mitsuba renders it with `llvm_ad_rgb`, `direct` with one emitter
 sample and no BSDF sample; lightpath with `lambertian` emission, `quadratic` attenuation, id = radiance area / pi and one
-light sample. Steps, each of which adds to the state file, so that they can be run one by one:
+light sample. Each step adds to the state file, so the steps can be run one by one:
   check   both at 4096 spp, 128 x 128: relmse must be below 1e-4, else exit 1
   wall    wall time of the whole process at 1, 16, 64 spp, in turns A B B A (--rounds)
   refer   a reference of 1024 spp by lightpath at full size, with another seed
   error   render phase alone, in turns, and RMSE at 1, 4, 16, 64 spp for both samplers of Mitsuba, and, beside the last two,
-          of lightpath with `--noise-of picture`, which Mitsuba has no counterpart of
-  table   prints everything as Markdown; --into FILE replaces what stands there between the marks of the backend
+          of lightpath with `--noise-of picture`, for which Mitsuba has no counterpart
+  table   prints everything as Markdown; --into FILE replaces the text between the marks of the backend
 relmse: mean d^2 / (r^2 + 0.01). Both programs use all threads that this process may use.
 """
 import argparse
@@ -29,22 +29,22 @@ import tempfile
 import time
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-# This file has the name of the package.
+# This file has the same name as the package.
 sys.path = [path for path in sys.path if os.path.abspath(path) != HERE]
 SPP = [1, 16, 64]
 CURVE = [1, 4, 16, 64]
 SAMPLERS = ['independent', 'multijitter']
-# Targets of `--noise T --noise-of picture`, in whose errors those of so many samples lie.
+# Targets of `--noise T --noise-of picture`. Their errors span the errors at these numbers of samples.
 TARGETS = {16: ['0.2', '0.1'], 64: ['0.05', '0.02']}
 ADAPTIVE = 'lightpath, adaptive'
 MARKS = ['<!-- mitsuba, {}: begin -->', '<!-- mitsuba, {}: end -->']
-# Ratios lightpath / Mitsuba that are asked for: bar, goal.
+# Required ratios lightpath / Mitsuba: bar, goal.
 BARS = {'wall 1': (0.4, 0.2), 'wall 16': (0.5, 0.25), 'wall 64': (0.6, 0.35),
         'independent': (0.15, 0.05), 'multijitter': (0.6, 0.35)}
 
 
 def describe(mesh):
-    """The scene, from which both are written: lengths in world units, y up."""
+    """Returns the scene, from which both files are written: lengths in world units, y up."""
     import numpy as np
     with open(mesh, 'rb') as file:
         count = 0
@@ -61,7 +61,7 @@ def describe(mesh):
         'mesh': os.path.abspath(mesh), 'middle': [float(v) for v in (low + high) / 2], 'scale': scale,
         'floor': float(-(high - low)[1] * scale / 2), 'half_floor': 6.0,
         'camera': [0.6, 1.0, 4.2], 'target': [0, -0.1, 0], 'fov': 40.0, 'albedo': 0.7,
-        # Centre, half side, radiance; it shines down.
+        # Centre, half side, radiance. The light points down.
         'light': [1.0, 3.0, 1.0], 'half_light': 0.5, 'radiance': 20.0,
     }
 
@@ -118,7 +118,7 @@ def mitsuba():
 
 
 def process(arguments):
-    """A whole Mitsuba run in a process of its own: what `wall` times."""
+    """Runs Mitsuba in its own process, which `wall` times."""
     mesh, size, spp, out = arguments[0], int(arguments[1]), int(arguments[2]), arguments[3]
     mi = mitsuba()
     scene = mi.load_dict(for_mitsuba(json.load(open(mesh)), size, 'independent'))
@@ -154,7 +154,7 @@ class Bench:
             json.dump(self.state, file, indent=1)
 
     def lightpath(self, scene, prefix, spp, *more):
-        """Renders to prefix.exr; returns the program's statistics."""
+        """Renders to prefix.exr and returns the program's statistics."""
         command = [self.args.lightpath, 'render', scene, '-o', os.path.join(self.folder, prefix),
                    '--spp', str(spp), '--backend', self.args.backend, '--quiet', '--json', *more]
         return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
@@ -173,7 +173,7 @@ class Bench:
         self.lightpath(scene, 'check', 4096, '--float')
         ours = self.pixels(os.path.join(self.folder, 'check.exr'))
         other = mi.load_dict(for_mitsuba(self.description, size, 'independent'))
-        # In parts: a wavefront of all samples does not fit.
+        # In parts, because a wavefront of all samples does not fit into memory.
         parts = [np.array(mi.render(other, spp=256, seed=seed), dtype=float) for seed in range(16)]
         theirs = sum(parts) / len(parts)
         relmse = float(np.mean((ours - theirs) ** 2 / (theirs ** 2 + 0.01)))
@@ -203,7 +203,7 @@ class Bench:
         for spp in self.args.spp or SPP:
             samples = wall.setdefault(str(spp), {'lightpath': [], 'mitsuba': []})
             if not samples['mitsuba']:
-                # Compiles the kernels, which are then in its cache on the disk.
+                # Compiles the kernels into the cache on the disk.
                 run('mitsuba', spp)
                 run('lightpath', spp)
             for _ in range(self.args.rounds):
@@ -228,7 +228,7 @@ class Bench:
         curve = self.state.setdefault('error', {})
         self.state['error_size'] = self.args.size
         scenes = {name: mi.load_dict(for_mitsuba(self.description, self.args.size, name)) for name in SAMPLERS}
-        # multijitter and the others must compile, and bring memory, once for each number of samples.
+        # Each sampler must compile, and allocate memory, once for each number of samples.
         for spp in self.args.spp or CURVE:
             for name, scene in scenes.items():
                 np.array(mi.render(scene, spp=spp, seed=99))
@@ -263,8 +263,8 @@ class Bench:
                       for point, e in entries)
 
     def ours_at(self, rmse, which):
-        """Seconds of lightpath at an RMSE: between its points, both axes logarithmic; None beyond them. Below
-        1 spp there is no picture, so a larger error than that of 1 spp costs as much as 1 spp."""
+        """Returns the seconds of lightpath at an RMSE, interpolated with both axes logarithmic; None beyond the points.
+        Below 1 spp there is no picture, so a larger error than at 1 spp costs as much as 1 spp."""
         points = self.points(which)
         if which == 'lightpath' and rmse >= points[-1][0]:
             return points[-1][1]
@@ -332,7 +332,7 @@ def main():
     parser.add_argument('--lightpath', default=os.path.join(HERE, '..', 'target', 'release', 'lightpath'))
     parser.add_argument('--json', default='mitsuba.json')
     parser.add_argument('--size', type=int, default=1024)
-    parser.add_argument('--backend', default='bvh', help='of lightpath; each has a state file of its own')
+    parser.add_argument('--backend', default='bvh', help='backend of lightpath; each has its own state file')
     parser.add_argument('--rounds', type=int, default=2)
     parser.add_argument('--spp', type=int, nargs='+', help='only these')
     parser.add_argument('--pictures', help='folder for the pictures of `check` and the reference')

@@ -6,11 +6,11 @@ usage: ply_readers.py [--rounds N] [--json OUT.json] [--only NAME,...] [--make] 
 --make writes the files of these names first: sheet-N.ply of N triangles, sheet-N-ascii.ply, and mixed-N.ply of N
 faces with three to eight corners (N as 70k or 10M).
 
-Every reader is a process of its own that reads the file whenever it is told to, and takes the time itself;
-they are told in turns, forwards and backwards (A B C C B A), so that what else the machine does meets all of
-them. Printed are median and minimum, the ratio of the medians to lightpath's, MB/s, and how much memory a
-first read takes beyond the arrays. Readers that are not installed are left out and named.
-  lightpath          src/mesh/ply, the file mapped: also checks, drops and counts (docs/ply.md)
+Each reader is its own process, which reads the file on request and times itself. Readers take turns, forwards and
+backwards (A B C C B A), so that other load on the machine affects all of them. The output has median and minimum,
+the ratio of the medians to lightpath's, MB/s, and the memory that a first read takes beyond the arrays. Readers that
+are not installed are left out and named.
+  lightpath          src/mesh/ply, with a mapped file: also checks, drops and counts (docs/ply.md)
   lightpath-no-mmap  the same through a window
   floor              mapped records copied into typed arrays by all threads; binary triangles only
   ply-rs-bw          3.0.2, the newest that Rust 1.85 compiles
@@ -32,7 +32,7 @@ PYTHON = ['numpy', 'trimesh', 'open3d', 'meshio']
 
 
 def reader(name):
-    """A function of a path that returns the number of triangles; raises where it is not installed."""
+    """Returns a function from a path to the number of triangles; raises if the reader is not installed."""
     import numpy as np
     if name == 'numpy':
         def read(path):
@@ -60,12 +60,12 @@ def reader(name):
 
 
 def memory():
-    """Most bytes this process ever had in memory."""
+    """Returns the peak memory of this process in bytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def serve(name, path):
-    """The Python half of what ply-readers does."""
+    """Does for Python readers what ply-readers does for Rust readers."""
     read = reader(name)
     for _ in sys.stdin:
         begun = time.perf_counter()
@@ -81,7 +81,7 @@ class Worker:
                                         stderr=subprocess.PIPE, text=True)
 
     def read(self):
-        """Seconds, or None where it cannot."""
+        """Returns the seconds, or None if the reader fails."""
         try:
             self.process.stdin.write('go\n')
             self.process.stdin.flush()
@@ -95,7 +95,7 @@ class Worker:
             return next(int(l.split()[1]) * 1024 for l in status if l.startswith(field))
 
     def end(self):
-        """Its last words."""
+        """Returns the last line of its messages."""
         self.process.stdin.close()
         said = self.process.stderr.read().strip().splitlines()
         self.process.wait()
@@ -140,7 +140,7 @@ def table(found):
 
 
 def make(path):
-    """A rippled sheet in the layout that the name asks for."""
+    """Writes a rippled sheet in the layout that the name gives."""
     import numpy as np
     words = os.path.basename(path).removesuffix('.ply').split('-')
     count = int(float(words[1].replace('k', 'e3').replace('M', 'e6')))

@@ -1,9 +1,9 @@
-//! The renderer against bare Embree: primary and shadow rays per second of the render phase,
-//! against the same packets, in the same order, with the same flags, on the same threads.
+//! Compares the renderer with bare Embree: primary and shadow rays per second of the render phase.
+//! Both use the same packets in the same order, the same flags and the same threads.
 //!
 //! `cargo bench --bench render [-- MESH.ply]`; without a mesh it makes a displaced sphere of 1.3M
-//! triangles. Interleaved A B B A; prints every sample, medians, MAD, and the ratio with a
-//! bootstrap interval. The answers are compared: both sides must find the same hits.
+//! triangles. Runs are interleaved A B B A. It prints every sample, medians, MAD, and the ratio
+//! with a bootstrap interval. The answers are compared: both sides must find the same hits.
 
 #[cfg(not(feature = "embree"))]
 fn main() {
@@ -126,7 +126,7 @@ mod with_embree {
         println!("{name}: {value:.3} [{low:.3}, {high:.3}] (median of pairs, 95 %)");
     }
 
-    /// Takes Embree's word for what occludes.
+    /// Embree without the check of occlusions that the renderer adds.
     struct Unchecked<'a>(&'a dyn Accelerator);
 
     impl Accelerator for Unchecked<'_> {
@@ -156,7 +156,7 @@ mod with_embree {
         println!("  ms: {}", all.join(" "));
     }
 
-    /// The queries of a render in their order, tile by tile.
+    /// The queries of a render in order, tile by tile.
     struct Replay {
         tiles: Vec<Vec<Query>>,
         light: [f32; 3],
@@ -164,9 +164,9 @@ mod with_embree {
     }
 
     enum Query {
-        /// A camera packet by the pixel of its lane 0: rebuilt when replayed.
+        /// A camera packet, given by the pixel of its lane 0. Its rays are rebuilt in the replay.
         Camera([u32; 2]),
-        /// A shadow packet by its origins: its directions are rebuilt.
+        /// A shadow packet, given by its origins. Its directions are rebuilt in the replay.
         Shadow(Box<Shadow>),
     }
 

@@ -1,4 +1,4 @@
-//! Renders a mesh that was never a file: cargo run --release --example mesh_from_memory
+//! Renders a mesh that exists only in memory: cargo run --release --example mesh_from_memory
 
 use std::path::Path;
 

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""What Blender's own reader makes of an EXR with cryptomattes: `pip install bpy==4.5.15` (Python 3.11).
+"""Checks an EXR with cryptomattes in Blender's own reader: `pip install bpy==4.5.15` (Python 3.11).
 
     check_blender.py FILE.exr NAME [PIXELS]
     check_blender.py FILE.exr --uv TEXTURE
 
 Prints the passes that Blender finds and the area of the matte NAME by its Cryptomatte node; exit code 1 if
-that is not PIXELS, as check_cryptomatte.py prints it. Or holds the texture, laid on the layer `uv` by Blender's Map UV
-node, against the layer `albedo`; exit code 1 if they differ by more than the filters do. bpy is 370 MB, so CI does without.
+that is not PIXELS, as check_cryptomatte.py prints it. With --uv, it maps the texture through the
+layer `uv` with Blender's Map UV node and compares the result with the layer `albedo`; exit code 1 if they differ by more
+than the filters explain. bpy is 370 MB, so CI does not run this.
 """
 import os
 import sys
@@ -29,7 +30,7 @@ print("passes", " ".join(socket.name for socket in node.outputs if socket.enable
 
 
 def shown(socket, mode):
-    """What a socket of the compositor gives, in a render of the image's size."""
+    """Renders the output of a compositor socket at the image's size."""
     out = nodes.new("CompositorNodeOutputFile")
     folder = out.base_path = tempfile.mkdtemp()
     out.format.file_format = "OPEN_EXR"

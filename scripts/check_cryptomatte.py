@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
-"""Cryptomattes of an EXR by their specification, 1.2.0: `pip install OpenEXR numpy`.
+"""Checks the cryptomattes of an EXR against their specification 1.2.0: `pip install OpenEXR numpy`.
 
 check_cryptomatte.py FILE.exr [NAME...]     NAMEs must be among the mattes
 
-Read with OpenEXR's own library; nothing of lightpath's is used. Exit code 1 and a line for everything that
-is wrong.
+Reads with OpenEXR's own library and uses no code of lightpath. Exit code 1 and a line for each mistake.
 """
 import json
 import os
@@ -39,17 +38,17 @@ def murmur3(data, seed=0):
 
 
 def matte_id(name):
-    """The bits of a name's id: no exponent of 0 or 255."""
+    """Returns the bits of a name's id, without an exponent of 0 or 255."""
     h = murmur3(name.encode())
     return h ^ 1 << 23 if h >> 23 & 255 in (0, 255) else h
 
 
-# Known values of the hash and of the exponent's rule.
+# Known values of the hash and of the rule for exponents.
 assert murmur3(b"torus") == 4053562365 and matte_id("bunny") == 0x13851A76
 
 
 def check(path, wanted=()):
-    """What is wrong, and what was found, by the kind of matte."""
+    """Returns the mistakes and the areas found, by kind of matte."""
     wrong, found = [], {}
     kinds, channels = defaultdict(dict), {}
     for part in OpenEXR.File(path, separate_channels=True).parts:

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Renders a small scene in many ways and looks at the files as compositors do.
+"""Renders a small scene with many settings and reads the files as compositors do.
 
     check_exr.py LIGHTPATH      with `pip install OpenEXR numpy`; uses exrinfo, exrmaketiled and oiiotool
 
-Decodes every file whole with OpenEXR's own library. Exit code 1 and a line for everything that is wrong.
+Decodes every file completely with OpenEXR's own library. Exit code 1 and a line for each mistake.
 """
 import json
 import os
@@ -84,11 +84,11 @@ def render(name, *flags):
 
 
 def read(name):
-    """The parts of a file and all channels by name, after every other reader took it, too."""
+    """Checks a file with all other readers, then returns its parts and its channels by name."""
     path = name + ".exr"
     tools = [["exrinfo", "-s", path], ["exrmaketiled", path, "tiled.exr"], ["oiiotool", path, "-o", "copy.exr"]]
     for tool in tools:
-        # exrmaketiled knows neither several parts nor DWA of every library.
+        # exrmaketiled supports neither several parts nor, with some libraries, DWA.
         if not shutil.which(tool[0]) or (tool[0] == "exrmaketiled" and name in ("parts", "dwaa")):
             continue
         done = subprocess.run(tool, capture_output=True, text=True)
@@ -169,7 +169,7 @@ def sums_and_mattes():
 
 
 def parts_alone(parts):
-    """Each part says what a reader of it alone needs, and the first what a reader of the first alone needs."""
+    """Checks that each part has all attributes for a reader of one part, and the first for a reader of the first."""
     def mattes(part):
         return {k: v for k, v in part.header.items() if k.startswith("cryptomatte/")}
 
@@ -191,7 +191,7 @@ def parts_alone(parts):
 
 
 def long_names():
-    """The version field says the same of long names as in a file of OpenEXR's own writer."""
+    """Checks that the version field marks long names as OpenEXR's own writer does."""
     for letters in (23, 24, 200):
         group = f"/scene/lightsources/0/group={json.dumps('k' * letters)}"
         for name, flags in {"short": ["--aov", "light"], "parts": ["--aov", "light", "--multipart"]}.items():
@@ -245,7 +245,7 @@ def storage(all_layers):
 
 
 def sudden_death():
-    """Killed while it writes, a render leaves nothing under a final name."""
+    """Checks that a render killed while it writes leaves no file under a final name."""
     os.mkdir("out")
     flags = ["render", "s.json", "-o", "out/x", "--size", "1500x1000", "--spp", "1", "--aov", "all"]
     child = subprocess.Popen([PROGRAM, *flags, "--progress", "json"], stderr=subprocess.PIPE, text=True)

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Layers of an EXR as a compositor sees them: `pip install OpenEXR numpy`.
+"""Checks the layers of an EXR as a compositor reads them: `pip install OpenEXR numpy`.
 
 check_layers.py all.exr                       sums of components and of light groups, projections
 check_layers.py all.exr GROUP SCALE relit.exr also: GROUP times SCALE is the picture relit.exr
 
 all.exr has every layer (`lightpath render --aov all`). The whole file is decoded, not only its header.
-Exit code 1 and a line for everything that is wrong.
+Exit code 1 and a line for each mistake.
 """
 import sys
 
@@ -17,7 +17,7 @@ wrong = []
 
 
 def read(path):
-    """Header and channels as 64-bit arrays; integers stay integers."""
+    """Returns the header, and the channels as 64-bit arrays; integers stay integers."""
     part = OpenEXR.File(path, separate_channels=True).parts[0]
     channels = {name: channel.pixels for name, channel in part.channels.items()}
     for name, pixels in channels.items():
@@ -27,13 +27,13 @@ def read(path):
 
 
 def rgb(channels, layer=""):
-    """A colour layer and the largest error of its halves."""
+    """Returns a colour layer and the largest rounding error of its 16-bit floats."""
     prefix = layer + "." if layer else ""
     return np.stack([channels[prefix + c].astype(np.float64) for c in "RGB"], -1)
 
 
 def compare(what, found, expected, size):
-    """Each half is off by half of its last place, relative to `size`, the sum of absolute values."""
+    """Compares within half a unit in the last place of each 16-bit float; `size` is the sum of absolute values."""
     off = np.abs(found - expected) - size / 2048 - 1e-6
     print(f"{what}: off by {np.abs(found - expected).max():.2e} at most")
     if off.max() > 0:

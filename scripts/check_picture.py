@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks PREFIX.exr and PREFIX.png with nothing of lightpath's: the EXR is decoded by OpenEXR's own
+"""Checks PREFIX.exr and PREFIX.png without any code of lightpath: the EXR is decoded by OpenEXR's own
 exrmaketiled, the PNG by Python's zlib, and both must show the same picture of something.
 
     scripts/check_picture.py PREFIX
@@ -20,7 +20,7 @@ class Wrong(Exception):
 
 
 def read_exr(path):
-    """-> (width, height, {channel: floats from top left}) of a flat single-part EXR."""
+    """Returns (width, height, {channel: floats from top left}) of a flat single-part EXR."""
     with tempfile.TemporaryDirectory() as folder:
         tiled = os.path.join(folder, "tiled.exr")
         subprocess.run(["exrmaketiled", "-o", "-z", "none", "-t", "64", "64", path, tiled], check=True)
@@ -62,7 +62,7 @@ def read_exr(path):
 
 
 def read_png(path):
-    """-> (width, height, bytes per pixel, rows, names of the chunks) of an 8-bit RGB or RGBA PNG."""
+    """Returns (width, height, bytes per pixel, rows, names of the chunks) of an 8-bit RGB or RGBA PNG."""
     with open(path, "rb") as file:
         data = file.read()
     if data[:8] != b"\x89PNG\r\n\x1a\n":
@@ -121,7 +121,7 @@ def check(prefix):
     if colours < 256:
         raise Wrong(f"{prefix}.png has only {colours} colours: that is no rendered still life")
 
-    # The PNG is the EXR through one rising curve per channel, so both order the pixels alike.
+    # The PNG is the EXR through one increasing curve per channel, so both order the pixels in the same way.
     ups = downs = 0
     for place in range(0, width * height - 997, 997):
         for channel, name in enumerate("RGB"):

@@ -2,11 +2,11 @@
 # Packages what `make build` compiled, into target/dist/:
 #
 #   lightpath_VERSION_ARCH.deb             depends on libembree4-4 where the distribution has it (Debian 13);
-#                                          else carries the Embree of vendor/embree in /usr/lib/lightpath
-#   lightpath-VERSION-ARCH-linux.tar.xz    one folder that runs wherever it lies, with Embree if that is vendored
+#                                          else contains the Embree of vendor/embree in /usr/lib/lightpath
+#   lightpath-VERSION-ARCH-linux.tar.xz    a folder that runs anywhere, with Embree if that is in vendor/
 #
-# With EMBREE=none neither carries Embree: a package for Debian 13 made on Debian 12. Both are made of
-# `make install`, and the same program gives the same bytes. Needs dpkg-deb and xz.
+# With EMBREE=none neither contains Embree, for a Debian 13 package made on Debian 12. Both are made with
+# `make install`; the same program gives the same bytes. Needs dpkg-deb and xz.
 set -eu
 cd "$(dirname "$0")/.."
 export LC_ALL=C
@@ -33,7 +33,7 @@ same_times() { find "$1" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +; }
 
 deb=$stage/deb
 install_to "$deb" /usr
-# The newest version of the C library that a symbol of the program asks for.
+# The newest version of the C library that a symbol of the program needs.
 glibc=$(grep -ao 'GLIBC_2\.[0-9]*' "$deb/usr/bin/lightpath" | sort -V | tail -n 1 | sed 's/GLIBC_//')
 depends="libc6 (>= $glibc), libgcc-s1"
 if [ -d "$deb/usr/lib/lightpath" ]; then

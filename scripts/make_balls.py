@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Writes assets/ball.ply and assets/ball-inward.ply: an icosphere of 80 faces, plain, and with
-normals that point inward and every other face turned round."""
+normals that point inward and every other face reversed."""
 
 import math
 from pathlib import Path
@@ -12,7 +12,7 @@ def normalized(p):
 
 
 def icosahedron():
-    """Corners at distance 1, faces counter-clockwise as seen from outside."""
+    """Returns corners at distance 1 and faces that are counter-clockwise as seen from outside."""
     g = (1 + math.sqrt(5)) / 2
     points = []
     for a, b in ((1, g), (-1, g), (1, -g), (-1, -g)):
@@ -31,7 +31,7 @@ def icosahedron():
 
 
 def split(points, faces):
-    """Four faces for each, the new corners on the sphere."""
+    """Splits each face into four, with the new corners on the sphere."""
     middles = {}
 
     def middle(a, b):

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Makes the image pairs of tests/metrics_reference.rs and what other programs say about them.
+"""Makes the image pairs of tests/metrics_reference.rs and the values of other programs for them.
 
     pip install flip-evaluator scikit-image OpenEXR pillow numpy
     scripts/make_metric_references.py            # writes tests/data/metrics/
 
 The pictures come from formulas and a seeded generator. FLIP is the authors' package flip-evaluator,
-SSIM is scikit-image; both are given the same values that lightpath computes from the files.
+SSIM is scikit-image; both get the same values that lightpath computes from the files.
 """
 
 import json
@@ -28,7 +28,7 @@ def grid():
 
 
 def scene(shift):
-    """Discs, stripes and a gradient in colour, values in [0, 1]."""
+    """Returns a picture of discs, stripes and a gradient, with values in [0, 1]."""
     x, y = grid()
     x = x - shift
     image = np.stack([0.2 + 0.6 * y, 0.5 + 0.0 * x, 0.8 - 0.5 * y], axis=-1)
@@ -44,7 +44,7 @@ def write_png(name, image):
 
 
 def write_exr(name, image):
-    # Half floats: small files, and exact for the test.
+    # 16-bit floats make small files, and are exact for the test.
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {"RGB": image.astype(np.float16)}).write(str(OUT / f"{name}.exr"))
 
@@ -58,7 +58,7 @@ def srgb_from_linear(x):
 
 
 def read(name):
-    """Linear values as lightpath has them, and the 8-bit picture in [0, 1]."""
+    """Returns linear values as in lightpath, and the 8-bit picture in [0, 1]."""
     png = OUT / f"{name}.png"
     if png.exists():
         picture = np.asarray(Image.open(png)).astype(np.float64) / 255
@@ -88,7 +88,7 @@ def ssim(reference, test):
 def main():
     OUT.mkdir(parents=True, exist_ok=True)
     random = np.random.default_rng(7)
-    # Edges that have moved; noise; bright light with noise and a firefly.
+    # Moved edges; noise; bright light with noise and a firefly.
     write_png("edges-test", scene(1.5 / WIDTH))
     write_png("edges-reference", scene(0))
     write_png("noise-test", scene(0) + random.normal(0, 0.08, (HEIGHT, WIDTH, 3)))

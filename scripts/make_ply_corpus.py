@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Makes the PLY files of tests/ply/ again, each with what is expected of it beside it.
+"""Makes the PLY files of tests/ply/, each with its expected result beside it.
 
 usage: make_ply_corpus.py [FOLDER]        (default: tests/ply)
 
-Every writer runs in a process of its own (their libraries do not bear each other) and is left out, with a
-note, where it is not installed: pip install numpy trimesh open3d meshio pymeshlab bpy plyfile zstandard.
-What is expected comes from the arrays that the writers were given, not from lightpath:
+Each writer runs in its own process, because their libraries conflict. A writer that is not installed is left
+out with a note: pip install numpy trimesh open3d meshio pymeshlab bpy plyfile zstandard.
+The expected results come from the arrays that the writers get, not from lightpath:
   valid/NAME.ply[.gz|.zst] and valid/NAME.json: vertices, triangles, area, bounds, which attributes;
   invalid/NAME.ply[.gz|.zst] and invalid/NAME.txt: kind of the error, then its first line.
 """
@@ -46,7 +46,7 @@ def cube():
 
 
 def house():
-    """A prism over an L (concave hexagons) with a convex pentagon and a triangle beside it."""
+    """An L-shaped prism (concave hexagons), with a convex pentagon and a triangle beside it."""
     flat = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
     points = [[float(x), float(y), float(z)] for z in (0, 1) for x, y in flat]
     faces = [[5, 4, 3, 2, 1, 0], [6, 7, 8, 9, 10, 11]]
@@ -78,7 +78,7 @@ def cross(a, b):
 
 
 def area(points, faces):
-    """Of planar polygons, convex or not: half the length of the sum of cross products."""
+    """Area of planar polygons, convex or not: half the length of the sum of cross products."""
     total = 0.0
     for face in faces:
         at = [[c - o for c, o in zip(points[i], points[face[0]])] for i in face]
@@ -88,7 +88,7 @@ def area(points, faces):
 
 
 def write(name, writer, shape, **more):
-    """Says what is expected of the valid file `name` of `shape`."""
+    """Writes the expected result of the valid file `name`, which holds `shape`."""
     points, faces = shape
     used = [points[i] for face in faces for i in face]
     expected = {
@@ -197,7 +197,7 @@ def with_pymeshlab():
     ms.add_mesh(pymeshlab.Mesh(np.array(points), face_list_of_indices=[np.array(f) for f in faces]))
     ms.save_current_mesh('valid/meshlab-polygons.ply', save_vertex_color=False, save_vertex_quality=False,
                          save_vertex_normal=False)
-    # MeshLab splits polygons itself where it does not keep them.
+    # MeshLab splits polygons itself if it does not keep them.
     write('meshlab-polygons', writer, (points, faces), faces=None)
 
 
@@ -290,7 +290,7 @@ def with_plyfile():
              obj_info=['num_cols 512'])
         write(f'plyfile-{tag}-extra', writer, (points, faces), colors='ushort', uvs='vertex',
               texture='my picture.png')
-        # One byte: plyfile writes single numbers beside lists in the machine's order.
+        # One byte: plyfile writes single numbers next to lists in the machine's byte order.
         rows = [(np.array(f, 'i4'), np.array([0.5, 0.25] * len(f), 'f4'), 1) for f in faces]
         element = lists(rows, [('vertex_indices', 'O'), ('texcoord', 'O'), ('texnumber', 'u1')],
                         kinds={'vertex_indices': 'i4', 'texcoord': 'f4'})
@@ -302,7 +302,7 @@ def with_plyfile():
 
 
 def by_hand():
-    """What no library writes: odd line ends, junk in comments, packed files, files that are wrong."""
+    """Files that no library writes: odd line ends, junk in comments, packed files, invalid files."""
     writer = 'by hand'
     points, faces = ball()
     data = b''.join(struct.pack('<3f', *p) for p in points)
@@ -395,7 +395,7 @@ def by_hand():
 
 
 def refuse(name, message, kind='Invalid', file=None):
-    """Says what is expected of an invalid file; `*` stands for anything."""
+    """Writes the expected error of an invalid file; `*` stands for any text."""
     file = file or f'{name}.ply'
     prefix = '' if message.startswith('invalid/') else f'invalid/{file}: '
     stem = file.split('.ply')[0]

@@ -3,7 +3,7 @@
 
     scripts/make_textures.py [FOLDER]
 
-Only Python's standard library; noise is hashed from integers, never drawn from a generator.
+Only Python's standard library; noise is hashed from integers and needs no generator.
 """
 
 import math
@@ -12,7 +12,7 @@ import struct
 import sys
 import zlib
 
-# Digits of 5 x 7 dots, a row a number, the leftmost dot the highest bit.
+# Digits of 5 x 7 dots. Each number is a row; the leftmost dot is the highest bit.
 DIGITS = [
     (14, 17, 19, 21, 25, 17, 14),
     (4, 12, 4, 4, 4, 4, 14),
@@ -28,7 +28,7 @@ DIGITS = [
 
 
 def write_png(path, width, height, rows, palette=None):
-    """8-bit PNG: RGB rows, or rows of indices into a palette of (r, g, b)."""
+    """Writes an 8-bit PNG from RGB rows, or from rows of indices into a palette of (r, g, b)."""
 
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -43,7 +43,7 @@ def write_png(path, width, height, rows, palette=None):
 
 
 def hashed(x, y, z):
-    """A number in [0, 1) from three integers."""
+    """Hashes three integers to a number in [0, 1)."""
     n = (x * 73856093 ^ y * 19349663 ^ z * 83492791) & 0xFFFFFFFF
     n = ((n ^ n >> 15) * 0x2C1B3C6D) & 0xFFFFFFFF
     n = ((n ^ n >> 12) * 0x297A2D39) & 0xFFFFFFFF
@@ -51,7 +51,7 @@ def hashed(x, y, z):
 
 
 def noise(x, y, z):
-    """Smooth noise in [0, 1), one bump a unit."""
+    """Smooth noise in [0, 1) with one bump per unit."""
     i, j, k = math.floor(x), math.floor(y), math.floor(z)
     u, v, w = x - i, y - j, z - k
     u, v, w = u * u * (3 - 2 * u), v * v * (3 - 2 * v), w * w * (3 - 2 * w)
@@ -188,7 +188,7 @@ def dice_mesh(path):
 
 
 def planet(path, width=852, height=426):
-    """Seas, land, ice: seamless, poles at the top and bottom row, for the sphere's (u, v)."""
+    """Seas, land and ice for the sphere's (u, v): seamless, with the poles in the top and bottom row."""
     sea = [mix((8, 28, 78), (64, 158, 196), (i / 31) ** 2) for i in range(32)]
     land = []
     for high in range(8):
@@ -219,7 +219,7 @@ def planet(path, width=852, height=426):
 
 
 def wood(path, size=768, planks=6):
-    """Planks along u with grain; repeats in both directions but for the grain's seam at a joint."""
+    """Planks along u with grain. Repeats in both directions, except for a seam of the grain at a joint."""
     shades = [mix((58, 32, 18), (196, 140, 88), i / 63) for i in range(64)]
     rows = []
     for y in range(size):

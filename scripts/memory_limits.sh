@@ -1,7 +1,8 @@
 #!/bin/sh
-# Renders a mesh under real control groups of many sizes: each run ends with exit 0 or 3, none is killed.
+# Renders a mesh under real control groups of many sizes. Each run must end with exit code 0 or 3; none may
+# be killed.
 # usage (root): scripts/memory_limits.sh LIGHTPATH MESH.ply [MIB...]
-# By hand, before a release: CI has no control groups of its own.
+# Run it by hand before a release: CI has no control groups of its own.
 set -eu
 program=$1 mesh=$2
 shift 2

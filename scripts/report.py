@@ -3,9 +3,9 @@
 
 usage: report.py [--seconds N] [--only STEP,...] [PROGRAM]
 
-Runs `lightpath accuracy`, `bench` and `converge`, each scene of the latter for N seconds (default 40; all of it takes
-some five times N, and half a minute). No number is typed: the tables come from the JSON that the program writes; what
-it writes there as samples of single turns is left out of the copies that are kept.
+Runs `lightpath accuracy`, `bench` and `converge`, the latter for N seconds per scene (default 40). The whole run takes
+about five times N and half a minute. All numbers in the tables come from the JSON that the program writes. The copies
+that are kept omit the samples of single turns.
 """
 import argparse
 import datetime
@@ -19,7 +19,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 OUT = os.path.join(ROOT, 'docs', 'reports')
 MARKS = ['<!-- report: begin -->', '<!-- report: end -->']
 BENCHED = ['scenes/still-life.json', 'scenes/spot.json']
-# Figure 16 is the soft shadow of the coursework's report: samples are those of its light, so that
+# Figure 16 is the soft shadow of the coursework's report. Only the number of light samples varies, so that
 # nothing but the light is sampled.
 STUDIES = {
     'fig16-area-light-shadow': ['--size', '180x120', '--spp', '1', '--light-samples', '4,16,64,256,1024'],
@@ -56,7 +56,7 @@ def measure(args):
 
 
 def keep_small(path):
-    """Drops lists of times; one row of a table a line."""
+    """Drops lists of times, and formats tables with one row per line."""
     def without(value):
         if isinstance(value, dict):
             return {k: without(v) for k, v in value.items() if not (k == 'seconds' and isinstance(v, list))}
@@ -79,32 +79,74 @@ def load(name):
         return json.load(file)
 
 
-def accuracy_lines():
-    report = load('accuracy.json') if os.path.exists(os.path.join(OUT, 'accuracy.json')) else {'columns': []}
-    lines = []
+def load_or(name, default):
+    return load(name) if os.path.exists(os.path.join(OUT, name)) else default
+
+
+def wrong_answers():
+    """(column, wrong answers, answers) of `accuracy`."""
+    report = load_or('accuracy.json', {'columns': []})
     for i, column in enumerate(report['columns']):
         entries = [row['entries'][i] for row in report['rows']]
-        rays, failed = (sum(entry[key] for entry in entries) for key in ['rays', 'failed'])
-        lines.append((f"wrong answers to hard rays, `{column['name']}`", f'{failed:,} of {rays:,}'))
-    return lines
+        yield column['name'], sum(e['failed'] for e in entries), sum(e['rays'] for e in entries)
+
+
+def accuracy_lines():
+    return [(f'wrong answers to hard rays, `{name}`', f'{failed:,} of {rays:,}')
+            for name, failed, rays in wrong_answers()]
+
+
+def rows_of_most_threads(scene):
+    most = max(row['threads'] for row in scene['rows'])
+    return [row for row in scene['rows'] if row['threads'] == most]
+
+
+def rate(rows, what, i):
+    """Backend i's rate of the first row of a kind: Mray/s, of builds million triangles a second."""
+    return next(row for row in rows if row['what'] == what)['entries'][i]['rate']['value']
+
+
+def speedup(rows, i):
+    """Backend i's speed relative to the first backend: geometric mean over classes and modes of rays."""
+    logs = [math.log(row['entries'][i]['ratio']['value']) for row in rows if row['what'] == 'rays']
+    return math.exp(sum(logs) / len(logs))
 
 
 def bench_lines():
     lines = []
-    report = load('bench.json') if os.path.exists(os.path.join(OUT, 'bench.json')) else {'scenes': []}
-    for scene in report['scenes']:
+    for scene in load_or('bench.json', {'scenes': []})['scenes']:
         first = scene['backends'][0]['name']
-        most = max(row['threads'] for row in scene['rows'])
+        rows = rows_of_most_threads(scene)
         for i, backend in enumerate(scene['backends']):
-            rows = [row for row in scene['rows'] if row['threads'] == most]
-            image = next(row for row in rows if row['what'] == 'image')['entries'][i]
-            text = f"{image['rate']['value']:.1f} Mray/s"
+            text = f"{rate(rows, 'image', i):.1f} Mray/s"
             if i > 0:
-                ratios = [row['entries'][i]['ratio']['value'] for row in rows if row['what'] == 'rays']
-                mean = math.exp(sum(math.log(r) for r in ratios) / len(ratios))
-                text += f'; rays alone {mean:.2f} times as fast as `{first}`'
-            lines.append((f"whole picture of `{scene['name']}`, `{backend['name']}`, {most} threads", text))
+                text += f'; rays alone {speedup(rows, i):.2f} times as fast as `{first}`'
+            lines.append((f"whole picture of `{scene['name']}`, `{backend['name']}`, {rows[0]['threads']} threads", text))
     return lines
+
+
+def comparison():
+    """README's table: `bvh` and `embree`, which is the first backend of `bench`, in columns for each scene."""
+    what = ['whole picture, Mray/s', 'rays alone, relative', 'build, million triangles/s', 'bytes a triangle',
+            'the same, peak of the build']
+    head, rows = [''], [[name] for name in what]
+    for scene in load_or('bench.json', {'scenes': []})['scenes']:
+        most, backends = rows_of_most_threads(scene), scene['backends']
+        name = os.path.basename(scene['name']).removesuffix('.json')
+        for i in (1, 0):
+            head.append(f"{name}, `{backends[i]['name']}`")
+            values = [f"{rate(most, 'image', i):.1f}", f'{speedup(most, i):.2f}' if i else '1', f"{rate(most, 'build', i):.1f}",
+                      *(f"{backends[i][key] / scene['triangles']:.0f}" for key in ('bytes', 'peak_bytes'))]
+            for row, value in zip(rows, values):
+                row.append(value)
+    counts = {name: (failed, rays) for name, failed, rays in wrong_answers()}
+    # `bvh` has a column for each instruction set: the worst counts.
+    ours = max((count for name, count in counts.items() if name.startswith('bvh:')), default=None)
+    if ours and 'embree' in counts and len(head) > 2:
+        both = [f'{failed:,} of {rays:,}' for failed, rays in (ours, counts['embree'])]
+        rows.append(['wrong answers to hard rays', *both, *[''] * (len(head) - 3)])
+    lines = [f"| {' | '.join(line)} |\n" for line in [head, *rows]]
+    return ''.join([lines[0], '|---' * len(head) + '|\n', *lines[1:]])
 
 
 def converge_lines(name):
@@ -115,7 +157,7 @@ def converge_lines(name):
             value, error = ratio['rmse']['value'], ratio['rmse']['standard_error']
             lines.append((f'{scene}: RMSE of independent samples / RMSE of `sobol`, 64 a pixel',
                           f'{value:.2f} ± {error:.2f}'))
-    # Of one kind, as in the text of `converge`: that of most samplers, then of most points.
+    # Slopes of one kind, as in the text of `converge`: the kind with most samplers, then with most points.
     kinds = {}
     for series in report['series']:
         if series['slope']:
@@ -144,12 +186,18 @@ def machine():
     report = load(f'converge-{next(iter(STUDIES))}.json')
     m = report['machine']
     versions = ', '.join(f'{name} {version}' for name, version in m['versions'].items())
-    date = datetime.date.today().isoformat()
-    return f"{m['cpu']}, {report['threads']} threads, {m['isa']} kernels; {versions}; {date}"
+    return f"{m['cpu']}, {report['threads']} threads, {m['isa']} kernels; {versions}; {date()}"
+
+
+def date():
+    """When `bench` ran; without it, today."""
+    seconds = load_or('bench.json', {'run': {}})['run'].get('unix_seconds')
+    now = datetime.datetime.now(datetime.timezone.utc)
+    return (datetime.datetime.fromtimestamp(seconds, now.tzinfo) if seconds else now).date().isoformat()
 
 
 def write():
-    # What has not been measured is left out.
+    # Studies that have not been measured are left out.
     there = [name for name in STUDIES if os.path.exists(os.path.join(OUT, f'converge-{name}.json'))]
     studies = {name: converge_lines(name) for name in there}
     pages = [('accuracy', 'the hard cases on every backend'), ('bench', 'backends on the same rays')]
@@ -168,11 +216,7 @@ def write():
         index += ['', f'## {title}', '', table(lines).rstrip()]
     with open(os.path.join(OUT, 'README.md'), 'w') as file:
         file.write('\n'.join(index) + '\n')
-    figure = studies.get('fig16-area-light-shadow', [])
-    headline = [line for line in figure if '`random`' not in line[0]][:3]
-    headline += bench_lines()[:2] + [line for line in accuracy_lines() if '`bvh:' in line[0] or '`embree`' in line[0]]
-    replace(os.path.join(ROOT, 'README.md'),
-            f"{table(headline)}\nMeasured by the studies of `make report` ({', '.join(name for name, _ in pages)}) on: {machine()}.\n")
+    replace(os.path.join(ROOT, 'README.md'), f'{comparison()}\nMeasured by `make report` on: {machine()}.\n')
 
 
 def replace(path, text):
@@ -188,7 +232,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('program', nargs='?', default=os.path.join(ROOT, 'target', 'release', 'lightpath'))
     parser.add_argument('--seconds', type=float, default=40)
-    parser.add_argument('--only', help='measure these alone: accuracy, bench, converge; none: only write the tables')
+    parser.add_argument('--only', help='measure only these: accuracy, bench, converge; none: only write the tables')
     args = parser.parse_args()
     args.program = os.path.abspath(args.program)
     measure(args)

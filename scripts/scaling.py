@@ -22,7 +22,7 @@ MESHES, FRAMES, NODES = 40_000, 72, 100
 
 
 def sphere(path, rows):
-    """A bumpy sphere of 4 rows^2 triangles, as binary PLY."""
+    """Writes a bumpy sphere of 4 rows^2 triangles as binary PLY."""
     columns = 2 * rows
     points, faces = array.array("f"), bytearray()
     for i in range(rows + 1):
@@ -49,7 +49,7 @@ def sphere(path, rows):
 
 
 def run(program, mesh, size, spp, threads, backend, rounds, folder):
-    """The least seconds of each phase, and what else the statistics say."""
+    """Returns the statistics of a render, with the minimum seconds of each phase over the rounds."""
     best = None
     for _ in range(rounds):
         stats = os.path.join(folder, "stats.json")
@@ -66,7 +66,7 @@ def run(program, mesh, size, spp, threads, backend, rounds, folder):
 
 
 def fit(rows, values):
-    """Least squares of relative errors: coefficients, and the largest relative error."""
+    """Fits by least squares of relative errors. Returns the coefficients and the largest relative error."""
     n = len(rows[0])
     a = [[0.0] * (n + 1) for _ in range(n)]
     for row, value in zip(rows, values):
@@ -91,7 +91,7 @@ def main():
     parser.add_argument("--program", default="target/release/lightpath")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--backend", default="bvh")
-    parser.add_argument("--cores", type=int, default=32, help="of a node of the farm")
+    parser.add_argument("--cores", type=int, default=32, help="cores per node of the farm")
     args = parser.parse_args()
     program = os.path.abspath(args.program)
     out = []
@@ -112,7 +112,7 @@ def main():
         threads = os.cpu_count() or 1
         counts = sorted({1, 2, threads})
         runs = {n: [] for n in counts}
-        # In turns, so that a slow minute does not fall on one of them.
+        # In turns, so that a slow minute affects all of them.
         for _ in range(2 * args.rounds):
             for n in counts:
                 runs[n].append(run(program, meshes[largest], "320x240", 4, n, args.backend, 1, folder)["seconds"])

@@ -1,22 +1,22 @@
 #!/bin/sh
-# Installs what lightpath needs to be built and run, and says so first. Running it again is quick and
-# changes nothing.
+# Installs what lightpath needs to be built and run, and announces each step. Running it again is quick
+# and changes nothing.
 #
 #   scripts/setup.sh         a Rust compiler, a linker, Embree 4
 #   scripts/setup.sh lint    the same, and what `make lint` needs: rustfmt, clippy, shellcheck
 #
-# Packages come from apt (as root, or with sudo). Where the distribution's own Rust or Embree is too old,
-# Rust comes from rustup, and Embree from a checksummed Python wheel into vendor/embree/: that one touches
+# Packages come from apt (as root, or with sudo). If the distribution's Rust or Embree is too old, Rust
+# comes from rustup, and Embree from a checksummed Python wheel into vendor/embree/. The wheel changes
 # nothing outside this folder. EMBREE_DIR=/folder names an Embree 4 of your own.
 set -eu
 
 rust_needed=1.85
-# What https://sh.rustup.rs serves, from the host that everything else of Rust comes from.
+# The script of https://sh.rustup.rs, from the host of all other Rust downloads.
 rustup_script=https://static.rust-lang.org/rustup/rustup-init.sh
 embree_needed=4.3
 
-# The wheel that carries RenderKit's own build of Embree 4.4.0 with its oneTBB, for any x86-64 Linux with
-# glibc 2.28. Its Python version does not matter: only these two files are taken out of it.
+# The wheel that contains RenderKit's own build of Embree 4.4.0 with its oneTBB, for any x86-64 Linux with
+# glibc 2.28. Its Python version does not matter: only these two files are extracted.
 wheel=embreex==4.4.0.post1
 wheel_sha256=2cd0f7d5c6342e6247e31f700761689cae7829454d8c6de0c41e62124a023e1f
 embree_file=libembree4-4aef3270.so.4
@@ -41,7 +41,7 @@ die() {
 }
 have() { command -v "$1" >/dev/null 2>&1; }
 
-# at_least 4.3.3 4.3: is the first version the second or a later one?
+# at_least 4.3.3 4.3: succeeds if the first version is not older than the second
 at_least() {
     [ "$(printf '%s\n%s\n' "$2" "$1" | sort -V | head -n 1)" = "$2" ]
 }
@@ -57,10 +57,10 @@ as_root() {
     if [ "$(id -u)" = 0 ]; then
         "$@"
     elif have sudo; then
-        # sudo forgets the environment, DEBIAN_FRONTEND with it.
+        # sudo drops the environment, including DEBIAN_FRONTEND.
         sudo DEBIAN_FRONTEND=noninteractive "$@"
     else
-        die "this needs root, and there is no sudo. As root, run:" "    $*" "and then this again."
+        die "this needs root, and there is no sudo. As root, run:" "    $*" "and then run this again."
     fi
 }
 
@@ -68,7 +68,7 @@ package_lists=old
 refresh_package_lists() {
     if [ $package_lists = old ]; then
         say "reading the package lists (apt-get update)"
-        as_root apt-get update -qq || say "apt-get update failed: going on with the lists that are here"
+        as_root apt-get update -qq || say "apt-get update failed: continuing with the present lists"
         package_lists=new
     fi
 }
@@ -85,8 +85,8 @@ apt_install() {
         die "apt-get could not install: $*" "Install that by hand, and run this again."
 }
 
-# Sets `candidate` to the version of a package that apt would install, without epoch; empty when there is
-# none. A fresh container has no package lists at all, and then these are read first.
+# Sets `candidate` to the version of a package that apt would install, without epoch; empty if there is
+# none. A fresh container has no package lists, so they are read first.
 apt_candidate() {
     candidate=
     have apt-get && have apt-cache || return 0
@@ -157,7 +157,7 @@ set_up_rust() {
     rust_is_here || die "cargo and rustc $rust_needed or later are still not found: $(rustc --version 2>&1 || true)"
 }
 
-# rustc links with cc. make is missing only where this file is run by hand.
+# rustc links with cc. make can be missing only if this file is run by hand.
 set_up_linker() {
     have cc || apt_install "the linker that rustc calls" gcc libc6-dev
     have make || apt_install "runs the Makefile" make
@@ -196,7 +196,7 @@ checksums_are_right() {
         sha256sum --check --status -
 }
 
-# Sets `embree` to where a usable Embree 4 is; fails when there is none. The order is build.rs's.
+# Sets `embree` to the folder of a usable Embree 4; fails if there is none. Searches in build.rs's order.
 embree_is_here() {
     if [ -n "${EMBREE_DIR:-}" ]; then
         for folder in "$EMBREE_DIR/lib" "$EMBREE_DIR/lib64" "$EMBREE_DIR"; do
@@ -259,7 +259,7 @@ with zipfile.ZipFile(glob.glob(os.path.join(scratch, "*.whl"))[0]) as wheel:
 PYTHON
     checksums_are_right "$scratch/embree" ||
         embree_by_hand "the libraries in $wheel do not have the expected checksums: not used."
-    # Under Embree's own name, so that a program built before this ran finds it too.
+    # A link under Embree's own name, so that a program built before this step finds it, too.
     ln -s "$embree_file" "$scratch/embree/libembree4.so.4"
     rm -rf "$vendor"
     mv "$scratch/embree" "$vendor"
@@ -271,12 +271,12 @@ set_up_embree() {
     embree_is_here && return
     apt_candidate libembree-dev
     if [ -n "$candidate" ] && at_least "$candidate" "$embree_needed"; then
-        apt_install "Intel Embree 4, which finds what a ray hits" libembree-dev
+        apt_install "Intel Embree 4, which traces rays" libembree-dev
     else
         embree_from_wheel "${candidate:+Embree $candidate}"
     fi
     embree_is_here || embree_by_hand "Embree 4 is still not found."
-    # Tests that were compiled without it would stay ignored.
+    # Rebuild: tests compiled without Embree would stay ignored.
     touch build.rs
 }
 

@@ -1,12 +1,12 @@
 #!/bin/bash
-# A Slurm cluster of some nodes on this machine, for tests: real daemons on loopback, no systemd, no cgroups.
+# A Slurm cluster on this machine, for tests: real daemons on loopback, no systemd, no cgroups.
 #
 #   scripts/slurm_cluster.sh up [NODES] [CPUS]      start it (as root); 3 nodes of 2 CPUs by default
 #   eval "$(scripts/slurm_cluster.sh env)"          SLURM_CONF for sbatch, squeue, scontrol
-#   scripts/slurm_cluster.sh kill-node N            node and its tasks die at once, as a machine without power
-#   scripts/slurm_cluster.sh kill-slurmd N          only its daemon dies: the tasks live on
+#   scripts/slurm_cluster.sh kill-node N            node and its tasks die at once, as in a power failure
+#   scripts/slurm_cluster.sh kill-slurmd N          only its daemon dies; the tasks continue
 #   scripts/slurm_cluster.sh start-node N           bring it back
-#   scripts/slurm_cluster.sh wait [SECONDS]         until no job is left
+#   scripts/slurm_cluster.sh wait [SECONDS]         wait until no job is left
 #   scripts/slurm_cluster.sh down                   stop all that it started, remove its folder
 #
 # Needs Debian's slurmctld, slurmd, slurm-client and munge. State is in $SLURM_CLUSTER (required), ports are
@@ -26,7 +26,7 @@ alive() {
     [ -s "$1" ] && kill -0 "$(cat "$1")" 2>/dev/null
 }
 
-# stop PIDFILE SIGNAL: and SIGKILL where that does not help within ten seconds.
+# stop PIDFILE SIGNAL: sends the signal, and SIGKILL after ten seconds if the process still runs.
 stop() {
     if alive "$1"; then
         local pid
@@ -63,7 +63,7 @@ start_node() {
             </dev/null >>"$folder/n$1.out" 2>&1 &
         return 0
     fi
-    # The second process keeps the namespace, and with it the tasks, when slurmd dies.
+    # If slurmd dies, the second process keeps the namespace and its tasks alive.
     # shellcheck disable=SC2016
     setsid unshare --pid --fork --kill-child --mount-proc \
         bash -c 'slurmd -D -N "$1" -f "$2" & wait; while :; do sleep 3600 & wait; done' \
@@ -78,7 +78,7 @@ ClusterName=local
 SlurmctldHost=$(hostname -s)(127.0.0.1)
 SlurmUser=root
 AuthType=auth/munge
-# How long a requeued job waits before it may start again is cred_expire; 120 s by default.
+# A requeued job may start again after cred_expire seconds (default 120).
 AuthInfo=socket=$folder/munge/socket,cred_expire=5
 CredType=cred/munge
 SlurmctldPort=$port

@@ -1,4 +1,4 @@
-//! (pixel, sample) -> camera ray, exactly as docs/scene-format.md defines it.
+//! (pixel, sample) -> camera ray, exactly as docs/guide/scene-format.md defines it.
 
 use glam::{DVec3, Vec3};
 

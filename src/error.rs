@@ -1,7 +1,7 @@
-//! The one error type: what is wrong, where, and what to do about it.
+//! The error type: what is wrong, where, and what to do about it.
 //!
-//! An error carries every problem that was found, not only the first, so that a user mends a
-//! file once. Only `main` prints errors and picks the exit code.
+//! An error carries every problem that was found, not only the first, so that a user can fix all of
+//! them at once. Only `main` prints errors and chooses the exit code.
 
 mod printable;
 
@@ -9,17 +9,17 @@ pub use printable::{is_hidden, printable, printable_lines};
 
 use std::fmt;
 
-/// `Result` with [`Error`].
+/// A `Result` whose error is [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Whose fault it is, and whether trying again can help.
+/// The class of an error: it decides the exit code and whether a retry can help.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Bad use or bad input: flags, scene, mesh, texture. Exit code 2.
+    /// Invalid use or input: flags, scene, mesh, texture. Exit code 2.
     Invalid,
-    /// The input may be right, but this program or this machine cannot do it. Exit code 2.
+    /// The input may be valid, but this program or this machine does not support it. Exit code 2.
     Unsupported,
-    /// A limit the user set (`--max-memory`) or a size that no machine holds. Exit code 2.
+    /// A limit that the user set (`--max-memory`), or a size that no machine can hold. Exit code 2.
     Limit,
     /// A check or threshold failed. Exit code 1.
     Check,
@@ -29,24 +29,24 @@ pub enum Kind {
     Interrupted(i32),
 }
 
-/// One thing that is wrong (or, as a warning, suspicious).
+/// A single problem, or a warning.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
-    /// Where: `scene.json:3:14 (/camera/fov)`, `bunny.ply: vertex 12`, `--crop`; may be empty.
+    /// The place: `scene.json:3:14 (/camera/fov)`, `bunny.ply: vertex 12`, `--crop`. May be empty.
     pub place: String,
-    /// What was found and what was expected.
+    /// What was found, and what was expected.
     pub message: String,
     /// The nearest valid choice or the next step, if there is one.
     pub help: Option<String>,
 }
 
 impl Problem {
-    /// A problem at `place` without help.
+    /// Makes a problem at `place` without help.
     pub fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
         Self { place: place.into(), message: message.into(), help: None }
     }
 
-    /// The same problem with a next step.
+    /// Adds a next step to the problem.
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
@@ -66,30 +66,31 @@ impl fmt::Display for Problem {
     }
 }
 
-/// One or more problems of one kind. Never empty.
+/// One or more problems of the same kind. Never empty.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Error {
-    /// Decides the exit code.
+    /// The class, which decides the exit code.
     pub kind: Kind,
-    /// Everything that was found, in the order of the input.
+    /// All problems, in the order of the input.
     pub problems: Vec<Problem>,
 }
 
 impl Error {
-    /// One problem of `kind`.
+    /// Makes an error with one problem.
     pub fn new(kind: Kind, problem: Problem) -> Self {
         Self { kind, problems: vec![problem] }
     }
 
-    /// Bad input at `place`.
+    /// Makes an error about invalid input at `place`.
     pub fn invalid(place: impl Into<String>, message: impl Into<String>) -> Self {
         Self::new(Kind::Invalid, Problem::new(place, message))
     }
 
-    /// An input/output error on `path` while doing `what` ("read", "create").
+    /// Makes an error about `path` from an I/O error. `what` is the failed action ("read",
+    /// "create").
     ///
-    /// What a user must change first (missing, a folder, no permission) is [`Kind::Invalid`];
-    /// the rest (disk full, device error) is [`Kind::Retry`].
+    /// Errors that the user must fix first (missing file, a folder, no permission) are
+    /// [`Kind::Invalid`]. All others (disk full, device error) are [`Kind::Retry`].
     pub fn io(path: &std::path::Path, what: &str, error: &std::io::Error) -> Self {
         use std::io::ErrorKind as E;
         let kind = match error.kind() {
@@ -103,7 +104,7 @@ impl Error {
             | E::InvalidInput => Kind::Invalid,
             // The limit of the file system or of `ulimit -f`.
             E::FileTooLarge => Kind::Limit,
-            // ENAMETOOLONG and ELOOP have no stable name in the oldest compiler.
+            // ENAMETOOLONG and ELOOP: the oldest supported compiler has no stable names for them.
             _ if matches!(error.raw_os_error(), Some(36 | 40)) => Kind::Invalid,
             _ => Kind::Retry,
         };
@@ -119,7 +120,7 @@ impl Error {
         self
     }
 
-    /// The exit code of the program: 1 check, 2 input, 3 retry, 128 + signal.
+    /// Returns the exit code of the program: 1 check, 2 input, 3 retry, 128 + signal.
     pub fn exit_code(&self) -> u8 {
         match self.kind {
             Kind::Check => 1,
@@ -144,13 +145,12 @@ impl fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
-/// The errors of parts that do not depend on each other, so that all are reported and not only
-/// the first.
+/// Collects the errors of independent parts, so that all are reported and not only the first.
 #[derive(Debug, Default)]
 pub struct Failures(Option<Error>);
 
 impl Failures {
-    /// The value, or `None` once the error is kept.
+    /// Returns the value, or stores the error and returns `None`.
     pub fn keep<T>(&mut self, result: Result<T>) -> Option<T> {
         match result {
             Ok(value) => Some(value),
@@ -158,7 +158,7 @@ impl Failures {
                 match &mut self.0 {
                     None => self.0 = Some(error),
                     Some(all) => {
-                        // Where one part needs mending, trying again does not help.
+                        // If one part must be fixed, a retry does not help.
                         if all.kind == Kind::Retry {
                             all.kind = error.kind;
                         }
@@ -170,7 +170,7 @@ impl Failures {
         }
     }
 
-    /// All errors as one, if there was any.
+    /// Returns all stored errors as one error.
     pub fn check(self) -> Result<()> {
         self.0.map_or(Ok(()), Err)
     }
@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn failures_keep_every_problem_and_the_kind_that_matters() {
+    fn failures_keep_every_problem_and_a_kind_that_excludes_a_retry() {
         let mut failures = Failures::default();
         assert_eq!(failures.keep(Ok(1)), Some(1));
         let retry = Error::new(Kind::Retry, Problem::new("a", "full"));

@@ -1,9 +1,9 @@
-//! Memory that runs out where nobody can be told: exit 3 with a message, in place of an abort.
+//! Exit code 3 in place of an abort when a small allocation fails.
 //!
-//! What is as large as a file or a scene is reserved first and its lack is an error (`reserve`). What is
-//! left is small: where it fails, Rust's library says so and aborts, which raises SIGABRT in the same
-//! thread. A handler takes part files away and ends the process with the exit code that promises that
-//! another try may help. An abort for any other reason stays an abort.
+//! Large arrays are reserved first, and a failure is an ordinary error (`reserve`). The remaining
+//! allocations are small. If one fails, Rust's library prints a message and aborts, which raises
+//! SIGABRT in the same thread. The handler here removes part files and ends the process with the
+//! exit code for failures worth retrying. An abort for any other reason stays an abort.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -11,12 +11,12 @@ use std::{
 };
 
 thread_local! {
-    /// An allocation of this thread failed. Not cleared: on the way to the abort Rust's library may allocate again,
-    /// for a backtrace.
+    /// True after a failed allocation of this thread. It is never cleared: Rust's library may
+    /// allocate for a backtrace before it aborts.
     static FAILED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The system's allocator, which notes what fails.
+/// The system's allocator, which records failed allocations.
 pub struct Noting;
 
 impl Noting {
@@ -29,31 +29,32 @@ impl Noting {
     }
 }
 
-// SAFETY: every call goes to the system's allocator with what the caller promised; a cell without a
+// SAFETY: every call goes to the system's allocator under the caller's contract. A cell without a
 // destructor neither allocates nor unwinds.
 unsafe impl GlobalAlloc for Noting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: as promised to us.
+        // SAFETY: the caller upholds the contract of `alloc`.
         Self::note(unsafe { System.alloc(layout) })
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: as promised to us.
+        // SAFETY: the caller upholds the contract of `alloc_zeroed`.
         Self::note(unsafe { System.alloc_zeroed(layout) })
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // SAFETY: as promised to us.
+        // SAFETY: the caller upholds the contract of `realloc`.
         Self::note(unsafe { System.realloc(pointer, layout, size) })
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as promised to us.
+        // SAFETY: the caller upholds the contract of `dealloc`.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
 
-/// Ends the process with exit code 3 where an abort follows a failed allocation.
+/// Installs the handler that ends the process with exit code 3 if an abort follows a failed
+/// allocation.
 #[cfg(unix)]
 pub fn exit_in_place_of_abort() {
     // SAFETY: plain calls with valid pointers; an all-zero `sigaction` is a valid value.
@@ -65,22 +66,22 @@ pub fn exit_in_place_of_abort() {
     }
 }
 
-/// Nothing to hold on to.
+/// Does nothing: this system has no SIGABRT handlers.
 #[cfg(not(unix))]
 pub fn exit_in_place_of_abort() {}
 
-/// Runs in the thread that aborts, inside of no allocator. If it returns, the abort goes on.
+/// Runs in the thread that aborts, outside any allocator call. The abort proceeds if it returns.
 #[cfg(unix)]
 extern "C" fn on_abort(_: libc::c_int) {
     if !FAILED.get() {
         return;
     }
-    const SAID: &[u8] = b"error: no memory is left\n  \
+    const MESSAGE: &[u8] = b"error: no memory is left\n  \
         help: free some memory, or raise the limit of this process\n";
     lightpath::output::atomic::remove_parts();
-    // SAFETY: a valid buffer of that length; both functions may be called in a signal handler.
+    // SAFETY: a valid buffer of this length; both functions may be called in a signal handler.
     unsafe {
-        libc::write(2, SAID.as_ptr().cast(), SAID.len());
+        libc::write(2, MESSAGE.as_ptr().cast(), MESSAGE.len());
         libc::_exit(3);
     }
 }

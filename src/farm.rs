@@ -1,23 +1,25 @@
-//! Work for a farm: how frames are shared out among the tasks of an array job, and what `sbatch` is given.
-//! Everything that schedules, retries and waits is Slurm's.
+//! Jobs for a farm: the distribution of frames over the tasks of an array job, and the arguments of
+//! `sbatch`. Slurm does all scheduling, retrying and waiting.
 
-/// Frames of a batch, shared out among tasks.
+/// Distribution of a batch's frames over tasks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Chunks {
-    /// All frames.
+    /// Number of all frames.
     pub frames: u64,
-    /// Frames of each task but the last.
+    /// Frames per task; the last task may have fewer.
     pub per_task: u64,
 }
 
 impl Chunks {
-    /// Tasks of about `seconds`, of frames that take `frame_seconds` each, but at most `most` tasks. Tasks
-    /// end where meshes (of `per_mesh` frames) end, or divide a mesh evenly, so that no task reads two
-    /// meshes for the frames of one.
+    /// Makes tasks that take about `seconds`, if a frame takes `frame_seconds`, and at most `most`
+    /// tasks.
+    ///
+    /// Tasks end where meshes (of `per_mesh` frames) end, or divide a mesh evenly, so that no task
+    /// reads two meshes to render the frames of one.
     pub fn new(frames: u64, per_mesh: u64, frame_seconds: f64, seconds: f64, most: u64) -> Self {
         let frames = frames.max(1);
         let per_mesh = per_mesh.clamp(1, frames);
-        // Saturates; a frame that takes no time makes one task.
+        // The cast saturates: a frame that takes no time gives one task.
         let wanted = ((seconds / frame_seconds).round() as u64).clamp(1, frames);
         let needed = frames.div_ceil(most.max(1));
         let divides = |n: &u64| per_mesh % n == 0;
@@ -35,19 +37,19 @@ impl Chunks {
         Self { frames, per_task: per_task.min(frames) }
     }
 
-    /// How many tasks there are.
+    /// Returns the number of tasks.
     pub fn tasks(&self) -> u64 {
         self.frames.div_ceil(self.per_task)
     }
 }
 
-/// The script of a task of the array job. Its arguments: program, job, folder, frames, frames per task.
+/// Script of a task of the array job. Arguments: program, job, folder, frames, frames per task.
 pub const FRAMES_SCRIPT: &str = include_str!("../farm/slurm-frames.sh");
-/// The script of the job that follows. Its arguments: program, job, folder.
+/// Script of the job that follows. Arguments: program, job, folder.
 pub const SHEET_SCRIPT: &str = include_str!("../farm/slurm-sheet.sh");
 
-/// What Slurm is asked for. Names go to `sbatch` and to its scripts as arguments, so that nothing
-/// reads them as options, as lines of `#SBATCH` or as commands.
+/// Settings of an array job. Names go to `sbatch` and its scripts as arguments, so they are never
+/// read as options, as `#SBATCH` lines or as commands.
 #[derive(Debug, Clone)]
 pub struct Slurm {
     /// Name of the job in the queue.
@@ -58,22 +60,22 @@ pub struct Slurm {
     pub job: String,
     /// Absolute path of the folder of the frames, which all nodes share.
     pub folder: String,
-    /// How frames are shared out.
+    /// Distribution of the frames.
     pub chunks: Chunks,
-    /// Tasks that may run at a time.
+    /// Maximum number of tasks that run at a time.
     pub at_a_time: Option<u32>,
-    /// Processors of a task.
+    /// Number of processors per task.
     pub cpus: u16,
-    /// Memory of a task.
+    /// Memory per task in MiB.
     pub memory_mib: u64,
-    /// The most that a task may take, as Slurm writes times.
+    /// Time limit per task, in Slurm's format.
     pub time: Option<String>,
-    /// More options of `sbatch`, as they stand.
+    /// Additional options of `sbatch`, passed on unchanged.
     pub options: Vec<String>,
 }
 
 impl Slurm {
-    /// Arguments of `sbatch` for the array job, whose script is the file `script`.
+    /// Returns the arguments of `sbatch` for the array job. `script` is the path of its script.
     pub fn frames(&self, script: &str) -> Vec<String> {
         let last = self.chunks.tasks() - 1;
         let percent = self.at_a_time.map_or(String::new(), |n| format!("%{n}"));
@@ -84,7 +86,8 @@ impl Slurm {
         words
     }
 
-    /// Arguments of `sbatch` for the job that follows the array job `after`, however that ends.
+    /// Returns the arguments of `sbatch` for the job that follows the array job `after`, however
+    /// that ends.
     pub fn sheet(&self, script: &str, after: &str) -> Vec<String> {
         let mut words = self.options("-sheet", "%j", &[format!("--dependency=afterany:{after}")]);
         words.extend([script, &self.program, &self.job, &self.folder].map(str::to_string));
@@ -98,23 +101,25 @@ impl Slurm {
         words.push(format!("--cpus-per-task={}", self.cpus));
         words.push(format!("--mem={}M", self.memory_mib));
         words.extend(self.time.as_ref().map(|time| format!("--time={time}")));
-        // A minute before the time is up; the program then ends with what it has.
+        // One minute before the time limit, so that the program ends in order and keeps finished
+        // frames.
         words.push("--signal=B:USR1@60".to_string());
         words.push("--open-mode=append".to_string());
-        // Slurm replaces a percent sign and what follows it, but for two of them.
+        // Slurm replaces a percent sign and the character after it; two percent signs stand for
+        // one.
         words.push(format!("--output={}/slurm/{log}.log", self.folder.replace('%', "%%")));
         words.extend_from_slice(&self.options);
         words
     }
 }
 
-/// A command as a POSIX shell reads it: each word in quotes unless it needs none.
+/// Formats a command for a POSIX shell and quotes words that need it.
 pub fn command_line(program: &str, words: &[String]) -> String {
     let words = words.iter().map(|word| quoted(word));
     std::iter::once(program.to_string()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// A word of the shell.
+/// Quotes a word for the shell if necessary.
 fn quoted(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@".contains(c);
     match !text.is_empty() && text.chars().all(plain) {
@@ -128,11 +133,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tasks_last_minutes_and_end_where_meshes_end() {
+    fn tasks_end_where_meshes_end_or_divide_them_evenly() {
         let per_task = |frames, per_mesh, frame_seconds| {
             Chunks::new(frames, per_mesh, frame_seconds, 300.0, 1000).per_task
         };
-        // 30 frames in 300 s: of 72 a mesh, 24 divides evenly.
+        // A task of 300 s has 30 frames of 10 s. Of the divisors of 72, 24 is the next smaller one.
         assert_eq!(per_task(7200, 72, 10.0), 24);
         assert_eq!(per_task(7200, 72, 1.0), 288);
         assert_eq!(per_task(7200, 72, 1e6), 8);
@@ -156,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_words_of_the_shell() {
+    fn shell_words_are_quoted_if_necessary() {
         assert_eq!(quoted("/a-b_c.1"), "/a-b_c.1");
         assert_eq!(quoted("a b"), "'a b'");
         assert_eq!(quoted("it's"), r"'it'\''s'");

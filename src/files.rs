@@ -1,5 +1,5 @@
-//! Which file a name stands for: nothing is written over what is read, and what is read twice is one
-//! file.
+//! Identity of files: no output may overwrite an input, and a file that is read twice must not
+//! change.
 
 use std::{
     collections::HashSet,
@@ -11,13 +11,13 @@ use std::{
 
 use crate::error::{Error, Kind, Problem, Result};
 
-/// Device and inode.
+/// Device and inode of a file.
 type Node = (u64, u64);
 
-/// The contents of a file at one moment: two readings with equal stamps have read the same bytes.
+/// Identity and version of a file. Two reads with equal stamps have read the same bytes.
 ///
-/// What it cannot tell: two writes of equally many bytes within one tick of the file system's clock, and
-/// a writer that sets the time back.
+/// It misses two writes of equally many bytes within one tick of the file system's clock, and a
+/// writer that sets the time back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Stamp {
     node: Option<Node>,
@@ -26,14 +26,15 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// The stamp of an open file; `None` for a pipe or a device, whose bytes come only once.
+    /// Returns the stamp of an open file, or `None` for a pipe or device, whose bytes can be read
+    /// only once.
     pub fn of(data: &Metadata) -> Option<Self> {
         let modified = data.modified().ok();
         data.is_file().then(|| Self { node: node(data), bytes: data.len(), modified })
     }
 }
 
-/// The error for a file that has another stamp than when it was read first.
+/// The error for a file whose stamp has changed since it was first read.
 pub fn changed(path: &Path) -> Error {
     let message = "changed while it was read";
     let problem = Problem::new(path.display().to_string(), message);
@@ -51,7 +52,7 @@ fn node(_: &Metadata) -> Option<Node> {
     None
 }
 
-/// A set of files, known by their paths without links and by device and inode.
+/// A set of files, identified by their paths without links, and by device and inode.
 #[derive(Debug, Default)]
 pub struct Files {
     paths: HashSet<PathBuf>,
@@ -70,16 +71,18 @@ impl Files {
         self.nodes.extend(data.filter(Metadata::is_file).as_ref().and_then(node));
     }
 
-    /// Whether there is none.
+    /// Returns true if the set has no files.
     pub fn is_empty(&self) -> bool {
         self.paths.is_empty()
     }
 
-    /// Whether `path` is one of them: by any link, or by the name that it would get.
+    /// Returns true if `path` is one of the files, through any link, or by the path that a new file
+    /// would get.
     pub fn has(&self, path: &Path) -> bool {
         match std::fs::metadata(path) {
             Ok(data) if node(&data).is_some_and(|node| self.nodes.contains(&node)) => true,
-            // Whoever writes many files pays one look at the disk for each that is not there.
+            // Compares only names first: a check of many new outputs then needs one disk access
+            // each.
             Err(_) if !path.file_name().is_some_and(|name| self.names.contains(name)) => false,
             _ => self.paths.contains(&real(path)),
         }
@@ -94,7 +97,7 @@ impl<P: AsRef<Path>> FromIterator<P> for Files {
     }
 }
 
-/// Refuses outputs that are inputs, and two outputs that are one file. Pipes and devices may be both.
+/// Refuses outputs that would overwrite an input or another output. Pipes and devices are exempt.
 ///
 /// # Errors
 /// `Invalid`, with `help` as the next step.
@@ -117,13 +120,13 @@ pub fn not_over<P: AsRef<Path>, Q: AsRef<Path>>(
     Ok(())
 }
 
-/// The error for an output that is an input, or another output.
+/// The error for an output that would overwrite an input or another output.
 pub fn over(output: &Path, help: &str) -> Error {
-    let message = "would be written over what is read, or twice";
+    let message = "would overwrite an input or another output";
     Error::invalid(output.display().to_string(), message).help(help)
 }
 
-/// A path without links as far as it exists; of a new file its folder's.
+/// Resolves links in a path. For a file that does not exist, in its folder.
 fn real(path: &Path) -> PathBuf {
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
     path.canonicalize().unwrap_or_else(|_| {
@@ -132,7 +135,7 @@ fn real(path: &Path) -> PathBuf {
     })
 }
 
-/// A folder that is not there yet, as it will be called: `.` and `..` taken out.
+/// Returns the future path of a folder that does not exist yet, without `.` and `..`.
 fn absolute(folder: &Path) -> PathBuf {
     use std::path::Component;
     let mut plain = PathBuf::new();
@@ -145,7 +148,7 @@ fn absolute(folder: &Path) -> PathBuf {
             part => plain.push(part),
         }
     }
-    // What exists of it may be reached through links.
+    // Links may occur in the part that exists.
     let there = plain.ancestors().find_map(|above| Some((above, above.canonicalize().ok()?)));
     match there {
         Some((above, real)) => match plain.strip_prefix(above) {
@@ -161,7 +164,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_known_by_every_name() {
+    fn a_file_is_found_under_all_its_names() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         std::fs::create_dir(path("sub")).unwrap();
@@ -186,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stamp_tells_other_contents() {
+    fn a_stamp_changes_with_the_contents() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         let stamp = || Stamp::of(&std::fs::metadata(&path).unwrap()).unwrap();

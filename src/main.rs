@@ -1,4 +1,4 @@
-//! Parse, run, print what went wrong, exit code.
+//! Parses the arguments, runs the command, prints its error and sets the exit code.
 
 mod exhausted;
 

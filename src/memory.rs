@@ -1,5 +1,6 @@
-//! How much memory a render will need, from headers and the accelerator's footprint: said by `info`,
-//! and held against `--max-memory` before the first mesh is read. And what the system says.
+//! Predicts how much memory a render will need, from headers and the accelerator's footprint.
+//! `info` prints it, and `--max-memory` is checked against it before the first mesh is read. Also
+//! returns what the system can still provide.
 
 use std::{collections::HashSet, path::Path};
 
@@ -24,58 +25,59 @@ mod freed;
 pub use available::available_bytes;
 use available::{available_bytes_and_swap, bytes_before_a_kill, kib};
 
-/// R, G, B, A in f32.
+/// Size in bytes of a pixel in the film: R, G, B, A in f32.
 const FILM_BYTES: u64 = 16;
-/// 8-bit RGBA while the PNG is written.
+/// Size in bytes of a pixel while the PNG is written: 8-bit RGBA.
 const PNG_BYTES: u64 = 4;
-/// The program, its threads, tables.
+/// Estimated bytes of the program, its threads and its tables.
 const BASE_BYTES: u64 = 30 << 20;
-/// Predicted bytes.
+/// Predicted memory of a render.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Prediction {
-    /// Film and PNG.
+    /// Bytes of the film and the PNG.
     pub film_bytes: u64,
-    /// Mesh arrays.
+    /// Bytes of the mesh arrays.
     pub mesh_bytes: u64,
-    /// Decoded images.
+    /// Bytes of the decoded images.
     pub texture_bytes: u64,
-    /// What decoding takes at most beside them.
+    /// Maximum number of bytes that decoding an image needs in addition.
     pub decoding_bytes: u64,
-    /// The accelerator once built, if that is known.
+    /// Bytes of the accelerator after its build, if they are known.
     pub accelerator_bytes: Option<u64>,
-    /// The most that its build holds.
+    /// Maximum number of bytes during the build of the accelerator, if it is known.
     pub accelerator_peak_bytes: Option<u64>,
-    /// The most at any time.
+    /// Maximum of all bytes together at any time.
     pub peak_bytes: u64,
-    /// Triangles of all shapes (a plane counts as two) and spheres.
+    /// Number of triangles in all shapes (a plane counts as two), and of spheres.
     pub primitives: u64,
 }
 
-/// What a header promises, within what the file's size allows.
+/// The sizes that a mesh header declares, if the size of the file allows them.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Promise {
-    /// Bytes of vertex and index arrays.
+    /// Bytes of the vertex and index arrays.
     pub array_bytes: u64,
-    /// Bytes of the vertex normals that the file does not have.
+    /// Bytes of the vertex normals, if the file has none.
     pub missing_normal_bytes: u64,
-    /// Triangles after splitting.
+    /// Number of triangles after polygons are split.
     pub triangles: u64,
 }
 
-/// Bytes that one byte of gzip data can stand for; more for zstd, but not of a mesh.
-const MOST_PACKED: u64 = 1032;
+/// Maximum number of bytes that one byte of gzip data can unpack to. zstd can reach more, but not
+/// on a mesh.
+const MAX_PACKING_RATIO: u64 = 1032;
 
-/// Reads the header alone.
+/// Reads the sizes from the header of a PLY file.
 pub fn promise(path: &Path) -> Result<Promise> {
     let summary = mesh::inspect_ply(path)?;
-    // The reader refuses a header that promises more rows than the file has bytes; a prediction
-    // must not choke on it first.
-    let most = match summary.packed {
+    // The reader refuses a header that declares more rows than the file has bytes. The prediction
+    // must not fail on such a header before that.
+    let maximum = match summary.packed {
         None => summary.file_bytes,
-        Some(_) => summary.file_bytes.saturating_mul(MOST_PACKED),
+        Some(_) => summary.file_bytes.saturating_mul(MAX_PACKING_RATIO),
     };
-    let lies = summary.triangles.max(summary.vertices) > most;
-    Ok(match lies {
+    let implausible = summary.triangles.max(summary.vertices) > maximum;
+    Ok(match implausible {
         true => Promise::default(),
         false => Promise {
             array_bytes: summary.array_bytes,
@@ -85,7 +87,7 @@ pub fn promise(path: &Path) -> Result<Promise> {
     })
 }
 
-/// What a PNG of two bytes a channel needs beyond one of single bytes.
+/// Returns the additional bytes of a PNG with two bytes per channel.
 pub fn deeper_png_bytes(window: Window, depth: Depth) -> u64 {
     match depth {
         Depth::Eight => 0,
@@ -95,7 +97,7 @@ pub fn deeper_png_bytes(window: Window, depth: Depth) -> u64 {
     }
 }
 
-/// Looks at the headers of all files; leaves the accelerator out.
+/// Predicts the memory of a scene from the headers of all files, without the accelerator.
 ///
 /// # Errors
 /// Headers that cannot be read.
@@ -103,14 +105,14 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
     predict_words(scene, window, Plan::new(scene).recipe.channels.len())
 }
 
-/// Film and PNG, with so many channels beside R, G, B, A.
+/// Returns the bytes of film and PNG with `words` channels in addition to R, G, B, A.
 pub fn film_bytes(window: Window, words: usize) -> u64 {
     let pixels = u64::from(window.width()) * u64::from(window.height());
     let words = words as u64;
     pixels.saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES))
 }
 
-/// The same with so many channels beside R, G, B, A.
+/// Predicts the memory of a scene with `words` channels in addition to R, G, B, A.
 ///
 /// # Errors
 /// Headers that cannot be read.
@@ -141,8 +143,8 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
     Ok(sum.with_peak())
 }
 
-/// What a mesh alone needs, whatever the scene around it: said before the mesh is read for its
-/// framing.
+/// Predicts the memory of a mesh alone, independent of the scene. It is known before the mesh is
+/// read for its framing.
 ///
 /// # Errors
 /// A header that cannot be read.
@@ -156,8 +158,8 @@ pub fn predict_mesh(path: &Path) -> Result<Prediction> {
     .with_peak())
 }
 
-/// The images of all materials that shapes use, each as often as it is loaded; files that are no
-/// images are complained about later.
+/// Adds the images of all materials that shapes use, each as often as it is loaded. Files that are
+/// not images are reported later.
 fn textures(scene: &Scene, sum: &mut Prediction) {
     let used = scene.shapes.iter().map(|shape| &scene.materials[shape.material]);
     let used = used.filter_map(|m| m.texture.as_ref());
@@ -172,7 +174,7 @@ fn textures(scene: &Scene, sum: &mut Prediction) {
 }
 
 impl Prediction {
-    /// The same with the accelerator.
+    /// Returns the prediction with the accelerator.
     pub fn with(self, footprint: &Footprint) -> Self {
         Self {
             accelerator_bytes: Some(footprint.built_bytes(self.primitives)),
@@ -182,12 +184,13 @@ impl Prediction {
         .with_peak()
     }
 
-    /// The same with more bytes that are there as long as the film.
+    /// Returns the prediction with additional bytes that exist as long as the film.
     pub fn beside_film(self, bytes: u64) -> Self {
         Self { film_bytes: self.film_bytes.saturating_add(bytes), ..self }.with_peak()
     }
 
-    /// Images are decoded before meshes are read; the film comes when the accelerator is built.
+    /// Computes `peak_bytes`. Images are decoded before meshes are read, and the film is allocated
+    /// after the accelerator is built.
     fn with_peak(self) -> Self {
         let world = [self.mesh_bytes, self.texture_bytes];
         let world = world.iter().fold(BASE_BYTES, |a, b| a.saturating_add(*b));
@@ -196,11 +199,11 @@ impl Prediction {
             self.accelerator_peak_bytes.unwrap_or(0),
             self.accelerator_bytes.unwrap_or(0).saturating_add(self.film_bytes),
         ];
-        let most = beside.into_iter().max().unwrap_or(0);
-        Self { peak_bytes: world.saturating_add(most), ..self }
+        let maximum = beside.into_iter().max().unwrap_or(0);
+        Self { peak_bytes: world.saturating_add(maximum), ..self }
     }
 
-    /// Refuses a render that will not fit.
+    /// Returns an error if the render does not fit into `limit` bytes.
     ///
     /// # Errors
     /// `Limit`, with the numbers.
@@ -218,7 +221,7 @@ impl Prediction {
     }
 }
 
-/// `--max-memory`, and what was predicted under it.
+/// The limit of `--max-memory`, with the prediction for the scene.
 #[derive(Debug)]
 pub struct Budget {
     limit: u64,
@@ -226,9 +229,9 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Refuses a scene that will not fit, of a film by its pixels, channels beside R, G, B, A, and bytes beside
-    /// them. Costs the headers, then a small build for the
-    /// accelerator's footprint.
+    /// Returns an error if a scene does not fit. The film is given by its window, its channels in
+    /// addition to R, G, B, A, and further bytes. The check reads the headers, then makes a small
+    /// build to measure the accelerator's footprint.
     ///
     /// # Errors
     /// `Limit`, with the numbers; headers that cannot be read; a backend that cannot run.
@@ -243,7 +246,7 @@ impl Budget {
         Self::of(limit, prediction.with(&Footprint::of(scene.backend, threads)?))
     }
 
-    /// Refuses what is predicted not to fit.
+    /// Returns an error if the prediction does not fit into the limit.
     ///
     /// # Errors
     /// `Limit`, with the numbers.
@@ -252,22 +255,23 @@ impl Budget {
         Ok(Self { limit, prediction })
     }
 
-    /// What is left for images, beside what the meshes will need.
+    /// Returns the bytes left for images after the meshes are subtracted.
     pub fn for_textures(&self) -> u64 {
         self.limit.saturating_sub(BASE_BYTES).saturating_sub(self.prediction.mesh_bytes)
     }
 
-    /// What is left for meshes.
+    /// Returns the memory left for meshes.
     pub fn for_meshes(&self) -> Room {
         room(self.limit)
     }
 
-    /// What is left for the accelerator beside a world of `world_bytes`.
+    /// Returns the bytes left for the accelerator after a world of `world_bytes` is subtracted.
     pub fn for_accelerator(&self, world_bytes: u64) -> u64 {
         self.limit.saturating_sub(BASE_BYTES).saturating_sub(world_bytes)
     }
 
-    /// Refuses a film that does not fit beside world and accelerator, of `held` bytes.
+    /// Returns an error if the film does not fit in addition to `held` bytes of world and
+    /// accelerator.
     ///
     /// # Errors
     /// `Limit`, with the numbers.
@@ -308,23 +312,24 @@ impl std::fmt::Display for Prediction {
     }
 }
 
-/// What a limit of the user's leaves for meshes.
+/// Returns the memory that a user's limit leaves for meshes.
 pub fn room(limit: u64) -> Room {
     Room { bytes: limit.saturating_sub(BASE_BYTES), asked: true }
 }
 
-/// Largest resident set of this process so far, in bytes.
+/// Returns the largest resident set of this process so far, in bytes.
 pub fn peak_bytes() -> u64 {
     kib("/proc/self/status".as_ref(), "VmHWM:").unwrap_or(0)
 }
 
-/// What meshes or textures may take where the user sets no limit: all that the machine can still give, or
-/// swap out.
+/// Returns the memory for meshes or textures if the user sets no limit: all that the machine can
+/// still provide, including swap.
 pub fn machine() -> Option<Room> {
     available_bytes_and_swap().map(|bytes| Room { bytes, asked: false })
 }
 
-/// The same where `bytes` will be asked for: if they are not there, what was freed is given back first.
+/// Returns the same as [`machine`] before `bytes` are needed. If they are not available, freed
+/// memory is returned to the system first.
 pub fn machine_for(bytes: u64) -> Option<Room> {
     if available_bytes().is_some_and(|available| available < bytes) {
         freed::give_back();
@@ -332,16 +337,16 @@ pub fn machine_for(bytes: u64) -> Option<Room> {
     machine()
 }
 
-/// What a whole run may take: the system ends a process that takes more.
+/// Returns the memory of a whole run, beyond which the system kills the process.
 pub fn before_a_kill() -> Option<Room> {
     bytes_before_a_kill().map(|bytes| Room { bytes, asked: false })
 }
 
-/// No accelerator takes more for a primitive, at any time.
-const MOST_PER_PRIMITIVE: u64 = 512;
+/// Upper bound of the bytes per primitive for any accelerator at any time.
+const MAX_BYTES_PER_PRIMITIVE: u64 = 512;
 
-/// Refuses to build an accelerator that will not fit into what the machine still has, with a film of `film_bytes` beside
-/// it once it is built.
+/// Returns an error if an accelerator does not fit into the memory that the machine still has.
+/// After the build there is also a film of `film_bytes`.
 ///
 /// # Errors
 /// `Retry`, with the numbers.
@@ -351,8 +356,8 @@ pub fn check_build(
     primitives: u64,
     film_bytes: u64,
 ) -> Result<()> {
-    let most = primitives.saturating_mul(MOST_PER_PRIMITIVE).saturating_add(film_bytes);
-    let short = || before_a_kill().filter(|room| room.bytes < most);
+    let maximum = primitives.saturating_mul(MAX_BYTES_PER_PRIMITIVE).saturating_add(film_bytes);
+    let short = || before_a_kill().filter(|room| room.bytes < maximum);
     if short().is_some() {
         freed::give_back();
     }

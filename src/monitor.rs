@@ -1,4 +1,4 @@
-//! What a long job shares with whoever watches it: how far it is, and whether to stop.
+//! State that a long job shares with its watchers: its progress, and whether it must stop.
 
 use std::sync::{
     Arc,
@@ -7,38 +7,38 @@ use std::sync::{
 
 use crate::error::{Error, Kind, Problem, Result};
 
-/// What the job is doing.
+/// Phase of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Phase {
-    /// Reading and preparing the scene.
+    /// Reads and prepares the scene.
     Load = 0,
-    /// Building the accelerator; `done` of `total` are thousandths.
+    /// Builds the accelerator. `done` and `total` count thousandths.
     Build = 1,
-    /// Tracing; `done` of `total` are pixels.
+    /// Traces rays. `done` and `total` count pixels.
     Render = 2,
-    /// Writing files.
+    /// Writes the output files.
     Write = 3,
-    /// Judging answers; `done` of `total` are packets of rays.
+    /// Judges answers. `done` and `total` count packets of rays.
     Check = 4,
 }
 
-/// Counters that the job writes and a progress display polls; a signal that stops the job.
+/// Counters that a job updates and a progress display polls, and a signal that stops the job.
 #[derive(Debug, Default)]
 pub struct Monitor {
-    /// 0, or the number of the signal that asks the job to stop.
+    /// Number of the signal that stops the job, or 0.
     pub signal: Arc<AtomicI32>,
-    /// Steps done in this phase.
+    /// Finished steps of the current phase.
     pub done: AtomicU64,
-    /// Steps of this phase.
+    /// All steps of the current phase.
     pub total: AtomicU64,
-    /// Rays traced so far.
+    /// Number of rays traced so far.
     pub rays: AtomicU64,
     phase: AtomicU8,
 }
 
 impl Monitor {
-    /// Counters of their own for a part of the job; a signal stops both.
+    /// Returns a monitor with its own counters for a part of the job. A signal stops both.
     pub fn part(&self) -> Self {
         Self { signal: Arc::clone(&self.signal), ..Self::default() }
     }
@@ -50,7 +50,7 @@ impl Monitor {
         self.phase.store(phase as u8, Relaxed);
     }
 
-    /// The current phase.
+    /// Returns the current phase.
     pub fn phase(&self) -> Phase {
         match self.phase.load(Relaxed) {
             0 => Phase::Load,
@@ -61,17 +61,17 @@ impl Monitor {
         }
     }
 
-    /// Sets how many steps of this phase are done.
+    /// Sets the number of finished steps of the current phase.
     pub fn set_done(&self, done: u64) {
         self.done.store(done, Relaxed);
     }
 
-    /// Whether a signal asked the job to stop.
+    /// Returns true once a signal has asked the job to stop.
     pub fn stopped(&self) -> bool {
         self.signal.load(Relaxed) != 0
     }
 
-    /// An error once a signal asked the job to stop.
+    /// Returns an error once a signal has asked the job to stop.
     pub fn check(&self) -> Result<()> {
         match self.signal.load(Relaxed) {
             0 => Ok(()),

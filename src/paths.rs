@@ -1,4 +1,4 @@
-//! Output names, and paths that stay right when a scene is saved somewhere else.
+//! Names of output files, and paths that remain valid when a scene is saved elsewhere.
 
 use std::{
     ffi::OsStr,
@@ -7,10 +7,11 @@ use std::{
 
 use crate::error::{Error, Result};
 
-/// Where a render goes: `-o`, else the input's stem in the working folder.
+/// Returns the path of a render's files without ending: `-o`, or the input's stem in the working
+/// folder.
 ///
-/// `-o out/` and an existing folder mean the stem in that folder; `-o a.png` and `-o a.exr` mean
-/// `a`, as nobody wants `a.png.exr`.
+/// `-o out/` and an existing folder mean the stem in that folder. `-o a.png` and `-o a.exr` mean
+/// `a`, because nobody wants `a.png.exr`.
 pub fn prefix(output: Option<&Path>, input: &Path) -> PathBuf {
     let stem = match stem(input) {
         Some(stem) if input != Path::new("-") => stem.to_owned(),
@@ -31,7 +32,7 @@ pub fn prefix(output: Option<&Path>, input: &Path) -> PathBuf {
     }
 }
 
-/// The file's name without its ending; a compressed mesh has two.
+/// Returns the file name without its ending. A compressed mesh has two endings.
 pub fn stem(path: &Path) -> Option<&OsStr> {
     let stem = Path::new(path.file_stem()?);
     let ends = |path: &Path, ends: &[&str]| {
@@ -43,7 +44,7 @@ pub fn stem(path: &Path) -> Option<&OsStr> {
     }
 }
 
-/// `path` as a scene holds it.
+/// Returns `path` as text for a scene file.
 ///
 /// # Errors
 /// A name that is not UTF-8.
@@ -56,10 +57,10 @@ pub fn named(path: &Path) -> Result<String> {
     })
 }
 
-/// Refuses a name that a terminal, a log or a farm would take for more than a name.
+/// Refuses names that a terminal, a log or a farm could read as more than a name.
 ///
 /// # Errors
-/// `Invalid` for control characters, line breaks among them.
+/// `Invalid` for control characters, which include line breaks.
 pub fn printable(path: &Path) -> Result<()> {
     match path.to_string_lossy().contains(char::is_control) {
         false => Ok(()),
@@ -71,12 +72,13 @@ pub fn printable(path: &Path) -> Result<()> {
     }
 }
 
-/// `path` as seen from `folder`, with `/`; both relative to the working folder or absolute.
+/// Returns `path` relative to `folder`, with `/`. Both are absolute or relative to the working
+/// folder.
 ///
 /// # Errors
 /// A name that is not UTF-8.
 pub fn seen_from(path: &Path, folder: &Path) -> Result<String> {
-    // The file keeps the name it is called by, also where that is a link.
+    // Resolve only the folder. The file keeps its name, even if it is a link.
     let path = match (path.parent(), path.file_name()) {
         (Some(parent), Some(name)) => real(parent).join(name),
         _ => real(path),
@@ -90,7 +92,7 @@ pub fn seen_from(path: &Path, folder: &Path) -> Result<String> {
     Ok(ups.chain(downs).collect::<Result<Vec<_>>>()?.join("/"))
 }
 
-/// Absolute and without links where the folder exists.
+/// Makes a folder's path absolute, and resolves links if it exists.
 fn real(folder: &Path) -> PathBuf {
     let folder = match folder.as_os_str().is_empty() {
         true => Path::new("."),
@@ -105,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prefixes() {
+    fn a_prefix_comes_from_the_output_or_the_input() {
         let of = |output: Option<&str>, input: &str| {
             let prefix = prefix(output.map(Path::new), Path::new(input));
             prefix.to_str().unwrap().to_string()
@@ -122,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn relative_paths() {
+    fn paths_are_made_relative_to_a_folder() {
         let of = |path, folder| seen_from(Path::new(path), Path::new(folder)).unwrap();
         assert_eq!(of("/no/a/b.ply", "/no/a"), "b.ply");
         assert_eq!(of("/no/a/b.ply", "/no/c/d"), "../../a/b.ply");

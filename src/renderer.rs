@@ -135,7 +135,8 @@ impl Renderer {
 }
 
 impl Scene {
-    /// A scene from its JSON text (docs/scene-format.md); its paths are relative to the working folder.
+    /// A scene from its JSON text (docs/guide/scene-format.md); its paths are relative to the
+    /// working folder.
     ///
     /// # Errors
     /// Every problem of the text, each with line and column.

@@ -1,6 +1,7 @@
-//! Sizes as people write and read them.
+//! Parses and formats sizes, rates and other values in the form that users write and read.
 
-/// `512MiB`, `8G`, `1.5GB`, `1000000` -> bytes. All units are powers of 1024, as memory is sold.
+/// Parses a number of bytes: `512MiB`, `8G`, `1.5GB`, `1000000`. All units are powers of 1024, as
+/// for memory modules.
 pub fn parse_bytes(text: &str) -> Result<u64, String> {
     let expected = || "expected a size such as 8G, 512MiB or 1000000 (bytes)".to_string();
     let split = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
@@ -21,7 +22,7 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     }
 }
 
-/// `1920x1080` -> [1920, 1080]. Limits are the scene's business.
+/// Parses a picture size: `1920x1080` -> [1920, 1080]. The scene checks the limits.
 pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let expected = || "expected WIDTHxHEIGHT in pixels, for example 1920x1080".to_string();
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(expected)?;
@@ -29,7 +30,8 @@ pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     Ok([side(width)?, side(height)?])
 }
 
-/// `24`, `24000/1001`, or television's rates as people write them, `23.976` -> a fraction.
+/// Parses a frame rate to a fraction: `24`, `24000/1001`, or a rounded television rate such as
+/// `23.976`.
 pub fn parse_rate(text: &str) -> Result<(i32, u32), String> {
     let expected = || "expected frames per second, for example 24, 24000/1001 or 29.97".to_string();
     let (above, below) = match text.split_once('/') {
@@ -49,13 +51,13 @@ pub fn parse_rate(text: &str) -> Result<(i32, u32), String> {
     if above > 0 && below > 0 { Ok((above, below)) } else { Err(expected()) }
 }
 
-/// `-90,0,0` -> degrees.
+/// Parses three angles in degrees: `-90,0,0`.
 pub fn parse_angles(text: &str) -> Result<[f64; 3], String> {
     let angles = three(text).filter(|angles| angles.iter().all(|angle| angle.abs() <= 1e6));
     angles.ok_or_else(|| "expected three angles in degrees, for example -90,0,0".to_string())
 }
 
-/// `0,1.5,-2` -> a point in world units, coordinates as far from 0 as scenes may have them.
+/// Parses a point in world units: `0,1.5,-2`. The limit of the coordinates is the limit of scenes.
 pub fn parse_point(text: &str) -> Result<[f64; 3], String> {
     let point = three(text).filter(|point| point.iter().all(|x| x.abs() <= 1e18));
     point.ok_or_else(|| {
@@ -68,14 +70,14 @@ fn three(text: &str) -> Option<[f64; 3]> {
     parts?.try_into().ok()
 }
 
-/// `0.08`: below a half, where nothing would be left of the picture.
+/// Parses a margin: `0.08`. It must be below 0.5, where nothing would be left of the picture.
 pub fn parse_margin(text: &str) -> Result<f64, String> {
     let margin = text.parse().ok().filter(|margin| (0.0..0.5).contains(margin));
     margin.ok_or_else(|| "expected a fraction from 0 to below 0.5".to_string())
 }
 
-/// `40`, `off` or `all` -> the largest angle in degrees between the two faces of a smooth edge: 0 and 180 for the
-/// words.
+/// Parses the maximum angle in degrees between the two faces of a smooth edge: `40`, `off` (0) or
+/// `all` (180).
 pub fn parse_smooth(text: &str) -> Result<f64, String> {
     let degrees = match text {
         "off" => Some(0.0),
@@ -85,7 +87,7 @@ pub fn parse_smooth(text: &str) -> Result<f64, String> {
     degrees.ok_or_else(|| "expected degrees above 0 and below 180, `off` or `all`".to_string())
 }
 
-/// `0..24` -> numbers from the first to before the second.
+/// Parses a range: `0..24`. The end is excluded.
 pub fn parse_range(text: &str) -> Result<std::ops::Range<u64>, String> {
     let expected = || "expected A..B with A < B, for example 0..24".to_string();
     let (from, to) = text.split_once("..").ok_or_else(expected)?;
@@ -94,12 +96,12 @@ pub fn parse_range(text: &str) -> Result<std::ops::Range<u64>, String> {
     if range.is_empty() { Err(expected()) } else { Ok(range) }
 }
 
-/// Bytes for people: `1.5 GiB`.
+/// Formats a number of bytes: `1.5 GiB`.
 pub fn bytes(count: u64) -> String {
     in_units(count, |tenths| tenths)
 }
 
-/// The same, but never less than `count`: typed back, it is enough.
+/// Formats a number of bytes, rounded up. So the text, used as a limit, is sufficient.
 pub fn bytes_rounded_up(count: u64) -> String {
     in_units(count, f64::ceil)
 }
@@ -118,7 +120,7 @@ fn in_units(count: u64, round_tenths: fn(f64) -> f64) -> String {
     }
 }
 
-/// Counts for people: `1,234,567`.
+/// Formats a count with separators: `1,234,567`.
 pub fn count(count: u64) -> String {
     let digits = count.to_string();
     let mut text = String::new();
@@ -131,7 +133,7 @@ pub fn count(count: u64) -> String {
     text
 }
 
-/// `0-3, 7, 9-12` of ascending numbers; many ranges are cut short.
+/// Formats ascending numbers as ranges: `0-3, 7, 9-12`. A long list is shortened.
 pub fn ranges(numbers: &[u32]) -> String {
     const MAX_RANGES: usize = 20;
     let mut ranges = numbers.chunk_by(|a, b| a.checked_add(1) == Some(*b));
@@ -147,13 +149,13 @@ pub fn ranges(numbers: &[u32]) -> String {
     }
 }
 
-/// `1 thread`, `2,000 threads`.
+/// Formats a count with its noun: `1 thread`, `2,000 threads`.
 pub fn plural(number: usize, one: &str) -> String {
     let s = if number == 1 { "" } else { "s" };
     format!("{} {one}{s}", count(number as u64))
 }
 
-/// Seconds for people: `0.82 s`, `3:07`, `2:03:07`.
+/// Formats a time in seconds: `0.82 s`, `3:07`, `2:03:07`.
 pub fn duration(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;
     match whole {
@@ -168,7 +170,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_of_numbers() {
+    fn numbers_are_formatted_as_ranges() {
         assert_eq!(ranges(&[]), "");
         assert_eq!(ranges(&[0, 1, 2, 7, 9, 10]), "0-2, 7, 9-10");
         let even: Vec<u32> = (0..50).map(|n| 2 * n).collect();
@@ -176,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn rates() {
+    fn frame_rates_are_parsed() {
         assert_eq!(parse_rate("24"), Ok((24, 1)));
         assert_eq!(parse_rate("24000/1001"), Ok((24000, 1001)));
         assert_eq!(parse_rate("23.976"), Ok((24000, 1001)));
@@ -188,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes() {
+    fn sizes_angles_points_and_ranges_are_parsed() {
         assert_eq!(parse_bytes("8G"), Ok(8 << 30));
         assert_eq!(parse_bytes("512MiB"), Ok(512 << 20));
         assert_eq!(parse_bytes("1.5k"), Ok(1536));
@@ -203,7 +205,7 @@ mod tests {
         }
         assert_eq!(parse_point("2600000.5, 0,-1e18"), Ok([2_600_000.5, 0.0, -1e18]));
         for bad in ["", "1,2", "1,2,3,4", "a,b,c", "nan,0,0", "inf,0,0", "1e19,0,0"] {
-            assert!(parse_point(bad).is_err_and(|said| said.contains("coordinates")), "{bad}");
+            assert!(parse_point(bad).is_err_and(|text| text.contains("coordinates")), "{bad}");
         }
         assert_eq!(parse_range("3..7"), Ok(3..7));
         for bad in ["", "3", "3..3", "7..3", "..3", "3..", "3..=7", "-1..3"] {
@@ -226,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn for_people() {
+    fn bytes_counts_and_durations_are_formatted() {
         assert_eq!(bytes(1023), "1023 B");
         assert_eq!(bytes(1536), "1.5 KiB");
         assert_eq!(bytes(1537), "1.5 KiB");

@@ -1,5 +1,5 @@
-//! `--noise`, `--time` and `--adaptive-shadows`: the same bits as a plain render where they can be, no
-//! bias where they cannot.
+//! `--noise`, `--time` and `--adaptive-shadows` give the same bits as a plain render where that is
+//! possible, and no bias elsewhere.
 
 mod program;
 
@@ -10,7 +10,8 @@ use lightpath::scene::Backend;
 use program::{Done, PYRAMID, Scratch, backends::on_both};
 use serde_json::Value;
 
-/// A wire, a fiftieth of a light's width, hangs before the light over a floor; a mirror ball, a mesh.
+/// A wire, a fiftieth of a light's width, hangs in front of the light over a floor. A mirror ball
+/// and a mesh stand on it.
 const SCENE: &str = r#"{
   "seed": 3,
   "camera": { "type": "pinhole", "width": 50, "height": 40, "fov": 40,
@@ -31,7 +32,7 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// Renders in 32-bit floats; returns the statistics.
+/// Renders in 32-bit floats and returns the statistics.
 #[track_caller]
 fn render(scratch: &Scratch, prefix: &str, flags: &[&str]) -> Value {
     let fixed = ["render", "s.json", "-o", prefix, "--quiet", "--float", "--json"];
@@ -40,7 +41,7 @@ fn render(scratch: &Scratch, prefix: &str, flags: &[&str]) -> Value {
     serde_json::from_str(&done.stdout()).unwrap()
 }
 
-/// R, G, B, A, row by row.
+/// Returns R, G, B, A, row by row.
 fn pixels(scratch: &Scratch, name: &str) -> Vec<Vec<[f32; 4]>> {
     exr::prelude::read()
         .no_deep_data()
@@ -67,7 +68,7 @@ fn attribute(scratch: &Scratch, name: &str, key: &str) -> Option<String> {
     value.as_str().map(str::to_string)
 }
 
-/// Mean radiance of a picture.
+/// Returns the mean radiance of a picture.
 fn mean(pixels: &[Vec<[f32; 4]>]) -> f64 {
     let all = pixels.iter().flatten().flat_map(|p| &p[..3]);
     all.clone().map(|&v| f64::from(v)).sum::<f64>() / all.count() as f64
@@ -88,7 +89,8 @@ on_both! {
         if stats["samples"]["least"] == 64 {
             assert_eq!(go[samples], passes[samples]);
         }
-        // Where all were taken, everything is the same; where fewer were enough, nothing changes any more.
+        // Pixels with all samples are the same in both pictures. Pixels with fewer samples do not
+        // change any more.
         let (whole, parts) = (pixels(&scratch, "go"), pixels(&scratch, "passes"));
         let equal = |a: &[f32; 4], b: &[f32; 4]| a.map(f32::to_bits) == b.map(f32::to_bits);
         let pairs = whole.iter().flatten().zip(parts.iter().flatten());
@@ -127,9 +129,9 @@ fn same_bytes_for_any_threads_and_as_a_crop(scratch: &Scratch, backend: Backend,
 }
 
 #[test]
-fn overscan_leaves_the_pixels_of_the_frame_as_they_are() {
+fn overscan_does_not_change_the_frame() {
     let scratch = Scratch::with(SCENE);
-    // Neither side is a multiple of a packet's or a tile's.
+    // Neither side is a multiple of a packet's or a tile's side.
     let size = ["--size", "50x43", "--max-spp", "64", "--light-samples", "1"];
     let noise = |of| [&size[..], &["--noise", "0.1", "--noise-of", of]].concat();
     let shadows = |spp| vec!["--size", "50x43", "--adaptive-shadows", "--spp", spp];
@@ -150,7 +152,7 @@ fn overscan_leaves_the_pixels_of_the_frame_as_they_are() {
 }
 
 #[test]
-fn the_error_that_is_asked_for_is_reached() {
+fn the_noise_target_is_reached() {
     let scratch = Scratch::with(SCENE);
     render(&scratch, "reference", &["--spp", "4096", "--light-samples", "1", "--seed", "77"]);
     let reference = pixels(&scratch, "reference");
@@ -169,13 +171,13 @@ fn the_error_that_is_asked_for_is_reached() {
         }
         let relative = (squares / even).sqrt();
         eprintln!("target {target}: {relative:.4}, {}", stats["samples"]);
-        // The estimate is of the kind that never is too small in the mean.
+        // The mean of the error estimate is never too small.
         assert!(relative < target, "{relative} for {target}");
         assert!(stats["samples"]["mean"].as_f64().unwrap() < 2000.0);
     }
 }
 
-/// The mean of pictures with different seeds, and its standard error.
+/// Returns the mean over pictures with different seeds, and its standard error.
 fn means(scratch: &Scratch, flags: &[&str], seeds: std::ops::Range<u32>) -> (f64, f64) {
     let values: Vec<f64> = seeds
         .map(|seed| {
@@ -191,7 +193,7 @@ fn means(scratch: &Scratch, flags: &[&str], seeds: std::ops::Range<u32>) -> (f64
 }
 
 #[test]
-fn stopping_early_hardly_biases_the_picture() {
+fn early_stopping_has_hardly_any_bias() {
     let scratch = Scratch::with(SCENE);
     let (truth, exact) = means(&scratch, &["--spp", "1024", "--light-samples", "1"], 0..4);
     for relative in ["pixel", "picture"] {
@@ -200,7 +202,7 @@ fn stopping_early_hardly_biases_the_picture() {
         let bias = (stopped - truth) / truth;
         let (error, exact) = (error / truth, exact / truth);
         eprintln!("{relative}: bias {bias:.2e}, standard errors {error:.1e} {exact:.1e}");
-        // A fiftieth of the noise that is asked for.
+        // A fiftieth of the target noise.
         assert!(bias.abs() < 0.002, "{relative}: {bias}");
     }
 }
@@ -211,7 +213,7 @@ fn noise_of_the_picture_takes_fewer_samples_for_the_same_rmse() {
     let one = ["--light-samples", "1"];
     render(&scratch, "reference", &[&one[..], &["--spp", "4096", "--seed", "77"]].concat());
     let reference = pixels(&scratch, "reference");
-    // Mean samples a pixel and RMSE.
+    // Returns mean samples per pixel and RMSE.
     let point = |flags: &[&str]| {
         let stats = render(&scratch, "x", &[&one[..], flags].concat());
         let found = pixels(&scratch, "x");
@@ -233,7 +235,8 @@ fn noise_of_the_picture_takes_fewer_samples_for_the_same_rmse() {
 #[test]
 fn adaptive_shadows_keep_the_mean_before_a_thin_wire() {
     let scratch = Scratch::with(SCENE);
-    // One sample a pixel: the same camera rays for every seed, so only light points and choices differ.
+    // One sample per pixel gives the same camera rays for every seed, so only light points and
+    // choices differ.
     let flags = ["--spp", "1", "--size", "40x32"];
     let (plain, plain_error) = means(&scratch, &flags, 0..16);
     let (rare, rare_error) =
@@ -241,7 +244,7 @@ fn adaptive_shadows_keep_the_mean_before_a_thin_wire() {
     let (off, error) = (rare - plain, plain_error.hypot(rare_error));
     eprintln!("relative difference {:.2e}, standard error {:.1e}", off / plain, error / plain);
     assert!(off.abs() < 4.0 * error, "{off} for a standard error of {error}");
-    // What the wire takes away must be many such errors, or the test would not see it missing.
+    // The wire must remove many standard errors of light, or the test would not notice its absence.
     let bare = SCENE.replace("[-2, 2.5, 0.02]", "[-2, 9, 0.02]").replace("2.5, ", "9, ");
     scratch.write("s.json", &bare);
     let (unshadowed, _) = means(&scratch, &flags, 0..4);
@@ -273,7 +276,7 @@ fn adaptive_shadows_trace_fewer_rays_and_the_layers_still_add_up() {
 }
 
 #[test]
-fn a_limit_of_time_is_marked() {
+fn a_time_limit_marks_the_picture_as_not_reproducible() {
     let scratch = Scratch::with(SCENE);
     let fixed = ["render", "s.json", "-o", "timed", "--light-samples", "1", "--json"];
     let done = scratch.run(&[&fixed[..], &["--time", "0.2", "--size", "100x80"]].concat());
@@ -281,7 +284,7 @@ fn a_limit_of_time_is_marked() {
     assert!(done.stderr().contains("not reproducible"), "{}", done.stderr());
     let stats: Value = serde_json::from_str(&done.stdout()).unwrap();
     let samples = &stats["samples"];
-    // Evenly: every pixel the same.
+    // Samples are spread evenly: every pixel has the same number.
     assert_eq!(samples["least"], samples["most"]);
     assert!(samples["least"].as_u64().unwrap() >= 16);
     assert!(stats["seconds"]["render"].as_f64().unwrap() < 5.0);
@@ -290,7 +293,7 @@ fn a_limit_of_time_is_marked() {
     render(&scratch, "noise", &["--noise", "0.5"]);
     assert_eq!(attribute(&scratch, "noise", "lightpath:reproducible"), None);
     assert_eq!(attribute(&scratch, "noise", "lightpath:noise").as_deref(), Some("0.5"));
-    // Time enough: what --noise alone gives.
+    // With enough time, the picture is the same as with --noise alone.
     render(&scratch, "both", &["--noise", "0.5", "--time", "1000"]);
     assert_eq!(pixels(&scratch, "both"), pixels(&scratch, "noise"));
 }

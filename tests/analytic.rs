@@ -1,5 +1,5 @@
-//! Pictures whose pixels are known in closed form, from the reference tracer (to 1e-9) and from
-//! the renderer (to the precision of a half-float EXR, or of its own samples).
+//! Pictures with pixels in closed form, compared with the reference tracer (to 1e-9) and with the
+//! renderer (to the precision of a half-float EXR, or of its own samples).
 
 mod reference;
 
@@ -10,13 +10,13 @@ use reference::{Density, Picture, assets, program, scene::Scene};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Half floats round to within 2^-11 = 4.9e-4 of a value; the rest is f32 arithmetic.
+/// Half floats round to within 2^-11 = 4.9e-4 of a value. The rest is f32 arithmetic.
 const HALF: f64 = 6e-4;
 
 /// The reference works in f64 throughout.
 const EXACT: f64 = 1e-9;
 
-/// Who draws: each closed form is checked against both.
+/// A renderer under test. Each closed form is checked against all of them.
 #[derive(Clone, Copy, PartialEq)]
 enum Painter {
     Reference,
@@ -26,8 +26,8 @@ enum Painter {
 use Painter::{Reference, Renderer};
 
 impl Painter {
-    /// Draws a scene given as JSON, with the 5 x 5 texture `cells.png` and the 2 x 2 texture
-    /// `ramp.png` beside it.
+    /// Draws a scene given as JSON. The 5 x 5 texture `cells.png` and the 2 x 2 texture `ramp.png`
+    /// lie beside it.
     fn draw(self, scene: &Value) -> Picture {
         let folder = tempfile::tempdir().expect("a temporary folder");
         write_textures(folder.path());
@@ -39,14 +39,14 @@ impl Painter {
         }
     }
 
-    /// How far a value without random choices may be off, relative.
+    /// Returns the relative tolerance of a value without random choices.
     fn tolerance(self) -> f64 {
         if self == Reference { EXACT } else { HALF }
     }
 }
 
-/// `cells.png`: five columns by five rows, all different. `ramp.png`: red is 0 on the left and 1
-/// on the right, green 0 above and 1 below.
+/// Writes `cells.png`, five columns by five rows of different colours, and `ramp.png`, where red is
+/// 0 on the left and 1 on the right, green 0 at the top and 1 at the bottom.
 fn write_textures(folder: &Path) {
     let cells = image::RgbImage::from_fn(5, 5, |i, j| image::Rgb(assets::texel(i, j)));
     cells.save(folder.join("cells.png")).expect("cells.png");
@@ -54,13 +54,13 @@ fn write_textures(folder: &Path) {
     ramp.save(folder.join("ramp.png")).expect("ramp.png");
 }
 
-/// The linear colour of the texel of `cells.png` at (u, v) in [0, 1], nearest, clamped.
+/// Returns the linear colour of the texel of `cells.png` at (u, v) in [0, 1], nearest, clamped.
 fn cell(u: f64, v: f64) -> [f64; 3] {
     let index = |x: f64| (5.0 * x).floor().clamp(0.0, 4.0) as u32;
     assets::texel(index(u), index(v)).map(|x| f64::from(x) / 255.0)
 }
 
-/// A material that shows its texture as it is: `colour = ka * ambient * base`.
+/// Returns a material that shows its texture unchanged: `colour = ka * ambient * base`.
 fn glowing(texture: &str, filter: &str) -> Value {
     json!({ "kd": 0, "ka": 1, "tPath": texture, "filter": filter, "colorspace": "linear" })
 }
@@ -85,8 +85,8 @@ fn assert_pixel(picture: &Picture, (i, j): (usize, usize), expected: [f64; 3], t
     }
 }
 
-/// Checks every pixel of a picture of the square [-1, 1]^2 against the texel at `uv(x, y)`, where
-/// that is not None (outside of the shape, or too near an edge of anything to tell).
+/// Checks every pixel of a picture of the square [-1, 1]^2 against the texel at `uv(x, y)`. `None`
+/// excludes a pixel outside the shape or too near an edge.
 fn assert_square(painter: Painter, shape: Value, uv: &dyn Fn(f64, f64) -> Option<(f64, f64)>) {
     let picture = painter.draw(&glowing_scene(facing_square(32), json!([shape])));
     let mut checked = 0;
@@ -102,7 +102,7 @@ fn assert_square(painter: Painter, shape: Value, uv: &dyn Fn(f64, f64) -> Option
     assert!(checked > 100, "only {checked} pixels were on the shape");
 }
 
-/// "Shading" and "Camera" on a unit sphere, for every falloff and pixel.
+/// Checks "Shading" and "Camera" on a unit sphere, for every falloff and pixel.
 fn lit_sphere(painter: Painter) {
     for (falloff, word) in ["none", "linear", "quadratic"].into_iter().enumerate() {
         let (eye, light) = (4.0, [3.0, 2.0, 5.0]);
@@ -129,7 +129,7 @@ fn lit_sphere(painter: Painter) {
     }
 }
 
-/// A mirror shows `kr` times the background, and nothing once its bounces are used up.
+/// A mirror shows `kr` times the background, and black once its bounces are used up.
 fn mirror_of_background(painter: Painter) {
     let background = [0.25, 0.5, 1.5];
     for (nbounces, kr) in [(0, 0.0), (1, 0.5), (4, 0.5)] {
@@ -142,13 +142,13 @@ fn mirror_of_background(painter: Painter) {
         });
         let picture = painter.draw(&scene);
         for (i, j) in [(0, 0), (7, 0), (3, 4), (7, 7)] {
-            // Halves hold these products exactly.
+            // Half floats hold these products exactly.
             assert_pixel(&picture, (i, j), background.map(|b| kr * b), EXACT);
         }
     }
 }
 
-/// Between two glowing mirrors: the bounces add up to a geometric sum.
+/// Between two glowing mirrors, the bounces add up to a geometric sum.
 fn mirrors_face_to_face(painter: Painter) {
     let wall = |z: f64| {
         json!({ "type": "plane", "v0": [-90, 90, z], "v1": [90, 90, z], "v2": [90, -90, z],
@@ -164,8 +164,8 @@ fn mirrors_face_to_face(painter: Painter) {
     }
 }
 
-/// "Lights": the lambertian area light with `id = radiance * area / pi`, quadratic, kd = 1, gives
-/// a diffuse plane `irradiance / pi`, which Lambert's polygon formula knows.
+/// Checks "Lights": a lambertian area light with `id = radiance * area / pi`, quadratic, kd = 1
+/// gives a diffuse plane `irradiance / pi`, which Lambert's polygon formula gives exactly.
 fn lambertian_light(painter: Painter) {
     const SAMPLES: usize = 4096;
     let corners = [[-0.5, 1.7, -0.6], [0.7, 1.9, -0.5]];
@@ -198,9 +198,9 @@ fn lambertian_light(painter: Painter) {
             let point = [2.0 * px, -1.0, -2.0 * py];
             let irradiance = radiance * polygon_irradiance(point, [0.0, 1.0, 0.0], &quad);
             let ratio = picture.at(i, j)[0] * std::f64::consts::PI / irradiance;
-            // Over the light the integrand's deviation is below 0.4 of its mean everywhere on
-            // this plane (the reference sees to that), so 4096 samples leave 0.63%; five of
-            // that. The reference's own grid errs by far less.
+            // Everywhere on this plane the integrand's deviation over the light is below 0.4 of its
+            // mean; the reference checks this. So 4096 samples leave an error of 0.63%, and the
+            // test allows five times that. The reference's own grid has a far smaller error.
             let tolerance = if painter != Reference { 5.0 * 0.4 / 64.0 } else { 1e-3 };
             if let Some(noise) = picture.deviation.get(j * 32 + i) {
                 assert!(noise[0] * 64.0 < 0.4 * picture.at(i, j)[0], "({i}, {j}): {noise:?}");
@@ -212,19 +212,19 @@ fn lambertian_light(painter: Painter) {
             ratios += ratio / 1024.0;
         }
     }
-    // The mean of 1024 pixels is 32 times quieter: 0.02%, five of that.
+    // The mean of 1024 pixels has 1/32 of the noise: 0.02%. The test allows five times that.
     assert!((ratios - 1.0).abs() < 1e-3, "on average {ratios} of the form factor");
 }
 
-/// "Texture coordinates", plane: v3 is (0, 1), v2 is (1, 1), v0 is (0, 0).
+/// Checks "Texture coordinates" of a plane: v3 is (0, 1), v2 is (1, 1), v0 is (0, 0).
 fn plane_uv(painter: Painter) {
     let shape = json!({ "type": "plane", "v0": [-1, 1, 0], "v1": [1, 1, 0], "v2": [1, -1, 0],
                         "v3": [-1, -1, 0], "material": glowing("cells.png", "nearest") });
     assert_square(painter, shape, &|x, y| Some(((x + 1.0) / 2.0, (1.0 - y) / 2.0)));
 }
 
-/// "Texture coordinates", triangle, with the apex over the base and past its end: u runs from
-/// v1's side to v0's over the whole range along the base, v from the base to the apex.
+/// Checks "Texture coordinates" of a triangle whose apex lies over the base or past its end. u runs
+/// from v1's side to v0's over the whole range along the base, v from the base to the apex.
 fn triangle_uv(painter: Painter) {
     for (apex, range) in [(0.4, 2.0), (2.5, 3.5)] {
         let shape = json!({ "type": "triangle", "v0": [-1, -1, 0], "v1": [1, -1, 0],
@@ -238,7 +238,7 @@ fn triangle_uv(painter: Painter) {
     }
 }
 
-/// "Texture coordinates", sphere: looks straight at points of known longitude and latitude.
+/// Checks "Texture coordinates" of a sphere at points of known longitude and latitude.
 fn sphere_uv(painter: Painter) {
     for pole in ["z", "x", "y"] {
         for (longitude, latitude) in
@@ -256,7 +256,8 @@ fn sphere_uv(painter: Painter) {
     }
 }
 
-/// "Texture coordinates", trimesh: `s t` per vertex and `texcoord` per face, v up in the file.
+/// Checks "Texture coordinates" of a trimesh: `s t` per vertex and `texcoord` per face, with v up
+/// in the file.
 fn mesh_uv(painter: Painter) {
     let per_vertex = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
         property float s\nproperty float t\nelement face 1\n\
@@ -272,13 +273,14 @@ fn mesh_uv(painter: Painter) {
         let shape = json!({ "type": "trimesh", "path": file.path(),
                             "material": glowing("cells.png", "nearest") });
         assert_square(painter, shape, &|x, y| {
-            // The ray along the diagonal may slip between the triangles of some renderers.
+            // With some renderers, a ray along the diagonal may slip between the triangles.
             ((x - y).abs() > 0.01).then_some(((x + 1.0) / 2.0, (1.0 - y) / 2.0))
         });
     }
 }
 
-/// "Camera" at an odd attitude: a ramp square to the view reads out each ray's (px, py).
+/// Checks "Camera" with an oblique view: a ramp perpendicular to the view shows each ray's (px,
+/// py).
 fn camera_rays(painter: Painter) {
     let (root2, distance, half_width) = (2f64.sqrt(), 2.0, 4.0);
     let position = [1.0, 2.0, 3.0];
@@ -305,7 +307,7 @@ fn camera_rays(painter: Painter) {
     }
 }
 
-/// One test for each closed form and painter.
+/// Defines one test per closed form and painter.
 macro_rules! closed_forms {
     ($($case:ident)*) => {
         mod the_reference { $(#[test] fn $case() { super::$case(super::Reference) })* }

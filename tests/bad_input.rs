@@ -1,5 +1,5 @@
-//! What bad input gets, through the program: one clear message, the right exit code, no panic, no
-//! output, no part file, little memory. The tables here are those of docs/bad-input.md.
+//! Bad input to the program gives one clear message and the right exit code, without a panic, an
+//! output or a part file, and with little memory. The tables here are those of docs/bad-input.md.
 #![cfg(unix)]
 
 mod program;
@@ -96,7 +96,7 @@ fn scene_rows() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// A folder with the files that rows name.
+/// Makes a folder with the files that the rows name.
 fn refusals() -> Refusals {
     let refusals = Refusals::new();
     let scratch = &refusals.scratch;
@@ -128,7 +128,7 @@ fn scenes() {
 }
 
 #[test]
-fn a_scene_of_absurd_size_is_warned_of() {
+fn an_absurdly_large_scene_gives_a_warning() {
     let refusals = refusals();
     for radius in ["1e13", "1e-13"] {
         let bytes = scene("\"radius\": 1", &format!("\"radius\": {radius}"));
@@ -188,7 +188,7 @@ fn output_folders() {
     table.check();
 }
 
-/// The output folder belongs to another user. As root, the program runs as nobody.
+/// The output folder belongs to another user. A test run by root runs the program as nobody.
 #[test]
 fn a_folder_without_write_permission() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
@@ -212,7 +212,7 @@ fn a_folder_without_write_permission() {
     assert!(done.stderr().starts_with("error: out: cannot write out/x.exr: Permission denied"));
 }
 
-/// A disk of 8 KiB, where this user may mount one that nobody else sees.
+/// Mounts a disk of 8 KiB in a private namespace, if this user may.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk() {
@@ -232,7 +232,8 @@ fn a_full_disk() {
     assert_eq!(done.stdout(), "", "nothing is left on the disk");
 }
 
-/// Text polygons of `corners` corners: their triangles are not seen in the header.
+/// Writes text polygons of `corners` corners. The header does not show how many triangles they
+/// have.
 fn polygons(faces: usize, corners: usize) -> String {
     let mut text = format!(
         "ply\nformat ascii 1.0\nelement vertex {corners}\nproperty float x\nproperty float y\n\
@@ -242,7 +243,7 @@ fn polygons(faces: usize, corners: usize) -> String {
         let (sin, cos) = (i as f64 / corners as f64 * std::f64::consts::TAU).sin_cos();
         text += &format!("{cos} {sin} 0\n");
     }
-    // Each begins at another corner: no triangle is there twice.
+    // Each polygon starts at another corner, so no triangle occurs twice.
     for face in 0..faces {
         let indices: Vec<String> =
             (0..corners).map(|i| ((face + i) % corners).to_string()).collect();
@@ -275,9 +276,9 @@ fn memory() {
     table.check();
 }
 
-/// What is said to be enough is enough.
+/// The memory that the message names is sufficient.
 #[test]
-fn the_least_memory_that_is_named_suffices() {
+fn the_memory_named_in_the_message_suffices() {
     let refusals = refusals();
     for file in ["good.json", "good.ply"] {
         let said = refusals.render(file, &["--max-memory", "20M"]).stderr();
@@ -286,7 +287,7 @@ fn the_least_memory_that_is_named_suffices() {
         let done = loop {
             let args = ["render", file, "-o", "x", "--size", "8x6", "--max-memory", &least];
             let done = refusals.run(&args);
-            // The picture and the accelerator come on top of the mesh alone.
+            // The picture and the accelerator need memory besides the mesh.
             match done.stderr().split("at least ").nth(1) {
                 Some(more) => least = more.split(':').next().unwrap().to_string(),
                 None => break done,
@@ -303,16 +304,17 @@ mod embree {
 
     const FILE: &str = env!("LIGHTPATH_EMBREE_FILE");
 
-    /// Renders with `lib/` searched for libraries first.
+    /// Renders with `lib/` as the first folder in the library path.
     fn render(refusals: &Refusals) -> Done {
         let args = ["render", "good.json", "-o", "out/x", "--backend", "embree"];
         let mut command = refusals.command(&args);
         refusals.of(command.env("LD_LIBRARY_PATH", refusals.scratch.path("lib")))
     }
 
-    /// A library that does not load hides the real one: everything else works without.
+    /// A library that cannot be loaded hides the real one. All commands that do not use it must
+    /// still work.
     #[test]
-    fn what_does_not_name_it_works_without() {
+    fn commands_that_do_not_use_embree_work_without_it() {
         let scratch = crate::program::Scratch::with(SCENE);
         fs::create_dir(scratch.path("lib")).unwrap();
         fs::write(scratch.path("lib").join(FILE), "not a library").unwrap();
@@ -346,7 +348,7 @@ mod embree {
         assert_eq!(asked.code(), 2, "{}", asked.stderr());
     }
 
-    /// What the loader says about a file differs from one C library to the next.
+    /// Shortens the loader's message, which differs between C libraries.
     fn shortened(done: &Done) -> Done {
         let text = done.stderr().replace(FILE, "libembree4.so.4");
         let start = "cannot load libembree4.so.4: ";
@@ -357,7 +359,7 @@ mod embree {
         done.saying(text)
     }
 
-    /// A library whose functions return `values`, or else zero.
+    /// Compiles a library whose functions return `values`, or else zero.
     fn compile(path: &std::path::Path, names: &[&str], values: &[(&str, &str)]) -> bool {
         let mut code = String::from("static int something;\n");
         for name in names {
@@ -402,7 +404,7 @@ mod embree {
     }
 }
 
-/// 16 bytes of film and a PNG of 4 or 8 bytes a pixel.
+/// Memory is 16 bytes of film and 4 or 8 bytes of PNG per pixel.
 #[test]
 fn a_deeper_png_is_predicted() {
     let refusals = refusals();

@@ -1,4 +1,4 @@
-//! `lightpath batch` through the program: what it renders, keeps, refuses and says.
+//! `lightpath batch` through the program: frames rendered and kept, refusals and messages.
 
 mod program;
 
@@ -7,7 +7,7 @@ use std::{fs, path::Path, time::SystemTime};
 use program::{PYRAMID, Scratch, names_in};
 use serde_json::Value;
 
-/// Small pictures by a backend that is always there.
+/// Flags for small pictures with a backend that is always available.
 const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
 fn batch(scratch: &Scratch, args: &[&str]) -> program::Done {
@@ -37,7 +37,7 @@ fn pixels(path: &Path) -> Vec<f32> {
     values.collect()
 }
 
-/// All pictures below a folder with their bytes.
+/// Returns all pictures below a folder with their bytes.
 fn pictures(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut all = Vec::new();
     let mut folders = vec![folder.to_owned()];
@@ -57,7 +57,7 @@ fn pictures(folder: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 #[test]
-fn a_frame_is_what_render_makes() {
+fn a_frame_has_the_bytes_of_render() {
     let scratch = scans();
     let done = batch(&scratch, &["scans", "-o", "out", "--no-sheet"]);
     assert_eq!((done.code(), done.stdout().lines().count()), (0, 6), "{}", done.stderr());
@@ -116,7 +116,7 @@ fn what_turns_decides_the_light_and_the_way_round() {
 }
 
 #[test]
-fn a_bad_mesh_costs_only_itself() {
+fn an_invalid_mesh_fails_alone() {
     let scratch = scans();
     scratch.write("scans/b.ply", "ply\nformat ascii 1.0\nelement vertex 3\n");
     let args = ["scans", "-o", "out", "--turntable", "2"];
@@ -132,14 +132,14 @@ fn a_bad_mesh_costs_only_itself() {
     assert_eq!(pictures(&scratch.path("out/a")).len() + pictures(&scratch.path("out/c")).len(), 8);
     let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
     assert!(html.contains("class=\"failed\"") && html.contains("the header has no end_header"));
-    // Mended, only it is rendered, and nothing is red any more.
+    // After a repair, only that mesh is rendered, and no card is red any more.
     scratch.write("scans/b.ply", PYRAMID);
     let done = batch(&scratch, &[&args[..], &["--resume"]].concat());
     assert_eq!(done.code(), 0, "{}", done.stderr());
     assert!(done.stderr().contains("2 frames rendered, 4 kept, 0 failures"), "{}", done.stderr());
     let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
     assert!(!html.contains("class=\"failed\""));
-    // Otherwise the first failure is the last.
+    // With --fail-fast, the first failure is the last one.
     scratch.write("scans/a.ply", "ply\n");
     let args = ["scans", "-o", "fast", "--jobs", "1", "--fail-fast", "--quiet"];
     let done = batch(&scratch, &args);
@@ -152,7 +152,7 @@ fn a_bad_mesh_costs_only_itself() {
 }
 
 #[test]
-fn resume_trusts_what_is_whole_and_the_same_and_says_why_not() {
+fn resume_keeps_complete_matching_frames_and_gives_reasons() {
     let scratch = scans();
     let args = ["scans", "-o", "out", "--turntable", "2", "--no-sheet"];
     let run = |more: &[&str]| {
@@ -167,7 +167,7 @@ fn resume_trusts_what_is_whole_and_the_same_and_says_why_not() {
     assert_eq!(run(&[]), (vec![], false));
     assert_eq!(run(&[]), (vec![], true));
     let whole = pictures(&scratch.path("out"));
-    // A cut file, a lost one, a strange one, a changed mesh.
+    // A truncated file, a deleted one, a foreign one, and a changed mesh.
     let cut = scratch.read("out/a/a.0000.exr");
     fs::write(scratch.path("out/a/a.0000.exr"), &cut[..cut.len() - 1]).unwrap();
     let cut = scratch.read("out/a/a.0001.png");
@@ -193,12 +193,12 @@ fn resume_trusts_what_is_whole_and_the_same_and_says_why_not() {
     assert!(again[0].ends_with(": the scene changed"), "{again:?}");
     let (again, _) = run(&["--spp", "3", "--float"]);
     assert!(again.len() == 6 && again[0].ends_with(": settings changed"), "{again:?}");
-    // A picture of `render` does not say what it was made of.
+    // A picture of `render` has no fingerprint.
     let render = ["render", "scans/a.ply", "-o", "out/a/a.0000", "--spp", "3", "--float"];
     scratch.run(&[&render[..], &SMALL].concat());
     let (again, _) = run(&["--spp", "3", "--float"]);
-    assert_eq!(again, ["out/a/a.0000.exr does not say what it was made of"]);
-    // Another name of the same file is the same mesh.
+    assert_eq!(again, ["out/a/a.0000.exr has no fingerprint"]);
+    // The same file under another path is the same mesh.
     let old = scratch.path("out/b/b.0000.exr").metadata().unwrap().modified().unwrap();
     let absolute = scratch.path("scans").display().to_string();
     let all = ["--spp", "3", "--float", "--resume", "--turntable", "2", "-o", "out", "--no-sheet"];
@@ -209,7 +209,7 @@ fn resume_trusts_what_is_whole_and_the_same_and_says_why_not() {
 }
 
 #[test]
-fn frames_say_where_they_stand_in_their_sequence() {
+fn frames_record_their_number_and_rate() {
     let scratch = scans();
     let args = ["scans/a.ply", "-o", "out", "--turntable", "3", "--multipart", "--no-sheet"];
     let args = [&args[..], &["--aov", "Z", "--resume"]].concat();
@@ -220,7 +220,7 @@ fn frames_say_where_they_stand_in_their_sequence() {
         done.stderr()
     };
     run("24", "3 frames rendered, 0 kept");
-    // Files of several parts are known to be whole, too.
+    // Files of several parts are also recognized as complete.
     run("24", "0 frames rendered, 3 kept");
     assert!(run("23.976", "3 frames rendered, 0 kept").contains("settings changed"));
     for frame in 0..3 {
@@ -242,7 +242,7 @@ fn frames_say_where_they_stand_in_their_sequence() {
 }
 
 #[test]
-fn manifests_stand_beside_their_frames_and_belong_to_them() {
+fn manifests_are_files_of_their_frames() {
     let scratch = scans();
     let files = ["--aov", "cryptomatte", "--crypto-sidecar", "--png-bits", "16"];
     let render = ["render", "scans/a.ply", "-o", "alone"];
@@ -280,7 +280,7 @@ fn manifests_stand_beside_their_frames_and_belong_to_them() {
     fs::remove_file(scratch.path("out/a/a.0001.CryptoMaterial.json")).unwrap();
     let said = run("1 frames rendered, 1 kept");
     assert!(said.contains("a.0001.CryptoMaterial.json is missing"), "{said}");
-    // As a job file says it; without the two, other files are asked for.
+    // The same settings in a job file. Without the two of them, other files are expected.
     let job = r#"{ "inputs": ["scans/a.ply"], "turntable": { "frames": 2 }, "layers": ["cryptomatte"],
                    "output": { "folder": "out", "cryptosidecar": true, "pngbits": BITS } }"#;
     scratch.write("job.json", &job.replace("BITS", "16"));
@@ -297,7 +297,7 @@ fn manifests_stand_beside_their_frames_and_belong_to_them() {
 }
 
 #[test]
-fn a_still_says_what_render_says_of_its_scene() {
+fn a_still_has_the_same_header_as_render() {
     let scratch = scans();
     let done = batch(&scratch, &["scans/b.ply", "-o", "out", "--no-sheet"]);
     assert_eq!(done.code(), 0, "{}", done.stderr());
@@ -316,10 +316,10 @@ fn a_still_says_what_render_says_of_its_scene() {
     assert!(!said("b.exr").iter().any(|(name, _)| name == "imageCounter"));
 }
 
-/// Flags that are no part of a description reach every frame of a turntable.
+/// Flags that a scene description cannot hold apply to every frame of a turntable.
 #[test]
 #[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
-fn a_turntable_by_embree_s_fast_mode() {
+fn fast_mode_of_embree_applies_to_every_frame() {
     let scratch = scans();
     let args = ["scans/b.ply", "-o", "out", "--turntable", "2", "--no-sheet", "--spp", "1"];
     let fast = ["--backend", "embree", "--fast"];
@@ -330,7 +330,7 @@ fn a_turntable_by_embree_s_fast_mode() {
         assert!(said.contains("lightpath:backend: embree (Embree 4."), "{said}");
         assert!(said.contains(", fast)") && said.contains(",fast,"), "{said}");
     }
-    // Without the flag they are other frames, and on the default there is none.
+    // Without the flag the frames differ. On the default backend the flag is refused.
     let again = batch(&scratch, &[&args[..], &["--backend", "embree", "--resume"]].concat());
     assert!(again.stderr().contains("settings changed"), "{}", again.stderr());
     let refused = batch(&scratch, &[&args[..], &["--fast"]].concat());
@@ -339,7 +339,7 @@ fn a_turntable_by_embree_s_fast_mode() {
 }
 
 #[test]
-fn ranges_make_the_whole() {
+fn ranges_together_render_all_frames() {
     let scratch = scans();
     let args =
         |out: &'static str| ["scans", "-o", out, "--turntable", "3", "--no-sheet", "--quiet"];
@@ -354,7 +354,7 @@ fn ranges_make_the_whole() {
     let done = batch(&scratch, &[&args("parts")[..], &["--range", "8..10"]].concat());
     assert_eq!(done.code(), 2);
     assert!(done.stderr().contains("expected frames A..B of 0..9"), "{}", done.stderr());
-    // The sheet of what the parts made.
+    // The contact sheet shows the frames of all ranges.
     let done = batch(&scratch, &["scans", "-o", "parts", "--turntable", "3", "--sheet-only"]);
     assert_eq!(done.stdout(), "parts/index.html\nparts/sheet.png\n", "{}", done.stderr());
     let html = String::from_utf8(scratch.read("parts/index.html")).unwrap();
@@ -362,7 +362,7 @@ fn ranges_make_the_whole() {
 }
 
 #[test]
-fn a_job_file_says_it_all() {
+fn a_job_file_has_all_settings() {
     let scratch = scans();
     let job = r#"{
       "comment": "three pyramids",
@@ -390,11 +390,11 @@ fn a_job_file_says_it_all() {
         record["rays"]["primary"].as_u64().unwrap()
     };
     assert_eq!([rays("a.ply"), rays("c.ply")], [200, 400]);
-    // Flags win.
+    // Flags win over the job file.
     let done =
         scratch.run(&["batch", "jobs/job.json", "--spp", "3", "-o", "here", "--range", "0..1"]);
     assert_eq!(done.stdout(), "here/a-00.exr\nhere/a-00.png\n", "{}", done.stderr());
-    // The schema knows its keys.
+    // The schema has these keys.
     let schema: Value = serde_json::from_str(&scratch.run(&["schema", "job"]).stdout()).unwrap();
     for key in ["inputs", "template", "turntable", "output", "limits", "comment"] {
         assert!(schema["properties"][key].is_object(), "{key}");
@@ -403,7 +403,7 @@ fn a_job_file_says_it_all() {
 }
 
 #[test]
-fn what_is_refused_before_anything_is_rendered() {
+fn invalid_jobs_are_refused_before_rendering() {
     let scratch = scans();
     scratch.write("other/a.ply", PYRAMID);
     let refused = |args: &[&str], expected: &str| {
@@ -425,15 +425,15 @@ fn what_is_refused_before_anything_is_rendered() {
     refused(&[job(r#"{ "inputs": [{ "path": "scans", "upp": "z" }] }"#)], "job.json:1:33");
     refused(&[job(r#"{ "inputs": ["scans/*.obj"] }"#)], "a pattern that matches no file");
     refused(&[job(r#"{ "inputs": ["scans"], "limits": { "memory": "lots" } }"#)], "limits/memory");
-    // A wrong value of the scene is found in every mesh.
+    // A wrong value of the scene is reported for every mesh.
     let done = batch(&scratch, &["scans", "-o", "bad", "--set", "/camera/fov=200", "--quiet"]);
     assert_eq!(done.code(), 1);
     assert_eq!(done.stderr().matches("/camera/fov").count(), 6, "{}", done.stderr());
-    // Too little memory likewise, with the numbers.
+    // Too little memory is reported for every mesh, too, with the numbers.
     let done = batch(&scratch, &["scans", "-o", "bad", "--max-memory", "1M", "--quiet"]);
     assert_eq!(done.code(), 1);
     assert!(done.stderr().contains("--max-memory: found 1.0 MiB, expected at least"));
-    // Nothing is written over what is read.
+    // No output may overwrite an input.
     let studio = include_str!("../assets/studio.json");
     let textured =
         studio.replace("\"kd\": 1,\n        \"ka\"", "\"kd\": 1, \"tPath\": \"a.png\", \"ka\"");
@@ -450,7 +450,7 @@ fn what_is_refused_before_anything_is_rendered() {
         "{}",
         done.stderr()
     );
-    assert!(done.stderr().contains("would be written over what is read, or twice"));
+    assert!(done.stderr().contains("would overwrite an input or another output"));
 }
 
 #[test]
@@ -472,7 +472,7 @@ fn progress_for_farms() {
     assert!(openjd.contains("openjd_status: frames 12 of 12"), "{openjd}");
     let said = percents(&run("alf").0, "ALF_PROGRESS ", "%");
     assert!(said.is_sorted() && said.last() == Some(&100));
-    // A short batch may end before the first line.
+    // A short batch may end before the first line of progress.
     for line in run("json").1.lines().filter(|line| line.starts_with('{')) {
         let line: Value = serde_json::from_str(line).unwrap();
         assert_eq!(line["total"], 12);
@@ -506,28 +506,28 @@ fn names_that_collide_in_any_frame_are_refused() {
         assert!(!scratch.path("out").exists(), "{args:?}");
     };
     let turn = |name: &'static str| ["scans", "--turntable", "12", "--name", name];
-    // Input 1, frame 10 and input 11, frame 0.
+    // Input 1, frame 10 and input 11, frame 0 have the same name.
     refused(&turn("{input}{frame}"), ["frame 10 of scans/m01.ply", "frame 0 of scans/m11.ply"]);
     refused(&turn("x/{input}{frame}"), ["frame 10 of scans/m01.ply", "frame 0 of scans/m11.ply"]);
     scratch.write("two/a.ply", PYRAMID);
     scratch.write("two/a1.ply", PYRAMID);
     let stems = ["two", "--turntable", "12", "--name", "{stem}{frame}"];
     refused(&stems, ["frame 10 of two/a.ply", "frame 0 of two/a1.ply"]);
-    // The contact sheet has names, too.
+    // Names of frames may not collide with the contact sheet.
     scratch.write("sheet.ply", PYRAMID);
     scratch.write("sheet.2.ply", PYRAMID);
     refused(&["sheet.ply"], ["sheet.ply", "contact sheet"]);
     refused(&["sheet.ply", "--name", "./{stem}"], ["sheet.ply", "contact sheet"]);
     let done = batch(&scratch, &["sheet.2.ply", "-o", "fine"]);
     assert_eq!(done.code(), 0, "one sheet is enough: {}", done.stderr());
-    // Far apart is far enough.
+    // The same pattern is valid with fewer inputs.
     let done =
         batch(&scratch, &["two", "--turntable", "12", "--name", "{stem}-{frame}", "-o", "fine"]);
     assert_eq!(done.code(), 0, "{}", done.stderr());
 }
 
 #[test]
-fn resume_notices_every_bit_that_flips() {
+fn resume_detects_flipped_bits() {
     let scratch = scans();
     let layers = ["--aov", "Z,cryptomatte", "--crypto-sidecar"];
     let args = ["scans/a.ply", "-o", "out", "--no-sheet"];
@@ -543,7 +543,7 @@ fn resume_notices_every_bit_that_flips() {
     for name in ["a.exr", "a.png", "a.CryptoObject.json", "a.CryptoMaterial.json"] {
         let name = format!("out/{name}");
         let whole = scratch.read(&name);
-        // Every part of the file: some 24 places, another bit in each.
+        // Some 24 places over the whole file, with another bit flipped at each.
         for i in 0..24 {
             let mut flipped = whole.clone();
             flipped[i * (whole.len() - 1) / 23] ^= 1 << (i % 8);
@@ -554,20 +554,20 @@ fn resume_notices_every_bit_that_flips() {
             assert!(scratch.read(&name) == whole, "{name} {i}");
         }
     }
-    // Who does not want to wait for the reading says so.
+    // --no-verify skips the reading, and with it the check.
     let mut flipped = scratch.read("out/a.png");
     let middle = flipped.len() / 2;
     flipped[middle] ^= 1;
     fs::write(scratch.path("out/a.png"), &flipped).unwrap();
     assert!(kept(&run(&["--resume", "--no-verify"])));
-    // Without a journal nothing is known of the pixels.
+    // Without a journal there is no hash to compare with.
     fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
     assert!(kept(&run(&["--resume", "--no-verify"])));
     let said = run(&["--resume"]);
     assert!(said.contains("1 frames rendered, 0 kept"), "{said}");
     assert!(said.contains("no journal knows its bytes"), "{said}");
     assert!(kept(&run(&["--resume"])));
-    // A journal of a range knows as much as that of the whole.
+    // The journal of a range counts as much as that of a whole run.
     fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
     run(&["--range", "0..1"]);
     assert!(kept(&run(&["--resume"])));

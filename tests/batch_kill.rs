@@ -1,4 +1,5 @@
-//! Sudden death of a batch, again and again: what is there is whole, and in the end everything is there.
+//! Kills a batch again and again. Finished files must be complete, and in the end all frames must
+//! exist.
 #![cfg(unix)]
 
 mod program;
@@ -17,7 +18,7 @@ use program::{PYRAMID, Scratch, names_in};
 const MESHES: u32 = 50;
 const FRAMES: u32 = 4;
 
-/// Numbers that look random and are the same in every run of the test.
+/// Pseudo-random numbers, the same in every run of the test.
 struct Random(u64);
 
 impl Random {
@@ -46,7 +47,7 @@ fn batch(scratch: &Scratch, out: &str) -> Command {
     scratch.command(&[&args[..], &more].concat())
 }
 
-/// All files below a folder but the journal.
+/// Returns all files below a folder except the journal.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     for name in names_in(folder) {
@@ -61,7 +62,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     all
 }
 
-/// Starts the batch so many times and kills it each time at a random moment; then lets it end.
+/// Starts the batch `kills` times and kills it each time at a random moment, then lets it finish.
 fn survives(kills: u32) {
     let scratch = scratch();
     let whole = batch(&scratch, "whole").output().unwrap();
@@ -73,7 +74,7 @@ fn survives(kills: u32) {
     for _ in 0..kills {
         let mut child = batch(&scratch, "out").stdout(Stdio::piped()).spawn().unwrap();
         let mut stdout = BufReader::new(child.stdout.take().unwrap());
-        // While it starts, or some frames later; then some moment within a frame.
+        // Waits for up to three lines of output, then for a random moment within a frame.
         let mut line = String::new();
         for _ in 0..random.below(4) {
             stdout.read_line(&mut line).unwrap();
@@ -84,7 +85,7 @@ fn survives(kills: u32) {
         child.wait().unwrap();
         let mut rest = Vec::new();
         stdout.read_to_end(&mut rest).unwrap();
-        // What has its final name is final.
+        // A file with its final name is complete.
         for (name, bytes) in files(&scratch.path("out")) {
             assert!(name.ends_with(".part") || whole.get(&name) == Some(&bytes), "{name}");
         }
@@ -108,18 +109,18 @@ fn kills_at_random_moments_lose_nothing() {
 }
 
 #[test]
-fn a_signal_stops_it_and_what_is_finished_stays() {
+fn a_signal_stops_the_batch_and_keeps_finished_frames() {
     for (signal, code) in [("INT", 130), ("TERM", 143)] {
         let scratch = scratch();
         let mut command = batch(&scratch, "out");
-        // Some minutes of work.
+        // A render of some minutes.
         command.args(["--set", "/camera/width=600", "--set", "/camera/height=400"]);
         command
             .args(["--set", "/spp=256", "--jobs", "2"])
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
-        // The journal is opened when signals are watched for.
+        // The journal is opened after the signal handlers are installed.
         while !scratch.path("out/batch.jsonl").exists() {
             std::thread::sleep(Duration::from_millis(20));
         }

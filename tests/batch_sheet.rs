@@ -1,4 +1,5 @@
-//! The contact sheet in a browser: it needs no other file, turns, sorts, and shows what failed.
+//! The contact sheet in a browser: it needs no other file, shows turntables, sorts, and shows
+//! failures.
 
 mod browser;
 mod program;
@@ -6,7 +7,7 @@ mod program;
 use browser::browse;
 use program::{PYRAMID, Scratch};
 
-/// Two pyramids from around, and a file that is none.
+/// A batch of turntables of two pyramids, and a file that is not a mesh.
 fn sheet() -> Scratch {
     let scratch = Scratch::new();
     scratch.write("scans/tall.ply", &PYRAMID.replace("0 2 0", "0 5 0"));
@@ -19,7 +20,7 @@ fn sheet() -> Scratch {
 }
 
 #[test]
-fn the_page_refers_to_nothing_and_its_names_are_safe() {
+fn the_page_has_no_external_references_and_escapes_names() {
     let scratch = sheet();
     let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
     for outside in ["http:", "https:", "@import", "url(", "<b>"] {
@@ -27,7 +28,7 @@ fn the_page_refers_to_nothing_and_its_names_are_safe() {
     }
     assert_eq!(html.matches("src=\"data:image/jpeg;base64,").count(), 2);
     assert_eq!(html.matches("<article").count(), 3);
-    // Links lead to files of the batch.
+    // Links lead to existing files of the batch.
     for link in html.split("href=\"").skip(1) {
         let link = link.split('"').next().unwrap();
         assert!(scratch.path("out").join(link).is_file(), "{link}");
@@ -35,7 +36,7 @@ fn the_page_refers_to_nothing_and_its_names_are_safe() {
 }
 
 #[test]
-fn it_counts_whole_files_and_not_what_the_journal_says() {
+fn complete_files_count_and_the_journal_does_not() {
     let scratch = Scratch::new();
     scratch.write("a.ply", PYRAMID);
     let turn = |frames: &str, more: &[&str], code: i32| {
@@ -54,17 +55,17 @@ fn it_counts_whole_files_and_not_what_the_journal_says() {
     std::fs::write(scratch.path("out/a/a.0001.exr"), &whole[..whole.len() - 1]).unwrap();
     assert!(turn("3", &["--sheet-only"], 1).contains("2 of 3 frames"));
     std::fs::write(scratch.path("out/a/a.0001.exr"), &whole).unwrap();
-    // Files are what counts, also where no journal is left.
+    // Only files count, also when no journal exists.
     std::fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
     let html = turn("3", &["--sheet-only"], 0);
     assert!(html.contains("3 of 3 frames") && html.contains("data-count=\"3\""), "{html}");
 }
 
 #[test]
-fn a_browser_shows_it() {
+fn a_browser_shows_the_sheet() {
     let scratch = sheet();
     let page = scratch.path("out/index.html");
-    // What the mouse and the menu would do, and what then stands in the page.
+    // A script acts like the mouse and the menu, and writes the result into the page.
     let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
     let acts = "<script>
       const all = () => [...document.querySelectorAll('article:not([hidden]) h2')];
@@ -95,7 +96,7 @@ fn a_browser_shows_it() {
         "tall.ply,flat.ply,{bad} | {bad},flat.ply,tall.ply | {bad} | tall.ply | translateX(-50%) | 9"
     );
     assert_eq!(said, Some(expected.as_str()), "{dom}");
-    // And it looks like something: red where it failed, many colours where it did not.
+    // The screenshot is red where a mesh failed and has many colours elsewhere.
     let shot = scratch.path("shot.png");
     let args = [format!("--screenshot={}", shot.display()), "--window-size=900,700".to_string()];
     browse(&[&args[0], &args[1]], &page).unwrap();

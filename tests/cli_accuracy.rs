@@ -1,4 +1,4 @@
-//! `accuracy` through the program: the whole quick catalogue holds, what it writes, its exit codes.
+//! `accuracy` through the program: the whole quick catalogue passes; outputs and exit codes.
 
 mod program;
 
@@ -25,7 +25,7 @@ fn the_quick_catalogue_holds_and_is_documented() {
     assert_eq!(scratch.names(), ["a.html", "a.json", "a.md"]);
     let report = json(&scratch, "a.json");
 
-    // Every backend of this machine, every tier.
+    // Every backend and instruction set of this machine is listed.
     let columns = names(&report, "columns");
     for name in ["bvh:portable", "coursework", "brute"] {
         assert!(columns.iter().any(|column| column == name), "{columns:?}");
@@ -34,7 +34,7 @@ fn the_quick_catalogue_holds_and_is_documented() {
     assert_eq!(report["version"], 1);
     assert!(report["machine"]["versions"]["lightpath"].is_string());
 
-    // Those that must hold were asked, and hold.
+    // Our tree and the oracle must have judged rays and no failure.
     let rows = report["rows"].as_array().unwrap();
     assert!(rows.len() >= 60, "{}", rows.len());
     for row in rows {
@@ -49,7 +49,8 @@ fn the_quick_catalogue_holds_and_is_documented() {
             }
         }
     }
-    // The rows can fail: `coursework` does where its offset is too large and where it is too small.
+    // The cases can fail: `coursework` fails where its offset is too large and where it is too
+    // small.
     let coursework = columns.iter().position(|column| column == "coursework").unwrap();
     for name in ["occluder in contact, scale 1e-6", "self-intersection, scale 1e6", "tiny and far"]
     {
@@ -57,7 +58,7 @@ fn the_quick_catalogue_holds_and_is_documented() {
         assert!(row["entries"][coursework]["failed"].as_u64().unwrap() > 0, "{name}");
     }
 
-    // The page of documentation has the same rows.
+    // docs/notebook/accuracy-catalogue.md has the same rows.
     let text = |path: &str| std::fs::read_to_string(path).unwrap();
     let committed =
         text(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/notebook/accuracy-catalogue.md"));
@@ -74,7 +75,8 @@ fn the_quick_catalogue_holds_and_is_documented() {
         "docs/notebook/accuracy-catalogue.md: run `accuracy --markdown`"
     );
 
-    // Its columns are backends that there are; it need not have this machine's instruction sets.
+    // The columns of docs/notebook/accuracy-catalogue.md are existing backends. They need not
+    // include this machine's instruction sets.
     let named = committed.lines().filter_map(|line| line.strip_prefix("| `")?.split_once('`'));
     let named: Vec<&str> = named.map(|(name, _)| name).collect();
     assert!(named.contains(&"embree") && named.contains(&"bvh:portable"), "{named:?}");
@@ -83,7 +85,7 @@ fn the_quick_catalogue_holds_and_is_documented() {
         assert!(known || name.starts_with("bvh:"), "docs/notebook/accuracy-catalogue.md: {name}");
     }
 
-    // The HTML page is whole and refers to nothing outside of it.
+    // The HTML page is complete and refers to nothing outside it.
     let html = String::from_utf8(scratch.read("a.html")).unwrap();
     assert!(html.ends_with("</html>\n") && html.contains("every mark holds"));
     assert!(html.contains("src=\"data:image/png;base64,iVBOR"), "no picture");
@@ -93,7 +95,7 @@ fn the_quick_catalogue_holds_and_is_documented() {
 }
 
 #[test]
-fn some_cases_some_backends_and_the_same_rays_for_any_number_of_threads() {
+fn a_selection_has_the_same_rays_for_any_number_of_threads() {
     let scratch = Scratch::new();
     let counts = |threads: &str, seed: &str| {
         let flags = ["--case", "grazing", "--backend", "bvh,coursework", "--json", "a.json"];
@@ -128,7 +130,7 @@ fn bad_use_exits_2_before_the_work() {
         (&["accuracy", "--backend", "bvh,bvh:portable"], "twice"),
         (&["accuracy", "--backend", "bvh:sse9"], "portable, avx2 or avx512"),
         (&["accuracy", "--case", "no such case"], "groups: watertight"),
-        (&["accuracy", "--json", "a", "--html", "a"], "or twice"),
+        (&["accuracy", "--json", "a", "--html", "a"], "or another output"),
         (&["accuracy", "--json", "missing/a.json"], "no such folder"),
         (&["accuracy", "--threads", "0"], "--threads"),
     ];

@@ -1,4 +1,4 @@
-//! `lightpath bench` from outside: table, JSON, page, baselines, and what it refuses.
+//! `lightpath bench` through the program: table, JSON, page, baselines, and refusals.
 
 mod program;
 
@@ -27,7 +27,7 @@ fn a_mesh_is_measured_with_embree() {
     measured(["embree", "embree-compact"], "Embree 4.");
 }
 
-/// By Embree's own memory monitor: 0.54 on the bunny.
+/// Measured by Embree's own memory monitor; the ratio is 0.54 on the bunny.
 #[test]
 #[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
 fn compact_embree_holds_less_than_three_quarters_of_the_memory() {
@@ -47,9 +47,9 @@ fn compact_embree_holds_less_than_three_quarters_of_the_memory() {
     assert!(done.stdout().contains("B/triangle"), "{}", done.stdout());
 }
 
-/// What renders has one Embree: a column of measurements is no backend of a picture.
+/// Compact Embree is a column of measurements only. No picture can use it.
 #[test]
-fn compact_embree_is_measured_only() {
+fn compact_embree_cannot_render() {
     let scratch = pyramid();
     for flags in [["render", "p.ply", "-o", "x"], ["crosscheck", "p.ply", "--rays", "9"]] {
         let done = scratch.run(&[&flags[..], &["--backend", "embree-compact"]].concat());
@@ -69,7 +69,7 @@ fn measured([first, second]: [&str; 2], version: &str) {
     let report: Report = serde_json::from_slice(&scratch.read("p.json")).unwrap();
     let scene = &report.scenes[0];
     assert_eq!((scene.name.as_str(), scene.backends.len()), ("p.ply", 2));
-    // Those of the mesh; the ground is none.
+    // Only triangles of the mesh count, not the ground.
     assert_eq!(scene.triangles, 6);
     let classes = ["diffuse", "mirror", "primary", "shadow-area", "shadow-point"];
     assert_eq!(scene.rays.keys().collect::<Vec<_>>(), classes);
@@ -118,7 +118,7 @@ fn measured([first, second]: [&str; 2], version: &str) {
 }
 
 #[test]
-fn classes_that_a_scene_lacks_are_said_and_left_out() {
+fn missing_classes_are_reported_and_left_out() {
     let scratch = Scratch::new();
     scratch.write(
         "s.json",
@@ -137,12 +137,12 @@ fn classes_that_a_scene_lacks_are_said_and_left_out() {
 }
 
 #[test]
-fn a_baseline_is_compared_with() {
+fn a_run_is_compared_with_a_baseline() {
     let scratch = pyramid();
     let base = ["p.ply", "--backends", "bvh", "--classes", "primary", "--quiet"];
     let first = bench(&scratch, &[&base[..], &["--save-baseline", "b.json"]].concat());
     assert_eq!((first.code(), first.stderr().as_str()), (0, ""));
-    // A thousand times slower then: faster now, whatever the noise.
+    // The baseline is a thousand times slower, so the run is faster whatever the noise.
     let mut then: Report = serde_json::from_slice(&scratch.read("b.json")).unwrap();
     for row in &mut then.scenes[0].rows {
         for seconds in row.entries.iter_mut().flat_map(|entry| &mut entry.seconds) {
@@ -160,8 +160,8 @@ fn a_baseline_is_compared_with() {
     assert!(done.stdout().contains("no scene in common"), "{}", done.stdout());
 }
 
-/// A damaged baseline is refused with its name, or compared with; what that says may be nonsense, but the run
-/// ends well. Both happen, or this would test nothing.
+/// A damaged baseline is refused by name, or compared with. The comparison may be nonsense, but the
+/// run must end normally. Both cases must occur, or the test would check nothing.
 #[test]
 fn a_damaged_baseline_is_refused_or_compared_with() {
     let scratch = pyramid();
@@ -210,7 +210,7 @@ fn a_damaged_baseline_is_refused_or_compared_with() {
     }
     run("no UTF-8", b"\xff\xfe{}", Some(2));
     run("untouched", &whole, Some(0));
-    // What a reader might divide by, or take the middle of.
+    // Values that a reader might divide by or take the median of.
     for seconds in ["[]", "[0.0]", "[-1.0, 2.0]", "[1e308, 1e308, 1e308]"] {
         let mut then: serde_json::Value = serde_json::from_slice(&whole).unwrap();
         for row in then["scenes"][0]["rows"].as_array_mut().unwrap() {

@@ -1,4 +1,4 @@
-//! `compare` through the program: numbers, maps, layers, thresholds, exit codes.
+//! `compare` through the program: numbers, maps, layers, thresholds and exit codes.
 
 mod program;
 
@@ -26,7 +26,7 @@ fn floats(values: &[f32]) -> FlatSamples {
     FlatSamples::F32(values.to_vec())
 }
 
-/// An EXR of one part.
+/// Writes an EXR of one part.
 fn write_exr(path: &Path, size: [usize; 2], channels: &[(&str, FlatSamples)]) {
     write_exr_as(Encoding::SMALL_LOSSLESS, path, size, channels);
 }
@@ -43,7 +43,7 @@ fn write_exr_as(
     Image::from_layer(layer).write().non_parallel().to_file(path).unwrap();
 }
 
-/// R, G, B of 2 x 1 pixels.
+/// Returns the R, G, B channels of 2 x 1 pixels.
 fn light(values: [f32; 6]) -> Vec<(&'static str, FlatSamples)> {
     let of = |c: usize| floats(&[values[c], values[3 + c]]);
     vec![("R", of(0)), ("G", of(1)), ("B", of(2))]
@@ -54,7 +54,7 @@ fn two_pixels(scratch: &Scratch, name: &str, values: [f32; 6]) {
 }
 
 #[test]
-fn numbers_have_closed_forms_and_carry_their_formulas() {
+fn metrics_match_closed_forms_and_name_their_formulas() {
     let scratch = Scratch::new();
     two_pixels(&scratch, "a.exr", [1.0, 0.5, 0.0, 2.0, 2.0, 2.0]);
     two_pixels(&scratch, "b.exr", [0.5, 0.5, 0.0, 2.0, 1.0, 2.0]);
@@ -180,7 +180,7 @@ fn layers_are_matched_by_name() {
     let text = scratch.run(&["compare", "a.exr", "b.exr"]).stdout();
     assert!(text.contains("only in a.exr: old.R\nonly in b.exr: light_key\n"), "{text}");
 
-    // One layer alone; a threshold looks at what is compared only.
+    // With one layer selected, thresholds apply to that layer only.
     let done = scratch.run(&["compare", "a.exr", "b.exr", "--layer", "N", "--fail-above", "max=0"]);
     assert_eq!((done.code(), done.stdout().contains("beauty")), (0, false));
     let done = scratch.run(&["compare", "a.exr", "b.exr", "--fail-above", "max=0.4"]);
@@ -189,7 +189,7 @@ fn layers_are_matched_by_name() {
 }
 
 #[test]
-fn the_name_of_a_part_is_that_of_its_layer() {
+fn a_part_is_a_layer_of_its_name() {
     let scratch = Scratch::new();
     let part = |name: &str, channels: &[(&str, FlatSamples)]| {
         let list = channels.iter().map(|(name, data)| AnyChannel::new(*name, data.clone()));
@@ -220,7 +220,7 @@ fn the_name_of_a_part_is_that_of_its_layer() {
 #[test]
 fn cryptomattes_are_ids() {
     let scratch = Scratch::new();
-    // The second id is a NaN as a number.
+    // As a float, the second id is a NaN.
     let ids = |last: u32| floats(&[f32::from_bits(0x1385_1a76), f32::from_bits(last)]);
     let write = |name: &str, last: u32| {
         let mut attributes = LayerAttributes::default();
@@ -284,7 +284,7 @@ fn half_floats_are_noted_with_their_floor() {
     let layer = &report["layers"][0];
     assert_eq!(layer["half"]["image"], true);
     assert_eq!(layer["half"]["reference"], false);
-    // The floor is what is measured, as nothing else differs.
+    // The measured error is the floor, because nothing else differs.
     let floor = layer["half"]["floor"]["rmse"].as_f64().unwrap();
     let ratio = floor / metric(layer, "rmse");
     assert!((0.9..1.1).contains(&ratio), "{ratio}");
@@ -313,7 +313,7 @@ fn the_map_and_the_page_are_written() {
     for outside in ["src=\"http", "href=", "@import", "<script"] {
         assert!(!html.contains(outside), "{outside}");
     }
-    // The page and nothing else: no number on any stream.
+    // With --quiet, only the page's name is printed, and no number.
     let done = scratch.run(&["compare", &a, &b, "--quiet", "--html", "page.html"]);
     assert_eq!((done.stdout(), done.stderr()), ("page.html\n".into(), String::new()));
     let done = scratch.run(&["compare", &a, &b, "--quiet", "--fail-above", "mse=0"]);
@@ -334,7 +334,7 @@ fn a_png_is_compared_in_linear_light() {
     save("a.png", [188, 188, 188, 255]);
     save("b.png", [188, 188, 188, 51]);
     let report = json(&scratch.run(&["compare", "a.png", "b.png", "--json"]));
-    // 188 is 0.5029 of white; premultiplied by 0.2 in b.
+    // 188 is 0.5029 of white. b is premultiplied by 0.2.
     let light: f64 = ((188.0f64 / 255.0 + 0.055) / 1.055).powf(2.4);
     assert!((metric(&report["layers"][0], "mae") - 0.8 * light).abs() < 1e-6);
     assert_eq!(report["layers"][1]["name"], "A");
@@ -349,13 +349,13 @@ fn a_render_is_compared_with_its_own_picture() {
     assert_eq!(scratch.run(&[&render[..], &["--tonemap", "clamp"]].concat()).code(), 0);
     let done = scratch.run(&["compare", "x.exr", "x.png", "--json", "--layer", "beauty"]);
     let report = json(&done);
-    // The same bytes come out of the EXR, up to its half floats.
+    // The EXR gives the same bytes, up to its half floats.
     assert!(report["layers"][0]["metrics"]["psnr"]["value"].as_f64().is_none_or(|v| v > 55.0));
     assert_eq!(report["only_in_image"], serde_json::json!(["A"]));
 }
 
 #[test]
-fn what_cannot_be_compared_is_refused() {
+fn incomparable_files_are_refused() {
     let scratch = Scratch::new();
     let deep: Vec<_> = light([1.0; 6]).into_iter().chain([("Z", floats(&[1.0; 2]))]).collect();
     write_exr(&scratch.path("z.exr"), [2, 1], &deep);
@@ -398,7 +398,7 @@ fn what_cannot_be_compared_is_refused() {
         assert!(!stderr.contains("panicked") && done.stdout().is_empty(), "{stderr}");
         assert_eq!(scratch.names(), before, "{arguments:?}");
     }
-    // Both files are complained of in one run.
+    // One run reports the errors of both files.
     let stderr = scratch.run(&["compare", "text.exr", "missing.exr"]).stderr();
     assert!(stderr.contains("text.exr") && stderr.contains("missing.exr"), "{stderr}");
 }
@@ -413,7 +413,7 @@ fn damaged_files_never_panic() {
     let data = ["bright-test.exr", "noise-test.png"].map(|name| Path::new(DATA).join(name));
     for path in data.into_iter().chain([scratch.path("dwaa.exr")]) {
         let whole = std::fs::read(&path).unwrap();
-        // All of what channels and chunks announce, in turns.
+        // Changes the bytes that announce channels and chunks, one after the other.
         let places = (0..whole.len().min(600)).step_by(11);
         for (at, value) in places.flat_map(|at| [0, 0x80, !whole[at]].map(|value| (at, value))) {
             let mut bytes = whole.clone();
@@ -425,7 +425,8 @@ fn damaged_files_never_panic() {
         }
     }
     let mut bytes = std::fs::read(scratch.path("dwaa.exr")).unwrap();
-    // The first chunk begins with its line, which is 0, and its size; then come a version of 2 and the sizes.
+    // The first chunk begins with its line, which is 0, and its size. A version of 2 and the sizes
+    // follow.
     let version = bytes.windows(8).rposition(|eight| eight == [2, 0, 0, 0, 0, 0, 0, 0]).unwrap();
     bytes[version + 8 + 6] = 0x7f;
     std::fs::write(scratch.path("bad"), &bytes).unwrap();
@@ -439,7 +440,8 @@ fn damaged_files_never_panic() {
         assert!(stderr.contains("announces more than its pixels need"), "{stderr}");
     }
     let mut bytes = std::fs::read(scratch.path("dwaa.exr")).unwrap();
-    // Of the channel list: a name, its end, the kind, three bytes and `linear`, then two sampling factors.
+    // An entry of the channel list has a name, its end, the kind, three bytes and `linear`, then
+    // two sampling factors.
     let list = bytes.windows(7).position(|seven| seven == b"chlist\0").unwrap() + 7 + 4;
     bytes[list + 2 + 8] = 0;
     std::fs::write(scratch.path("bad"), &bytes).unwrap();

@@ -1,4 +1,4 @@
-//! `converge` through the program: studies of a small scene, files, budgets, bad input.
+//! `converge` through the program: studies of a small scene, output files, budgets and bad input.
 
 mod program;
 
@@ -55,7 +55,7 @@ fn soft_shadows_converge_as_theory_says() {
     let points = report["points"].as_array().unwrap();
     assert_eq!(points.len(), 8);
     for point in points {
-        // One camera ray of each pixel, and up to so many shadow rays.
+        // One camera ray per pixel, and at most this many shadow rays.
         let samples = number(&point["samples"]);
         let rays = number(&point["rays"]);
         assert!(rays > 1200.0 && rays <= 1200.0 * (1.0 + samples), "{point}");
@@ -63,7 +63,7 @@ fn soft_shadows_converge_as_theory_says() {
         assert_eq!(point["not_antialiased"], false, "the reference has one sample a pixel too");
         let relative = number(&point["rmse"]["standard_error"]) / number(&point["rmse"]["value"]);
         assert!(relative > 0.0 && relative < 0.2, "{point}");
-        // No bias: within 5 standard errors, and those of the reference.
+        // No bias: within 5 standard errors of the mean and the error of the reference.
         let bias = number(&point["bias"]["value"]).abs();
         let limit =
             5.0 * number(&point["bias"]["standard_error"]) + number(&report["reference"]["rmse"]);
@@ -82,7 +82,8 @@ fn soft_shadows_converge_as_theory_says() {
     for ratio in report["ratios"].as_array().unwrap() {
         assert!(number(&ratio["rmse"]["value"]) > 1.0, "{ratio}");
     }
-    // The front runs from the cheapest to the best, and nothing on it is random.
+    // The Pareto front runs from the cheapest setting to the best, and has no setting with
+    // `random`.
     let front: Vec<&Value> = report["front"].as_array().unwrap().iter().collect();
     let of = |index: &Value, key: &str| points[number(index) as usize][key].clone();
     for pair in front.windows(2) {
@@ -134,7 +135,7 @@ fn csv_and_page_hold_every_setting_and_need_nothing_else() {
         assert_eq!(point["not_antialiased"] == true, point["spp"] == 1);
     }
     assert_eq!(lines.next(), None);
-    // Both trees see the same picture.
+    // Both trees render the same picture.
     let error = |backend: &str| {
         let same =
             |p: &&Value| p["backend"] == backend && p["samples"] == 8 && p["sampler"] == "sobol";
@@ -157,7 +158,7 @@ fn csv_and_page_hold_every_setting_and_need_nothing_else() {
 }
 
 #[test]
-fn a_budget_is_kept_and_what_it_leaves_out_is_listed() {
+fn a_budget_is_kept_and_skipped_settings_are_listed() {
     let scratch = scratch();
     let flags = ["--spp", "4,16,64,1024", "--light-samples", "1,64,1024", "--size", "200x150"];
     let started = Instant::now();
@@ -165,11 +166,11 @@ fn a_budget_is_kept_and_what_it_leaves_out_is_listed() {
     let took = started.elapsed().as_secs_f64();
     assert_eq!(done.code(), 0, "{}", done.stderr());
     let report = json(&scratch, "r.json");
-    // All of it would take hours. The slack is for a machine that does much else.
+    // All settings would take hours. The slack is for a busy machine.
     assert!(number(&report["seconds"]) < 10.0 && took < 15.0, "{} {took}", report["seconds"]);
     let left_out = report["left_out"].as_array().unwrap();
     assert!(left_out.iter().any(|name| name == "bvh, sobol, 1024 spp x 1024"), "{left_out:?}");
-    assert!(done.stdout().contains("left out, for the budget of 4 s"));
+    assert!(done.stdout().contains("left out to keep the budget of 4 s"));
     let done = study(&scratch, &["--budget", "0.001", "--html", "no.html"]);
     assert_eq!(done.code(), 2);
     assert!(done.stderr().contains("--budget: 0.001 s do not suffice"), "{}", done.stderr());
@@ -188,7 +189,7 @@ fn a_stop_does_not_use_up_the_budget() {
         let kill = format!("kill -s {signal} {pid}");
         assert!(std::process::Command::new("sh").args(["-c", &kill]).status().unwrap().success());
     };
-    // As Ctrl-Z does in the first second, for longer than the budget.
+    // Stops the process in the first second, for longer than the budget, as Ctrl-Z does.
     std::thread::sleep(std::time::Duration::from_millis(200));
     send("STOP", child.id());
     std::thread::sleep(std::time::Duration::from_millis(4500));
@@ -216,7 +217,8 @@ fn a_reference_may_be_a_file() {
         (&"ref.exr".into(), &false.into())
     );
     assert_eq!(report["reference"]["rmse"], Value::Null);
-    // The picture itself, by its seed and samples, has no error, which is warned of; other seeds are the default.
+    // The picture itself, rendered with its own seed and samples, has no error, and a warning says
+    // so. By default other seeds are used.
     let own = ["--spp", "64", "--light-samples", "16", "--repeats", "1"];
     let flags =
         [&["--sampler", "sobol", "--reference", "ref.exr", "--json", "o.json"], &own[..]].concat();
@@ -271,8 +273,8 @@ fn bad_input_is_refused_before_anything_is_rendered() {
         (&["s.json", "--sampler", "halton"], "sobol"),
         (&["s.json", "--backends", "embre"], "--backends: found \"embre\""),
         (&["s.json", "--backends", "bvh,bvh"], "found bvh twice"),
-        (&["s.json", "--html", "a", "--csv", "a"], "written over what is read, or twice"),
-        (&["s.json", "--json", "s.json"], "written over what is read, or twice"),
+        (&["s.json", "--html", "a", "--csv", "a"], "overwrite an input or another output"),
+        (&["s.json", "--json", "s.json"], "overwrite an input or another output"),
         (
             &["plain.json", "--light-samples", "4"],
             "--light-samples: has no effect: the scene has no area light",
@@ -286,7 +288,7 @@ fn bad_input_is_refused_before_anything_is_rendered() {
         assert!(done.stderr().contains(message), "{flags:?}: {}", done.stderr());
         assert_eq!(done.stdout(), "");
     }
-    // A scene without area lights has pixels to sample.
+    // A scene without area lights still has pixels to sample.
     let flags = ["converge", "plain.json", "--spp", "2,4", "--budget", "5", "--quiet"];
     let done = scratch.run(&flags);
     assert_eq!(done.code(), 0, "{}", done.stderr());

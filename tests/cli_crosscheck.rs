@@ -1,11 +1,11 @@
-//! `crosscheck` through the program: what it says, saves and replays, and its exit codes.
+//! `crosscheck` through the program: reports, saved findings, replays and exit codes.
 
 mod program;
 
 use program::{Done, PYRAMID, Scratch};
 use serde_json::Value;
 
-/// A pyramid, a sphere and a mirror below; `coursework` and `brute` need no library.
+/// A pyramid and a sphere above a mirror. `coursework` and `brute` need no library.
 const SCENE: &str = r#"{
   "nbounces": 1, "seed": 3,
   "camera": { "type": "pinhole", "width": 24, "height": 16, "fov": 50,
@@ -58,11 +58,11 @@ fn a_scene_is_checked_by_kind_of_ray() {
 #[test]
 fn the_tree_of_our_own_backend_is_validated() {
     let scratch = scratch();
-    // `--backend` is the same.
+    // `--backend` is an alias.
     let flags = ["crosscheck", "s.json", "--backend", "bvh,brute", "--rays", "500", "--no-picture"];
     let done = scratch.run(&flags);
     assert_eq!(done.code(), 0, "{}", done.stderr());
-    assert!(done.stdout().contains("the tree of bvh is as promised: "), "{}", done.stdout());
+    assert!(done.stdout().contains("the tree of bvh is valid: "), "{}", done.stdout());
     let report: Value =
         serde_json::from_str(&scratch.run(&[&flags[..], &["--json"]].concat()).stdout()).unwrap();
     assert!(report["tree"]["valid"].as_str().unwrap().contains("leaves"), "{report}");
@@ -87,7 +87,8 @@ fn the_report_is_json_and_does_not_depend_on_threads() {
     assert_eq!((&other["seed"], &other["pictures"]), (&Value::from(4), &Value::Array(vec![])));
 }
 
-/// A finding of `brute`, which cannot be right: what it says is what the file claims.
+/// Writes a file with a finding about `brute`, edited by `edit`. The finding is invented: `brute`
+/// is never wrong.
 fn saved(scratch: &Scratch, edit: impl Fn(&mut Value)) {
     check(scratch, &["--save", "found.json"]);
     let mut file: Value = serde_json::from_slice(&scratch.read("found.json")).unwrap();
@@ -103,7 +104,7 @@ fn saved(scratch: &Scratch, edit: impl Fn(&mut Value)) {
 }
 
 #[test]
-fn what_was_saved_is_replayed() {
+fn saved_findings_are_replayed() {
     let scratch = scratch();
     saved(&scratch, |_| {});
     let done = scratch.run(&["crosscheck", "--replay", "found.json"]);
@@ -112,7 +113,7 @@ fn what_was_saved_is_replayed() {
     let done = scratch.run(&["crosscheck", "--replay", "found.json", "--json"]);
     let replayed: Value = serde_json::from_str(&done.stdout()).unwrap();
     assert_eq!(replayed["replayed"][0]["verdict"], "agree");
-    // From another folder the scene's mesh is still found.
+    // The scene's mesh is also found from another folder.
     scratch.write("sub/x", "");
     let done = scratch
         .command(&["crosscheck", "--replay", "../found.json"])
@@ -126,11 +127,11 @@ fn broken_files_are_refused_with_their_place() {
     let scratch = scratch();
     type Edit = fn(&mut Value);
     let cases: [(Edit, &str); 6] = [
-        (|f| f["findings"][0]["lane"] = 2.into(), "lane 2, which is no ray"),
+        (|f| f["findings"][0]["lane"] = 2.into(), "lane 2, which has no ray"),
         (|f| f["findings"][0]["packet"][0]["lane"] = 16.into(), "expected 0 to 15"),
         (|f| f["findings"][0]["packet"][0]["direction"] = vec![0; 3].into(), "without direction"),
         (|f| f["findings"][0]["packet"][0]["leaving"] = 99.into(), "leaves none of the"),
-        (|f| f["findings"][0]["backend"] = "gpu".into(), "`gpu`, which there is not"),
+        (|f| f["findings"][0]["backend"] = "gpu".into(), "unknown backend `gpu`"),
         (|f| f["extra"] = 1.into(), "unknown field"),
     ];
     for (edit, expected) in cases {

@@ -1,4 +1,5 @@
-//! Cryptomattes through the program: how many things a pixel can hold, and which parts of a file say so.
+//! Cryptomattes through the program: how many objects a pixel can hold, and which parts of a file
+//! announce them.
 
 mod program;
 
@@ -8,7 +9,7 @@ use exr::prelude::*;
 use program::{Done, Scratch};
 use serde_json::{Value, json};
 
-/// Pixels that see up to a dozen spheres, some of one name.
+/// A scene whose pixels see up to a dozen spheres, some with the same name.
 fn scene(output: Value) -> Value {
     let sphere = |i: u32| {
         let (x, y) = (f64::from(i % 12) - 5.5, f64::from(i / 12) - 3.5);
@@ -56,7 +57,7 @@ fn channels(scratch: &Scratch, name: &str) -> Channels {
     channels.map(channel).collect()
 }
 
-/// Id and coverage of every rank of every pixel.
+/// Returns id and coverage of every rank of every pixel.
 fn ranks(channels: &Channels, kind: &str) -> Vec<Vec<[f32; 2]>> {
     let names: Vec<&String> = channels.keys().filter(|name| name.starts_with(kind)).collect();
     assert_eq!(names.len() % 4, 0, "{names:?}");
@@ -72,7 +73,7 @@ fn ranks(channels: &Channels, kind: &str) -> Vec<Vec<[f32; 2]>> {
 }
 
 #[test]
-fn a_pixel_holds_as_many_things_as_asked_for() {
+fn a_pixel_holds_as_many_objects_as_it_has_ranks() {
     let scratch = scratch();
     let usual = rendered(&scratch, "usual", &["--transparent", "--float"]);
     let same = rendered(&scratch, "same", &["--transparent", "--float", "--crypto-ranks", "6"]);
@@ -91,7 +92,7 @@ fn a_pixel_holds_as_many_things_as_asked_for() {
             let (all, some) = (ranks(&most, kind), ranks(&found, kind));
             for (i, (all, some)) in all.iter().zip(&some).enumerate() {
                 assert_eq!((all.len(), some.len()), (16, count));
-                // Fewer ranks are the first of more: what covers most.
+                // With fewer ranks, a pixel keeps those with the most coverage.
                 assert!(all[..count] == some[..], "{kind}, pixel {i}");
                 assert!(some.windows(2).all(|two| two[0][1] >= two[1][1]));
                 let sum: f32 = some.iter().map(|[_, coverage]| coverage).sum();
@@ -103,11 +104,11 @@ fn a_pixel_holds_as_many_things_as_asked_for() {
         }
         coverages.push(covered);
     }
-    // Every rank is of use in this scene.
+    // This scene needs every rank.
     assert!(coverages.windows(2).all(|two| two[0] < two[1]), "{coverages:?}");
 }
 
-/// The warning of a render or a merge, without its first word.
+/// Returns the warning of a render or a merge, without its first word.
 fn warning(done: &Done) -> Option<String> {
     assert_eq!(done.code(), 0, "{}", done.stderr());
     let text = done.stderr();
@@ -139,7 +140,7 @@ fn coverage_that_no_rank_holds_is_counted() {
         assert!(said.contains(&format!("up to {most:.2} of a pixel's coverage is lost")), "{said}");
         let (_, help) = said.split_once("--crypto-ranks ").unwrap();
         enough = help.split_once(' ').unwrap().0.to_string();
-        // Parts of the samples hold everything; a merge has to choose.
+        // Partial sums hold everything. Only the merge must drop some.
         let parts = [("a", "0..24"), ("b", "24..64")];
         for (name, part) in parts {
             let flags = ["--crypto-ranks", count, "--of", "64", "--samples", part];
@@ -152,7 +153,7 @@ fn coverage_that_no_rank_holds_is_counted() {
     let fewer = (enough.parse::<u32>().unwrap() - 2).to_string();
     assert!(warning(&run("x", &["--crypto-ranks", &fewer])).is_some());
     assert_eq!(warning(&run("x", &["--set", "/output/layers=[\"N\"]"])), None);
-    // Samples that adapt are written by other code.
+    // Adaptive sampling uses other code.
     let adaptive = ["--crypto-ranks", "2", "--spp", "16", "--noise", "0.5", "--max-spp", "64"];
     assert!(warning(&run("x", &adaptive)).is_some());
 }
@@ -202,7 +203,7 @@ fn parts_keep_their_ranks() {
 }
 
 #[test]
-fn a_job_says_it_for_all_its_frames() {
+fn a_job_sets_the_ranks_of_all_frames() {
     let scratch = scratch();
     let job = json!({ "inputs": ["s.json"], "cryptoranks": 4, "output": { "folder": "out" } });
     scratch.write("job.json", &job.to_string());
@@ -215,7 +216,7 @@ fn a_job_says_it_for_all_its_frames() {
     let kept = scratch.read("out/s.exr");
     assert_eq!(batch(&["--resume"]), 4);
     assert!(scratch.read("out/s.exr") == kept);
-    // Flags win, and a frame of other ranks is not the same frame.
+    // Flags win. A frame with another number of ranks is not the same frame.
     assert_eq!(batch(&["--resume", "--crypto-ranks", "8"]), 8);
     scratch.write("job.json", &job.to_string().replace('4', "7"));
     let done = scratch.run(&["batch", "job.json"]);
@@ -224,7 +225,7 @@ fn a_job_says_it_for_all_its_frames() {
 }
 
 #[test]
-fn what_it_takes_follows_the_ranks() {
+fn memory_grows_with_the_ranks() {
     let scratch = scratch();
     let film = |output: Value| {
         scratch.write("m.json", &scene(output).to_string());
@@ -237,15 +238,15 @@ fn what_it_takes_follows_the_ranks() {
     assert_eq!(of(6), film(json!({ "layers": ["CryptoObject"] })));
     assert_eq!(of(16) - of(6), pixels * word * 2 * 10);
     assert_eq!(of(6) - of(2), pixels * word * 2 * 4);
-    // Nothing without mattes.
+    // Without mattes, the number of ranks needs no memory.
     let none = |ranks: u32| film(json!({ "layers": ["Z"], "cryptoranks": ranks }));
     assert_eq!(none(2), none(16));
 }
 
 #[test]
-fn names_of_any_language_stand_in_the_file_as_they_are() {
+fn names_of_any_language_are_stored_unchanged() {
     let scratch = scratch();
-    // The specification's own example is the first.
+    // The first name is the specification's own example.
     let names = ["равнина", "Käse \"1\" \\ 日本"];
     let mut scene = scene(json!({ "layers": ["CryptoObject"] }));
     for (shape, name) in scene["scene"]["shapes"].as_array_mut().unwrap().iter_mut().zip(names) {
@@ -267,7 +268,7 @@ fn names_of_any_language_stand_in_the_file_as_they_are() {
     };
     merge(&["merged"]);
     assert!(scratch.read("merged.exr") == whole);
-    // So may the names of files.
+    // File names may have any language, too.
     rendered(&scratch, "кадр", &["--crypto-sidecar"]);
     let text = scratch.read("кадр.CryptoObject.json");
     let known: BTreeMap<String, String> = serde_json::from_slice(&text).unwrap();
@@ -279,7 +280,7 @@ fn names_of_any_language_stand_in_the_file_as_they_are() {
     assert!(scratch.read("картина.CryptoObject.json") == text);
 }
 
-/// Attributes of cryptomattes, by the name of the part.
+/// Returns the attributes of cryptomattes, by the name of the part.
 fn announced(scratch: &Scratch, file: &str) -> BTreeMap<String, BTreeMap<String, String>> {
     let info: Value =
         serde_json::from_str(&scratch.run(&["info", "--json", file]).stdout()).unwrap();

@@ -39,7 +39,7 @@ fn channels(scratch: &Scratch, file: &str) -> BTreeMap<String, String> {
 }
 
 #[test]
-fn a_flag_and_the_scene_ask_for_the_same() {
+fn a_flag_and_the_scene_select_the_same_layers() {
     let scratch = scratch();
     assert_eq!(render(&scratch, &["--aov", "Z,N,primid", "-o", "a"]).code(), 0);
     let set = r#"/output/layers=["primid","N","Z"]"#;
@@ -59,7 +59,7 @@ fn a_flag_and_the_scene_ask_for_the_same() {
     assert_eq!(found, expected.map(|(a, b)| (a.to_string(), b.to_string())).into());
     assert_eq!(scratch.read("a.png"), scratch.read("b.png"));
     assert_eq!(found, channels(&scratch, "b.exr"));
-    // The same request twice: the same bytes, whatever the threads.
+    // The same request gives the same bytes, for any number of threads.
     assert_eq!(render(&scratch, &["--aov", "Z,N,primid", "-o", "c", "--threads", "2"]).code(), 0);
     assert_eq!(scratch.read("a.exr"), scratch.read("c.exr"));
 }
@@ -126,9 +126,9 @@ fn layers_as_pictures() {
 }
 
 #[test]
-fn what_no_file_holds_is_reported_and_fails_if_asked() {
+fn non_finite_values_are_reported_and_fail_with_strict() {
     let scratch = scratch();
-    // Finite light, infinite product.
+    // The light is finite, its product with the material is not.
     let set = "/scene/lightsources/0/id=[1e18, 1, 1]";
     let more = r#"/scene/materials/chalk={"kd": 1e6, "diffusecolor": [1e18, 1, 1]}"#;
     let flags = ["render", "s.json", "--set", set, "--set", more, "--aov", "diffuse", "-o", "x"];
@@ -151,7 +151,7 @@ fn what_no_file_holds_is_reported_and_fails_if_asked() {
     assert!(channels(&scratch, "x.exr").values().all(|kind| kind == "f32"));
 }
 
-/// What `info` says about a part.
+/// Returns the `info` of a part.
 fn part(scratch: &Scratch, file: &str, index: usize) -> serde_json::Value {
     let done = scratch.run(&["info", "--json", file]);
     let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
@@ -174,7 +174,7 @@ fn a_part_for_every_layer() {
     assert_eq!(part(&scratch, "x.exr", 3)["channels"], serde_json::json!([["Z", "f32"]]));
     let ranks = part(&scratch, "x.exr", 4)["channels"].as_array().unwrap().len();
     assert_eq!(ranks, 12);
-    // The same bytes again, with other threads.
+    // Other threads give the same bytes.
     let again = [&flags[..3], &["y", "--multipart", "--threads", "2"]].concat();
     assert_eq!(render(&scratch, &again).code(), 0);
     assert_eq!(scratch.read("x.exr"), scratch.read("y.exr"));
@@ -195,7 +195,7 @@ fn overscan_is_data_beside_the_frame() {
 }
 
 #[test]
-fn the_header_says_where_a_picture_comes_from() {
+fn the_header_names_the_origin_of_a_picture() {
     let scratch = scratch();
     let flags = ["-o", "x", "--frame", "-7", "--fps", "23.976"];
     assert_eq!(render(&scratch, &flags).code(), 0);
@@ -223,7 +223,7 @@ fn pngs_of_sixteen_bits() {
     let scratch = scratch();
     let depth = |name: &str| {
         let bytes = scratch.read(name);
-        // Of the IHDR, which comes first.
+        // Bit depth of the IHDR, which is the first chunk.
         bytes[24]
     };
     assert_eq!(render(&scratch, &["-o", "x", "--png-bits", "16"]).code(), 0);
@@ -247,7 +247,7 @@ fn the_library_writes_what_the_program_writes() {
     assert!(scratch.read("library.png") == scratch.read("program.png"));
     let [library, mut program] =
         ["library", "program"].map(|n| part(&scratch, &format!("{n}.exr"), 0));
-    // The library was given no file.
+    // The library got no file to hash.
     let hash = program["attributes"].as_object_mut().unwrap().remove("lightpath:sceneHash");
     assert!(hash.is_some());
     assert_eq!(library, program);

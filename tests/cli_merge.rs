@@ -1,4 +1,4 @@
-//! Parts of a picture, merged: the bytes of the whole render, or a refusal that says why.
+//! Merged parts of a picture have the bytes of one render, or are refused with a reason.
 
 mod program;
 
@@ -25,7 +25,7 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// Everything that decides how files are written and samples are taken.
+/// Flags for everything that decides how files are written and samples are taken.
 const WRITTEN: &[&str] = &[
     "--aov",
     "all",
@@ -59,7 +59,7 @@ fn merge(scratch: &Scratch, parts: &[&str], flags: &[&str]) -> Done {
     scratch.run(&[&["merge", "-o", "merged", "--quiet"], parts, flags].concat())
 }
 
-/// Merges and compares with `whole`.
+/// Merges parts and compares the files with `whole`.
 #[track_caller]
 fn same(scratch: &Scratch, parts: &[&str], flags: &[&str], files: &[&str]) {
     let done = merge(scratch, parts, flags);
@@ -78,7 +78,8 @@ fn refused(done: &Done, texts: &[&str]) {
     }
 }
 
-/// `light_` and 24 letters is 30 bytes, with `.R` 32: one more than a file without the flag of long names has.
+/// `light_` and 24 letters have 30 bytes, with `.R` 32: one byte more than a file without the
+/// long-names flag may have.
 #[test]
 fn long_names_of_layers_survive() {
     let scratch = Scratch::new();
@@ -115,7 +116,7 @@ fn tiles_give_the_bytes_of_the_whole() {
 #[test]
 fn samples_give_the_bytes_of_the_whole() {
     let scratch = scratch();
-    // Packets of one, four and sixteen samples; runs that begin and end anywhere.
+    // Packets of one, four and sixteen samples; ranges that begin and end anywhere.
     let splits: &[(&str, &[&str])] = &[
         ("24", &["0..16", "16..24"]),
         ("24", &["0..1", "1..13", "13..20", "20..24"]),
@@ -157,7 +158,7 @@ fn samples_of_adaptive_shadows_are_cut_between_packets() {
 
 #[test]
 fn samples_by_quarters_of_a_light_give_the_bytes_of_samples_in_order() {
-    // One point of an area light for each camera sample, no lens: 64 samples of a pixel are taken together.
+    // With one light point per camera sample and no lens, 64 samples of a pixel are taken together.
     let scene = SCENE
         .replace("\"thinlens\"", "\"pinhole\"")
         .replace("\"aperture\": 0.05, \"focaldistance\": 4,", "")
@@ -178,11 +179,11 @@ fn samples_by_quarters_of_a_light_give_the_bytes_of_samples_in_order() {
 }
 
 #[test]
-fn merged_files_are_written_as_the_parts_were_asked_for() {
+fn merged_files_have_the_format_of_the_parts() {
     let scratch = scratch();
     render(&scratch, "whole", WRITTEN);
     for (name, range) in [("a", "0..5"), ("b", "5..24")] {
-        // The time of a part is its own.
+        // Each part records its own render time.
         render(&scratch, name, &[WRITTEN, &["--samples", range, "--record-time"]].concat());
     }
     same(&scratch, &["a.exr", "b.exr"], &[], &["exr", "png"]);
@@ -191,13 +192,13 @@ fn merged_files_are_written_as_the_parts_were_asked_for() {
         other.iter().map(|flag| if *flag == "-7" { "8" } else { flag }).collect();
     render(&scratch, "c", &other);
     refused(&merge(&scratch, &["a.exr", "c.exr"], &[]), &["c.exr", "frame of a sequence", "8"]);
-    // A crop that is no part has its layers in parts of the file.
+    // A crop without --part has its layers in parts of the file.
     render(&scratch, "d", &["--crop", "0", "0", "75", "20", "--multipart", "--aov", "Z"]);
     refused(&merge(&scratch, &["d.exr"], &[]), &["d.exr", "several parts", "--part"]);
 }
 
 #[test]
-fn tiles_of_samples_of_a_crop_with_pictures_and_names_beside() {
+fn tiles_and_samples_of_a_crop_with_previews_and_sidecars() {
     let scratch = scratch();
     let crop = ["--crop", "5", "7", "70", "50", "--aov", "all", "--compression", "piz"];
     let beside = ["--crypto-sidecar", "--png-layer", "all"];
@@ -218,7 +219,7 @@ fn tiles_of_samples_of_a_crop_with_pictures_and_names_beside() {
     let done = merge(&scratch, &parts, &beside);
     assert_eq!(done.code(), 0, "{}", done.stderr());
     for file in files {
-        // The header names the sidecar, and the whole is a crop, which a merge of it is not.
+        // The header names the sidecar. The whole render is a crop, but its merge is not.
         if file != "exr" {
             assert!(
                 scratch.read(&format!("merged.{file}")) == scratch.read(&format!("whole.{file}")),
@@ -245,7 +246,7 @@ fn crops_give_the_bytes_of_the_frame() {
 }
 
 #[test]
-fn what_is_missing_or_double_is_named() {
+fn missing_and_duplicate_parts_are_named() {
     let scratch = scratch();
     for i in 1..=3 {
         let tile = format!("{i}/3");
@@ -288,7 +289,7 @@ fn parts_of_different_pictures_are_refused() {
 }
 
 #[test]
-fn what_is_no_part_is_refused() {
+fn files_that_are_not_parts_are_refused() {
     let scratch = scratch();
     render(&scratch, "whole", &[]);
     render(&scratch, "t1", &["--tile", "1/2", "--aov", "all"]);
@@ -300,7 +301,7 @@ fn what_is_no_part_is_refused() {
     refused(&merge(&scratch, &["nosuch.exr"], &[]), &["nosuch.exr"]);
     refused(&merge(&scratch, &["s.json"], &[]), &["s.json"]);
     refused(&merge(&scratch, &[], &[]), &["PART.exr"]);
-    // Cut short, or changed anywhere: refused or read, never a crash.
+    // A truncated or changed file is refused or read, and never crashes the program.
     let mut failures = 0;
     for (name, other) in [("t1", "t2.exr"), ("p1", "p2.exr")] {
         let bytes = scratch.read(&format!("{name}.exr"));
@@ -318,7 +319,7 @@ fn what_is_no_part_is_refused() {
             }
             std::fs::write(scratch.path("bad.exr"), &damaged).unwrap();
             let done = merge(&scratch, &["bad.exr", other], &[]);
-            // Not every bit of a header matters.
+            // Some bits of a header do not matter.
             assert!([0, 2, 3].contains(&done.code()), "{}: {}", done.code(), done.stderr());
             failures += u32::from(done.code() != 0);
             assert!(!done.stderr().contains("panicked"), "{}", done.stderr());
@@ -362,7 +363,7 @@ fn flags_are_checked() {
 }
 
 #[test]
-fn parts_that_no_other_run_makes_again_are_refused() {
+fn irreproducible_parts_are_refused() {
     use lightpath::film::{Film, Window};
     use lightpath::merge::{Files, Part, part};
     use lightpath::output::exr;
@@ -405,7 +406,7 @@ fn parts_that_no_other_run_makes_again_are_refused() {
         assert_eq!(done.code(), code, "{}", done.stderr());
         assert_eq!(done.stderr().contains("another run"), code == 2, "{}", done.stderr());
     }
-    // Embree's last bits may be those of its instruction set; other backends have none.
+    // Only Embree's last bits may depend on its instruction set.
     for (name, isa) in [("sse.exr", "SSE"), ("avx.exr", "AVX-512")] {
         write(name, &Part { isa: Some(isa.to_string()), ..part.clone() }, "yes");
     }

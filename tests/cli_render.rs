@@ -1,4 +1,4 @@
-//! Whole renders through the program: files, flags, statistics, signals.
+//! Whole renders through the program: files, flags, statistics and signals.
 
 mod program;
 
@@ -186,7 +186,7 @@ fn a_mesh_alone_is_framed_and_its_scene_can_be_saved() {
     assert_eq!(saved["scene"]["shapes"][0]["rotate"], serde_json::json!([-90, 0, 0]));
     render(&scratch, &["saved/p.json", "-o", "again"]);
     assert!(scratch.read("p.png") == scratch.read("again.png"));
-    // A saved scene is a template too.
+    // A saved scene can serve as a template.
     let template = ["meshes/p.ply", "--template", "saved/p.json", "-o", "third"];
     render(&scratch, &template);
     assert!(scratch.read("p.png") == scratch.read("third.png"));
@@ -202,7 +202,7 @@ fn a_signal_leaves_nothing() {
         let args =
             ["render", "s.json", "--size", "2000x2000", "--spp", "64", "--light-samples", "16"];
         let mut child = scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap();
-        // The part files are there before the rays.
+        // The part files exist before the first ray.
         let parts = |names: Vec<String>| names.iter().filter(|n| n.ends_with(".part")).count();
         for _ in 0..600 {
             if parts(scratch.names()) == 2 || child.try_wait().unwrap().is_some() {
@@ -212,7 +212,7 @@ fn a_signal_leaves_nothing() {
         }
         std::thread::sleep(Duration::from_millis(300));
         if child.try_wait().unwrap().is_none() {
-            // The shell's own `kill`: a small system has no program of that name.
+            // Uses the shell's `kill`, because a small system may have no such program.
             let kill = format!("kill -s {signal} {}", child.id());
             let sent = std::process::Command::new("sh").args(["-c", &kill]).status();
             assert!(sent.unwrap().success());
@@ -226,7 +226,7 @@ fn a_signal_leaves_nothing() {
 }
 
 #[test]
-fn inputs_and_outputs_are_never_written_over() {
+fn inputs_and_outputs_are_never_overwritten() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
     for args in [
@@ -237,7 +237,7 @@ fn inputs_and_outputs_are_never_written_over() {
     ] {
         let done = scratch.run(&[&["render"], &args[..]].concat());
         assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
-        assert!(done.stderr().contains("over what is read"), "{}", done.stderr());
+        assert!(done.stderr().contains("would overwrite an input"), "{}", done.stderr());
         assert_eq!(scratch.names(), ["s.json"], "{args:?}");
     }
     assert_eq!(scratch.read("s.json"), SCENE.as_bytes());
@@ -246,7 +246,7 @@ fn inputs_and_outputs_are_never_written_over() {
 #[test]
 fn every_bad_file_of_a_scene_is_reported() {
     let scratch = Scratch::new();
-    // The headers are right: what is wrong shows only when the files are read.
+    // The headers are valid. The errors show only when the files are read completely.
     let bad = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
         property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
         0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n";
@@ -301,7 +301,7 @@ fn every_instruction_set_gives_the_same_picture() {
 }
 
 #[test]
-fn a_mesh_is_known_by_its_content() {
+fn a_mesh_is_recognized_by_its_content() {
     let scratch = Scratch::new();
     scratch.write("tri.dat", program::PYRAMID);
     let small = ["--size", "30x20", "--spp", "1"];
@@ -314,7 +314,7 @@ fn a_mesh_is_known_by_its_content() {
 #[test]
 fn messages_name_the_mesh_as_it_was_typed() {
     let scratch = Scratch::new();
-    // A corner too few: read with a warning that names the file.
+    // A face with a corner too few is read with a warning that names the file.
     scratch.write("data/real.ply", &program::PYRAMID.replace("3 3 0 4", "2 3 0"));
     std::os::unix::fs::symlink("real.ply", scratch.path("data/link.ply")).unwrap();
     scratch.write("t/template.json", include_str!("../assets/studio.json"));

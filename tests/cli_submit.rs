@@ -1,4 +1,4 @@
-//! `lightpath submit slurm`: what `sbatch` is given, whatever names say. tests/farm.rs runs it.
+//! `lightpath submit slurm`: arguments of `sbatch` for any names. tests/farm.rs runs them.
 
 mod program;
 
@@ -18,13 +18,13 @@ fn submit(scratch: &Scratch, flags: &[&str]) -> program::Done {
     scratch.run(&[&["submit", "slurm", "job.json", "-o", "out", "--dry-run"], flags].concat())
 }
 
-/// The commands that a dry run says.
+/// Returns the commands that a dry run prints.
 fn commands(said: &str) -> Vec<&str> {
     said.lines().filter(|line| line.starts_with("sbatch ")).collect()
 }
 
 #[test]
-fn scripts_share_out_every_frame() {
+fn scripts_distribute_every_frame() {
     let scratch = scratch(24);
     let flags = ["--frames-per-task", "8", "--cpus", "4", "--memory", "3G", "--time", "1:00:00"];
     let done = submit(
@@ -40,7 +40,7 @@ fn scripts_share_out_every_frame() {
     }
     assert!(frames.ends_with(" 72 8"), "{said}");
     assert!(sheet.contains(" --dependency=afterany:ID "), "{said}");
-    // Bash reads both.
+    // Bash can parse both scripts.
     for name in ["frames.sh", "sheet.sh"] {
         let path = scratch.path("out/slurm").join(name);
         let checked = std::process::Command::new("bash").arg("-n").arg(path).status().unwrap();
@@ -53,7 +53,7 @@ fn memory_and_chunks_are_predicted() {
     let scratch = scratch(24);
     let done = submit(&scratch, &["--frame-seconds", "100", "--minutes", "10"]);
     assert_eq!(done.code(), 0, "{}", done.stderr());
-    // Six frames would take ten minutes, and six divide a mesh.
+    // Six frames would take ten minutes, and six divides a mesh.
     assert!(done.stderr().contains("12 tasks of 6 frames"), "{}", done.stderr());
     let said = done.stdout();
     let memory = said.split(' ').find_map(|word| word.strip_prefix("--mem=")).unwrap();
@@ -88,7 +88,7 @@ fn bad_input_is_refused() {
 }
 
 #[test]
-fn without_slurm_it_says_so() {
+fn a_missing_slurm_is_reported() {
     let scratch = scratch(2);
     let mut command = scratch.command(&["submit", "slurm", "job.json", "-o", "out"]);
     let done = program::Done::of(command.env("PATH", "/nowhere"));
@@ -96,7 +96,7 @@ fn without_slurm_it_says_so() {
     assert!(done.stderr().contains("cannot run sbatch"), "{}", done.stderr());
 }
 
-/// Names that mean something to a shell, to `#SBATCH` lines or to Slurm's own file names.
+/// Names with a meaning for a shell, for `#SBATCH` lines or for Slurm's own file names.
 const HOSTILE: [&str; 8] = [
     "$(touch pwned)",
     "`touch pwned`",
@@ -108,7 +108,7 @@ const HOSTILE: [&str; 8] = [
     " -o x ",
 ];
 
-/// A folder of programs with an `sbatch` that runs its script at once, as task 0 of an array.
+/// Makes a folder with an `sbatch` that runs its script at once, as task 0 of an array.
 fn slurm_of_one_task(scratch: &Scratch) -> std::ffi::OsString {
     use std::os::unix::fs::PermissionsExt;
     let text = "#!/bin/bash\nwhile [[ $1 == -* ]]; do shift; done\n\
@@ -138,7 +138,7 @@ fn names_are_never_run() {
         let mut dry = scratch.command(&["submit", "slurm", &job, "-o", &out, "--dry-run"]);
         let dry = program::Done::of(dry.env("PATH", &path));
         assert_eq!(dry.code(), 0, "{name}: {}", dry.stderr());
-        // As a user pastes what it says into a shell; the rest is what it does itself.
+        // Runs the printed commands in a shell, as a user would paste them.
         let commands = format!("set -e\n{}", commands(&dry.stdout()).join("\n"));
         let mut shell = std::process::Command::new("bash");
         shell.current_dir(scratch.path("")).args(["-c", &commands]).env("PATH", &path);
@@ -161,14 +161,14 @@ fn names_are_never_run() {
 }
 
 #[test]
-fn any_name_reaches_the_task_as_it_is() {
+fn any_name_reaches_the_task_unchanged() {
     use proptest::{
         prelude::*,
         test_runner::{Config, TestRunner},
     };
     let scratch = scratch(1);
     let path = slurm_of_one_task(&scratch);
-    // In place of a task: says which words it got.
+    // Replaces the task by a program that prints its arguments.
     scratch.write("bin/sbatch", "#!/bin/bash\nprintf '%s\\n' \"$@\" >&2\n");
     let name = "[ -\\[\\]-~\u{e9}\u{20ac}]{1,12}";
     let mut runner = TestRunner::new(Config { cases: 48, ..Config::default() });
@@ -193,7 +193,7 @@ fn any_name_reaches_the_task_as_it_is() {
 }
 
 #[test]
-fn what_slurm_cannot_name_is_refused() {
+fn names_that_slurm_cannot_use_are_refused() {
     let scratch = scratch(1);
     for (name, said) in [
         ("a\nb", "a\\nb: found a control character"),
@@ -212,7 +212,7 @@ fn what_slurm_cannot_name_is_refused() {
     }
 }
 
-/// What the controller refuses needs mending; one that does not answer may answer later.
+/// A refusal by the controller needs a change. A controller that does not answer may answer later.
 #[test]
 fn a_controller_out_of_reach_is_worth_a_retry() {
     let scratch = scratch(2);

@@ -1,4 +1,4 @@
-//! What is typed wrong is said clearly, with the right exit code; what needs no renderer works.
+//! Wrong usage gives a clear message and the right exit code; commands that need no renderer work.
 
 mod program;
 
@@ -31,7 +31,7 @@ fn warnings_name_the_flag_too() {
 }
 
 #[test]
-fn usage_errors_exit_2_and_say_why() {
+fn usage_errors_exit_2_with_a_reason() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
     scratch.write("file", "");
@@ -142,14 +142,14 @@ fn help_version_schema_completions_man() {
 }
 
 #[test]
-fn an_instruction_set_that_is_missing_is_refused_with_those_that_are_there() {
+fn a_missing_instruction_set_is_refused_with_a_list() {
     use lightpath::simd::Isa;
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
     for (name, isa) in [("portable", Isa::Portable), ("avx2", Isa::Avx2), ("avx512", Isa::Avx512)] {
         let done = scratch.run(&["render", "s.json", "--isa", name, "-o", "none/x"]);
         let said = match Isa::available().any(|found| found == isa) {
-            // Accepted; the folder is missing.
+            // The instruction set is accepted; the folder is missing.
             true => "no such folder",
             false => "available: portable",
         };
@@ -168,7 +168,7 @@ fn every_backend_is_known() {
         let info = scratch.run(&["info", "b.json"]);
         assert_eq!(info.code(), 0, "{}", info.stderr());
         assert!(info.stdout().contains(&format!("backend {name}")), "{}", info.stdout());
-        // Accepted; the folder is missing.
+        // The backend is accepted; the folder is missing.
         let done = scratch.run(&["render", "s.json", "--backend", name, "-o", "none/x"]);
         assert!(done.stderr().contains("no such folder"), "{}", done.stderr());
     }

@@ -1,5 +1,5 @@
-//! What the coursework's BVH visits for the camera rays of the report's two meshes. It is the
-//! baseline of every comparison: neither improved nor slowed down.
+//! Numbers of visits of the coursework's BVH for the camera rays of the report's two meshes. They
+//! are the baseline of every comparison, so this backend must neither improve nor degrade.
 
 use std::path::Path;
 
@@ -15,8 +15,8 @@ use lightpath::{
     world::{LoadOptions, World},
 };
 
-/// Visits of one camera ray through the middle of each pixel of a 90 x 60 frame, with the report's
-/// axis, a random one, and without trees inside the meshes.
+/// Counts visits of one camera ray through the middle of each pixel of a 90 x 60 frame: with the
+/// report's axis, with a random one, and without trees inside the meshes.
 fn visits(name: &str) -> [Visits; 3] {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     let sets = ["/camera/width=90", "/camera/height=60"].map(String::from);
@@ -56,8 +56,8 @@ fn visit(nodes: u64, primitives: u64) -> Visits {
 
 #[test]
 fn the_octahedron() {
-    // The octahedron is symmetric: which boxes a ray through its middle planes meets depends on the last bits
-    // of the coordinates, hence on the point that they are relative to.
+    // The octahedron is symmetric. Which boxes a ray through its middle planes hits depends on the
+    // last bits of the coordinates, and so on the scene's origin.
     let found = visits("fig12-octahedron.json");
     assert_eq!(found, [visit(39_880, 14_712), visit(60_691, 8_490), visit(10_800, 64_800)]);
 }

@@ -1,4 +1,4 @@
-//! Same scene, same bytes: for any number of threads, on every run, and for every crop.
+//! The same scene gives the same bytes for any number of threads, on every run, and for every crop.
 
 mod program;
 
@@ -8,8 +8,8 @@ use exr::prelude::{ReadChannels, ReadLayers};
 use lightpath::scene::Backend;
 use program::{Scratch, backends::on_both};
 
-/// Everything that uses random numbers, bounces or packets: lens, area lights of both kinds, point
-/// light, mirrors, mesh, sphere, plane.
+/// A scene with everything that uses random numbers, bounces or packets: lens, both kinds of area
+/// lights, point light, mirrors, mesh, sphere, plane.
 const SCENE: &str = r#"{
   "nbounces": 4, "spp": 4, "seed": 5,
   "camera": { "type": "thinlens", "width": 101, "height": 67, "fov": 45, "aperture": 0.2,
@@ -66,7 +66,7 @@ on_both! {
     }
 }
 
-/// Rows of R, G, B, A as bits.
+/// Returns rows of R, G, B, A as bits.
 fn pixels(scratch: &Scratch, name: &str) -> Vec<Vec<[u32; 4]>> {
     exr::prelude::read()
         .no_deep_data()

@@ -1,13 +1,13 @@
-//! The structures that are passed to Embree lie as Embree's own headers say: a C program prints
-//! every size, alignment and offset. Ignored where there were no headers
-//! (`EMBREE_DIR/include`, else the system's) when it was compiled.
+//! Compares the structures that are passed to Embree with Embree's own headers: a C program prints
+//! every size, alignment and offset. Ignored if there were no headers (`EMBREE_DIR/include`, else
+//! the system's) when the test was compiled.
 #![cfg(feature = "embree")]
 
 use std::{env, fmt::Write, process::Command};
 
 use lightpath::accel::embree::LAYOUTS;
 
-/// A program that prints the table of [`ours`].
+/// Returns a C program that prints the table of [`ours`].
 fn program() -> String {
     let mut text = String::from(
         "#include <embree4/rtcore.h>\n#include <stddef.h>\n#include <stdio.h>\nint main(void) {\n",

@@ -1,4 +1,4 @@
-//! EXR files that other programs write: every place that reads one takes what the format allows, or says what it
+//! EXR files of other programs: every reader accepts what the format allows, or names what it
 //! cannot read.
 
 mod program;
@@ -12,7 +12,7 @@ const SCENE: &str = r#"{ "camera": { "type": "pinhole", "width": 12, "height": 8
         "v0": [-2, 2, 0], "v1": [2, 2, 0], "v2": [2, -2, 0], "v3": [-2, -2, 0],
         "material": { "ka": 1, "kd": 0, "tPath": "picture.exr", "filter": "nearest" } }] } }"#;
 
-/// R, G, B, A of 12 x 8 pixels that no compression makes smaller.
+/// Returns a channel of 12 x 8 pixels that no compression makes smaller.
 fn noise(channel: usize) -> Vec<f32> {
     let hash = |i: usize| (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(23);
     (0..12 * 8).map(|i| (hash(i * 4 + channel) % 1000) as f32 / 1000.0 + 0.25).collect()
@@ -27,7 +27,7 @@ fn write(scratch: &Scratch, name: &str, compression: Compression, values: [Vec<f
     Image::from_layer(layer).write().non_parallel().to_file(scratch.path(name)).unwrap();
 }
 
-/// The commands that read `picture.exr`.
+/// Commands that read `picture.exr`.
 const READERS: [&[&str]; 4] = [
     &["render", "s.json", "-o", "out"],
     &["compare", "picture.exr", "picture.exr"],
@@ -35,7 +35,8 @@ const READERS: [&[&str]; 4] = [
     &["merge", "picture.exr", "-o", "merged"],
 ];
 
-/// A block that would grow is stored as it is, whatever the header says of its compression.
+/// A block that compression would enlarge is stored uncompressed, whatever compression the header
+/// names.
 #[test]
 fn blocks_that_are_stored_as_they_are() {
     let scratch = Scratch::new();
@@ -43,7 +44,7 @@ fn blocks_that_are_stored_as_they_are() {
     let values = [0, 1, 2, 3].map(noise);
     for compression in [Compression::DWAA(None), Compression::DWAB(None)] {
         write(&scratch, "picture.exr", compression, values.clone());
-        // One block, stored: a line, a size, and 4 channels of 4 bytes.
+        // One uncompressed block: a line, a size, and 4 channels of 4 bytes.
         let raw = 12 * 8 * 16u32;
         let stored = [0u32.to_le_bytes(), raw.to_le_bytes()].concat();
         let file = scratch.read("picture.exr");
@@ -51,7 +52,7 @@ fn blocks_that_are_stored_as_they_are() {
         for arguments in READERS {
             let done = scratch.run(arguments);
             let said = done.stderr();
-            // What `merge` wants is a part of a picture of this program.
+            // `merge` refuses it, because it is not a part of a picture of this program.
             let read = done.code() == 0 || said.contains("lightpath");
             assert!(read, "{compression:?} {arguments:?}: {said}");
         }
@@ -63,7 +64,7 @@ fn blocks_that_are_stored_as_they_are() {
     }
 }
 
-/// What a newer OpenEXR can write, and this program cannot read.
+/// A newer OpenEXR can write this compression, but this program cannot read it.
 #[test]
 fn an_unknown_compression_is_named() {
     let scratch = Scratch::new();
@@ -86,7 +87,7 @@ fn an_unknown_compression_is_named() {
             }
             assert_eq!(scratch.names(), before, "{arguments:?}");
         }
-        // A header is told as far as it is understood.
+        // `info` prints as much of the header as it understands.
         let done = scratch.run(&["info", "picture.exr"]);
         let told = done.stdout() + &done.stderr();
         assert!(
@@ -101,7 +102,7 @@ fn negative_texels_are_kept_and_counted() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
     let mut values = [0, 1, 2, 3].map(noise);
-    // Texels (5, 4) and (0, 6), one of them in two channels; alpha does not count.
+    // Texels (5, 4) and (0, 6), one of them in two channels. Alpha does not count.
     (values[0][53], values[2][53], values[1][72]) = (-0.5, -0.25, -1.0);
     values[3][3] = -1.0;
     write(&scratch, "picture.exr", Compression::ZIP16, values.clone());

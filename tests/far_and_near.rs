@@ -1,5 +1,6 @@
-//! Pictures whose coordinates are hard to hold: a planet for a floor, something very far away, a camera that
-//! stands exactly on a surface. Held against the independent ray tracer of `reference/`, on every backend.
+//! Pictures with coordinates that are hard to represent: a planet as a floor, something very far
+//! away, a camera exactly on a surface. Compared with the independent ray tracer of `reference/` on
+//! every backend.
 
 mod program;
 mod reference;
@@ -9,7 +10,8 @@ use program::{Scratch, backends::on_both};
 use reference::{Density, Picture, compare, scene::Scene};
 use serde_json::{Value, json};
 
-/// Pixels that differ from the reference by more than 1 % of the brighter one, and a floor: column, row, both.
+/// Returns the pixels that differ from the reference by more than 1 % of the brighter one, with a
+/// lower bound: column, row, both colours.
 fn wrong(actual: &Picture, expected: &Picture) -> Vec<String> {
     let differs = |a: f64, b: f64| (a - b).abs() > 0.01 * a.abs().max(b.abs()).max(compare::FLOOR);
     let places = (0..actual.height).flat_map(|j| (0..actual.width).map(move |i| (i, j)));
@@ -18,7 +20,7 @@ fn wrong(actual: &Picture, expected: &Picture) -> Vec<String> {
     wrong.map(|(i, j, a, b)| format!("({i}, {j}): {a:.4?}, expected {b:.4?}")).collect()
 }
 
-/// Which pixels of a scene are wrong on some backends, and what the program said.
+/// Returns the wrong pixels of a scene on some backends, and the program's messages.
 fn count(backends: &[&'static str], scene: &Value) -> Vec<(&'static str, Vec<String>, String)> {
     let scratch = Scratch::new();
     scratch.write("s.json", &scene.to_string());
@@ -57,7 +59,7 @@ fn still_life(eye: [f64; 3], more: &[Value]) -> Value {
 
 #[track_caller]
 fn assert_right(backend: Backend, name: &str, scene: &Value) {
-    // The slow ones need nothing that may be missing: they go with ours.
+    // The slow backends need no library, so they run with ours.
     let backends = match backend {
         Backend::Embree(_) => &["embree"][..],
         _ => &["bvh", "coursework", "brute"],
@@ -80,7 +82,7 @@ on_both! {
 }
 
 on_both! {
-    fn something_far_away_leaves_the_near_alone(backend: Backend) {
+    fn a_distant_object_does_not_affect_near_ones(backend: Backend) {
         for far in [1e6, 1e7] {
             let shapes = [
                 json!({ "type": "triangle", "v0": [far, 0, 0], "v1": [far, 1, 0], "v2": [far, 0, 1],
@@ -93,9 +95,9 @@ on_both! {
     }
 }
 
-/// Beyond what doubles hold the program says so.
+/// The program warns of coordinates that doubles cannot represent.
 #[test]
-fn what_cannot_be_held_is_warned_of() {
+fn unrepresentable_coordinates_give_a_warning() {
     let scratch = Scratch::new();
     let planet = json!({ "type": "sphere", "center": [0, -1e14, 0], "radius": 1e14,
                          "material": {} });
@@ -110,8 +112,8 @@ fn what_cannot_be_held_is_warned_of() {
 }
 
 on_both! {
-    /// The camera stands on a floor, on an edge, on a corner of it, on a tilted triangle, on a sphere: a ray starts
-    /// after its origin.
+    /// The camera stands on a floor, on its edge, on its corner, on a tilted triangle, or on a
+    /// sphere. A ray starts after its origin.
     fn a_camera_on_a_surface_sees_what_is_before_it(backend: Backend) {
         let floor = |tilt: f64| {
             json!({ "type": "plane", "v0": [-3, -3.0 * tilt, 4], "v1": [3, 3.0 * tilt, 4],

@@ -1,5 +1,5 @@
-//! Farms in earnest: Slurm's own daemons with nodes that die, and Open Job Description's own runner. Both are
-//! skipped, and say so, where these are not installed.
+//! Real farm software: Slurm's own daemons with nodes that die, and Open Job Description's own
+//! runner. Tests are skipped with a message if these are not installed.
 
 mod program;
 
@@ -24,13 +24,13 @@ fn has(program: &str) -> bool {
 }
 
 fn skipped(what: &str, how: &str) {
-    // Past the test harness, which hides what passing tests print.
+    // Bypasses the test harness, which hides the output of passing tests.
     let _ = Command::new("sh")
         .args(["-c", "printf '\\n*** SKIPPED: %s ***\\n' \"$0\" >&2", &format!("{what}; {how}")])
         .status();
 }
 
-/// A turntable of one mesh.
+/// A job with a turntable of one mesh.
 fn scratch(size: &str, spp: u32, frames: usize) -> Scratch {
     let scratch = Scratch::new();
     scratch.write("pyramid.ply", PYRAMID);
@@ -43,7 +43,7 @@ fn scratch(size: &str, spp: u32, frames: usize) -> Scratch {
     scratch
 }
 
-/// All pictures of a folder, by name.
+/// Returns all pictures of a folder, by name.
 fn pictures(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -57,7 +57,7 @@ fn pictures(folder: &Path) -> Vec<(String, Vec<u8>)> {
 
 #[track_caller]
 fn same_pictures(scratch: &Scratch, farm: &str, frames: usize) {
-    // By the same name: what a picture says of its scene has the paths in it.
+    // Uses the same path to the job, because a picture's header contains paths of the scene.
     let job = scratch.path("job.json").display().to_string();
     let done = scratch.run(&["batch", &job, "-o", "one", "--quiet"]);
     assert_eq!(done.code(), 0, "{}", done.stderr());
@@ -65,7 +65,7 @@ fn same_pictures(scratch: &Scratch, farm: &str, frames: usize) {
         (pictures(&scratch.path("one/pyramid")), pictures(&scratch.path(farm).join("pyramid")));
     let names =
         |all: &[(String, Vec<u8>)]| all.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
-    // Nothing is missing, and nothing half is left beside it.
+    // No frame is missing, and no partial file is left.
     assert_eq!(names(&one), names(&farm));
     assert_eq!(one.len(), 2 * frames, "{:?}", names(&one));
     assert!(one == farm, "a picture differs from that of one machine");
@@ -78,7 +78,8 @@ struct Cluster {
 }
 
 impl Cluster {
-    /// A cluster of `nodes` of `cpus`; `None`, and a word about it, where there is no Slurm.
+    /// Starts a cluster of `nodes` nodes with `cpus` processors each. Returns `None` with a message
+    /// if there is no Slurm.
     fn up(nodes: &str, cpus: &str) -> Option<Self> {
         static CLUSTERS: AtomicU32 = AtomicU32::new(0);
         let programs = ["slurmctld", "slurmd", "sbatch", "munged", "unshare", "nsenter"];
@@ -94,7 +95,8 @@ impl Cluster {
             skipped("a test with Slurm: not root", "run the tests as root");
             return None;
         }
-        // Other clusters may run on this machine: of another checkout's tests, or of this program's.
+        // Other clusters may run on this machine: from other checkouts' tests, or from this
+        // program.
         let number = CLUSTERS.fetch_add(1, Relaxed);
         let port = 20_000 + (std::process::id() * 3 + number) % 2_000 * 10;
         let cluster = Self { folder: tempfile::tempdir().unwrap(), port };
@@ -164,9 +166,9 @@ fn a_cluster_that_loses_nodes_loses_no_frame() {
         let names = names.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
         names.filter(|name| name.ends_with(".png")).count()
     };
-    // In the middle, one node dies with its tasks, and of another the daemon alone.
+    // In mid-run, one node dies with its tasks; on another only the daemon dies.
     cluster.wait_for("no frame is finished", 300, || finished() >= 8);
-    // Tasks that have just begun are under way when the node dies.
+    // Tasks that have just begun are still running when the node dies.
     let begun = |node: &str| {
         let times = cluster.slurm("squeue", &["-h", "-t", "R", "-w", node, "-o", "%M"]);
         times.lines().any(|time| ["0:00", "0:01"].contains(&time.trim()))
@@ -185,7 +187,7 @@ fn a_cluster_that_loses_nodes_loses_no_frame() {
     cluster.ok(&["start-node", "2"]);
     cluster.ok(&["start-node", "3"]);
     cluster.ok(&["wait", "600"]);
-    // The sheet came after all tasks had ended well.
+    // The sheet was written after all tasks had ended successfully.
     assert!(scratch.path("farm/index.html").is_file(), "{}", logs(&scratch, "farm"));
     let restarts =
         std::fs::read_to_string(cluster.state().join("slurmctld.log")).unwrap_or_default();
@@ -193,7 +195,7 @@ fn a_cluster_that_loses_nodes_loses_no_frame() {
     same_pictures(&scratch, "farm", FRAMES);
 }
 
-/// Processes of this program and of its tasks' shells that Slurm runs, by the number of their task.
+/// Returns the processes of this program and of its tasks' shells that Slurm runs, for one task.
 fn processes_of(cluster: &Cluster, task: u32) -> Vec<(u32, String)> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir("/proc").unwrap().flatten() {
@@ -203,7 +205,7 @@ fn processes_of(cluster: &Cluster, task: u32) -> Vec<(u32, String)> {
         let ours = has(format!("SLURM_CONF={}", cluster.state().join("slurm.conf").display()))
             && has(format!("SLURM_ARRAY_TASK_ID={task}"));
         let name = std::fs::read_to_string(entry.path().join("comm")).unwrap_or_default();
-        // slurmstepd is Slurm's own.
+        // slurmstepd belongs to Slurm.
         if ours && ["lightpath", "slurm_script", "bash"].contains(&name.trim()) {
             found.push((pid, name.trim().to_string()));
         }
@@ -211,10 +213,10 @@ fn processes_of(cluster: &Cluster, task: u32) -> Vec<(u32, String)> {
     found
 }
 
-/// What the kernel does when there is no memory left: at first it kills the program, and with groups the
-/// whole task, its shell too.
+/// Simulates the kernel when memory runs out: it kills the program first, and with control groups
+/// the whole task with its shell.
 #[test]
-fn a_task_without_memory_runs_again_and_the_sheet_says_what_is_missing() {
+fn a_task_out_of_memory_runs_again_and_the_sheet_lists_missing_frames() {
     let Some(cluster) = Cluster::up("1", "2") else { return };
     let frames = 4;
     let scratch = scratch("320x240", 64, frames);
@@ -231,7 +233,7 @@ fn a_task_without_memory_runs_again_and_the_sheet_says_what_is_missing() {
     kill(running(0, "lightpath").unwrap());
     cluster.wait_for("task 3 does not begin", 120, || running(3, "lightpath").is_some());
     let shells = processes_of(&cluster, 3);
-    // The shell first: it must not see what becomes of its child.
+    // The shell first: it must not notice that its child dies.
     for (pid, _) in shells.iter().filter(|(_, name)| name != "lightpath") {
         kill(*pid);
     }
@@ -241,7 +243,7 @@ fn a_task_without_memory_runs_again_and_the_sheet_says_what_is_missing() {
     cluster.ok(&["wait", "300"]);
     let there =
         |frame: u32| scratch.path(&format!("farm/pyramid/pyramid.{frame:04}.exr")).is_file();
-    // The first was tried again; of the last Slurm knows nothing but its end.
+    // The first task was retried. Slurm knows nothing of the last one but its end.
     assert_eq!([0, 1, 2, 3].map(there), [true, true, true, false], "{}", logs(&scratch, "farm"));
     let page = String::from_utf8(scratch.read("farm/index.html")).unwrap();
     assert!(page.contains("3 of 4 frames"), "{page}");
@@ -250,14 +252,14 @@ fn a_task_without_memory_runs_again_and_the_sheet_says_what_is_missing() {
     let ended = cluster.slurm("scontrol", &["show", "job", "-o"]);
     let sheet = ended.lines().find(|line| line.contains("-sheet ")).unwrap_or_default();
     assert!(sheet.contains("JobState=FAILED") && sheet.contains("ExitCode=1:0"), "{ended}");
-    // Submitted again, only that is rendered.
+    // A second submission renders only the missing frame.
     cluster.submit(&scratch, "job.json", "farm", "1");
     cluster.ok(&["wait", "300"]);
     same_pictures(&scratch, "farm", frames);
 }
 
 #[test]
-fn names_reach_slurm_as_they_are() {
+fn names_reach_slurm_unchanged() {
     let Some(cluster) = Cluster::up("1", "2") else { return };
     let scratch = scratch("16x12", 1, 4);
     for folder in
@@ -308,7 +310,7 @@ fn the_openjd_template_is_valid_and_runs() {
     assert!(done.stdout().contains("openjd_progress: 100"), "{}", done.stdout());
     assert!(scratch.path("farm/index.html").is_file());
     same_pictures(&scratch, "farm", FRAMES);
-    // Names are names, whatever a shell would make of them.
+    // Names stay literal, whatever a shell would make of them.
     for folder in ["$(touch pwned)", "`touch pwned`", "\"; touch pwned; \"", "it's # & | *"] {
         std::fs::create_dir(scratch.path(folder)).unwrap();
         for file in ["job.json", "pyramid.ply"] {
@@ -316,13 +318,14 @@ fn the_openjd_template_is_valid_and_runs() {
         }
         let farm = format!("{folder}/farm");
         let job = path(&format!("{folder}/job.json"));
-        // The first step alone, as the second would render what the first has put somewhere else.
+        // Only the first step, because the second would render the frames that the first one puts
+        // elsewhere.
         let done = openjd("Frames", &job, &path(&farm), "0-3", "2");
         assert_eq!(done.code(), 0, "{folder}: {}{}", done.stdout(), done.stderr());
         let made = names_in(&scratch.path(&farm).join("pyramid"));
         assert_eq!(made.len(), 8, "{folder}: {made:?}: {}", done.stdout());
         let done = openjd("Sheet", &job, &path(&farm), "0-3", "2");
-        // The rest of the frames are rendered by the step of the sheet.
+        // The step of the sheet renders the remaining frames.
         assert_eq!(done.code(), 0, "{folder}: {}{}", done.stdout(), done.stderr());
         same_names(&scratch.path("farm/pyramid"), &scratch.path(&farm).join("pyramid"));
     }
@@ -331,7 +334,7 @@ fn the_openjd_template_is_valid_and_runs() {
     assert!(!Path::new("pwned").exists());
 }
 
-/// `openjd run` of a step and what it depends on.
+/// Runs a step and its dependencies with `openjd run`.
 fn openjd(step: &str, job: &str, output: &str, frames: &str, per_task: &str) -> Done {
     let mut command = Command::new("openjd");
     command.arg("run").arg(root().join("farm/openjd-template.yaml"));
@@ -348,7 +351,7 @@ fn openjd(step: &str, job: &str, output: &str, frames: &str, per_task: &str) -> 
     Done::of(command.env_remove("SLURM_CPUS_PER_TASK"))
 }
 
-/// The same names in both folders.
+/// Asserts that both folders have the same names.
 #[track_caller]
 fn same_names(one: &Path, other: &Path) {
     assert_eq!(names_in(one), names_in(other));

@@ -1,4 +1,4 @@
-//! Closed forms against the film itself, before any file format rounds it: to 1e-6 in f32.
+//! Closed forms compared with the film before any file format rounds it: to 1e-6 in f32.
 
 #[path = "reference/analytic.rs"]
 #[allow(dead_code)] // spheres in longitude and latitude, which tests/analytic.rs needs
@@ -19,7 +19,7 @@ use lightpath::{
 };
 use serde_json::{Value, json};
 
-/// Renders through the library.
+/// Renders a scene through the library.
 fn film(backend: Backend, scene: &Value, isa: Isa) -> (Film, RayCounts) {
     let text = scene.to_string();
     let source = Source::Text { name: "s.json", text: text.as_bytes(), folder: Path::new("") };
@@ -33,7 +33,8 @@ fn film(backend: Backend, scene: &Value, isa: Isa) -> (Film, RayCounts) {
     (film, counts)
 }
 
-/// The largest difference between the film and `expected(i, j)`, relative (absolute below 1).
+/// Returns the largest difference between the film and `expected(i, j)`, relative (absolute below
+/// 1).
 fn worst(film: &Film, expected: impl Fn(usize, usize) -> Option<[f64; 3]>) -> f64 {
     let width = film.frame[0] as usize;
     let mut worst = 0f64;
@@ -53,7 +54,7 @@ on_both! {
         for (falloff, word) in ["none", "linear", "quadratic"].into_iter().enumerate() {
             for isa in Isa::compiled() {
                 let (eye, light) = (4.0, [3.0, 2.0, 5.0]);
-                // A highlight multiplies the f32 camera ray's error by its exponent.
+                // A highlight multiplies the error of the f32 camera ray by its exponent.
                 let (kd, ks, specularexponent) = (0.75, 0.5, 8.0);
                 let scene = json!({
                     "camera": { "type": "pinhole", "width": 65, "height": 63, "fov": 35,
@@ -71,7 +72,7 @@ on_both! {
                     LitSphere { eye, light, kd, ks, specularexponent, falloff: falloff as i32 };
                 let at = |i, j| {
                     let (px, py) = plane_coordinates(i, j, (65, 63), 35.0);
-                    // Beside the silhouette and the edge of the light a rounding decides.
+                    // At the silhouette and the edge of the light, rounding decides.
                     let clear = |p: f64, q: f64| sphere.radiance(px + p, py + q).is_some();
                     let edge =
                         clear(1e-3, 0.0) != clear(-1e-3, 0.0) || clear(0.0, 1e-3) != clear(0.0, -1e-3);
@@ -129,7 +130,7 @@ on_both! {
 
 on_both! {
     fn a_plane_under_an_area_light_has_its_form_factor(backend: Backend) {
-        // 65536 well-spread points on a light far enough away that the integrand is smooth.
+        // 65536 well-distributed points on a light that is far enough away for a smooth integrand.
         let (radiance, area) = (3.0, 1.0);
         let id = radiance * area / std::f64::consts::PI;
         let scene = json!({

@@ -1,5 +1,5 @@
-//! The hash of what decides a picture's pixels: the same wherever files lie and whatever they are
-//! called, another for every change that may be seen.
+//! The hash of everything that determines a picture's pixels. It does not depend on paths and names
+//! of files, and differs for every visible change.
 
 mod program;
 
@@ -58,7 +58,7 @@ impl Folder {
 }
 
 #[test]
-fn names_of_files_do_not_count_and_their_contents_do() {
+fn contents_of_files_count_and_names_do_not() {
     let here = Folder::new();
     let hash = here.hash(&[]);
     assert_eq!(hash.len(), 64);
@@ -76,7 +76,7 @@ fn names_of_files_do_not_count_and_their_contents_do() {
 }
 
 #[test]
-fn settings_that_may_be_seen_count() {
+fn visible_settings_change_the_hash() {
     let here = Folder::new();
     let hash = here.hash(&[]);
     assert_eq!(hash, here.hash(&["/spp=1", "/seed=0"]), "defaults");
@@ -112,9 +112,9 @@ fn images_that_a_mesh_names_and_names_of_mattes_count() {
     assert_ne!(hash, here.hash(&[mattes]), "the matte is called trimesh.b now");
 }
 
-/// Whatever is replaced or written between reading and hashing is found out.
+/// Detects a file that is replaced or written between reading and hashing.
 #[test]
-fn what_was_read_is_what_was_hashed() {
+fn a_file_that_changes_between_reading_and_hashing_is_detected() {
     let here = Folder::new();
     let vertices = "property float z\nproperty float s\nproperty float t";
     let mut mesh =
@@ -145,7 +145,7 @@ fn what_was_read_is_what_was_hashed() {
     assert_eq!(hashed_after(&|| ()), Ok(()));
     for name in ["a.ply", "own.ppm", "brick.ppm"] {
         let text = fs::read_to_string(here.path().join(name)).unwrap();
-        // Another file with the same bytes is another file; a longer one has changed.
+        // A new file with the same bytes is another file. A longer one has changed.
         for longer in ["", "\n"] {
             let error = hashed_after(&|| {
                 here.write("next", &format!("{text}{longer}"));
@@ -162,7 +162,7 @@ fn what_was_read_is_what_was_hashed() {
 
 #[cfg(unix)]
 #[test]
-fn a_pipe_has_none() {
+fn a_pipe_has_no_fingerprint() {
     let here = Folder::new();
     let pipe = here.path().join("a.ply");
     fs::remove_file(&pipe).unwrap();

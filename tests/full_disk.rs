@@ -1,5 +1,5 @@
-//! A disk that is full while a picture with all its layers is written: exit 3, nothing new, nothing broken,
-//! what was there before untouched.
+//! A disk that fills up while a picture with all its layers is written: exit code 3, no new or
+//! broken file, and old files unchanged.
 #![cfg(target_os = "linux")]
 
 mod program;
@@ -19,12 +19,12 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// What was there before, by name.
+/// Names of the files that exist before.
 const OLD: [&str; 5] =
     ["x.CryptoMaterial.json", "x.CryptoObject.json", "x.Z.png", "x.exr", "x.png"];
 
-/// Runs the program with `out` on a disk of so many KiB that nobody else sees and that holds files of these
-/// names; on stdout what is there afterwards, then what is as it was. `None` where this user may not mount.
+/// Runs the program with `out` on a private disk of `kib` KiB that holds old files. Prints the
+/// files that exist afterwards, then those that are unchanged. `None` if this user may not mount.
 fn on_a_disk_of(scratch: &Scratch, kib: u64, args: &[&str]) -> Option<Done> {
     let script = format!(
         "mkdir -p out && mount -t tmpfs -o size={kib}k none out || exit 99
@@ -44,7 +44,7 @@ fn on_a_disk_of(scratch: &Scratch, kib: u64, args: &[&str]) -> Option<Done> {
     Some(done)
 }
 
-/// Whatever of `files`, written by `args` in this order, the disk has no room for.
+/// Checks disks without room for one file after another of those that `args` writes.
 #[track_caller]
 fn leaves_all_as_it_was(scratch: &Scratch, args: &[&str]) {
     let done = scratch.run(&[args, &["-o", "x"]].concat());
@@ -52,7 +52,7 @@ fn leaves_all_as_it_was(scratch: &Scratch, args: &[&str]) {
     let written: Vec<u64> =
         done.stdout().lines().map(|name| scratch.read(name).len() as u64).collect();
     let total = written.iter().sum::<u64>() / 1024;
-    // A page for every old file, then none left, too few, one missing.
+    // A page per old file; then no pages left, too few, and one missing.
     let old = 4 * OLD.len() as u64;
     let into = [args, &["-o", "out/x", "--quiet"]].concat();
     for kib in [old, old + 8, old + total / 3, old + 2 * total / 3, old + total - 4] {
@@ -63,7 +63,7 @@ fn leaves_all_as_it_was(scratch: &Scratch, args: &[&str]) {
         assert_eq!(done.stdout(), OLD.join("\n") + "\n" + &olds, "{kib} KiB");
         assert_eq!(scratch.read("said"), b"");
     }
-    // And where there is room, it is replaced.
+    // With enough room, the old files are replaced.
     let Some(done) = on_a_disk_of(scratch, 2 * (old + total) + 64, &into) else { return };
     assert_eq!(done.code(), 0, "{}", done.stderr());
     assert!(!done.stdout().contains("out/x.exr") && !done.stdout().contains(".part"));

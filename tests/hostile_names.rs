@@ -1,5 +1,6 @@
-//! Names that are more than names: escapes of terminals, line breaks, links, pipes. Nothing that the program
-//! prints moves a cursor or begins a line that a farm reads as a command, and nothing is written elsewhere.
+//! Names with escapes of terminals, line breaks, links and pipes. Nothing that the program prints
+//! may move a cursor or start a line that a farm reads as a command, and nothing may be written
+//! elsewhere.
 #![cfg(unix)]
 
 mod program;
@@ -13,13 +14,14 @@ use std::{
 
 use program::{Done, PYRAMID, Scratch, names_in};
 
-/// Clears a terminal, colours it, in one byte as well; a line of its own for a farm; text turned round.
+/// Clears a terminal; colours it, also with a one-byte escape; adds a line for a farm; reverses the
+/// text.
 const HOSTILE: &str = "x\u{1b}[2J\u{9b}31m\nopenjd_fail: forged\r\u{202e}\u{7f}\t";
 
 const SMALL: [&str; 8] =
     ["--size", "16x12", "--threads", "2", "--spp", "1", "--set", "/scene/accelerator=bvh"];
 
-/// Fails unless what was printed is plain lines, none of which a farm reads as a command.
+/// Fails unless the output is plain lines, none of which a farm reads as a command.
 #[track_caller]
 fn is_plain(what: &str, done: &Done) {
     for text in [done.stdout(), done.stderr()] {
@@ -28,7 +30,7 @@ fn is_plain(what: &str, done: &Done) {
                 || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
         };
         assert!(!text.contains(hidden), "{what}: {text:?}");
-        // Of the program itself are progress and status.
+        // Progress and status come from the program itself.
         let own = ["openjd_progress: ", "openjd_status: "];
         let forged = text.lines().find(|line| {
             (line.starts_with("openjd_") || line.starts_with("ALF_"))
@@ -123,7 +125,7 @@ fn nothing_hostile_is_printed() {
 }
 
 #[test]
-fn a_name_is_no_command_of_a_farm() {
+fn a_name_is_never_a_farm_command() {
     let scratch = Scratch::new();
     scratch.write("openjd_fail: x.ply", PYRAMID);
     let done = scratch.run(&[&["render", "openjd_fail: x.ply"], &SMALL[..]].concat());
@@ -189,13 +191,13 @@ fn a_journal_is_a_file_of_its_folder() {
     pipe("out/batch.jsonl");
     assert_eq!(run(&args), Some(2));
     fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
-    // Where the sheet looks for journals of ranges.
+    // The sheet looks for journals of ranges here.
     pipe("out/batch.0-1.jsonl");
     assert_eq!(run(&args), Some(0));
     assert_eq!(run(&[&args[..], &["--sheet-only"]].concat()), Some(0));
 }
 
-/// What only the user can change is exit 2: another try does not help.
+/// A problem that only the user can solve gives exit code 2: another try does not help.
 #[test]
 fn files_and_loops_in_the_way_are_bad_input() {
     let scratch = Scratch::new();
@@ -223,7 +225,7 @@ fn files_and_loops_in_the_way_are_bad_input() {
 }
 
 #[test]
-fn patterns_end_and_list_a_mesh_once_whatever_links_say() {
+fn patterns_terminate_and_list_each_mesh_once_despite_links() {
     let scratch = Scratch::new();
     scratch.write("scans/a.ply", PYRAMID);
     scratch.write("scans/d/e/b.ply", PYRAMID);

@@ -1,4 +1,4 @@
-//! Promises about the package itself: the oldest compiler, the lock file, the licence texts.
+//! Rules for the package itself: oldest compiler, lock file, licence texts.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// `"1.85"` and `"1.85.0"` as numbers that compare.
+/// Converts `"1.85"` and `"1.85.0"` to numbers that compare.
 fn release(version: &str) -> (u64, u64, u64) {
     let mut parts = version.split('.').map(|part| part.parse().expect("a number"));
     let mut next = || parts.next().unwrap_or(0);
@@ -15,7 +15,8 @@ fn release(version: &str) -> (u64, u64, u64) {
 
 #[test]
 fn no_dependency_needs_a_newer_compiler_than_we_promise() {
-    // Debian 13's own compiler. The lock file decides, so a `cargo update` is checked too.
+    // The promised version is that of Debian 13's compiler. The lock file decides, so a `cargo
+    // update` is checked, too.
     let promised = release(env!("CARGO_PKG_RUST_VERSION"));
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--locked", "--offline", "--format-version", "1", "--filter-platform"])
@@ -70,7 +71,7 @@ fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
     assert!(tree.lines().count() > 20 && missing.is_empty(), "not in THIRD_PARTY.md: {missing:?}");
 }
 
-/// What is newer than our oldest compiler and what clippy, which sees newer functions, does not see.
+/// Finds syntax that is newer than our oldest compiler. clippy only finds newer functions.
 #[test]
 fn no_syntax_is_newer_than_the_oldest_compiler() {
     let mut files = Vec::new();
@@ -102,7 +103,7 @@ fn newer(line: &str, before: &[&str], after: &[&str]) -> Option<&'static str> {
             return Some("a safe function with #[target_feature] needs Rust 1.86: make it unsafe");
         }
     }
-    // `if let` and `&&` in one condition; rustfmt begins a line with the `&&` of a long one.
+    // `if let` and `&&` in one condition. rustfmt starts a line with `&&` if the condition is long.
     let chain = line.starts_with("&& let ")
         || line.starts_with("&& ")
             && before
@@ -130,8 +131,8 @@ fn list(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// `src/cli/` and `src/main.rs` are the program; whatever else prints or ends the process would do so in
-/// other people's programs.
+/// Only `src/cli/` and `src/main.rs` belong to the program. Any other code would print or exit
+/// inside other people's programs.
 #[test]
 fn the_library_neither_prints_nor_exits() {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");

@@ -1,5 +1,5 @@
-//! Accelerators that were built, and dropped, leave no thread behind that keeps a processor busy. (Where other work
-//! keeps them all busy, none would be seen.)
+//! Accelerators leave no thread behind that keeps a processor busy, whether they exist or were
+//! dropped. (Where other work keeps all processors busy, the test would not notice one.)
 
 #![cfg(target_os = "linux")]
 
@@ -21,7 +21,7 @@ fn ticks() -> u64 {
 }
 
 on_both! {
-fn nothing_runs_on_when_accelerators_of_one_thread_follow_each_other(backend: Backend) {
+fn no_thread_spins_after_accelerators_of_one_thread(backend: Backend) {
     let vertices = (0..3000u32).map(|i| [i, i * 7 % 1000, i * 13 % 500].map(|x| x as f32));
     let triangles = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let mesh = TriangleMesh::new(vertices.collect(), triangles, false);
@@ -34,7 +34,7 @@ fn nothing_runs_on_when_accelerators_of_one_thread_follow_each_other(backend: Ba
     let before = ticks();
     sleep(Duration::from_millis(500));
     let spent = ticks() - before;
-    // A thread that spins takes 50 of them.
+    // A spinning thread takes 50 ticks.
     drop((second, third));
     assert!(spent <= 10, "{spent} ticks of 10 ms in half a second of sleep");
 }

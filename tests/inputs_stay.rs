@@ -1,4 +1,5 @@
-//! What a run reads is never written over, and a picture is of the files that its fingerprint names.
+//! No output overwrites an input, and a picture comes from the very files that its fingerprint
+//! covers.
 #![cfg(unix)]
 
 mod program;
@@ -14,10 +15,10 @@ use std::{
 use lightpath::{merge::Parts, monitor::Monitor};
 use program::{Done, PYRAMID, Scratch};
 
-/// Small pictures by a backend that is always there.
+/// Flags for small pictures with a backend that is always available.
 const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
-/// The pyramid with texture coordinates, and the image that it names itself.
+/// A pyramid with texture coordinates that names its own image.
 fn textured(image: &str) -> String {
     let uv = "property float z\nproperty float s\nproperty float t";
     let mesh = PYRAMID
@@ -61,7 +62,7 @@ fn batch(scratch: &Scratch, args: &[&str]) -> Done {
 }
 
 #[test]
-fn render_spares_a_texture_that_a_mesh_names() {
+fn render_never_overwrites_a_texture_that_a_mesh_names() {
     let scratch = Scratch::new();
     let texture = image(&scratch, "s.png");
     scratch.write("m.ply", &textured("s.png"));
@@ -69,14 +70,14 @@ fn render_spares_a_texture_that_a_mesh_names() {
     refused(&render(&scratch, &["s.json"]));
     refused(&render(&scratch, &["m.ply", "-o", "s"]));
     refused(&render(&scratch, &["m.ply", "-o", "t", "--stats", "s.png"]));
-    // Links of both kinds, in both directions.
+    // Symbolic and hard links, in both directions.
     symlink("s.png", scratch.path("soft.png")).unwrap();
     fs::hard_link(scratch.path("s.png"), scratch.path("hard.png")).unwrap();
     refused(&render(&scratch, &["m.ply", "-o", "soft"]));
     refused(&render(&scratch, &["m.ply", "-o", "hard"]));
     scratch.write("l.ply", &textured("soft.png"));
     refused(&render(&scratch, &["l.ply", "-o", "s"]));
-    // A texture that is not there yet would be an output of this very run.
+    // A texture that does not exist yet would be an output of this very run.
     scratch.write("n.ply", &textured("new.png"));
     refused(&render(&scratch, &["n.ply", "-o", "new"]));
     assert!(scratch.read("s.png") == texture && scratch.read("hard.png") == texture);
@@ -86,7 +87,7 @@ fn render_spares_a_texture_that_a_mesh_names() {
 }
 
 #[test]
-fn render_spares_the_texture_of_a_mesh_from_a_pipe() {
+fn render_never_overwrites_the_texture_of_a_mesh_from_a_pipe() {
     let scratch = Scratch::new();
     let texture = image(&scratch, "s.png");
     scratch.write("m.ply", &textured("s.png"));
@@ -104,7 +105,7 @@ fn render_spares_the_texture_of_a_mesh_from_a_pipe() {
 }
 
 #[test]
-fn batch_spares_the_textures_of_all_its_inputs() {
+fn batch_never_overwrites_textures_of_its_inputs() {
     let scratch = Scratch::new();
     scratch.write("scans/a.ply", PYRAMID);
     let texture = image(&scratch, "out/a.png");
@@ -114,18 +115,18 @@ fn batch_spares_the_textures_of_all_its_inputs() {
     refused(&batch(&scratch, &["scans", "-o", "out"]));
     refused(&batch(&scratch, &["scans", "-o", "out", "--resume", "--range", "0..1"]));
     untouched();
-    // By a link in place of the folder.
+    // The output folder through a link.
     symlink("out", scratch.path("way")).unwrap();
     refused(&batch(&scratch, &["scans", "-o", "way"]));
     untouched();
-    // Of another scene's material.
+    // A texture of another scene's material.
     names("none.png");
     let scene = SCENE.replace("MESH", "scans/a.ply");
     let scene = scene.replace("\"material\": {}", r#""material": { "tPath": "out/a.png" }"#);
     scratch.write("c.json", &scene);
     refused(&batch(&scratch, &["scans", "c.json", "-o", "out"]));
     untouched();
-    // One that the first input would make and the second one would read.
+    // A file that the first input would write and the second one would read.
     names("../out/c/../a.png");
     fs::remove_file(scratch.path("out/a.png")).unwrap();
     fs::create_dir(scratch.path("out/c")).unwrap();
@@ -134,7 +135,7 @@ fn batch_spares_the_textures_of_all_its_inputs() {
 }
 
 #[test]
-fn the_contact_sheet_spares_them_too() {
+fn contact_sheets_never_overwrite_inputs() {
     let scratch = Scratch::new();
     let texture = image(&scratch, "out/sheet.png");
     scratch.write("a.ply", &textured("out/sheet.png"));
@@ -145,7 +146,7 @@ fn the_contact_sheet_spares_them_too() {
 }
 
 #[test]
-fn merge_and_compare_know_links() {
+fn merge_and_compare_resolve_links() {
     let scratch = Scratch::new();
     scratch.write("p.ply", PYRAMID);
     let parts = ["1/2", "2/2"].map(|tile| {
@@ -160,7 +161,7 @@ fn merge_and_compare_know_links() {
     fs::hard_link(scratch.path("part1.png"), scratch.path("hard.png")).unwrap();
     refused(&scratch.run(&["compare", "part1.png", "part2.png", "--out", "hard.png"]));
     assert!(scratch.read("hard.exr") == before);
-    // A folder of memory is a folder.
+    // A folder in memory counts like any other.
     let Ok(memory) = tempfile::tempdir_in("/dev/shm") else { return };
     let picture = memory.path().join("a.png");
     fs::copy(scratch.path("part1.png"), &picture).unwrap();
@@ -184,7 +185,8 @@ fn a_part_that_is_replaced_while_it_is_merged_is_noticed() {
     assert!(error.to_string().contains("changed while it was read"), "{error}");
 }
 
-/// A grid that takes long to read: text. Every step of so many vertices is low; all have one box.
+/// A grid as text, which takes long to read. Vertices at every multiple of `step` are low; all
+/// grids have the same box.
 fn grid(step: usize) -> String {
     let side = 300;
     let mut text = format!(
@@ -205,7 +207,7 @@ fn grid(step: usize) -> String {
     text
 }
 
-/// Starts a program and does something as soon as it reads the file.
+/// Starts a program and calls `act` as soon as it reads the file.
 fn when_read(scratch: &Scratch, args: &[&str], file: &Path, act: impl FnOnce()) -> Done {
     let mut command = scratch.command(args);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -219,14 +221,14 @@ fn when_read(scratch: &Scratch, args: &[&str], file: &Path, act: impl FnOnce()) 
     Done::from(child.wait_with_output().unwrap())
 }
 
-/// Whenever the mesh is replaced, in the end the picture is of what is there.
+/// Whenever the mesh is replaced, the final picture matches the file that exists.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_mesh_that_is_replaced_while_it_is_read_never_stays_in_a_picture() {
     let scratch = Scratch::new();
     let run = ["batch", "m.ply", "-o", "out", "--no-sheet", "--template", "t.json", "--resume"];
     let template = SCENE.replace("MESH", "m.ply");
-    // The same framing for both.
+    // The same camera for both.
     let args = [&run[..], &SMALL, &["--set", "/camera/position=[150,90,400]"]].concat();
     scratch.write("t.json", &template);
     scratch.write("m.ply", &grid(5));
@@ -234,7 +236,7 @@ fn a_mesh_that_is_replaced_while_it_is_read_never_stays_in_a_picture() {
     let next = scratch.path("next.ply");
     let mesh = scratch.path("m.ply");
     let done = when_read(&scratch, &args, &mesh, || fs::rename(&next, &mesh).unwrap());
-    // Either it was noticed, or the picture is as old as its fingerprint.
+    // Either the change was noticed, or the picture matches its fingerprint.
     if done.code() != 0 {
         assert_eq!(done.code(), 3, "{}", done.stderr());
         assert!(done.stderr().contains("changed while it was read"), "{}", done.stderr());

@@ -1,14 +1,15 @@
-//! The floors of the source tree: a module uses only modules of lower floors.
+//! The layers of the source tree: a module uses only modules of lower floors.
 //!
-//! This reads the tokens of every file under `src/`, not only its `use` lines, so a path in the middle of
-//! a function counts too. Comments, and with them links in documentation, do not.
+//! This reads the tokens of every file under `src/`, not only its `use` lines, so a path within a
+//! function counts, too. Comments and links in documentation do not count.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Every module at the top of `src/`, with its floor. A module never uses its own floor or a higher one;
-/// inside a module everything goes. A new module gets its line here, on the lowest floor that works.
+/// Every top module of `src/` with its floor. A module never uses its own floor or a higher one;
+/// within a module everything is allowed. A new module gets a line here, on the lowest floor that
+/// works.
 const FLOORS: &[(&str, u32)] = &[
     ("main", 10),     // parse, run, report the error, exit code
     ("exhausted", 9), // of the program alone: no memory is left
@@ -46,7 +47,7 @@ const FLOORS: &[(&str, u32)] = &[
     ("error", 0), // what goes wrong anywhere
 ];
 
-/// Where `unsafe` may stand: folders, and single files.
+/// Folders and single files that may contain `unsafe`.
 const UNSAFE_ALLOWED: &[&str] = &[
     "src/accel/embree/",
     "src/accel/bvh/simd/",
@@ -56,7 +57,7 @@ const UNSAFE_ALLOWED: &[&str] = &[
     "src/memory/freed.rs",
 ];
 
-/// `main.rs` stays shorter than this: what it does belongs in `cli`.
+/// Maximum number of lines of `main.rs`: everything else belongs in `cli`.
 const MAIN_LINES: usize = 40;
 
 #[test]
@@ -92,7 +93,7 @@ fn modules_use_only_lower_floors() {
 }
 
 #[test]
-fn unsafe_code_stays_where_it_is_expected_and_says_why_it_is_sound() {
+fn unsafe_code_is_confined_and_justified() {
     let mut complaints = Vec::new();
     for file in source_files() {
         let allowed = UNSAFE_ALLOWED.iter().any(|place| {
@@ -126,7 +127,7 @@ fn main_is_short() {
 }
 
 #[test]
-fn the_reader_of_paths_sees_what_it_should() {
+fn the_reader_of_paths_finds_all_modules() {
     let text = r##"
         //! crate::comment
         use crate::{mesh::{Mesh, self}, scene, error::Error};
@@ -143,7 +144,7 @@ fn the_reader_of_paths_sees_what_it_should() {
         let modules: Vec<String> = modules.iter().map(|module| module.to_string()).collect();
         paths_to_modules(&tokens(text), &modules).into_iter().map(|(_, to)| to).collect()
     };
-    // In src/accel.rs `super::` is the crate; `super::super::` leaves it and is no path at all.
+    // In src/accel.rs `super::` is the crate. `super::super::` leaves it and is not a valid path.
     assert_eq!(
         found(&["accel"]),
         ["mesh", "scene", "error", "math", "film", "sampler", "camera", "world"]
@@ -151,7 +152,7 @@ fn the_reader_of_paths_sees_what_it_should() {
     assert_eq!(found(&["accel", "bvh"]), ["mesh", "scene", "error", "math", "film", "top"]);
 }
 
-// ---------------------------------------------------------------------------------------------------
+// -------------------------------------------------------------------------------------------------
 // Files
 
 struct Source {
@@ -205,7 +206,7 @@ fn source(path: &Path) -> Source {
     Source { name: name.join("/"), modules, tokens: tokens(&text), text }
 }
 
-/// Whether a comment with `SAFETY:` stands on this line, or above it with nothing but comments,
+/// Returns true if a `SAFETY:` comment stands on this line, or above it with only comments,
 /// attributes and the beginning of the same statement between.
 fn says_safety(text: &str, line: usize) -> bool {
     let lines: Vec<&str> = text.lines().take(line).collect();
@@ -223,14 +224,14 @@ fn says_safety(text: &str, line: usize) -> bool {
     false
 }
 
-// ---------------------------------------------------------------------------------------------------
+// -------------------------------------------------------------------------------------------------
 // Paths
 
-/// The module of the crate's root that each path of a file leads to, with its line.
+/// Returns the top module that each path of a file leads to, with its line.
 fn paths_to_modules(tokens: &[Token], modules: &[String]) -> Vec<(usize, String)> {
     let text = |at: usize| tokens.get(at).map_or("", |token: &Token| token.text.as_str());
     let mut found = Vec::new();
-    // Inside `mod name { ... }`, a `super` leads only out of that block.
+    // Inside `mod name { ... }`, `super` leads only out of that block.
     let mut braces = 0;
     let mut inline_modules = Vec::new();
     let mut at = 0;
@@ -265,7 +266,7 @@ fn paths_to_modules(tokens: &[Token], modules: &[String]) -> Vec<(usize, String)
     found
 }
 
-/// The first names of a path's rest: `a` of `a::b`, and `a` and `c` of `{a::b, c}`.
+/// Collects the first names of the rest of a path: `a` of `a::b`, and `a` and `c` of `{a::b, c}`.
 fn names_after(tokens: &[Token], start: usize, found: &mut Vec<(usize, String)>) {
     let mut push = |token: &Token| {
         if token.text.starts_with(|first: char| first.is_alphabetic() || first == '_') {
@@ -293,7 +294,7 @@ fn names_after(tokens: &[Token], start: usize, found: &mut Vec<(usize, String)>)
     }
 }
 
-// ---------------------------------------------------------------------------------------------------
+// -------------------------------------------------------------------------------------------------
 // Tokens
 
 struct Token {
@@ -301,7 +302,8 @@ struct Token {
     text: String,
 }
 
-/// The words and signs of a Rust file, without comments and without what is inside literals.
+/// Returns the words and signs of a Rust file, without comments and without the content of
+/// literals.
 fn tokens(text: &str) -> Vec<Token> {
     let text: Vec<char> = text.chars().collect();
     let mut tokens = Vec::new();
@@ -347,7 +349,7 @@ fn tokens(text: &str) -> Vec<Token> {
     tokens
 }
 
-/// Where `wanted` begins at or after `start`, or the end of the text.
+/// Returns the position of `wanted` at or after `start`, or the end of the text.
 fn find(text: &[char], start: usize, wanted: &str) -> usize {
     let wanted: Vec<char> = wanted.chars().collect();
     (start..text.len()).find(|at| text[*at..].starts_with(&wanted)).unwrap_or(text.len())

@@ -1,4 +1,4 @@
-//! Layers against the beauty, against each other and against what the scene says.
+//! Compares layers with the beauty, with each other and with the scene.
 
 mod backends;
 
@@ -18,8 +18,9 @@ use lightpath::{
 };
 use serde_json::{Value, json};
 
-/// A floor, a glossy and a mirrored ball before a background; a point light in a group of two, an
-/// area light without a name; ambient light. On large coordinates, so that P needs the origin.
+/// A floor, a glossy ball and a mirror ball in front of a background; a point light in a group of
+/// two, an area light without a name; ambient light. On large coordinates, so that P needs the
+/// origin.
 fn stage(spp: u32) -> Value {
     json!({
         "spp": spp, "nbounces": 3,
@@ -107,7 +108,7 @@ impl Rendered {
         self.film.planes.uint(self.film.planes.index(name).unwrap(), pixel)
     }
 
-    /// The sum of layers, as half-floats if asked.
+    /// Returns the sum of layers, and the sum of magnitudes. `half` rounds to half floats.
     fn sum(&self, layers: &[String], axis: usize, pixel: usize, half: bool) -> (f64, f64) {
         let suffix = ["R", "G", "B"][axis];
         let value = |layer: &String| {
@@ -146,7 +147,7 @@ fn components_and_light_groups_add_up_to_the_beauty() {
                         let (exact, _) = all.sum(layers, axis, pixel, false);
                         let off = (exact - beauty).abs();
                         assert!(off <= 2e-6 * beauty.max(1.0), "{pixel} {axis}: {exact} {beauty}");
-                        // Each half is off by no more than half of its last place.
+                        // Each half float is off by at most half a unit in its last place.
                         let (sum, size) = all.sum(layers, axis, pixel, true);
                         let written = half::f16::from_f32(beauty as f32).to_f64();
                         let bound = (size + beauty) / 2048.0 + 1e-6;
@@ -165,7 +166,7 @@ fn components_and_light_groups_add_up_to_the_beauty() {
 }
 
 #[test]
-fn layers_leave_the_beauty_as_it_is() {
+fn layers_do_not_change_the_beauty() {
     for spp in [1, 5, 16] {
         let mut plain = stage(spp);
         plain["output"]["layers"] = json!([]);
@@ -199,12 +200,12 @@ on_both! {
 }
 
 on_both! {
-    fn overscan_leaves_the_frame_as_it_is_and_goes_on_beside_it(backend: Backend) {
+    fn overscan_keeps_the_frame_and_extends_it(backend: Backend) {
         for spp in [1, 4, 16] {
             let mut scene = stage(spp);
             scene["scene"]["accelerator"] = json!(backend.name());
             let full = all_of(&scene);
-            // 60 x 40 and 9 more pixels on every side; whole tiles of margin.
+            // 60 x 40 and 9 more pixels on every side, with a margin of whole tiles.
             let window = Window { x0: 32 - 9, y0: 32 - 9, x1: 32 + 60 + 9, y1: 32 + 40 + 9 };
             let wide = with_margin(&scene, 32, Some(window), 2, Isa::detect());
             let stride = full.plan.recipe.channels.len();
@@ -216,7 +217,7 @@ on_both! {
                 };
                 assert_eq!(words(&wide, to), words(&full, from));
             }
-            // The points of the margin project into its pixels, too.
+            // Points in the margin project into their pixels, too.
             let to_ndc = camera::world_to_ndc(&checked(&scene).camera);
             let mut beside = 0;
             for pixel in (0..wide.pixels()).filter(|&pixel| wide.float("Z", pixel) < FAR) {
@@ -254,7 +255,7 @@ fn points_project_into_their_pixels() {
         hits += 1;
         let p = ["P.X", "P.Y", "P.Z"].map(|c| f64::from(all.float(c, pixel)));
         let p = [p[0], p[1], p[2], 1.0];
-        // f32 at 1000 is good for 6e-5.
+        // At 1000, f32 has a precision of 6e-5.
         assert!((times(p, &to_camera)[2] - f64::from(z)).abs() < 2e-4);
         let [x, y, _, w] = times(p, &to_ndc);
         let (x, y) = (x / w * 60.0 - (pixel % 60) as f64, y / w * 40.0 - (pixel / 60) as f64);
@@ -264,12 +265,12 @@ fn points_project_into_their_pixels() {
 }
 
 #[test]
-fn ids_name_what_is_there_and_are_never_blended() {
+fn ids_name_the_visible_object_and_are_never_blended() {
     let all = all_of(&stage(16));
     let seen: BTreeSet<u32> = (0..all.pixels()).map(|p| all.uint("objectid.id", p)).collect();
     assert_eq!(seen, BTreeSet::from([0, 1, 2, 3]));
     for pixel in 0..all.pixels() {
-        // Primitives: the quad, then the spheres.
+        // Primitives are numbered: the quad, then the spheres.
         assert_eq!(all.uint("primid.id", pixel), all.uint("objectid.id", pixel));
         assert_eq!(all.float("samples.Y", pixel), 16.0);
     }
@@ -327,11 +328,11 @@ fn a_light_group_scaled_is_the_light_scaled() {
 }
 
 #[test]
-fn shadows_say_how_much_of_a_light_is_seen() {
+fn shadow_layers_hold_the_visible_share_of_a_light() {
     let all = all_of(&stage(1));
     let mut seen = BTreeSet::new();
     for pixel in 0..all.pixels() {
-        // Two lights of one sample each; one light of five.
+        // Two lights of one sample each, and one light of five.
         let key = all.float("shadow_key.Y", pixel) * 2.0;
         let area = all.float("shadow_3.Y", pixel) * 5.0;
         assert!((key - key.round()).abs() < 1e-6 && (area - area.round()).abs() < 1e-5);
@@ -369,7 +370,7 @@ fn mattes_cover_what_alpha_covers() {
 
 #[test]
 fn variance_is_that_of_the_samples() {
-    // One light, no antialiasing of anything but the edge: most pixels do not vary at all.
+    // With one light and no antialiasing except at the edge, most pixels do not vary at all.
     let all = all_of(&stage(16));
     let edge = (0..all.pixels()).filter(|&p| all.float("variance.G", p) > 1e-3).count();
     assert!(edge > 50 && edge < all.pixels() / 2, "{edge}");

@@ -1,5 +1,5 @@
-//! Pictures of rooms whose light is a panel in the ceiling, turned, held against the independent ray tracer of
-//! `reference/`; and lights of almost no area, which are points.
+//! Pictures of rotated rooms with a light panel in the ceiling, compared with the independent ray
+//! tracer of `reference/`; and lights of almost no area, which act as points.
 
 mod program;
 mod reference;
@@ -10,11 +10,11 @@ use program::{Scratch, backends::on_both};
 use reference::{Density, Picture, compare, scene::Scene};
 use serde_json::{Value, json};
 
-/// A glossy room from -1 to 1, open towards +z, turned; its light 1 x 0.75 at the height `lamp`.
+/// A rotated glossy room from -1 to 1, open towards +z. Its light is 1 x 0.75 at the height `lamp`.
 fn room(turn: DMat3, lamp: f64, light: &dyn Fn([DVec3; 3]) -> Value) -> Value {
     let at = |x: f64, y: f64, z: f64| (turn * DVec3::new(x, y, z)).to_array();
     let matt = |mut shape: Value| {
-        // Along the ceiling, where N.L is rounding alone, a highlight would be as well.
+        // Along the ceiling N.L is only rounding, and so would be a highlight.
         shape["material"]["ks"] = json!(0);
         shape
     };
@@ -46,7 +46,7 @@ fn panel([v0, v1, v2]: [DVec3; 3]) -> Value {
             "id": [1, 1, 1], "is": [1, 1, 1], "samples": 64 })
 }
 
-/// The pictures of a backend, and with ours of `coursework`.
+/// Returns the pictures of a backend; with ours also that of `coursework`.
 fn pictures(backend: Backend, scratch: &Scratch, scene: &Value) -> Vec<(&'static str, Picture)> {
     scratch.write("s.json", &scene.to_string());
     let backends = match backend {
@@ -81,13 +81,14 @@ on_both! {
 }
 
 on_both! {
-    /// A hair behind the ceiling there is no light in the room, a hair before it there is all of it.
+    /// Just behind the ceiling the light leaves the room dark. Just in front of it the room gets
+    /// all its light.
     fn a_hair_before_and_behind_the_ceiling(backend: Backend) {
         let scratch = Scratch::new();
         let mean = |picture: &Picture| picture.pixels.iter().map(|p| p[0]).sum::<f64>() / 3600.0;
         for turn in turns() {
             let flush = pictures(backend, &scratch, &room(turn, 1.0, &panel));
-            // No surface has `ka`, so behind the ceiling nothing is left.
+            // No surface has `ka`, so a light behind the ceiling gives black.
             for (_, behind) in pictures(backend, &scratch, &room(turn, 1.0 + 1e-5, &panel)) {
                 assert_eq!(mean(&behind), 0.0);
             }
@@ -101,13 +102,14 @@ on_both! {
 }
 
 on_both! {
-    /// Lights of almost no area shine like points.
+    /// Lights of almost no area act as point lights.
     fn a_light_of_almost_no_area_is_a_point(backend: Backend) {
         let scratch = Scratch::new();
         for side in [1e-6, 1e-12, 1e-20] {
             let small = |[v0, v1, v2]: [DVec3; 3]| {
                 let [v1, v2] = [v1, v2].map(|v| v0 + (v - v0) * side);
-                // Beside coordinates of 1 doubles hold no side of 1e-20: along an axis, at 0.
+                // Next to coordinates of 1, doubles cannot hold a side of 1e-20. So it lies at 0
+                // along the axes.
                 let (v0, v1, v2) = match v1 == v0 {
                     true => (DVec3::ZERO, DVec3::X * side, DVec3::Z * side),
                     false => (v0, v1, v2),

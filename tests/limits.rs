@@ -1,5 +1,5 @@
-//! Little memory and few threads: a run ends well or with exit 3 (2 where the user set the limit or the file
-//! lies), never by an abort or a panic, and one bad input of a batch costs only itself.
+//! With little memory and few threads, a run ends normally or with exit code 3 (2 if the user set
+//! the limit or the file lies), never by an abort or a panic. One bad input of a batch fails alone.
 #![cfg(target_os = "linux")]
 
 mod program;
@@ -9,10 +9,10 @@ use std::{fs, process::Command};
 use exr::prelude::*;
 use program::{Done, PYRAMID, Scratch, names_in, sheet};
 
-/// Small pictures by a backend that is always there.
+/// Flags for small pictures with a backend that is always available.
 const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
-/// Runs the program under a limit as `ulimit` of the shell takes it: `-v KIB`, `-u PROCESSES`.
+/// Runs the program under a limit in the form of the shell's `ulimit`: `-v KIB`, `-u PROCESSES`.
 fn limited(scratch: &Scratch, limit: &str, args: &[&str]) -> Done {
     let mut command = Command::new("sh");
     command.args(["-c", &format!("ulimit {limit} && exec \"$0\" \"$@\"")]);
@@ -21,7 +21,7 @@ fn limited(scratch: &Scratch, limit: &str, args: &[&str]) -> Done {
     Done::of(&mut command)
 }
 
-/// Ended well, or said why not; the exit code.
+/// Checks that a run succeeded or gave a reason, and returns its exit code.
 #[track_caller]
 fn ended(done: &Done, allowed: &[i32], what: &str) -> i32 {
     let (code, said) = (done.code(), done.stderr());
@@ -31,8 +31,8 @@ fn ended(done: &Done, allowed: &[i32], what: &str) -> i32 {
     code
 }
 
-/// A zstd frame of blocks that each stand for 128 KiB of zeros, behind a header that promises as much:
-/// some 4 bytes for each 128 KiB.
+/// A zstd frame of blocks that each stand for 128 KiB of zeros, after a header that promises as
+/// many: some 4 bytes for each 128 KiB.
 fn bomb(vertices: u64) -> Vec<u8> {
     let header = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\n\
@@ -55,7 +55,7 @@ fn bomb(vertices: u64) -> Vec<u8> {
     bytes
 }
 
-/// A mesh that is too much at most of these limits, among others that are not.
+/// A mesh that is too large at most of these limits, among others that are not.
 #[test]
 fn a_batch_at_any_limit_of_address_space() {
     let scratch = Scratch::new();
@@ -74,7 +74,7 @@ fn a_batch_at_any_limit_of_address_space() {
     }
 }
 
-/// Every limit from one under which nothing works to one under which all does.
+/// Limits from one at which nothing works to one at which everything works.
 #[test]
 fn a_mesh_at_any_limit_of_address_space() {
     let scratch = Scratch::new();
@@ -91,7 +91,7 @@ fn a_mesh_at_any_limit_of_address_space() {
 }
 
 #[test]
-fn a_packed_file_that_unpacks_to_more_than_there_is() {
+fn a_packed_file_larger_than_memory_is_refused() {
     let scratch = Scratch::new();
     fs::write(scratch.path("scans.ply.zst"), bomb(700_000_000)).unwrap();
     assert!(fs::metadata(scratch.path("scans.ply.zst")).unwrap().len() < 400_000);
@@ -101,7 +101,7 @@ fn a_packed_file_that_unpacks_to_more_than_there_is() {
     let done = limited(&scratch, "-v 8000000", &[&render[..], &["--max-memory", "200M"]].concat());
     ended(&done, &[2], "--max-memory");
     assert!(done.stderr().contains("--max-memory"), "{}", done.stderr());
-    // It takes nobody else with it.
+    // The other inputs are rendered.
     scratch.write("a.ply", PYRAMID);
     scratch.write("z.ply", PYRAMID);
     for more in [&[][..], &["--max-memory", "400M"]] {
@@ -114,7 +114,7 @@ fn a_packed_file_that_unpacks_to_more_than_there_is() {
     }
 }
 
-/// What cannot be mapped, packed or not, keeps to the limit as what is mapped does.
+/// Files that cannot be mapped, compressed or not, keep to the limit as mapped files do.
 #[test]
 fn streams_keep_to_the_limit() {
     let scratch = Scratch::new();
@@ -135,7 +135,7 @@ fn streams_keep_to_the_limit() {
     }
 }
 
-/// An EXR of 2 x 2 pixels within a picture of any size.
+/// An EXR of 2 x 2 pixels within a frame of any size.
 fn small_in(scratch: &Scratch, name: &str, size: (usize, usize)) {
     let pixels = SpecificChannels::rgb(|at: Vec2<usize>| (at.x() as f32, at.y() as f32, 0.5));
     let attributes = LayerAttributes { layer_position: Vec2(1, 2), ..LayerAttributes::default() };
@@ -171,7 +171,7 @@ fn textures_are_sized_by_their_pixels() {
     }
 }
 
-/// As somebody who is not root, whose processes are counted.
+/// Runs as a user other than root, whose processes are counted.
 fn with_processes(scratch: &Scratch, count: u32, args: &[&str]) -> Option<Done> {
     let mut command = Command::new("setpriv");
     command.args(["--reuid", "64321", "--clear-groups", "--inh-caps=-all", "prlimit"]);
@@ -188,7 +188,7 @@ fn with_processes(scratch: &Scratch, count: u32, args: &[&str]) -> Option<Done> 
 }
 
 #[test]
-fn few_threads_are_no_panic() {
+fn few_threads_cause_no_panic() {
     use std::os::unix::fs::PermissionsExt;
     let scratch = Scratch::new();
     fs::set_permissions(scratch.path(""), fs::Permissions::from_mode(0o777)).unwrap();

@@ -1,6 +1,6 @@
-//! Scenes far from the origin of the world: moved by any shift that f64 holds exactly they give the
-//! same bytes, by any other nearly the same; and the program tells what detail single precision
-//! around the scene's own origin leaves.
+//! Scenes far from the world's origin. Moved by a shift that f64 holds exactly, they give the same
+//! bytes; by any other shift, nearly the same. The program reports the detail that single precision
+//! around the scene's own origin keeps.
 
 mod program;
 
@@ -18,10 +18,10 @@ use program::Scratch;
 use program::backends::on_both;
 use serde_json::{Value, json};
 
-/// Where surveyors are: metres east, north, up.
+/// A place in map coordinates: metres east, north, up.
 const MAP: DVec3 = DVec3::new(4_500_000.0, 500_000.0, 120.0);
 
-/// A PLY with doubles.
+/// Writes a PLY with doubles.
 fn ply(points: &[DVec3], triangles: &[[u32; 3]]) -> String {
     let mut text = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\n\
@@ -38,8 +38,8 @@ fn ply(points: &[DVec3], triangles: &[[u32; 3]]) -> String {
     text
 }
 
-/// An uneven grid of `n` by `n` cells over [-1, 1]^2, z from `height`, corners in steps of `step` (if
-/// any).
+/// An uneven grid of `n` by `n` cells over [-1, 1]^2 with z from `height`. Corners are rounded to
+/// multiples of `step` unless it is 0.
 fn relief(n: u32, step: f64, height: impl Fn(f64, f64) -> f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let at = |i: u32| 2.0 * f64::from(i) / f64::from(n) - 1.0;
     let uneven = |x: f64, y: f64| x + 0.05 / f64::from(n) * (57.0 * x + 31.0 * y).sin();
@@ -56,7 +56,7 @@ fn hills(x: f64, y: f64) -> f64 {
     0.3 * (3.1 * x).sin() * (2.7 * y).cos() + 0.05 * (11.0 * x + 7.0 * y).sin()
 }
 
-/// Everything that has a place - lens, lights of all kinds, every shape - moved by `shift`.
+/// Everything that has a position (lens, lights of all kinds, every shape), moved by `shift`.
 fn moved(folder: &Path, shift: DVec3, step: f64) -> Value {
     let (points, triangles) = relief(24, step, hills);
     let points: Vec<DVec3> = points.into_iter().map(|p| p + shift).collect();
@@ -99,7 +99,7 @@ fn load(scene: &Value, folder: &Path, resolutions: bool) -> (World, Vec<String>)
     (world, warnings.iter().map(|w| w.to_string()).collect())
 }
 
-/// The bits of all pixels.
+/// Returns the bits of all pixels.
 fn render(world: &World, backend: Backend) -> Vec<[u32; 4]> {
     let (monitor, isa) = (Monitor::default(), Isa::detect());
     let accelerator = program::backends::build(&world.geometry, backend);
@@ -109,7 +109,7 @@ fn render(world: &World, backend: Backend) -> Vec<[u32; 4]> {
     film.pixels.iter().map(|p| p.map(f32::to_bits)).collect()
 }
 
-/// Pictures at the origin and moved by `shift`.
+/// Returns the pictures at the origin and moved by `shift`.
 fn pictures(backend: Backend, shift: DVec3, step: f64) -> [Vec<[u32; 4]>; 2] {
     let folder = tempfile::tempdir().unwrap();
     let worlds = [DVec3::ZERO, shift]
@@ -117,14 +117,14 @@ fn pictures(backend: Backend, shift: DVec3, step: f64) -> [Vec<[u32; 4]>; 2] {
     worlds.each_ref().map(|world| render(world, backend))
 }
 
-/// How many different values: a picture that shows something has many.
+/// Returns the number of different values: a picture with content has many.
 fn variety(picture: &[[u32; 4]]) -> usize {
     picture.iter().collect::<BTreeSet<_>>().len()
 }
 
 on_both! {
 fn an_exact_shift_gives_the_same_bytes(backend: Backend) {
-    // Steps of 2^-20 are held exactly around 4.5e6, where f64 has steps of 2^-30.
+    // Steps of 2^-20 are exact around 4.5e6, where f64 has steps of 2^-30.
     for shift in [MAP, -MAP, DVec3::new(0.0, 1e9, -3.25)] {
         let [here, there] = pictures(backend, shift, 1.0 / f64::from(1 << 20));
         assert!(variety(&here) > 2000, "only {} values", variety(&here));
@@ -185,10 +185,10 @@ fn two_meshes_far_apart_are_each_as_exact_as_single_precision_allows() {
     assert!(!warnings.iter().any(|w| w.contains("collapse")), "{warnings:?}");
 }
 
-/// A scene of two fine meshes, cells of a centimetre, `apart` from each other; how many edges f32
-/// around `origin` loses.
+/// A scene of two fine meshes, cells of a centimetre, `apart` from each other. Returns a function
+/// that counts the edges that f32 around an origin loses.
 fn two_fine_meshes(scratch: &Scratch, apart: f64) -> impl Fn(DVec3) -> usize {
-    // Snapped: rows and columns are straight.
+    // Rounded to the grid, so rows and columns are straight.
     let (points, triangles) = relief(10, 0.2, |_, _| 0.0);
     let places = [DVec3::ZERO, DVec3::X * apart];
     let meshes = places.map(|place| points.iter().map(|&p| p * 0.05 + place).collect::<Vec<_>>());
@@ -214,13 +214,13 @@ fn two_fine_meshes(scratch: &Scratch, apart: f64) -> impl Fn(DVec3) -> usize {
     }
 }
 
-/// The origin that `info` names.
+/// Returns the origin in the report of `info`.
 fn origin_of(info: &Value) -> DVec3 {
     serde_json::from_value::<[f64; 3]>(info["resolution"]["origin"].clone()).unwrap().into()
 }
 
 #[test]
-fn info_tells_the_resolution_and_render_warns_of_lost_edges() {
+fn info_reports_the_resolution_and_render_warns_of_lost_edges() {
     let scratch = Scratch::new();
     let lost_around = two_fine_meshes(&scratch, 1e6);
     let info = scratch.run(&["info", "--json", "s.json"]);
@@ -238,7 +238,7 @@ fn info_tells_the_resolution_and_render_warns_of_lost_edges() {
     let line = text.stdout();
     let line = line.lines().find(|l| l.contains("resolution of the scene")).unwrap().to_string();
     assert!(line.contains("3.12e-2") && line.contains(&format!("{lost} edges collapse")), "{line}");
-    // They count in different ways: info before rounding, render after it.
+    // The two count in different ways: `info` before rounding, `render` after it.
     let [info, render] =
         [&["info", "s.json"][..], &["render", "s.json", "-o", "out"]].map(|args| {
             let done = scratch.run(args);
@@ -252,7 +252,7 @@ fn info_tells_the_resolution_and_render_warns_of_lost_edges() {
 }
 
 #[test]
-fn where_no_edge_is_lost_nothing_is_said() {
+fn there_is_no_warning_without_lost_edges() {
     let scratch = Scratch::new();
     let lost_around = two_fine_meshes(&scratch, 1.0);
     let info = scratch.run(&["info", "--json", "s.json"]);
@@ -264,7 +264,7 @@ fn where_no_edge_is_lost_nothing_is_said() {
     assert!(!done.stderr().contains("collapse"), "{}", done.stderr());
 }
 
-/// A file of floats, made so small and put so far away that its corners fall together.
+/// A file of floats, scaled so small and moved so far away that its corners coincide.
 #[test]
 fn render_warns_of_lost_edges_in_files_of_floats() {
     let scratch = Scratch::new();
@@ -280,8 +280,8 @@ fn render_warns_of_lost_edges_in_files_of_floats() {
                   "v2": [4096, -1, -4096], "v3": [-4096, -1, -4096], "material": {} }] }
         })
     };
-    // Around x = 4000 f32 has steps of 2^-12 = 2.4e-4: the two sides along x have no length left. The
-    // other edges have ends apart in y or z, where it is fine.
+    // Around x = 4000 f32 has steps of 2^-12 = 2.4e-4, so the two sides along x have no length
+    // left. The ends of the other edges differ in y or z, where f32 is finer.
     for (size, lost) in [(1.0, 0), (3e-5, 2)] {
         scratch.write("s.json", &scene(size).to_string());
         let info = scratch.run(&["info", "--json", "s.json"]);
@@ -295,14 +295,15 @@ fn render_warns_of_lost_edges_in_files_of_floats() {
 }
 
 #[test]
-fn info_tells_the_resolution_of_a_mesh_file_around_its_own_middle() {
+fn info_reports_the_resolution_of_a_mesh_file_around_its_middle() {
     let scratch = Scratch::new();
     let (points, triangles) = relief(8, 0.0, hills);
     let points: Vec<DVec3> = points.into_iter().map(|p| p * 4.0 + MAP).collect();
     scratch.write("far.ply", &ply(&points, &triangles));
     let info = scratch.run(&["info", "--json", "far.ply"]);
     let value: Value = serde_json::from_str(&info.stdout()).unwrap();
-    // Eight units across: the farthest coordinate is about 4, whose neighbours are 2^-22 to 2^-21 apart.
+    // The mesh is eight units across. The farthest coordinate is about 4, where neighbours are
+    // 2^-22 to 2^-21 apart.
     let ulp = value["resolution"]["ulp"].as_f64().unwrap();
     assert!(ulp == 1.0 / f64::from(1 << 22) || ulp == 1.0 / f64::from(1 << 21), "{ulp:e}");
     assert_eq!(value["resolution"]["collapsed_edges"], json!(0));

@@ -1,4 +1,4 @@
-//! A backend that answers wrong is found out, and only that one.
+//! A backend with wrong answers is detected, and only that one.
 
 mod backends;
 
@@ -31,7 +31,7 @@ fn world() -> World {
     World::load(&scene, LoadOptions::default(), &Monitor::default()).unwrap().0
 }
 
-/// What is wrong with it.
+/// A defect of a backend.
 #[derive(Clone, Copy, PartialEq)]
 enum Fault {
     /// Every hit of every lane 3 is lost.
@@ -73,7 +73,7 @@ impl Accelerator for Faulty<'_> {
     }
 }
 
-/// Rays of lane 3 that (hit, miss).
+/// Returns how many rays of lane 3 hit and how many miss.
 fn in_lane_3(recording: &Recording, class: Class, mode: Mode, right: &dyn Accelerator) -> [u64; 2] {
     let replay = Replay { class, mode, packets: recording.of(class) };
     let answers = replay.answers(right);
@@ -85,7 +85,7 @@ fn in_lane_3(recording: &Recording, class: Class, mode: Mode, right: &dyn Accele
 }
 
 on_both! {
-    fn what_is_wrong_is_counted_and_what_is_right_is_not(backend: Backend) {
+    fn only_wrong_answers_are_counted(backend: Backend) {
         let world = world();
         let right = backends::build(&world.geometry, backend);
         let recording = record(&world, &*right, usize::MAX >> 8, 1, &Monitor::default()).unwrap();
@@ -108,7 +108,7 @@ on_both! {
                     assert_eq!(agreement.disagreements(), expected, "{}", class.name());
                     assert_eq!(agreement.same, rays - expected);
                     assert_eq!(scores[0].wrong, 0, "{}", class.name());
-                    // The few rays along edges refute nobody.
+                    // The few rays along edges refute no backend.
                     let found = scores[1].wrong;
                     assert!(
                         found <= expected && 1000 * (expected - found) <= 5 * expected,

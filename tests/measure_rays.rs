@@ -1,4 +1,4 @@
-//! The rays that are recorded of a scene: all classes, the renderer's own, the same every time.
+//! The recorded rays of a scene: all classes, the renderer's own rays, and the same every time.
 
 mod backends;
 
@@ -85,7 +85,7 @@ on_both! {
 }
 
 on_both! {
-    fn a_bound_is_kept_and_what_is_left_is_spread_over_the_frame(backend: Backend) {
+    fn a_limited_recording_is_spread_over_the_frame(backend: Backend) {
         let world = world(320, 256, 1, &format!("{POINT}, {AREA}"));
         for packets in [1, 7, 80, 100, 1000] {
             let rays = recorded(backend, &world, packets, 1);
@@ -123,7 +123,7 @@ on_both! {
     fn diffuse_rays_are_cosine_distributed(backend: Backend) {
         let world = world(128, 128, 1, "");
         let rays = recorded(backend, &world, usize::MAX >> 8, 3);
-        // Those that leave the ground, whose normal is y: the mean cosine is 2/3.
+        // Rays that leave the ground, whose normal is y: their mean cosine is 2/3.
         let (mut sum, mut n) = (0.0, 0.0f64);
         for packet in rays.of(Class::Diffuse) {
             for i in (0..LANES).filter(|&i| packet.active.0[i] != 0 && packet.rays.leaving[i] == 0) {

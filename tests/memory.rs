@@ -1,4 +1,4 @@
-//! What is predicted of memory is what a render then takes, and `--max-memory` holds for images.
+//! The predicted memory is what a render takes, and `--max-memory` limits images.
 
 mod program;
 
@@ -29,7 +29,8 @@ fn ball(x: f64, material: Value) -> Value {
     json!({ "type": "sphere", "center": [x, 0, 0], "radius": 0.4, "material": material })
 }
 
-/// Too little memory to load Embree, or to use it, is a failure worth another try, not an Embree that is missing.
+/// Too little memory to load or use Embree gives the exit code for another try, not for a missing
+/// Embree.
 #[cfg(unix)]
 #[test]
 #[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
@@ -53,7 +54,7 @@ fn embree_without_memory_may_be_tried_again() {
     assert!(not_loaded > 0, "Embree was loaded in whatever was left");
 }
 
-/// `memory` of `info` and of the statistics of a render.
+/// Returns `memory` of `info` and of the statistics of a render.
 fn predicted_and_found(scratch: &Scratch, backend: Backend) -> [Value; 2] {
     let backend = ["--backend", backend.name()];
     let info = scratch.run(&[&["info", "s.json", "--json"], &backend[..]].concat());
@@ -65,7 +66,7 @@ fn predicted_and_found(scratch: &Scratch, backend: Backend) -> [Value; 2] {
 }
 
 on_both! {
-    fn an_accelerator_needs_what_was_predicted(backend: Backend) {
+    fn an_accelerator_needs_the_predicted_memory(backend: Backend) {
         let scratch = Scratch::new();
         fs::write(scratch.path("sheet.ply"), sheet(320)).unwrap();
         let shapes = json!([
@@ -87,7 +88,7 @@ on_both! {
 
 #[cfg(target_os = "linux")]
 on_both! {
-    /// A build gives back much of its memory at its end: room for the film.
+    /// At its end, a build gives back much of its memory, which makes room for the film.
     fn the_film_is_not_there_while_the_accelerator_is_built(backend: Backend) {
         let scratch = Scratch::new();
         fs::write(scratch.path("sheet.ply"), sheet(640)).unwrap();
@@ -106,7 +107,7 @@ on_both! {
 }
 
 #[test]
-fn textures_take_what_their_headers_promise() {
+fn textures_take_the_memory_that_their_headers_promise() {
     let scratch = Scratch::new();
     let path = |name| scratch.path(name);
     image::RgbImage::new(31, 17).save(path("rgb8.png")).unwrap();
@@ -118,7 +119,7 @@ fn textures_take_what_their_headers_promise() {
     let materials = [
         texture("rgb8.png"),
         texture("grey16.png"),
-        // The same image again is not loaded again, unless it means something else.
+        // The same image is loaded only once, unless its colour space differs.
         texture("grey16.png"),
         linear("grey16.png"),
         texture("rgba16.png"),
@@ -129,12 +130,12 @@ fn textures_take_what_their_headers_promise() {
     let [predicted, found] = predicted_and_found(&scratch, Backend::default());
     assert_eq!(predicted["texture_bytes"], found["texture_bytes"]);
     let floats = 2 * 64 * 64 + 40 * 30 + 20 * 10;
-    // The linear value of each byte stands beside the bytes.
+    // A table of the linear value of each byte is kept beside the bytes.
     let expected = 12 * floats + 3 * 31 * 17 + 256 * 4;
     assert_eq!(found["texture_bytes"], expected);
 }
 
-/// A scene with a texture of 3000 x 2000 16-bit texels, of 72 MB in memory.
+/// A scene with a texture of 3000 x 2000 16-bit texels, which takes 72 MB in memory.
 fn large_texture() -> Scratch {
     let scratch = Scratch::new();
     image::DynamicImage::new_luma16(3000, 2000).save(scratch.path("large.png")).unwrap();
@@ -164,7 +165,7 @@ fn a_texture_is_not_decoded_beyond_the_budget() {
         let options = LoadOptions { texture_bytes: Some(bytes), ..LoadOptions::default() };
         World::load(&scene, options, &Monitor::default()).map(|(world, _)| world.texture_bytes())
     };
-    // While it is decoded, 6 bytes a texel stand beside the 12.
+    // During decoding, a texel takes 6 bytes besides its 12.
     let decoding = 18 * 3000 * 2000;
     assert_eq!(load(decoding), Ok(12 * 3000 * 2000));
     let error = load(decoding - 1).unwrap_err();

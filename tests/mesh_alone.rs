@@ -1,11 +1,11 @@
-//! A mesh without a scene: what its picture shows, and what is said about it.
+//! A mesh without a scene: its picture and its messages.
 
 mod program;
 
 use program::{Done, Scratch};
 use serde_json::Value;
 
-/// A box of 2 x 2 x `long`, its vertices shared, from -1 in y up; `more` stands in the header.
+/// A box of 2 x 2 x `long` with shared vertices, from -1 in y up. `more` is added to the header.
 fn block(long: f32, more: &str) -> String {
     let corner = |k: u32| {
         let side = |axis: u32| (k >> axis & 1) as f32 * 2.0 - 1.0;
@@ -35,7 +35,7 @@ fn render(scratch: &Scratch, mesh: &str, flags: &[&str]) -> Done {
     scratch.run(&[&["render", mesh, "--size", "48x48", "-o", "o"], flags].concat())
 }
 
-/// The picture of a mesh that is rendered without a complaint.
+/// Returns the picture of a mesh that renders without messages.
 #[track_caller]
 fn picture(scratch: &Scratch, mesh: &str, flags: &[&str]) -> Vec<(String, Vec<u32>)> {
     render(scratch, mesh, flags).good();
@@ -59,7 +59,7 @@ fn a_block_is_flat_and_a_ball_is_smooth() {
 }
 
 #[test]
-fn a_scene_says_at_which_angle_edges_are_creases() {
+fn a_scene_sets_the_crease_angle() {
     let scratch = Scratch::new();
     scratch.write("block.ply", &block(2.0, ""));
     let of = |smooth: &str| {
@@ -86,7 +86,7 @@ fn a_scene_says_at_which_angle_edges_are_creases() {
     }
 }
 
-/// Alpha of the lower left pixel, where the studio's ground is seen.
+/// Returns alpha of the lower left pixel, which shows the studio's ground.
 fn corner_alpha(scratch: &Scratch) -> f32 {
     let channels = scratch.channels("o.exr");
     let alpha = &channels.iter().find(|(name, _)| name == "A").unwrap().1;
@@ -94,7 +94,7 @@ fn corner_alpha(scratch: &Scratch) -> f32 {
 }
 
 #[test]
-fn transparent_is_a_cut_out() {
+fn a_transparent_picture_has_no_ground() {
     let scratch = Scratch::new();
     scratch.write("block.ply", &block(2.0, ""));
     let planes = |flags: &[&str]| {
@@ -107,14 +107,14 @@ fn transparent_is_a_cut_out() {
     assert_eq!((planes(&[]), corner_alpha(&scratch)), (1, 1.0));
     assert_eq!((planes(&["--transparent"]), corner_alpha(&scratch)), (0, 0.0));
     assert_eq!((planes(&["--no-ground"]), corner_alpha(&scratch)), (0, 1.0));
-    // A template of the user's keeps its ground unless the flag is there.
+    // A user's template keeps its ground unless the flag is given.
     render(&scratch, "block.ply", &["--write-scene", "template.json"]).good();
     assert_eq!(planes(&["--transparent", "--template", "template.json"]), 1);
     assert_eq!(planes(&["--transparent", "--template", "template.json", "--no-ground"]), 0);
 }
 
 #[test]
-fn a_texture_by_flag_and_what_is_said_without_one() {
+fn a_texture_by_flag_and_notes_without_one() {
     let scratch = Scratch::new();
     scratch.write("a.ply", &square(""));
     scratch.write("named.ply", &square("comment TextureFile i.ppm\n"));
@@ -149,7 +149,7 @@ fn a_texture_by_flag_and_what_is_said_without_one() {
 }
 
 #[test]
-fn a_mesh_that_lies_on_its_side_is_asked_about() {
+fn a_mesh_on_its_side_gives_a_note() {
     let scratch = Scratch::new();
     scratch.write("tall.ply", &block(6.0, ""));
     scratch.write("cube.ply", &block(2.0, ""));
@@ -179,7 +179,7 @@ fn the_counts_are_those_of_the_mesh() {
 }
 
 #[test]
-fn a_job_says_how_meshes_look() {
+fn a_job_sets_the_look_of_meshes() {
     let scratch = Scratch::new();
     scratch.write("a.ply", &square(""));
     scratch.write("i.ppm", IMAGE);

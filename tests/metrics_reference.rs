@@ -1,5 +1,5 @@
-//! FLIP and SSIM against other programs: the authors' package flip-evaluator, and scikit-image.
-//! scripts/make_metric_references.py writes the pictures and the values.
+//! Compares FLIP and SSIM with other programs: the authors' package flip-evaluator, and
+//! scikit-image. scripts/make_metric_references.py writes the pictures and the values.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use lightpath::measure::{
 };
 use serde_json::Value;
 
-/// Their sums are in f32, ours in f64.
+/// Tolerances: their sums are in f32, ours in f64.
 const MEAN: f64 = 2e-6;
 const PIXEL: f64 = 2e-5;
 
@@ -17,7 +17,7 @@ fn folder() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/metrics"))
 }
 
-/// Width, and linear RGB.
+/// Returns the width, and linear RGB.
 fn read(pair: &str, which: &str) -> (usize, Vec<[f32; 3]>) {
     let of = |end: &str| folder().join(format!("{pair}-{which}.{end}"));
     let path = if of("png").exists() { of("png") } else { of("exr") };

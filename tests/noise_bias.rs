@@ -1,5 +1,5 @@
-//! `--noise` and adaptive shadows have no bias: means over seeds against a reference, before slits, grates, wires
-//! and glints from fully open to one part in 10,000.
+//! `--noise` and adaptive shadows have no bias. Means over seeds are compared with a reference, for
+//! slits, grates, wires and glints from fully open to one part in 10,000.
 
 use std::{ops::Range, path::Path};
 
@@ -16,10 +16,10 @@ use lightpath::{
 };
 use serde_json::{Value, json};
 
-/// Pixels across and down.
+/// Width and height of the picture in pixels.
 const SIDE: u32 = 16;
 
-/// What varies from scene to scene.
+/// Kind of obstacle or light in a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     /// One gap in a sheet between light and floor.
@@ -38,8 +38,8 @@ fn bar(a: f64, b: f64) -> Value {
             "material": { "ka": 0 } })
 }
 
-/// A floor below a square light. `open`: the share of the light that a slit or a grate lets through or a wire
-/// covers, or that of a pixel which a glint covers.
+/// A floor below a square light. `open` is the share of the light that a slit or grate lets through
+/// or a wire covers, or the share of a pixel that a glint covers.
 fn scene(kind: Kind, open: f64) -> Value {
     let mut shapes = match kind {
         Kind::Slit if open < 1.0 => vec![bar(-6.0, -open / 2.0), bar(open / 2.0, 6.0)],
@@ -66,7 +66,7 @@ fn scene(kind: Kind, open: f64) -> Value {
                                           "v0": [-1, 4, -1], "v1": [1, 4, -1], "v2": [-1, 4, 1] }] } })
 }
 
-/// Calls `work` with the world of a scene and what finds its hits.
+/// Calls `work` with the world of a scene and its accelerator.
 fn with_world<T>(scene: &Value, work: impl FnOnce(&mut World, &dyn Accelerator) -> T) -> T {
     let text = scene.to_string();
     let source = Source::Text { name: "scene", text: text.as_bytes(), folder: Path::new(".") };
@@ -84,7 +84,7 @@ fn film(world: &World) -> Film {
     Film::new(world.frame, Window::full(width, height)).unwrap()
 }
 
-/// Mean of a list and its standard error.
+/// Returns the mean of a list and its standard error.
 fn mean(values: &[f64]) -> [f64; 2] {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -92,13 +92,13 @@ fn mean(values: &[f64]) -> [f64; 2] {
     [mean, (variance / n).sqrt()]
 }
 
-/// Mean radiance of a film.
+/// Returns the mean radiance of a film.
 fn level(film: &Film) -> f64 {
     let sum: f64 = film.pixels.iter().flat_map(|p| &p[..3]).map(|&v| f64::from(v)).sum();
     sum / (3 * film.pixels.len()) as f64
 }
 
-/// Mean radiance with its standard error: over plain pictures of so many samples.
+/// Returns the mean radiance and its standard error, over plain pictures with `spp` samples.
 fn plain(
     world: &mut World,
     accelerator: &dyn Accelerator,
@@ -118,7 +118,7 @@ fn plain(
     mean(&levels)
 }
 
-/// The same with a target, and the mean number of samples.
+/// The same with a noise target, and the mean number of samples.
 fn adaptive(
     world: &mut World,
     accelerator: &dyn Accelerator,
@@ -151,12 +151,12 @@ fn adaptive(
     (mean(&levels), samples / (seeds.end - seeds.start) as f64)
 }
 
-/// Relative bias and z, the bias over its standard error.
+/// Returns the relative bias and z, the bias over its standard error.
 fn bias([found, error]: [f64; 2], [truth, exact]: [f64; 2]) -> [f64; 2] {
     [(found - truth) / truth, (found - truth) / error.hypot(exact)]
 }
 
-/// Seeds of references, apart from those of what is measured.
+/// Seeds of the references, apart from those of the measured pictures.
 const REFERENCE: Range<i64> = 1000..1032;
 
 #[test]
@@ -178,14 +178,15 @@ fn the_mean_of_a_picture_does_not_depend_on_when_its_pixels_stop() {
         let case = format!("{kind:?} {open}, {noise} of {relative:?}");
         eprintln!("{case}: {samples:.1} samples, bias {off:.1e}, z {z:.1}");
         assert!(off.abs() <= 1e-3 || z.abs() <= 3.0, "{case}: bias {off:.1e}, z {z:.1}");
-        // There is something to decide.
+        // Adaptive sampling has taken more than the first pass.
         assert!(samples > 16.5, "{case}: {samples}");
     }
 }
 
-/// The table of docs/notebook/sampling.md: `cargo test --release --test noise_bias -- --ignored --nocapture`, some minutes.
+/// Prints the table of docs/notebook/sampling.md:
+/// `cargo test --release --test noise_bias -- --ignored --nocapture`, which takes some minutes.
 #[test]
-#[ignore = "256 seeds of 200 cases"]
+#[ignore = "256 seeds of 216 cases"]
 fn the_table_of_biases() {
     println!("| scene | part | target | of | samples | RMS over seeds | bias | z |");
     println!("|---|---|---|---|---|---|---|---|");
@@ -209,7 +210,8 @@ fn the_table_of_biases() {
     }
 }
 
-/// A ball and its shadow from a near light of another colour for its gloss, over a glossy floor.
+/// A ball over a glossy floor. Its near light casts a shadow and has another colour for specular
+/// light.
 fn penumbra() -> Value {
     json!({ "nbounces": 1,
             "camera": { "type": "pinhole", "width": 36, "height": 24, "fov": 45,

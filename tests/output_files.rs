@@ -1,5 +1,5 @@
-//! What is written can be read back by the crates' own readers, twice the same, and whole or not
-//! at all.
+//! Written files can be read by the crates' own readers, are the same every time, and are complete
+//! or absent.
 
 use std::{fs, io::Cursor, path::Path};
 
@@ -16,7 +16,7 @@ use lightpath::{
 
 const CLAMP: Tonemap = Tonemap { operator: ToneOperator::Clamp, exposure: 0.0, srgb: false };
 
-/// A 7 x 5 crop of a 20 x 10 frame, every pixel different.
+/// A 7 x 5 crop of a 20 x 10 frame with different pixels.
 fn film() -> Film {
     let window = Window { x0: 3, y0: 2, x1: 10, y1: 7 };
     let mut film = Film::new([20, 10], window).unwrap();
@@ -131,7 +131,7 @@ fn exr_bytes_are_the_same_every_time() {
 }
 
 #[test]
-fn what_half_cannot_hold_is_clamped_and_counted() {
+fn values_beyond_half_floats_are_clamped_and_counted() {
     let mut film = film();
     film.pixels[8] = [1e6, 0.0, -1e6, 1.0];
     film.pixels[9] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1.0];
@@ -229,7 +229,7 @@ fn sixteen_bits_hold_more_and_mean_the_same() {
     }
 }
 
-/// Layers of every kind, 33 rows: three blocks of ZIP, the last one short.
+/// Layers of every kind and 33 rows: three blocks of ZIP, the last one short.
 fn layered() -> Film {
     let channels =
         [("N.X", ChannelKind::Half), ("Z", ChannelKind::Float), ("id.id", ChannelKind::Uint)];
@@ -297,7 +297,7 @@ fn every_compression_and_part_holds_the_same_values() {
     }
 }
 
-/// OpenEXR sets bit 10 of the version field for names of 32 to 255 bytes, and only then.
+/// OpenEXR sets bit 10 of the version field only if a name has 32 to 255 bytes.
 #[test]
 fn long_names_of_channels_and_attributes_are_announced() {
     let flag = |channel: usize, attribute: usize, multipart: bool| {

@@ -1,4 +1,4 @@
-//! The tone operators against values worked out by hand from docs/scene-format.md.
+//! Compares the tone operators with values computed by hand from docs/scene-format.md.
 
 use lightpath::{
     output::tonemap::to_bytes,

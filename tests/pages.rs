@@ -19,7 +19,7 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// A folder with one page of each kind.
+/// Makes a folder with one page of each kind.
 fn pages() -> Scratch {
     let scratch = Scratch::new();
     scratch.write("pyramid.ply", PYRAMID);
@@ -67,7 +67,7 @@ fn every_page_is_readable_on_a_telephone_and_in_the_dark() {
     for page in PAGES {
         let path = scratch.path(page);
         for (width, dark) in [(400, false), (400, true), (1280, false), (1280, true)] {
-            // The narrow one with everything open.
+            // The narrow page has all details open.
             let Some(seen) = look(&path, width, dark, width == 400) else { return };
             let case = format!("{page}, {width} pixels, dark: {dark}: {seen:?}");
             assert!(seen.errors.is_empty(), "{case}");
@@ -75,7 +75,7 @@ fn every_page_is_readable_on_a_telephone_and_in_the_dark() {
             assert!(seen.sections > 0, "{case}");
             assert!(seen.chart_text >= 11.0 || page == "out/index.html", "{case}");
             assert!(if dark { seen.background < 0.1 } else { seen.background > 0.8 }, "{case}");
-            // WCAG 2.2 asks for 4.5.
+            // WCAG 2.2 requires 4.5.
             assert!(seen.contrast >= 4.5, "{case}");
         }
     }
@@ -87,7 +87,7 @@ fn every_page_is_readable_on_a_telephone_and_in_the_dark() {
     }
 }
 
-/// All 24 layers of two pictures, and mattes by name in place of ranks.
+/// Compares two pictures with all 24 layers. Mattes are listed by name instead of by rank.
 #[test]
 fn a_comparison_is_short_and_names_mattes() {
     let scratch = pages();
@@ -101,7 +101,7 @@ fn a_comparison_is_short_and_names_mattes() {
     assert!(seen.sections > 20 && seen.height < 300 * seen.sections, "{seen:?}");
 }
 
-/// Links of a card lead to the frame that it shows.
+/// The links of a card lead to the displayed frame.
 #[test]
 fn cards_lead_to_their_frames() {
     let scratch = Scratch::new();
@@ -124,7 +124,7 @@ fn cards_lead_to_their_frames() {
     let Some(dom) = browse(&["--dump-dom"], &scratch.path("out/acted.html")) else { return };
     let said = dom.split("data-said=\"").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
     let [before, after] = ["0000", "0002"].map(|frame| {
-        // decodeURI leaves `#` as it is.
+        // decodeURI keeps `#` encoded.
         let name = format!("a %231%/a %231%.{frame}");
         format!("{name}.png,{name}.png,{name}.exr")
     });

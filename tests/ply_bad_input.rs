@@ -1,4 +1,4 @@
-//! Every bad PLY file has a message, the messages are those of docs/bad-input.md, and no
+//! Every invalid PLY file gets its message, the messages are those of docs/bad-input.md, and no
 //! sequence of bytes makes the reader panic.
 
 mod ply_writer;
@@ -10,12 +10,12 @@ use lightpath::mesh::{ReadOptions, TriangleCount, inspect_ply, read_ply, read_pl
 use ply_writer::{ALL, Encoding, Ply, V, numbers, read, refused};
 use proptest::prelude::*;
 
-/// A header of text lines, without data.
+/// Returns a header of text lines, without data.
 fn header(lines: &str) -> Vec<u8> {
     format!("ply\n{lines}\n").into_bytes()
 }
 
-/// A text file of three vertices with these lines for its face element.
+/// Returns a text file of three vertices with these lines for its face element.
 fn text(vertices: &str, faces: &str) -> Vec<u8> {
     format!(
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty uchar z\n\
@@ -28,7 +28,7 @@ fn binary(ply: Ply) -> Vec<u8> {
     ply.write(Encoding::Little)
 }
 
-/// A binary file whose header says `to` where the writer wrote `from`.
+/// Returns a binary file whose header has `to` in place of `from`.
 fn lie(ply: Ply, from: &str, to: &str) -> Vec<u8> {
     let bytes = binary(ply);
     let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
@@ -43,7 +43,7 @@ const V: &str = "0 0 0\n1 0 0\n0 1 0";
 const START: &str =
     "format ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
 
-/// What the file is, the file, and the first line of what is said about it.
+/// Returns description, content, and first line of the message of each invalid file.
 fn cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
     let mut cases = not_ply_cases();
     cases.extend(header_cases());
@@ -315,7 +315,7 @@ fn data_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
     ]
 }
 
-/// One polygon around a circle with a corner in the centre.
+/// A polygon around a circle with one corner in the centre.
 fn dented(corners: usize) -> Ply {
     let point = |i: usize| {
         let (sin, cos) = (i as f64 / corners as f64 * std::f64::consts::TAU).sin_cos();
@@ -351,7 +351,7 @@ fn the_program_refuses_every_bad_file() {
 }
 
 #[test]
-fn the_table_in_the_docs_is_what_happens() {
+fn the_table_in_the_docs_matches_the_program() {
     let docs = include_str!("../docs/bad-input.md");
     let table = docs.split("\n## Meshes\n").nth(1).unwrap().split("\n## ").next().unwrap();
     let rows = cases().into_iter().map(|(what, _, message)| (what, message)).chain(path_cases());
@@ -406,7 +406,7 @@ fn bad_paths() {
 }
 
 #[test]
-fn both_kinds_of_bad_vertex_are_told_at_once_with_the_way_out() {
+fn both_kinds_of_invalid_vertex_are_reported_at_once_with_help() {
     let rows = numbers(&[[0., 0., 0.], [1., f64::NAN, 0.], [1., 1., 0.]]);
     let ply = Ply::new()
         .element("vertex", &["float x", "float y", "float z"], rows)
@@ -416,7 +416,7 @@ fn both_kinds_of_bad_vertex_are_told_at_once_with_the_way_out() {
     assert!(said.ends_with("help: --repair drops the 2 triangles that use them"), "{said}");
 }
 
-/// Small files whose every byte matters.
+/// Small files in which every byte matters.
 fn samples() -> Vec<Ply> {
     let vertex = |x: f64, y: f64| vec![V::N(x), V::N(y), V::N(3.0), V::N(1.0)];
     let properties = ["float x", "float y", "float z", "uchar red"];
@@ -447,7 +447,7 @@ fn a_file_cut_at_any_byte_is_refused() {
         for encoding in ALL {
             let bytes = ply.write(encoding);
             assert!(read(&bytes).is_ok());
-            // A text file may lack the end of its last line.
+            // A text file may lack its last line end.
             let last = bytes.len() - usize::from(encoding == Encoding::Ascii);
             for length in 0..last {
                 assert!(

@@ -1,6 +1,6 @@
-//! Files of many writers (`scripts/make_ply_corpus.py`): the valid ones give what their writers were
-//! given, the invalid ones the expected error; and whatever is cut off or changed, the answer is an
-//! error or a valid mesh, in bounded memory.
+//! Files of many writers (`scripts/make_ply_corpus.py`). Valid files give the data that their
+//! writers got, invalid ones the expected error. Truncated or changed files give an error or a
+//! valid mesh, in bounded memory.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,14 +13,15 @@ use serde_json::Value;
 #[global_allocator]
 static ALLOCATED: PeakAlloc = PeakAlloc;
 
-/// One test at a time: another one's memory must not be counted.
+/// Runs one test at a time, because memory is counted for the whole process.
 static ALONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(|failed| failed.into_inner())
 }
 
-/// All meshes of `tests/ply/FOLDER`, each with the file beside it of the same name and another end.
+/// Returns all meshes of `tests/ply/FOLDER`, each with the content of the file that has the same
+/// name and the ending `beside`.
 fn corpus(folder: &str, beside: &str) -> Vec<(PathBuf, String)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ply").join(folder);
     let paths = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
@@ -39,14 +40,14 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap().to_str().unwrap().to_string()
 }
 
-/// Meshes of several millions of bytes would look at several windows; small ones must do.
+/// Sizes of the window in bytes. Small ones make small meshes span several windows.
 const WINDOWS: [usize; 4] = [1, 17, 100, 1000];
 
-/// The mesh, which must be the same in every way of reading it.
+/// Returns the mesh, which must be the same in every way of reading it.
 fn read_in_all_ways(path: &Path) -> Mesh {
     let options = ReadOptions::default();
     let mut mesh = read_ply(path, options).unwrap_or_else(|error| panic!("{error}"));
-    // Bytes in memory are no file.
+    // Bytes in memory have no stamp.
     mesh.notes.stamp = None;
     let expected = format!("{mesh:?}");
     let bytes = fs::read(path).unwrap();
@@ -64,7 +65,7 @@ fn read_in_all_ways(path: &Path) -> Mesh {
 }
 
 #[test]
-fn valid_files_hold_what_their_writers_were_given() {
+fn valid_files_hold_the_data_of_their_writers() {
     let _alone = alone();
     let files = corpus("valid", "json");
     assert!(files.len() > 40, "{}", files.len());
@@ -95,7 +96,7 @@ fn valid_files_hold_what_their_writers_were_given() {
     }
 }
 
-/// Area and box, as far as writers with few digits can tell.
+/// Checks area and box as precisely as writers with few digits allow.
 fn check_shape(mesh: &Mesh, expected: &Value, place: &str) {
     let corners = |t: &[u32; 3]| t.map(|v| mesh.positions.get(v as usize));
     let area = |t: &[u32; 3]| {
@@ -142,7 +143,7 @@ fn invalid_files_get_the_expected_error() {
     }
 }
 
-/// What `Mesh` promises.
+/// Checks the invariants of `Mesh`.
 fn check_validity(mesh: &Mesh) {
     let count = mesh.positions.len();
     for &[a, b, c] in &mesh.triangles {
@@ -167,7 +168,8 @@ fn check_validity(mesh: &Mesh) {
     }
 }
 
-/// Reads `bytes`: an error or a valid mesh, in at most 64 MiB and four times the file.
+/// Reads `bytes`. Requires an error or a valid mesh, in at most 64 MiB and four times the file's
+/// size.
 fn survives(bytes: &[u8], what: &str) -> bool {
     let before = ALLOCATED.current_usage();
     ALLOCATED.reset_peak_usage();
@@ -216,7 +218,7 @@ fn any_byte_may_be_changed() {
     assert!(read > 10_000 && refused > 10_000, "{read} read, {refused} refused");
 }
 
-/// A zstd frame of one block that is not compressed, with a window as RFC 8878 writes it.
+/// A zstd frame with one uncompressed block, and a window in the form of RFC 8878.
 fn frame(window: u8, data: &[u8]) -> Vec<u8> {
     let block = ((data.len() as u32) << 3 | 1).to_le_bytes();
     [&[0x28, 0xb5, 0x2f, 0xfd, 0, window][..], &block[..3], data].concat()
@@ -228,7 +230,7 @@ fn a_window_takes_no_memory_until_data_fills_it() {
     let ply =
         fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/octahedron.ply")).unwrap();
     let (first, second) = ply.split_at(ply.len() / 2);
-    // 1 KiB, 8 MiB, 96 MiB and 128 MiB; then more than a small file may ask for.
+    // 1 KiB, 8 MiB, 96 MiB and 128 MiB, then more than a small file may request.
     for window in [0x00, 0x68, 0x84, 0x88, 0x89, 0xff] {
         let packed = [frame(window, first), frame(window, second)].concat();
         assert_eq!(survives(&packed, &format!("window {window:#x}")), window <= 0x88);

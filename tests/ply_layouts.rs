@@ -1,4 +1,4 @@
-//! Every layout a PLY file may have, in all three encodings.
+//! Every layout that a PLY file may have, in all three encodings.
 
 mod ply_writer;
 
@@ -75,7 +75,7 @@ fn doubles_keep_their_millimetres() {
     let xyz = ["double x", "double y", "double z"];
     let mesh = read_all(&Ply::new().element("vertex", &xyz, numbers(&rows)).faces(&[&[0, 1, 2]]));
     assert_eq!(points(&mesh), rows);
-    // One double is enough.
+    // A single double is enough.
     let mixed = ["float x", "double y", "float z"];
     let mesh = read_all(
         &Ply::new()
@@ -90,10 +90,11 @@ fn polygons_are_split() {
     let l_shape =
         [[0., 0., 0.], [2., 0., 0.], [2., 1., 0.], [1., 1., 0.], [1., 2., 0.], [0., 2., 0.]];
     let xyz = ["float x", "float y", "float z"];
-    // Three times, so that no triangle is there twice.
+    // The points three times, so that no triangle occurs twice.
     let points = [l_shape; 3].concat();
     let ply = |faces: &[&[i64]]| Ply::new().element("vertex", &xyz, numbers(&points)).faces(faces);
-    // Quads alone, then mixed with a convex pentagon, a concave hexagon, and faces without area.
+    // Only quads; then quads mixed with a convex pentagon, a concave hexagon, and faces without
+    // area.
     let quads = read_all(&ply(&[&[0, 1, 2, 3], &[3, 2, 1, 0]]));
     assert_eq!(quads.triangles, [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]);
     assert_eq!(quads.notes.polygons_split, 2);
@@ -122,15 +123,15 @@ fn triangles_without_area_are_dropped_and_counted() {
         assert_eq!(mesh.notes.duplicates_dropped, 1);
         assert_eq!(mesh.notes.degenerate_dropped, 3 + u64::from(extra.len() == 4));
     }
-    // Tiny is not degenerate.
+    // A tiny triangle is not degenerate.
     let tiny = [[0., 0., 0.], [1e-30, 0., 0.], [0., 1e-30, 0.]];
     let mesh = read_all(&Ply::new().element("vertex", &xyz, numbers(&tiny)).faces(&[&[0, 1, 2]]));
     assert_eq!(mesh.triangles.len(), 1);
 }
 
 #[test]
-fn triangles_that_are_there_twice_are_dropped_and_counted() {
-    // The same corners turned, and turned over; of a quad, too. The vertices stay.
+fn duplicate_triangles_are_dropped_and_counted() {
+    // The same corners rotated and reversed, also of a quad. The vertices stay.
     let faces = [&[0, 1, 2][..], &[3, 1, 2], &[1, 2, 0], &[2, 1, 0], &[3, 2, 4, 1], &[0, 1, 4]];
     let mesh = read_all(&Ply::new().curve(7).faces(&faces));
     assert_eq!(mesh.triangles, [[0, 1, 2], [3, 1, 2], [3, 2, 4], [3, 4, 1], [0, 1, 4]]);
@@ -139,7 +140,7 @@ fn triangles_that_are_there_twice_are_dropped_and_counted() {
 }
 
 #[test]
-fn the_texture_of_most_triangles_is_the_one_that_is_named() {
+fn the_texture_of_most_triangles_is_used() {
     let face = |corners: [f64; 3], number: f64| {
         vec![V::L(corners.to_vec()), V::L(vec![0.5; 6]), V::N(number)]
     };
@@ -216,7 +217,7 @@ fn texture_coordinates_per_face() {
     }
     assert_eq!(mesh.texture_file.as_deref(), Some("my texture.png"));
     assert_eq!(mesh.notes.ignored, ["face.flags"]);
-    // Only empty lists: as if there were none.
+    // If all lists are empty, the mesh has no coordinates.
     let bare = Ply::new().curve(4).element("face", &properties, vec![face(&[1, 2, 3], &[])]);
     assert!(read_all(&bare).uvs.is_none());
 }
@@ -255,7 +256,7 @@ fn strips() {
     let mesh = read_all(&ply);
     assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 3], [4, 5, 6], [7, 6, 5]]);
     assert_eq!((mesh.notes.faces, mesh.notes.degenerate_dropped), (6, 2));
-    // Beside faces, in the order of the file; unsigned restarts.
+    // Strips beside faces, in the order of the file, with unsigned restarts.
     let strips = lists(&[&[0, 1, 2, u32::MAX as i64, 1, 2, 3]]);
     let both = Ply::new()
         .element("tristrips", &["list uint uint vertex_index"], strips)
@@ -295,7 +296,7 @@ fn other_elements_orders_and_properties() {
 }
 
 #[test]
-fn headers_as_they_come() {
+fn unusual_headers_are_read() {
     let plain = Ply::new().curve(4).faces(&[&[0, 1, 2]]);
     let fancy = plain
         .clone()
@@ -308,7 +309,7 @@ fn headers_as_they_come() {
     for encoding in ALL {
         let mesh = read(&fancy.write(encoding)).unwrap();
         assert_eq!(mesh.texture_file.as_deref(), Some("a.png"));
-        // CRLF, in the data of a text file too.
+        // CRLF, also in the data of a text file.
         let bytes = fancy.write(encoding);
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
         let (head, data) = bytes.split_at(end);
@@ -322,7 +323,7 @@ fn headers_as_they_come() {
         both.extend(if encoding == Encoding::Ascii { crlf(data) } else { data.to_vec() });
         let crlf = read(&both).unwrap();
         assert_eq!((crlf.triangles, crlf.texture_file), (mesh.triangles, mesh.texture_file));
-        // Bytes that no element declares.
+        // Bytes that belong to no element.
         let mut long = bytes.clone();
         long.extend(b"4 5 6\n");
         assert_eq!(read(&long).unwrap().notes.trailing_bytes, 6);
@@ -330,7 +331,7 @@ fn headers_as_they_come() {
 }
 
 #[test]
-fn text_as_it_comes() {
+fn unusual_text_is_read() {
     let head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty double y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
     let body = "\n  1e0 -2.50E+1\t.5 \r\n\n+1 1.e-3 0.1000000000000000000000001\n0 123456789012345678901 -0\n\n \t\n3 0 1 2   ";
     let mesh = read(format!("{head}{body}").as_bytes()).unwrap();
@@ -373,7 +374,7 @@ fn many_rows_in_many_blocks() {
 }
 
 #[test]
-fn repair_drops_what_uses_bad_vertices_and_indices() {
+fn repair_drops_triangles_with_invalid_vertices_or_indices() {
     let rows = [
         [0., 0., 0.],
         [1., 0., 0.],
@@ -405,7 +406,7 @@ fn repair_drops_what_uses_bad_vertices_and_indices() {
             assert_eq!(mesh.notes.repaired_dropped, if mixed { 11 } else { 4 });
         }
     }
-    // Bad vertices that no face uses, or only a face without area, do no harm.
+    // Invalid vertices that no face uses, or only a face without area, do no harm.
     let harmless = Ply::new().element("vertex", &xyz, numbers(&rows)).faces(&[
         &[0, 1, 2],
         &[3, 3, 4],
@@ -414,7 +415,7 @@ fn repair_drops_what_uses_bad_vertices_and_indices() {
     for encoding in ALL {
         assert_eq!(read(&harmless.write(encoding)).unwrap().triangles.len(), 1);
     }
-    // Huge is finite, though the area is not.
+    // Huge coordinates are finite, though the area is not.
     let huge = [[0., 0., 0.], [1e200, 0., 0.], [0., 1e200, 1e200]];
     let ply = Ply::new()
         .element("vertex", &["double x", "double y", "double z"], numbers(&huge))
@@ -434,7 +435,7 @@ fn from_disk_mapped_and_read() {
     }
 }
 
-/// Positions in the file beyond 4 GiB: a sparse file, of which only the ends are stored.
+/// Reads positions beyond 4 GiB from a sparse file, of which only the ends are stored.
 #[cfg(target_os = "linux")]
 #[test]
 fn beyond_four_gibibytes() {

@@ -1,4 +1,5 @@
-//! Files that are packed, piped, cut short while they are read, or stopped on the way.
+//! Files that are compressed, come through a pipe, are truncated during reading, or whose reading
+//! is stopped.
 
 mod ply_writer;
 mod program;
@@ -20,7 +21,8 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
     out.finish().unwrap()
 }
 
-/// A sheet of `side * side` cells, split in turn into a quad, two triangles, or a quad and a line.
+/// A sheet of `side * side` cells, alternately split into a quad, two triangles, or a quad and a
+/// line.
 fn sheet(side: i64, triangles: bool) -> Ply {
     let row = side + 1;
     let points: Vec<[f64; 3]> =
@@ -42,7 +44,7 @@ fn sheet(side: i64, triangles: bool) -> Ply {
 fn same(found: &Result<Mesh>, expected: &Result<Mesh>, what: &str) {
     match (found, expected) {
         (Ok(found), Ok(expected)) => {
-            // A file has a stamp, bytes in memory have none.
+            // A file has a stamp; bytes in memory have none.
             let shown = |mesh: &Mesh| {
                 let mut mesh = mesh.clone();
                 mesh.notes.stamp = None;
@@ -151,7 +153,7 @@ fn blank_lines_lie_across_windows() {
 }
 
 #[test]
-fn what_ends_early_says_where() {
+fn truncated_files_name_the_place() {
     let bytes = sheet(30, true).write(Encoding::Little);
     let cut = gzip(&bytes[..bytes.len() - 5]);
     let error = read_ply_bytes(&cut, "a.ply", ReadOptions::default()).unwrap_err().to_string();
@@ -179,9 +181,9 @@ fn packed_meshes_render_under_their_own_name() {
     }
 }
 
-/// The program lives on, and does not take a part of the file for the whole.
+/// The program survives, and does not take a part of the file for the whole.
 #[test]
-fn a_file_that_is_cut_short_meanwhile_is_refused() {
+fn a_file_truncated_while_it_is_read_is_refused() {
     let bytes = sheet(700, false).write(Encoding::Little);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
@@ -197,7 +199,7 @@ fn a_file_that_is_cut_short_meanwhile_is_refused() {
         match read {
             Ok(mesh) => assert_eq!(mesh.notes.faces, 700 * 700 * 5 / 3),
             Err(error) => {
-                // Where it was cut before it was opened, it is just too short.
+                // If it was truncated before it was opened, it is just too short.
                 assert!(matches!(error.kind, Kind::Retry | Kind::Invalid), "{error}");
                 refused += usize::from(error.kind == Kind::Retry);
             }
@@ -207,7 +209,7 @@ fn a_file_that_is_cut_short_meanwhile_is_refused() {
 }
 
 #[test]
-fn reading_stops_when_asked() {
+fn reading_stops_on_a_signal() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
     let monitor = Monitor::default();
@@ -228,10 +230,10 @@ fn reading_stops_when_asked() {
     }
 }
 
-/// Also where nothing comes any more.
+/// Reading stops even if the pipe sends nothing more.
 #[cfg(unix)]
 #[test]
-fn a_pipe_that_says_nothing_can_be_left() {
+fn reading_a_silent_pipe_can_be_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pipe.ply");
     if !make_pipe(&path) {
@@ -255,7 +257,7 @@ fn a_pipe_that_says_nothing_can_be_left() {
         assert!(took < Duration::from_secs(5), "{took:?}");
         drop(pipe);
     });
-    // And one that says everything is read.
+    // A pipe that sends everything is read completely.
     let path = folder.path().join("other.ply");
     assert!(make_pipe(&path));
     std::thread::scope(|scope| {
@@ -271,7 +273,7 @@ fn make_pipe(path: &Path) -> bool {
     std::process::Command::new("mkfifo").arg(path).status().is_ok_and(|status| status.success())
 }
 
-/// `TextureFile` is what a material without `tPath` gets, in scenes, too.
+/// `TextureFile` applies to a material without `tPath`, in scenes, too.
 #[test]
 fn the_texture_of_the_file_is_used_where_the_material_has_none() {
     let scratch = program::Scratch::new();

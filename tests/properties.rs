@@ -1,5 +1,6 @@
 //! Properties of hits over sixteen decades of coordinates: rays that leave a primitive, positions
-//! in their primitive's box, impossible rays, and packets against single rays and an f64 oracle.
+//! within their primitive's box, impossible rays, and packets compared with single rays and an f64
+//! oracle.
 
 mod backends;
 mod oracle;
@@ -21,7 +22,7 @@ use proptest::{
     test_runner::{Config, TestCaseResult, TestRunner},
 };
 
-/// The f32 below a finite `x` that is not zero, or the smallest normal number below zero.
+/// Returns the f32 below a finite `x`; for zero, the largest negative normal number.
 fn below(x: f32) -> f32 {
     match x {
         0.0 => -f32::MIN_POSITIVE,
@@ -49,7 +50,7 @@ fn unit() -> impl Strategy<Value = DVec3> {
         .prop_map(|d| d.normalize())
 }
 
-/// Three corners: anywhere each, or near one another.
+/// Three corners: all anywhere, or near each other.
 fn corners() -> impl Strategy<Value = [DVec3; 3]> {
     let far = [wide_point(), wide_point(), wide_point()];
     let near = (wide_point(), wide(), unit(), unit())
@@ -82,7 +83,7 @@ fn packet(rays: &[(DVec3, DVec3)]) -> RayPacket {
     packet
 }
 
-/// A lane's ray as it was traced: rounded to f32.
+/// Returns a lane's ray as it was traced: rounded to f32.
 fn traced(packet: &RayPacket, i: usize) -> (DVec3, DVec3) {
     let lane =
         |v: &[[f32; LANES]; 3]| DVec3::from_array([0, 1, 2].map(|axis| f64::from(v[axis][i])));
@@ -97,7 +98,7 @@ fn only(lane: usize) -> Mask {
     mask
 }
 
-/// Every lane on its own: one to three active lanes take the path of single rays.
+/// Traces every lane on its own. One to three active lanes take the path of single rays.
 fn one_by_one(accelerator: &dyn Accelerator, packet: &mut RayPacket) {
     for lane in 0..LANES {
         let lane = packet.rays.possible(&only(lane));
@@ -105,7 +106,7 @@ fn one_by_one(accelerator: &dyn Accelerator, packet: &mut RayPacket) {
     }
 }
 
-/// The box of the primitive that lane `i` hit.
+/// Returns the box of the primitive that lane `i` hit.
 fn box_of(geometry: &Geometry, packet: &RayPacket, i: usize) -> [DVec3; 2] {
     let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i] as usize);
     let points: Vec<DVec3> = if geom == geometry.spheres_id() {
@@ -161,7 +162,7 @@ fn position_is_in_the_box(
     Ok(())
 }
 
-/// A ray that leaves a hit point meets its primitive again on the far side of a sphere only.
+/// A ray that leaves a hit point can hit its primitive again only on the far side of a sphere.
 fn leaves_for_good(
     geometry: &Geometry,
     first: &Surfaces,
@@ -174,8 +175,8 @@ fn leaves_for_good(
             let Sphere { center, radius } = geometry.spheres[packet.hits.prim[i] as usize];
             let (origin, direction) = traced(second, i);
             let inward = (center - origin).dot(direction);
-            // The origin may be 1.5 ulp of each coordinate outside, from where a flat chord is missed: the
-            // line's distance from the centre squared is (radius + away)^2 - inward^2.
+            // The origin may be 1.5 ulp of each coordinate outside, where the ray misses a flat
+            // chord. The line's squared distance from the centre is (radius + away)^2 - inward^2.
             let away = 4e-7 * (center.length() + radius);
             let clear = inward > 0.0 && inward * inward > 2.0 * away * (2.0 * radius + away);
             prop_assert!(!clear, "a ray across a sphere left it without meeting the far side");
@@ -194,7 +195,7 @@ fn leaves_for_good(
     Ok(())
 }
 
-/// What becomes of sixteen rays at a triangle, a quad and a sphere, and of the rays that leave.
+/// Traces sixteen rays at a triangle, a quad and a sphere, then rays that leave their hits.
 fn hits_of(
     backend: Backend,
     triangle: [DVec3; 3],
@@ -261,8 +262,8 @@ fn run<S: Strategy>(cases: u32, input: S, test: impl Fn(S::Value) -> TestCaseRes
     }
 }
 
-/// A handful of shapes of one size within a cube of ten times that size, at any scale that the
-/// program takes without a warning.
+/// A handful of shapes of one size within a cube of ten times that size, at any scale that gives no
+/// warning.
 #[derive(Debug, Clone)]
 struct Cloud {
     scale: f64,
@@ -302,7 +303,7 @@ fn mask() -> impl Strategy<Value = Mask> {
     any::<u16>().prop_map(|bits| Mask(std::array::from_fn(|i| -i32::from(bits >> i & 1 == 1))))
 }
 
-/// Packets with any mask, single rays and shadow rays against the oracle.
+/// Compares packets with any mask, single rays and shadow rays with the oracle.
 fn agrees(
     backend: Backend,
     cloud: &Cloud,
@@ -349,7 +350,7 @@ fn agrees(
     Ok(())
 }
 
-/// A segment that ends before the closest hit is free, one that ends behind it is not.
+/// A segment that ends before the closest hit is free. One that ends behind it is occluded.
 fn shadow_agrees(
     accelerator: &dyn Accelerator,
     start: &RayPacket,
@@ -406,7 +407,7 @@ fn impossible() -> impl Strategy<Value = (DVec3, DVec3)> {
     ]
 }
 
-/// Impossible rays miss, and the other lanes get what they get without them.
+/// Impossible rays miss, and do not change the answers of the other lanes.
 fn undisturbed(
     backend: Backend,
     cloud: &Cloud,
@@ -446,7 +447,7 @@ fn undisturbed(
 }
 
 on_both! {
-    fn impossible_rays_miss_and_disturb_nobody(backend: Backend) {
+    fn impossible_rays_miss_and_do_not_affect_other_lanes(backend: Backend) {
         let input = (cloud(), rays(), vec(impossible(), LANES), mask());
         run(2048, input, |(cloud, rays, bad, mask)| undisturbed(backend, &cloud, &rays, &bad, mask));
     }

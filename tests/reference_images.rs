@@ -1,8 +1,8 @@
-//! The renderer's pictures against those of a second, independent ray tracer (`reference/`).
+//! Compares the renderer's pictures with those of a second, independent ray tracer (`reference/`).
 //!
-//! Five scenes cover the format between them. Scenes without random choices must agree pixel by
-//! pixel; scenes with area lights, lens and antialiasing must agree within the noise that their
-//! own number of samples implies. `compare.rs` states and justifies every tolerance.
+//! Five scenes cover the format. Scenes without random choices must agree pixel by pixel. Scenes
+//! with area lights, lens and antialiasing must agree within the noise that their number of samples
+//! implies. `compare.rs` states and justifies every tolerance.
 
 mod backends;
 mod reference;
@@ -12,7 +12,7 @@ use lightpath::scene::Backend;
 use reference::{Density, Picture, assets, compare, program, scene::Scene};
 use std::path::{Path, PathBuf};
 
-/// A temporary folder with the scene and every asset; gone when dropped.
+/// Makes a temporary folder with the scene and every asset.
 fn stage(name: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     assets::write_all(folder.path());
@@ -22,7 +22,7 @@ fn stage(name: &str) -> (tempfile::TempDir, PathBuf) {
     (folder, scene)
 }
 
-/// Both pictures of a scene: the renderer's, then the reference's.
+/// Returns both pictures of a scene: the renderer's, then the reference's.
 fn both(backend: Backend, name: &str) -> (Picture, Picture) {
     let (_folder, scene) = stage(name);
     let actual = program::render(&scene, backend.name());
@@ -64,7 +64,7 @@ on_both! {
     }
 }
 
-/// A picture whose colours are multiplied by `factor` wherever they come from random choices.
+/// Multiplies the pixels that come from random choices by `factor`.
 fn brightened(picture: &Picture, factor: f64) -> Picture {
     let noisy = |deviation: &[f64; 4]| deviation.iter().any(|d| *d > 0.0);
     let brighter = |(p, d): (&[f64; 4], &[f64; 4])| {
@@ -75,7 +75,7 @@ fn brightened(picture: &Picture, factor: f64) -> Picture {
     Picture { pixels, deviation: Vec::new(), ..*picture }
 }
 
-/// The allowance is honest: moving the camera by as much as f32 rounds it (a ten-millionth of the
+/// The tolerance is justified: moving the camera by the rounding of f32 (a ten-millionth of the
 /// scene) changes far fewer pixels than may differ.
 #[test]
 fn exact_scenes_are_well_conditioned() {
@@ -89,8 +89,8 @@ fn exact_scenes_are_well_conditioned() {
     }
 }
 
-/// The reference's own discretisation is within the tolerance of the sampled scenes: other grids
-/// give the same picture. And the comparison is sharp: one percent more light is noticed.
+/// The reference's own discretisation error is within the tolerance of the sampled scenes: other
+/// grids give the same picture. And the comparison is sharp: it detects one percent more light.
 #[test]
 fn sampled_scenes_have_converged() {
     let other = Density { light: 27, pixel: 13, lens: 5 };
@@ -105,8 +105,8 @@ fn sampled_scenes_have_converged() {
     }
 }
 
-/// The reference's five pictures for the eye, into cargo's folder for tests:
-/// `cargo test --test reference_images -- --ignored --nocapture`.
+/// Writes the reference's five pictures for viewing into cargo's folder for tests: `cargo test
+/// --test reference_images -- --ignored --nocapture`.
 #[test]
 #[ignore = "draws pictures to look at, checks nothing"]
 fn draw_the_reference() {

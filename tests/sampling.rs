@@ -1,4 +1,5 @@
-//! The plan of dimensions of docs/guide/sampling.md: what is stratified together, and that the renderer keeps to it.
+//! The sampling dimensions of docs/guide/sampling.md: which of them are stratified together, and
+//! that the renderer uses them so.
 
 use std::path::Path;
 
@@ -14,7 +15,8 @@ use lightpath::{
 };
 use serde_json::{Value, json};
 
-/// Whether 2^m points have one in each of all rectangles of area 2^-m and power-of-two sides.
+/// Returns true if 2^m points have one point in each rectangle of area 2^-m with power-of-two
+/// sides.
 fn stratified(points: &[[f32; 2]]) -> bool {
     let m = points.len().ilog2();
     (0..=m).all(|a| {
@@ -33,11 +35,11 @@ fn all_light_points_of_a_pixel_are_one_stratified_set() {
     for (spp, samples) in [(1, 16), (4, 4), (16, 16), (64, 4)] {
         for seed in 0..8 {
             let sampler = Sampler::new(seed);
-            // The number of a point is that which the renderer gives it.
+            // Numbers a point as the renderer does.
             let numbers = (0..spp).flat_map(|i| (0..samples).map(move |k| i * samples + k));
             let one: Vec<_> = numbers.map(|index| sampler.light([5, 9], index, 1, 0)).collect();
             assert!(stratified(&one), "{spp} x {samples}");
-            // A set for each camera sample, each stratified, is not one.
+            // Sets per camera sample are each stratified, but not together.
             let pairs = (0..spp).flat_map(|i| (0..samples).map(move |k| (i, k)));
             let sets: Vec<_> = pairs.map(|(i, k)| sampler.light([i, 7], k, 1, 0)).collect();
             assert!(spp == 1 || !stratified(&sets));
@@ -55,7 +57,7 @@ fn any_aligned_run_of_light_points_is_stratified() {
     }
 }
 
-/// Root mean square error over pixels of the volume below a slanted edge through pixel and light.
+/// Returns the RMS error over pixels of the volume below a slanted edge through pixel and light.
 fn slanted(n: u32, joint: bool) -> f64 {
     let sampler = Sampler::new(11);
     let squares = (0..256).map(|x| {
@@ -103,8 +105,9 @@ const SIDE: u32 = 8;
 const SPP: u32 = 16;
 const SEED: i64 = 5;
 
-/// A white plane z = 0, of which the camera at (0, 0, 1) sees [-1, 1]^2, under a blue point light and under two
-/// area lights of one point per sample, first a red one, then a green one: each over [-0.5, 0.5]^2 at z = 0.25.
+/// A white plane z = 0, of which the camera at (0, 0, 1) sees [-1, 1]^2. It has a blue point light
+/// and two area lights of one point per sample, a red one before a green one, each over [-0.5,
+/// 0.5]^2 at z = 0.25.
 fn lit_plane() -> Value {
     let square = |id: [i32; 3], samples: u32| {
         json!({ "type": "arealight", "v0": [-0.5, -0.5, 0.25], "v1": [0.5, -0.5, 0.25], "v2": [0.5, 0.5, 0.25],
@@ -136,7 +139,8 @@ fn rendered(scene: &Value) -> Vec<[f32; 4]> {
     film.pixels.to_vec()
 }
 
-/// The mean over a pixel's camera samples of what `light` gives, from the points (s, t) that it is told.
+/// Returns the mean over a pixel's camera samples of the light's contribution, for the points (s,
+/// t) of `square`.
 fn mean(pixel: [u32; 2], square: impl Fn(u32) -> [f32; 2]) -> f64 {
     let sum: f64 = (0..SPP)
         .map(|i| {
@@ -157,7 +161,8 @@ fn mean(pixel: [u32; 2], square: impl Fn(u32) -> [f32; 2]) -> f64 {
 fn the_renderer_takes_single_light_points_from_the_camera_s_sequence() {
     let pixels = rendered(&lit_plane());
     let sampler = Sampler::new(SEED);
-    // The largest relative difference, of any pixel, to points of one source and of the other.
+    // Largest relative difference over all pixels, for points of the expected source and of
+    // another.
     let (mut own, mut other) = ([0f64; 3], [0f64; 2]);
     for (pixel, found) in (0..SIDE * SIDE).map(|k| [k % SIDE, k / SIDE]).zip(&pixels) {
         let joint = mean(pixel, |i| {
@@ -166,7 +171,8 @@ fn the_renderer_takes_single_light_points_from_the_camera_s_sequence() {
         });
         let of_light = |light: u32| mean(pixel, |i| sampler.light(pixel, i, light, 0));
         let difference = |c: usize, expected: f64| (f64::from(found[c]) / expected - 1.0).abs();
-        // The point light is number 0, and the first area light, though not the first light, is the one.
+        // The point light has number 0. The first area light takes the camera's sequence, though it
+        // is not the first light.
         let expected = [joint, of_light(2), mean(pixel, |_| [0.5; 2])];
         for c in 0..3 {
             own[c] = own[c].max(difference(c, expected[c]));
@@ -175,7 +181,7 @@ fn the_renderer_takes_single_light_points_from_the_camera_s_sequence() {
         other[1] = other[1].max(difference(1, joint));
     }
     assert!(own.iter().all(|&worst| worst < 1e-4), "{own:?}");
-    // As far off as the light points of any other sequence are.
+    // The points of any other sequence give large differences.
     assert!(other.iter().all(|&worst| worst > 0.05), "{other:?}");
 }
 
@@ -191,7 +197,8 @@ fn lights_of_several_points_have_sequences_of_their_own() {
             mean(pixel, |i| sampler.light(pixel, i * POINTS + number, 1, 0)) / f64::from(POINTS)
         };
         let expected: f64 = (0..POINTS).map(of).sum();
-        // The first area light has several points, so the other one does not take the camera's, either.
+        // The first area light has several points, so the other one does not take the camera's
+        // sequence either.
         let single = mean(pixel, |i| sampler.light(pixel, i, 2, 0));
         for (c, expected) in [expected, single].into_iter().enumerate() {
             worst[c] = worst[c].max((f64::from(found[c]) / expected - 1.0).abs());

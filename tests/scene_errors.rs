@@ -1,4 +1,4 @@
-//! Every kind of scene-file error: its place, its message, its way out.
+//! Every kind of error in a scene file: place, message and help.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn text(text: &[u8], set: &[&str]) -> Result<Loaded, Error> {
     load(source, &set)
 }
 
-/// A scene on three lines: the camera, then one shape.
+/// Returns a scene on three lines: the camera, then one shape.
 fn with(camera: &str, shape: &str) -> String {
     format!("{{\"camera\": {camera},\n\"scene\": {{\"shapes\": [{shape}]}}}}")
 }
@@ -26,7 +26,7 @@ fn sphere() -> &'static str {
     r#"{"type": "sphere", "center": [0,0,0], "radius": 1, "material": {}}"#
 }
 
-/// The one error of a text, printed.
+/// Returns the only error of a text, printed.
 #[track_caller]
 fn one(scene: &str) -> String {
     let error = text(scene.as_bytes(), &[]).expect_err("it should be refused");
@@ -35,7 +35,7 @@ fn one(scene: &str) -> String {
     error.problems[0].to_string()
 }
 
-/// The one error of a valid scene with these overrides, printed.
+/// Returns the only error of a valid scene with these overrides, printed.
 #[track_caller]
 fn set(sets: &[&str]) -> String {
     let scene = with(CAMERA, sphere());
@@ -317,7 +317,7 @@ fn all_errors_come_in_file_order() {
 }
 
 #[test]
-fn what_all_kinds_have_is_checked_where_the_kind_is_unknown() {
+fn common_keys_are_checked_even_if_the_type_is_unknown() {
     for shape in [
         r#"{"type": "mesh", "material": {"kd": [1, 1, 1], "kx": 1}, "path": 5}"#,
         r#"{"material": {"kd": [1, 1, 1], "kx": 1}}"#,
@@ -347,7 +347,7 @@ fn warnings() {
             "found the camera inside the sphere",
             "the material \"spare\", which no shape uses",
             "found `tWidth` without `tPath`",
-            "no mirror will mirror",
+            "mirrors do not reflect",
         ],
     );
     let light = r#"/scene/lightsources=[{"type":"pointlight","position":[0,0,0.5],"id":[1,1,1]}]"#;
@@ -398,7 +398,7 @@ fn other_files_are_called_by_their_format() {
     }
 }
 
-/// Editors put the address of a schema there.
+/// Editors store the address of a schema in the file.
 #[test]
 fn the_address_of_a_schema_is_ignored() {
     let scene = with(CAMERA, sphere());

@@ -1,5 +1,5 @@
-//! Signals and sudden death: the right exit code, soon, and never a file under a final name that is
-//! not whole.
+//! Signals and kills give the right exit code, promptly, and never leave an incomplete file under a
+//! final name.
 #![cfg(unix)]
 
 mod program;
@@ -15,7 +15,7 @@ use std::{
 use lightpath::scene::Backend;
 use program::{Scratch, backends::on_both, names_in};
 
-/// Some minutes of work.
+/// A render of some minutes.
 const SLOW: &str = r#"{
   "spp": 4096,
   "camera": { "type": "pinhole", "width": 2000, "height": 2000, "fov": 40,
@@ -28,10 +28,10 @@ const SLOW: &str = r#"{
   }
 }"#;
 
-/// How long a render may take to notice a signal.
+/// Time within which a render must react to a signal.
 const PROMPT: Duration = Duration::from_secs(5);
 
-/// A render that ends with the test, however that ends.
+/// A render that is killed when the test ends.
 struct Running(Child);
 
 impl Drop for Running {
@@ -41,7 +41,8 @@ impl Drop for Running {
     }
 }
 
-/// A render of `file` to `out/x` that has reached `phase`, or on a quick machine the one behind it.
+/// Starts a render of `file` to `out/x` and waits until it has reached `phase`, or the next one on
+/// a fast machine.
 fn started(scratch: &Scratch, file: &str, backend: &str, phase: &str) -> Running {
     let args = ["render", file, "-o", "out/x", "--progress", "json", "--backend", backend];
     let mut child = Running(scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap());
@@ -60,13 +61,13 @@ fn started(scratch: &Scratch, file: &str, backend: &str, phase: &str) -> Running
 }
 
 fn send(signal: &str, child: &Child) {
-    // The shell's own `kill`: a small system has no program of that name.
+    // Uses the shell's `kill`, because a small system may have no such program.
     let kill = format!("kill -s {signal} {}", child.id());
     let sent = Command::new("sh").args(["-c", &kill]).status();
     assert!(sent.unwrap().success());
 }
 
-/// Sends a signal in `phase` and sees that nothing is left.
+/// Sends a signal in `phase` and checks that no file is left.
 fn stops(file: (&Scratch, &str), backend: Backend, phase: &str, signal: &str, code: i32) {
     let (scratch, file) = file;
     let mut child = started(scratch, file, backend.name(), phase);
@@ -93,13 +94,13 @@ on_both! {
         let scratch = scratch();
         stops((&scratch, "slow.json"), backend, "render", "INT", 130);
         stops((&scratch, "slow.json"), backend, "render", "TERM", 143);
-        // A terminal that closes, and Ctrl-\.
+        // A closed terminal, and Ctrl-\.
         stops((&scratch, "slow.json"), backend, "render", "HUP", 129);
         stops((&scratch, "slow.json"), backend, "render", "QUIT", 131);
     }
 }
 
-/// Whether a process has a handler for a signal.
+/// Returns true if a process has a handler for a signal.
 fn catches(process: u32, signal: u32) -> bool {
     let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
@@ -107,7 +108,8 @@ fn catches(process: u32, signal: u32) -> bool {
     mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
-/// A command that waits for a pipe nobody writes to, or for a program that sleeps, once it has begun to write.
+/// Runs a command that waits, once it has begun to write, for a pipe without a writer or for a
+/// program that sleeps.
 fn waits(scratch: &Scratch, args: &[&str], path: &str, begun: impl Fn() -> bool) {
     for (signal, code) in [("HUP", 129), ("INT", 130), ("TERM", 143)] {
         let mut command = scratch.command(args);
@@ -128,7 +130,7 @@ fn waits(scratch: &Scratch, args: &[&str], path: &str, begun: impl Fn() -> bool)
 }
 
 #[test]
-fn commands_without_long_work_leave_nothing_either() {
+fn short_commands_leave_no_file_either() {
     let scratch = scratch();
     let path = std::env::var("PATH").unwrap();
     let pipe = |name: &str| {
@@ -175,7 +177,7 @@ fn a_job_of_nohup_outlives_its_terminal() {
 #[test]
 fn a_limit_of_file_sizes_is_an_error_and_leaves_nothing() {
     let scratch = scratch();
-    // In blocks of 512 or 1024 bytes; the EXR has more than that.
+    // In blocks of 512 or 1024 bytes; the EXR is larger.
     let render = "ulimit -f 4; exec \"$0\" render slow.json -o out/x --size 128x128 --spp 1 --float \
                   --compression none --quiet";
     let mut command = Command::new("sh");

@@ -1,4 +1,5 @@
-//! Parts of the picture that are told to be empty as a whole: the same bits as sample by sample.
+//! Blocks of the picture that are found to be empty as a whole have the same bits as sample by
+//! sample.
 
 mod program;
 
@@ -16,7 +17,7 @@ use lightpath::{
 };
 use program::{PYRAMID, Scratch};
 
-/// Things with much sky around them, none of it one colour with another's.
+/// Objects with much sky around them, in different colours.
 const SCENE: &str = r#"{
   "seed": 2,
   "camera": { "type": "pinhole", "width": 150, "height": 110, "fov": 60,
@@ -36,7 +37,7 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// Counts what it tells, or tells nothing.
+/// A tree that counts how often it reports an empty cone, or never reports one.
 struct Telling<'a> {
     tree: &'a Bvh<'a>,
     tells: bool,
@@ -100,7 +101,7 @@ fn pictures_are_the_same_bit_for_bit() {
                 let what = format!("{spp} spp, {transparent}, {window:?}");
                 assert!(bits == expected, "{what}");
                 assert_eq!(counts, one_by_one, "{what}");
-                // In the crop no square has 1024 rays of few samples each.
+                // In the crop, no square has 1024 rays with few samples each.
                 let few = window == crop && spp < 16;
                 assert!(few || (told > 0 && traced < all), "{what}: {told}, {traced} of {all}");
             }
@@ -109,7 +110,7 @@ fn pictures_are_the_same_bit_for_bit() {
 }
 
 #[test]
-fn layers_parts_and_passes_are_those_of_a_tree_that_tells_nothing() {
+fn layers_parts_and_passes_do_not_depend_on_empty_cones() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
     scratch.write("p.ply", PYRAMID);

@@ -1,5 +1,5 @@
-//! Spheres where f64 runs out: tiny and far, huge and near, rays from within, from the surface and
-//! along the outline, against an oracle in integers.
+//! Spheres at the limits of f64: tiny and far, huge and near; rays from within, from the surface
+//! and along the outline. Compared with an oracle in integers.
 
 mod backends;
 
@@ -13,7 +13,7 @@ use num_bigint::BigInt;
 /// Inputs are integers in units of 2^-SCALE.
 const SCALE: i32 = 260;
 
-/// Bits of a root behind the point.
+/// Fractional bits of a root.
 const FRACTION: u32 = 220;
 
 /// `x 2^SCALE`, exactly.
@@ -35,7 +35,7 @@ fn dot(a: &[BigInt; 3], b: &[BigInt; 3]) -> BigInt {
     &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
 }
 
-/// The roots in front of the origin, in order, to 2^-FRACTION: none, one or two.
+/// Returns the roots in front of the origin in order, to 2^-FRACTION: none, one or two.
 fn roots(sphere: &Sphere, origin: DVec3, direction: DVec3) -> Vec<f64> {
     let whole3 = |v: DVec3| v.to_array().map(whole);
     let (o, d, center) = (whole3(origin), whole3(direction), whole3(sphere.center));
@@ -50,7 +50,7 @@ fn roots(sphere: &Sphere, origin: DVec3, direction: DVec3) -> Vec<f64> {
     let root = (discriminant << (2 * FRACTION)).sqrt();
     let b = b << FRACTION;
     let in_front = [(&b - &root) / &a, (&b + &root) / &a].into_iter().filter(|t| *t > zero);
-    // Through decimals: they are rounded correctly.
+    // Converts through decimals, which are rounded correctly.
     let value = |t: BigInt| t.to_string().parse::<f64>().unwrap() / 2f64.powi(FRACTION as i32);
     in_front.map(value).collect()
 }
@@ -73,7 +73,7 @@ impl Random {
         DVec3::new(r * angle.cos(), r * angle.sin(), z)
     }
 
-    /// A direction across `d`.
+    /// Returns a direction perpendicular to `d`.
     fn across(&mut self, d: DVec3) -> DVec3 {
         d.cross(self.direction()).normalize()
     }
@@ -87,7 +87,7 @@ struct Case {
     direction: DVec3,
 }
 
-/// Rays first, in f32; spheres are put where the rays make them hard.
+/// Chooses rays in f32 first, then places spheres where the rays make them hard.
 fn cases(each: usize) -> Vec<Case> {
     let mut random = Random(11);
     let mut cases = Vec::new();
@@ -99,7 +99,7 @@ fn cases(each: usize) -> Vec<Case> {
         let mut add = |what, center, radius| {
             cases.push(Case { what, sphere: Sphere { center, radius }, origin, direction });
         };
-        // Past the centre at `impact` radii, `t` along the ray.
+        // A centre at `t` along the ray, `impact` radii beside it.
         let passing =
             |t: f64, radius: f64, impact: f64| origin + direction * t + aside * (radius * impact);
         let any = 1.2 * r.unit();
@@ -124,7 +124,7 @@ fn cases(each: usize) -> Vec<Case> {
     cases
 }
 
-/// A packet of one ray 16 times.
+/// Returns a packet of one ray 16 times.
 fn packet(case: &Case) -> RayPacket {
     let mut packet = RayPacket::EMPTY;
     for axis in 0..3 {
@@ -134,23 +134,23 @@ fn packet(case: &Case) -> RayPacket {
     packet
 }
 
-/// f32 neighbours between the answer and the exact value.
+/// Returns the number of f32 steps between the answer and the exact value.
 fn ulps(found: f32, exact: f64) -> f64 {
     let nearest = exact as f32;
     let step = f64::from(f32::from_bits(nearest.to_bits() + 1)) - f64::from(nearest);
     (f64::from(found) - exact).abs() / step
 }
 
-/// What a backend gets wrong.
+/// Wrong answers of a backend.
 #[derive(Debug, Default)]
 struct Wrong {
     rays: u64,
     hits: u64,
-    /// Hit for miss or miss for hit.
+    /// Hits for misses or misses for hits.
     seen: u64,
-    /// Shadow rays that disagree.
+    /// Shadow rays with another answer.
     shadows: u64,
-    /// Of t, in ulp of f32.
+    /// Largest error of t, in ulp of f32.
     worst: f64,
     /// Surface points further than an ulp per coordinate from the sphere.
     points: u64,
@@ -181,8 +181,8 @@ fn judge(backend: Backend) -> Wrong {
                 wrong.note(&case, format!("hit: {hit}, expected {exact:?}"));
                 continue;
             }
-            // Shadow rays that end before the first root, between the roots, and behind both; an
-            // f32 end is within 1e-7 of where it should be.
+            // Shadow rays that end before the first root, between the roots, and behind both. An
+            // end in f32 is within 1e-7 of its place.
             let middle = exact.iter().sum::<f64>() / exact.len().max(1) as f64;
             let first = exact.first().copied().unwrap_or(f64::INFINITY);
             for (end, blocked) in [
@@ -217,7 +217,7 @@ fn judge(backend: Backend) -> Wrong {
     wrong
 }
 
-/// Whether the refined point is where the exact root is, and on the sphere, up to its rounding.
+/// Returns true if the refined point is at the exact root, and on the sphere up to its rounding.
 fn on_sphere(case: &Case, geometry: &Geometry, found: &RayPacket, t: f64) -> bool {
     let mut surfaces = Surfaces::EMPTY;
     refine(geometry, &Mask([-1; LANES]), found, &mut surfaces);
@@ -225,7 +225,7 @@ fn on_sphere(case: &Case, geometry: &Geometry, found: &RayPacket, t: f64) -> boo
     let rounding = point.abs().max_element() * f64::from(f32::EPSILON);
     let exact = case.origin + case.direction * t;
     let radial = ((point - case.sphere.center).length() - case.sphere.radius).abs();
-    // Along a grazing ray the root itself moves by its f32 error.
+    // Along a grazing ray, the root itself moves by its f32 error.
     let along = t * 4.0 * f64::from(f32::EPSILON);
     radial <= rounding && point.distance(exact) <= rounding + along
 }
@@ -254,8 +254,8 @@ fn brute() {
     passes(Backend::Brute);
 }
 
-/// The coursework's quadratic, as schools teach it, claims no more than f64 gives: it is right away
-/// from the outline and the surface, and fails near them. Its failures show that the cases are hard.
+/// The coursework's textbook quadratic formula claims no more than f64 gives. It is right away from
+/// the outline and the surface, and fails near them. Its failures show that the cases are hard.
 #[test]
 fn coursework_fails_where_it_should() {
     let wrong = judge(Backend::Coursework);

@@ -1,4 +1,5 @@
-//! Triangles without area that close T-junctions: a mesh that they close is closed wherever it is placed.
+//! Triangles without area that close T-junctions. A mesh closed by them stays closed wherever it is
+//! placed.
 
 mod program;
 
@@ -16,10 +17,10 @@ use lightpath::world::{LoadOptions, World};
 use program::{Scratch, backends::on_both};
 use serde_json::{Value, json};
 
-/// Points between the ends of an edge, of which only one of its two faces knows.
+/// Number of points on an edge that only one of its two faces has as vertices.
 const BETWEEN: usize = 3;
 
-/// Rays at each edge, from inside.
+/// Number of rays per edge, from inside.
 const RAYS: usize = 1001;
 
 /// A closed polyhedron around the origin with T-junctions on all edges.
@@ -32,8 +33,9 @@ struct Solid {
 }
 
 impl Solid {
-    /// Of convex faces. Each becomes a fan around its middle; of the two at an edge the second one uses the
-    /// points between. Coordinates are multiples of 4 (BETWEEN + 1), so that all of it is exact.
+    /// Builds a solid from convex faces. Each becomes a fan around its middle. Of the two faces at
+    /// an edge, the second one uses the points on the edge. Coordinates are multiples of 4 (BETWEEN
+    /// + 1), so everything is exact.
     fn new(corners: &[[f64; 3]], faces: &[&[u32]]) -> Self {
         let mut vertices: Vec<DVec3> = corners.iter().map(|&c| DVec3::from(c)).collect();
         let (mut triangles, mut stitches) = (Vec::new(), Vec::new());
@@ -57,7 +59,7 @@ impl Solid {
                 }
                 chain.push(b);
                 triangles.extend(chain.windows(2).map(|pair| [middle, pair[0], pair[1]]));
-                // The edge of the other face, and the chain of this one: a fan without area.
+                // Edge of the other face and chain of this one, joined by a fan without area.
                 let fan = chain[1..].windows(2).map(|pair| [a, pair[1], pair[0]]);
                 stitches.extend(fan);
             }
@@ -85,7 +87,7 @@ impl Solid {
         Self::new(&corners, &[&[0, 1, 2], &[0, 2, 3], &[0, 3, 1], &[3, 2, 1]])
     }
 
-    /// Every edge, stitches included, has a triangle on either side.
+    /// Returns true if every edge, including those of stitches, has a triangle on either side.
     fn is_closed(&self) -> bool {
         let mut edges = std::collections::HashMap::new();
         for [a, b, c] in self.triangles.iter().chain(&self.stitches) {
@@ -96,7 +98,7 @@ impl Solid {
         edges.values().all(|&n| n == 2)
     }
 
-    /// The mesh, with its stitches among the other faces or without.
+    /// Writes the mesh, with its stitches among the other faces or without them.
     fn write(&self, path: &Path, stitched: bool, kind: &str) {
         let mut faces = Vec::new();
         for (k, triangle) in self.triangles.iter().enumerate() {
@@ -136,7 +138,8 @@ fn load(folder: &Path, mesh: &Value) -> (World, Vec<String>) {
     (world, warnings.iter().map(|warning| warning.to_string()).collect())
 }
 
-/// Rays from near the middle at points of the edges; misses, and packets of those that hit a stitch.
+/// Shoots rays from near the middle at points of the edges. Returns the misses, and the packets
+/// that hit a stitch.
 fn shoot(world: &World, solid: &Solid, backend: Backend) -> (usize, Vec<(Mask, RayPacket)>) {
     let accelerator = program::backends::build(&world.geometry, backend);
     let mesh = &world.geometry.meshes[0];
@@ -180,7 +183,7 @@ fn shoot(world: &World, solid: &Solid, backend: Backend) -> (usize, Vec<(Mask, R
     (missed, on_stitches)
 }
 
-/// As it is, odd turns, and places where single precision rounds.
+/// Returns odd rotations, and places where single precision rounds.
 fn places() -> Vec<Value> {
     let turns = [[13.0, 29.0, 47.0], [0.3, 0.7, 0.1], [90.0, 33.3, 0.0], [-71.0, 5.0, 160.0]];
     let mut places: Vec<Value> = turns.iter().map(|turn| json!({ "rotate": turn })).collect();
@@ -206,7 +209,7 @@ fn no_ray_leaves_through_a_t_junction() {
         solid.write(&folder.path().join("solid.ply"), true, kind);
         for place in places() {
             let (world, _) = load(folder.path(), &place);
-            // Not Embree: its own test leaks where rays are aimed at edges.
+            // Without Embree: its own test leaks for rays aimed at edges.
             for backend in [Backend::default(), Backend::Brute] {
                 let (missed, on_stitches) = shoot(&world, &solid, backend);
                 let rays = RAYS * solid.edges.len();
@@ -219,8 +222,8 @@ fn no_ray_leaves_through_a_t_junction() {
 }
 
 on_both! {
-    /// The picture does not show whether a mesh that nothing opens has stitches.
-    fn a_mesh_that_is_not_turned_is_what_it_was(backend: Backend) {
+    /// The picture of a mesh that is not moved is the same with and without stitches.
+    fn a_mesh_without_rotation_is_unchanged(backend: Backend) {
         let folder = tempfile::tempdir().unwrap();
         let solid = Solid::cube();
         for place in
@@ -241,7 +244,7 @@ on_both! {
     }
 }
 
-/// Normals, box and origin are those of the triangles with an area.
+/// Normals, box and origin depend only on triangles with an area.
 #[test]
 fn stitches_change_no_normal_and_no_box() {
     let folder = tempfile::tempdir().unwrap();
@@ -265,7 +268,7 @@ fn stitches_change_no_normal_and_no_box() {
     assert_eq!(without.1, Vec::<String>::new());
 }
 
-/// The normal of a sliver is noise: a hit on it is shaded as its neighbour.
+/// The normal of a sliver is noise. A hit on it is shaded as on its neighbour.
 #[test]
 fn a_hit_on_a_stitch_counts_as_its_neighbour() {
     let folder = tempfile::tempdir().unwrap();
@@ -298,7 +301,7 @@ fn a_hit_on_a_stitch_counts_as_its_neighbour() {
     assert!(seen > 0);
 }
 
-/// A line of points far from everything is no stitch: its corners belong to nothing.
+/// A line of points away from all other triangles is not a stitch: it closes nothing.
 #[test]
 fn lonely_lines_are_dropped() {
     let scratch = Scratch::new();

@@ -1,4 +1,4 @@
-//! What people see on a terminal, which `script` of util-linux makes.
+//! Output on a terminal, which `script` of util-linux provides.
 #![cfg(unix)]
 
 mod program;
@@ -18,13 +18,13 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// Everything that a command writes to a terminal.
+/// Returns everything that a command writes to a terminal.
 fn on_terminal(scratch: &Scratch, args: &str, environment: &[(&str, &str)]) -> String {
     let line = format!("stty cols 100 rows 40; '{}' {args}", env!("CARGO_BIN_EXE_lightpath"));
     let mut command = Command::new("script");
     command.args(["-qefc", &line, "/dev/null"]).current_dir(scratch.path(""));
     command.env("TERM", "xterm-256color");
-    // With CI set, even a dumb terminal is given colours.
+    // If CI is set, even a dumb terminal gets colours.
     for name in ["CI", "NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE"] {
         command.env_remove(name);
     }
@@ -33,7 +33,7 @@ fn on_terminal(scratch: &Scratch, args: &str, environment: &[(&str, &str)]) -> S
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The lines that are left on the screen, without colours.
+/// Returns the lines that remain on the screen, without colours.
 fn screen(text: &str) -> Vec<String> {
     let mut lines = vec![String::new()];
     let (mut row, mut column) = (0usize, 0usize);
@@ -82,7 +82,7 @@ fn scratch() -> Scratch {
     scratch
 }
 
-/// The bar leaves no trace: neither on lines of its own nor before what is printed next.
+/// The bar leaves nothing behind: neither its own lines nor text in front of the next message.
 #[test]
 fn the_bar_is_gone_before_anything_else_is_printed() {
     let scratch = scratch();
@@ -106,14 +106,14 @@ fn the_bar_is_gone_before_anything_else_is_printed() {
             assert_eq!(left, None, "{command}: {lines:#?}\n{text:?}");
         }
         assert!(lines.iter().any(|line| line == file), "{command}: {lines:#?}");
-        // A render of this length had one.
+        // A render of this length shows a bar.
         assert!(!command.starts_with("render") || text.contains('%'), "{text:?}");
     }
 }
 
-/// Our errors and warnings begin as clap's do, and follow the same rules.
+/// Our errors and warnings start like clap's and follow the same rules for colours.
 #[test]
-fn errors_are_coloured_as_those_of_wrong_usage() {
+fn errors_are_coloured_like_usage_errors() {
     let scratch = scratch();
     let first = |args: &str, environment: &[(&str, &str)]| {
         let text = on_terminal(&scratch, args, environment);
@@ -134,9 +134,9 @@ fn errors_are_coloured_as_those_of_wrong_usage() {
     });
     assert!(starts[0].contains('\u{1b}') && starts[0].contains("error:"), "{starts:?}");
     assert_eq!(starts[1..4], ["error:"; 3]);
-    // Not into files and pipes.
+    // No colours in files and pipes.
     assert!(scratch.run(&["render", "missing.json"]).stderr().starts_with("error: "));
-    // A name brings no colour of its own.
+    // A name cannot add colours.
     let text = on_terminal(&scratch, "render $'\\e[31mx.json'", &[("NO_COLOR", "1")]);
     assert!(!text.contains('\u{1b}'), "{text:?}");
 }

@@ -17,17 +17,17 @@ use lightpath::shading::{Falloff, Lit, Points, lane, light_rays, reflect, set_la
 use lightpath::world::{LoadOptions, World};
 use serde_json::json;
 
-/// Which way the file's normals point.
+/// Direction of the file's normals.
 #[derive(Clone, Copy, PartialEq)]
 enum Normals {
-    /// The file has none.
+    /// The file has no normals.
     None,
     Inward,
-    /// Every other vertex's is turned.
+    /// Every other vertex has its normal reversed.
     Mixed,
 }
 
-/// A unit icosphere, each face split into four `times` times.
+/// A unit icosphere, with each face split into four `times` times.
 fn icosphere(times: u32, normals: Normals) -> String {
     let g = (1.0 + 5f64.sqrt()) / 2.0;
     let mut points: Vec<DVec3> = Vec::new();
@@ -92,7 +92,7 @@ fn icosphere(times: u32, normals: Normals) -> String {
     text
 }
 
-/// The sphere's world: all that a packet needs to be shaded.
+/// Returns the world of the sphere, with all that shading needs.
 fn world(ply: &str) -> World {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("ball.ply"), ply).unwrap();
@@ -108,10 +108,10 @@ fn world(ply: &str) -> World {
     World::load(&scene, LoadOptions::default(), &Monitor::default()).unwrap().0
 }
 
-/// Rays of a row of [`packets`].
+/// Rays per row of [`packets`].
 const SIDE: usize = 192;
 
-/// A regular grid of rays along -z over [-1, 1]^2, packet by packet.
+/// Returns a regular grid of rays along -z over [-1, 1]^2, packet by packet.
 fn packets() -> impl Iterator<Item = RayPacket> {
     (0..SIDE * SIDE / LANES).map(|first| {
         let mut packet = RayPacket::EMPTY;
@@ -128,7 +128,7 @@ fn packets() -> impl Iterator<Item = RayPacket> {
 
 const ALL: Mask = Mask([-1; LANES]);
 
-/// Traces and shades a packet's first hits.
+/// Traces a packet and shades its first hits.
 fn look(
     world: &World,
     accelerator: &dyn Accelerator,
@@ -141,8 +141,8 @@ fn look(
     (surfaces, points)
 }
 
-/// N.L of a packet's first hits where they see a light, 0 where they do not; `None` without a hit. `lifted`: from
-/// the shifted shadow origins.
+/// Returns N.L at a packet's first hits, 0 where they are in shadow, `None` without a hit. `lifted`
+/// starts shadow rays at the shifted origins.
 fn lit(
     world: &World,
     accelerator: &dyn Accelerator,
@@ -167,19 +167,19 @@ fn lit(
     })
 }
 
-/// The picture of a lit ball against the sphere that it stands for.
+/// The picture of a lit ball compared with the sphere that it approximates.
 #[derive(Debug, Default)]
 struct Lighting {
     points: u64,
-    /// Points that the sphere's own normal says are lit, but for a band around the terminator, and
-    /// that lie in shadow.
+    /// Points that lie in shadow although the sphere's own normal says that they are lit, outside a
+    /// band around the terminator.
     black: u64,
     /// Largest difference of N.L from the sphere's, shadows included.
     worst: f64,
 }
 
-/// Lights a ball of `times` splits from the side. `lifted`: from the shifted shadow origins. `band`:
-/// up to which N.L a point belongs to the terminator.
+/// Lights a ball of `times` splits from the side. `lifted` starts shadow rays at the shifted
+/// origins. Points with N.L up to `band` belong to the terminator.
 fn lighting(backend: Backend, times: u32, lifted: bool, band: f64) -> Lighting {
     let world = world(&icosphere(times, Normals::None));
     let to_light = DVec3::new(0.9, 0.3, 0.25).normalize();
@@ -191,7 +191,7 @@ fn lighting(backend: Backend, times: u32, lifted: bool, band: f64) -> Lighting {
         for (i, value) in lit.into_iter().enumerate() {
             let Some(value) = value else { continue };
             let at = lane(&packet.rays.org, i).as_dvec3();
-            // Not near the silhouette: there the coarse ball shows other parts of itself.
+            // Skips the silhouette, where the coarse ball shows other parts of itself.
             let r2 = at.x * at.x + at.y * at.y;
             if r2 > 0.8 {
                 continue;
@@ -207,7 +207,7 @@ fn lighting(backend: Backend, times: u32, lifted: bool, band: f64) -> Lighting {
     found
 }
 
-/// Hills and valleys over [-1, 1]^2: `cells` x `cells` pairs of triangles.
+/// Hills and valleys over [-1, 1]^2, as `cells` x `cells` pairs of triangles.
 fn landscape(cells: u32) -> String {
     let mut text = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
@@ -227,7 +227,7 @@ fn landscape(cells: u32) -> String {
     text
 }
 
-/// Whether the grid points around one are all lit or all dark.
+/// Returns whether the neighbouring grid points are all lit or all dark; `None` if mixed.
 fn all_around(lit: &[f64], index: usize, distance: usize) -> Option<bool> {
     let (x, y) = (index % SIDE, index / SIDE);
     let low = |k: usize| k.saturating_sub(distance);
@@ -239,22 +239,23 @@ fn all_around(lit: &[f64], index: usize, distance: usize) -> Option<bool> {
 
 on_both! {
 fn a_coarse_sphere_has_no_stairs_of_shadow(backend: Backend) {
-    // 80, 320 and 20480 faces; interpolated normals are off by as much as `near`.
+    // 80, 320 and 20480 faces. Interpolated normals are off by as much as `near`.
     for (times, near) in [(1, 0.04), (2, 0.02), (5, 0.003)] {
         let found = lighting(backend, times, true, 2.0 * near);
         assert!(found.points > 10_000);
         assert_eq!(found.black, 0, "{times}: {found:?}");
         assert!(found.worst < near, "{times}: {found:?}");
     }
-    // Without the shifted origins there are many: what is tested here can fail.
+    // Without the shifted origins there are many black points, so the test can fail.
     for (times, near) in [(1, 0.04), (2, 0.02)] {
         let found = lighting(backend, times, false, 2.0 * near);
         assert!(found.black > 100, "{times}: {found:?}");
     }
 }
 
-/// A coarse landscape against the same one of 512 x 512 cells, where that is lit or dark all around: nothing
-/// lit is black, and no N.L is off by more than the interpolated normals are, in the dark, too.
+/// Compares a coarse landscape with one of 512 x 512 cells, where that is lit or dark all around.
+/// No lit point may be black, and no N.L may be off by more than the interpolated normals are, in
+/// the dark, too.
 fn a_coarse_landscape_is_lit_as_the_subdivided_one(backend: Backend) {
     let light = DVec3::new(0.9, 0.35, 0.3).normalize() * 50.0;
     let values = |cells: usize, lifted: bool| -> Vec<f64> {
@@ -266,7 +267,7 @@ fn a_coarse_landscape_is_lit_as_the_subdivided_one(backend: Backend) {
     let fine = values(512, true);
     // The error of interpolated normals falls with the size of cells.
     for (cells, near) in [(24, 0.08), (48, 0.045)] {
-        // The coarse one's shadows end half a cell elsewhere at most.
+        // Shadows of the coarse landscape end at most half a cell elsewhere.
         let band = SIDE / (2 * cells);
         for lifted in [true, false] {
             let coarse = values(cells, lifted);
@@ -335,8 +336,8 @@ fn normals_that_point_inward_are_turned_to_the_viewer(backend: Backend) {
     let [own, inward] = pictures;
     assert_eq!(own.len(), inward.len());
     for ((n, origin), (turned, same)) in own.iter().zip(&inward) {
-        // The normals made here and those of the mesh differ by the angle weights' rounding and
-        // the icosphere's small asymmetry.
+        // The computed normals and those of the mesh differ by the rounding of the angle weights
+        // and by the icosphere's small asymmetry.
         assert!(n.distance(*turned) < 0.05, "{n} and {turned}");
         assert!(origin.distance(*same) < 0.01);
     }

@@ -1,5 +1,5 @@
-//! Which texel a camera ray sees, on every kind of shape: as f64 arithmetic gives it from the ray and the
-//! formulas of docs/scene-format.md.
+//! The texel that a camera ray sees, on every kind of shape, compared with f64 arithmetic on the
+//! ray and the formulas of docs/scene-format.md.
 
 mod backends;
 
@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 /// Texels along each side of the image.
 const TEXELS: u32 = 8;
 
-/// Rays whose point is nearer to a texel's edge than this, in texels, are not counted.
+/// Rays whose point is nearer than this to a texel's edge, in texels, are not counted.
 const EDGE: f64 = 1e-5;
 
 const WIDTH: u32 = 160;
@@ -33,10 +33,10 @@ struct Ray {
     direction: DVec3,
 }
 
-/// (u, v) of the shape where the ray meets it, v down, before `tScale`; `None` for a miss.
+/// (u, v) of the shape where the ray hits it, with v down, before `tScale`; `None` for a miss.
 type Truth = dyn Fn(&Ray) -> Option<DVec2>;
 
-/// The shape, lit by ambient light alone.
+/// A scene with the shape, lit only by ambient light.
 fn scene(shape: Value, scale: DVec2, camera: &Value) -> Value {
     let mut shape = shape;
     shape["material"] = json!({
@@ -64,8 +64,8 @@ fn render(world: &World, plan: &Plan, backend: Backend) -> Film {
     film
 }
 
-/// Renders the scene and compares texels and the layer `uv` with the truth; then the layer
-/// alone, of the same shape without a texture.
+/// Renders the scene and compares texels and the layer `uv` with the truth; then compares the layer
+/// alone for the same shape without a texture.
 fn judge(backend: Backend, folder: &Path, scene: &Value, scale: DVec2, truth: &Truth) {
     let texels = RgbImage::from_fn(TEXELS, TEXELS, |i, j| Rgb([20 * i as u8, 20 * j as u8, 0]));
     texels.save(folder.join("texels.png")).unwrap();
@@ -98,7 +98,7 @@ fn compare(world: &World, film: &Film, scale: Option<DVec2>, truth: &Truth, case
         let near = |value: f32, exact: f64| {
             (f64::from(value) - exact).abs() <= f64::from(f32::EPSILON) * exact.abs() + 1e-13
         };
-        // The layer's v runs up.
+        // The layer's v points up.
         if !(near(stored[0], at.x) && near(stored[1], 1.0 - at.y) && stored[2] == 1.0) {
             off.push((x, y, stored, at));
         }
@@ -128,7 +128,7 @@ fn compare(world: &World, film: &Film, scale: Option<DVec2>, truth: &Truth, case
     assert!(off.is_empty(), "{case}: {} uv are off, as {:?}", off.len(), off[0]);
 }
 
-/// The point and barycentric weights of a triangle that the ray meets.
+/// Returns the hit point on a triangle and its barycentric weights.
 fn triangle(ray: &Ray, [a, b, c]: [DVec3; 3]) -> Option<(DVec3, [f64; 3])> {
     let normal = (b - a).cross(c - a);
     let t = (a - ray.origin).dot(normal) / ray.direction.dot(normal);
@@ -138,14 +138,14 @@ fn triangle(ray: &Ray, [a, b, c]: [DVec3; 3]) -> Option<(DVec3, [f64; 3])> {
     (t > 0.0 && weights.iter().all(|&w| w >= 0.0)).then_some((point, weights))
 }
 
-/// Tiles of 2 m on a plane that is `side` m long, seen near its far corner.
+/// Checks tiles of 2 m on a plane of side `side` metres, seen near its far corner.
 fn far_tiles(backend: Backend, side: f64) {
     let folder = tempfile::tempdir().unwrap();
     let [v0, v1, v2, v3] =
         [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]].map(|[x, z]| DVec3::new(x, 0.0, z));
     let shape = json!({ "type": "plane", "v0": v0.to_array(), "v1": v1.to_array(),
                         "v2": v2.to_array(), "v3": v3.to_array() });
-    // 90 % of the way from v3, which (u, v) count from; a coordinate that single precision holds.
+    // 90 % of the way from v3, the origin of (u, v), at a coordinate that single precision holds.
     let near = (0.9 * side).floor() + 0.25;
     let camera = camera([near, 1.75, side - near], [0.3, -1.0, 0.9], 50.0);
     let scale = DVec2::splat(side / 2.0);
@@ -187,7 +187,7 @@ on_both! {
     }
 }
 
-/// Seen from `height` above the pole, where a circle of latitude is as short as a texel.
+/// Checks the pole seen from `height` above it, where a circle of latitude is as short as a texel.
 fn pole(backend: Backend, height: f64, scale: DVec2, pole: &str, up: DVec3) {
     let folder = tempfile::tempdir().unwrap();
     let shape = json!({ "type": "sphere", "center": [0.5, -0.25, 2.0], "radius": 1, "pole": pole });
@@ -199,7 +199,7 @@ fn pole(backend: Backend, height: f64, scale: DVec2, pole: &str, up: DVec3) {
     let truth = move |ray: &Ray| {
         let f = ray.origin - center;
         let (b, a) = (f.dot(ray.direction), ray.direction.length_squared());
-        // f.f - 1 without cancellation: the eye stands on the axis.
+        // f.f - 1 without cancellation: the eye is on the axis.
         let c = height * (2.0 + height);
         let root = b * b - a * c;
         let t = c / (-b + root.sqrt());
@@ -229,7 +229,7 @@ on_both! {
                        property list uchar int vertex_indices\nend_header\n"
             .to_owned();
         let corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
-        // Odd values of single precision: what is flipped must not be rounded.
+        // Odd values of single precision: flipping must not round them.
         let odd = |x: f64| f64::from((x * 1.234_567) as f32);
         let uv = corners.map(|[x, z]| DVec2::new(odd(1012.3 * x + 0.1), odd(-1007.7 * z - 0.3)));
         for ([x, z], uv) in corners.iter().zip(uv) {

@@ -1,5 +1,5 @@
-//! The same bytes in every instruction set of our own kernels, for every scene that is shipped: those that
-//! find hits and those that shade. Only `bvh` has both; the shading beside other backends is the same.
+//! Every instruction set of our own kernels gives the same bytes for every shipped scene, for
+//! tracing and shading. Only `bvh` uses both; shading is the same beside other backends.
 
 mod program;
 
@@ -8,7 +8,7 @@ use std::{fs, path::PathBuf};
 use lightpath::simd::Isa;
 use program::Scratch;
 
-/// A scene and the flags that make it small: all its layers, more than one sample.
+/// Flags that make a scene small, with all its layers and more than one sample.
 const SMALL: [&str; 10] = [
     "--size",
     "28x20",
@@ -31,7 +31,7 @@ fn scenes() -> Vec<PathBuf> {
     scenes
 }
 
-/// The files of a render.
+/// Returns the files of a render.
 fn render(scratch: &Scratch, scene: &str, isa: Isa) -> [Vec<u8>; 2] {
     let tier = isa.to_string().to_lowercase().replace('-', "");
     let flags = ["--backend", "bvh", "--isa", &tier, "-o", "x", "--quiet"];

@@ -32,7 +32,7 @@ fn main() {
         .compile("tinybvh_shim");
 }
 
-/// Where cargo has unpacked the crate's `ffi/tinybvh`.
+/// Returns the folder into which cargo unpacked the crate's `ffi/tinybvh`.
 fn header_folder() -> PathBuf {
     let cargo = env::var_os("CARGO").expect("cargo runs this");
     let output = Command::new(cargo)

@@ -1,17 +1,21 @@
-//! The coursework's BVH as its report describes it (section 4), in f64: the baseline.
+//! The baseline: the coursework's BVH as section 4 of its report describes it, in f64.
 //!
-//! A tree over all shapes of the scene and one inside each mesh. A set of shapes is split at the
-//! middle of the longest side of its bounds; a shape goes left if the centre of its own bounds is
-//! below. When all land on one side there is one more attempt, then a leaf with what is left. A
-//! ray goes into both children whose box it meets, and the closest positive t wins: nothing is
-//! ordered, nothing is cut off. A mesh with `loop_only` (`bvh: false`) has no tree: all its
-//! triangles are tried.
+//! One tree holds all shapes of the scene, and each mesh has a tree of its triangles.
 //!
-//! Two things differ from the report's program. Its recursion is a loop with a stack of its own,
-//! because nested shapes that share a corner are peeled off one by one and make a tree as deep as
-//! they are many. And a hit must lie in its shape's bounds up to `PreparedRay::slack`, which is what
-//! lets boxes prune without losing a hit (proof at `Bounds::met`): the tree finds exactly what
-//! [`Coursework::plain_loop`] finds.
+//! - Build: a set of shapes is split at the middle of the longest side of its bounds. A shape goes
+//!   left if the centre of its own bounds is below the split. If all shapes land on one side, the
+//!   split is tried once more; then the set becomes a leaf.
+//! - Traversal: a ray visits every child whose box it hits, and the closest positive t wins.
+//!   Children are not ordered, and a found hit does not shorten the ray.
+//! - A mesh with `loop_only` (`bvh: false`) has no tree: every ray tests all its triangles.
+//!
+//! Two things differ from the report's program:
+//!
+//! - Recursion is a loop with its own stack. Nested shapes that share a corner are split off one by
+//!   one, so the tree may be as deep as there are shapes.
+//! - A hit must lie within the bounds of its shape, up to `PreparedRay::slack`. So a box test never
+//!   loses a hit (proof at `Bounds::may_hit`): the trees find exactly the hits of
+//!   [`Coursework::plain_loop`].
 
 use glam::{BVec3, DVec3};
 
@@ -22,32 +26,32 @@ use crate::geometry::{Geometry, GeometryKind, Nearby, Sphere};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
-/// Failed splits after which what is left becomes a leaf.
+/// Number of times that a failed split is tried again before the set becomes a leaf.
 const MAX_ATTEMPTS: u32 = 1;
 
-/// How the axis of a split is chosen.
+/// Rule that chooses the axis of a split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SplitAxis {
-    /// Along the longest side of the bounds.
+    /// The axis of the longest side of the bounds.
     Longest,
-    /// At random from this seed, the report's other experiment.
+    /// A random axis from this seed: the report's other experiment.
     Random(u64),
 }
 
-/// The backend `coursework`.
+/// The coursework's trees over a scene: the accelerator of the backend `coursework`.
 pub struct Coursework<'g> {
     geometry: &'g Geometry,
     shapes: Vec<Shape>,
     scene: Tree,
-    /// One per mesh; `None` loops over the triangles.
+    /// One tree for each mesh; `None` loops over the triangles.
     meshes: Vec<Option<Tree>>,
-    /// Largest coordinate of any bounds.
+    /// Largest magnitude of any coordinate in the scene's bounds, for each axis.
     reach: DVec3,
-    /// Most bytes held while it was built.
+    /// Largest number of bytes held during the build.
     peak_bytes: u64,
 }
 
-/// What the scene's own tree holds.
+/// A shape in the tree of the scene.
 #[derive(Clone, Copy)]
 enum Shape {
     Mesh(u32),
@@ -56,7 +60,7 @@ enum Shape {
 }
 
 impl<'g> Coursework<'g> {
-    /// Builds all trees with the report's choice of axis.
+    /// Builds all trees with [`SplitAxis::Longest`], the rule of the report.
     ///
     /// # Errors
     /// See [`super::build`].
@@ -68,7 +72,7 @@ impl<'g> Coursework<'g> {
         Self::with_axis(geometry, options, monitor, SplitAxis::Longest)
     }
 
-    /// Builds all trees.
+    /// Builds all trees with the given split rule.
     ///
     /// # Errors
     /// See [`super::build`].
@@ -101,18 +105,19 @@ impl<'g> Coursework<'g> {
         }
         let all = bounds.iter().fold(Bounds::EMPTY, |all, &b| all.union(b));
         let scene = builder.tree(&bounds)?;
-        // Without any shape the bounds are infinite.
+        // The bounds of an empty scene are infinite.
         let reach = all.min.abs().max(all.max.abs());
         let reach = if reach.is_finite() { reach } else { DVec3::ZERO };
         Ok(Self { geometry, shapes, scene, meshes, reach, peak_bytes: builder.peak_bytes })
     }
 
-    /// The closest hit; what it took to find it is added to `visits`.
+    /// The closest hit of the ray. Adds the visited nodes and primitives to `visits`.
     pub fn closest_hit(&self, ray: &Ray, visits: &mut Visits) -> Option<Hit> {
         self.search(ray, visits, &mut Default::default())
     }
 
-    /// The closest hit by trying every primitive without any box: what the trees must find.
+    /// The closest hit, found by testing every primitive without boxes: the reference for the
+    /// trees.
     pub fn plain_loop(&self, ray: &Ray) -> Option<Hit> {
         let ray = PreparedRay::new(ray, self.reach);
         let mut best = None;
@@ -152,8 +157,9 @@ impl<'g> Coursework<'g> {
         best.filter(|hit: &Hit| hit.t < ray.ray.tfar)
     }
 
-    /// Tests one primitive and keeps its hit if it is the closest so far; of equal ones the one of
-    /// the lowest number, so that the order of the tests does not matter.
+    /// Tests one primitive and keeps its hit if it is the closest so far.
+    ///
+    /// Ties go to the lowest primitive number, so the order of the tests does not matter.
     fn offer(&self, ray: &PreparedRay, geom: u32, prim: u32, best: &mut Option<Hit>) {
         let Some(hit) = self.test(ray, geom, prim) else { return };
         let key = |hit: &Hit| (hit.t, self.geometry.primitive(hit.geom, hit.prim));
@@ -200,7 +206,8 @@ fn corner(v: [f32; 3]) -> DVec3 {
     DVec3::from(v.map(f64::from))
 }
 
-/// The plane of `corners`, and then the inside-outside test against each edge in turn.
+/// Returns t where the ray hits a convex polygon: intersects its plane, then tests the point
+/// against each edge.
 fn planar_hit<const N: usize>(
     ray: &PreparedRay,
     corners: &[DVec3; N],
@@ -211,7 +218,7 @@ fn planar_hit<const N: usize>(
         return None;
     }
     let t = normal.dot(corners[0] - ray.ray.origin) / facing;
-    if !(t > ray.ray.tnear) || !ray.reaches(&Bounds::of(corners), t) {
+    if !(t > ray.ray.tnear) || !ray.is_in(&Bounds::of(corners), t) {
         return None;
     }
     let point = ray.at(t);
@@ -222,7 +229,7 @@ fn planar_hit<const N: usize>(
     inside.then_some(t)
 }
 
-/// Weights of the second and third corner at a point of the triangle's plane.
+/// Barycentric weights of the second and third corner at a point of the triangle's plane.
 fn weights([v0, v1, v2]: [DVec3; 3], normal: DVec3, point: DVec3) -> (f64, f64) {
     let whole = normal.dot((v1 - v0).cross(v2 - v0));
     let u = normal.dot((v0 - v2).cross(point - v2)) / whole;
@@ -230,7 +237,7 @@ fn weights([v0, v1, v2]: [DVec3; 3], normal: DVec3, point: DVec3) -> (f64, f64) 
     (u, v)
 }
 
-/// The quadratic in t of |o + t d - c|^2 = r^2, as schools teach it; the smaller root in front.
+/// Returns the smallest valid root of |o + t d - c|^2 = r^2 by the textbook quadratic formula.
 fn sphere_hit(ray: &PreparedRay, sphere: &Sphere, leaving: bool) -> Option<f64> {
     let Ray { origin, direction, tnear, .. } = ray.ray;
     let from_center = origin - sphere.center;
@@ -238,13 +245,13 @@ fn sphere_hit(ray: &PreparedRay, sphere: &Sphere, leaving: bool) -> Option<f64> 
     let b = 2.0 * direction.dot(from_center);
     let c = from_center.dot(from_center) - sphere.radius * sphere.radius;
     let root = (b * b - 4.0 * a * c).sqrt();
-    // The root of a ray that leaves the sphere at its origin, the smaller one, does not count.
+    // A ray that leaves the sphere starts at one root, which does not count.
     let roots = match leaving {
         true => [f64::NAN, (-b + root.copysign(-b)) / (2.0 * a)],
         false => [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)],
     };
     let bounds = Bounds::of_sphere(sphere);
-    roots.into_iter().find(|&t| t > tnear && ray.reaches(&bounds, t))
+    roots.into_iter().find(|&t| t > tnear && ray.is_in(&bounds, t))
 }
 
 impl Accelerator for Coursework<'_> {
@@ -269,7 +276,7 @@ impl Accelerator for Coursework<'_> {
         }
     }
 
-    /// As the report's shadow rays: the closest hit, and whether it is near enough.
+    /// Occlusion by the closest hit, as for the report's shadow rays: is it before `tfar`?
     fn occluded(&self, active: &Mask, rays: &mut Rays, _: Coherence) {
         let (mut visits, mut stacks) = Default::default();
         for i in lanes(active) {
@@ -295,7 +302,7 @@ impl Accelerator for Coursework<'_> {
         });
     }
 
-    /// Boxes of nodes, and of whole meshes, count as nodes.
+    /// A box test counts as a node, also the box of a whole mesh.
     fn visits(&self, active: &Mask, rays: &Rays, _: bool, _: Coherence) -> Option<Visits> {
         let mut visits = Visits::default();
         for i in lanes(active) {
@@ -305,11 +312,12 @@ impl Accelerator for Coursework<'_> {
     }
 }
 
-/// A ray with what its box tests share.
+/// A ray with values that all its box tests share.
 struct PreparedRay {
     ray: Ray,
+    /// Reciprocal of the direction.
     inverse: DVec3,
-    /// How far outside its shape's bounds a hit may lie, for its rounding:
+    /// Distance by which rounding may put a hit outside the bounds of its shape, for each axis:
     /// 2^-50 (|origin| + the largest coordinate of the scene).
     slack: DVec3,
 }
@@ -324,14 +332,13 @@ impl PreparedRay {
         self.ray.origin + self.ray.direction * t
     }
 
-    /// Whether the ray's point at t lies in the bounds.
-    fn reaches(&self, bounds: &Bounds, t: f64) -> bool {
+    /// Returns whether the ray's point at t lies within the bounds, up to the slack.
+    fn is_in(&self, bounds: &Bounds, t: f64) -> bool {
         let point = self.at(t);
         (bounds.min - self.slack).cmple(point).all() && point.cmple(bounds.max + self.slack).all()
     }
 }
 
-/// An axis-parallel box.
 #[derive(Debug, Clone, Copy)]
 struct Bounds {
     min: DVec3,
@@ -353,14 +360,15 @@ impl Bounds {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Whether the ray meets the box, by the six planes around it.
+    /// Returns whether the ray may hit the box, by its six planes moved outwards by 3 slacks.
     ///
-    /// Every hit in the box is kept. With u = 2^-53, s the slack and M = |origin| + reach, so that
-    /// s = 8uM: a hit at t has fl(o + fl(t d)) >= min - s, hence t d >= min - o - s - 4uM, with
-    /// the rounding of its comparison. The plane is moved by 3s, and its computed t times d is
-    /// at most min - o - 3s + 6uM < min - o - 2s, five roundings included: not above t. Likewise
-    /// for max. A NaN (0/0, all coordinates zero) is dropped by `min` and `max` and prunes nothing.
-    fn met(&self, ray: &PreparedRay) -> bool {
+    /// The test never loses a hit within the box. Let u = 2^-53, M = |origin| + reach, and s = 8uM
+    /// the slack. A hit at t has fl(o + fl(t d)) >= min - s. Hence t d >= min - o - s - 4uM, with
+    /// the rounding of its comparison. The plane is moved by 3s. Its computed t times d is at most
+    /// min - o - 3s + 6uM < min - o - 2s, five roundings included: not above t d of the hit. The
+    /// same holds for max. A NaN (0/0, all coordinates zero) is dropped by `min` and `max` and
+    /// rejects no box.
+    fn may_hit(&self, ray: &PreparedRay) -> bool {
         let slack = 3.0 * ray.slack;
         let first = ((self.min - (ray.ray.origin + slack)) * ray.inverse).to_array();
         let second = ((self.max - (ray.ray.origin - slack)) * ray.inverse).to_array();
@@ -373,10 +381,10 @@ impl Bounds {
     }
 }
 
-/// A binary tree over boxes; node 0 is the root.
+/// A binary tree over boxes. Node 0 is the root.
 struct Tree {
     nodes: Vec<Node>,
-    /// The shapes, leaf by leaf.
+    /// Indices of the shapes, leaf by leaf.
     order: Vec<u32>,
 }
 
@@ -387,18 +395,20 @@ struct Node {
 
 #[derive(Clone, Copy)]
 enum Content {
-    /// Two nodes, either [`EMPTY`].
+    /// Indices of two child nodes; one of them may be [`EMPTY`].
     Inner([u32; 2]),
-    /// A range of `order`.
+    /// A range of [`Tree::order`].
     Leaf { first: u32, end: u32 },
 }
 
-/// A child without shapes.
+/// Index of a child without shapes.
 const EMPTY: u32 = u32::MAX;
 
 impl Tree {
-    /// Calls `found` for all shapes in leaves whose boxes, and those of all nodes above but the
-    /// root, the ray meets.
+    /// Calls `found` for the shapes of every leaf that the ray reaches.
+    ///
+    /// The ray must hit the box of the leaf and of all nodes above it. The root's box is not
+    /// tested.
     fn each(
         &self,
         ray: &PreparedRay,
@@ -416,7 +426,7 @@ impl Tree {
                 Content::Inner(children) => {
                     for child in children.into_iter().filter(|&child| child != EMPTY) {
                         visits.nodes += 1;
-                        if self.nodes[child as usize].bounds.met(ray) {
+                        if self.nodes[child as usize].bounds.may_hit(ray) {
                             stack.push(child);
                         }
                     }
@@ -425,7 +435,7 @@ impl Tree {
         }
     }
 
-    /// Calls `found` for all shapes in leaves whose boxes reach into another.
+    /// Calls `found` for the shapes of every leaf whose box overlaps `nearby`.
     fn near(&self, nearby: &Bounds, found: &mut dyn FnMut(u32)) {
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {
@@ -449,22 +459,23 @@ impl Tree {
     }
 }
 
-/// A set of shapes that is to become a node.
+/// A range of shapes whose node is still to be built.
 struct Task {
     node: usize,
     first: usize,
     end: usize,
+    /// Failed splits in a row above this node.
     attempts: u32,
 }
 
-/// What the trees of a scene share while they are built.
+/// State shared by the builds of all trees of a scene.
 struct Builder<'m> {
     axis: SplitAxis,
-    /// Bytes that all trees may take.
+    /// Most bytes that all trees together may hold.
     limit: u64,
-    /// Bytes of the trees so far.
+    /// Bytes of the finished trees.
     bytes: u64,
-    /// Most bytes so far.
+    /// Largest number of bytes held so far.
     peak_bytes: u64,
     monitor: &'m Monitor,
 }
@@ -515,7 +526,7 @@ impl Builder<'_> {
         Ok(tree)
     }
 
-    /// The axis to split along.
+    /// Chooses the axis of a split: 0, 1 or 2.
     fn choose(&mut self, bounds: &Bounds) -> usize {
         match &mut self.axis {
             SplitAxis::Longest => {
@@ -543,7 +554,7 @@ impl Builder<'_> {
     }
 }
 
-/// Moves the shapes that go left to the front; returns how many.
+/// Moves the shapes that go left to the front and returns their number.
 fn partition(set: &mut [u32], left: impl Fn(u32) -> bool) -> usize {
     let mut count = 0;
     for i in 0..set.len() {
@@ -600,7 +611,8 @@ mod tests {
         deepest
     }
 
-    /// Small integers, so that rays run in box faces, along edges and through vertices.
+    /// Points with small integer coordinates: many rays run in box faces, along edges and through
+    /// vertices.
     fn grid_point() -> impl Strategy<Value = [f32; 3]> {
         prop::array::uniform3((-4i8..=4).prop_map(f32::from))
     }
@@ -640,7 +652,7 @@ mod tests {
         }
     }
 
-    /// Corners at distance 1.
+    /// An octahedron whose corners have distance 1 from the origin.
     fn octahedron() -> TriangleMesh {
         let corner = |axis: usize, sign: f32| {
             let mut v = [0.0; 3];
@@ -657,20 +669,21 @@ mod tests {
     fn the_octahedron_is_split_as_the_report_says() {
         let geometry = geometry(vec![octahedron()]);
         let trees = build(&geometry);
-        // All sides are equal, so x is split first, at 0: four faces each side. Their bounds are
-        // 1 by 2 by 2: then y, then z, to single faces.
+        // All sides are equal, so the first split is x = 0, with four faces on each side. Their
+        // bounds are 1 by 2 by 2. Splits of y and z follow, down to single faces.
         let tree = trees.meshes[0].as_ref().unwrap();
         assert_eq!((tree.nodes.len(), depth(tree)), (15, 3));
         let mut visits = Visits::default();
         let hit =
             trees.closest_hit(&ray([0.25, 0.25, 5.0], [0.0, 0.0, -1.0]), &mut visits).unwrap();
         assert_eq!(hit.t, 4.5);
-        // One column of boxes: x > 0 of 2, y > 0 of 2, both z.
+        // Six box tests: two for x, two for y, two for z. The ray hits both z boxes, of one face
+        // each.
         assert_eq!(visits, Visits { nodes: 6, primitives: 2 });
     }
 
     #[test]
-    fn what_cannot_be_split_is_a_leaf_after_one_more_attempt() {
+    fn a_set_that_cannot_be_split_becomes_a_leaf_after_one_more_attempt() {
         let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let geometry = geometry(vec![soup(&vec![triangle; 1_000_000], false)]);
         let trees = build(&geometry);
@@ -695,7 +708,7 @@ mod tests {
     }
 
     #[test]
-    fn a_build_stops_when_it_is_told_to_or_has_no_room() {
+    fn a_build_stops_at_its_memory_limit_and_on_a_signal() {
         let geometry = geometry(vec![octahedron()]);
         let monitor = Monitor::default();
         let little = BuildOptions { max_bytes: Some(500), ..OPTIONS };
@@ -707,7 +720,7 @@ mod tests {
     }
 
     #[test]
-    fn packets_get_f32_answers_and_leave_what_they_miss() {
+    fn packets_get_f32_hits_and_lanes_that_miss_stay_as_they_were() {
         let quad = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
         let sphere = Sphere { center: DVec3::new(0.0, 0.0, 3.0), radius: 1.0 };
         let geometry = Geometry::new(DVec3::ZERO, vec![], vec![quad], vec![sphere]).unwrap();
@@ -722,7 +735,7 @@ mod tests {
         packet.rays.leaving[2] = geometry.primitive(0, 0);
         packet.rays.tfar[3] = 0.5;
         packet.rays.tnear[4] = 0.5;
-        // The far side of the sphere that it leaves, not the near one.
+        // Lane 5 leaves the sphere: it hits the far side, not the near one.
         (packet.rays.org[2][5], packet.rays.dir[2][5]) = (2.0, 2.0);
         packet.rays.leaving[5] = geometry.primitive(1, 0);
         let mut active = Mask([-1; LANES]);

@@ -1,8 +1,9 @@
-//! How much memory an accelerator will need, before there is one.
+//! Predicts how much memory an accelerator will need.
 //!
-//! Embree's figures are measured, not known: two small generated meshes are built, its memory monitor
-//! says what each took, and a line through the two tells the rest. Bytes per triangle vary little
-//! from mesh to mesh (bunny, spot and generated meshes of 16 thousand to 18 million: 65 to 71).
+//! Embree's figures are measured: two small generated meshes are built, and Embree's memory monitor
+//! returns the bytes of each. A line through the two gives the bytes for any number of triangles.
+//! Bytes per triangle vary little from mesh to mesh: 65 to 71 for bunny, spot and generated meshes
+//! of 16 thousand to 18 million triangles.
 
 use super::{BuildInfo, BuildOptions};
 use crate::error::Result;
@@ -10,11 +11,12 @@ use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::Monitor;
 use crate::scene::Backend;
 
-/// Rows of the generated meshes, which have four triangles for each row squared: large enough for
-/// the blocks in which memory is taken to be small beside them, built in some 20 ms.
+/// Rows of the two generated meshes. A mesh of n rows has 4 n^2 triangles.
+///
+/// Both are built in some 20 ms. They are large compared with the blocks in which Embree allocates.
 const ROWS: [u32; 2] = [64, 128];
 
-/// What an accelerator needs, by the number of primitives.
+/// Bytes that an accelerator needs, as a function of the number of primitives.
 #[derive(Debug, Clone, Copy)]
 pub struct Footprint {
     built: Line,
@@ -29,10 +31,11 @@ struct Line {
 }
 
 impl Footprint {
-    /// Of `backend` with `threads` build threads, in the caller's rayon pool.
+    /// Memory of `backend` with `threads` build threads. Embree is measured in the caller's rayon
+    /// pool.
     ///
     /// # Errors
-    /// `Unsupported` where the backend cannot run here.
+    /// `Unsupported` if the backend cannot run here.
     pub fn of(backend: Backend, threads: usize) -> Result<Self> {
         match backend {
             Backend::Embree(_) => {
@@ -43,7 +46,7 @@ impl Footprint {
                 };
                 measure(build)
             }
-            // The most of the scans that docs/notebook/bvh.md has, rounded up.
+            // The maxima over the scans of docs/notebook/bvh.md, rounded up.
             Backend::Bvh(_) => Ok(Self::constant(34.0, 68.0)),
             // Measured on scans, rounded up.
             Backend::Coursework => Ok(Self::constant(136.0, 300.0)),
@@ -56,12 +59,12 @@ impl Footprint {
         Self { built: line(built), peak: line(peak) }
     }
 
-    /// Bytes held after the build.
+    /// Bytes that the accelerator holds after the build.
     pub fn built_bytes(&self, primitives: u64) -> u64 {
         self.built.at(primitives)
     }
 
-    /// The most bytes held during the build.
+    /// Largest number of bytes held during the build.
     pub fn peak_bytes(&self, primitives: u64) -> u64 {
         self.peak.at(primitives)
     }
@@ -76,7 +79,7 @@ impl Line {
     fn at(&self, primitives: u64) -> u64 {
         match primitives {
             0 => 0,
-            // `as` saturates; the fixed part may be a little below zero.
+            // `as` saturates. A line through measured points may start a little below zero.
             n => (self.fixed.max(0.0) + n as f64 * self.per_primitive) as u64,
         }
     }
@@ -124,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_is_found_again() {
+    fn a_linear_footprint_is_recovered_from_two_builds() {
         let build = |geometry: &Geometry| {
             let n = geometry.meshes[0].triangles().len() as u64;
             Ok(BuildInfo { bytes: 1000 + 64 * n, peak_bytes: 2000 + 100 * n, ..Default::default() })

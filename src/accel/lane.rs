@@ -1,10 +1,10 @@
-//! One lane of a packet in f64: what backends that trace ray by ray work with.
+//! One lane of a packet as a ray and a hit in f64, for backends that trace rays one by one.
 
 use glam::DVec3;
 
 use crate::ray::{LANES, Mask, RayPacket, Rays};
 
-/// The ray `origin + t direction`, t in (`tnear`, `tfar`), exactly as a packet holds it in f32.
+/// The ray `origin + t direction`, t in (`tnear`, `tfar`). All values are f32 values of a packet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// Relative to the scene's origin.
@@ -20,7 +20,7 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// Lane `i` of `rays`.
+    /// The ray in lane `i` of `rays`.
     pub fn of(rays: &Rays, i: usize) -> Self {
         let vector =
             |v: &[[f32; LANES]; 3]| DVec3::from([v[0][i], v[1][i], v[2][i]].map(f64::from));
@@ -34,14 +34,14 @@ impl Ray {
     }
 }
 
-/// What a ray hits.
+/// A hit of one ray, in f64.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Geometry id.
+    /// Geometry id, as in [`crate::ray::Hits::geom`].
     pub geom: u32,
     /// Primitive within its geometry.
     pub prim: u32,
-    /// Where on the ray.
+    /// Ray parameter of the hit, in units of the direction's length.
     pub t: f64,
     /// Barycentric weight of the second corner; 0 on a sphere.
     pub u: f64,
@@ -52,19 +52,19 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// Writes it into lane `i`, rounded to f32.
+    /// Writes the hit into lane `i` of `packet`, rounded to f32. The normal gets unit length.
     pub fn store(&self, packet: &mut RayPacket, i: usize) {
         packet.rays.tfar[i] = self.t as f32;
         let hits = &mut packet.hits;
         (hits.geom[i], hits.prim[i]) = (self.geom, self.prim);
         (hits.u[i], hits.v[i]) = (self.u as f32, self.v as f32);
-        // A normal of unit length is within the range of f32 whatever the triangle's size.
+        // A unit normal fits f32; the normal of a tiny or huge triangle might not.
         let ng = self.ng.normalize_or_zero().as_vec3();
         (hits.ng[0][i], hits.ng[1][i], hits.ng[2][i]) = (ng.x, ng.y, ng.z);
     }
 }
 
-/// The lanes that `active` names.
+/// Indices of the active lanes, in order.
 pub fn lanes(active: &Mask) -> impl Iterator<Item = usize> + use<'_> {
     (0..LANES).filter(|&i| active.0[i] != 0)
 }

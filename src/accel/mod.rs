@@ -1,4 +1,4 @@
-//! What finds the hits: one trait, and the backends behind it.
+//! Accelerators: the trait [`Accelerator`], and the backends that implement it.
 
 pub mod brute;
 pub mod bvh;
@@ -19,19 +19,19 @@ use crate::ray::{Coherence, Mask, RayPacket, Rays};
 use crate::reserve;
 use crate::scene::{Backend, EmbreeMode};
 
-/// How an accelerator is built.
+/// Limits of a build: threads and memory.
 #[derive(Debug, Clone, Copy)]
 pub struct BuildOptions {
     /// Worker threads, >= 1.
     pub threads: usize,
-    /// Stop the build cleanly once the accelerator would hold more bytes.
+    /// Most bytes that the accelerator may hold. A build that needs more stops with an error.
     pub max_bytes: Option<u64>,
 }
 
-/// What an accelerator is and what it cost.
+/// Version, instruction set and memory of an accelerator.
 #[derive(Debug, Clone, Default)]
 pub struct BuildInfo {
-    /// Name and version of what does the work, e.g. `Embree 4.4.0`.
+    /// Name and version of the code that finds the hits, e.g. `Embree 4.4.0`.
     pub version: String,
     /// Instruction set in use, e.g. `AVX2`.
     pub isa: String,
@@ -41,10 +41,10 @@ pub struct BuildInfo {
     pub peak_bytes: u64,
 }
 
-/// What queries looked at; does not depend on the machine.
+/// Number of nodes and primitives that queries visited. The same on every machine.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Visits {
-    /// Nodes of the tree.
+    /// Nodes of the tree that were visited.
     pub nodes: u64,
     /// Triangles, quads and spheres that were tested.
     pub primitives: u64,
@@ -52,70 +52,84 @@ pub struct Visits {
 
 /// Finds closest hits and occlusion for packets of 16 rays.
 ///
-/// Active rays must be possible ([`Rays::possible`]): finite, of a direction that is not zero.
+/// Active rays must pass [`Rays::possible`]: finite values and a direction that is not zero.
 pub trait Accelerator: Send + Sync {
-    /// What it is and what it cost.
+    /// Version, instruction set and memory.
     fn info(&self) -> BuildInfo;
 
-    /// The closest hit of every active lane: sets `tfar` and the hit, or leaves `geom` as it was
-    /// (the caller clears it). Hits of the primitive in `leaving` do not count, but for the far
-    /// side of a sphere.
+    /// Finds the closest hit of every active lane.
+    ///
+    /// A lane that hits gets `tfar` and the hit. A lane that misses keeps its `geom`, so the caller
+    /// clears `geom` first. Hits of the primitive in `leaving` do not count, except on the far side
+    /// of a sphere.
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence);
 
-    /// As [`Accelerator::closest`], but a hit may be one that the ray does not come near, where the
-    /// backend's own test reports such: for callers that refine their hits anyhow. What
-    /// [`crate::geometry::refine`] then finds doubtful they ask [`Accelerator::closest`] for, with
-    /// `tfar` as it was.
+    /// Like [`Accelerator::closest`], but may return false hits of the backend's own test.
+    ///
+    /// A false hit lies on a primitive that the ray passes by more than the error of the test. This
+    /// query is for callers that refine their hits anyhow. They trace the rays that
+    /// [`crate::geometry::refine`] marks as doubtful again, by [`Accelerator::closest`] with the
+    /// original `tfar`.
     fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         self.closest(active, packet, coherence);
     }
 
-    /// Candidate hits discarded since the build, as the ray passes the primitive by more than the
-    /// backend's test may be off.
+    /// Number of false hits discarded since the build: the ray passes the primitive by more than
+    /// the error of the backend's test.
     fn false_hits(&self) -> u64 {
         0
     }
 
-    /// Sets `tfar` to -inf in every active lane that meets anything in (`tnear`, `tfar`).
+    /// Sets `tfar` to -inf in every active lane that hits anything in (`tnear`, `tfar`).
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence);
 
-    /// As [`Accelerator::occluded`], but what a ray does not come near may occlude it, where the
-    /// backend's own test reports such: what the bare backend costs, for measurements.
+    /// Like [`Accelerator::occluded`], but false hits of the backend's own test may occlude a ray.
+    /// It measures the cost of the bare backend.
     fn occluded_candidates(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         self.occluded(active, rays, coherence);
     }
 
-    /// Whether for sure no ray between the active ones, which leave one point, meets anything: none from that point
-    /// whose direction is a sum of theirs with factors >= 0, rounded once. `tnear` is 0, `tfar` infinite. `None`
-    /// where the backend can never tell.
+    /// Returns `Some(true)` only if no ray inside the cone spanned by the active rays can hit
+    /// anything.
+    ///
+    /// All active rays share one origin; their `tnear` is 0 and their `tfar` infinite. A direction
+    /// of the cone is a sum of theirs with factors >= 0, rounded once. Conservative: may return
+    /// `Some(false)` for an empty cone. Returns `None` if the backend has no such query.
     fn nothing_between(&self, _: &Mask, _: &Rays) -> Option<bool> {
         None
     }
 
-    /// Calls `found` for every triangle and quad of `geometry`, which this was built over, whose box reaches
-    /// into another, by its primitive number, and perhaps for some more. Any order.
+    /// Calls `found` with the primitive number of every triangle and quad whose bounding box
+    /// overlaps the box `nearby`.
+    ///
+    /// May also call it for other primitives, in any order. `geometry` is the geometry that the
+    /// accelerator was built over.
     fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
         near_by_all(geometry, nearby, found);
     }
 
-    /// What [`Accelerator::closest`], or [`Accelerator::occluded`] if `shadow`, looks at for these
-    /// rays, summed over them; `None` where the backend cannot tell. May be slow.
+    /// Counts the nodes and primitives that a query visits, summed over the active rays.
+    ///
+    /// The query is [`Accelerator::occluded`] if `shadow`, else [`Accelerator::closest`]. Returns
+    /// `None` if the backend cannot count them. May be slow.
     fn visits(&self, _: &Mask, _: &Rays, _shadow: bool, _: Coherence) -> Option<Visits> {
         None
     }
 }
 
-/// [`Accelerator::near`] by a look at every primitive.
+/// Answers [`Accelerator::near`] by a loop over all primitives.
 fn near_by_all(geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
     let count = geometry.bases().last().copied().unwrap_or(0);
     (0..count).filter(|&primitive| is_near(geometry, primitive, nearby)).for_each(found);
 }
 
-/// Builds `backend` over `geometry`.
+/// Builds the accelerator of `backend` over `geometry`.
 ///
 /// # Errors
-/// `Unsupported` where the backend cannot run here or has no such mode, `Limit` above
-/// `max_bytes`, `Interrupted` after a signal, `Retry` when memory ran out.
+/// - `Unsupported`: the backend cannot run on this machine, or is not in this build.
+/// - `Limit`: it would need more than `max_bytes`.
+/// - `Interrupted`: a signal arrived.
+/// - `Retry`: memory ran out.
 pub fn build<'g>(
     geometry: &'g Geometry,
     backend: Backend,
@@ -124,7 +138,7 @@ pub fn build<'g>(
 ) -> Result<Box<dyn Accelerator + 'g>> {
     monitor.begin(Phase::Build, 1000);
     if let Backend::Coursework | Backend::Brute = backend {
-        // These take memory in many pieces.
+        // These allocate in many pieces, so the sum is checked once.
         let peak = Footprint::of(backend, options.threads)?;
         reserve::probe(peak.peak_bytes(geometry.count()), backend.name())?;
     }

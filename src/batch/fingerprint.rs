@@ -1,7 +1,8 @@
-//! What a frame is made of, in one line: two frames of one fingerprint are the same picture.
+//! Fingerprint of a frame in one line. Two frames with the same fingerprint are the same picture.
 //!
-//! `picture=HASH scene=HASH settings=... program=VERSION`: the first covers scene and files, the second the
-//! scene alone, so that a difference can be named. Where files lie does not count.
+//! Its form is `picture=HASH scene=HASH settings=... program=VERSION`. The first hash covers the
+//! scene and its files, the second one only the scene, so that a difference can be named. Paths of
+//! files do not count.
 
 use sha2::{Digest, Sha256};
 
@@ -11,21 +12,21 @@ use crate::{
     scene::{Backend, EmbreeMode, Loaded, written},
 };
 
-/// Hexadecimal digits of a hash: 128 bits.
+/// Hexadecimal digits kept of a hash: 128 bits.
 const DIGITS: usize = 32;
 
-/// Settings beside the scene that change a picture.
+/// Settings outside the scene that change the files of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
-    /// Bad triangles are dropped.
+    /// Triangles with invalid vertices are dropped.
     pub repair: bool,
-    /// How pictures are stored.
+    /// Format of the pictures.
     pub storage: Storage,
-    /// What the first frame says of its sequence.
+    /// Frame number and frame rate in the header of the first frame.
     pub sequence: Sequence,
 }
 
-/// The fingerprint of a frame whose [`crate::world::fingerprint`] is `hash`.
+/// Returns the fingerprint of a frame. `hash` is its [`crate::world::fingerprint`].
 pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
     let Settings { repair, storage, sequence } = *settings;
     let (picture, scene) = (hash.get(..DIGITS).unwrap_or(hash), scene(loaded));
@@ -47,7 +48,7 @@ pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
     format!("picture={picture} scene={scene} settings={set} program={program}")
 }
 
-/// What differs between two fingerprints, in words.
+/// Describes in words how two fingerprints differ.
 pub fn difference(there: &str, now: &str) -> String {
     let changed = |key: &str| part(there, key) != part(now, key);
     let scene = changed("scene");
@@ -60,7 +61,7 @@ pub fn difference(there: &str, now: &str) -> String {
     let reasons = reasons.into_iter().filter(|(changed, _)| *changed).map(|(_, reason)| reason);
     let reasons: Vec<&str> = reasons.collect();
     match reasons.is_empty() {
-        true => "its fingerprint is not ours".to_string(),
+        true => "its fingerprint has an unknown form".to_string(),
         false => reasons.join(", "),
     }
 }
@@ -70,7 +71,7 @@ fn part<'a>(text: &'a str, key: &str) -> Option<&'a str> {
     words.find(|(k, _)| *k == key).map(|(_, value)| value)
 }
 
-/// The scene without the names of its files.
+/// Returns a hash of the scene with all file names left out.
 fn scene(loaded: &Loaded) -> String {
     let mut all = loaded.description.clone();
     let clear = |material: &mut written::Material| {
@@ -104,6 +105,6 @@ mod tests {
         assert_eq!(named("half", "float"), "settings changed");
         assert_eq!(named("0.1.0", "0.0.9"), "another version of the program wrote it");
         assert_eq!(difference("something else", now).matches(',').count(), 2);
-        assert_eq!(difference(now, now), "its fingerprint is not ours");
+        assert_eq!(difference(now, now), "its fingerprint has an unknown form");
     }
 }

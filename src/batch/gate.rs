@@ -1,51 +1,52 @@
-//! Who may go on: meshes enter memory in their order while it lasts; frames are rendered some at a
-//! time, those of the earliest mesh first.
+//! Orders the workers of a batch. Meshes enter memory in their order, as long as it lasts. A
+//! limited number of frames is rendered at a time, and frames of earlier meshes come first.
 
 use std::{
     collections::BTreeMap,
     sync::{Condvar, Mutex, MutexGuard, PoisonError},
 };
 
-/// A panic of another thread leaves counters, which stay right.
+/// Locks a mutex, poisoned or not: the counters stay valid if another thread panics.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Lets meshes into memory one after the other.
+/// Admits meshes into memory one after the other, within a limit.
 #[derive(Debug)]
 pub struct Memory {
     limit: u64,
-    state: Mutex<Inside>,
+    state: Mutex<Admitted>,
     changed: Condvar,
 }
 
 #[derive(Debug, Default)]
-struct Inside {
-    /// The mesh that enters next.
+struct Admitted {
+    /// Number of the mesh that enters next.
     next: usize,
     meshes: usize,
     bytes: u64,
 }
 
-/// Memory that a mesh holds until this is dropped.
+/// Memory reserved for a mesh until this guard is dropped.
 #[derive(Debug)]
-pub struct Held<'a> {
+pub struct Reservation<'a> {
     memory: &'a Memory,
     bytes: u64,
-    /// What the limit leaves for this mesh beside those that were there when it entered.
+    /// Bytes of the limit that were free for this mesh when it entered.
     pub share: u64,
 }
 
 impl Memory {
-    /// Room for so many bytes; a mesh that is alone may take more, if it may at all.
+    /// Creates a gate for `limit` bytes. A mesh that is alone may exceed the limit.
     pub fn new(limit: u64) -> Self {
         Self { limit, state: Mutex::default(), changed: Condvar::new() }
     }
 
-    /// Waits until it is the turn of mesh `number` (each enters once, counted from 0) and what it
-    /// needs is free, or nobody else is inside.
-    pub fn enter(&self, number: usize, bytes: u64) -> Held<'_> {
-        let waits = |s: &mut Inside| {
+    /// Waits until mesh `number` is next and `bytes` are free, or no other mesh is inside.
+    ///
+    /// Each number, counted from 0, must enter exactly once.
+    pub fn enter(&self, number: usize, bytes: u64) -> Reservation<'_> {
+        let waits = |s: &mut Admitted| {
             let fits = s.bytes.saturating_add(bytes) <= self.limit;
             s.next != number || s.meshes > 0 && !fits
         };
@@ -56,11 +57,11 @@ impl Memory {
         inside.meshes += 1;
         inside.bytes = inside.bytes.saturating_add(bytes);
         self.changed.notify_all();
-        Held { memory: self, bytes, share }
+        Reservation { memory: self, bytes, share }
     }
 }
 
-impl Drop for Held<'_> {
+impl Drop for Reservation<'_> {
     fn drop(&mut self) {
         let mut inside = lock(&self.memory.state);
         inside.meshes -= 1;
@@ -69,7 +70,7 @@ impl Drop for Held<'_> {
     }
 }
 
-/// Lets so many frames be rendered at a time.
+/// Limits how many frames are rendered at a time.
 #[derive(Debug)]
 pub struct Turns {
     state: Mutex<Waiting>,
@@ -79,22 +80,22 @@ pub struct Turns {
 #[derive(Debug)]
 struct Waiting {
     free: usize,
-    /// Frames that wait, by the number of their mesh.
+    /// Number of waiting frames, by the number of their mesh.
     frames: BTreeMap<usize, usize>,
 }
 
-/// A turn, until it is dropped.
+/// Permission to render one frame, until it is dropped.
 #[derive(Debug)]
 pub struct Turn<'a>(&'a Turns);
 
 impl Turns {
-    /// So many at a time.
+    /// Allows `count` frames at a time.
     pub fn new(count: usize) -> Self {
         let state = Waiting { free: count, frames: BTreeMap::new() };
         Self { state: Mutex::new(state), changed: Condvar::new() }
     }
 
-    /// Waits until a turn is free and no frame of an earlier mesh waits.
+    /// Waits until a turn is free and no frame of an earlier mesh is waiting.
     pub fn take(&self, mesh: usize) -> Turn<'_> {
         let mut state = lock(&self.state);
         *state.frames.entry(mesh).or_default() += 1;
@@ -128,7 +129,7 @@ mod tests {
     use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
 
     #[test]
-    fn memory_is_never_exceeded_but_by_one_alone() {
+    fn only_a_mesh_that_is_alone_may_exceed_the_limit() {
         let memory = Memory::new(10);
         let (held, most) = (AtomicU64::new(0), AtomicU64::new(0));
         let sizes = [4, 6, 3, 12, 5, 5, 0, 10, 1];

@@ -1,4 +1,4 @@
-//! Paths, folders and patterns -> files.
+//! Expands paths, folders and patterns to files.
 
 use std::{
     collections::BTreeSet,
@@ -10,11 +10,13 @@ use crate::{
     studio,
 };
 
-/// The files that `text`, seen from `folder`, stands for: itself, the meshes in a folder (or else its
-/// scenes), what a pattern matches; in the order of their names.
+/// Returns the files that `text` stands for, sorted by name. `text` is relative to `folder`.
+///
+/// A file stands for itself. A folder stands for its meshes, or for its scenes if it has no mesh. A
+/// pattern stands for all files that match.
 ///
 /// # Errors
-/// A name that is not there; a folder or pattern without a file.
+/// A name that does not exist; a folder or pattern without a file.
 pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     let path = folder.join(text);
     let nothing = |what: &str| Error::invalid(place, format!("found {text:?}, {what}"));
@@ -32,14 +34,14 @@ pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
         return Err(Error::invalid(place, format!("found {text:?}: there is no such file")));
     }
     let pattern = match folder.to_str() {
-        // The folder's own name is no pattern.
+        // The name of the folder itself is not a pattern.
         Some(folder) if !folder.is_empty() && !Path::new(text).is_absolute() => {
             format!("{}/{text}", glob::Pattern::escape(folder))
         }
         _ => text.to_string(),
     };
-    let matches =
-        matches(&pattern).map_err(|error| nothing(&format!("which is no pattern: {error}")))?;
+    let matches = matches(&pattern)
+        .map_err(|error| nothing(&format!("which is not a valid pattern: {error}")))?;
     let files: Vec<PathBuf> = matches.into_iter().filter(|path| path.is_file()).collect();
     match files.is_empty() {
         true => Err(nothing("a pattern that matches no file")),
@@ -47,15 +49,17 @@ pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     }
 }
 
-/// What a pattern matches, each path once. `**` stands for the folders of any depth that are no links:
-/// links may lead upwards, and then the paths through them have no end.
+/// Returns all paths that match a pattern, each once.
+///
+/// `**` matches folders at any depth, but follows no links: a link may lead to a parent folder, and
+/// then the paths through it have no end.
 fn matches(pattern: &str) -> std::result::Result<BTreeSet<PathBuf>, glob::PatternError> {
     let (above, below) = match pattern.split_once("**/") {
-        // Also where it is no name of its own, which `glob` complains about.
+        // `**` that is only part of a name also goes to `glob`, which reports an error.
         Some((above, below)) if above.is_empty() || above.ends_with('/') => (above, below),
         _ => return Ok(glob::glob(pattern)?.filter_map(|path| path.ok()).collect()),
     };
-    // All of them once, however many `**` follow each other.
+    // Several `**` in a row match the same as one.
     let below = below.trim_start_matches("**/");
     let roots = match above {
         "" => BTreeSet::from([PathBuf::new()]),
@@ -67,7 +71,7 @@ fn matches(pattern: &str) -> std::result::Result<BTreeSet<PathBuf>, glob::Patter
         let start = match folder.to_str() {
             Some("") => String::new(),
             Some(name) => format!("{}/", glob::Pattern::escape(name.trim_end_matches('/'))),
-            // No job file can say the names in it either.
+            // A job file cannot name such a folder (not UTF-8) either.
             None => continue,
         };
         found.extend(matches(&(start + below))?);
@@ -77,7 +81,7 @@ fn matches(pattern: &str) -> std::result::Result<BTreeSet<PathBuf>, glob::Patter
         };
         let entries = listed.into_iter().flatten().flatten();
         let real = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
-        // As `glob` does, hidden folders count.
+        // Hidden folders count, as in `glob`.
         folders.extend(real.map(|entry| folder.join(entry.file_name())));
     }
     Ok(found)

@@ -1,4 +1,4 @@
-//! A job file and what flags add to it -> a checked [`Job`]: every input a file that is there.
+//! Turns a job file and the command line's flags into a checked [`Job`], whose inputs all exist.
 
 use std::{
     collections::BTreeMap,
@@ -25,77 +25,78 @@ use super::{
     outputs,
 };
 
-/// Where frames go unless something is said.
+/// Output folder if none is given.
 const FOLDER: &str = "out";
 
-/// What is to be rendered.
+/// A checked batch job: inputs, template, turntable and output settings.
 #[derive(Debug)]
 pub struct Job {
-    /// One after the other.
+    /// Scenes and meshes in the order in which they are rendered.
     pub inputs: Vec<Input>,
-    /// What shows a mesh.
+    /// Scene that shows the meshes.
     pub template: Template,
-    /// Kept free around meshes.
+    /// Free space around a mesh at each border, as a fraction of the picture.
     pub margin: f64,
-    /// How meshes look.
+    /// Smoothing, texture and ground of the meshes.
     pub looks: Looks,
-    /// Frames of each input; one without.
+    /// Turntable of each input. `None`: one frame per input.
     pub turntable: Option<Turntable>,
-    /// Where the turntable's axis stands, if that is said.
+    /// A point on the turntable's axis, if the job file sets it.
     pub pivot: Option<DVec3>,
-    /// Samples of every area light, if that is said.
+    /// Samples of every area light, if a flag sets it.
     pub light_samples: Option<u32>,
-    /// Drop triangles with bad vertices.
+    /// Drops triangles with invalid vertices.
     pub repair: bool,
-    /// Read meshes instead of mapping them.
+    /// Reads mesh files instead of memory-mapping them.
     pub no_mmap: bool,
-    /// How pictures are stored.
+    /// Format of the pictures: compression, bit depth, parts.
     pub storage: Storage,
-    /// Frames per second, as a fraction.
+    /// Frame rate in frames per second, as numerator and denominator.
     pub per_second: Option<(i32, u32)>,
-    /// Where everything goes.
+    /// Output folder, relative to the working folder.
     pub folder: PathBuf,
-    /// What frames are called in it.
+    /// Name pattern of the frames within the output folder.
     pub name: Pattern,
-    /// The job's own file and its template's.
+    /// The job file itself and the file of its template.
     pub files: Vec<PathBuf>,
 }
 
-/// A scene or a mesh.
+/// A scene or mesh file of a job, with its own settings.
 #[derive(Debug)]
 pub struct Input {
-    /// The file.
+    /// Path of the scene or mesh.
     pub path: PathBuf,
     /// Which axis of the mesh points up.
     pub up: Option<Axis>,
-    /// Turns the mesh, in place of `up`.
+    /// Rotation of the mesh in degrees, in place of `up`.
     pub rotate: Option<[f64; 3]>,
-    /// Of the scene, in order.
+    /// Overrides of the scene, in the order in which they are applied.
     pub overrides: Overrides,
 }
 
-/// What flags say that a job file does not.
+/// Settings that only the command line has, and overrides that win over the job file.
 #[derive(Debug, Default)]
 pub struct Flags {
-    /// Win over those of the file.
+    /// Overrides that are applied after those of the job file.
     pub overrides: Overrides,
     /// Samples of every area light.
     pub light_samples: Option<u32>,
-    /// Drop triangles with bad vertices.
+    /// Drops triangles with invalid vertices.
     pub repair: bool,
-    /// Read meshes instead of mapping them.
+    /// Reads mesh files instead of memory-mapping them.
     pub no_mmap: bool,
-    /// Where the job file was read from.
+    /// Path of the job file.
     pub file: Option<PathBuf>,
 }
 
 impl Job {
-    /// Checks a job whose paths are relative to `base` (empty: the working folder). The output folder
+    /// Checks a job file and returns the job.
+    ///
+    /// Its paths are relative to `base`; an empty `base` is the working folder. The output folder
     /// is relative to the working folder.
     ///
     /// # Errors
-    /// Everything that is wrong with it: inputs that are not there, contradictions, two frames of one
-    /// name.
+    /// All problems of the job: missing inputs, contradictions, two frames with the same name.
     pub fn check(file: JobFile, base: &Path, flags: Flags) -> Result<Self> {
         let mut failures = Failures::default();
         let mut found = Vec::new();
@@ -174,12 +175,13 @@ impl Job {
         })
     }
 
-    /// Frames of each input.
+    /// Returns the number of frames per input.
     pub fn frames(&self) -> u32 {
         self.turntable.map_or(1, |turntable| turntable.frames)
     }
 
-    /// What the files of a frame say of their place in a sequence: nothing if there is one frame.
+    /// Returns frame number and frame rate for the EXR header. There is no number if an input has
+    /// one frame.
     pub fn sequence(&self, frame: u32) -> Sequence {
         let numbered = (self.frames() > 1).then_some(frame);
         Sequence {
@@ -188,13 +190,14 @@ impl Job {
         }
     }
 
-    /// Where a frame goes, without an ending.
+    /// Returns the path of a frame without the ending.
     pub fn prefix(&self, input: usize, frame: u32) -> PathBuf {
         self.folder.join(self.name.of(&self.inputs[input].path, input, frame))
     }
 }
 
-/// The files of one entry. Overrides in the order in which they win: the job's, the entry's, flags.
+/// Returns the files of one entry. Later overrides win: first the job's, then the entry's, then the
+/// flags'.
 fn input(
     written: &Written,
     file: &JobFile,
@@ -212,7 +215,7 @@ fn input(
     overrides.append(flags.overrides.clone());
     let place = format!("inputs/{number}");
     let files = inputs::expand(&place, &path.0, base)?;
-    // A turn of its own replaces the other's whichever way it is said.
+    // An entry's own `up` or `rotate` replaces both of the job's.
     let (up, rotate) = match (up, rotate) {
         (None, None) => (file.up, file.rotate),
         (Some(_), Some(_)) => {
@@ -230,7 +233,7 @@ fn input(
     Ok(files.into_iter().map(one).collect())
 }
 
-/// What the job sets in every scene.
+/// Returns the overrides that the job sets in every scene.
 fn common(file: &JobFile) -> Overrides {
     let mut all = Overrides::default();
     if let Some([width, height]) = file.size {

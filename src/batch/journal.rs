@@ -1,5 +1,7 @@
-//! `batch.jsonl`: a line of JSON for everything that happened, appended at once in one write, so that
-//! it can be read after a kill at any time. Runs add to it; what is said last counts.
+//! The journal `batch.jsonl`: one line of JSON per event.
+//!
+//! Each line is appended in a single write, so the file stays readable after a kill at any time.
+//! Later runs append to it, and the last record about a frame counts.
 
 use std::{
     collections::BTreeMap,
@@ -17,104 +19,104 @@ use serde_json::Value;
 
 use crate::error::{Error, Result};
 
-/// One line.
+/// One line of the journal.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "lowercase")]
 pub enum Record {
-    /// A run begins.
+    /// Start of a run.
     Start {
-        /// Seconds since 1970.
+        /// Time in seconds since 1970.
         time: f64,
-        /// Of the program.
+        /// Version of the program.
         version: String,
-        /// Frame numbers of this run: from, to (excluded).
+        /// Frame numbers of this run: first, and one past the last.
         range: [u64; 2],
     },
-    /// A mesh or scene is loaded and built.
+    /// A mesh or scene was loaded and its accelerator built.
     Mesh(MeshRecord),
-    /// A frame is finished.
+    /// A frame was rendered and written.
     Frame(FrameRecord),
-    /// Finished frames stay as they are.
+    /// Existing frames were kept.
     Kept {
-        /// As in [`FrameRecord`].
+        /// Path of the input, as in [`FrameRecord`].
         input: String,
-        /// As in [`FrameRecord`].
+        /// Numbers of the frames, as in [`FrameRecord`].
         frames: Vec<u32>,
     },
     /// An input, or a frame of it, failed.
     Failed {
-        /// Its file.
+        /// Path of the input.
         input: String,
-        /// The frame, if it is not all of them.
+        /// Number of the frame; `None` if all frames failed.
         frame: Option<u32>,
-        /// What is wrong.
+        /// Text of the error.
         message: String,
     },
-    /// The run ends.
+    /// End of a run.
     End {
-        /// Seconds since 1970.
+        /// Time in seconds since 1970.
         time: f64,
-        /// Frames rendered.
+        /// Number of frames rendered.
         rendered: u64,
-        /// Frames that were there.
+        /// Number of existing frames that were kept.
         kept: u64,
-        /// Inputs with failures.
+        /// Number of failures: inputs and single frames.
         failed: u64,
-        /// The signal that stopped it.
+        /// Number of the signal that stopped the run.
         signal: Option<i32>,
     },
 }
 
-/// What a mesh cost.
+/// Size and cost of a loaded mesh or scene.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct MeshRecord {
-    /// Its file.
+    /// Path of the input.
     pub input: String,
-    /// Of all shapes.
+    /// Number of triangles of all shapes.
     pub triangles: u64,
-    /// Wall-clock seconds of reading and framing it.
+    /// Wall-clock seconds of reading and framing.
     pub load_s: f64,
-    /// Wall-clock seconds of the accelerator.
+    /// Wall-clock seconds of building the accelerator.
     pub build_s: f64,
     /// Bytes of mesh arrays, textures and accelerator.
     pub bytes: u64,
-    /// The camera of frame 0, as scenes and job files write it.
+    /// Camera of frame 0, in the form of scenes and job files.
     pub camera: Value,
-    /// Of loading.
+    /// Warnings of reading and building.
     pub warnings: Vec<String>,
 }
 
-/// What a frame cost.
+/// Files and cost of a rendered frame.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct FrameRecord {
-    /// Number among all frames of the job.
+    /// Number of the frame among all frames of the job.
     pub index: u64,
-    /// The input's file.
+    /// Path of the input.
     pub input: String,
-    /// Number among its frames.
+    /// Number of the frame among those of its input.
     pub frame: u32,
-    /// Files, relative to the journal.
+    /// Paths of its files, relative to the journal.
     pub outputs: Vec<PathBuf>,
-    /// XXH3 hashes (128 bits, hexadecimal) of these, in their order.
+    /// XXH3 hashes of `outputs` (128 bits, hexadecimal), in the same order.
     #[serde(default)]
     pub xxh3: Vec<String>,
-    /// Why a frame that was there was rendered again.
+    /// Reason why an existing frame was rendered again.
     pub again: Option<String>,
-    /// What it was made of, if that can be known.
+    /// Fingerprint of scene, files and settings; `None` if a mesh came through a pipe.
     pub fingerprint: Option<String>,
-    /// Wall-clock seconds of its rays.
+    /// Wall-clock seconds of tracing.
     pub render_s: f64,
-    /// Wall-clock seconds of its files.
+    /// Wall-clock seconds of writing its files.
     pub write_s: f64,
-    /// Rays by class.
+    /// Number of rays by class.
     pub rays: BTreeMap<String, u64>,
     /// Largest resident set of the process so far.
     pub peak_bytes: u64,
-    /// Of this frame.
+    /// Warnings of this frame.
     pub warnings: Vec<String>,
 }
 
-/// An open journal.
+/// A journal that is open for appending.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
@@ -122,14 +124,15 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens a journal to append to.
+    /// Opens or creates a journal for appending.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// A file that cannot be written, a link, a pipe, or a device.
     pub fn open(path: &Path) -> Result<Self> {
         let failed = |error: std::io::Error| Error::io(path, "write", &error);
         let mut file = open(path)?;
-        // A line that a crash of the machine cut off must not swallow the next one.
+        // A crash of the machine can cut off the last line. The next record must start on a new
+        // one.
         if file.seek(SeekFrom::End(-1)).is_ok() {
             let mut last = [0];
             file.read_exact(&mut last).map_err(failed)?;
@@ -140,15 +143,14 @@ impl Journal {
         Ok(Self { path: path.to_owned(), file: Mutex::new(file) })
     }
 
-    /// Its file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Appends a record.
+    /// Appends a record in a single write.
     ///
     /// # Errors
-    /// `Retry` for a full disk.
+    /// `Retry` if the disk is full.
     pub fn add(&self, record: &Record) -> Result<()> {
         let mut line = serde_json::to_string(record).unwrap_or_default();
         line.push('\n');
@@ -157,8 +159,8 @@ impl Journal {
     }
 }
 
-/// Opens a regular file of this very name. Through a link the journal would grow somewhere else, and
-/// opening a pipe waits for its reader.
+/// Opens a journal, which must be a regular file. Through a link it would grow elsewhere, and
+/// opening a pipe blocks until it has a reader.
 fn open(path: &Path) -> Result<File> {
     let place = || path.display().to_string();
     let expected = "expected the journal of this folder, a regular file";
@@ -184,27 +186,27 @@ fn open(path: &Path) -> Result<File> {
     }
 }
 
-/// All records of all journals in a folder, in the order of their names; lines that cannot be read
-/// are left out.
+/// Returns all records of all journals in a folder, journal after journal in the order of their
+/// names. Lines that cannot be parsed are skipped.
 pub fn read(folder: &Path) -> Vec<Record> {
     let mut all = Vec::new();
     each(folder, |record| all.push(record));
     all
 }
 
-/// A file of a frame as a journal in `folder` names it.
+/// Returns the path of a frame's file relative to the journal's folder.
 pub fn seen_from<'p>(path: &'p Path, folder: &Path) -> &'p Path {
     path.strip_prefix(folder).unwrap_or(path)
 }
 
-/// [`read`], one record after the other.
+/// Calls `take` for every record that [`read`] returns.
 pub fn each(folder: &Path, mut take: impl FnMut(Record)) {
     let ours = |path: &PathBuf| {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         name.starts_with("batch") && name.ends_with(".jsonl")
     };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    // Neither links nor pipes, as they are not written either.
+    // Skips links and pipes: no journal is ever written to one.
     let entries = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(ours).collect();
     paths.sort();
@@ -214,7 +216,7 @@ pub fn each(folder: &Path, mut take: impl FnMut(Record)) {
     }
 }
 
-/// Seconds since 1970.
+/// Returns the current time in seconds since 1970.
 pub fn now() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64())
 }
@@ -224,7 +226,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cut_line_costs_only_itself() {
+    fn a_cut_off_line_loses_only_its_own_record() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("batch.jsonl");
         let kept = Record::Kept { input: "a.ply".into(), frames: vec![1, 3] };

@@ -1,4 +1,5 @@
-//! One mesh of a batch: read, built, its frames rendered by some threads of their own, dropped.
+//! Renders one mesh of a batch: reads it, builds its accelerator, renders its frames in parallel,
+//! and drops it.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -30,9 +31,9 @@ use super::{
     sums::sum,
 };
 
-/// A mesh with all that its frames share.
+/// A built mesh, shared by all its frames.
 struct Built<'a> {
-    /// Its place among the meshes of the run.
+    /// Position among the meshes of the run.
     number: usize,
     input: &'a str,
     world: &'a World,
@@ -41,10 +42,10 @@ struct Built<'a> {
 }
 
 impl Run<'_> {
-    /// Renders the frames of a task. `share` is the memory that it may take where there is a limit.
+    /// Renders the frames of a task. `share` is its limit of memory in bytes if the run has one.
     ///
     /// # Errors
-    /// What concerns all frames of this input.
+    /// Errors that concern all frames of this input.
     pub fn mesh(
         &self,
         number: usize,
@@ -80,7 +81,7 @@ impl Run<'_> {
         if !mesh.is_empty() {
             (self.tell)(Event::Framed { input, camera: &camera });
         }
-        let mut said = self.warn(input, &warnings);
+        let mut messages = self.warn(input, &warnings);
         let budget = self.options.max_memory.map(|_| Budget::of(share, prediction)).transpose()?;
         let budget = budget.as_ref();
         let options = LoadOptions {
@@ -98,7 +99,7 @@ impl Run<'_> {
         if frames.iter().all(|frame| frame.hash.is_some()) {
             world.read.check(&contents)?;
         }
-        said.extend(self.warn(input, &warnings));
+        messages.extend(self.warn(input, &warnings));
         let load_s = began.elapsed().as_secs_f64();
         let world_bytes = world.mesh_bytes() + world.texture_bytes();
         let options = BuildOptions {
@@ -115,7 +116,7 @@ impl Run<'_> {
             build_s: began.elapsed().as_secs_f64() - load_s,
             bytes: world_bytes + info.bytes,
             camera,
-            warnings: said,
+            warnings: messages,
         };
         let noted = self.journal.add(&Record::Mesh(record));
         noted.inspect_err(|error| self.end(error.clone()))?;
@@ -124,7 +125,8 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// One more thread than frames are rendered at a time: one frame's rays while another is written.
+    /// Renders frames on one thread more than frames rendered at a time: one frame is written while
+    /// the next one is traced.
     fn frames(&self, built: &Built, frames: &[Frame]) {
         let next = AtomicUsize::new(0);
         let work = || {
@@ -223,7 +225,7 @@ impl Run<'_> {
     }
 }
 
-/// Creates the part files of a frame, and the folder they lie in.
+/// Creates the part files of a frame and their folder.
 fn create(frame: &Frame, plan: &Plan, storage: Storage) -> Result<Files> {
     if let Some(folder) = frame.prefix.parent() {
         std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, "create", &error))?;

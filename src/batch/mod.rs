@@ -1,8 +1,9 @@
-//! Many meshes, many frames: a [`Job`] in, a folder of pictures out, and a journal of what happened.
+//! Batch rendering: a [`Job`] of many meshes and frames becomes a folder of pictures and a journal.
 //!
-//! `description` (as written) -> [`Job`] (checked) -> `plan` (which frames) -> `pipeline` (workers) ->
-//! `scene` (an input becomes the scenes of its frames) -> `mesh` (read, built, rendered). `gate` says who
-//! may go on, `resume` which frames may stay, `journal` what has happened, `sheet` shows it.
+//! `description` holds the job file as written; [`Job`] is its checked form. `plan` lists the
+//! frames and `pipeline` runs the workers. `scene` turns an input into the scenes of its frames;
+//! `mesh` reads, builds and renders it. `gate` orders the workers, `resume` decides which frames
+//! may stay, `journal` records events, and `sheet` draws the contact sheet.
 
 mod description;
 mod fingerprint;
@@ -43,42 +44,45 @@ use crate::{
 
 use journal::{Journal, now};
 
-/// How a batch runs.
+/// Settings of one batch run.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Worker threads, >= 1.
+    /// Number of worker threads, at least 1.
     pub threads: usize,
-    /// Frames rendered at a time; by their size unless given.
+    /// Number of frames rendered at a time. `None`: chosen from the size of the first input's
+    /// frames.
     pub jobs: Option<usize>,
-    /// The most that meshes, accelerators and films may take together.
+    /// Limit in bytes for meshes, accelerators and films together.
     pub max_memory: Option<u64>,
-    /// Keep frames that are whole and of the same fingerprint.
+    /// Keeps existing frames that are complete and have the expected fingerprint.
     pub resume: bool,
-    /// Keep only frames whose bytes are those that were written.
+    /// With `resume`: also requires the bytes of a kept file to match the hash in the journal.
     pub verify: bool,
-    /// Begin nothing new after the first failure.
+    /// Starts nothing new after the first failure.
     pub fail_fast: bool,
-    /// Numbers of the frames to render, of all frames mesh after mesh; all unless given.
+    /// Range of frame numbers to render. Frames are numbered mesh after mesh. `None`: all frames.
     pub range: Option<Range<u64>>,
 }
 
-/// What came of a run.
+/// Result of a batch run.
 #[derive(Debug)]
 pub struct Outcome {
-    /// Frames rendered.
+    /// Number of frames rendered.
     pub rendered: u64,
-    /// Frames that were there.
+    /// Number of existing frames that were kept.
     pub kept: u64,
-    /// Inputs that failed, or frames of theirs.
+    /// Errors by input file: an input that failed, or one of its frames.
     pub failures: Vec<(String, Error)>,
-    /// The signal that stopped it.
+    /// Number of the signal that stopped the run.
     pub signal: Option<i32>,
 }
 
-/// Renders a job. Finished frames are final at once; the journal says what happened.
+/// Renders a job, writes its journal, and returns what was rendered, kept and failed.
+///
+/// A finished frame gets its final file names at once.
 ///
 /// # Errors
-/// What concerns all inputs: a range that is none, a folder that cannot be written, a full disk.
+/// Errors that concern all inputs: an invalid range, a folder that cannot be written, a full disk.
 pub fn run(
     job: &Job,
     options: &Options,
@@ -113,7 +117,8 @@ pub fn run(
     Ok(outcome)
 }
 
-/// `batch.jsonl`; of a range a file of its own, so that no two tasks write one.
+/// Returns the path of the journal: `batch.jsonl`, or a file of its own for a range of frames, so
+/// that no two tasks write to the same file.
 fn journal_path(job: &Job, range: Option<&Range<u64>>) -> PathBuf {
     job.folder.join(match range {
         None => "batch.jsonl".to_string(),

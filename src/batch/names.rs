@@ -1,4 +1,4 @@
-//! Names of frames: `{stem}/{stem}.{frame:04}`.
+//! Name patterns of frames, such as `{stem}/{stem}.{frame:04}`.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -8,35 +8,36 @@ use crate::{
     scene::did_you_mean,
 };
 
-/// What a frame's files are called within the output folder, without their ending.
+/// Pattern for the path of a frame's files within the output folder, without the ending.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pattern(Vec<Piece>);
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Piece {
     Text(String),
-    /// The input's name without its ending.
+    /// The input's file name without its ending.
     Stem,
     /// The name of the input's folder.
     Parent,
-    /// Number of the input, from 0, with at least so many digits.
+    /// Number of the input, counted from 0, with at least this many digits.
     Input(usize),
-    /// Number of the frame, from 0.
+    /// Number of the frame, counted from 0, with at least this many digits.
     Frame(usize),
 }
 
 const FIELDS: [&str; 4] = ["stem", "parent", "input", "frame"];
 
 impl Pattern {
-    /// One picture per input.
+    /// Default for one frame per input.
     pub const STILL: &str = "{stem}";
-    /// A folder of frames per input.
+    /// Default for several frames per input: each input has its own folder.
     pub const FRAMES: &str = "{stem}/{stem}.{frame:04}";
 
-    /// Reads a pattern; an ending `.exr` or `.png` says nothing. `place` is for messages.
+    /// Parses a pattern. An ending `.exr` or `.png` is ignored. `place` names the source in
+    /// messages.
     ///
     /// # Errors
-    /// Unknown fields, braces that do not pair, a path that leaves the output folder.
+    /// Unknown fields, unbalanced braces, a path that leaves the output folder.
     pub fn parse(place: &str, text: &str) -> Result<Self> {
         let complain = |message: String| Error::invalid(place, message);
         let whole = text.strip_suffix(".exr").or(text.strip_suffix(".png")).unwrap_or(text);
@@ -46,7 +47,7 @@ impl Pattern {
             let (before, field) = rest.split_at(at);
             let end = field.find('}').filter(|end| *end > 0 && field.starts_with('{'));
             let Some(end) = end else {
-                return Err(complain(format!("found braces that do not pair in {text:?}"))
+                return Err(complain(format!("found unbalanced braces in {text:?}"))
                     .help("fields stand in braces: {stem}/{stem}.{frame:04}"));
             };
             pieces.push(Piece::Text(before.to_string()));
@@ -70,8 +71,8 @@ impl Pattern {
         Ok(pattern)
     }
 
-    /// Refuses an input whose frames would lie outside of the output folder, or have control
-    /// characters in their names: `...ply` has the stem `..`.
+    /// Refuses an input whose frames would lie outside the output folder, or would have control
+    /// characters in their names. For example, `...ply` has the stem `..`.
     ///
     /// # Errors
     /// `Invalid`, at the input.
@@ -94,12 +95,12 @@ impl Pattern {
         })
     }
 
-    /// Whether frames of one input have different names.
+    /// Returns true if the frames of one input have different names.
     pub fn tells_frames(&self) -> bool {
         self.0.iter().any(|piece| matches!(piece, Piece::Frame(_)))
     }
 
-    /// The name of a frame of an input.
+    /// Returns the path of a frame within the output folder, without the ending.
     pub fn of(&self, input: &Path, number: usize, frame: u32) -> PathBuf {
         let mut name = std::ffi::OsString::new();
         for piece in &self.0 {
@@ -115,13 +116,13 @@ impl Pattern {
     }
 }
 
-/// Whether a name stays in the folder that it is joined to.
+/// Returns true if a path stays within the folder that it is joined to.
 fn is_within(name: &Path) -> bool {
     let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
     name.file_name().is_some() && name.components().all(plain)
 }
 
-/// The name of the folder that an input lies in.
+/// Returns the name of the folder that contains an input.
 fn parent(input: &Path) -> std::ffi::OsString {
     let absolute = std::path::absolute(input).unwrap_or_else(|_| input.to_owned());
     let name = absolute.parent().and_then(Path::file_name);
@@ -147,7 +148,8 @@ fn piece(field: &str) -> std::result::Result<Piece, (String, Option<String>)> {
         "frame" => digits().map(Piece::Frame).map_err(wrong),
         _ => {
             let help = did_you_mean(name, FIELDS);
-            let help = help.unwrap_or("there are {stem}, {parent}, {input:03}, {frame:04}".into());
+            let help =
+                help.unwrap_or("the fields are {stem}, {parent}, {input:03}, {frame:04}".into());
             Err((format!("found the unknown field {{{field}}}"), Some(help)))
         }
     }
@@ -158,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names() {
+    fn fields_are_filled_in() {
         let of = |text: &str| {
             let pattern = Pattern::parse("--name", text).unwrap();
             pattern.of(Path::new("/scans/red/a.ply.gz"), 7, 12).to_str().unwrap().to_string()
@@ -171,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_refused() {
+    fn invalid_patterns_are_refused() {
         let bad = [
             "",
             "a/",

@@ -1,4 +1,4 @@
-//! What a job writes: no two outputs are one file, and no output is an input of the run.
+//! Checks the outputs of a job: all differ from each other, and none is an input of the run.
 
 use std::{
     hash::{DefaultHasher, Hash, Hasher},
@@ -21,53 +21,55 @@ use super::{
     scene, sheet,
 };
 
-/// Everything that a job reads: its files, its inputs and all that these name. Reads scenes and headers
-/// of meshes, on the threads of the current rayon pool.
+/// Returns all files that a job reads: its own files, its inputs, and the files that these name.
+///
+/// Reads scenes and mesh headers on the threads of the current rayon pool.
 pub fn inputs(job: &Job) -> Files {
     let named = job.inputs.par_iter().map(|input| named(job, input)).collect::<Vec<_>>();
     job.files.iter().chain(named.iter().flatten()).collect()
 }
 
-/// The input's file and what it names, as far as it can be read.
+/// Returns an input's path and the paths of the files that it names, as far as these can be found
+/// out.
 fn named(job: &Job, input: &Input) -> Vec<PathBuf> {
     let named = match scene::unframed(job, input) {
         Ok(scene) => world::sources(&scene),
-        // A mesh names its texture even where the scene around it is wrong.
+        // A mesh header names its texture even if the scene around it is invalid.
         Err(_) => world::mesh_sources(&input.path),
     };
     [input.path.clone()].into_iter().chain(named).collect()
 }
 
-/// Refuses frames, journals and contact sheets that are inputs.
+/// Refuses frames, journals and contact sheets that would overwrite an input.
 ///
 /// # Errors
 /// The first such output.
 pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &Files) -> Result<()> {
     let beside = sheet::paths(job).chain([journal.to_owned()]);
-    beside.into_iter().try_for_each(|output| free(&output, inputs))?;
+    beside.into_iter().try_for_each(|output| refuse_if_input(&output, inputs))?;
     tasks.par_iter().try_for_each(|task| {
         let mut outputs = task.frames.clone().flat_map(|frame| frame_files(job, task.input, frame));
-        outputs.try_for_each(|output| free(&output, inputs))
+        outputs.try_for_each(|output| refuse_if_input(&output, inputs))
     })
 }
 
-/// Refuses a contact sheet that is an input.
+/// Refuses a contact sheet that would overwrite an input.
 ///
 /// # Errors
 /// The first such file.
 pub fn refuse_sheet(job: &Job) -> Result<()> {
     let inputs = inputs(job);
-    sheet::paths(job).try_for_each(|output| free(&output, &inputs))
+    sheet::paths(job).try_for_each(|output| refuse_if_input(&output, &inputs))
 }
 
-fn free(output: &Path, inputs: &Files) -> Result<()> {
+fn refuse_if_input(output: &Path, inputs: &Files) -> Result<()> {
     match inputs.has(output) {
         true => Err(files::over(output, "choose another folder: -o DIR")),
         false => Ok(()),
     }
 }
 
-/// Every file that a frame may have.
+/// Returns the paths of every file that a frame may have.
 fn frame_files(job: &Job, input: usize, frame: u32) -> impl Iterator<Item = PathBuf> {
     let prefix = job.prefix(input, frame);
     let kinds = if job.storage.crypto_sidecar { &picture::MANIFESTS[..] } else { &[] };
@@ -76,21 +78,23 @@ fn frame_files(job: &Job, input: usize, frame: u32) -> impl Iterator<Item = Path
     Outputs::names(&prefix).into_iter().chain(manifests)
 }
 
-/// A frame by the hash of its name.
-type Named = (u64, u32, u32);
+/// Hash of a frame's name, number of its input, and number of the frame.
+type HashedName = (u64, u32, u32);
 
-/// Refuses two frames of one name, and a frame with a name of the contact sheet. `text` is the pattern.
+/// Refuses two frames with the same name, and a frame with the name of a contact sheet. `text` is
+/// the pattern for messages.
 ///
 /// # Errors
-/// The first two in the order of the job.
+/// The first such pair in the order of the job.
 pub fn distinct(name: &Pattern, inputs: &[Input], frames: u32, text: &str) -> Result<()> {
     if frames > 1 && !name.tells_frames() {
         let message = format!("found {text:?} for {frames} frames, expected {{frame}} in it");
         return Err(Error::invalid("output name", message).help("{stem}/{stem}.{frame:04}"));
     }
-    let of =
-        |&(_, input, frame): &Named| name.of(&inputs[input as usize].path, input as usize, frame);
-    let mut all: Vec<Named> = Vec::new();
+    let of = |&(_, input, frame): &HashedName| {
+        name.of(&inputs[input as usize].path, input as usize, frame)
+    };
+    let mut all: Vec<HashedName> = Vec::new();
     let (sheets, mut first) = (sheet::names(inputs.len()), None);
     for input in 0..inputs.len() as u32 {
         for frame in 0..frames {
@@ -107,9 +111,9 @@ pub fn distinct(name: &Pattern, inputs: &[Input], frames: u32, text: &str) -> Re
         }
     }
     all.sort_unstable();
-    // Equal names have equal hashes; few others do.
+    // Equal names have equal hashes. Only names with equal hashes are compared.
     for alike in all.chunk_by(|a, b| a.0 == b.0).filter(|alike| alike.len() > 1) {
-        let same = |(i, a): (usize, &Named)| {
+        let same = |(i, a): (usize, &HashedName)| {
             let b = alike[i + 1..].iter().find(|b| of(a) == of(b))?;
             Some((*a, Some(*b)))
         };
@@ -117,7 +121,7 @@ pub fn distinct(name: &Pattern, inputs: &[Input], frames: u32, text: &str) -> Re
         first = [first, pair].into_iter().flatten().min_by_key(|((_, i, frame), _)| (*i, *frame));
     }
     let Some((one, other)) = first else { return Ok(()) };
-    let called = |&(_, input, frame): &Named| {
+    let called = |&(_, input, frame): &HashedName| {
         let path = inputs[input as usize].path.display();
         if frames > 1 { format!("frame {frame} of {path}") } else { path.to_string() }
     };

@@ -1,6 +1,8 @@
-//! The run of a batch. Each worker takes the next mesh, reads it, builds its accelerator, renders its
-//! frames and drops it; there is one more worker than frames are rendered at a time, so the next mesh
-//! is there when the one before it is done. [`gate`](super::gate) keeps the order.
+//! The workers of a batch run.
+//!
+//! Each worker takes the next mesh, reads it, builds its accelerator, renders its frames and drops
+//! it. There is one more worker than frames rendered at a time, so the next mesh is ready when the
+//! previous one is done. [`gate`](super::gate) keeps the order.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -39,13 +41,13 @@ use super::{
     sums::Sums,
 };
 
-/// Tiles of 32 x 32 pixels that keep a thread busy while others end theirs.
+/// Tiles of 32 x 32 pixels per thread: enough to keep a thread busy while others finish theirs.
 const TILES_PER_THREAD: usize = 8;
 
-/// Of the memory that the system could give, what meshes that are not rendered yet may take.
+/// Share of the available memory that meshes may take if the user sets no limit.
 const SHARE_OF_AVAILABLE: f64 = 0.6;
 
-/// What the workers share.
+/// State shared by all workers of a run.
 pub struct Run<'a> {
     pub job: &'a Job,
     pub tasks: &'a [Task],
@@ -56,18 +58,18 @@ pub struct Run<'a> {
     pub tell: &'a (dyn Fn(Event) + Sync),
     pub sweep: Sweep,
     pub settings: Settings,
-    /// For rays and files.
+    /// Threads that trace rays and write files.
     pub pool: ThreadPool,
-    /// For reading and building, so that it does not wait for rays.
+    /// Threads that read meshes and build accelerators, so that these do not wait for rays.
     pub loading: ThreadPool,
-    /// What the job reads, as far as that was known at the start.
+    /// Files that the job reads, as far as they were known at the start.
     inputs: Files,
-    /// Hashes of what earlier runs wrote, if they are to be checked.
+    /// Hashes of the files that earlier runs wrote, if `--resume` checks them.
     pub sums: Option<Sums>,
     pub turns: Turns,
     pub jobs: usize,
     memory: Memory,
-    /// What the machine had when the run began.
+    /// Memory of the machine when the run began.
     room: Option<Room>,
     next: AtomicUsize,
     footprints: Mutex<Vec<(Backend, Footprint)>>,
@@ -76,11 +78,10 @@ pub struct Run<'a> {
     failures: Mutex<Vec<(String, Error)>>,
 }
 
-/// Renders the tasks of a job.
+/// Runs the tasks of a job and returns the outcome, which includes the errors of single inputs.
 ///
 /// # Errors
-/// What concerns all of them: no threads, a disk that is full. What concerns one input is in the
-/// outcome.
+/// Errors that concern all tasks: threads that cannot be started, a full disk.
 pub fn run(
     job: &Job,
     tasks: &[Task],
@@ -131,11 +132,11 @@ pub fn run(
     })
 }
 
-/// Does the work on this thread and on `count - 1` more, or on as many as the system gives.
+/// Runs `work` on this thread and on up to `count - 1` more, as many as the system can start.
 pub fn together(count: usize, work: impl Fn() + Sync) {
     std::thread::scope(|scope| {
         for _ in 1..count {
-            // Each of them would only take some of the work from the others.
+            // Fewer threads are no error: each would only take a share of the same work.
             if std::thread::Builder::new().spawn_scoped(scope, &work).is_err() {
                 break;
             }
@@ -148,10 +149,10 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// So many threads.
+/// Starts a pool of `threads` threads.
 ///
 /// # Errors
-/// `Retry` where the system does not give them.
+/// `Retry` if the system cannot start them.
 pub fn pool(threads: usize) -> Result<ThreadPool> {
     ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
         let message = format!("cannot start {threads} threads: {error}");
@@ -159,7 +160,8 @@ pub fn pool(threads: usize) -> Result<ThreadPool> {
     })
 }
 
-/// One frame at a time where it keeps all threads busy; more of small ones.
+/// Number of frames to render at a time: one if a frame keeps all threads busy, more if frames are
+/// small.
 fn jobs(job: &Job, options: &Options) -> usize {
     let threads = options.threads;
     let first = job.inputs.first().map(|input| scene::predict(job, input));
@@ -187,13 +189,13 @@ impl Run<'_> {
             let bytes = predicted.as_ref().map_or(0, |p| {
                 p.peak_bytes.saturating_add(p.film_bytes.saturating_mul(self.jobs as u64))
             });
-            // Where the user sets no limit, nothing begins that the machine has not had at the start.
+            // Without `--max-memory`, a mesh must fit into what the machine had when the run began.
             let room = self.room.filter(|_| self.options.max_memory.is_none());
             let predicted = predicted.and_then(|prediction| {
                 room.map_or(Ok(()), |room| room.check(bytes, &input))?;
                 Ok(prediction)
             });
-            // Also where there is nothing to enter for: the next one waits for this number.
+            // Enters even after an error or a stop: the next mesh waits for this number.
             let held = self.memory.enter(number, bytes);
             if self.stopped() {
                 continue;
@@ -208,7 +210,7 @@ impl Run<'_> {
         }
     }
 
-    /// What a mesh will need, accelerator included. Too much for `--max-memory` is an error.
+    /// Predicts the memory of a mesh, accelerator included. An error if it exceeds `--max-memory`.
     fn predict(&self, task: &Task) -> Result<Prediction> {
         let (scene, prediction) = scene::predict(self.job, &self.job.inputs[task.input])?;
         let known = lock(&self.footprints).iter().find(|f| f.0 == scene.backend).map(|f| f.1);
@@ -228,8 +230,10 @@ impl Run<'_> {
         Ok(prediction)
     }
 
-    /// Refuses what was read for an input and is an output of this run: a mesh that came through a pipe has
-    /// named its texture only now.
+    /// Refuses an input file that is also an output of this run.
+    ///
+    /// Checks only files that were unknown at the start: a mesh from a pipe names its texture only
+    /// when it is read.
     pub fn is_no_output(&self, read: &Read) -> Result<()> {
         let new: Files = read.paths().filter(|path| !self.inputs.has(path)).collect();
         match new.is_empty() {
@@ -238,12 +242,13 @@ impl Run<'_> {
         }
     }
 
-    /// Whether nothing new is to begin.
+    /// Returns true if no new work may begin: after a signal, a fatal error, or a failure with
+    /// `fail_fast`.
     pub fn stopped(&self) -> bool {
         self.monitor.stopped() || self.stop.load(Relaxed)
     }
 
-    /// Frames of an input that stay as they are.
+    /// Records frames of an input that are kept as they are.
     pub fn kept(&self, input: &str, frames: Vec<u32>) -> Result<()> {
         self.status.kept.fetch_add(frames.len() as u64, Relaxed);
         match frames.is_empty() {
@@ -252,7 +257,7 @@ impl Run<'_> {
         }
     }
 
-    /// An input or one of its frames failed: the others go on.
+    /// Records the failure of an input or of one of its frames. The batch continues.
     pub fn failed(&self, input: &str, frame: Option<u32>, frames: u64, error: Error) {
         if let Kind::Interrupted(_) = error.kind {
             return;
@@ -271,7 +276,7 @@ impl Run<'_> {
         }
     }
 
-    /// What would meet every frame: the batch ends.
+    /// Ends the batch after an error that every later frame would run into, too.
     pub fn end(&self, error: Error) {
         self.stop.store(true, Relaxed);
         if !matches!(error.kind, Kind::Interrupted(_)) {
@@ -279,14 +284,14 @@ impl Run<'_> {
         }
     }
 
-    /// A full disk, which would meet every frame, ends the batch.
+    /// Ends the batch if a disk is full or another resource is exhausted (`Retry`).
     pub fn end_if_full(&self, error: &Error) {
         if error.kind == Kind::Retry {
             self.end(error.clone());
         }
     }
 
-    /// Says what is suspicious.
+    /// Reports warnings and returns their texts.
     pub fn warn(&self, input: &str, problems: &[Problem]) -> Vec<String> {
         for problem in problems {
             (self.tell)(Event::Warning { input, problem });
@@ -294,22 +299,22 @@ impl Run<'_> {
         problems.iter().map(Problem::to_string).collect()
     }
 
-    /// Removes what dead runs left of a frame.
+    /// Removes part files that killed runs left beside the files of a frame.
     pub fn tidy(&self, targets: &[impl AsRef<Path>]) {
         for target in targets {
             self.sweep.target(target.as_ref());
         }
     }
 
-    /// A frame has its names.
+    /// Counts a frame that is written and named, and its rays.
     pub fn finished(&self, counts: &RayCounts) {
         self.status.rendered.fetch_add(1, Relaxed);
         self.status.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
     }
 }
 
-/// A bug costs one mesh, not the night.
+/// The error of a panic in one mesh or frame, which does not end the batch.
 pub fn panicked() -> Error {
-    let message = "the program failed here by a bug of its own; the batch goes on";
+    let message = "the program failed here because of a bug; the batch goes on";
     Error::new(Kind::Unsupported, Problem::new("", message).help("please report it with the file"))
 }

@@ -1,4 +1,4 @@
-//! Which frames a run renders: all inputs times all frames, mesh after mesh, or a range of them.
+//! Selects the frames of a run: all frames of all inputs, mesh after mesh, or a range of them.
 
 use std::ops::Range;
 
@@ -7,21 +7,21 @@ use crate::error::{Error, Result};
 /// The frames of one input that belong to a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Task {
-    /// Which input.
+    /// Number of the input.
     pub input: usize,
-    /// Its frames.
+    /// Numbers of the frames, counted within the input.
     pub frames: Range<u32>,
 }
 
-/// The number of a frame among all frames of a job: what `--range` counts.
+/// Returns the number of a frame among all frames of a job, as `--range` counts them.
 pub fn index(frames: u32, input: usize, frame: u32) -> u64 {
     input as u64 * u64::from(frames) + u64::from(frame)
 }
 
-/// Cuts a job of `inputs` times `frames` down to a range of frame numbers, in order.
+/// Returns one task per input that has frames in `range`. A job has `inputs` times `frames` frames.
 ///
 /// # Errors
-/// A range that is empty or leaves the job.
+/// A range that is empty or exceeds the job.
 pub fn tasks(inputs: usize, frames: u32, range: Option<&Range<u64>>) -> Result<Vec<Task>> {
     let all = 0..index(frames, inputs, 0);
     let range = range.unwrap_or(&all);
@@ -37,7 +37,7 @@ pub fn tasks(inputs: usize, frames: u32, range: Option<&Range<u64>>) -> Result<V
     let last = (range.end - 1) / per;
     let task = |input: u64| {
         let start = input * per;
-        // Both are within the frames of one input.
+        // Both ends lie within the frames of one input, so they fit into 32 bits.
         let frames = range.start.saturating_sub(start) as u32..(range.end - start).min(per) as u32;
         Task { input: input as usize, frames }
     };

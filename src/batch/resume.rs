@@ -1,4 +1,4 @@
-//! Whether a frame that is there may stay.
+//! Decides whether an existing frame may stay.
 
 use std::{ffi::OsStr, path::PathBuf};
 
@@ -6,33 +6,34 @@ use crate::output::finished::{self, Finished};
 
 use super::{fingerprint::difference, sums::Sums};
 
-/// Which frames that are there may stay.
+/// Which existing frames may stay.
 #[derive(Debug, Clone, Copy)]
 pub enum Resume<'a> {
-    /// None.
+    /// No frame may stay.
     Nothing,
-    /// Those of the same fingerprint, and with the same bytes if these are known.
+    /// Frames with the expected fingerprint may stay. With hashes, their bytes must match these,
+    /// too.
     Keep(Option<&'a Sums>),
 }
 
-/// What to do with a frame.
+/// Decision about one frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Verdict {
-    /// It is whole and of the same fingerprint.
+    /// All files are complete and have the expected fingerprint.
     Keep,
-    /// There is nothing yet.
+    /// No file exists yet.
     Render,
-    /// There is something else: why it is rendered again.
+    /// Files exist, but must be replaced for this reason.
     Again(String),
 }
 
-/// Looks at the files of a frame, which are those of [`Files::names`](crate::picture::Files::names). With `sums`
-/// all of their bytes are read.
+/// Decides about a frame by its files (those of [`Files::names`](crate::picture::Files::names)).
+/// With `sums`, all their bytes are read.
 pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&Sums>) -> Verdict {
     let found = files.iter().map(|path| match path.extension().and_then(OsStr::to_str) {
         Some("exr") => (path, finished::exr(path)),
         Some("png") => (path, finished::png(path)),
-        // A manifest gets its name before the EXR that says what they are both made of.
+        // A manifest is renamed before its EXR. The EXR's fingerprint covers both.
         _ if path.is_file() => (path, Finished::Whole(Some(fingerprint.to_string()))),
         _ => (path, Finished::Missing),
     });
@@ -47,7 +48,7 @@ pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&Sums>) -> Verdic
             Finished::Whole(Some(there)) => {
                 format!("{name}: {}", difference(&there, fingerprint))
             }
-            Finished::Whole(None) => format!("{name} does not say what it was made of"),
+            Finished::Whole(None) => format!("{name} has no fingerprint"),
             Finished::Broken => format!("{name} is not whole"),
             Finished::Missing => format!("{name} is missing"),
         });

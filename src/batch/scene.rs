@@ -1,4 +1,4 @@
-//! One input of a batch: from its file to the scenes of its frames.
+//! Turns one input of a batch into the scenes of its frames.
 
 use std::path::{Path, PathBuf};
 
@@ -26,47 +26,47 @@ use super::{
     resume::{self, Resume, Verdict},
 };
 
-/// Frames whose files are looked at together.
-const TOGETHER: usize = 256;
+/// Number of frames whose files are checked in one parallel pass.
+const FRAMES_PER_CHECK: usize = 256;
 
-/// An input that is read and framed.
+/// An input that is read and, if it is a mesh, framed.
 #[derive(Debug)]
 pub struct Ready {
-    /// Its scene: that of frame 0 of a turntable that starts at 0.
+    /// Scene of the input. For a turntable: of frame 0 if it starts at angle 0.
     pub loaded: Loaded,
-    /// Its mesh, if that had to be read.
+    /// The mesh with its path; empty for a scene.
     pub mesh: Vec<(PathBuf, Mesh)>,
-    /// What is suspicious so far.
+    /// Warnings of loading the input.
     pub warnings: Vec<Problem>,
-    /// What the scene's paths are relative to.
+    /// Folder that the scene's paths are relative to.
     folder: PathBuf,
-    /// Where a turntable's axis stands.
+    /// A point on the turntable's axis.
     pivot: DVec3,
 }
 
-/// A frame that is to be rendered.
+/// A frame that has to be rendered.
 #[derive(Debug)]
 pub struct Frame {
-    /// Number among all frames of the job.
+    /// Number of the frame among all frames of the job.
     pub index: u64,
-    /// Number among those of its input.
+    /// Number of the frame among those of its input.
     pub number: u32,
-    /// Its scene.
     pub loaded: Loaded,
-    /// Its files, without their endings.
+    /// Path of its files without the ending.
     pub prefix: PathBuf,
-    /// What decides its pixels, if that can be known: no mesh came through a pipe.
+    /// Hash of all that determines its pixels. `None` if a mesh came through a pipe.
     pub hash: Option<String>,
-    /// The same with how its files are written.
+    /// `hash` together with the settings of the files; `None` if there is no hash.
     pub fingerprint: Option<String>,
-    /// Why it is rendered although it is there.
+    /// Reason why it is rendered although its files exist.
     pub again: Option<String>,
 }
 
-/// What an input will need, by headers alone, without the accelerator; and its scene, not framed yet.
+/// Predicts the memory of an input from file headers, without the accelerator. Also returns its
+/// scene, not framed yet.
 ///
 /// # Errors
-/// Those of its scene and headers.
+/// Errors of the scene and of the headers.
 pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
     let scene = unframed(job, input)?;
     picture::suits(&scene, job.storage)?;
@@ -76,10 +76,10 @@ pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
     Ok((scene, prediction))
 }
 
-/// The scene of an input, a mesh where it happens to stand.
+/// Returns the scene of an input. A mesh is neither turned nor framed.
 ///
 /// # Errors
-/// Those of the scene.
+/// Errors of the scene.
 pub fn unframed(job: &Job, input: &Input) -> Result<Scene> {
     let loaded = match studio::is_mesh(&input.path) {
         true => studio::unframed(&input.path, &job.template, &input.overrides)?,
@@ -91,10 +91,10 @@ pub fn unframed(job: &Job, input: &Input) -> Result<Scene> {
     Ok(loaded.scene)
 }
 
-/// Reads an input: a scene file, or a mesh that is read, into arrays of at most `room`, and framed in the template.
+/// Reads an input: a scene, or a mesh that is framed in the template. `room` limits its arrays.
 ///
 /// # Errors
-/// Everything that is wrong with it.
+/// All problems of the input.
 pub fn read(job: &Job, input: &Input, room: Option<Room>, monitor: &Monitor) -> Result<Ready> {
     let path = &input.path;
     let (overrides, samples) = (input.overrides.clone(), job.light_samples);
@@ -126,7 +126,7 @@ pub fn read(job: &Job, input: &Input, room: Option<Room>, monitor: &Monitor) -> 
             let place = path.display().to_string();
             let message = "found a turntable of a scene whose camera has no `target`";
             return Err(Error::invalid(place, message)
-                .help("say where its axis stands: --pivot X,Y,Z, or give the camera a target"));
+                .help("set a point on its axis: --pivot X,Y,Z, or give the camera a target"));
         }
     };
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
@@ -134,9 +134,10 @@ pub fn read(job: &Job, input: &Input, room: Option<Room>, monitor: &Monitor) -> 
 }
 
 impl Ready {
-    /// The frames of a task that have to be rendered, and the numbers of those that may stay as they
-    /// are. `contents` are read once for all frames. Files are looked at on the threads of the current rayon
-    /// pool.
+    /// Splits a task into the frames to render and the numbers of the frames to keep.
+    ///
+    /// `contents` caches the files of the scene, which are read once for all frames. Runs on the
+    /// threads of the current rayon pool.
     ///
     /// # Errors
     /// Files that cannot be read.
@@ -151,7 +152,7 @@ impl Ready {
         let plan = Plan::new(&self.loaded.scene);
         let (mut frames, mut kept) = (Vec::new(), Vec::new());
         let numbers: Vec<u32> = task.frames.clone().collect();
-        for some in numbers.chunks(TOGETHER) {
+        for some in numbers.chunks(FRAMES_PER_CHECK) {
             let some: Vec<Frame> = some
                 .iter()
                 .map(|&number| {
@@ -189,7 +190,7 @@ impl Ready {
         };
         let turned = turntable.frame(&self.loaded.description, self.pivot, number);
         let mut frame = scene::from_description("frame", &turned, &self.folder, &[])?;
-        // How it works is no part of a description.
+        // A description does not hold the backend's settings.
         frame.scene.backend = self.loaded.scene.backend;
         Ok(frame)
     }

@@ -1,4 +1,4 @@
-//! How far a batch is, for whoever shows it.
+//! Progress of a batch, for a display.
 
 use std::{
     path::PathBuf,
@@ -15,36 +15,36 @@ use crate::{
     monitor::{Monitor, Phase},
 };
 
-/// Counters that a batch writes and a display polls.
+/// Counters that a batch updates and a display polls.
 #[derive(Debug, Default)]
 pub struct Status {
-    /// Frames of this run.
+    /// Number of frames of this run.
     pub total: AtomicU64,
-    /// Frames rendered.
+    /// Number of frames rendered.
     pub rendered: AtomicU64,
-    /// Frames that were there.
+    /// Number of existing frames that were kept.
     pub kept: AtomicU64,
-    /// Frames that failed.
+    /// Number of frames that failed.
     pub failed: AtomicU64,
-    /// Rays of finished frames.
+    /// Number of rays of finished frames.
     pub rays: AtomicU64,
     running: Mutex<Vec<Arc<Monitor>>>,
 }
 
 impl Status {
-    /// Counts what this monitor says until [`Status::ended`].
+    /// Includes the progress of a frame until [`Status::ended`].
     pub fn began(&self, monitor: &Arc<Monitor>) {
         let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
         running.push(Arc::clone(monitor));
     }
 
-    /// A frame is over, however it ended.
+    /// Removes a frame that has ended, whether it succeeded or failed.
     pub fn ended(&self, monitor: &Arc<Monitor>) {
         let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
         running.retain(|other| !Arc::ptr_eq(other, monitor));
     }
 
-    /// Frames that are under way, in parts of whole ones, and the rays they took.
+    /// Returns the progress of the frames under way, as a sum of fractions, and their rays so far.
     pub fn under_way(&self) -> (f64, u64) {
         let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
         running.iter().fold((0.0, 0), |(frames, rays), monitor| {
@@ -60,44 +60,44 @@ impl Status {
         })
     }
 
-    /// Frames that need nothing more.
+    /// Returns the number of frames that are rendered, kept or failed.
     pub fn settled(&self) -> u64 {
         [&self.rendered, &self.kept, &self.failed].iter().map(|count| count.load(Relaxed)).sum()
     }
 }
 
-/// What happens, for whoever tells the user.
+/// An event that a run reports to its caller.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// A mesh is framed: its camera as scenes and job files write it.
+    /// A mesh was framed.
     Framed {
-        /// Its file.
+        /// Path of the input.
         input: &'a str,
-        /// The scene's `camera`.
+        /// Camera of frame 0, in the form of scenes and job files.
         camera: &'a Value,
     },
-    /// Something is suspicious.
+    /// A warning about an input.
     Warning {
-        /// The input's file.
+        /// Path of the input.
         input: &'a str,
-        /// What.
+        /// Text and place of the warning.
         problem: &'a Problem,
     },
-    /// A frame that is there is rendered again.
+    /// An existing frame is rendered again.
     Again {
-        /// Why.
+        /// Why the existing files may not stay.
         reason: &'a str,
     },
-    /// A frame has its names.
+    /// A frame was written, and its files have their final names.
     Frame {
-        /// Its files.
+        /// Paths of its files.
         outputs: &'a [PathBuf],
     },
     /// An input, or a frame of it, failed; the batch goes on.
     Failed {
-        /// The input's file.
+        /// Path of the input.
         input: &'a str,
-        /// What is wrong.
+        /// Error of the input or frame.
         error: &'a Error,
     },
 }

@@ -1,8 +1,7 @@
-//! Hashes of finished files: what a journal keeps of a frame's bytes, and what `--resume` holds against
-//! them.
+//! Hashes of finished files. The journal records them; `--resume` compares files with them.
 //!
-//! XXH3 with 128 bits: it notices what disks, cables and broken copies do. Who changes files on purpose can
-//! change the journal, too.
+//! XXH3 with 128 bits detects errors of disks, cables and copies. It does not protect against
+//! deliberate changes: whoever changes a file can change the journal, too.
 
 use std::{
     collections::HashMap,
@@ -17,10 +16,10 @@ use crate::error::{Error, Result};
 
 use super::journal::{self, Record};
 
-/// Bytes that are read at once.
+/// Number of bytes per read.
 const CHUNK: usize = 1 << 18;
 
-/// The hash of a file, in hexadecimal.
+/// Returns the XXH3 hash of a file in hexadecimal.
 ///
 /// # Errors
 /// A file that cannot be read.
@@ -41,8 +40,10 @@ pub fn sum(path: &Path) -> Result<String> {
     read().map_err(|error| Error::io(path, "read", &error))
 }
 
-/// The hashes that the journals of a folder have, by file as seen from there. A file that was written
-/// several times has several: any of them is a whole file, and the file itself says of what.
+/// Hashes from all journals of a folder, by path relative to the folder.
+///
+/// A file that was written several times has several hashes. Each belongs to a complete file, and
+/// the file's own fingerprint tells which version it is.
 #[derive(Debug)]
 pub struct Sums {
     folder: PathBuf,
@@ -50,7 +51,7 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// Reads the journals of a folder.
+    /// Reads all journals of a folder.
     pub fn read(folder: &Path) -> Self {
         let mut known: HashMap<PathBuf, Vec<String>> = HashMap::new();
         journal::each(folder, |record| {
@@ -65,7 +66,8 @@ impl Sums {
         Self { folder: folder.to_owned(), known }
     }
 
-    /// Why a file may not be as it was written; `None` where its bytes are those of a journal.
+    /// Returns the reason why a file may have changed since it was written, or `None` if its hash
+    /// is in a journal.
     pub fn doubt(&self, path: &Path) -> Option<String> {
         let name = path.display();
         let Some(known) = self.known.get(journal::seen_from(path, &self.folder)) else {

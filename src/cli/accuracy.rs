@@ -1,4 +1,4 @@
-//! `lightpath accuracy`: the hard cases on every backend, then a table, JSON, pages.
+//! `lightpath accuracy`: runs the hard cases on every backend; writes a table, JSON and pages.
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -15,10 +15,10 @@ use super::{
     accuracy_markdown, accuracy_page, accuracy_table, args::AccuracyArgs, bench, machine, signals,
 };
 
-/// Times the rays of `--quick` that `--full` traces.
+/// Factor from the rays of `--quick` to those of `--full`.
 const FULL: u64 = 400;
 
-/// Runs the catalogue.
+/// Runs the catalogue of hard cases, or the selected ones.
 pub fn run(args: &AccuracyArgs) -> Result<()> {
     let cases = cases(args.case.as_deref())?;
     not_twice(args)?;
@@ -51,7 +51,7 @@ pub fn run(args: &AccuracyArgs) -> Result<()> {
     Err(Error { kind: Kind::Check, problems })
 }
 
-/// The catalogue, or what of it is asked for.
+/// Returns the cases of the catalogue whose group or name contains `text`.
 fn cases(text: Option<&str>) -> Result<Vec<Case>> {
     let mut cases = accuracy::catalogue();
     if let Some(text) = text {
@@ -63,7 +63,7 @@ fn cases(text: Option<&str>) -> Result<Vec<Case>> {
             let mut groups: Vec<&str> =
                 accuracy::catalogue().iter().map(|case| case.group).collect();
             groups.dedup();
-            let message = format!("found {text:?}, which is part of no case");
+            let message = format!("found {text:?}, expected a part of the name of a case");
             let help = format!("groups: {}", groups.join(", "));
             return Err(Error::invalid("--case", message).help(help));
         }
@@ -98,14 +98,14 @@ fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
     Ok(Settings { columns, seed: args.seed, times, pictures: args.html.is_some() })
 }
 
-/// Refuses outputs that would replace each other.
+/// Refuses two outputs with the same path.
 fn not_twice(args: &AccuracyArgs) -> Result<()> {
     let outputs = [&args.json, &args.html, &args.markdown].into_iter().flatten();
     let help = "choose another name: --json FILE, --html FILE, --markdown FILE";
     files::not_over([""; 0], outputs, help)
 }
 
-/// What is written, made sure of before the long work.
+/// Output files, created before the long work so that a bad output folder is found at once.
 struct Files {
     json: Option<TextFile>,
     html: Option<TextFile>,

@@ -1,4 +1,4 @@
-//! What `accuracy` found out, as a page of the documentation.
+//! Formats the results of `accuracy` as a page of the documentation.
 
 use std::fmt::Write;
 
@@ -6,12 +6,12 @@ use crate::measure::accuracy::{Entry, Report, Row};
 
 use super::{accuracy_table as table, units};
 
-/// The page.
+/// Returns the page in Markdown.
 pub fn page(report: &Report) -> String {
     let mut text = String::from(
         "# Accuracy\n\nWritten by `lightpath accuracy --markdown`; do not edit. Rays that are hard to \
-         answer, on every backend,\nagainst answers that are known. Numbers are wrong answers unless \
-         something else is said.\n\n",
+         answer, on every backend,\ncompared with exact answers. Numbers are wrong answers unless \
+         stated otherwise.\n\n",
     );
     for line in machine(report) {
         let _ = writeln!(text, "- {line}");
@@ -42,27 +42,28 @@ pub fn page(report: &Report) -> String {
 }
 
 const HOW: &str = "
-A packet is traced as a packet and again ray by ray, so each ray counts twice; one packet in four asks for
-occlusion. `coursework` and `brute` get a part of the rays, because they take long.
+Each packet is traced as a packet and again ray by ray, so each ray counts twice. One packet in four is an
+occlusion query. `coursework` and `brute` are slow and get a part of the rays.
 
-**The truth.** Hit or miss, and which hit is nearest, are decided without rounding: determinants in f64 with a
-proved bound, integers where that does not decide. The vertices and the ray are the f32 numbers that every
-backend gets. t is known to a relative 2^-40. A closed mesh needs no oracle: what is aimed at it from within
-must hit. Spheres are held against roots computed in integers.
+**The truth.** Hit or miss, and which hit is nearest, are decided without rounding: by determinants in f64 with
+a proved bound, and by integers where the bound does not decide. Every backend gets the same f32 vertices and
+rays. t is known to a relative 2^-40. A closed mesh needs no oracle: a ray aimed at it from within must hit.
+Spheres are compared with roots computed in integers.
 
-**Wrong.** A test that moves corners by its rounding may see an outline elsewhere; that is no failure as long
-as the bound of that test explains it (`bvh` and `coursework` 6u max|v - o|, u = 2^-24; Embree, which publishes
-none, four times that; `brute` nothing). Where triangles share edges their corners move together, so that the
-bound explains no gap between them. Such answers are counted apart, as *within the bound*. The bound does not excuse
-a hit where the ray starts: in `origin on a surface` the primitive itself must be right. The rows before it did not
-show that Embree met such surfaces at t = 0, as that lies within its bound.
+**Wrong.** A test whose rounding moves corners may see an outline elsewhere. That is no failure as long as the
+bound of the test explains it: 6u max|v - o| for `bvh` and `coursework`, u = 2^-24; four times that for Embree,
+which publishes none; nothing for `brute`. Triangles that share an edge have its corners in common, which move
+together, so the bound explains no gap between them. Such answers are counted apart, as *within the bound*. The
+bound does not excuse a hit at the ray's origin: in `origin on a surface` the primitive itself must be right. The
+rows before it did not show that Embree hits such surfaces at t = 0, because that lies within its bound.
 
 **ulp** is the largest error of t in units of the last place of the exact t. **relative** is the largest
-distance of the refined point (f64 from the primitive, stored as f32) from the exact one, relative to the
-largest of its coordinates, those of the primitive, and its distance from the ray's origin. Both only for hits of the right primitive.
+distance between the refined point (computed in f64 from the primitive, stored as f32) and the exact point. It is
+relative to the largest of three lengths: the point's coordinates, the primitive's coordinates, and the distance
+from the ray's origin. Both count only hits of the right primitive.
 ";
 
-/// Where it ran, in lines.
+/// Returns lines about the machine and the size of the run.
 pub fn machine(report: &Report) -> Vec<String> {
     let mut lines = Vec::new();
     if let Some(m) = &report.machine {
@@ -86,7 +87,7 @@ pub fn machine(report: &Report) -> Vec<String> {
     lines
 }
 
-/// A column in plain words.
+/// Returns the description of a column.
 pub fn meaning(name: &str) -> &'static str {
     match name {
         "embree" => "Intel Embree with `RTC_SCENE_FLAG_ROBUST`, packets of 16 and single rays",
@@ -148,7 +149,7 @@ fn section(text: &mut String, report: &Report, group: &str) {
     }
 }
 
-/// Wrong answers by number and kind.
+/// Formats the number of wrong answers and their kinds.
 fn failures(entry: &Entry) -> String {
     let total = table::failures(entry);
     let rate = match entry.failed {

@@ -1,4 +1,4 @@
-//! What `accuracy` found out, as one page with pictures of the failures.
+//! Report page of `accuracy`, with pictures of the failures.
 
 use crate::{
     measure::accuracy::{ColumnReport, Entry, Kind, Report, Row},
@@ -7,7 +7,7 @@ use crate::{
 
 use super::{accuracy_markdown, accuracy_table as table, units};
 
-/// The page.
+/// Builds the page of a report.
 pub fn page(report: &Report) -> Page {
     let mut groups: Vec<&str> = report.rows.iter().map(|row| row.group.as_str()).collect();
     groups.dedup();
@@ -16,13 +16,13 @@ pub fn page(report: &Report) -> Page {
     sections.push(columns(report));
     sections.extend(groups.iter().filter_map(|group| pictures(report, group)));
     Page {
-        title: "The truth about every ray".into(),
+        title: "Accuracy of every backend".into(),
         intro: accuracy_markdown::machine(report),
         sections,
     }
 }
 
-/// Failures per million by group, and the rays at vertices as bars.
+/// Builds the table of failures per million by group, and a chart of the rays at vertices.
 fn overview(report: &Report, groups: &[&str]) -> Section {
     let failures = report.failures();
     let mut findings: Vec<(String, bool)> =
@@ -36,7 +36,7 @@ fn overview(report: &Report, groups: &[&str]) -> Section {
     for group in groups {
         let mut cells: Vec<Cell> = vec![(*group).into()];
         for (index, column) in report.columns.iter().enumerate() {
-            let entries = of(report, group).map(|row| &row.entries[index]);
+            let entries = rows_of(report, group).map(|row| &row.entries[index]);
             let (mut failed, mut rays, mut missed) = (0, 0, false);
             for entry in entries {
                 (failed, rays) = (failed + entry.failed, rays + entry.rays);
@@ -77,7 +77,7 @@ fn vertices(report: &Report) -> String {
     .svg()
 }
 
-/// Those with the most rays: few enough for a chart.
+/// Returns true for the columns that trace the most rays, which the chart shows.
 fn is_fast(column: &ColumnReport) -> bool {
     column.name.starts_with("embree") || column.name.starts_with("bvh")
 }
@@ -91,7 +91,7 @@ fn bar(entry: &Entry) -> Bar {
     Bar { value, interval: None, wrong }
 }
 
-fn of<'a>(report: &'a Report, group: &'a str) -> impl Iterator<Item = &'a Row> {
+fn rows_of<'a>(report: &'a Report, group: &'a str) -> impl Iterator<Item = &'a Row> {
     report.rows.iter().filter(move |row| row.group == group)
 }
 
@@ -107,7 +107,7 @@ fn section(report: &Report, group: &str) -> Section {
     let mut within = vec![head("within the bound of the backend's own test", report, &[])];
     let mut times = vec![head("seconds in the backend, all threads", report, &["whole case"])];
     let mut cases = vec![["case", "what"].map(Cell::from).to_vec()];
-    for row in of(report, group) {
+    for row in rows_of(report, group) {
         let cells = |of: &dyn Fn(&Entry) -> Cell| -> Vec<Cell> {
             [row.name.as_str().into()].into_iter().chain(row.entries.iter().map(of)).collect()
         };
@@ -143,10 +143,10 @@ fn section(report: &Report, group: &str) -> Section {
     }
 }
 
-/// Where the failures of a group are.
+/// Draws where the failures of a group are.
 fn pictures(report: &Report, group: &str) -> Option<Section> {
     let mut charts = Vec::new();
-    for row in of(report, group) {
+    for row in rows_of(report, group) {
         for shown in &row.pictures {
             let kinds = row.entries[shown.column].failures.iter();
             let kinds: Vec<String> = kinds.map(|(kind, n)| format!("{n} {kind}")).collect();

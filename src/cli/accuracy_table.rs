@@ -1,13 +1,13 @@
-//! What `accuracy` found out, as cells of tables and as lines of text.
+//! Formats the results of `accuracy` as table cells and lines of text.
 
 use crate::measure::accuracy::{Entry, Report, Row, Settings};
 
 use super::units;
 
-/// Width of the names of cases on the terminal.
+/// Width of the case names on the terminal.
 const NAME: usize = 40;
 
-/// `0`, `1,234`, with a mark where it fails the run.
+/// Formats a number of failures: `0`, `1,234`, with a mark if it fails the run.
 pub fn failures(entry: &Entry) -> String {
     let missed = if entry.missed.is_some() { " MISSED" } else { "" };
     match entry.rays {
@@ -16,7 +16,7 @@ pub fn failures(entry: &Entry) -> String {
     }
 }
 
-/// How many of a million fail, for people: `0`, `9,514`, `0.3`.
+/// Formats failures per million: `0`, `9,514`, `0.3`.
 pub fn per_million(failed: u64, rays: u64) -> String {
     let rate = failed as f64 * 1e6 / rays.max(1) as f64;
     match rate {
@@ -26,7 +26,7 @@ pub fn per_million(failed: u64, rays: u64) -> String {
     }
 }
 
-/// `0.50`, `1.2e4`.
+/// Formats an error in ulp: `0.50`, `1.2e4`.
 pub fn ulp(value: Option<f64>) -> String {
     match value {
         None => "-".into(),
@@ -35,12 +35,12 @@ pub fn ulp(value: Option<f64>) -> String {
     }
 }
 
-/// `5.9e-8`.
+/// Formats a relative error: `5.9e-8`.
 pub fn relative(value: Option<f64>) -> String {
     value.map_or("-".into(), |value| format!("{value:.1e}"))
 }
 
-/// The worst of what must hold, or of all where nothing must.
+/// Returns the largest value over the columns of `bvh`, or over all columns if none is `bvh`.
 pub fn worst(names: &[String], row: &Row, of: fn(&Entry) -> Option<f64>) -> Option<f64> {
     let ours = |name: &&String| name.starts_with("bvh");
     let any = names.iter().any(|name| ours(&name));
@@ -56,7 +56,7 @@ fn width(name: &str) -> usize {
     name.len().max(9)
 }
 
-/// Heads of the columns.
+/// Formats the head of the table.
 pub fn heading(settings: &Settings) -> String {
     let mut line = format!("{:<NAME$} {:>11}", "failures by backend", "answers");
     for name in names(settings) {
@@ -65,7 +65,7 @@ pub fn heading(settings: &Settings) -> String {
     line + &format!(" {:>8} {:>8} {:>8}\n", "ulp", "relative", "time")
 }
 
-/// A row as soon as it is known.
+/// Formats one row. `first` adds the name of its group.
 pub fn line(settings: &Settings, row: &Row, first: bool) -> String {
     let names = names(settings);
     let mut line = if first { format!("{}\n", row.group) } else { String::new() };
@@ -82,7 +82,7 @@ pub fn line(settings: &Settings, row: &Row, first: bool) -> String {
     line
 }
 
-/// What it all comes to.
+/// Formats the summary below the table.
 pub fn summary(report: &Report) -> String {
     let seconds: f64 = report.rows.iter().map(|row| row.seconds).sum();
     let answers: u64 =

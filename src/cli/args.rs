@@ -1,4 +1,4 @@
-//! The table of commands and flags: help, completions and the man page all come from here.
+//! The table of commands and flags. Help, completions and the man page are generated from it.
 
 use std::path::{Path, PathBuf};
 
@@ -41,12 +41,12 @@ pub struct Arguments {
     #[arg(short, long, requires = "version")]
     pub verbose: bool,
 
-    /// What to do.
+    /// The command to run.
     #[command(subcommand)]
     pub command: Option<Command>,
 }
 
-/// What to do.
+/// A command with its arguments.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Render a scene or a mesh to PREFIX.exr and PREFIX.png
@@ -61,27 +61,27 @@ pub enum Command {
     /// Compare the speed and the answers of backends on the same rays
     #[command(after_help = EXIT_CODES)]
     Bench(Box<BenchArgs>),
-    /// Judge every backend's answers, ray by ray, by an exact oracle
+    /// Check every backend's answers, ray by ray, against an exact oracle
     #[command(after_help = EXIT_CODES)]
     Crosscheck(Box<CrosscheckArgs>),
-    /// Run the hard cases on every backend, against answers that are known
+    /// Run the hard cases on every backend and compare with exact answers
     #[command(after_help = EXIT_CODES)]
     Accuracy(Box<AccuracyArgs>),
-    /// How far a picture is from a reference: metrics, error maps, thresholds
+    /// Measure how far a picture is from a reference: metrics, error maps, thresholds
     #[command(after_help = EXIT_CODES)]
     Compare(Box<CompareArgs>),
-    /// Error against time: samplers, numbers of samples and backends against a reference
+    /// Measure error against time: samplers, numbers of samples and backends against a reference
     #[command(after_help = EXIT_CODES)]
     Converge(Box<ConvergeArgs>),
-    /// Make one picture of its parts: the same bytes as by one render
+    /// Merge the parts of a picture: the same bytes as by one render
     #[command(after_help = EXIT_CODES)]
     Merge(MergeArgs),
-    /// Hand a batch to a cluster
+    /// Submit a batch to a cluster
     #[command(after_help = EXIT_CODES)]
     Submit(SubmitArgs),
     /// Print the JSON Schema of scene files, or of the job files of `batch`
     Schema {
-        /// Of which files
+        /// Which kind of file
         #[arg(default_value = "scene")]
         of: SchemaName,
     },
@@ -94,49 +94,42 @@ pub enum Command {
     Man,
 }
 
-/// `lightpath render`
+/// Arguments of `lightpath render`.
 #[derive(Debug, Default, Args)]
 pub struct RenderArgs {
     /// A scene.json, a mesh.ply (in the built-in studio), or - for a scene on stdin
     #[arg(value_name = "SCENE|FILE.ply|-", value_hint = ValueHint::FilePath)]
     pub input: PathBuf,
 
-    /// Where to write: PREFIX.exr and PREFIX.png [default: the input's name, in the working folder]
+    /// Write PREFIX.exr and PREFIX.png [default: the input's name, in the working folder]
     #[arg(short, long, value_name = "PREFIX", value_hint = ValueHint::FilePath)]
     pub output: Option<PathBuf>,
 
-    /// Changes to the scene.
     #[command(flatten)]
     pub scene: SceneArgs,
 
-    /// Where samples are taken.
     #[command(flatten)]
     pub sampling: SamplingArgs,
 
-    /// How the mesh of a .ply is shown.
     #[command(flatten)]
     pub mesh: MeshArgs,
 
-    /// How files are written.
     #[command(flatten)]
     pub files: FileArgs,
 
-    /// A piece of the picture.
     #[command(flatten)]
     pub split: SplitArgs,
 
-    /// Resources.
     #[command(flatten)]
     pub machine: MachineArgs,
 
-    /// What is told.
     #[command(flatten)]
     pub report: ReportArgs,
 }
 
 /// Flags that change the scene.
 #[derive(Debug, Default, Args)]
-#[command(next_help_heading = "Scene (overrides what the file says)")]
+#[command(next_help_heading = "Scene (overrides values of the file)")]
 pub struct SceneArgs {
     /// Picture size in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -146,20 +139,20 @@ pub struct SceneArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub spp: Option<u32>,
 
-    /// Points on every area light, for each shading point
+    /// Samples on every area light per shading point
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub light_samples: Option<u32>,
 
-    /// Trace a quarter of an area light's shadow rays first, the others only where these disagree, or
-    /// a point drawn by chance does: fewer rays, the same mean
+    /// Trace a quarter of an area light's shadow rays first, and the rest only if these disagree or
+    /// a randomly drawn point contradicts them: fewer rays, the same mean
     #[arg(long)]
     pub adaptive_shadows: bool,
 
-    /// Mirror bounces after the primary ray
+    /// Maximum number of mirror bounces after the primary ray
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub nbounces: Option<u32>,
 
-    /// Seed of every random choice
+    /// Seed of all random choices
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<i64>,
 
@@ -179,21 +172,21 @@ pub struct SceneArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub fov: Option<f64>,
 
-    /// What finds the hits [default: the scene's, else bvh]
+    /// Backend that traces the rays [default: the scene's, else bvh]
     #[arg(long, value_name = "NAME")]
     pub backend: Option<Accelerator>,
 
-    /// Alpha is coverage instead of 1: no background
+    /// Write coverage to alpha instead of 1, without the background
     #[arg(long)]
     pub transparent: bool,
 
     /// Layers of the EXR: Z, P, N, Ng, albedo, uv, diffuse, specular, ambient, reflection,
-    /// background, light_GROUP, shadow_GROUP, variance, samples, primid, objectid, cryptomatte... or
-    /// all
+    /// background, light_GROUP, shadow_GROUP, variance, samples, primid, objectid, cryptomatte...
+    /// or all
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub aov: Option<Vec<String>>,
 
-    /// How many things a pixel of a cryptomatte can hold: 2, 4... 16 [default: 6]
+    /// Number of objects that one pixel of a cryptomatte can hold: 2, 4... 16 [default: 6]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub crypto_ranks: Option<i64>,
 
@@ -205,7 +198,7 @@ pub struct SceneArgs {
     #[arg(long, num_args = 4, allow_negative_numbers = true, value_names = ["X0", "Y0", "X1", "Y1"])]
     pub crop: Option<Vec<u32>>,
 
-    /// Render so many pixels more on every side of the frame; the EXR's display window stays
+    /// Render PX more pixels on every side of the frame; the EXR's display window stays the frame
     #[arg(long, value_name = "PX", conflicts_with = "crop", value_parser = clap::value_parser!(u32).range(..=65536), default_value_t)]
     pub overscan: u32,
 }
@@ -214,26 +207,25 @@ pub struct SceneArgs {
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Sampling")]
 pub struct SamplingArgs {
-    /// More samples where the relative standard error of the pixels around is above TARGET, e.g. 0.02;
-    /// --spp is what every pixel gets (16 at least)
+    /// Take more samples where the relative standard error around a pixel is above TARGET, e.g.
+    /// 0.02; every pixel gets --spp samples (16 at least)
     #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
     pub noise: Option<f64>,
 
-    /// What TARGET is relative to [default: pixel]
+    /// What the error is relative to [default: pixel]
     #[arg(long, value_name = "OF", requires = "noise")]
     pub noise_of: Option<NoiseOf>,
 
-    /// Samples that no pixel exceeds with --noise or --time, a power of two [default: 4096 with
-    /// --noise, else 65536]
+    /// Maximum number of samples per pixel with --noise or --time, a power of two [default: 4096
+    /// with --noise, else 65536]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_spp: Option<u32>,
 
-    /// More samples for as long as the render may take; the picture is not reproducible
+    /// Take more samples until rendering has taken SECONDS; the picture is not reproducible
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub time: Option<f64>,
 }
 
-/// Flags for meshes.
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Meshes")]
 pub struct MeshArgs {
@@ -241,11 +233,11 @@ pub struct MeshArgs {
     #[arg(long, value_name = "AXIS")]
     pub up: Option<Axis>,
 
-    /// Turn the .ply by degrees about its x, then y, then z axis, in place of --up
+    /// Rotate the .ply by degrees about its x, then y, then z axis, in place of --up
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_angles, allow_hyphen_values = true, conflicts_with = "up")]
     pub rotate: Option<[f64; 3]>,
 
-    /// Kept free around the mesh at each border, as a fraction of the picture [default: 0.08]
+    /// Free space around the mesh at each border, as a fraction of the picture [default: 0.08]
     #[arg(long, value_name = "FRACTION", value_parser = parse_margin, allow_negative_numbers = true)]
     pub margin: Option<f64>,
 
@@ -272,22 +264,22 @@ pub struct MeshArgs {
 /// Flags for the look of meshes.
 #[derive(Debug, Default, Args)]
 pub struct LookArgs {
-    /// Interpolate normals of the .ply across edges of at most so many degrees, across all or none
+    /// Interpolate normals of the .ply across edges of at most DEGREES, across all edges or none
     /// [default: the template's; in the studio 57, between flat parts 44]
     #[arg(long, value_name = "DEGREES|all|off", value_parser = parse_smooth, allow_negative_numbers = true)]
     pub smooth: Option<f64>,
 
-    /// Show this image by the texture coordinates of the .ply
+    /// Image for the texture coordinates of the .ply
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub texture: Option<PathBuf>,
 
-    /// Without the plane named `ground`; the studio's is left out under --transparent
+    /// Remove the plane named `ground`; the studio's is always removed under --transparent
     #[arg(long)]
     pub no_ground: bool,
 }
 
 impl LookArgs {
-    /// What they ask for.
+    /// Converts the flags to [`Looks`].
     pub fn of(&self) -> Looks {
         Looks {
             smooth: self.smooth.map(smooth),
@@ -297,7 +289,6 @@ impl LookArgs {
     }
 }
 
-/// Flags for resources.
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Machine")]
 pub struct MachineArgs {
@@ -305,11 +296,11 @@ pub struct MachineArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Of `embree` its fast mode: a little faster, may miss hits on shared edges
+    /// Use the fast mode of `embree`: a little faster, may miss hits on shared edges
     #[arg(long)]
     pub fast: bool,
 
-    /// Of `bvh` the instruction set, and of the shading beside it [default: the best of this machine]
+    /// Instruction set of `bvh` and of shading [default: the best of this machine]
     #[arg(long, value_name = "NAME")]
     pub isa: Option<IsaName>,
 
@@ -318,7 +309,6 @@ pub struct MachineArgs {
     pub max_memory: Option<u64>,
 }
 
-/// Flags for messages.
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Messages")]
 pub struct ReportArgs {
@@ -339,14 +329,14 @@ pub struct ReportArgs {
     pub progress: Option<ProgressMode>,
 }
 
-/// `lightpath info`
+/// Arguments of `lightpath info`.
 #[derive(Debug, Args)]
 pub struct InfoArgs {
     /// Scenes, .ply and .exr files
     #[arg(required = true, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub files: Vec<PathBuf>,
 
-    /// One JSON object per file and line
+    /// Print one JSON object per file and line
     #[arg(long)]
     pub json: bool,
 
@@ -360,7 +350,7 @@ pub struct InfoArgs {
 }
 
 impl MeshArgs {
-    /// A mesh as these flags show it.
+    /// Returns the mesh at `path` with the settings of these flags.
     pub fn subject<'a>(&self, path: &'a Path) -> Subject<'a> {
         let plain = Subject::new(path);
         Subject {

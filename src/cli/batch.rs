@@ -1,4 +1,4 @@
-//! `lightpath batch`: flags and a job file -> a batch, and what it says meanwhile.
+//! `lightpath batch`: builds a job from flags and a job file, runs it, and reports its events.
 
 use std::{
     path::{Path, PathBuf},
@@ -28,7 +28,7 @@ use super::{
     paths, progress::Progress, signals,
 };
 
-/// Renders a batch.
+/// Renders the batch that the arguments describe.
 pub fn run(args: &BatchArgs) -> Result<()> {
     let (job, limits) = job(args)?;
     if args.run.dry_run {
@@ -87,7 +87,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     verdict(&job, outcome)
 }
 
-/// Fails where frames are missing, with the reasons.
+/// Fails if frames are missing, and lists the reasons.
 fn complete(job: &Job) -> Result<()> {
     let mut problems = sheet::missing(job);
     if problems.is_empty() {
@@ -99,7 +99,7 @@ fn complete(job: &Job) -> Result<()> {
     Err(Error { kind: Kind::Check, problems }.help(help))
 }
 
-/// A problem with the file that it is about.
+/// Adds the input to the place of a problem, unless it is already there.
 fn about(input: &str, problem: &Problem) -> Problem {
     match problem.place.contains(input) {
         true => problem.clone(),
@@ -110,17 +110,17 @@ fn about(input: &str, problem: &Problem) -> Problem {
     }
 }
 
-/// The end: all failures once more.
+/// Turns the outcome of a run into its error, which lists all failures again.
 fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
     if let Some(signal) = outcome.signal {
         let message = "stopped by a signal; finished frames stay";
-        let problem = Problem::new("", message).help("--resume goes on from here");
+        let problem = Problem::new("", message).help("continue with --resume");
         return Err(Error::new(Kind::Interrupted(signal), problem));
     }
     if outcome.failures.is_empty() {
         return Ok(());
     }
-    // Where nothing needs mending, trying again may help.
+    // Retry if every failure may go away by itself.
     let retry = outcome.failures.iter().all(|(_, error)| error.kind == Kind::Retry);
     let mut inputs: Vec<&str> = outcome.failures.iter().map(|(input, _)| input.as_str()).collect();
     inputs.dedup();
@@ -151,7 +151,7 @@ fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<Options> {
     })
 }
 
-/// The job that flags and file ask for, and the file's limits.
+/// Returns the job from flags and job file, and the limits of the job file.
 pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
     let for_render =
         [("--crop", args.scene.crop.is_some()), ("--overscan", args.scene.overscan > 0)];
@@ -167,7 +167,7 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         several => (inputs(several)?, None),
     };
     let base = own.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_owned();
-    // What the file names is relative to it.
+    // Paths in the job file are relative to it.
     if let Some(folder) = &mut file.output.folder {
         folder.0 = paths::named(&base.join(&folder.0))?;
     }
@@ -183,15 +183,15 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
     Ok((Job::check(file, &base, flags)?, limits))
 }
 
-/// Whether the only input is a job file.
+/// Returns true if a file is a job file.
 ///
 /// # Errors
-/// A file that cannot be read as JSON.
+/// A file that is not valid JSON.
 pub fn is_job(path: &Path) -> Result<bool> {
     Ok(job_file(path)?.is_some())
 }
 
-/// A file with a list of inputs is a job.
+/// Parses a file that has `inputs` as a job; `None` for any other file.
 fn job_file(path: &Path) -> Result<Option<JobFile>> {
     if !path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json")) || !path.is_file() {
         return Ok(None);
@@ -210,7 +210,7 @@ fn inputs(paths: &[PathBuf]) -> Result<JobFile> {
     Ok(JobFile { inputs, ..JobFile::default() })
 }
 
-/// What flags say replaces what the file says.
+/// Replaces values of the job file by those of flags.
 fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
     let from_here = |path: &Path| -> Result<Name> {
         let absolute = std::path::absolute(path).map_err(|e| Error::io(path, "find", &e))?;
@@ -267,7 +267,7 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
     Ok(())
 }
 
-/// The frames of a run, one object per line.
+/// Lists the frames of a run, one JSON object per line.
 fn list(job: &Job, args: &BatchArgs) -> Result<()> {
     let tasks = batch::tasks(job.inputs.len(), job.frames(), args.frames.range.as_ref())?;
     for task in tasks {

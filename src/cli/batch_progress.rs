@@ -1,4 +1,4 @@
-//! The progress of a batch: all frames as one.
+//! Progress of a batch over all its frames.
 
 use std::{
     sync::{Arc, atomic::Ordering::Relaxed},
@@ -11,7 +11,7 @@ use crate::{batch::Status, units};
 
 use super::progress::Reading;
 
-/// Reads the counters of a batch. How long it will take is learned from the frames that it rendered.
+/// Returns a meter for a batch. The remaining time is estimated from the frames rendered so far.
 pub fn meter(status: &Arc<Status>) -> impl FnMut() -> Reading + Send + use<> {
     let (status, start) = (Arc::clone(status), Instant::now());
     move || {
@@ -35,12 +35,12 @@ pub fn meter(status: &Arc<Status>) -> impl FnMut() -> Reading + Send + use<> {
         }
         Reading {
             label: "frames".to_string(),
-            // In thousandths of frames.
+            // Unit: a thousandth of a frame.
             done: (1000.0 * settled) as u64,
             total: 1000 * total,
             overall: match status.settled() >= total {
                 true => 1.0,
-                // The last frame has its names before all is said to be done.
+                // Stays below 100% until the files of the last frame have their final names.
                 false => (settled / total as f64).min(0.99),
             },
             message,

@@ -1,4 +1,4 @@
-//! `lightpath bench`: scenes through a set of backends, then a table, JSON, a page.
+//! `lightpath bench`: measures scenes on a set of backends; writes a table, JSON and a page.
 
 use std::{
     path::{Path, PathBuf},
@@ -33,13 +33,13 @@ use super::{
     machine, memory, signals, stats, version,
 };
 
-/// What a mesh alone is measured in.
+/// Built-in scene for a mesh without a scene.
 const SCENE: &str = include_str!("../../assets/bench.json");
 
-/// Rays, rounds and picture of `--quick`.
+/// Rays, rounds and picture size of `--quick`.
 const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
 
-/// Measures every scene.
+/// Measures every scene and writes the results.
 pub fn run(args: &BenchArgs) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
     let settings = settings(args, &monitor)?;
@@ -47,7 +47,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let command = std::env::args_os().skip(1).map(|part| part.to_string_lossy().into_owned());
     let run = Run { unix_seconds: unix_seconds(), command: command.collect() };
     not_over(&args.inputs, args)?;
-    look_at_all(&args.inputs)?;
+    check_inputs(&args.inputs)?;
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
     let mut report = Report {
@@ -68,16 +68,16 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         super::print(&bench_table::since(since))?;
     }
     files.finish(&report, since.as_ref())?;
-    right(&report, &settings)
+    check_answers(&report, &settings)
 }
 
-/// Now; 0 if the clock is before 1970.
+/// Returns the current Unix time in seconds, or 0 if the clock is before 1970.
 fn unix_seconds() -> u64 {
     SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.as_secs())
 }
 
-/// Finds what is wrong with any scene or mesh header before the first is measured.
-fn look_at_all(inputs: &[PathBuf]) -> Result<()> {
+/// Reports the problems of all scenes and mesh headers before the first measurement.
+fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
     let mut failures = Failures::default();
     for input in inputs {
         match studio::is_mesh(input) {
@@ -88,7 +88,7 @@ fn look_at_all(inputs: &[PathBuf]) -> Result<()> {
     failures.check()
 }
 
-/// Loads a scene, or a mesh into the built-in one, and measures it.
+/// Loads a scene, or a mesh in the built-in scene, and measures it.
 fn measure_scene(
     args: &BenchArgs,
     input: &Path,
@@ -129,7 +129,7 @@ fn measure_scene(
     })
 }
 
-/// The flags, checked.
+/// Checks the flags and returns the settings.
 fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
     let isa = machine::isa(args.isa)?;
     let mut contestants: Vec<Contestant> = Vec::new();
@@ -184,7 +184,7 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
     })
 }
 
-/// What is compared unless something is named: our tree with Embree, where there is one.
+/// Returns the default backends: Embree and our tree, or our tree alone where Embree is missing.
 fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<Contestant>> {
     let both = ["embree", "bvh"].map(|name| contestant("--backends", name, isa));
     let both: Vec<Contestant> = both.into_iter().collect::<Result<_>>()?;
@@ -194,7 +194,7 @@ fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<Contestant>> {
     Ok(columns.into_iter().map(|column| column.contestant).collect())
 }
 
-/// `bvh:avx2` and the like, of a flag.
+/// Parses a backend name such as `bvh:avx2`. `flag` is for messages.
 pub fn contestant(flag: &str, name: &str, isa: Isa) -> Result<Contestant> {
     let (kind, forced) = match name.split_once(':') {
         Some((kind, forced)) => (kind, Some(forced)),
@@ -232,7 +232,7 @@ pub fn contestant(flag: &str, name: &str, isa: Isa) -> Result<Contestant> {
     Ok(Contestant { name: name.to_string(), backend })
 }
 
-/// This machine, its best tier or the one that is forced.
+/// Describes this machine. `isa` is the instruction set in use.
 pub fn machine(isa: Isa) -> Machine {
     let mut versions = version::versions("");
     versions.remove("backend");
@@ -257,14 +257,14 @@ fn read_baseline(path: &Path) -> Result<Report> {
     Ok(report)
 }
 
-/// Refuses outputs that would replace inputs or each other.
+/// Refuses outputs that would overwrite inputs or each other.
 fn not_over(inputs: &[PathBuf], args: &BenchArgs) -> Result<()> {
     let outputs = [&args.json, &args.html, &args.save_baseline].into_iter().flatten();
     let help = "choose another name: --json FILE, --html FILE, --save-baseline FILE";
     files::not_over(inputs.iter().chain(&args.baseline), outputs, help)
 }
 
-/// What is written, made sure of before the long work.
+/// Output files, created before the long work so that a bad output folder is found at once.
 struct Files {
     json: Vec<TextFile>,
     html: Option<TextFile>,
@@ -292,8 +292,8 @@ impl Files {
     }
 }
 
-/// A wrong answer of our own tree is a failure, those of others are facts about them.
-fn right(report: &Report, settings: &Settings) -> Result<()> {
+/// Fails if our own tree gave wrong answers. Wrong answers of other backends are only reported.
+fn check_answers(report: &Report, settings: &Settings) -> Result<()> {
     let mut problems = Vec::new();
     for scene in &report.scenes {
         for (contestant, backend) in settings.contestants.iter().zip(&scene.backends) {

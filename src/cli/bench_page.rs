@@ -1,4 +1,4 @@
-//! What `bench` found out, as one page of charts.
+//! Report page of `bench`, with charts.
 
 use crate::{
     measure::{
@@ -10,7 +10,7 @@ use crate::{
 
 use super::{bench_table, units};
 
-/// The page.
+/// Builds the page. `since` adds the changes against a baseline.
 pub fn page(report: &Report, since: Option<&Since>) -> Page {
     let m = &report.machine;
     let versions = m.versions.iter().map(|(name, version)| format!("{name} {version}"));
@@ -80,7 +80,7 @@ fn cells(rows: Vec<Vec<String>>) -> Vec<Vec<Cell>> {
     rows.into_iter().map(|row| row.into_iter().map(cell).collect()).collect()
 }
 
-/// The answer in sentences.
+/// Summarizes the result of a scene in sentences.
 fn findings(scene: &SceneResult) -> Vec<(String, bool)> {
     let mut findings = Vec::new();
     let first = &scene.backends[0].name;
@@ -185,7 +185,7 @@ fn memory(scene: &SceneResult) -> String {
     .svg()
 }
 
-/// Nodes and primitives per ray of those backends that can tell.
+/// Charts nodes and primitives per ray, for the backends that count them.
 fn visits(scene: &SceneResult) -> String {
     let rows: Vec<&Row> =
         scene.rows.iter().filter(|r| r.what == What::Rays && r.threads == 1).collect();
@@ -207,7 +207,7 @@ fn visits(scene: &SceneResult) -> String {
     .svg()
 }
 
-/// Build time and memory over the size of the scene, where there are several.
+/// Charts build time and memory against the size of the scene, if there are several scenes.
 fn growth(report: &Report) -> Option<Section> {
     let chart = |quantity: Quantity| {
         let lines = Growth::of(report, quantity).into_iter().map(|growth| Line {
@@ -232,7 +232,7 @@ fn growth(report: &Report) -> Option<Section> {
     any.then(|| Section { title: "Growth".into(), charts, tables, ..Section::default() })
 }
 
-/// What has changed since an earlier run.
+/// Builds the section of changes since an earlier run.
 fn baseline(since: &Since) -> Option<Section> {
     let changes = &since.changes;
     let mut names: Vec<(&str, usize)> = Vec::new();

@@ -1,4 +1,4 @@
-//! What `bench` found out, as lines of text.
+//! Formats the results of `bench` as lines of text.
 
 use crate::{
     error::printable,
@@ -11,7 +11,7 @@ use crate::{
 
 use super::units;
 
-/// One scene.
+/// Formats the results of one scene.
 pub fn scene(scene: &SceneResult) -> String {
     let name = printable(&scene.name);
     let mut lines = vec![format!("{name}: {} triangles", units::count(scene.triangles))];
@@ -35,7 +35,7 @@ pub fn scene(scene: &SceneResult) -> String {
     lines.join("\n") + "\n"
 }
 
-/// What has changed since the baseline.
+/// Formats the changes since the baseline.
 pub fn since(since: &Since) -> String {
     let elsewhere = since.elsewhere.iter();
     let warnings: String =
@@ -62,7 +62,8 @@ fn changes(changes: &[Change]) -> String {
     table(&rows).join("\n") + "\n"
 }
 
-/// How build time and memory grow with the scene, where there are several; head first.
+/// Returns the table of growth of build time and memory with scene size, head first. Empty for one
+/// scene.
 pub fn growth(report: &Report) -> Vec<Vec<String>> {
     let mut rows = Vec::new();
     for quantity in Quantity::ALL {
@@ -84,12 +85,12 @@ pub fn growth(report: &Report) -> Vec<Vec<String>> {
     rows
 }
 
-/// [`growth`] as text; empty for one scene.
+/// Formats [`growth`] as text; empty for one scene.
 pub fn growth_text(report: &Report) -> String {
     table(&growth(report)).iter().map(|line| format!("{line}\n")).collect()
 }
 
-/// As tables and charts name it.
+/// Returns the name of a quantity for tables and charts.
 pub fn quantity_name(quantity: Quantity) -> &'static str {
     match quantity {
         Quantity::BuildTime => "build time",
@@ -98,7 +99,7 @@ pub fn quantity_name(quantity: Quantity) -> &'static str {
     }
 }
 
-/// The backends and their memory, head first.
+/// Returns the table of backends and their memory, head first.
 pub fn backends(scene: &SceneResult) -> Vec<Vec<String>> {
     let head = ["backend", "version", "isa", "memory", "B/triangle", "peak", "B/triangle", "wrong"];
     let mut rows = vec![head.map(str::to_string).to_vec()];
@@ -121,7 +122,7 @@ pub fn backends(scene: &SceneResult) -> Vec<Vec<String>> {
     rows
 }
 
-/// The timings with so many threads, head first.
+/// Returns the table of timings for one number of threads, head first.
 pub fn timings(scene: &SceneResult, threads: usize) -> Vec<Vec<String>> {
     let first = &scene.backends[0].name;
     let title = units::plural(threads, "thread");
@@ -140,7 +141,7 @@ pub fn timings(scene: &SceneResult, threads: usize) -> Vec<Vec<String>> {
     without_empty_columns(rows)
 }
 
-/// Leaves out the columns in which nothing stands below the head.
+/// Removes the columns that are empty below the head.
 fn without_empty_columns(mut rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
     let used = |c: usize| rows[1..].iter().any(|row| !row[c].is_empty());
     let used: Vec<bool> = (0..rows[0].len()).map(used).collect();
@@ -151,7 +152,7 @@ fn without_empty_columns(mut rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
     rows
 }
 
-/// What is timed, with the unit of its rate.
+/// Names what a row times, with the unit of its rate.
 fn label(row: &Row) -> String {
     match row.what {
         What::Build => "build (triangles)".into(),
@@ -177,12 +178,12 @@ fn numbers(entry: &Entry) -> [String; 8] {
     ]
 }
 
-/// `1.16 [1.15, 1.17]`
+/// Formats a ratio with its interval: `1.16 [1.15, 1.17]`.
 pub fn ratio(r: &Estimate) -> String {
     format!("{:.3} [{:.3}, {:.3}]", r.value, r.low, r.high)
 }
 
-/// `3 WRONG`
+/// Formats a number of wrong answers: `3 WRONG`.
 pub fn wrong(n: u64) -> String {
     match n {
         0 => "0".into(),
@@ -190,7 +191,7 @@ pub fn wrong(n: u64) -> String {
     }
 }
 
-/// Where the answers differ, and what came of it.
+/// Describes the rays on which two backends differ.
 pub fn agreement(scene: &SceneResult) -> Vec<String> {
     let mut lines = Vec::new();
     for pair in &scene.agreement {
@@ -215,7 +216,7 @@ pub fn agreement(scene: &SceneResult) -> Vec<String> {
     lines
 }
 
-/// Columns side by side.
+/// Aligns rows in columns.
 pub fn table(rows: &[Vec<String>]) -> Vec<String> {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |c: usize| {

@@ -1,4 +1,5 @@
-//! `lightpath compare`: how far a picture is from a reference, as numbers, maps and an exit code.
+//! `lightpath compare`: measures how far a picture is from a reference, as numbers, error maps and
+//! an exit code.
 
 use std::{io::Write, path::PathBuf};
 
@@ -18,7 +19,7 @@ use super::{
     compare_page, compare_text as text, machine, signals,
 };
 
-/// Compares two files.
+/// Compares a picture with a reference.
 pub fn run(args: &CompareArgs) -> Result<()> {
     let limits = limits(args)?;
     not_over_inputs(args)?;
@@ -49,13 +50,13 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     Err(Error { kind: Kind::Check, problems })
 }
 
-/// What a metric must not pass.
+/// Threshold of a metric.
 struct Limit {
     metric: Metric,
     value: f64,
 }
 
-/// The thresholds of both flags.
+/// Parses the thresholds of `--fail-above` and `--fail-below`.
 fn limits(args: &CompareArgs) -> Result<Vec<Limit>> {
     let mut failures = Failures::default();
     let above = args.fail_above.iter().map(|text| limit("--fail-above", text, false));
@@ -111,7 +112,7 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<Settings> {
             if !file.layers.iter().any(|layer| layer.shown() == name) {
                 let names = list(file.layers.iter().map(|layer| layer.shown()));
                 let message =
-                    format!("found `{name}`, which {} has not: it has {names}", file.path);
+                    format!("found `{name}`, which {} does not have: it has {names}", file.path);
                 return Err(Error::invalid("--layer", message));
             }
         }
@@ -124,7 +125,7 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<Settings> {
     Ok(Settings { layers: args.layer.clone(), tonemap, exposure: args.exposure })
 }
 
-/// Why the check fails: pixels that are not finite, and limits that are passed.
+/// Returns the reasons why the check fails: pixels that are not finite, and exceeded thresholds.
 fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Vec<String>> {
     let mut failed = Vec::new();
     for layer in &found.layers {
@@ -136,16 +137,17 @@ fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Ve
         let unknown = found.layers.iter().all(|layer| of(layer).is_none());
         if unknown && failed.is_empty() {
             let message = format!("no layer that was compared has a `{name}`");
-            let help = "flip, psnr and ssim (11 x 11 pixels) are of light, hdrflip is of two EXRs";
+            let help =
+                "flip, psnr and ssim (11 x 11 pixels) need layers of light, hdrflip needs two EXRs";
             return Err(Error::invalid("--fail-above, --fail-below", message).help(help));
         }
         for layer in &found.layers {
             let Some(measured) = of(layer) else { continue };
-            let (passed, word) = match metric.more_is_better() {
+            let (exceeded, word) = match metric.more_is_better() {
                 true => (measured < *value, "below"),
                 false => (measured.abs() > *value, "above"),
             };
-            if passed {
+            if exceeded {
                 let shown = text::number(*metric, measured);
                 failed.push(format!("{}: {name} is {shown}, {word} {value}", layer.test.shown()));
             }
@@ -154,7 +156,7 @@ fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Ve
     Ok(failed)
 }
 
-/// Refuses outputs that would replace inputs or each other.
+/// Refuses outputs that would overwrite inputs or each other.
 fn not_over_inputs(args: &CompareArgs) -> Result<()> {
     let is_png = |path: &PathBuf| {
         path.starts_with("/dev")
@@ -169,7 +171,7 @@ fn not_over_inputs(args: &CompareArgs) -> Result<()> {
     files::not_over([&args.test, &args.reference], outputs, help)
 }
 
-/// What is written, made sure of before the work.
+/// Output files, created before the work so that a bad output folder is found at once.
 struct Files {
     out: Option<Part>,
     html: Option<TextFile>,

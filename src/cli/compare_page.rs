@@ -1,4 +1,4 @@
-//! What `compare` found out, as one page: pictures side by side, where they differ, all numbers.
+//! Report page of `compare`: pictures side by side, error maps, all numbers.
 
 use crate::{
     measure::{
@@ -13,15 +13,15 @@ use crate::{
 
 use super::{args::CompareArgs, compare_text as text};
 
-/// Mattes in one table.
-const MOST_MATTES: usize = 1000;
+/// Maximum number of mattes in one table.
+const MAX_MATTES: usize = 1000;
 
-/// The page.
+/// Builds the page from the results. `failed` lists the reasons for exit code 1.
 pub fn page(args: &CompareArgs, found: &Comparison, failed: &[String]) -> Page {
     let mut intro = vec![text::legend(args, found)];
     intro.extend(text::alone(args, found));
     let pictures = found.layers.iter().filter(|layer| kind(found, layer).is_none());
-    // The first is what the reader came for; what failed is shown too.
+    // The first layer and all failed layers are unfolded.
     let sections = pictures.enumerate().map(|(i, layer)| {
         let section = section(args, layer, failed);
         let bad = section.findings.iter().any(|(_, bad)| *bad);
@@ -35,7 +35,7 @@ pub fn page(args: &CompareArgs, found: &Comparison, failed: &[String]) -> Page {
     }
 }
 
-/// The error map of a layer as a PNG.
+/// Returns the error map of a layer as a PNG.
 pub fn error_map(layer: &Compared) -> Vec<u8> {
     let errors = map::errors(&layer.test, &layer.reference);
     let pixels: Vec<[u8; 3]> = errors.iter().map(|e| map::color(map::position(*e))).collect();
@@ -73,7 +73,7 @@ fn section(args: &CompareArgs, layer: &Compared, failed: &[String]) -> Section {
     }
 }
 
-/// Two in a row: the pictures; the maps, each with its scale.
+/// Returns the pictures in rows of two: both pictures, then the error maps, each with its scale.
 fn charts(args: &CompareArgs, layer: &Compared) -> Vec<String> {
     let width = layer.test.size[0];
     let shown = shown_width(width);
@@ -95,7 +95,7 @@ fn charts(args: &CompareArgs, layer: &Compared) -> Vec<String> {
     charts
 }
 
-/// What the colours of an error map mean.
+/// Returns the colour scale of an error map.
 pub fn error_scale() -> Scale {
     let [low, high] = map::RANGE;
     let decades = (high / low).log10().round() as i32;
@@ -104,12 +104,12 @@ pub fn error_scale() -> Scale {
     scale("relative error; light blue: not finite", ticks.collect())
 }
 
-/// The kind of cryptomatte whose ranks a layer holds, if any.
+/// Returns the kind of cryptomatte that a layer belongs to, if any.
 fn kind<'a>(found: &'a Comparison, layer: &Compared) -> Option<&'a str> {
     mattes::kind(&layer.test.name, &found.mattes)
 }
 
-/// One kind of cryptomatte: mattes by name, and its channels in one table.
+/// Builds the section of one kind of cryptomatte: a table of mattes and a table of channels.
 fn matte_section(name: &str, found: &Comparison, failed: &[String]) -> Option<Section> {
     let layers = found.layers.iter().filter(|layer| kind(found, layer) == Some(name));
     let layers: Vec<&Compared> = layers.collect();
@@ -128,7 +128,7 @@ fn matte_section(name: &str, found: &Comparison, failed: &[String]) -> Option<Se
         let numbers = [test, reference, matte.differs].map(|pixels| format!("{pixels:.2}"));
         [matte.name.clone()].into_iter().chain(numbers).map(Cell::from).collect()
     };
-    rows.extend(mattes.all.iter().take(MOST_MATTES).map(row));
+    rows.extend(mattes.all.iter().take(MAX_MATTES).map(row));
     let mut channels = vec![["channel", "metric", "value", "formula"].map(Cell::from).to_vec()];
     for layer in &layers {
         channels.extend(layer.values.iter().map(|(metric, value)| {
@@ -138,8 +138,8 @@ fn matte_section(name: &str, found: &Comparison, failed: &[String]) -> Option<Se
         }));
     }
     let count = mattes.all.len();
-    let shown = match count > MOST_MATTES {
-        true => format!("The {MOST_MATTES} mattes that differ most"),
+    let shown = match count > MAX_MATTES {
+        true => format!("The {MAX_MATTES} mattes that differ most"),
         false => "Mattes".to_string(),
     };
     let pixels: Vec<[u8; 3]> = mattes.map.iter().map(|share| map::color(*share)).collect();
@@ -161,12 +161,12 @@ fn matte_section(name: &str, found: &Comparison, failed: &[String]) -> Option<Se
     })
 }
 
-/// CSS pixels of a picture's width.
+/// Returns the displayed width of a picture in CSS pixels.
 fn shown_width(width: usize) -> u32 {
     (width as u32).clamp(480, 590)
 }
 
-/// What the colours of a map from 0 to 1 mean.
+/// Returns the colour scale of a map with values from 0 to 1.
 fn share_scale(title: &str) -> Scale {
     scale(title, [0.0, 0.5, 1.0].map(|value| (value, value.to_string())).to_vec())
 }

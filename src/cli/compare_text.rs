@@ -1,4 +1,4 @@
-//! What `compare` found out, for people and as JSON.
+//! Formats the results of `compare` as text and as JSON.
 
 use std::{
     fmt::Write,
@@ -18,7 +18,7 @@ use crate::{
 
 use super::args::CompareArgs;
 
-/// All of it.
+/// Formats the whole result for the terminal.
 pub fn text(args: &CompareArgs, found: &Comparison) -> String {
     let mut out = format!("{}\n", legend(args, found));
     for layer in &found.layers {
@@ -43,7 +43,7 @@ pub fn text(args: &CompareArgs, found: &Comparison) -> String {
     out
 }
 
-/// What x, r and d are, and how pictures are made.
+/// Explains the symbols x, r and d, and how the 8-bit pictures are made.
 pub fn legend(args: &CompareArgs, found: &Comparison) -> String {
     let [a, b] = [&args.test, &args.reference].map(|path| shown(path));
     format!(
@@ -65,7 +65,7 @@ fn curve(found: &Comparison) -> String {
     }
 }
 
-/// The layer's name, channels and size.
+/// Formats name, channels and size of a layer.
 pub fn heading(layer: &Compared) -> String {
     let test = &layer.test;
     let [width, height] = test.size;
@@ -73,7 +73,7 @@ pub fn heading(layer: &Compared) -> String {
     printable(&line).into_owned()
 }
 
-/// Five digits; decibels and similarities as they are usually given.
+/// Formats a value with five digits; decibels and similarities in their usual form.
 pub fn number(metric: Metric, value: f64) -> String {
     match metric {
         _ if value == 0.0 => "0".into(),
@@ -84,7 +84,7 @@ pub fn number(metric: Metric, value: f64) -> String {
     }
 }
 
-/// Which of two files is grey, where the other has colours.
+/// Says which of the two files is grey, if the other one has colours.
 pub fn grey(args: &CompareArgs, layer: &Compared) -> Option<String> {
     let who = match [layer.test.is_grey(), layer.reference.is_grey()] {
         [true, false] => &args.test,
@@ -94,7 +94,7 @@ pub fn grey(args: &CompareArgs, layer: &Compared) -> Option<String> {
     Some(format!("{} is grey: its Y is taken for R, G and B alike", shown(who)))
 }
 
-/// What half floats alone may do.
+/// Says how large the error from rounding to half floats alone may be.
 pub fn floor(args: &CompareArgs, layer: &Compared) -> Option<String> {
     let floor = layer.floor?;
     let who = match layer.half {
@@ -108,7 +108,7 @@ pub fn floor(args: &CompareArgs, layer: &Compared) -> Option<String> {
     ))
 }
 
-/// Where pixels are not finite; empty if none are.
+/// Says which pixels are not finite; empty if all are.
 pub fn non_finite(args: &CompareArgs, layer: &Compared) -> String {
     let Some(NonFinite { pixels: [a, b], first: [x, y] }) = layer.non_finite else {
         return String::new();
@@ -121,7 +121,7 @@ pub fn non_finite(args: &CompareArgs, layer: &Compared) -> String {
     )
 }
 
-/// Layers without a counterpart, a line for each file that has any.
+/// Lists the layers without a counterpart, one line per file that has any.
 pub fn alone(args: &CompareArgs, found: &Comparison) -> Vec<String> {
     let files = [&args.test, &args.reference].into_iter().zip(&found.alone);
     let files = files.filter(|(_, names)| !names.is_empty());
@@ -130,12 +130,12 @@ pub fn alone(args: &CompareArgs, found: &Comparison) -> Vec<String> {
         .collect()
 }
 
-/// A name on a terminal.
+/// Formats a path for the terminal.
 fn shown(path: &Path) -> String {
     printable(&path.display().to_string()).into_owned()
 }
 
-/// For programs.
+/// Returns the result as JSON.
 pub fn json(
     args: &CompareArgs,
     found: &Comparison,
@@ -159,7 +159,7 @@ pub fn json(
 fn layer(layer: &Compared) -> Value {
     let mut metrics = Map::new();
     for (metric, value) in layer.values.iter() {
-        // JSON has no infinity: null is the PSNR of equal pictures.
+        // JSON has no infinity. The PSNR of equal pictures becomes null.
         metrics
             .insert(metric.name().into(), json!({ "value": value, "formula": metric.formula() }));
     }

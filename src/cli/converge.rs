@@ -1,4 +1,4 @@
-//! `lightpath converge`: error against time, as a table, JSON, CSV and a page.
+//! `lightpath converge`: measures error against time; writes a table, JSON, CSV and a page.
 
 use std::{
     path::{Path, PathBuf},
@@ -31,10 +31,10 @@ use super::{
     machine, signals,
 };
 
-/// Points on area lights where the user names none.
+/// Default samples on area lights.
 const LIGHT_SAMPLES: [u32; 3] = [1, 4, 16];
 
-/// Measures one scene.
+/// Runs the study of one scene.
 pub fn run(args: &ConvergeArgs) -> Result<()> {
     let started = Instant::now();
     let mut limits = limits(args)?;
@@ -50,7 +50,8 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let Job { loaded, warnings, ready, .. } = job;
     let contestants = contestants(args, &loaded.scene, isa)?;
     let grid = grid(args, &loaded.scene, contestants.len())?;
-    let given = args.reference.as_deref().map(|path| given(path, &loaded.scene)).transpose()?;
+    let given =
+        args.reference.as_deref().map(|path| read_reference(path, &loaded.scene)).transpose()?;
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
     let note = |text: &str| {
@@ -62,7 +63,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         limits.seed = args.seed.unwrap_or(seed.wrapping_add(1));
         if (0..i64::from(limits.repeats)).any(|i| limits.seed.wrapping_add(i) == seed) {
             note(&format!(
-                "warning: the reference has the seed {seed}, as one render of every setting: samples that both have \
+                "warning: the reference has the seed {seed}, and so has one render of every setting: shared samples \
                  make errors too small; choose another --seed"
             ));
         }
@@ -153,13 +154,13 @@ fn grid(args: &ConvergeArgs, scene: &Scene, contestants: usize) -> Result<Grid> 
     Ok(Grid { contestants, samplers, spp: sorted(&args.spp), light_samples })
 }
 
-/// The seed of a picture that this program rendered.
+/// Reads the seed from the EXR header of a picture of this program.
 fn seed_of(path: &Path) -> Option<i64> {
     exr_read::Reader::open(path).ok()?.attribute("lightpath:seed")?.parse().ok()
 }
 
-/// A reference from a file: its light, of the scene's size.
-fn given(path: &Path, scene: &Scene) -> Result<Layer> {
+/// Reads a reference: the light of an EXR that has the scene's size.
+fn read_reference(path: &Path, scene: &Scene) -> Result<Layer> {
     let place = || path.display().to_string();
     let picture = Picture::read(path)?;
     if picture.format != Format::Exr {
@@ -188,7 +189,7 @@ fn given(path: &Path, scene: &Scene) -> Result<Layer> {
     Ok(layer)
 }
 
-/// Refuses outputs that would replace inputs or each other.
+/// Refuses outputs that would overwrite inputs or each other.
 fn not_over_inputs(args: &ConvergeArgs, job: &Job) -> Result<()> {
     let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
     let outputs = [&args.json, &args.csv, &args.html].into_iter().flatten();
@@ -196,7 +197,7 @@ fn not_over_inputs(args: &ConvergeArgs, job: &Job) -> Result<()> {
     files::not_over(inputs, outputs, help)
 }
 
-/// What is written, made sure of before the long work.
+/// Output files, created before the long work so that a bad output folder is found at once.
 struct Files {
     json: Option<TextFile>,
     csv: Option<TextFile>,

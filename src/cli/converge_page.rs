@@ -1,4 +1,4 @@
-//! What `converge` found out, as one page: the answer, charts, pictures side by side, all numbers.
+//! Report page of `converge`: results, charts, pictures side by side, all numbers.
 
 use crate::{
     measure::{
@@ -15,7 +15,7 @@ use crate::{
 
 use super::{compare_page, converge_text as text};
 
-/// The page.
+/// Builds the page. `study` holds the pictures.
 pub fn page(report: &Report, study: &Study) -> Page {
     let m = &report.machine;
     let versions = m.versions.iter().map(|(name, version)| format!("{name} {version}"));
@@ -47,7 +47,8 @@ fn capital(text: String) -> String {
     chars.next().map_or(String::new(), |c| c.to_uppercase().collect::<String>() + chars.as_str())
 }
 
-/// Backends and samplers, `random` first: the first colour is the one in the background.
+/// Returns backends and samplers, with `random` first: the first colour of a chart is drawn in the
+/// background.
 fn contestants(report: &Report) -> Vec<(String, String)> {
     let mut all: Vec<(String, String)> = Vec::new();
     for point in &report.points {
@@ -115,7 +116,8 @@ fn against_samples(report: &Report) -> String {
     .svg()
 }
 
-/// Two settings to look at: both samplers with the same samples, or the cheapest and the best.
+/// Chooses two settings to show as pictures: both samplers with the same number of samples, or both
+/// ends of the Pareto front.
 fn chosen(report: &Report) -> Vec<usize> {
     let usable = |p: &&PointResult| !p.not_antialiased && p.relmse.value > 0.0;
     let mut sobol: Vec<&PointResult> = report.points.iter().filter(usable).collect();
@@ -183,7 +185,7 @@ fn layer(values: &[f32], crop: Crop) -> Layer {
     }
 }
 
-/// A PNG through the curve that the reference has.
+/// Encodes values as a PNG with the tone curve of the reference.
 fn eight_bits(values: &[f32], reference: &[f32], crop: Crop) -> Vec<u8> {
     let opaque = reference.chunks_exact(3).map(|p| [p[0], p[1], p[2], 1.0]);
     let tonemap = Tonemap { operator: ToneOperator::Max, exposure: 0.0, srgb: true };

@@ -1,4 +1,4 @@
-//! What `converge` found out, in words and tables.
+//! Formats the results of `converge` as sentences and tables.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ use crate::units::plural;
 
 use super::bench_table::table;
 
-/// All of it.
+/// Formats the whole report for the terminal.
 pub fn text(report: &Report) -> String {
     let mut out = format!("{}\n\n", reference(report));
     let lines = table(&points(report)).into_iter().chain([String::new()]);
@@ -22,11 +22,11 @@ pub fn text(report: &Report) -> String {
     out
 }
 
-/// What errors are measured against, and what they are.
+/// Describes the scene, the reference and the error metrics.
 pub fn reference(report: &Report) -> String {
     let r = &report.reference;
     let source = match (&r.file, r.spp, r.light_samples) {
-        (Some(file), ..) => format!("{file}, whose own error is not known"),
+        (Some(file), ..) => format!("{file}, with unknown error"),
         (None, spp, lights) => {
             format!(
                 "the mean of {} renders of {}, itself off by RMSE {}, relmse {}",
@@ -49,7 +49,7 @@ pub fn reference(report: &Report) -> String {
     printable(&line).into_owned()
 }
 
-/// The answer in sentences.
+/// Summarizes the results in sentences.
 pub fn findings(report: &Report) -> Vec<String> {
     let mut findings = reached(report, 4);
     for series in headline(report) {
@@ -65,7 +65,7 @@ pub fn findings(report: &Report) -> Vec<String> {
     }
     for name in without_slope(report) {
         findings.push(format!(
-            "no slope of {name}: of the same kind it has fewer than three points that are clear of the reference's own error"
+            "no slope of {name}: fewer than three of its comparable points have an error clearly above the reference's own"
         ));
     }
     if let Some(ratio) = ratio_near(report, 64) {
@@ -78,7 +78,8 @@ pub fn findings(report: &Report) -> Vec<String> {
     findings
 }
 
-/// `to reach relmse 1e-3: sobol, 16 spp, 0.41 s`, of the smallest errors that were reached.
+/// Formats lines such as `to reach relmse 1e-3: sobol, 16 spp, 0.41 s`, for the smallest errors
+/// that were reached. Returns at most `most` lines.
 pub fn reached(report: &Report, most: usize) -> Vec<String> {
     let skip = report.reached.len().saturating_sub(most);
     let lines = report.reached.iter().skip(skip).map(|reached| {
@@ -101,13 +102,15 @@ pub fn reached(report: &Report, most: usize) -> Vec<String> {
     lines.collect()
 }
 
-/// The pair of samplers with about so many samples.
+/// Returns the pair of samplers whose number of samples is closest to `samples`.
 pub fn ratio_near(report: &Report, samples: u64) -> Option<&crate::measure::converge::Ratio> {
     report.ratios.iter().min_by_key(|ratio| ratio.samples.abs_diff(samples))
 }
 
-/// The series of one kind, so that their slopes can stand side by side: of the kind that most contestants have a slope
-/// of, then with most points, then of fewest samples on lights.
+/// Returns the series whose slopes can be compared because they vary the same parameter.
+///
+/// Prefers the kind for which most contestants have a slope, then the kind with the most points,
+/// then the first one.
 pub fn headline(report: &Report) -> Vec<&Series> {
     let mut best: Vec<&Series> = Vec::new();
     let size = |of: &[&Series]| (of.len(), of.iter().map(|s| s.points.len()).sum::<usize>());
@@ -121,24 +124,25 @@ pub fn headline(report: &Report) -> Vec<&Series> {
     best
 }
 
-/// Backends and samplers of which [`headline`] has no slope while it has one of others, as they are called.
+/// Returns the names of backends and samplers that have no slope in [`headline`]. Empty if no
+/// series has one.
 fn without_slope(report: &Report) -> Vec<String> {
-    let told = headline(report);
-    if told.is_empty() {
+    let shown = headline(report);
+    if shown.is_empty() {
         return Vec::new();
     }
     let mut names: Vec<String> = Vec::new();
     for point in &report.points {
         let has = |s: &&Series| (&s.backend, &s.sampler) == (&point.backend, &point.sampler);
         let name = shorter(report, &point.backend, &point.sampler);
-        if !told.iter().any(has) && !names.contains(&name) {
+        if !shown.iter().any(has) && !names.contains(&name) {
             names.push(name);
         }
     }
     names
 }
 
-/// What a series has in common, after a number of points.
+/// Formats the parameter that a series keeps fixed: ` at ...`, or nothing.
 pub fn at(series: &Series) -> String {
     match series.fixed.as_str() {
         "" => String::new(),
@@ -146,7 +150,7 @@ pub fn at(series: &Series) -> String {
     }
 }
 
-/// Backend and sampler; the backend only where there are several.
+/// Names a setting by its sampler, and by its backend if there are several.
 pub fn shorter(report: &Report, backend: &str, sampler: &str) -> String {
     match report.points.iter().all(|point| point.backend == backend) {
         true => sampler.to_string(),
@@ -159,25 +163,25 @@ fn setting(report: &Report, point: &PointResult) -> String {
     format!("{}, {samples}", shorter(report, &point.backend, &point.sampler))
 }
 
-/// `4 spp x 16 light samples`; without area lights `4 spp`.
+/// Formats numbers of samples: `4 spp x 16 light samples`, or `4 spp` without area lights.
 fn samples(spp: u32, lights: Option<u32>) -> String {
     let lights = lights.map(|n| format!(" x {}", plural(n as usize, "light sample")));
     format!("{spp} spp{}", lights.unwrap_or_default())
 }
 
-/// What a reader must know about the numbers.
+/// Returns notes that a reader needs to interpret the numbers.
 pub fn notes(report: &Report) -> Vec<String> {
     let mut notes = Vec::new();
     if report.reference.spp == Some(1) && report.points.iter().all(|point| point.spp == 1) {
         notes.push(
-            "the reference is one ray through each pixel's centre, as all settings are: errors are those of \
-             the light alone, not of edges"
+            "the reference and all settings trace one ray through each pixel's centre: errors come from the \
+             light alone, not from edges"
                 .into(),
         );
     }
     if report.points.iter().any(|p| p.not_antialiased) {
         notes.push(
-            "1 spp is not antialiased: its error is mostly that of edges, and is in no slope"
+            "1 spp is not antialiased: most of its error comes from edges, and it is in no slope"
                 .into(),
         );
     }
@@ -188,12 +192,13 @@ pub fn notes(report: &Report) -> Vec<String> {
     }
     if !report.left_out.is_empty() {
         let left_out = report.left_out.join("; ");
-        notes.push(format!("left out, for the budget of {} s: {left_out}", report.budget_s));
+        notes.push(format!("left out to keep the budget of {} s: {left_out}", report.budget_s));
     }
     notes
 }
 
-/// All settings, head first; those on the front of time and error are marked.
+/// Returns the table of all settings, head first. Settings on the Pareto front of time and error
+/// are marked.
 pub fn points(report: &Report) -> Vec<Vec<String>> {
     let head =
         ["setting", "samples", "s", "MAD", "Mray", "relmse", "\u{b1}", "RMSE", "\u{b1}", "n", ""];
@@ -218,7 +223,7 @@ pub fn points(report: &Report) -> Vec<Vec<String>> {
     rows
 }
 
-/// All slopes, head first; nothing without one.
+/// Returns the table of all slopes, head first; empty if there is no slope.
 pub fn series(report: &Report) -> Vec<Vec<String>> {
     let head = ["RMSE ~ samples^slope", "of", "slope", "\u{b1}", "points"];
     let mut rows = vec![head.map(str::to_string).to_vec()];
@@ -235,7 +240,7 @@ pub fn series(report: &Report) -> Vec<Vec<String>> {
     if rows.len() == 1 { Vec::new() } else { rows }
 }
 
-/// All settings for other programs.
+/// Formats all settings as CSV.
 pub fn csv(report: &Report) -> String {
     let mut out = String::from(
         "backend,sampler,spp,light_samples,samples,renders,median_s,mad_s,rays,rmse,rmse_se,relmse,\
@@ -272,12 +277,12 @@ fn share(estimate: Estimate) -> String {
     estimate.standard_error.map_or("-".into(), percent)
 }
 
-/// Three digits of an error.
+/// Formats an error with three digits.
 pub fn error(value: f64) -> String {
     format!("{value:.2e}")
 }
 
-/// Seconds.
+/// Formats a time in seconds.
 pub fn time(seconds: f64) -> String {
     match seconds {
         s if s < 0.1 => format!("{s:.4}"),

@@ -1,4 +1,4 @@
-//! `lightpath crosscheck`: every backend's answers, judged ray by ray by the oracle.
+//! `lightpath crosscheck`: judges every backend's answers, ray by ray, by the oracle.
 
 use std::{path::Path, sync::Arc};
 
@@ -33,19 +33,19 @@ use super::{
     render_progress, signals,
 };
 
-/// Largest file that `--replay` reads.
+/// Maximum size of a `--replay` file in bytes.
 const MAX_REPLAY_BYTES: u64 = 64 << 20;
 
-/// The file of `--save`.
+/// Content of a `--save` file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Saved {
-    /// The scene, overrides included; its paths are relative to the file's folder.
+    /// The scene with overrides; its paths are relative to the file's folder.
     scene: Value,
     findings: Vec<Finding>,
 }
 
-/// Checks a scene, or what an earlier check found.
+/// Checks a scene, or replays the findings of an earlier check.
 pub fn run(args: &CrosscheckArgs) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
     let isa = machine::isa(args.isa)?;
@@ -57,7 +57,7 @@ pub fn run(args: &CrosscheckArgs) -> Result<()> {
     })
 }
 
-/// The backends that are named, each once; `None` if none is.
+/// Converts backend names and drops duplicates; `None` if no names are given.
 fn backends(names: Option<&[written::Accelerator]>, isa: Isa) -> Result<Option<Vec<Backend>>> {
     let Some(names) = names else { return Ok(None) };
     let mut backends: Vec<Backend> = Vec::new();
@@ -77,13 +77,14 @@ fn backends(names: Option<&[written::Accelerator]>, isa: Isa) -> Result<Option<V
     Ok(Some(backends))
 }
 
-/// What there is to compare; our tree by the kernels of `isa`.
-fn all(isa: Isa) -> [Backend; 4] {
+/// All backends that can be compared. Our tree uses the kernels of `isa`.
+fn all_backends(isa: Isa) -> [Backend; 4] {
     let embree = Backend::Embree(EmbreeMode::Robust);
     [embree, Backend::Bvh(isa), Backend::Coursework, Backend::Brute]
 }
 
-/// The flags as `render` has them, so that scenes and meshes are loaded the same way.
+/// Returns the arguments of an equivalent `render`, so that scenes and meshes are loaded the same
+/// way.
 fn as_render(args: &CrosscheckArgs, input: &Path) -> RenderArgs {
     RenderArgs {
         input: input.to_owned(),
@@ -104,7 +105,7 @@ fn as_render(args: &CrosscheckArgs, input: &Path) -> RenderArgs {
     }
 }
 
-/// The backends over one geometry.
+/// Accelerators of all backends over one geometry.
 struct Built<'g> {
     oracle: Brute<'g>,
     coursework: Option<Coursework<'g>>,
@@ -114,7 +115,7 @@ struct Built<'g> {
 }
 
 impl<'g> Built<'g> {
-    /// Builds what `asked` names, or all that can be built here.
+    /// Builds the backends in `asked`, or all that can run here.
     fn new(
         world: &'g World,
         asked: Option<Vec<Backend>>,
@@ -127,7 +128,7 @@ impl<'g> Built<'g> {
         let geometry = &world.geometry;
         let oracle = Brute::build(geometry, &options, monitor)?;
         let (mut coursework, mut bvh, mut embree, mut order) = (None, None, None, Vec::new());
-        for backend in asked.unwrap_or(all(isa).to_vec()) {
+        for backend in asked.unwrap_or(all_backends(isa).to_vec()) {
             match backend {
                 Backend::Brute => {}
                 Backend::Coursework => {
@@ -214,7 +215,7 @@ fn check(
     failed(report.failures())
 }
 
-/// Exit code 1 with every reason.
+/// Returns an error (exit code 1) that lists all failures, if there are any.
 fn failed(failures: Vec<String>) -> Result<()> {
     let problems: Vec<Problem> =
         failures.into_iter().map(|failure| Problem::new("crosscheck", failure)).collect();
@@ -224,7 +225,7 @@ fn failed(failures: Vec<String>) -> Result<()> {
     Err(Error { kind: Kind::Check, problems })
 }
 
-/// A finding traced again.
+/// A finding that was traced again.
 #[derive(Serialize)]
 struct Replayed<'f> {
     finding: &'f Finding,
@@ -237,7 +238,7 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     let place = file.display().to_string();
     let saved = read(file)?;
     if saved.findings.is_empty() {
-        super::note(&format!("{}: no wrong answers in it", printable(&place)));
+        super::note(&format!("{}: no wrong answers in this file", printable(&place)));
     }
     let text = saved.scene.to_string();
     let folder = file.parent().unwrap_or(Path::new(""));
@@ -245,8 +246,9 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     let loaded = scene::load(Source::Text { name: &name, text: text.as_bytes(), folder }, &[])?;
     signals::watch(monitor)?;
     let (world, _) = World::load(&loaded.scene, LoadOptions::default(), monitor)?;
-    let needed =
-        all(isa).into_iter().filter(|b| saved.findings.iter().any(|f| f.backend == b.name()));
+    let needed = all_backends(isa)
+        .into_iter()
+        .filter(|b| saved.findings.iter().any(|f| f.backend == b.name()));
     let built = Built::new(&world, Some(needed.collect()), isa, monitor)?;
     let contenders = built.contenders();
     let primitives = *world.geometry.bases().last().unwrap_or(&0);
@@ -256,9 +258,8 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
             |message: String| Error::invalid(format!("{place} (/findings/{index})"), message);
         let case = finding.case().map_err(wrong)?;
         let contender = contenders.iter().find(|c| c.backend.name() == finding.backend);
-        let contender = contender.ok_or_else(|| {
-            wrong(format!("found the backend `{}`, which there is not", finding.backend))
-        })?;
+        let contender = contender
+            .ok_or_else(|| wrong(format!("found the unknown backend `{}`", finding.backend)))?;
         if finding.packet.iter().any(|ray| ray.leaving.is_some_and(|p| p >= primitives)) {
             return Err(wrong(format!(
                 "found a ray that leaves none of the {primitives} primitives"

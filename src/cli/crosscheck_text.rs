@@ -1,4 +1,4 @@
-//! What `crosscheck` says to people.
+//! Formats the results of `crosscheck` for the terminal.
 
 use std::fmt::Write;
 
@@ -6,10 +6,10 @@ use crate::measure::cross_check::{Answer, Finding, MOST_NEAR, Report, Tally, Tre
 
 use super::units;
 
-/// Findings that are shown of all that are kept.
-const SHOWN: usize = 12;
+/// Maximum number of findings that are shown.
+const MAX_FINDINGS: usize = 12;
 
-/// All of it.
+/// Formats the whole report.
 pub fn report(report: &Report) -> String {
     let mut out = format!(
         "{} rays, {} primitives, seed {}; the oracle is `brute`\n",
@@ -34,15 +34,15 @@ pub fn report(report: &Report) -> String {
         if backend.total.crowd > 0 {
             let _ = writeln!(
                 out,
-                "  {} answers unlike the oracle's are not judged: the ray comes within the bound of more \
+                "  {} answers differ from the oracle's but are not judged: the ray passes within the bound of more \
                  than {MOST_NEAR} primitives",
                 units::count(backend.total.crowd)
             );
         }
     }
     match &report.tree {
-        Some(Tree::Valid(what)) => out += &format!("\nthe tree of bvh is as promised: {what}\n"),
-        Some(Tree::Invalid(what)) => out += &format!("\nthe tree of bvh is WRONG: {what}\n"),
+        Some(Tree::Valid(what)) => out += &format!("\nthe tree of bvh is valid: {what}\n"),
+        Some(Tree::Invalid(what)) => out += &format!("\nthe tree of bvh is INVALID: {what}\n"),
         None => {}
     }
     if let Some(all) = report.plain_loop {
@@ -71,11 +71,12 @@ pub fn report(report: &Report) -> String {
     if !report.findings.is_empty() {
         out += "\nWrong answers, the first of each kind and class of rays:\n";
     }
-    for found in report.findings.iter().take(SHOWN) {
+    for found in report.findings.iter().take(MAX_FINDINGS) {
         out += &finding(found, found.verdict, found.answer, found.truth);
     }
-    if report.findings.len() > SHOWN {
-        let _ = writeln!(out, "and {} more in --save or --json", report.findings.len() - SHOWN);
+    if report.findings.len() > MAX_FINDINGS {
+        let _ =
+            writeln!(out, "and {} more in --save or --json", report.findings.len() - MAX_FINDINGS);
     }
     out
 }
@@ -94,7 +95,7 @@ fn row(name: &str, tally: &Tally, known: Option<u64>) -> String {
     format!("{}\n", line.trim_end())
 }
 
-/// One wrong answer, or what became of it.
+/// Formats one wrong answer, or the result of its replay.
 pub fn finding(found: &Finding, verdict: Verdict, answer: Answer, truth: Answer) -> String {
     format!(
         "  {} {}: {} ({}, {}{:?}): says {}, the {} {}\n",
@@ -104,13 +105,13 @@ pub fn finding(found: &Finding, verdict: Verdict, answer: Answer, truth: Answer)
         found.source,
         if found.shadow { "shadow, " } else { "" },
         found.mode,
-        said(answer),
+        answer_text(answer),
         found.against,
-        said(truth),
+        answer_text(truth),
     )
 }
 
-fn said(answer: Answer) -> String {
+fn answer_text(answer: Answer) -> String {
     match answer {
         Answer::Miss => "nothing".into(),
         Answer::Occluded => "occluded".into(),

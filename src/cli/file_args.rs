@@ -1,4 +1,4 @@
-//! The flags of `render` for its files.
+//! Flags of `render` for its output files.
 
 use clap::Args;
 
@@ -11,11 +11,11 @@ use crate::{
     units::parse_rate,
 };
 
-/// Flags for the files.
+/// Flags for output files.
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Files")]
 pub struct FileArgs {
-    /// A part of the EXR for every layer
+    /// Write one part of the EXR per layer
     #[arg(long)]
     pub multipart: bool,
 
@@ -23,15 +23,15 @@ pub struct FileArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub frame: Option<i32>,
 
-    /// Frames per second, for the EXR: 24 or 24000/1001
+    /// Frame rate for the EXR: 24 or 24000/1001
     #[arg(long, value_name = "RATE", value_parser = parse_rate)]
     pub fps: Option<(i32, u32)>,
 
-    /// Write the render's time into the EXR; two renders are no longer the same bytes
+    /// Write the render time into the EXR; its bytes then differ from run to run
     #[arg(long)]
     pub record_time: bool,
 
-    /// 32-bit floats in the EXR in place of halves
+    /// Store 32-bit floats in the EXR instead of 16-bit floats
     #[arg(long)]
     pub float: bool,
 
@@ -39,31 +39,31 @@ pub struct FileArgs {
     #[arg(long, value_name = "NAME")]
     pub compression: Option<Compression>,
 
-    /// Bits of the PNG's channels [default: 8]
+    /// Bits per channel of the PNG [default: 8]
     #[arg(long, value_name = "BITS")]
     pub png_bits: Option<Depth>,
 
-    /// Show layers that are written as pictures: PREFIX.NAME.png each; all for every one
+    /// Write layers of the EXR as pictures, too: PREFIX.NAME.png each; `all` for every layer
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub png_layer: Vec<String>,
 
-    /// Write the names of cryptomattes to PREFIX.CryptoObject.json and PREFIX.CryptoMaterial.json
-    /// in place of the EXR's header
+    /// Write the object names of cryptomattes to PREFIX.CryptoObject.json and
+    /// PREFIX.CryptoMaterial.json instead of the EXR's header
     #[arg(long)]
     pub crypto_sidecar: bool,
 
-    /// Fail (exit code 1) where a pixel was NaN or infinite; the files are written all the same
+    /// Fail (exit code 1) if a pixel is NaN or infinite; the files are written all the same
     #[arg(long)]
     pub strict: bool,
 }
 
 impl FileArgs {
-    /// Which frame of a sequence it is.
+    /// Returns frame number and frame rate for the EXR header.
     pub fn sequence(&self) -> Sequence {
         Sequence { frame: self.frame, per_second: self.fps }
     }
 
-    /// How pictures are stored.
+    /// Returns the format of the pictures.
     pub fn storage(&self) -> Storage {
         Storage {
             float: self.float,

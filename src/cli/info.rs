@@ -1,7 +1,7 @@
-//! `lightpath info`: what is in a file, and whether it would render.
+//! `lightpath info`: describes files and checks whether they would render.
 //!
-//! The first bytes decide what a file is, not its name. A bad file does not hide the next one: all
-//! are looked at, and all errors come at the end.
+//! The first bytes decide the type of a file, not its name. An invalid file does not hide the next
+//! one: all files are checked, and all errors are reported at the end.
 
 use std::{
     fs::File,
@@ -32,7 +32,7 @@ use super::{
     units,
 };
 
-/// Describes every file.
+/// Describes every file, then reports all errors.
 pub fn run(args: &InfoArgs) -> Result<()> {
     let mut kind = None;
     let mut problems: Vec<Problem> = Vec::new();
@@ -42,7 +42,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
             Ok(mut report) => super::print(&report.begin(path))?,
             Err(error) => {
                 if args.json {
-                    super::print_json(&complaint(path, &error))?;
+                    super::print_json(&error_json(path, &error))?;
                 }
                 kind = kind.or(Some(error.kind));
                 problems.extend(error.problems);
@@ -55,7 +55,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     }
 }
 
-fn complaint(path: &Path, error: &Error) -> Value {
+fn error_json(path: &Path, error: &Error) -> Value {
     let one = |p: &Problem| json!({ "place": p.place, "message": p.message, "help": p.help });
     let errors: Vec<Value> = error.problems.iter().map(one).collect();
     json!({ "file": path.display().to_string(), "ok": false, "errors": errors })
@@ -68,7 +68,7 @@ fn describe(path: &Path, args: &InfoArgs) -> Result<Report> {
     report.add("file", json!(path.display().to_string()), "");
     report.add("ok", json!(true), "");
     match opened {
-        // A folder opens, but cannot be read; the scene parser says so best.
+        // A folder can be opened but not read. The scene parser gives the best message for it.
         Err(error) if error.kind() != ErrorKind::IsADirectory => {
             return Err(Error::io(path, "read", &error));
         }
@@ -83,8 +83,8 @@ fn describe(path: &Path, args: &InfoArgs) -> Result<Report> {
     Ok(report)
 }
 
-/// A mesh of more bytes is announced before it is read.
-const LARGE: u64 = 256 << 20;
+/// Array size in bytes above which the header's facts are printed before the mesh is read.
+const LARGE_MESH_BYTES: u64 = 256 << 20;
 
 fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     let summary = mesh::inspect_ply(path)?;
@@ -118,7 +118,7 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
         );
         report.add("memory", json!(prediction), line);
     }
-    if summary.array_bytes > LARGE && !args.json {
+    if summary.array_bytes > LARGE_MESH_BYTES && !args.json {
         super::print(&report.begin(path))?;
     }
     let room = memory::machine();
@@ -130,7 +130,7 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     let line = match mesh.stitches.len() {
         0 => String::new(),
         n => format!(
-            "{} of them between three points of a line: kept where they close a T-junction",
+            "{} of them have three collinear corners: kept where they close a T-junction",
             units::count(n as u64)
         ),
     };
@@ -144,13 +144,13 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     report.add("vertices_unused", json!(unused), line);
     let Bounds { min: low, max: high } = points.bounds(|p| p);
     let size = high - low;
-    let line = format!("bounds of what the triangles use: {low} to {high}, size {size}");
+    let line = format!("bounds of the triangles: {low} to {high}, size {size}");
     report.add("bounds", json!([low.to_array(), high.to_array()]), line);
     resolution(&mesh, Bounds { min: low, max: high }, report);
     Ok(())
 }
 
-/// What single precision around the middle of the mesh leaves of it.
+/// Adds the resolution of single precision relative to the middle of the mesh.
 fn resolution(mesh: &mesh::Mesh, bounds: Bounds, report: &mut Report) {
     let origin = bounds.origin();
     let exact = |i: u32| mesh.positions.get(i as usize);
@@ -161,7 +161,7 @@ fn resolution(mesh: &mesh::Mesh, bounds: Bounds, report: &mut Report) {
     report.add("resolution", one.json(), one.line(" around its middle"));
 }
 
-/// What a render in the built-in studio would take, by the header alone.
+/// Predicts the memory of a render in the built-in studio from the header alone.
 fn prediction(path: &Path, args: &InfoArgs) -> Option<Prediction> {
     let loaded = studio::unframed(path, &Template::studio(), &Overrides::default()).ok()?;
     let camera = &loaded.scene.camera;

@@ -1,5 +1,5 @@
-//! `lightpath info scene.json`: every check that needs no rays. Whatever would stop the render is an
-//! error here, so meshes and textures are read, not only looked for.
+//! `lightpath info scene.json`: runs every check that needs no rays. An error that would stop a
+//! render is an error here, too, so meshes and textures are read completely.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ use super::{
     units,
 };
 
-/// Checks a scene and says what is in it.
+/// Checks a scene and adds its facts to the report.
 pub fn describe(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;
@@ -67,7 +67,7 @@ pub fn describe(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()>
     Ok(())
 }
 
-/// The steps of single precision around the scene's origin against the shortest edges.
+/// Adds the resolution of single precision relative to the scene's origin.
 fn resolution(world: &World, report: &mut Report) {
     let extents: Vec<Extent> = world
         .resolutions
@@ -98,7 +98,7 @@ fn resolution(world: &World, report: &mut Report) {
     }
 }
 
-/// How far positions are rounded near the camera, and what they are relative to.
+/// Adds the rounding error of positions near the camera.
 fn precision(world: &World, report: &mut Report) {
     let origin = &world.origin;
     if !origin.nearest.is_finite() {

@@ -1,4 +1,4 @@
-//! Arguments -> a checked scene: a file, stdin, or a mesh in a template.
+//! Loads the scene of a command's arguments: a file, stdin, or a mesh in a template.
 
 use std::path::{Path, PathBuf};
 
@@ -17,21 +17,21 @@ use crate::{
 
 use super::{args::RenderArgs, memory, overrides};
 
-/// A scene that is ready to be rendered.
+/// A checked scene, ready to be rendered.
 #[derive(Debug)]
 pub struct Job {
-    /// The scene, overrides applied.
+    /// The scene with all overrides applied.
     pub loaded: Loaded,
-    /// What its paths are relative to.
+    /// Folder that the scene's paths are relative to.
     pub folder: PathBuf,
-    /// What is suspicious so far.
+    /// Warnings of loading the input.
     pub warnings: Vec<Problem>,
-    /// Meshes that had to be read for the framing.
+    /// Meshes that had to be read to frame them.
     pub ready: Vec<(PathBuf, Mesh)>,
 }
 
 impl Job {
-    /// Everything that is read for it, `input` first.
+    /// Returns the paths of all files that the render reads, `input` first.
     pub fn inputs(&self, input: &Path) -> Vec<PathBuf> {
         let own = self.ready.iter().filter_map(|(path, mesh)| own_texture(path, mesh));
         let named = sources(&self.loaded.scene).into_iter().chain(own);
@@ -39,22 +39,22 @@ impl Job {
     }
 }
 
-/// Loads what `render` was asked for.
+/// Loads the input of `render`.
 ///
 /// # Errors
-/// Contradictory flags, and everything that is wrong with the scene and its overrides.
+/// Contradictory flags; all problems of the scene and its overrides.
 pub fn load(args: &RenderArgs) -> Result<Job> {
     load_in(args, Template::STUDIO)
 }
 
-/// The same, a mesh in `builtin` unless the flags name a template.
+/// Loads like [`load`], but shows a mesh in `builtin` if the flags name no template.
 ///
 /// # Errors
-/// Those of [`load`].
+/// As for [`load`].
 pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
     let is_mesh = studio::is_mesh(&args.input);
     if !is_mesh {
-        only_for_meshes(args)?;
+        refuse_mesh_flags(args)?;
     }
     let mut overrides = overrides::with(&args.scene, &args.machine)?;
     if args.scene.spp.is_none() {
@@ -73,10 +73,10 @@ pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
         let folder = args.input.parent().unwrap_or(Path::new("")).to_owned();
         (load(Source::File(&args.input))?, folder)
     };
-    checked(args, Job { loaded, folder, warnings, ready: Vec::new() })
+    check_storage(args, Job { loaded, folder, warnings, ready: Vec::new() })
 }
 
-/// A mesh in a template.
+/// Reads a mesh and frames it in the template.
 fn in_template(args: &RenderArgs, builtin: &str, overrides: Overrides) -> Result<Job> {
     let template = match &args.mesh.template {
         Some(template) => Template::file(template)?,
@@ -87,16 +87,16 @@ fn in_template(args: &RenderArgs, builtin: &str, overrides: Overrides) -> Result
     }
     let room = args.machine.max_memory.map(memory::room).or_else(memory::machine);
     let subject = Subject { room, ..args.mesh.subject(&args.input) };
-    // No monitor yet: a signal ends the program at once.
+    // Nothing watches signals yet: a signal ends the program at once.
     let monitor = Monitor::default();
     let samples = args.scene.light_samples;
     let shown = studio::show(&subject, &template, overrides, samples, &monitor)?;
     let Shown { loaded, warnings, mesh, .. } = shown;
-    checked(args, Job { loaded, folder: template.folder, warnings, ready: vec![mesh] })
+    check_storage(args, Job { loaded, folder: template.folder, warnings, ready: vec![mesh] })
 }
 
-/// Refuses flags that mean nothing for a scene.
-fn only_for_meshes(args: &RenderArgs) -> Result<()> {
+/// Refuses flags that apply only to a mesh without a scene.
+fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
     let mesh = &args.mesh;
     let flags = [
         ("--up", mesh.up.is_some()),
@@ -112,19 +112,19 @@ fn only_for_meshes(args: &RenderArgs) -> Result<()> {
     };
     let message = format!("found with {}, expected with a .ply file", args.input.display());
     Err(Error::invalid(flag, message)
-        .help("a scene says itself how its meshes look and stand: `rotate`, `smooth`, `material` in its trimesh"))
+        .help("a scene sets this in its trimesh: `rotate`, `smooth`, `material`"))
 }
 
-/// Refuses what the scene's own values contradict.
-fn checked(args: &RenderArgs, job: Job) -> Result<Job> {
+/// Refuses storage flags that contradict the scene.
+fn check_storage(args: &RenderArgs, job: Job) -> Result<Job> {
     picture::suits(&job.loaded.scene, args.files.storage())?;
     Ok(job)
 }
 
-/// The pixels to render.
+/// Returns the window of pixels to render.
 ///
 /// # Errors
-/// A crop that is empty or leaves the frame.
+/// A crop that is empty or exceeds the frame.
 pub fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
     let (width, height) = (scene.camera.width, scene.camera.height);
     let Some([x0, y0, x1, y1]) = crop.and_then(|c| <[u32; 4]>::try_from(c).ok()) else {
@@ -139,8 +139,10 @@ pub fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
     Err(Error::new(Kind::Invalid, Problem::new("--crop", wrong)))
 }
 
-/// The margin around the frame that `pixels` of overscan need, and the window in its coordinates. Whole
-/// tiles: the frame's packets stay what they are.
+/// Returns the margin for `pixels` of overscan, and the window in the coordinates of the enlarged
+/// frame.
+///
+/// The margin is a whole number of tiles, so the packets of the frame stay the same.
 ///
 /// # Errors
 /// More pixels than a picture may have.
@@ -159,7 +161,7 @@ pub fn overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
     Ok((margin, window))
 }
 
-/// The text of a scene saved as `target`: its paths seen from there.
+/// Returns the text of the scene for the file `target`, with paths relative to its folder.
 ///
 /// # Errors
 /// A path that is not UTF-8.

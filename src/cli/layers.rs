@@ -1,4 +1,5 @@
-//! The layers of a render that become files of their own: previews, and the manifests of merged cryptomattes.
+//! Layers that become files of their own: preview pictures, and the manifests of merged
+//! cryptomattes.
 
 use std::path::{Path, PathBuf};
 
@@ -13,10 +14,10 @@ use crate::{
 
 use super::{args::RenderArgs, paths};
 
-/// The layers that `--png-layer` shows, and where.
+/// Returns the layers of `render --png-layer` and the paths of their pictures.
 ///
 /// # Errors
-/// Layers that are not written.
+/// Layers that the EXR does not have.
 pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, PathBuf)>> {
     let prefix = paths::prefix(args.output.as_deref(), &args.input);
     let written: Vec<String> =
@@ -35,7 +36,7 @@ pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Pa
         for name in named {
             if !written.contains(&name) {
                 let message = format!("found the layer `{name}`, which the EXR does not have");
-                let help = format!("ask for it: --aov {name}");
+                let help = format!("add it: --aov {name}");
                 return Err(Error::invalid("--png-layer", message).help(help));
             }
             if !shown.contains(&name) {
@@ -46,10 +47,10 @@ pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Pa
     Ok(shown.into_iter().map(|name| preview(&prefix, name)).collect())
 }
 
-/// The layers that `merge --png-layer` shows, and where.
+/// Returns the layers of `merge --png-layer` and the paths of their pictures.
 ///
 /// # Errors
-/// Layers that are not there.
+/// Layers that the parts do not have.
 pub fn named_previews(
     names: &[String],
     recipe: &Recipe,
@@ -58,7 +59,7 @@ pub fn named_previews(
     let mut written: Vec<String> = Vec::new();
     for channel in &recipe.channels {
         let layer = channel.name.rsplit_once('.').map_or(channel.name.as_str(), |(layer, _)| layer);
-        // CryptoObject00, 01... are one layer.
+        // CryptoObject00, CryptoObject01... form one layer.
         let layer = match layer.starts_with("Crypto") {
             true => layer.trim_end_matches(|c: char| c.is_ascii_digit()),
             false => layer,
@@ -90,37 +91,38 @@ fn preview(prefix: &Path, name: String) -> (String, PathBuf) {
     (name, PathBuf::from(path))
 }
 
-/// A manifest that leaves a header for a file beside the picture.
+/// A cryptomatte manifest that moves from the EXR header to a file of its own.
 #[derive(Debug)]
 pub struct Manifest {
-    /// That file.
+    /// Path of that file.
     pub path: PathBuf,
     text: String,
 }
 
 impl Manifest {
-    /// Makes sure that it can be written.
+    /// Creates the part file of the manifest.
     ///
     /// # Errors
-    /// Those of [`Part::create`].
+    /// As for [`Part::create`].
     pub fn create(self) -> Result<(Part, String)> {
         Ok((Part::create(&self.path)?, self.text))
     }
 
-    /// Writes it, for `outputs` to name it; where it will be.
+    /// Writes the manifest, hands its part file to `outputs` for the final rename, and returns its
+    /// path.
     ///
     /// # Errors
-    /// `Retry` for a full disk.
+    /// `Retry` if the disk is full.
     pub fn write((mut file, text): (Part, String), outputs: &mut Outputs) -> Result<PathBuf> {
         file.fill(&(text + "\n"))?;
         Ok(outputs.add(file))
     }
 }
 
-/// Takes the manifests of cryptomattes out of attributes.
+/// Replaces cryptomatte manifests in `attributes` by the names of files, and returns the manifests.
 ///
 /// # Errors
-/// A name that no EXR attribute can hold.
+/// A file name that an EXR attribute cannot hold.
 pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<Vec<Manifest>> {
     let mut found = Vec::new();
     for index in 0..attributes.len() {
@@ -138,26 +140,27 @@ pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<V
     Ok(found)
 }
 
-/// Makes sure that the pictures of layers can be written.
+/// Creates the part files for the pictures of `render --png-layer`.
 ///
 /// # Errors
-/// Those of [`Part::create`].
+/// As for [`Part::create`].
 pub fn create_previews(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Part)>> {
     open_previews(preview_paths(args, scene)?)
 }
 
-/// Makes sure that these pictures of layers can be written.
+/// Creates the part files for pictures of layers.
 ///
 /// # Errors
-/// Those of [`Part::create`].
+/// As for [`Part::create`].
 pub fn open_previews(paths: Vec<(String, PathBuf)>) -> Result<Vec<(String, Part)>> {
     paths.into_iter().map(|(name, path)| Ok((name, Part::create(&path)?))).collect()
 }
 
-/// Writes the pictures of layers and gives them to `add`, which says where they will be.
+/// Writes the pictures of layers. `add` takes each part file for the final rename and returns its
+/// path.
 ///
 /// # Errors
-/// `Retry` for a full disk.
+/// `Retry` if the disk is full.
 pub fn write_previews(
     film: &Film,
     previews: Vec<(String, Part)>,

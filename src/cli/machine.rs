@@ -1,4 +1,4 @@
-//! What of the machine works: threads and instruction set.
+//! Threads and instruction set of the machine.
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -6,7 +6,8 @@ use super::args::IsaName;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::simd::Isa;
 
-/// `--threads`, else what a batch system grants, else what this process may use.
+/// Returns the number of threads: `--threads`, else the batch system's grant, else what the process
+/// may use.
 pub fn threads(asked: Option<u16>) -> usize {
     let granted = || {
         let text = std::env::var("SLURM_CPUS_PER_TASK").ok()?;
@@ -18,10 +19,10 @@ pub fn threads(asked: Option<u16>) -> usize {
         .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
 }
 
-/// That many worker threads.
+/// Starts a pool of worker threads.
 ///
 /// # Errors
-/// `Retry` where the system does not give that many.
+/// `Retry` if the system cannot start that many.
 pub fn pool(asked: Option<u16>) -> Result<ThreadPool> {
     let threads = threads(asked);
     ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
@@ -30,11 +31,12 @@ pub fn pool(asked: Option<u16>) -> Result<ThreadPool> {
     })
 }
 
-/// Starts the threads that work where no pool is named. Left to itself, the library would panic where the
-/// system does not give them.
+/// Starts rayon's global pool, which is used where no pool is named.
+///
+/// rayon would start it on first use, and panic if the system cannot start the threads.
 ///
 /// # Errors
-/// As [`pool`].
+/// As for [`pool`].
 pub fn default_pool() -> Result<()> {
     ThreadPoolBuilder::new().build_global().map_err(|error| {
         let message = format!("cannot start threads: {error}");
@@ -42,18 +44,18 @@ pub fn default_pool() -> Result<()> {
     })
 }
 
-/// `--isa`, else the best tier.
+/// Returns the instruction set of `--isa`, or the best of this machine.
 ///
 /// # Errors
-/// `Unsupported` where this machine or this build lacks it.
+/// `Unsupported` if this machine or this build lacks it.
 pub fn isa(asked: Option<IsaName>) -> Result<Isa> {
     asked.map_or(Ok(Isa::detect()), |name| tier("--isa", name))
 }
 
-/// A tier that a flag names.
+/// Returns the instruction set that a flag names.
 ///
 /// # Errors
-/// As [`isa`].
+/// As for [`isa`].
 pub fn tier(flag: &str, name: IsaName) -> Result<Isa> {
     let wanted = match name {
         IsaName::Portable => Isa::Portable,

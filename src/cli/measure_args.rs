@@ -1,4 +1,5 @@
-//! The flags of the commands that measure: `bench`, `crosscheck`, `accuracy`, `compare`, `converge`.
+//! Arguments of the commands that measure: `bench`, `crosscheck`, `accuracy`, `compare`,
+//! `converge`.
 
 use std::path::PathBuf;
 
@@ -7,18 +8,18 @@ use clap::{Args, ValueHint};
 use super::names::{IsaName, SamplerName, ToneName};
 use crate::{scene::written::Accelerator, units::parse_size};
 
-/// `lightpath crosscheck`
+/// Arguments of `lightpath crosscheck`.
 #[derive(Debug, Args)]
 pub struct CrosscheckArgs {
     /// A scene.json, a mesh.ply (in the built-in studio), or - for a scene on stdin
     #[arg(value_name = "SCENE|FILE.ply|-", value_hint = ValueHint::FilePath, required_unless_present = "replay")]
     pub input: Option<PathBuf>,
 
-    /// Two or more backends [default: all that this machine can run]
+    /// Two or more backends [default: all that can run on this machine]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Option<Vec<Accelerator>>,
 
-    /// Rays to check, in equal shares of each kind; shares of kinds that the scene has not are left out
+    /// Number of rays to check, in equal shares per kind; kinds that the scene lacks are left out
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
     pub rays: u64,
 
@@ -46,11 +47,11 @@ pub struct CrosscheckArgs {
     #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath)]
     pub save: Option<PathBuf>,
 
-    /// Trace the rays of a saved file again, in the scene that it holds
+    /// Trace the rays of a saved file again, in the scene that it contains
     #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath, conflicts_with_all = ["input", "no_picture", "save", "rays", "seed", "size", "spp", "set", "backends"])]
     pub replay: Option<PathBuf>,
 
-    /// Instruction set of our own kernels [default: the best]
+    /// Instruction set of our own kernels [default: the best of this machine]
     #[arg(long, value_name = "NAME")]
     pub isa: Option<IsaName>,
 
@@ -63,16 +64,16 @@ pub struct CrosscheckArgs {
     pub json: bool,
 }
 
-/// `lightpath bench`
+/// Arguments of `lightpath bench`.
 #[derive(Debug, Args)]
 pub struct BenchArgs {
-    /// Scenes, or meshes in the built-in scene: ground, one point and one area light
+    /// Scenes, or meshes in the built-in scene: ground, one point light and one area light
     #[arg(required = true, value_name = "SCENE|FILE.ply", value_hint = ValueHint::FilePath)]
     pub inputs: Vec<PathBuf>,
 
-    /// What is compared: bvh, embree, embree-fast, embree-compact, coursework, brute; bvh:TIER forces
-    /// an instruction set (portable, avx2, avx512). The others are compared with the first [default:
-    /// embree,bvh; bvh alone without Embree]
+    /// Backends to compare: bvh, embree, embree-fast, embree-compact, coursework, brute; bvh:TIER
+    /// forces an instruction set (portable, avx2, avx512). All are compared with the first
+    /// [default: embree,bvh; bvh alone without Embree]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Vec<String>,
 
@@ -80,7 +81,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub classes: Vec<String>,
 
-    /// Instruction set of our own kernels [default: the best]
+    /// Instruction set of our own kernels [default: the best of this machine]
     #[arg(long, value_name = "NAME")]
     pub isa: Option<IsaName>,
 
@@ -88,19 +89,19 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Most rays of each class
+    /// Maximum number of rays per class
     #[arg(long, value_name = "N", default_value_t = 1 << 18, value_parser = clap::value_parser!(u64).range(1..=1 << 28))]
     pub rays: u64,
 
-    /// Seconds for each comparison
+    /// Seconds per comparison
     #[arg(long, value_name = "S", default_value_t = 2.0)]
     pub seconds: f64,
 
-    /// Rounds of A B B A for each comparison, whatever time they take
+    /// Rounds of A B B A per comparison, however long they take
     #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = clap::value_parser!(u16).range(1..=500))]
     pub rounds: Option<u16>,
 
-    /// A small picture, few rays, few rounds: shows that it works, not how fast
+    /// A small picture, few rays, few rounds: shows that it works, not how fast it is
     #[arg(long, conflicts_with_all = ["seconds", "rounds", "rays", "size"])]
     pub quick: bool,
 
@@ -112,7 +113,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
 
-    /// Write everything, with every sample, as JSON
+    /// Write all results, with every sample, as JSON
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub json: Option<PathBuf>,
 
@@ -133,32 +134,32 @@ pub struct BenchArgs {
     pub quiet: bool,
 }
 
-/// `lightpath accuracy`
+/// Arguments of `lightpath accuracy`.
 #[derive(Debug, Args)]
 pub struct AccuracyArgs {
-    /// What is measured: bvh (each instruction set of this machine), bvh:portable, bvh:avx2,
-    /// bvh:avx512, embree, embree-fast, embree-compact, coursework, brute [default: all that can run
-    /// here but embree-compact]
+    /// Backends to measure: bvh (each instruction set of this machine), bvh:portable, bvh:avx2,
+    /// bvh:avx512, embree, embree-fast, embree-compact, coursework, brute [default: all that can
+    /// run here, without embree-compact]
     #[arg(long, visible_alias = "backends", value_name = "NAME,...", value_delimiter = ',')]
     pub backend: Vec<String>,
 
-    /// Less than a minute; the default
+    /// Take less than a minute; the default
     #[arg(long)]
     pub quick: bool,
 
-    /// Some 10^8 rays: 400 times those of --quick
+    /// Trace some 10^8 rays: 400 times those of --quick
     #[arg(long, conflicts_with = "quick")]
     pub full: bool,
 
-    /// N times the rays of --quick
+    /// Trace N times the rays of --quick
     #[arg(long, value_name = "N", conflicts_with_all = ["quick", "full"], value_parser = clap::value_parser!(u64).range(1..=4000))]
     pub times: Option<u64>,
 
-    /// Only cases whose group or name contains TEXT
+    /// Run only cases whose group or name contains TEXT
     #[arg(long, value_name = "TEXT")]
     pub case: Option<String>,
 
-    /// Of all random rays
+    /// Seed of all random rays
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
 
@@ -166,7 +167,7 @@ pub struct AccuracyArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Write everything as JSON
+    /// Write all results as JSON
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub json: Option<PathBuf>,
 
@@ -183,18 +184,19 @@ pub struct AccuracyArgs {
     pub quiet: bool,
 }
 
-/// `lightpath compare`
+/// Arguments of `lightpath compare`.
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// The picture: EXR or PNG
+    /// The picture to test: EXR or PNG
     #[arg(value_name = "A", value_hint = ValueHint::FilePath)]
     pub test: PathBuf,
 
-    /// The reference
+    /// The reference picture
     #[arg(value_name = "B", value_hint = ValueHint::FilePath)]
     pub reference: PathBuf,
 
-    /// Only this layer; `beauty` is the picture itself; repeatable [default: all that both have]
+    /// Compare only this layer; `beauty` is the picture itself; repeatable [default: all layers
+    /// that both files have]
     #[arg(long, value_name = "NAME")]
     pub layer: Vec<String>,
 
@@ -211,7 +213,7 @@ pub struct CompareArgs {
     #[arg(long, value_name = "OP")]
     pub tonemap: Option<ToneName>,
 
-    /// Its exposure in stops
+    /// Exposure of the 8-bit pictures in stops
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true, default_value_t = 0.0)]
     pub exposure: f32,
 
@@ -227,7 +229,7 @@ pub struct CompareArgs {
     #[arg(long)]
     pub json: bool,
 
-    /// Print no numbers: only names of written files, and what failed
+    /// Print no numbers, only names of written files and failures
     #[arg(long, conflicts_with = "json")]
     pub quiet: bool,
 
@@ -236,20 +238,20 @@ pub struct CompareArgs {
     pub threads: Option<u16>,
 }
 
-/// `lightpath converge`
+/// Arguments of `lightpath converge`.
 #[derive(Debug, Args)]
 pub struct ConvergeArgs {
     /// A scene.json, a mesh.ply (in the built-in studio), or - for a scene on stdin
     #[arg(value_name = "SCENE|FILE.ply|-", value_hint = ValueHint::FilePath)]
     pub input: PathBuf,
 
-    /// What errors are measured against: an EXR of the scene's size [default: rendered, several times, so
-    /// that its own error is known]
+    /// Reference to measure errors against: an EXR of the scene's size [default: rendered several
+    /// times, so that its own error is known]
     #[arg(long, value_name = "R.exr", value_hint = ValueHint::FilePath)]
     pub reference: Option<PathBuf>,
 
-    /// Some of bvh, bvh:portable, bvh:avx2, bvh:avx512, embree, embree-fast, embree-compact, coursework,
-    /// brute; the first renders the reference [default: the scene's]
+    /// Some of bvh, bvh:portable, bvh:avx2, bvh:avx512, embree, embree-fast, embree-compact,
+    /// coursework, brute; the first one renders the reference [default: the scene's]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Vec<String>,
 
@@ -261,19 +263,20 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "N,...", value_delimiter = ',', default_value = "1,4,16,64", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     pub spp: Vec<u32>,
 
-    /// Points on every area light, for each shading point [default: 1,4,16 if there are area lights]
+    /// Samples on every area light per shading point [default: 1,4,16 if there are area lights]
     #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     pub light_samples: Vec<u32>,
 
-    /// Renders of each setting, each with a seed of its own
+    /// Renders per setting, each with its own seed
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,
 
-    /// Seconds for the whole study, loading and reference included; what does not fit is left out and listed
+    /// Seconds for the whole study, loading and reference included; settings that do not fit are
+    /// left out and listed
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, allow_negative_numbers = true)]
     pub budget: f64,
 
-    /// First seed [default: 0, or one more than that of the --reference]
+    /// First seed [default: 0, or one more than the seed of the --reference]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<i64>,
 
@@ -285,7 +288,7 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "/json/pointer=VALUE")]
     pub set: Vec<String>,
 
-    /// Instruction set of our own kernels [default: the best]
+    /// Instruction set of our own kernels [default: the best of this machine]
     #[arg(long, value_name = "NAME")]
     pub isa: Option<IsaName>,
 
@@ -293,7 +296,7 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Write everything, with every time, as JSON
+    /// Write all results, with every time, as JSON
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub json: Option<PathBuf>,
 

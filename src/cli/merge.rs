@@ -1,4 +1,5 @@
-//! `lightpath merge`: parts of a picture -> the files that the whole render would have written.
+//! `lightpath merge`: merges the parts of a picture into the files that one render would have
+//! written.
 
 use std::{path::PathBuf, sync::Arc, time::Instant};
 
@@ -21,27 +22,27 @@ use super::{
     render_progress, signals,
 };
 
-/// `lightpath merge`
+/// Arguments of `lightpath merge`.
 #[derive(Debug, Args)]
 pub struct MergeArgs {
-    /// EXRs of parts: `lightpath render` with --tile, --samples, --part or --crop
+    /// EXRs of parts: from `lightpath render` with --tile, --samples, --part or --crop
     #[arg(required = true, value_name = "PART.exr", value_hint = ValueHint::FilePath)]
     pub parts: Vec<PathBuf>,
 
-    /// Where to write: PREFIX.exr and PREFIX.png
+    /// Write PREFIX.exr and PREFIX.png
     #[arg(short, long, value_name = "PREFIX", required = true, value_hint = ValueHint::FilePath)]
     pub output: PathBuf,
 
-    /// Show layers as pictures: PREFIX.NAME.png each; all for every one
+    /// Write layers as pictures, too: PREFIX.NAME.png each; `all` for every layer
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub png_layer: Vec<String>,
 
-    /// Write the names of cryptomattes to PREFIX.CryptoObject.json and PREFIX.CryptoMaterial.json
-    /// in place of the EXR's header
+    /// Write the object names of cryptomattes to PREFIX.CryptoObject.json and
+    /// PREFIX.CryptoMaterial.json instead of the EXR's header
     #[arg(long)]
     pub crypto_sidecar: bool,
 
-    /// Fail (exit code 1) where a pixel was NaN or infinite; the files are written all the same
+    /// Fail (exit code 1) if a pixel is NaN or infinite; the files are written all the same
     #[arg(long)]
     pub strict: bool,
 
@@ -54,7 +55,7 @@ pub struct MergeArgs {
     pub quiet: bool,
 }
 
-/// Merges the parts of one picture.
+/// Merges the parts of one picture and writes its files.
 pub fn run(args: &MergeArgs) -> Result<()> {
     let start = Instant::now();
     let monitor = Arc::new(Monitor::default());
@@ -111,8 +112,8 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         }
         if !parts.exact() {
             progress.message(
-                "note: the parts hold halves: the EXR has the bytes of the whole render, \
-                 values of the PNG may differ by a step; render the parts with --part",
+                "note: the parts hold 16-bit floats: the EXR has the bytes of one render, \
+                 values of the PNG may differ by one step; render the parts with --part",
             );
         }
     }

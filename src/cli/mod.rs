@@ -1,8 +1,8 @@
-//! The program: one file per subcommand, each thin; the work is in the modules below.
+//! The command-line program: one thin file per command, which calls the modules below.
 //!
 //! Results and the paths of written files go to stdout, messages to stderr. Only `main` turns an
-//! error into an exit code. A flag that changes the scene becomes a `--set` override, so that flags
-//! and overrides pass the same checks (`overrides`).
+//! error into an exit code. A flag that changes the scene becomes a `--set` override (`overrides`),
+//! so flags and overrides pass the same checks.
 
 mod accuracy;
 mod accuracy_markdown;
@@ -64,15 +64,17 @@ use crate::{
     memory, paths, units,
 };
 
-/// Prints a message; a stderr that is closed or full must not stop a render. Coloured where clap's messages
-/// are: on a terminal, unless the environment says otherwise (`NO_COLOR`, `CLICOLOR`, `TERM=dumb`).
+/// Prints a message to stderr. Ignores errors: a closed or full stderr must not stop a render.
+///
+/// Colours follow clap's rules: on a terminal, unless the environment disables them (`NO_COLOR`,
+/// `CLICOLOR`, `TERM=dumb`).
 pub fn note(text: &str) {
     let text = printable_lines(text);
     let lines: Vec<String> = text.lines().map(colored).collect();
     let _ = writeln!(anstream::stderr(), "{}", lines.join("\n"));
 }
 
-/// A line of a message, its first word in clap's colours.
+/// Colours the first word of a message line as clap does.
 fn colored(line: &str) -> String {
     let styles = Styles::styled();
     let words = [
@@ -88,18 +90,18 @@ fn colored(line: &str) -> String {
     line.to_string()
 }
 
-/// Prints a usage error, or help, and returns the exit code.
+/// Prints help or a usage error and returns the exit code.
 pub fn usage(error: clap::Error) -> u8 {
-    // clap repeats words as they are: again with words that can be shown.
+    // clap repeats arguments unchanged. Parse again with hidden characters escaped.
     let words = std::env::args_os().map(|word| printable(&word.to_string_lossy()).into_owned());
     let shown = Arguments::try_parse_from(words).err().unwrap_or(error);
     let error = with_hint(shown);
     let _ = error.print();
-    // Help goes to stdout with code 0, usage errors to stderr with code 2.
+    // Help goes to stdout with exit code 0, a usage error to stderr with exit code 2.
     u8::try_from(error.exit_code()).unwrap_or(2)
 }
 
-/// Adds what was probably meant: a file alone is to be rendered.
+/// Adds a suggestion if the user gave a file in place of a command.
 fn with_hint(mut error: clap::Error) -> clap::Error {
     let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else {
         return error;
@@ -115,7 +117,7 @@ fn with_hint(mut error: clap::Error) -> clap::Error {
 /// Runs one command.
 ///
 /// # Errors
-/// Everything that went wrong; the kind decides the exit code.
+/// The errors of the command. Their kind decides the exit code.
 pub fn run(arguments: &Arguments) -> Result<()> {
     signals::outlive_size_limits();
     if arguments.version {
@@ -123,7 +125,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     use Command::{Bench, Converge, Info, Submit};
     if let Some(Info(_) | Bench(_) | Converge(_) | Submit(_)) = &arguments.command {
-        // They read files before, or without, a pool of their own.
+        // These commands read files before they have a thread pool, or without one.
         machine::default_pool()?;
     }
     match &arguments.command {
@@ -145,7 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Writes a result to stdout. A reader that has gone (`| head`) is no error.
+/// Writes a result to stdout. A closed reader (`| head`) is not an error.
 fn print(text: &str) -> Result<()> {
     print_bytes(printable_lines(text).as_bytes())
 }
@@ -153,7 +155,8 @@ fn print(text: &str) -> Result<()> {
 /// Writes a JSON value and a line break to stdout.
 fn print_json(value: &impl serde::Serialize) -> Result<()> {
     let text = serde_json::to_string(value).unwrap_or_default();
-    // serde leaves some of these as they are; all stand within strings, where JSON has another way to write them.
+    // serde_json leaves some hidden characters unescaped. They occur only in strings, so `\u`
+    // escapes are valid.
     let escaped = |c: char| match is_hidden(c) {
         true => format!("\\u{:04x}", u32::from(c)),
         false => c.to_string(),
@@ -165,18 +168,18 @@ fn print_json(value: &impl serde::Serialize) -> Result<()> {
     print_bytes((text + "\n").as_bytes())
 }
 
-/// Prints the names of written files, one a line.
+/// Prints the paths of written files, one per line.
 fn print_paths(paths: &[PathBuf]) -> Result<()> {
     print_bytes(&path_lines(paths))
 }
 
-/// The names of written files, one a line. No output has control characters in its name.
+/// Formats the paths of written files, one per line. Output names contain no control characters.
 fn path_lines(paths: &[PathBuf]) -> Vec<u8> {
     let mut lines = Vec::new();
     for path in paths.iter().filter(|path| *path != Path::new("/dev/stdout")) {
-        // A name need not be UTF-8.
+        // A name may be invalid UTF-8.
         let name = path.as_os_str().as_encoded_bytes();
-        // What render farms read as a command at the beginning of a line.
+        // Render farms read such a prefix at the start of a line as a command.
         if name.starts_with(b"openjd_") || name.starts_with(b"ALF_") {
             lines.extend_from_slice(b"./");
         }

@@ -1,4 +1,4 @@
-//! Words that flags take.
+//! Names that flags accept as values.
 
 use clap::{ValueEnum, builder::PossibleValue};
 
@@ -56,10 +56,10 @@ impl ValueEnum for Accelerator {
     }
 }
 
-/// Names of the instruction sets.
+/// Names of instruction sets.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum IsaName {
-    /// What every processor of this kind has
+    /// Baseline of the processor architecture
     Portable,
     /// AVX2 and FMA
     Avx2,
@@ -67,7 +67,7 @@ pub enum IsaName {
     Avx512,
 }
 
-/// Names of the tone curves.
+/// Names of tone curves.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum ToneName {
     /// Divide by the largest value of the frame
@@ -78,7 +78,7 @@ pub enum ToneName {
     Reinhard,
 }
 
-/// Names of the samplers.
+/// Names of the pixel samplers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum SamplerName {
     /// Owen-scrambled Sobol: stratified
@@ -87,17 +87,18 @@ pub enum SamplerName {
     Random,
 }
 
-/// What `--noise` is relative to.
+/// Names of what `--noise` is relative to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum NoiseOf {
-    /// Each pixel's own radiance: all become as good
+    /// Each pixel's own radiance: all pixels get the same relative error
     Pixel,
-    /// The frame's mean radiance, more where a pixel has more samples: the least RMSE for the samples
+    /// The frame's mean radiance, and more where a pixel has more samples: the lowest RMSE for the
+    /// samples taken
     Picture,
 }
 
 impl NoiseOf {
-    /// What is meant.
+    /// Converts to the renderer's type.
     pub fn relative(self) -> Relative {
         match self {
             Self::Pixel => Relative::Pixel,
@@ -106,19 +107,19 @@ impl NoiseOf {
     }
 }
 
-/// An axis of a mesh file.
+/// Names of the axes of a mesh file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Axis {
     /// x is up
     X,
     /// y is up
     Y,
-    /// z is up, as scanners and CAD have it
+    /// z is up, as in scans and CAD
     Z,
 }
 
 impl Axis {
-    /// As the studio has it.
+    /// Converts to the studio's type.
     pub fn studio(self) -> studio::Axis {
         match self {
             Self::X => studio::Axis::X,
@@ -128,7 +129,7 @@ impl Axis {
     }
 }
 
-/// How progress is shown.
+/// Names of the ways to show progress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ProgressMode {
     /// A bar on a terminal, else plain
@@ -145,7 +146,7 @@ pub enum ProgressMode {
     Off,
 }
 
-/// What turns on a turntable.
+/// Names of what turns on a turntable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum TurningName {
     /// The object with all shapes
@@ -154,7 +155,7 @@ pub enum TurningName {
     Camera,
 }
 
-/// What lights stay with.
+/// Names of what the lights are fixed to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum FixedName {
     /// Light falls from the same side in every frame
@@ -164,7 +165,7 @@ pub enum FixedName {
 }
 
 impl TurningName {
-    /// As the studio has it.
+    /// Converts to the studio's type.
     pub fn studio(self) -> studio::Turning {
         match self {
             Self::Object => studio::Turning::Object,
@@ -174,7 +175,7 @@ impl TurningName {
 }
 
 impl FixedName {
-    /// As the studio has it.
+    /// Converts to the studio's type.
     pub fn studio(self) -> studio::Fixed {
         match self {
             Self::Camera => studio::Fixed::Camera,
@@ -183,7 +184,7 @@ impl FixedName {
     }
 }
 
-/// Files that have a schema.
+/// Kinds of files that have a schema.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum SchemaName {
     /// Scene files

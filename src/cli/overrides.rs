@@ -1,4 +1,4 @@
-//! Flags that change the scene -> overrides of it.
+//! Converts flags that change the scene into overrides of the scene.
 
 use clap::ValueEnum;
 use serde_json::Value;
@@ -13,19 +13,19 @@ use super::{
     machine,
 };
 
-/// All flags of scene and machine.
+/// Returns the overrides of all scene and machine flags.
 ///
 /// # Errors
-/// An instruction set that machine or build lacks.
+/// An instruction set that this machine or this build lacks.
 pub fn with(args: &SceneArgs, machine: &MachineArgs) -> Result<Overrides> {
-    let mut all = of(args);
+    let mut all = scene_overrides(args);
     let isa = machine.isa.map(|name| machine::tier("--isa", name)).transpose()?;
     all.backend(BackendFlags { fast: machine.fast, isa });
     Ok(all)
 }
 
-/// The flags that need no look at the scene, then every `--set`.
-fn of(args: &SceneArgs) -> Overrides {
+/// Returns the overrides of the scene flags, followed by those of `--set`, which win.
+fn scene_overrides(args: &SceneArgs) -> Overrides {
     let mut all = Overrides::default();
     let name = |value: Option<clap::builder::PossibleValue>| {
         value.map(|value| Value::from(value.get_name()))
@@ -59,7 +59,8 @@ fn of(args: &SceneArgs) -> Overrides {
     all
 }
 
-/// A number that JSON may not have (NaN) stays visible in the message.
+/// Converts a number to JSON. A number that JSON cannot hold (NaN) becomes a string, so that the
+/// message can show it.
 fn number(value: f64) -> Value {
     match serde_json::Number::from_f64(value) {
         Some(number) => Value::Number(number),

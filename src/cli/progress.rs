@@ -1,7 +1,8 @@
-//! Progress, fed by polling counters from one thread: the job only counts.
+//! Progress display. One thread polls the counters of the job, which only counts.
 //!
-//! A bar on a terminal; else a plain line every 3 seconds, so that a short job prints none and the
-//! log of a long one stays readable; JSON lines for programs; what render farms read, on stdout.
+//! On a terminal it is a bar. Elsewhere it is a plain line every 3 seconds: a short job prints
+//! none, and the log of a long one stays readable. Other modes print JSON lines for programs, or
+//! lines for render farms on stdout.
 
 use std::{
     io::{IsTerminal, Write},
@@ -19,7 +20,8 @@ use super::args::ProgressMode;
 const PLAIN_EVERY: Duration = Duration::from_secs(3);
 const JSON_EVERY: Duration = Duration::from_millis(500);
 const BAR_EVERY: Duration = Duration::from_millis(100);
-/// How often counters are read, so that a phase's rate starts when the phase does.
+/// Interval between readings of the counters. It is short, so that a phase's rate starts with the
+/// phase.
 const POLL_EVERY: Duration = BAR_EVERY;
 
 /// A display that runs until it is dropped.
@@ -32,7 +34,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Starts to watch.
+    /// Starts the display thread. `meter` reads the counters.
     pub fn start(mode: ProgressMode, mut meter: impl FnMut() -> Reading + Send + 'static) -> Self {
         let start = Instant::now();
         let terminal = std::io::stderr().is_terminal();
@@ -49,12 +51,12 @@ impl Progress {
         let (stop, stopped) = channel();
         let shown = bar.clone();
         let work = move || {
-            let (mut shown_at, mut said) = (Instant::now(), None);
+            let (mut shown_at, mut last_percent) = (Instant::now(), None);
             loop {
                 let over = stopped.recv_timeout(POLL_EVERY) != Err(RecvTimeoutError::Timeout);
                 let now = meter();
                 if let ProgressMode::Openjd | ProgressMode::Alf = mode {
-                    said = now.farm(mode, said);
+                    last_percent = now.farm(mode, last_percent);
                 } else if !over && shown_at.elapsed() >= every {
                     shown_at = Instant::now();
                     match (&shown, mode) {
@@ -72,21 +74,21 @@ impl Progress {
         Self {
             bar,
             stop: Some(stop),
-            // Without a thread there is no progress, and nothing else is wrong.
+            // Without a thread there is no progress display; the job is not affected.
             thread: thread.spawn(work).ok(),
             start,
         }
     }
 
-    /// Seconds since the start.
+    /// Returns the seconds since the start.
     pub fn elapsed(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }
 
-    /// Prints the names of finished files to stdout without tearing the bar.
+    /// Prints the paths of finished files to stdout without breaking the bar.
     pub fn result(&self, paths: &[PathBuf]) {
         let lines = super::path_lines(paths);
-        // A reader that has gone does not stop a batch.
+        // A closed reader does not stop a batch.
         let print = || super::print_bytes(&lines).unwrap_or_default();
         match &self.bar {
             Some(bar) => bar.suspend(print),
@@ -94,7 +96,7 @@ impl Progress {
         }
     }
 
-    /// Prints a message without tearing the bar.
+    /// Prints a message to stderr without breaking the bar.
     pub fn message(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.suspend(|| super::note(text)),
@@ -117,27 +119,27 @@ impl Drop for Progress {
 
 fn new_bar() -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr());
-    // The template is a constant; if it were wrong the default style would do.
+    // The template is a constant. If it were invalid, the default style would stay.
     if let Ok(style) = ProgressStyle::with_template("{prefix:6} {wide_bar} {percent:>3}%  {msg}") {
         bar.set_style(style);
     }
     bar
 }
 
-/// What the counters said at one moment.
+/// Values of the counters at one moment.
 #[derive(Debug, Clone)]
 pub struct Reading {
-    /// What is being done.
+    /// Name of the current phase.
     pub label: String,
-    /// Steps of it that are done.
+    /// Finished steps of the phase.
     pub done: u64,
-    /// Its steps.
+    /// All steps of the phase.
     pub total: u64,
-    /// Of the whole job, 0 to 1.
+    /// Progress of the whole job, from 0 to 1.
     pub overall: f64,
-    /// Rates, for people.
+    /// Rates and remaining time as text.
     pub message: String,
-    /// All of it, for programs.
+    /// The whole reading as JSON.
     pub json: Value,
 }
 
@@ -158,11 +160,12 @@ impl Reading {
         let _ = writeln!(std::io::stderr(), "{}", self.json);
     }
 
-    /// What render farms read: lines on stdout, each percentage once. Returns the last one said.
-    fn farm(&self, mode: ProgressMode, said: Option<u32>) -> Option<u32> {
+    /// Prints lines for render farms to stdout, each percentage once. Returns the last printed
+    /// percentage.
+    fn farm(&self, mode: ProgressMode, last_percent: Option<u32>) -> Option<u32> {
         let percent = (100.0 * self.overall.clamp(0.0, 1.0)) as u32;
-        if said.is_some_and(|said| said >= percent) {
-            return said;
+        if last_percent.is_some_and(|last_percent| last_percent >= percent) {
+            return last_percent;
         }
         let line = match mode {
             ProgressMode::Alf => format!("ALF_PROGRESS {percent}%"),

@@ -1,4 +1,4 @@
-//! `lightpath render`: the stations of the data flow in a row, with a clock between them.
+//! `lightpath render`: runs the stages of the data flow in order and times each.
 
 use std::{path::PathBuf, sync::Arc, time::Instant};
 
@@ -34,10 +34,10 @@ use super::{
     version,
 };
 
-/// Help for an output that is an input.
+/// Help text for an output that would overwrite an input.
 const OTHER_NAME: &str = "choose another name: -o PREFIX, --stats FILE, --write-scene FILE";
 
-/// Everything that is written, made sure of before the long work.
+/// All output files, created before the render so that a bad output folder is found at once.
 struct Files {
     picture: picture::Files,
     previews: Vec<(String, Part)>,
@@ -59,7 +59,7 @@ impl Files {
     }
 }
 
-/// Renders one scene.
+/// Renders one scene or mesh.
 pub fn run(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let monitor = Arc::new(Monitor::default());
@@ -87,7 +87,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
     let outputs = outputs(args, &job, &plan)?;
     files::not_over(inputs, &outputs, OTHER_NAME)?;
-    // Until here a signal ends the program at once: there is nothing to tidy up.
+    // No signal handler before this point: a signal ends the program at once, and no file exists
+    // yet.
     signals::watch(&monitor)?;
     let files = Files::create(args, &job, &plan)?;
     let mode = match args.report.quiet {
@@ -119,7 +120,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
 }
 
-/// Everything that will be written.
+/// Returns the paths of all files that will be written.
 fn outputs(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Vec<PathBuf>> {
     let prefix = paths::prefix(args.output.as_deref(), &args.input);
     let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
@@ -129,7 +130,7 @@ fn outputs(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Vec<PathBuf>> {
     Ok(pictures.chain(previews).chain(others).collect())
 }
 
-/// What the stations share.
+/// State shared by the stages of a render.
 struct Run<'a> {
     args: &'a RenderArgs,
     job: &'a Job,
@@ -145,7 +146,8 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// From meshes to files. The progress bar ends with it: what is printed afterwards stands on lines of its own.
+    /// Runs all stages, from reading meshes to writing files. Consumes the progress bar, so later
+    /// messages appear below it.
     fn all(
         self,
         files: Files,
@@ -176,7 +178,7 @@ impl Run<'_> {
         if hash.is_some() {
             world.read.check(&contents)?;
         }
-        // A mesh that came through a pipe has named its texture only now.
+        // A mesh from a pipe names its texture only when it is read.
         files::not_over(world.read.paths(), &self.outputs, OTHER_NAME)?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
@@ -249,7 +251,7 @@ impl Run<'_> {
         Ok((stats, paths, oddities))
     }
 
-    /// What is known before the first ray.
+    /// Returns the statistics that are known before the first ray.
     fn stats(&self, info: &BuildInfo) -> Stats {
         let loaded = &self.job.loaded;
         Stats {
@@ -294,7 +296,7 @@ impl Run<'_> {
             render_seconds: args.files.record_time.then_some(stats.seconds.render as f32),
             fingerprint: None,
         };
-        // A part keeps every bit; how the picture is written says the attribute.
+        // The file of a part keeps every bit. Its attribute holds the format of the merged picture.
         let storage = match self.piece.is_exact(args) {
             true => {
                 Storage { float: true, depth: args.files.storage().depth, ..Storage::default() }

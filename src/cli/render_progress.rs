@@ -1,4 +1,4 @@
-//! The progress of one render: phase after phase.
+//! Progress of one render, phase by phase.
 
 use std::{
     sync::{Arc, atomic::Ordering::Relaxed},
@@ -14,7 +14,7 @@ use crate::{
 
 use super::progress::Reading;
 
-/// Turns a monitor's counters into rates.
+/// Returns a meter that turns the monitor's counters into rates.
 pub fn meter(monitor: &Arc<Monitor>) -> impl FnMut() -> Reading + Send + use<> {
     let monitor = Arc::clone(monitor);
     let start = Instant::now();

@@ -1,4 +1,4 @@
-//! What `info` found out about a file.
+//! Facts that `info` reports about a file.
 
 use std::path::Path;
 
@@ -8,19 +8,19 @@ use crate::error::printable;
 
 use super::units;
 
-/// The steps of single precision against the shortest edge, world units.
+/// Resolution of single precision compared with the shortest edge, in world units.
 #[derive(Debug, Clone, Copy)]
 pub struct Extent {
-    /// At the farthest coordinate.
+    /// Distance between neighbouring f32 values at the farthest coordinate.
     pub ulp: f64,
-    /// Infinite without triangles; JSON has null for it.
+    /// Length of the shortest edge. Infinite without triangles, which JSON shows as null.
     pub edge: f64,
-    /// Edges whose ends become one point.
+    /// Number of edges whose ends round to the same point.
     pub collapsed: u64,
 }
 
 impl Extent {
-    /// For people; `of` says of what.
+    /// Formats one line of text; `of` names the object.
     pub fn line(&self, of: &str) -> String {
         let Self { ulp, edge, collapsed } = self;
         let lost = match collapsed {
@@ -30,25 +30,25 @@ impl Extent {
         format!("resolution{of}: {ulp:.2e} at the farthest vertex, shortest edge {edge:.2e}{lost}")
     }
 
-    /// For programs.
+    /// Returns the same numbers as JSON.
     pub fn json(&self) -> Value {
         let Self { ulp, edge, collapsed } = self;
         json!({ "ulp": ulp, "shortest_edge": edge, "collapsed_edges": collapsed })
     }
 }
 
-/// What was found out: a line per fact for people, and the same for programs.
+/// Collects facts, each as a line of text and as a JSON value.
 #[derive(Debug, Default)]
 pub struct Report {
-    /// For people.
+    /// Lines of text that are not printed yet.
     pub lines: Vec<String>,
     json: Map<String, Value>,
-    /// The file's name has been taken with the first lines.
+    /// True once the file's name has been printed.
     begun: bool,
 }
 
 impl Report {
-    /// Adds a fact under a JSON key.
+    /// Adds a fact under a JSON key. An empty `line` adds only JSON.
     pub fn add(&mut self, key: &str, value: Value, line: impl Into<String>) {
         self.json.insert(key.to_string(), value);
         let line = line.into();
@@ -57,7 +57,7 @@ impl Report {
         }
     }
 
-    /// The lines under the file's name; those so far where more may follow.
+    /// Takes the lines collected so far, preceded by the file's name the first time.
     pub fn begin(&mut self, path: &Path) -> String {
         let lines = std::mem::take(&mut self.lines);
         let name = match std::mem::replace(&mut self.begun, true) {
@@ -67,7 +67,7 @@ impl Report {
         lines.iter().fold(name, |text, line| text + "  " + &printable(line) + "\n")
     }
 
-    /// All of it, for programs.
+    /// Returns all facts as JSON.
     pub fn json(self) -> Value {
         Value::Object(self.json)
     }

@@ -1,4 +1,4 @@
-//! `--noise`, `--max-spp`, `--time`: what they mean together, and what the files say of them.
+//! Checks `--noise`, `--max-spp` and `--time` together, and describes them in the EXR.
 
 use std::time::Duration;
 
@@ -13,27 +13,28 @@ use crate::{
 
 use super::args::{NoiseOf, SamplingArgs};
 
-/// Samples of a pixel at most: the length of a Sobol sequence, beyond which another begins.
-const LONGEST: u32 = 1 << 16;
+/// Maximum number of samples per pixel: the length of one Sobol sequence.
+const MAX_SAMPLES: u32 = 1 << 16;
 
-/// Samples of a pixel at most where a noise level is asked for and nothing is said.
-const MOST_FOR_NOISE: u32 = 4096;
+/// Default maximum number of samples per pixel with `--noise`.
+const DEFAULT_MAX_SPP: u32 = 4096;
 
-/// Longest time, s: a year.
-const LONGEST_TIME: f64 = 31_536_000.0;
+/// Maximum of `--time` in seconds: one year.
+const MAX_SECONDS: f64 = 31_536_000.0;
 
-/// How samples are distributed if not evenly.
+/// Returns the settings of adaptive sampling, or `None` if every pixel gets the same number of
+/// samples.
 ///
 /// # Errors
-/// Values out of range, flags that contradict each other or the scene.
+/// Values out of range; flags that contradict each other or the scene.
 pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> {
     let (noise, time) = (args.noise, args.time);
     if let Some(noise) = noise.filter(|noise| !(*noise > 0.0 && *noise <= 1.0)) {
         let message = format!("found {noise}, expected a number above 0 and up to 1");
         return Err(Error::invalid("--noise", message).help("0.02 is 2% of a pixel's value"));
     }
-    if let Some(time) = time.filter(|time| !(*time > 0.0 && *time <= LONGEST_TIME)) {
-        let message = format!("found {time}, expected seconds above 0 and up to {LONGEST_TIME}");
+    if let Some(time) = time.filter(|time| !(*time > 0.0 && *time <= MAX_SECONDS)) {
+        let message = format!("found {time}, expected seconds above 0 and up to {MAX_SECONDS}");
         return Err(Error::invalid("--time", message));
     }
     if noise.is_none() && time.is_none() {
@@ -45,15 +46,15 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
     }
     let first = scene.spp.checked_next_power_of_two().unwrap_or(u32::MAX).max(LEAST);
     let most = args.max_spp.unwrap_or(match noise {
-        Some(_) => MOST_FOR_NOISE.max(first.saturating_mul(16)).min(LONGEST),
-        None => LONGEST,
+        Some(_) => DEFAULT_MAX_SPP.max(first.saturating_mul(16)).min(MAX_SAMPLES),
+        None => MAX_SAMPLES,
     });
-    if most > LONGEST || !most.is_power_of_two() {
-        let below = (1 << most.max(1).ilog2()).min(LONGEST);
-        let message = format!("found {most}, expected a power of two up to {LONGEST}");
-        let help = match most < LONGEST {
+    if most > MAX_SAMPLES || !most.is_power_of_two() {
+        let below = (1 << most.max(1).ilog2()).min(MAX_SAMPLES);
+        let message = format!("found {most}, expected a power of two up to {MAX_SAMPLES}");
+        let help = match most < MAX_SAMPLES {
             true => format!("{below} or {}", 2 * below),
-            false => LONGEST.to_string(),
+            false => MAX_SAMPLES.to_string(),
         };
         return Err(Error::invalid("--max-spp", message).help(help));
     }
@@ -64,9 +65,9 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
              power of two, at least {LEAST}), and none more than {most}",
             scene.spp
         );
-        let help = match first < LONGEST {
+        let help = match first < MAX_SAMPLES {
             true => format!("--max-spp {} or more, or fewer --spp", 2 * first),
-            false => format!("--spp {} or fewer", LONGEST / 2),
+            false => format!("--spp {} or fewer", MAX_SAMPLES / 2),
         };
         return Err(Error::invalid(place, message).help(help));
     }
@@ -74,30 +75,30 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
     Ok(Some(Adaptive { first, most, noise, relative, time: time.map(Duration::from_secs_f64) }))
 }
 
-/// What it keeps beside the film.
+/// Returns the bytes that adaptive sampling keeps in addition to the film.
 pub fn bytes(adaptive: &Adaptive, scene: &Scene, window: Window) -> u64 {
     let each = adaptive.bytes_per_pixel(Plan::new(scene).recipe.channels.len());
     u64::from(window.width()) * u64::from(window.height()) * each
 }
 
-/// What the EXR says about it.
+/// Returns the EXR attributes that describe adaptive sampling.
 pub fn attributes(adaptive: &Adaptive) -> Vec<(String, String)> {
     let mut attributes = Vec::new();
-    let mut say = |name: &str, text: String| attributes.push((format!("lightpath:{name}"), text));
+    let mut add = |name: &str, text: String| attributes.push((format!("lightpath:{name}"), text));
     if let Some(noise) = adaptive.noise {
-        say("noise", noise.to_string());
+        add("noise", noise.to_string());
         if adaptive.relative == Relative::Picture {
-            say("noiseof", "picture".into());
+            add("noiseof", "picture".into());
         }
     }
     if let Some(time) = adaptive.time {
-        say("time", time.as_secs_f64().to_string());
-        say("reproducible", "no".to_string());
+        add("time", time.as_secs_f64().to_string());
+        add("reproducible", "no".to_string());
     }
     attributes
 }
 
-/// `lightpath:spp`: how many samples a pixel may have.
+/// Returns the value of the attribute `lightpath:spp`: the number or range of samples per pixel.
 pub fn spp(adaptive: Option<&Adaptive>, scene: &Scene) -> String {
     match adaptive {
         Some(Adaptive { first, most, .. }) => format!("{first}-{most}"),
@@ -105,10 +106,10 @@ pub fn spp(adaptive: Option<&Adaptive>, scene: &Scene) -> String {
     }
 }
 
-/// What the user should know beforehand.
+/// Returns a warning if `--time` makes the picture irreproducible.
 pub fn warning(adaptive: &Adaptive) -> Option<Problem> {
     adaptive.time?;
     let message =
-        "the picture depends on how fast this machine is today: it is marked as not reproducible";
+        "the picture depends on the speed of this machine: it is marked as not reproducible";
     Some(Problem::new("--time", message).help("--noise alone always gives the same picture"))
 }

@@ -1,4 +1,4 @@
-//! `lightpath schema`: the JSON Schemas that editors complete files with.
+//! `lightpath schema`: prints JSON Schemas, which editors use for completion.
 
 use crate::{
     batch::JobFile,
@@ -8,9 +8,9 @@ use crate::{
 
 use super::args::SchemaName;
 
-/// Prints one.
+/// Prints the schema of one kind of file.
 pub fn run(of: SchemaName) -> Result<()> {
-    // The alternate form of a JSON value is indented.
+    // The alternate format of a JSON value is indented.
     super::print(&match of {
         SchemaName::Scene => format!("{:#}\n", schema()),
         SchemaName::Job => format!("{:#}\n", schema_of::<JobFile>("lightpath job")),

@@ -1,4 +1,4 @@
-//! `lightpath completions` and `lightpath man`, from the same table as the help.
+//! `lightpath completions` and `lightpath man`, generated from the same table as the help.
 
 use clap::CommandFactory;
 use clap_complete::Shell;
@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 
 use super::args::Arguments;
 
-/// Prints a completion script.
+/// Prints a completion script for a shell.
 pub fn completions(shell: Shell) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Arguments::command(), "lightpath", &mut script);
@@ -35,7 +35,7 @@ fn render(page: &mut Vec<u8>) -> std::io::Result<()> {
         man.render_synopsis_section(&mut sections)?;
         man.render_description_section(&mut sections)?;
         man.render_options_section(&mut sections)?;
-        // Sections of a section.
+        // Make the command's sections subsections.
         page.extend(String::from_utf8_lossy(&sections).replace(".SH ", ".SS ").as_bytes());
     }
     Ok(())

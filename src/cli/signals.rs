@@ -1,5 +1,5 @@
-//! Signals that end a job: the first asks it to stop, which removes what was being written; the second
-//! does not wait.
+//! Signals that end a job. The first one asks it to stop and to remove unfinished files. The second
+//! one ends the process at once.
 
 use std::sync::{
     Arc,
@@ -17,25 +17,25 @@ use crate::{
     output::atomic::remove_parts,
 };
 
-/// Watches for signals as long as the process lives, for a job that asks the monitor.
+/// Handles signals until the process ends, for a job that polls the monitor.
 ///
 /// # Errors
-/// Where the system refuses a handler or a thread.
+/// A handler or thread that the system refuses.
 pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
     let monitor = Arc::clone(monitor);
     spawn(move |signal| {
-        // Asked twice: nothing waits for the job any more.
+        // The second signal does not wait for the job.
         if monitor.signal.swap(signal, Relaxed) != 0 {
             end(signal);
         }
     })
 }
 
-/// Watches for signals as long as the process lives, for a job without a monitor: the first ends the process, and
-/// what was being written is removed.
+/// Handles signals until the process ends, for a job without a monitor. The first signal removes
+/// unfinished files and ends the process.
 ///
 /// # Errors
-/// Where the system refuses a handler or a thread.
+/// A handler or thread that the system refuses.
 pub fn end_at_once() -> Result<()> {
     spawn(|signal| {
         super::note("error: stopped by a signal");
@@ -43,17 +43,17 @@ pub fn end_at_once() -> Result<()> {
     })
 }
 
-/// Ends the process: the one place outside of `main` that does.
+/// Ends the process. Besides `main`, this is the only place that does.
 fn end(signal: i32) {
     remove_parts();
     signal_hook::low_level::exit(128 + signal);
 }
 
-/// Starts a thread that hands over every signal that ends a job.
+/// Starts a thread that calls `act` for every signal that ends a job.
 fn spawn(mut act: impl FnMut(i32) + Send + 'static) -> Result<()> {
     let failed = |error: std::io::Error| Error::io("<signals>".as_ref(), "watch", &error);
     let mut ending = vec![SIGINT, SIGTERM, SIGQUIT];
-    // `nohup` asks for a job that outlives its terminal.
+    // `nohup` ignores SIGHUP so that the job survives its terminal.
     if !is_ignored(SIGHUP) {
         ending.push(SIGHUP);
     }
@@ -63,13 +63,14 @@ fn spawn(mut act: impl FnMut(i32) + Send + 'static) -> Result<()> {
     Ok(())
 }
 
-/// Makes a write beyond `ulimit -f` an error like others, and not the end of the process.
+/// Turns a write beyond `ulimit -f` into an ordinary error instead of the end of the process.
 pub fn outlive_size_limits() {
-    // Where the system refuses a handler, all is as it was.
+    // If the system refuses the handler, the default action stays.
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }
 
-/// Whether the process was started with a signal ignored; false where the system does not tell.
+/// Returns true if the process was started with this signal ignored. False if the system does not
+/// report it.
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

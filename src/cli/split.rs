@@ -1,4 +1,4 @@
-//! A piece of a picture: `--tile`, `--samples`, `--part`, and what its EXR says for `merge`.
+//! Parts of a picture: `--tile`, `--samples`, `--part`, and the EXR attribute that `merge` reads.
 
 use std::ops::Range;
 
@@ -19,30 +19,30 @@ use super::{
     job::{self, Job},
 };
 
-/// Flags for pieces of a picture.
+/// Flags for parts of a picture.
 #[derive(Debug, Default, Clone, Args)]
 #[command(
-    next_help_heading = "Parts (`lightpath merge` makes one picture of them, with the same bytes)"
+    next_help_heading = "Parts (`lightpath merge` joins them to the same bytes as one render)"
 )]
 pub struct SplitArgs {
-    /// Only part I of N, from 1: a band of rows of the frame or the --crop
+    /// Render only part I of N, from 1: a band of rows of the frame or the --crop
     #[arg(long, value_name = "I/N", value_parser = parse_tile)]
     pub tile: Option<[u32; 2]>,
 
-    /// Only the samples A to B - 1 of each pixel, from 0
+    /// Render only the samples A to B - 1 of each pixel, counted from 0
     #[arg(long, value_name = "A..B", value_parser = parse_range)]
     pub samples: Option<[u32; 2]>,
 
-    /// With --samples: how many samples all parts have together [default: the scene's spp]
+    /// With --samples: number of samples of all parts together [default: the scene's spp]
     #[arg(long, value_name = "N", requires = "samples")]
     pub of: Option<u32>,
 
-    /// The EXR keeps all bits, so that merging --crops gives the same PNG, too
+    /// Keep all bits in the EXR, so that merging --crops gives the same PNG, too
     #[arg(long)]
     pub part: bool,
 }
 
-/// `3/8` -> [3, 8].
+/// Parses `3/8` to [3, 8].
 fn parse_tile(text: &str) -> std::result::Result<[u32; 2], String> {
     let expected = || "expected I/N with I from 1 to N, for example 3/8".to_string();
     let (i, n) = text.split_once('/').ok_or_else(expected)?;
@@ -51,7 +51,7 @@ fn parse_tile(text: &str) -> std::result::Result<[u32; 2], String> {
     if i >= 1 && i <= n { Ok([i, n]) } else { Err(expected()) }
 }
 
-/// `16..32` -> [16, 32].
+/// Parses `16..32` to [16, 32].
 pub fn parse_range(text: &str) -> std::result::Result<[u32; 2], String> {
     let expected =
         || "expected A..B with A < B, from 0 and without B, for example 16..32".to_string();
@@ -61,27 +61,28 @@ pub fn parse_range(text: &str) -> std::result::Result<[u32; 2], String> {
     if a < b { Ok([a, b]) } else { Err(expected()) }
 }
 
-/// What of the picture is rendered.
+/// The part of the picture that this render makes.
 #[derive(Debug)]
 pub struct Piece {
-    /// The pixels of the picture.
+    /// Pixels of the whole picture that the parts form.
     whole: Window,
-    /// Those that are rendered.
+    /// Pixels of this part.
     pub window: Window,
-    /// Pixels of overscan around the frame, in whole tiles: the windows count from their top left.
+    /// Width of the overscan in pixels, in whole tiles. Windows are counted from its top left
+    /// corner.
     pub margin: u32,
     samples: Range<u32>,
-    /// Layers as they are put together.
+    /// Recipe for the layers of the merged picture.
     recipe: Recipe,
-    /// How the sums of some samples are kept.
+    /// Storage of partial sums; `None` if all samples are rendered.
     pub raw: Option<Raw>,
 }
 
 impl Piece {
-    /// What the flags ask for.
+    /// Reads the part from the flags.
     ///
     /// # Errors
-    /// Tiles and samples that the picture does not have; flags that only make sense for the whole.
+    /// Tiles and samples that the picture does not have; flags that only work for a whole picture.
     pub fn new(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Self> {
         let (scene, split) = (&job.loaded.scene, &args.split);
         let (margin, whole) = match args.scene.overscan {
@@ -98,8 +99,8 @@ impl Piece {
         };
         let spp = scene.spp;
         if let Some(of) = split.of.filter(|of| *of != spp) {
-            let message = format!("found {of}, but --spp or --set asks for {spp} samples");
-            return Err(Error::invalid("--of", message).help("leave out --spp: --of says it"));
+            let message = format!("found {of}, but --spp or --set sets {spp} samples");
+            return Err(Error::invalid("--of", message).help("leave out --spp: --of replaces it"));
         }
         let samples = match split.samples {
             Some([a, b]) if b > spp => {
@@ -111,12 +112,12 @@ impl Piece {
             Some([a, b]) => a..b,
             None => 0..spp,
         };
-        between_packets(&samples, scene)?;
+        refuse_cut_packets(&samples, scene)?;
         let recipe = plan.recipe.clone();
         let raw = (samples != (0..spp)).then(|| Raw::new(&recipe, samples.clone()));
         let piece = Self { whole, window, margin, samples, recipe, raw };
         let frame = Window::full(scene.camera.width, scene.camera.height);
-        // A crop is a piece of the frame, but the tiles and samples of a crop are pieces of the crop.
+        // A crop is a part of the frame. Tiles and samples of a crop are parts of the crop.
         let is_split = split.tile.is_some() || split.samples.is_some();
         let piece = if is_split || margin > 0 { piece } else { Self { whole: frame, ..piece } };
         if piece.is_exact(args) {
@@ -128,7 +129,7 @@ impl Piece {
                 (
                     "--time",
                     args.sampling.time.is_some(),
-                    "no other run makes the same picture: --noise without --time",
+                    "no two runs make the same picture: use --noise without --time",
                 ),
             ];
             if let Some((flag, _, help)) = set.into_iter().find(|(_, set, _)| *set) {
@@ -139,34 +140,35 @@ impl Piece {
         Ok(piece)
     }
 
-    /// Refuses ranges of samples where every pixel decides by itself how many it takes.
+    /// Refuses a range of samples together with adaptive sampling, where each pixel has its own
+    /// number of samples.
     ///
     /// # Errors
-    /// Both at once.
+    /// `Invalid` for both together.
     pub fn suits(&self, adaptive: bool) -> Result<()> {
         if !(adaptive && self.raw.is_some()) {
             return Ok(());
         }
         let message =
-            "found with --noise or --time, which decide pixel by pixel how many samples there are";
-        Err(Error::invalid("--samples", message).help("split by --tile"))
+            "found with --noise or --time, where each pixel has its own number of samples";
+        Err(Error::invalid("--samples", message).help("split with --tile"))
     }
 
-    /// The channels beside R, G, B, A.
+    /// Returns the channels of the film besides R, G, B, A.
     pub fn channels(&self) -> Vec<Channel> {
         self.raw.as_ref().map_or_else(|| self.recipe.channels.clone(), Raw::channels)
     }
 
-    /// Whether the EXR keeps every bit.
+    /// Returns true if the EXR must keep every bit.
     pub fn is_exact(&self, args: &RenderArgs) -> bool {
         args.split.part || args.split.tile.is_some() || args.split.samples.is_some()
     }
 
-    /// What the EXR says for `merge`: nothing if it is the whole picture. `fingerprint` is that of the scene
-    /// and its files.
+    /// Returns the attribute that `merge` reads, or `None` for a whole picture. `fingerprint` is
+    /// the hash of the scene and its files.
     ///
     /// # Errors
-    /// None that is known of.
+    /// A failure to serialize, which cannot occur with the present types.
     pub fn attribute(
         &self,
         args: &RenderArgs,
@@ -204,11 +206,12 @@ impl Piece {
     }
 }
 
-/// Refuses samples that begin or end within a packet where adaptive shadows decide about whole packets.
+/// Refuses a range of samples that cuts a packet if the scene has adaptive shadows, which decide
+/// about whole packets.
 ///
 /// # Errors
-/// Such samples.
-fn between_packets(samples: &Range<u32>, scene: &Scene) -> Result<()> {
+/// `Invalid` for such a range.
+fn refuse_cut_packets(samples: &Range<u32>, scene: &Scene) -> Result<()> {
     let packet = Pattern::for_spp(scene.spp).samples;
     let cut = |at: u32| at % packet != 0 && at != scene.spp;
     let Range { start, end } = *samples;

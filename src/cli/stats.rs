@@ -1,4 +1,4 @@
-//! What a render cost: `--stats`, `--json` and the summary at the end.
+//! Statistics of a render: `--stats`, `--json` and the summary at the end.
 
 use std::collections::BTreeMap;
 
@@ -6,92 +6,86 @@ use serde::Serialize;
 
 use super::units;
 
-/// The file of `--stats`. docs/cli.md describes it.
+/// Content of the `--stats` file, described in docs/cli.md.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Stats {
-    /// Wall-clock time.
     pub seconds: Seconds,
-    /// Rays traced.
     pub rays: Rays,
-    /// Camera samples per pixel, where their number differs.
+    /// Samples per pixel, if their number varies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<Samples>,
-    /// Memory held.
     pub memory: Memory,
-    /// Of all meshes and single triangles.
+    /// Triangles of all meshes, and single triangles.
     pub triangles: u64,
-    /// Name of the backend.
     pub backend: String,
-    /// Worker threads.
+    /// Number of worker threads.
     pub threads: usize,
-    /// Of the program and what it was built and run with.
+    /// Versions of the program, its compiler and its backend.
     pub versions: BTreeMap<String, String>,
-    /// Model name of the processor.
     pub cpu: String,
-    /// Instruction sets in use.
+    /// Instruction sets of rays and of shading.
     pub isa: String,
     /// SHA-256 of the canonical scene.
     pub scene_hash: String,
-    /// Of every random choice.
+    /// Seed of all random choices.
     pub seed: i64,
 }
 
 /// Wall-clock seconds by phase.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Seconds {
-    /// Scene, meshes, textures.
+    /// Reading the scene, meshes and textures.
     pub load: f64,
-    /// Accelerator.
+    /// Time to build the accelerator.
     pub build: f64,
-    /// Rays and shading.
+    /// Time to trace and shade.
     pub render: f64,
-    /// EXR and PNG.
+    /// Time to write the files.
     pub write: f64,
-    /// From the start of the command to the renamed files.
+    /// From the start of the command until the files have their final names.
     pub total: f64,
 }
 
-/// Rays by class.
+/// Numbers of rays by class.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Rays {
-    /// From the camera.
+    /// Rays that start at the camera.
     pub primary: u64,
-    /// Towards lights.
+    /// Rays towards a light.
     pub shadow: u64,
-    /// Mirror bounces.
+    /// Rays that a mirror reflects.
     pub reflection: u64,
-    /// Hits that the backend's test in f32 offered and f64 discarded.
+    /// Hits that the backend's f32 test reported and the f64 test rejected.
     pub false_hits: u64,
 }
 
 /// Camera samples per pixel.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Samples {
-    /// The fewest.
+    /// Minimum over all pixels.
     pub least: u32,
-    /// The most.
+    /// Maximum over all pixels.
     pub most: u32,
-    /// On average.
+    /// Mean over all pixels.
     pub mean: f64,
 }
 
-/// Bytes.
+/// Memory use in bytes.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Memory {
-    /// Largest resident set of the process (`VmHWM`); 0 where the system does not tell.
+    /// Largest resident set of the process (`VmHWM`); 0 if the system does not report it.
     pub peak_bytes: u64,
-    /// Held by the accelerator after its build.
+    /// Accelerator after its build.
     pub accelerator_bytes: u64,
-    /// Most that the accelerator held during its build.
+    /// Peak of the accelerator during its build.
     pub accelerator_peak_bytes: u64,
     /// Primitives and vertex data.
     pub mesh_bytes: u64,
-    /// Textures.
     pub texture_bytes: u64,
 }
 
 impl Stats {
-    /// A few lines for people.
+    /// Formats a summary of a few lines for the terminal.
     pub fn summary(&self) -> String {
         let s = &self.seconds;
         let all = self.rays.primary + self.rays.shadow + self.rays.reflection;
@@ -132,7 +126,7 @@ impl Stats {
     }
 }
 
-/// Model name of the processor; the architecture where the system does not tell.
+/// Returns the model name of the processor, or the architecture if the system does not report one.
 pub fn cpu() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = info.lines().find_map(|line| {

@@ -1,4 +1,5 @@
-//! `lightpath submit slurm`: a job file -> an array job of `lightpath batch --range`, and the job after it.
+//! `lightpath submit slurm`: submits a job file as an array job of `lightpath batch --range`, and a
+//! second job for the contact sheet.
 
 use std::{
     fs,
@@ -21,86 +22,85 @@ use crate::{
 
 use super::{batch as batch_command, batch_args::BatchArgs, signals};
 
-/// `lightpath submit`
+/// Arguments of `lightpath submit`.
 #[derive(Debug, Args)]
 pub struct SubmitArgs {
-    /// To what.
     #[command(subcommand)]
     pub engine: Engine,
 }
 
-/// What runs the tasks.
+/// The system that runs the tasks.
 #[derive(Debug, Subcommand)]
 pub enum Engine {
     /// Slurm: an array job, and a job for the contact sheet that waits for it
     Slurm(SlurmArgs),
 }
 
-/// `lightpath submit slurm`
+/// Arguments of `lightpath submit slurm`.
 #[derive(Debug, Args)]
 pub struct SlurmArgs {
     /// The job file of `lightpath batch`
     #[arg(value_name = "JOB", value_hint = ValueHint::FilePath)]
     pub job: PathBuf,
 
-    /// The folder that everything goes to, seen by all nodes [default: the job's, else out]
+    /// Output folder, visible to all nodes [default: the job's, else out]
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub output: Option<PathBuf>,
 
-    /// Write the scripts and print what would be submitted
+    /// Write the scripts and print the sbatch commands without running them
     #[arg(long)]
     pub dry_run: bool,
 
-    /// Processors of a task; --threads of its renders
+    /// Processors per task, and --threads of its renders
     #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub cpus: u16,
 
-    /// Memory of a task [default: what the largest input is predicted to need, and a quarter more]
+    /// Memory per task [default: the predicted need of the largest input, and a quarter more]
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub memory: Option<u64>,
 
-    /// Frames of a task [default: as many as take --minutes]
+    /// Frames per task [default: as many as take --minutes]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub frames_per_task: Option<u64>,
 
-    /// How long a task should last
+    /// Target duration of a task
     #[arg(long, value_name = "MINUTES", default_value = "10", value_parser = clap::value_parser!(u16).range(1..=10_000))]
     pub minutes: u16,
 
-    /// How long a frame takes [default: as frames of this job took that are in DIR, else from the
+    /// Seconds per frame [default: measured from frames of this job in DIR, else estimated from the
     /// rays and triangles of the first input]
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds, allow_negative_numbers = true)]
     pub frame_seconds: Option<f64>,
 
-    /// Tasks of the array; Slurm's own limit is one less than its MaxArraySize
+    /// Maximum number of tasks in the array; Slurm's own limit is MaxArraySize - 1
     #[arg(long, value_name = "N", default_value = "1000", value_parser = clap::value_parser!(u32).range(1..=4_000_000))]
     pub max_tasks: u32,
 
-    /// Tasks that may run at a time
+    /// Maximum number of tasks that run at a time
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub at_a_time: Option<u32>,
 
-    /// The most that a task may take, as Slurm writes it: 4:00:00
+    /// Time limit per task, in Slurm's format: 4:00:00
     #[arg(long, value_name = "TIME")]
     pub time: Option<String>,
 
-    /// More options of sbatch, repeatable: --sbatch=--partition=cpu
+    /// Additional options of sbatch, repeatable: --sbatch=--partition=cpu
     #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
     pub sbatch: Vec<String>,
 }
 
-/// A positive number.
+/// Parses a positive number of seconds.
 fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite());
     seconds.ok_or_else(|| "expected seconds above 0, for example 2.5".to_string())
 }
 
-/// Rays of a thread in a second, and triangles that it reads and builds: docs/notebook/scaling.md has where they
-/// come from. They only decide how many frames a task gets.
+/// Rays per second of one thread, and triangles per second that it reads and builds.
+/// docs/notebook/scaling.md has the measurements. They only decide how many frames a task gets.
 const RAYS_PER_SECOND: f64 = 5e6;
 const TRIANGLES_PER_SECOND: f64 = 1.8e6;
 
-/// Writes the scripts, and submits them unless told not to.
+/// Writes the scripts, and submits them unless `--dry-run` is given.
 pub fn run(args: &SubmitArgs) -> Result<()> {
     let Engine::Slurm(args) = &args.engine;
     signals::end_at_once()?;
@@ -134,9 +134,9 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
     super::print(&format!("{array}\n{sheet}\n"))
 }
 
-/// The job as a task will read it.
+/// Loads the job exactly as a task will load it.
 fn load(args: &SlurmArgs) -> Result<Job> {
-    /// The flags of `batch`, from a list of words.
+    /// Parser for the arguments of `batch` alone.
     #[derive(Parser)]
     struct Words {
         #[command(flatten)]
@@ -213,15 +213,16 @@ fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {
     })
 }
 
-/// What tasks need.
+/// Estimated needs of a task.
 struct Needs {
-    /// Bytes.
+    /// Memory per task in bytes.
     memory: u64,
     frame_seconds: f64,
 }
 
 impl Needs {
-    /// By the headers of all inputs; those that cannot be read fail in their task.
+    /// Estimates from the headers of all inputs. Inputs that cannot be read are skipped: they fail
+    /// in their task.
     fn of(job: &Job, args: &SlurmArgs) -> Result<Self> {
         let mut needs = Self { memory: 0, frame_seconds: 0.0 };
         let mut first_error = None;
@@ -235,7 +236,8 @@ impl Needs {
             };
             let threads = usize::from(args.cpus);
             let footprint = Footprint::of(scene.backend, threads);
-            // Without Embree here, the nodes may have it: half as much again as meshes and film.
+            // Embree may be missing here and present on the nodes. Then assume half the memory of
+            // meshes and film for it.
             let peak = match footprint {
                 Ok(footprint) => prediction.clone().with(&footprint).peak_bytes,
                 Err(_) => prediction.peak_bytes + prediction.peak_bytes / 2,
@@ -256,7 +258,7 @@ impl Needs {
         }
         match first_error {
             Some(error) if needs.memory == 0 => Err(error),
-            // The next mesh loads while this one renders: a batch holds up to two.
+            // A batch holds up to two meshes: the next one loads while the current one renders.
             _ => {
                 needs.memory = needs.memory.saturating_mul(2);
                 needs.memory = needs.memory.saturating_add(needs.memory / 4);
@@ -266,7 +268,7 @@ impl Needs {
     }
 }
 
-/// What frames of this job took so far, in the middle.
+/// Returns the median seconds per frame from the journals of earlier runs.
 fn median(folder: &Path) -> Option<f64> {
     let mut seconds: Vec<f64> = batch::journal(folder)
         .into_iter()
@@ -279,17 +281,18 @@ fn median(folder: &Path) -> Option<f64> {
     seconds.get(seconds.len() / 2).copied().filter(|median| *median > 0.0)
 }
 
-/// An absolute path as an argument of a program.
+/// Returns an absolute path as a command-line argument.
 ///
 /// # Errors
-/// A name that is not UTF-8 or has a control character.
+/// A name that is not UTF-8 or contains a control character.
 fn absolute(path: &Path) -> Result<String> {
     let path = std::path::absolute(path).map_err(|error| Error::io(path, "find", &error))?;
     paths::printable(&path)?;
     paths::named(&path)
 }
 
-/// What sbatch says where the controller does not answer (Slurm's `slurm_errno.c`): not the job's fault.
+/// Messages of sbatch if the controller does not answer (Slurm's `slurm_errno.c`). The job is not
+/// at fault.
 const UNREACHABLE: [&str; 6] = [
     "Unable to contact slurm controller",
     "Communication connection failure",
@@ -299,7 +302,7 @@ const UNREACHABLE: [&str; 6] = [
     "Connection refused",
 ];
 
-/// Hands a job to Slurm; its number.
+/// Submits a job to Slurm and returns its number.
 fn submit(words: &[String]) -> Result<String> {
     let output = Command::new("sbatch").args(words).output();
     let output = output.map_err(|error| {
@@ -311,10 +314,10 @@ fn submit(words: &[String]) -> Result<String> {
     match (output.status.success(), text.trim().split(';').next()) {
         (true, Some(id)) if !id.is_empty() => Ok(id.to_string()),
         _ => {
-            let said = String::from_utf8_lossy(&output.stderr);
-            let said = said.trim();
-            let problem = |what: &str| Problem::new("slurm", format!("{what}: {said}"));
-            match UNREACHABLE.iter().any(|text| said.contains(text)) {
+            let stderr = String::from_utf8_lossy(&output.stderr);
+            let stderr = stderr.trim();
+            let problem = |what: &str| Problem::new("slurm", format!("{what}: {stderr}"));
+            match UNREACHABLE.iter().any(|text| stderr.contains(text)) {
                 true => Err(Error::new(Kind::Retry, problem("sbatch reached no controller"))
                     .help("submit again when `scontrol ping` says UP")),
                 false => Err(Error::new(Kind::Invalid, problem("sbatch refused"))),

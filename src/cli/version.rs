@@ -1,4 +1,4 @@
-//! Which program this is, and what it would run on.
+//! Versions of the program, its compiler and its backends.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 const COMMIT: Option<&str> = option_env!("LIGHTPATH_GIT_COMMIT");
 const RUSTC: Option<&str> = option_env!("LIGHTPATH_RUSTC_VERSION");
 
-/// What `--version` prints.
+/// Returns the text of `--version`.
 pub fn text(verbose: bool) -> String {
     let mut text = format!("lightpath {VERSION}\n");
     if !verbose {
@@ -29,7 +29,7 @@ pub fn text(verbose: bool) -> String {
     text
 }
 
-/// The versions that belong into a record of a render.
+/// Returns the versions for the statistics of a render or measurement.
 pub fn versions(backend: &str) -> BTreeMap<String, String> {
     let pairs = [
         ("lightpath", VERSION),
@@ -40,7 +40,7 @@ pub fn versions(backend: &str) -> BTreeMap<String, String> {
     pairs.map(|(k, v)| (k.to_string(), v.to_string())).into()
 }
 
-/// Name and state of what finds hits besides our own code.
+/// Returns name and version of Embree, or why it is not available.
 fn backends() -> Vec<(String, String)> {
     #[cfg(feature = "embree")]
     let embree = match crate::accel::embree::describe() {

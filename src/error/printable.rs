@@ -1,22 +1,22 @@
-//! Names and texts from outside, on a terminal or in a log.
+//! Makes names and texts from outside safe for a terminal or a log.
 
 use std::borrow::Cow;
 
-/// `text` on one line without control characters, for terminals and logs.
+/// Returns `text` on one line without control characters, for terminals and logs.
 ///
-/// Control characters move cursors, and a line break may begin a line that a farm reads as a command
-/// (`openjd_fail:`). Marks of the direction of writing show a name in another order. All of these are
-/// written as in Rust: `\n`, `\u{1b}`.
+/// Control characters move the cursor. A line break may start a line that a render farm reads as a
+/// command (`openjd_fail:`). Bidirectional control characters show a name in another order. All of
+/// these are escaped as in Rust: `\n`, `\u{1b}`.
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, is_hidden)
 }
 
-/// The same for a text of several lines: its line breaks stay.
+/// Escapes a text of several lines. Line breaks are kept.
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| c != '\n' && is_hidden(c))
 }
 
-/// Whether a terminal does something else with `c` than to show it.
+/// Returns true if a terminal does not simply show `c`.
 pub fn is_hidden(c: char) -> bool {
     c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_seen_is_what_is_there() {
+    fn control_and_bidirectional_characters_are_escaped() {
         assert!(matches!(printable("Größe \\ \"a b\""), Cow::Borrowed(_)));
         assert_eq!(printable("a\nopenjd_fail: \u{1b}[2J\t"), "a\\nopenjd_fail: \\u{1b}[2J\\t");
         assert_eq!(printable("\u{9b}2J\u{202e}x"), "\\u{9b}2J\\u{202e}x");

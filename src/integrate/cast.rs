@@ -1,4 +1,5 @@
-//! `cast` of docs/scene-format.md for a packet: light, shadows and mirrors from its first hits on.
+//! `cast` of docs/guide/scene-format.md for a packet: light, shadows and mirrors from its first
+//! hits on.
 
 use glam::Vec3;
 

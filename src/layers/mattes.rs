@@ -1,5 +1,5 @@
-//! Cryptomatte 1.2.0 (Friedman and Jones, "Fully automatic ID mattes with support for motion blur and
-//! transparency", 2015): per pixel, what covers it and how much of it, by hashes of names.
+//! Cryptomatte 1.2.0 (Friedman and Jones, "Fully automatic ID mattes with support for motion blur
+//! and transparency", 2015): ids and coverages per pixel. An id is the hash of a name.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -9,25 +9,25 @@ use crate::scene::Scene;
 
 use super::names;
 
-/// Mattes of one kind of thing.
+/// The mattes of one kind: shapes or materials.
 #[derive(Debug, Clone)]
 pub struct Mattes {
-    /// What the kind is called in channels and attributes.
+    /// Name of the kind in channels and attributes.
     pub kind: &'static str,
-    /// Id of each shape.
+    /// The id for each shape.
     ids: Vec<u32>,
-    /// Names and their ids by name: scenes that differ in the order of their parts have one manifest.
+    /// Names with their ids, sorted by name. So the order of shapes does not affect the manifest.
     named: Vec<(String, u32)>,
 }
 
 impl Mattes {
-    /// `CryptoObject`: one matte per shape.
+    /// Makes `CryptoObject`: one matte per shape.
     pub fn objects(scene: &Scene) -> Self {
         let names = names::shapes(scene);
         Self::new("CryptoObject", names.clone(), &names)
     }
 
-    /// `CryptoMaterial`: one matte per material.
+    /// Makes `CryptoMaterial`: one matte per material.
     pub fn materials(scene: &Scene) -> Self {
         let names = names::materials(scene);
         let of_shapes = scene.shapes.iter().map(|shape| names[shape.material].clone()).collect();
@@ -43,7 +43,7 @@ impl Mattes {
         Self { kind, ids, named }
     }
 
-    /// Its channels: ids and coverages in turn, two of `ranks` a layer, all 32-bit float.
+    /// Returns its channels: id and coverage alternate, two ranks per layer, all 32-bit floats.
     pub fn channels(&self, ranks: usize) -> impl Iterator<Item = Channel> + use<> {
         let kind = self.kind;
         (0..2 * ranks).map(move |i| {
@@ -52,20 +52,20 @@ impl Mattes {
         })
     }
 
-    /// The id of a shape.
+    /// Returns the id of a shape.
     pub fn id(&self, shape: u32) -> u32 {
         self.ids[shape as usize]
     }
 
-    /// How many different ids a pixel can meet.
+    /// Returns the number of different ids that a pixel can contain.
     pub fn ids(&self) -> usize {
         self.ids.iter().collect::<HashSet<_>>().len()
     }
 
-    /// Header attributes: what a reader needs to find mattes by name. The manifest stands in
-    /// `sidecar`, a file beside the picture, if there is one.
+    /// Returns the header attributes by which a reader finds mattes by name. `sidecar` is the name
+    /// of a file with the manifest, if there is one.
     pub fn attributes(&self, sidecar: Option<&str>) -> Vec<(String, String)> {
-        // The key is the first 7 digits of the kind's own hash.
+        // The key is the first 7 digits of the hash of the kind itself.
         let key = format!("{:08x}", id(self.kind));
         let name = |what: &str| format!("cryptomatte/{}/{what}", &key[..7]);
         let manifest = match sidecar {
@@ -80,7 +80,7 @@ impl Mattes {
         ]
     }
 
-    /// Names and ids as a JSON object.
+    /// Returns names and ids as a JSON object.
     pub fn manifest(&self) -> String {
         let pairs = self.named.iter().map(|(name, id)| {
             let name = serde_json::Value::from(name.as_str());
@@ -90,11 +90,11 @@ impl Mattes {
     }
 }
 
-/// The bits of a name's id: MurmurHash3_x86_32 of its UTF-8, seed 0, with one bit of the exponent
-/// turned where they would be a denormal, an infinity or a NaN as a float.
+/// Returns the id of a name: MurmurHash3_x86_32 of its UTF-8 with seed 0. If these bits would be a
+/// denormal, infinite or NaN float, one bit of the exponent is flipped.
 pub fn id(name: &str) -> u32 {
     let mut bytes = name.as_bytes();
-    // Reading from memory does not fail.
+    // Reading from memory cannot fail.
     let hash = murmur3::murmur3_32(&mut bytes, 0).unwrap_or_default();
     match (hash >> 23) & 255 {
         0 | 255 => hash ^ (1 << 23),
@@ -102,12 +102,13 @@ pub fn id(name: &str) -> u32 {
     }
 }
 
-/// Fills the words of one kind of mattes from how many of a pixel's `samples` met each id: the most covered
-/// first, of equals the one that was met first. Returns the coverage of those that have no rank left.
+/// Fills the words of one kind of mattes. `ids` holds the number of a pixel's `samples` that hit
+/// each id. The ids are sorted by coverage; equal ones keep the order in which they were hit.
+/// Returns the coverage of the ids beyond the last rank.
 pub fn rank(ids: &[(u32, u32)], samples: u32, words: &mut [u32]) -> Dropped {
     words.fill(0);
     let mut ids = Cow::Borrowed(ids);
-    // Most pixels have one.
+    // Most pixels have one id.
     if ids.len() > 1 {
         ids.to_mut().sort_by_key(|(_, count)| std::cmp::Reverse(*count));
     }

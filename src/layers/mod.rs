@@ -1,4 +1,5 @@
-//! The layers of a scene: which channels stand beside the beauty, and where in a pixel's words.
+//! The layers of a scene: their channels in addition to the beauty, and their positions in the
+//! words of a pixel.
 
 mod mattes;
 mod names;
@@ -12,55 +13,55 @@ pub use self::recipe::{Nearest, Ranks, Recipe, count};
 use crate::film::{Channel, ChannelKind};
 use crate::scene::{Layer, Scene};
 
-/// Depth where a camera ray meets nothing.
+/// Depth of a camera ray that misses.
 pub const FAR: f32 = 1e30;
 
-/// Where each layer stands among a pixel's words; the first channel of those with several.
+/// The position of each layer among the words of a pixel: the index of its first channel.
 ///
-/// The first [`Recipe::filtered`] words are means over the camera samples (the beauty's box filter);
-/// the others are never blended.
+/// The first [`Recipe::filtered`] words are means over the camera samples (box filter, as the
+/// beauty). The others are never blended.
 #[derive(Debug, Clone, Default)]
 pub struct Plan {
-    /// All channels, and where those stand that need no scene to be filled.
+    /// All channels, and the positions of those that need no scene.
     pub recipe: Recipe,
-    /// Shading normal, 3.
+    /// Shading normal: 3 channels.
     pub normal: Option<usize>,
-    /// Geometric normal, 3.
+    /// Geometric normal: 3 channels.
     pub geometric_normal: Option<usize>,
-    /// Base colour, 3.
+    /// Base colour: 3 channels.
     pub albedo: Option<usize>,
-    /// Texture coordinates and whether there are any, 3.
+    /// Texture coordinates, and whether there are any: 3 channels.
     pub uv: Option<usize>,
-    /// 3 each.
+    /// Diffuse light of the first hit: 3 channels.
     pub diffuse: Option<usize>,
-    /// 3.
+    /// Specular light of the first hit: 3 channels.
     pub specular: Option<usize>,
-    /// 3.
+    /// Ambient light of the first hit: 3 channels.
     pub ambient: Option<usize>,
-    /// 3.
+    /// Light from mirrors: 3 channels.
     pub reflection: Option<usize>,
-    /// 3.
+    /// Background of camera rays: 3 channels.
     pub background: Option<usize>,
-    /// By light: the 3 channels of its group.
+    /// For each light, the 3 channels of its group.
     pub lights: Vec<Option<usize>>,
-    /// 3.
+    /// All ambient light: 3 channels.
     pub light_ambient: Option<usize>,
-    /// 3.
+    /// All background: 3 channels.
     pub light_background: Option<usize>,
-    /// By light: the channel of its group's visibility, and the light's share of the group.
+    /// For each light, the channel of its group's visibility and the light's share of the group.
     pub shadows: Vec<Option<(usize, f32)>>,
     /// Mattes of shapes and of materials.
     pub mattes: Vec<Mattes>,
 }
 
 impl Plan {
-    /// The plan for the layers that a scene asks for.
+    /// Makes the plan for the layers that a scene selects.
     pub fn new(scene: &Scene) -> Self {
         let groups = &scene.light_groups;
         let mut plan = Self::default();
         let mut light = vec![None; groups.names.len()];
         let mut shadow = vec![None; groups.names.len()];
-        // Means first.
+        // Means come first.
         let (means, others): (Vec<Layer>, Vec<Layer>) =
             scene.layers.iter().partition(|layer| is_mean(**layer));
         for layer in means {
@@ -115,7 +116,7 @@ impl Plan {
         plan
     }
 
-    /// Whether there is anything beside the beauty.
+    /// Returns true if there is no layer in addition to the beauty.
     pub fn is_empty(&self) -> bool {
         self.recipe.channels.is_empty()
     }
@@ -131,7 +132,7 @@ impl Plan {
     }
 }
 
-/// Layers that are means over a pixel's camera samples.
+/// Returns true if a layer is the mean over a pixel's camera samples.
 fn is_mean(layer: Layer) -> bool {
     (Layer::Normal..=Layer::Shadow(usize::MAX)).contains(&layer)
 }
@@ -139,7 +140,7 @@ fn is_mean(layer: Layer) -> bool {
 fn suffixes(layer: Layer) -> &'static [&'static str] {
     match layer {
         Layer::Position | Layer::Normal | Layer::GeometricNormal => &["X", "Y", "Z"],
-        // The order and the third channel are those of a UV pass of Blender.
+        // The order and the third channel follow the UV pass of Blender.
         Layer::Uv => &["U", "V", "A"],
         Layer::Shadow(_) | Layer::Samples => &["Y"],
         Layer::Primitive | Layer::Object => &["id"],

@@ -1,4 +1,4 @@
-//! A pixel of a part of the samples, as words: everything that an exact merge needs.
+//! A pixel of a range of samples as words, with everything that an exact merge needs.
 
 use std::ops::Range;
 
@@ -6,34 +6,35 @@ use crate::film::{Channel, ChannelKind, Dropped, Node, Sums};
 
 use super::recipe::{Nearest, Recipe, count};
 
-/// R, G, B, A.
+/// Number of beauty channels: R, G, B, A.
 pub const BEAUTY: usize = 4;
 
-/// How the sums of some samples stand in a pixel's words: node by node R, G, B, A and the quantities of
-/// [`Recipe::summed`], each an f64 in two words; the nearest hit; ids and counts.
+/// The layout of the sums of a range of samples in the words of a pixel. First, node by node, R, G,
+/// B, A and the quantities of [`Recipe::summed`], each an f64 in two words. Then the nearest hit,
+/// then ids and counts.
 #[derive(Debug, Clone)]
 pub struct Raw {
     samples: Range<u32>,
     nodes: Vec<Node>,
     summed: usize,
     has_nearest: bool,
-    /// Ids of each kind of mattes.
+    /// Number of ids of each kind of mattes.
     mattes: Vec<usize>,
 }
 
-/// What is known of a pixel after a run of samples that begins with the first.
+/// The state of a pixel after the first n samples.
 #[derive(Debug, Clone)]
 pub struct Pixel {
     /// R, G, B, A, then the quantities of [`Recipe::summed`].
     pub sums: Sums,
     /// The nearest hit so far.
     pub nearest: Nearest,
-    /// By kind of mattes: ids and how often they were met.
+    /// For each kind of mattes, the ids with their numbers of hits.
     pub mattes: Vec<Vec<(u32, u32)>>,
 }
 
 impl Pixel {
-    /// Before the first sample.
+    /// Makes the state before the first sample.
     pub fn new(recipe: &Recipe) -> Self {
         Self {
             sums: Sums::new(BEAUTY + recipe.summed()),
@@ -42,14 +43,15 @@ impl Pixel {
         }
     }
 
-    /// The same again, for another pixel.
+    /// Resets the state, for another pixel.
     pub fn clear(&mut self) {
         self.sums.clear();
         self.nearest = Nearest::NONE;
         self.mattes.iter_mut().for_each(Vec::clear);
     }
 
-    /// R, G, B, A of `n` samples, and their other channels into `words`; what the mattes could not hold.
+    /// Returns R, G, B, A of `n` samples and writes the other channels to `words`. Also returns the
+    /// coverage that the mattes cannot hold.
     pub fn finish(&self, recipe: &Recipe, n: u32, words: &mut [u32]) -> ([f32; 4], Dropped) {
         let mut totals = Vec::new();
         self.sums.totals(0..BEAUTY + recipe.summed(), &mut totals);
@@ -60,24 +62,24 @@ impl Pixel {
 }
 
 impl Raw {
-    /// The words of the samples `samples` for a recipe.
+    /// Makes the layout of the samples `samples` for a recipe.
     pub fn new(recipe: &Recipe, samples: Range<u32>) -> Self {
-        let most = samples.len();
+        let capacity = samples.len();
         Self {
             nodes: Node::of(samples.clone()),
             samples,
             summed: recipe.summed(),
             has_nearest: recipe.has_nearest(),
-            mattes: recipe.mattes.iter().map(|ranks| ranks.ids.min(most)).collect(),
+            mattes: recipe.mattes.iter().map(|ranks| ranks.ids.min(capacity)).collect(),
         }
     }
 
-    /// Which samples.
+    /// Returns the range of samples.
     pub fn samples(&self) -> Range<u32> {
         self.samples.clone()
     }
 
-    /// Words of a pixel.
+    /// Returns the number of words in a pixel.
     pub fn words(&self) -> usize {
         let nearest = if self.has_nearest { 6 } else { 0 };
         let sums = self.nodes.len() * (BEAUTY + self.summed);
@@ -85,14 +87,14 @@ impl Raw {
         mattes.saturating_add(sums).saturating_mul(2).saturating_add(nearest)
     }
 
-    /// Their channels in a file.
+    /// Returns the channels of the words in a file.
     pub fn channels(&self) -> Vec<Channel> {
         let name = |i| Channel { name: format!("part.{i:06}"), kind: ChannelKind::Uint };
         (0..self.words()).map(name).collect()
     }
 
-    /// Fills a pixel's words from the sums of R, G, B, A and of the other quantities, node by node and
-    /// by their index, and from the rest.
+    /// Fills the words of a pixel. `sum` returns a sum by node and by quantity: R, G, B, A, then
+    /// the others.
     pub fn encode(
         &self,
         sum: impl Fn(usize, usize) -> f64,
@@ -113,8 +115,8 @@ impl Raw {
             [*x, *y, *z] = nearest.position.map(f32::to_bits);
             (*primitive, *object) = (nearest.primitive, nearest.object);
         }
-        for (most, ids) in self.mattes.iter().zip(mattes) {
-            let (own, after) = rest.split_at_mut(2 * most);
+        for (capacity, ids) in self.mattes.iter().zip(mattes) {
+            let (own, after) = rest.split_at_mut(2 * capacity);
             for (two, (id, times)) in own.chunks_exact_mut(2).zip(ids) {
                 two.copy_from_slice(&[*id, *times]);
             }
@@ -122,7 +124,7 @@ impl Raw {
         }
     }
 
-    /// Adds a pixel's words to what is known of the samples before these.
+    /// Adds the words of a pixel to the state after all samples before these.
     pub fn add(&self, words: &[u32], pixel: &mut Pixel) {
         let quantities = BEAUTY + self.summed;
         let (sums, rest) = words.split_at(2 * self.nodes.len() * quantities);
@@ -141,8 +143,8 @@ impl Raw {
                 pixel.nearest = Nearest { depth, position, primitive, object };
             }
         }
-        for (most, known) in self.mattes.iter().zip(&mut pixel.mattes) {
-            let (own, after) = rest.split_at(2 * most);
+        for (capacity, known) in self.mattes.iter().zip(&mut pixel.mattes) {
+            let (own, after) = rest.split_at(2 * capacity);
             for two in own.chunks_exact(2).take_while(|two| two[1] > 0) {
                 count(known, two[0], two[1]);
             }

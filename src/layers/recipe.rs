@@ -1,5 +1,5 @@
-//! How what is known of a pixel becomes its channels: the last step of a render, and of a merge of
-//! parts, which has no scene.
+//! Converts the sums of a pixel to its channels. This is the last step of a render, and of a merge
+//! of parts, which has no scene.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,73 +8,73 @@ use crate::film::{Channel, Dropped};
 use super::FAR;
 use super::mattes::rank;
 
-/// The nearest of the camera samples that hit something; the first of those that are equally near.
+/// The nearest hit of all camera samples. Of equally near samples, the first wins.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Nearest {
-    /// Camera-space depth.
+    /// Depth in camera space.
     pub depth: f32,
-    /// World space.
+    /// Position in world space.
     pub position: [f32; 3],
-    /// From 1; 0 for none.
+    /// Number of the primitive, from 1; 0 for none.
     pub primitive: u32,
-    /// Shape, from 1; 0 for none.
+    /// Number of the shape, from 1; 0 for none.
     pub object: u32,
 }
 
 impl Nearest {
-    /// No hit.
+    /// The value of a pixel without a hit.
     pub const NONE: Self = Self { depth: FAR, position: [0.0; 3], primitive: 0, object: 0 };
 }
 
-/// Where the channels of a [`super::Plan`] stand among a pixel's words, without the scene.
+/// The position of each channel of a [`super::Plan`] among the words of a pixel, without the scene.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
-    /// All channels, as they stand in a pixel's words.
+    /// All channels, in the order of a pixel's words.
     pub channels: Vec<Channel>,
-    /// How many of them, from the first on, are means over samples.
+    /// Number of channels, from the first on, that are means over samples.
     pub filtered: usize,
-    /// 1 word.
+    /// Position of the depth: 1 word.
     pub depth: Option<usize>,
-    /// 3 words.
+    /// Position of the world position: 3 words.
     pub position: Option<usize>,
-    /// 1 word.
+    /// Position of the primitive number: 1 word.
     pub primitive: Option<usize>,
-    /// 1 word.
+    /// Position of the shape number: 1 word.
     pub object: Option<usize>,
-    /// 3 words.
+    /// Position of the variance: 3 words.
     pub variance: Option<usize>,
-    /// 1 word.
+    /// Position of the number of samples: 1 word.
     pub samples: Option<usize>,
-    /// Each kind of mattes.
+    /// Positions of each kind of mattes.
     pub mattes: Vec<Ranks>,
 }
 
-/// Where the ranks of one kind of mattes stand.
+/// Position of the ranks of one kind of mattes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ranks {
-    /// First of `2 * ranks` words.
+    /// Index of the first of `2 * ranks` words.
     pub first: usize,
-    /// Things that a pixel can hold.
+    /// Number of ids that a pixel can hold.
     pub ranks: usize,
-    /// Ids that a pixel can meet: those of the scene.
+    /// Number of ids in the scene: the most that a pixel can contain.
     pub ids: usize,
 }
 
 impl Recipe {
-    /// Quantities that are summed over samples beside R, G, B, A: the filtered channels; for the
-    /// variance R, G, B and their squares.
+    /// Returns the number of quantities that are summed over samples, in addition to R, G, B, A.
+    /// These are the filtered channels and, for the variance, R, G, B and their squares.
     pub fn summed(&self) -> usize {
         self.filtered + if self.variance.is_some() { 6 } else { 0 }
     }
 
-    /// Whether a nearest sample is kept.
+    /// Returns true if any channel needs the nearest sample.
     pub fn has_nearest(&self) -> bool {
         [self.depth, self.position, self.primitive, self.object].iter().any(Option::is_some)
     }
 
-    /// Whether every word that it names is one of the channels: not so in a damaged file.
+    /// Returns true if every position is within the channels. It may be false in a damaged file.
     pub fn is_sound(&self) -> bool {
         let count = self.channels.len();
         let fits = |first: usize, n: usize| first.checked_add(n).is_some_and(|end| end <= count);
@@ -86,9 +86,9 @@ impl Recipe {
             && self.mattes.iter().all(|m| m.ranks <= count && fits(m.first, 2 * m.ranks))
     }
 
-    /// Fills the words of a pixel from its `n` samples: the sum of each quantity of
-    /// [`Recipe::summed`], the nearest hit, and by kind of mattes how many samples met each id, in the
-    /// order in which they were met. Returns what the mattes could not hold.
+    /// Fills the words of a pixel from its `n` samples. `sums` holds the sum of each quantity of
+    /// [`Recipe::summed`]. For each kind, `mattes` holds the number of samples that hit each id, in
+    /// the order of the hits. Returns the coverage that the mattes cannot hold.
     #[inline(always)]
     pub fn fill(
         &self,
@@ -101,7 +101,7 @@ impl Recipe {
         let count = f64::from(n);
         let means = words[..self.filtered].iter_mut().zip(sums);
         if n.is_power_of_two() {
-            // The same numbers as by division, and quicker.
+            // The same bits as by division, and faster.
             let share = 1.0 / count;
             means.for_each(|(word, sum)| *word = ((sum * share) as f32).to_bits());
         } else {
@@ -134,13 +134,13 @@ impl Recipe {
     }
 }
 
-/// Of samples by their sum and the sum of their squares; divided by n - 1.
+/// Returns the variance of samples from their sum and the sum of their squares, divided by n - 1.
 #[inline(always)]
 fn variance(sum: f64, squares: f64, n: f64) -> f32 {
     if n < 2.0 { 0.0 } else { ((squares - sum * sum / n) / (n - 1.0)).max(0.0) as f32 }
 }
 
-/// Adds to how often an id was met.
+/// Adds `times` to the count of an id.
 #[inline]
 pub fn count(counts: &mut Vec<(u32, u32)>, id: u32, times: u32) {
     match counts.iter_mut().find(|(known, _)| *known == id) {

@@ -26,7 +26,7 @@ fn scene(layers: &str) -> Scene {
 }
 
 #[test]
-fn ids_are_those_of_the_specification() {
+fn ids_match_the_examples_of_the_specification() {
     assert_eq!(id("bunny"), 0x1385_1a76);
     assert_eq!(id("default"), 0x42c9_679f);
     assert_eq!(id("torus"), 4_053_562_365);
@@ -34,12 +34,12 @@ fn ids_are_those_of_the_specification() {
 }
 
 #[test]
-fn no_layers_no_channels() {
+fn a_scene_without_layers_has_an_empty_plan() {
     assert!(Plan::new(&scene("[]")).is_empty());
 }
 
 #[test]
-fn channels_have_the_field_s_names_and_types() {
+fn channels_have_conventional_names_and_types() {
     let plan = Plan::new(&scene(r#"["Z", "N", "P", "objectid", "light", "uv"]"#));
     let names: Vec<&str> = plan.recipe.channels.iter().map(|c| c.name.as_str()).collect();
     let expected = [
@@ -68,16 +68,16 @@ fn channels_have_the_field_s_names_and_types() {
         "objectid.id",
     ];
     assert_eq!(names, expected);
-    let of = |name: &str| plan.recipe.channels.iter().find(|c| c.name == name).unwrap().kind;
-    assert_eq!(of("N.X"), ChannelKind::Half);
-    assert_eq!(of("Z"), ChannelKind::Float);
-    assert_eq!(of("objectid.id"), ChannelKind::Uint);
+    let kind_of = |name: &str| plan.recipe.channels.iter().find(|c| c.name == name).unwrap().kind;
+    assert_eq!(kind_of("N.X"), ChannelKind::Half);
+    assert_eq!(kind_of("Z"), ChannelKind::Float);
+    assert_eq!(kind_of("objectid.id"), ChannelKind::Uint);
     assert_eq!(plan.lights, [Some(6), Some(9), Some(6)]);
     assert_eq!(plan.recipe.filtered, 18);
 }
 
 #[test]
-fn every_layer_once_in_all() {
+fn repeated_layers_are_planned_once() {
     let plan = Plan::new(&scene(r#"["all", "Z"]"#));
     let mut names: Vec<&str> = plan.recipe.channels.iter().map(|c| c.name.as_str()).collect();
     let count = names.len();
@@ -89,7 +89,7 @@ fn every_layer_once_in_all() {
 }
 
 #[test]
-fn names_that_nobody_gave_are_unique() {
+fn generated_names_are_unique() {
     let scene = scene("[]");
     assert_eq!(names::shapes(&scene), ["sphere", "sphere.3", "sphere.2"]);
     assert_eq!(names::materials(&scene), ["gold", "material.sphere.3"]);
@@ -102,7 +102,7 @@ fn names_that_nobody_gave_are_unique() {
 fn ranks_are_sorted_by_coverage() {
     let mattes = Mattes::materials(&scene("[]"));
     let mut counts = Vec::new();
-    // Both spheres of gold count together.
+    // The two gold spheres count as one id.
     for (shape, times) in [(0, 1), (1, 2), (2, 2)] {
         count(&mut counts, mattes.id(shape), times);
     }

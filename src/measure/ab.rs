@@ -1,30 +1,32 @@
-//! Who is faster: contestants take turns, so that a slow minute hits all of them alike.
+//! Interleaved timing: backends take turns, so a slow period of the machine affects all of them.
 
 use std::time::{Duration, Instant};
 
 use crate::error::Result;
 use crate::monitor::Monitor;
 
-/// How long to measure.
+/// Number of rounds and time limit of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plan {
-    /// Rounds at least; each gives every contestant two samples.
+    /// Smallest number of rounds. Each round takes two samples of every backend.
     pub rounds: usize,
-    /// Further rounds until this time is up.
+    /// Time in which further rounds begin.
     pub budget: Duration,
 }
 
 impl Plan {
-    /// Rounds that no budget exceeds.
-    const MOST: usize = 500;
+    /// Largest number of rounds, whatever the budget.
+    const MAX_ROUNDS: usize = 500;
 }
 
-/// The samples of `contestants`: one warm-up each that is thrown away, then rounds of all in order
-/// and all in the reverse order (A B B A). `run(i)` runs contestant i once and returns its sample.
-/// Sample k of one was taken next to sample k of another.
+/// Times `contestants` backends in turns and returns the samples of each.
+///
+/// `run(i)` runs backend i once and returns its sample. The first run of each is a warm-up and is
+/// discarded. Then each round runs all backends in order and in reverse order (A B B A). So sample
+/// k of one backend was taken next to sample k of another.
 ///
 /// # Errors
-/// Those of `run`; `Interrupted` after a signal.
+/// The errors of `run`; `Interrupted` after a signal.
 pub fn interleave(
     contestants: usize,
     plan: Plan,
@@ -37,7 +39,7 @@ pub fn interleave(
     }
     let started = Instant::now();
     let mut round = 0;
-    while round < plan.rounds || (started.elapsed() < plan.budget && round < Plan::MOST) {
+    while round < plan.rounds || (started.elapsed() < plan.budget && round < Plan::MAX_ROUNDS) {
         for i in (0..contestants).chain((0..contestants).rev()) {
             monitor.check()?;
             samples[i].push(run(i)?);
@@ -52,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn turns_go_forth_and_back_after_a_warm_up() {
+    fn rounds_run_forwards_and_backwards_after_a_warm_up() {
         let mut order = Vec::new();
         let plan = Plan { rounds: 2, budget: Duration::ZERO };
         let samples = interleave(3, plan, &Monitor::default(), |i| {

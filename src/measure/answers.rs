@@ -1,4 +1,4 @@
-//! How far the answers of backends to the same rays agree.
+//! Compares the answers of all backends to the same rays.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,20 +9,20 @@ use crate::accel::Accelerator;
 use crate::geometry::Geometry;
 use crate::ray::{Coherence, LANES};
 
-/// Two distances are the same if they differ by no more than this share of the larger: 80 times the
-/// rounding of f32. Beyond it f64 decides.
+/// Largest relative difference of two distances that count as the same: 80 times the rounding of
+/// f32. A larger difference is judged in f64.
 const SAME_T: f32 = 1e-5;
 
-/// Rays of a pair of backends, by how the two answers compare.
+/// Number of rays of a pair of backends, by how the two answers compare.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Agreement {
-    /// The same primitive at the same t; both nothing; both occluded or both not.
+    /// The same primitive at the same t, two misses, or the same occlusion.
     pub same: u64,
-    /// Other primitives at the same t.
+    /// Different primitives at the same t.
     pub tie: u64,
-    /// Hits at another t.
+    /// Hits at different t.
     pub depth: u64,
-    /// One hits, the other does not.
+    /// One backend hits, the other misses.
     pub missed: u64,
 }
 
@@ -41,23 +41,24 @@ impl Agreement {
         a.hit == b.hit && (!a.hit || shadow || near)
     }
 
-    /// Rays with answers that differ by more than a tie.
+    /// Number of rays whose answers differ by more than a tie.
     pub fn disagreements(&self) -> u64 {
         self.depth + self.missed
     }
 }
 
-/// What one backend answered.
+/// Hits and wrong answers of one backend.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Score {
-    /// Rays that meet something.
+    /// Number of rays that hit something.
     pub hits: u64,
-    /// Answers that are provably wrong, among those that backends do not share.
+    /// Number of provably wrong answers. Only rays on which backends disagree are judged.
     pub wrong: u64,
 }
 
-/// The answers of all backends to one replay, compared ray by ray: a score each, and the agreement
-/// of every pair (i, j), i < j.
+/// Compares the answers of all backends to one replay, ray by ray.
+///
+/// Returns the score of each backend, and the agreement of every pair (i, j), i < j.
 pub fn compare(
     replay: &Replay,
     geometry: &Geometry,
@@ -111,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pairs_of_answers() {
+    fn pairs_of_answers_are_classified() {
         let hit = |prim, t| Answer { hit: true, geom: 0, prim, t };
         let occluded = Answer { hit: true, ..Answer::MISS };
         let of = |a, b| {

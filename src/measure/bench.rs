@@ -1,4 +1,4 @@
-//! One scene through a set of backends: what `lightpath bench` measures.
+//! Measures one scene with several backends, for `lightpath bench`.
 
 use std::time::Instant;
 
@@ -20,55 +20,56 @@ use crate::simd::Isa;
 use crate::units::plural;
 use crate::world::World;
 
-/// One of those that are compared.
+/// A backend under test, with its name in reports.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Contestant {
-    /// For reports.
+    /// Name in reports, as on the command line.
     pub name: String,
-    /// What finds the hits.
+    /// The backend, with its mode or instruction set.
     pub backend: Backend,
 }
 
-/// What to measure, and how long.
+/// Backends, rays and repetitions of a measurement.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// The first is what the others are compared with, and finds the hits from which rays start.
+    /// Backends to compare. The first is the reference of all ratios. It also finds the hits from
+    /// which secondary rays start.
     pub contestants: Vec<Contestant>,
-    /// Classes of rays.
+    /// Classes of rays to replay.
     pub classes: Vec<Class>,
     /// Numbers of worker threads, each >= 1.
     pub threads: Vec<usize>,
-    /// Most rays of each class.
+    /// Largest number of rays of each class.
     pub rays: u64,
-    /// Of the diffuse rays.
+    /// Seed of the diffuse rays.
     pub seed: i64,
-    /// Of the shading in whole pictures, whatever the backend's own.
+    /// Instruction set of the shading in whole pictures, for all backends.
     pub isa: Isa,
-    /// Of rays.
+    /// Rounds and time for replays of rays.
     pub plan: Plan,
-    /// Of builds and whole pictures.
+    /// Rounds and time for builds and whole pictures.
     pub slow_plan: Plan,
 }
 
-/// What was measured.
+/// Measurements of one scene.
 #[derive(Debug)]
 pub struct Measured {
-    /// Of every contestant.
+    /// Version and memory of every backend.
     pub backends: Vec<BackendResult>,
-    /// Rays of every class of [`Settings::classes`].
+    /// Number of rays for each class of [`Settings::classes`].
     pub rays: Vec<(Class, u64)>,
-    /// All timings.
+    /// Timings: builds, classes of rays, whole pictures.
     pub rows: Vec<Row>,
-    /// All comparisons.
+    /// Agreement of every pair of backends, for each replay.
     pub agreement: Vec<PairResult>,
 }
 
 type Built<'w> = Vec<Box<dyn Accelerator + 'w>>;
 
-/// Measures all of it. `note` is told what begins.
+/// Runs all measurements of a scene. Calls `note` with the name of each step when it begins.
 ///
 /// # Errors
-/// Where a backend cannot be built; `Interrupted` after a signal.
+/// The errors of [`accel::build`]; `Interrupted` after a signal.
 pub fn measure(
     world: &World,
     settings: &Settings,
@@ -88,7 +89,7 @@ fn pool(threads: usize) -> Result<ThreadPool> {
     })
 }
 
-/// The answers to one replay, which do not depend on the number of threads.
+/// Scores and visits of one replay. They do not depend on the number of threads.
 struct Judged {
     class: Class,
     mode: Mode,
@@ -104,7 +105,7 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    /// Everything; answers and the trees that rays run through are made by the current pool.
+    /// Runs all measurements. The trees for rays and all answers are computed on the current pool.
     fn all(&self, pools: &[ThreadPool]) -> Result<Measured> {
         let mut rows = Vec::new();
         for pool in pools {
@@ -138,7 +139,7 @@ impl<'a> Bench<'a> {
         Ok(Measured { backends: backends.collect(), rays: rays.collect(), rows, agreement })
     }
 
-    /// Builds on the threads of the current pool.
+    /// Builds a backend on the threads of the current pool.
     fn build(&self, contestant: &Contestant) -> Result<Box<dyn Accelerator + 'a>> {
         let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
         accel::build(&self.world.geometry, contestant.backend, &options, self.monitor)
@@ -159,7 +160,7 @@ impl<'a> Bench<'a> {
         Ok(Row::new(What::Build, "build", "", threads, &work, samples))
     }
 
-    /// The replays of all classes that the scene has.
+    /// The replays of all chosen classes for which the scene has rays, in both modes.
     fn replays<'r>(&self, recording: &'r Recording) -> Vec<Replay<'r>> {
         let classes = self.settings.classes.iter().flat_map(|&class| {
             let packets = recording.of(class);

@@ -1,26 +1,27 @@
-//! How build time and memory grow with the size of the scene.
+//! Growth of build time and memory with the number of triangles.
 
 use std::path::Path;
 
 use super::result::{Report, SceneResult, What};
 use crate::studio;
 
-/// From the smallest to the largest size, for a fit: less says more about the meshes than about growth.
+/// Smallest ratio of the largest to the smallest size for a fit. With a smaller ratio the
+/// differences between the meshes outweigh the growth.
 const SPAN: f64 = 3.0;
 
-/// What grows.
+/// A quantity that grows with the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Seconds on all threads that were measured.
+    /// Seconds of a build, with the largest number of threads that was measured.
     BuildTime,
     /// Bytes held after the build.
     Memory,
-    /// Most bytes held during the build.
+    /// Largest number of bytes held during the build.
     Peak,
 }
 
 impl Quantity {
-    /// In the order of reports.
+    /// All quantities, in the order of reports.
     pub const ALL: [Self; 3] = [Self::BuildTime, Self::Memory, Self::Peak];
 
     fn of(self, scene: &SceneResult, backend: usize) -> Option<f64> {
@@ -41,12 +42,14 @@ impl Quantity {
 pub struct Growth {
     /// Name of the backend.
     pub backend: String,
-    /// Triangles and the quantity, both > 0, smallest scene first.
+    /// Number of triangles and value of the quantity, both > 0, smallest scene first.
     pub points: Vec<[f64; 2]>,
 }
 
 impl Growth {
-    /// A quantity of every backend, over the meshes that were measured alone: scenes have too little in common.
+    /// Collects a quantity of every backend over the scenes that are a single mesh.
+    ///
+    /// Other scenes are left out: they have too little in common.
     pub fn of(report: &Report, quantity: Quantity) -> Vec<Self> {
         let alone = |scene: &&SceneResult| studio::is_mesh(Path::new(&scene.name));
         let mut scenes: Vec<&SceneResult> = report.scenes.iter().filter(alone).collect();
@@ -62,8 +65,10 @@ impl Growth {
         names.iter().map(|backend| backend.name.clone()).enumerate().map(of).collect()
     }
 
-    /// The exponent e of the power c n^e that fits best: least squares of logarithms. `None` where the largest size is
-    /// less than 3 times the smallest. n log n has 1.07 between 70 thousand and 18 million.
+    /// Exponent e of the best fit c n^e, by least squares of the logarithms.
+    ///
+    /// `None` if the largest size is less than 3 times the smallest. For comparison: n log n gives
+    /// 1.07 between 70 thousand and 18 million triangles.
     pub fn exponent(&self) -> Option<f64> {
         let sizes = || self.points.iter().map(|[n, _]| *n);
         let (least, most) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
@@ -90,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn powers_are_found_again() {
+    fn exponents_of_known_powers_are_recovered() {
         for (power, factor) in [(1.0, 3.0), (2.0, 1e-9), (0.5, 7.0)] {
             let exponent = growth(|n| factor * n.powf(power)).exponent().unwrap();
             assert!((exponent - power).abs() < 1e-9, "{exponent}");

@@ -1,10 +1,15 @@
-//! Who is wrong where backends disagree: every claimed hit is looked at again, alone, in f64.
+//! Finds the wrong answers where backends disagree, by testing every reported hit in f64.
 //!
-//! A hit is a claim that can be checked without searching: the ray meets that primitive there, or
-//! it does not. A claim that is true beyond the rounding of single precision refutes everyone who
-//! says "nothing" or "farther"; one that is false refutes itself. What lies within that rounding,
-//! the rays along edges and silhouettes, refutes nobody. So whoever is called wrong here is wrong;
-//! errors that all backends share are not found (`crosscheck` looks for those).
+//! A reported hit can be checked without a search: the ray hits that primitive at that t, or it
+//! does not.
+//!
+//! - A hit that is certain, beyond the rounding of single precision, proves that a miss or a
+//!   farther hit is wrong.
+//! - A hit of a primitive that the ray certainly misses is wrong itself.
+//! - A hit within the rounding of single precision, along an edge or silhouette, proves nothing.
+//!
+//! So every answer that is called wrong here is wrong. Errors that all backends share are not
+//! found; `crosscheck` finds those.
 
 use super::cross_check::layers;
 use super::replay::Answer;
@@ -13,25 +18,26 @@ use crate::accel::lane::Ray;
 use crate::geometry::Geometry;
 use crate::ray::Rays;
 
-/// How far single precision may move a corner, in units of the bound of the shear of Woop et al.
-/// 2013: four times as much, as `crosscheck` allows Embree.
+/// Largest shift of a corner by single precision, in units of the error bound of the shear of Woop
+/// et al. 2013. It is the factor that `crosscheck` uses for Embree.
 const FACTOR: f64 = 4.0;
 
-/// Four f32 ulp: of t.
+/// Largest relative rounding of t: four f32 ulp.
 const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 
-/// What is true of a claimed hit.
+/// Result of the check of one reported hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Claim {
-    /// The ray misses the primitive, or may not meet it.
+    /// The ray certainly misses the primitive, or must not hit it: it leaves the primitive, or its
+    /// segment ends elsewhere.
     False,
-    /// Too near to an edge to say.
+    /// The ray passes an edge too closely to decide.
     Edge,
-    /// The ray meets it, with t between these.
+    /// The ray certainly hits the primitive, at a t between these two.
     Solid([f64; 2]),
 }
 
-/// Which of the answers to one closest-hit query (lane `i` of `rays`) are wrong.
+/// Returns which of the answers to one closest-hit query (lane `i` of `rays`) are wrong.
 pub fn closest(geometry: &Geometry, rays: &Rays, i: usize, answers: &[Answer]) -> Vec<bool> {
     let claims: Vec<Option<Claim>> =
         answers.iter().map(|a| a.hit.then(|| examine(geometry, rays, i, a))).collect();
@@ -53,8 +59,9 @@ pub fn closest(geometry: &Geometry, rays: &Rays, i: usize, answers: &[Answer]) -
     claims.iter().zip(answers).map(wrong).collect()
 }
 
-/// Which of the answers to one occlusion query are wrong. `witnesses`: what closest-hit queries of
-/// the same ray found.
+/// Returns which of the answers to one occlusion query are wrong.
+///
+/// `witnesses` are the answers of closest-hit queries for the same ray.
 pub fn occluded(
     geometry: &Geometry,
     rays: &Rays,
@@ -69,11 +76,11 @@ pub fn occluded(
     answers.iter().map(|&hit| if hit { !solid && !edge } else { solid }).collect()
 }
 
-/// Looks at one claimed hit. Its t is not looked at.
+/// Checks one reported hit, without its t: does the ray hit that primitive within its segment?
 pub fn examine(geometry: &Geometry, rays: &Rays, i: usize, hit: &Answer) -> Claim {
     let ray = Ray::of(rays, i);
     let near = near_primitive(geometry, &ray, hit.geom, hit.prim, FACTOR);
-    // Both roots of a sphere are among them.
+    // A sphere has two entries, one for each root.
     let layers = layers(&near);
     let first = layers
         .iter()
@@ -95,7 +102,8 @@ mod tests {
 
     use crate::geometry::{Sphere, TriangleMesh};
 
-    /// Triangles z = 1 (primitive 0) and z = 2 (1) over the unit right angle, a sphere around z = 5.
+    /// Two parallel right triangles at z = 1 (primitive 0) and z = 2 (primitive 1), and a unit
+    /// sphere around z = 5.
     fn geometry() -> Geometry {
         let at = |z: f32| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
         let mesh =
@@ -118,13 +126,13 @@ mod tests {
     const SECOND: Answer = hit(0, 1, 2.0);
 
     #[test]
-    fn a_nearer_solid_hit_refutes_a_farther_one_and_a_miss() {
+    fn a_certain_hit_proves_a_farther_hit_and_a_miss_wrong() {
         let answers = [FIRST, SECOND, Answer::MISS, hit(0, 0, 1.5)];
         assert_eq!(closest(&geometry(), &ray(0.25, 0.25), 0, &answers), [false, true, true, true]);
     }
 
     #[test]
-    fn a_false_hit_refutes_itself() {
+    fn a_false_hit_is_wrong() {
         let answers = [FIRST, Answer::MISS];
         assert_eq!(closest(&geometry(), &ray(0.75, 0.75), 0, &answers), [true, false]);
         let mut leaving = ray(0.25, 0.25);
@@ -136,19 +144,19 @@ mod tests {
     }
 
     #[test]
-    fn along_an_edge_nobody_is_wrong() {
+    fn no_answer_is_wrong_along_an_edge() {
         for x in [0.0, 1e-7, -1e-7] {
             let answers = [FIRST, SECOND, Answer::MISS];
             assert_eq!(closest(&geometry(), &ray(x, 0.25), 0, &answers), [false; 3], "{x}");
         }
-        // Ten thousand ulps from it, somebody is.
+        // Ten thousand ulps from the edge, one answer is wrong.
         let answers = [FIRST, Answer::MISS];
         assert_eq!(closest(&geometry(), &ray(1e-3, 0.25), 0, &answers), [false, true]);
         assert_eq!(closest(&geometry(), &ray(-1e-3, 0.25), 0, &answers), [true, false]);
     }
 
     #[test]
-    fn spheres() {
+    fn hits_of_spheres_are_judged_by_both_roots() {
         let geometry = geometry();
         let sphere = hit(2, 0, 4.0);
         let front = hit(2, 0, 5.0 - 0.99f32.sqrt());
@@ -160,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn shadows_need_a_witness() {
+    fn occlusion_is_judged_by_a_closest_hit() {
         let geometry = geometry();
         let judged =
             |rays: &Rays, witness| occluded(&geometry, rays, 0, &[true, false], &[witness]);

@@ -1,4 +1,6 @@
-//! Clocks and comparisons: what the measuring commands stand on.
+//! Measurements: recorded rays, timings, statistics, and comparisons of answers and pictures.
+//!
+//! The commands `bench`, `crosscheck`, `accuracy`, `compare` and `converge` are built on it.
 
 pub mod ab;
 pub mod accuracy;

@@ -1,8 +1,8 @@
-//! The rays of a scene, recorded once and replayed on every backend that is measured or checked.
+//! Records the rays of a scene once, to replay them on every backend that is measured or checked.
 //!
-//! The renderer itself makes them: it runs over a `Recorder`, an accelerator that notes every
-//! query. So their order, their packets and their masks are those of a render, and no formula is
-//! written twice. Only diffuse bounces, which the renderer has not, are made here.
+//! The renderer itself generates the rays: it runs over a `Recorder`, an accelerator that records
+//! every query. So order, packets and masks are those of a render, and no formula is duplicated.
+//! The renderer has no diffuse bounces; these rays are generated here.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -20,27 +20,27 @@ use crate::shading::{Emitter, lane, set_lane};
 use crate::simd::{self, Isa};
 use crate::world::World;
 
-/// What rays are for, and so how they run.
+/// Class of rays by their purpose. It decides which way they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Class {
-    /// From the camera.
+    /// Rays from the camera.
     Primary,
-    /// From what the camera sees to the point lights.
+    /// Shadow rays from camera hits to point lights.
     ShadowPoint,
-    /// From what the camera sees to the area lights.
+    /// Shadow rays from camera hits to area lights.
     ShadowArea,
-    /// Mirrored where the camera sees a mirror.
+    /// Mirrored rays from camera hits on mirrors.
     Mirror,
-    /// From what the camera sees anywhere, cosine-distributed around the geometric normal.
+    /// Rays from camera hits in random directions, cosine-distributed around the geometric normal.
     Diffuse,
 }
 
 impl Class {
-    /// In the order of reports.
+    /// All classes, in the order of reports.
     pub const ALL: [Self; 5] =
         [Self::Primary, Self::ShadowPoint, Self::ShadowArea, Self::Mirror, Self::Diffuse];
 
-    /// As flags and reports name it.
+    /// Name of the class in flags and reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Primary => "primary",
@@ -51,12 +51,13 @@ impl Class {
         }
     }
 
-    /// Whether the query is [`Accelerator::occluded`]; else it is [`Accelerator::closest`].
+    /// Returns whether the query of these rays is [`Accelerator::occluded`], not
+    /// [`Accelerator::closest`].
     pub fn is_shadow(self) -> bool {
         matches!(self, Self::ShadowPoint | Self::ShadowArea)
     }
 
-    /// What can be said of its packets.
+    /// Coherence of packets of this class.
     pub fn coherence(self) -> Coherence {
         match self {
             Self::Primary | Self::ShadowPoint | Self::ShadowArea => Coherence::Coherent,
@@ -65,36 +66,38 @@ impl Class {
     }
 }
 
-/// Rays as they were before their query.
+/// A packet of rays as it was before its query.
 #[derive(Debug, Clone)]
 pub struct Recorded {
-    /// Which lanes are rays; at least one is.
+    /// Lanes that hold rays; at least one.
     pub active: Mask,
-    /// All [possible](Rays::possible) where active.
+    /// The rays. Active lanes pass [`Rays::possible`].
     pub rays: Rays,
 }
 
-/// The rays of one scene.
+/// All recorded rays of one scene, by class.
 #[derive(Debug, Clone, Default)]
 pub struct Recording {
     packets: [Vec<Recorded>; Class::ALL.len()],
 }
 
 impl Recording {
-    /// The packets of a class in the renderer's order; none where the scene has no such rays.
+    /// The packets of a class, in the renderer's order. Empty if the scene has no such rays.
     pub fn of(&self, class: Class) -> &[Recorded] {
         &self.packets[class as usize]
     }
 
-    /// Rays of a class.
+    /// Number of rays of a class.
     pub fn count(&self, class: Class) -> u64 {
         self.of(class).iter().map(|packet| u64::from(packet.active.count())).sum()
     }
 }
 
-/// Records the rays of `world`, at most `packets` (> 0) packets of each class: of the whole frame
-/// if they suffice, else of equal windows spread evenly over its tiles. `accelerator` finds what
-/// the camera sees, from where all other rays start. `seed` is that of the diffuse rays.
+/// Records the rays of `world`, at most `packets` (> 0) packets of each class.
+///
+/// The rays come from the whole frame if so many packets suffice, else from equal windows spread
+/// evenly over its tiles. `accelerator` finds the camera hits, from which all other rays start.
+/// `seed` is the seed of the diffuse rays.
 ///
 /// # Errors
 /// `Interrupted` after a signal.
@@ -138,7 +141,7 @@ pub fn record(
     Ok(state.recording)
 }
 
-/// One window per chosen tile, and how many camera packets they will take in all.
+/// Returns one window for each chosen tile, and the number of camera packets of all windows.
 fn windows(world: &World, packets: usize) -> (Vec<Window>, usize) {
     let [width, height] = world.frame;
     let pattern = Pattern::for_spp(world.spp);
@@ -147,7 +150,7 @@ fn windows(world: &World, packets: usize) -> (Vec<Window>, usize) {
     let blocks = (packets as u64 / passes).max(1);
     let [across, down] = [width.div_ceil(TILE), height.div_ceil(TILE)];
     let tiles = u64::from(across) * u64::from(down);
-    // Fewer tiles than there are only where there are fewer blocks than tiles.
+    // Tiles are left out only if there are fewer blocks than tiles.
     let share = (blocks as f64 / tiles as f64).sqrt().min(1.0);
     let part = |n: u32| ((f64::from(n) * share) as u32).max(1);
     let [columns, rows] = [part(across), part(down)];
@@ -170,12 +173,14 @@ fn windows(world: &World, packets: usize) -> (Vec<Window>, usize) {
     (windows, count as usize)
 }
 
-/// An accelerator that notes what it is asked. Only camera rays find anything: nothing that comes
-/// later in a render is recorded, so nothing more needs to be known.
+/// An accelerator that records every query.
+///
+/// Only camera rays get an answer. Rays that start from later hits are not recorded, so these hits
+/// are not needed.
 struct Recorder<'a> {
     inner: &'a dyn Accelerator,
     geometry: &'a Geometry,
-    /// The point lights.
+    /// Positions of the point lights.
     points: Vec<Vec3>,
     sampler: Sampler,
     state: Mutex<State>,
@@ -183,14 +188,14 @@ struct Recorder<'a> {
 
 struct State {
     recording: Recording,
-    /// Camera packets so far.
+    /// Number of camera packets so far.
     seen: usize,
-    /// Camera packets that there will be.
+    /// Number of camera packets of the whole recording.
     primary: usize,
-    /// Packets per class.
+    /// Most packets of each class.
     limit: usize,
-    /// Which classes take what this camera packet brings: all of it or nothing, so that what is
-    /// recorded of one place runs as it does in a render.
+    /// Classes that record the rays of the current camera packet, all of them or none. So rays from
+    /// one place stay together, as in a render.
     taking: [bool; Class::ALL.len()],
     surfaces: Surfaces,
 }
@@ -203,7 +208,7 @@ impl State {
         }
     }
 
-    /// The next camera packet: classes that have less than their even share take what it brings.
+    /// Begins the next camera packet. Classes that have less than their even share record its rays.
     fn next(&mut self) {
         self.taking = Class::ALL.map(|class| {
             let have = self.recording.of(class).len() as u128;
@@ -218,7 +223,8 @@ impl Recorder<'_> {
         note(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// Whether every ray ends at one point light: `light_rays` made them as `q - origin`.
+    /// Returns whether all rays end at one point light. `light_rays` computes such a direction as
+    /// `q - origin`, so the comparison is exact.
     fn towards_a_point(&self, active: &Mask, rays: &Rays) -> bool {
         self.points.iter().any(|&q| {
             let mut lanes = (0..LANES).filter(|&i| active.0[i] != 0);
@@ -226,12 +232,12 @@ impl Recorder<'_> {
         })
     }
 
-    /// Cosine-distributed rays from what a camera packet hit.
+    /// Records cosine-distributed rays from the hits of a camera packet.
     fn diffuse(&self, state: &mut State, hit: &Mask, packet: &RayPacket) {
         refine(self.geometry, hit, packet, &mut state.surfaces);
         let mut rays = Rays::EMPTY;
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
-            // One sequence of all rays, as if they belonged to one pixel.
+            // All rays take points of one sequence, as if they belonged to one pixel.
             let index = (state.seen * LANES + i) as u32;
             let [x, y] = disk(self.sampler.light([0; 2], index, 0, 0));
             let normal = lane(&state.surfaces.ng, i);
@@ -252,7 +258,7 @@ impl Accelerator for Recorder<'_> {
     }
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-        // Camera rays leave nothing, mirrored rays do.
+        // Only mirrored rays leave a primitive; camera rays do not.
         if (0..LANES).any(|i| active.0[i] != 0 && packet.rays.leaving[i] != NONE) {
             return self.with(|state| state.push(Class::Mirror, active, &packet.rays));
         }

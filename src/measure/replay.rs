@@ -1,4 +1,4 @@
-//! Recorded rays through a backend: how long it takes, what it answers, what it visits.
+//! Replays recorded rays on a backend: its time, its answers and its visits.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -10,25 +10,26 @@ use super::rays::{Class, Recorded};
 use crate::accel::{Accelerator, Visits};
 use crate::ray::{Coherence, LANES, NONE, RayPacket, Rays};
 
-/// Packets between two looks at the clock: so few that their copies stay in the cache, so many that
-/// the clock costs nothing (a thousandth of the fastest queries).
+/// Number of packets between two readings of the clock.
+///
+/// Their copies stay in the cache, and reading the clock costs a thousandth of the fastest queries.
 const BATCH: usize = 32;
 
-/// How rays are handed over.
+/// How rays are traced: single or in packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
-    /// Each alone.
+    /// Single rays, one query for each lane.
     Single,
-    /// 16 at a time, and whether they are coherent.
+    /// Packets of 16 rays, with the coherence of their class.
     Packets,
 }
 
 impl Mode {
-    /// Both.
+    /// Both modes, in the order of reports.
     pub const ALL: [Self; 2] = [Self::Single, Self::Packets];
 
-    /// As reports name it.
+    /// Name of the mode in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Single => "single",
@@ -37,37 +38,37 @@ impl Mode {
     }
 }
 
-/// What a backend says of one ray.
+/// A backend's answer to the query of one ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Answer {
-    /// Whether it meets anything.
+    /// Whether the ray hits anything or is occluded.
     pub hit: bool,
-    /// Geometry of the closest hit; [`NONE`] for a miss or a shadow ray.
+    /// Geometry id of the closest hit; [`NONE`] for a miss or a shadow ray.
     pub geom: u32,
-    /// Primitive within it.
+    /// Primitive within its geometry; [`NONE`] like `geom`.
     pub prim: u32,
-    /// Where on the ray.
+    /// Ray parameter of the closest hit; infinite for a miss or a shadow ray.
     pub t: f32,
 }
 
 impl Answer {
-    /// A miss, or no ray.
+    /// The answer to a miss, also of a lane that is not active.
     pub const MISS: Self = Self { hit: false, geom: NONE, prim: NONE, t: f32::INFINITY };
 }
 
-/// Rays of one class, handed over in one way.
+/// Rays of one class, traced in one mode.
 #[derive(Debug, Clone, Copy)]
 pub struct Replay<'a> {
-    /// What they are.
+    /// Class of the rays: decides the query and its coherence.
     pub class: Class,
-    /// How.
+    /// Single rays or packets.
     pub mode: Mode,
-    /// The rays.
+    /// The recorded packets of the class.
     pub packets: &'a [Recorded],
 }
 
 impl Replay<'_> {
-    /// What the backend is told.
+    /// Coherence that the queries announce to the backend.
     pub fn coherence(&self) -> Coherence {
         match self.mode {
             Mode::Single => Coherence::Single,
@@ -75,9 +76,11 @@ impl Replay<'_> {
         }
     }
 
-    /// Seconds of all queries on the threads of the current rayon pool: what the threads spent in
-    /// them, divided by the number of threads. Copying the rays is not in it; neither is what a
-    /// renderer adds to a backend's own answer ([`Accelerator::closest_candidates`]).
+    /// Times all queries on the current rayon pool: the seconds that its threads spend in queries,
+    /// divided by the number of threads.
+    ///
+    /// The copies of the rays are not included. Neither is the refinement that a renderer adds to
+    /// the backend's own answer ([`Accelerator::closest_candidates`]).
     pub fn seconds(&self, accelerator: &dyn Accelerator) -> f64 {
         let coherence = self.coherence();
         let spent: Duration = match self.class.is_shadow() {
@@ -124,14 +127,15 @@ impl Replay<'_> {
         spent.as_secs_f64() / rayon::current_num_threads() as f64
     }
 
-    /// An answer per lane of every packet, on the threads of the current rayon pool.
+    /// Answers of every lane of every packet, computed on the current rayon pool.
     pub fn answers(&self, accelerator: &dyn Accelerator) -> Vec<[Answer; LANES]> {
         let (shadow, coherence) = (self.class.is_shadow(), self.coherence());
         let packets = self.packets.par_iter();
         packets.map(|packet| answers(accelerator, packet, shadow, coherence)).collect()
     }
 
-    /// What is visited in all, where the backend can tell.
+    /// Nodes and primitives visited by all queries; `None` if the backend cannot count them or
+    /// there are no packets.
     pub fn visits(&self, accelerator: &dyn Accelerator) -> Option<Visits> {
         let (shadow, coherence) = (self.class.is_shadow(), self.coherence());
         let visits = |p: &Recorded| accelerator.visits(&p.active, &p.rays, shadow, coherence);
@@ -147,7 +151,7 @@ impl Replay<'_> {
     }
 }
 
-/// What `accelerator` says of one packet.
+/// Traces one packet and returns the answers of its lanes.
 pub fn answers(
     accelerator: &dyn Accelerator,
     packet: &Recorded,

@@ -1,4 +1,4 @@
-//! What `bench` found out, as it is written to files and read back.
+//! Results of `lightpath bench`, as they are written to JSON and read back.
 
 use std::collections::BTreeMap;
 
@@ -8,37 +8,37 @@ use super::answers::Agreement;
 use super::stats::{Estimate, mad, median_interval, paired_ratio, unpaired_ratio};
 use crate::units::plural;
 
-/// Changes when a reader of older files would misunderstand newer ones.
+/// Version of the file format. It changes if a reader of older files would misread newer ones.
 pub const VERSION: u32 = 1;
 
-/// One run.
+/// Results of one run of `lightpath bench`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// [`VERSION`].
+    /// Format of the file: [`VERSION`] when it was written.
     pub version: u32,
-    /// Where it ran.
+    /// The machine that the run took place on.
     pub machine: Machine,
-    /// When, and of what command; of an older file nothing.
+    /// Time and command line of the run; empty if an older file lacks them.
     #[serde(default)]
     pub run: Run,
-    /// In the order of the command line.
+    /// One entry for each scene, in the order of the command line.
     pub scenes: Vec<SceneResult>,
 }
 
-/// Where a run took place, and what ran.
+/// Machine and program versions of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Machine {
     /// Model name of the processor.
     pub cpu: String,
-    /// Processors that this process may use.
+    /// Number of processors that this process may use.
     pub cores: usize,
-    /// Instruction set of our own kernels, unless a backend says otherwise.
+    /// Instruction set of our own kernels, unless a backend names its own.
     pub isa: String,
-    /// Of the program and its compiler.
+    /// Versions of the program and its compiler, by name.
     pub versions: BTreeMap<String, String>,
 }
 
-/// When a run took place, and of what command.
+/// Time and command line of a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// Start, in seconds since 1970, UTC.
@@ -47,87 +47,87 @@ pub struct Run {
     pub command: Vec<String>,
 }
 
-/// One scene.
+/// Results of one scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SceneResult {
-    /// As on the command line.
+    /// Name of the scene, as on the command line.
     pub name: String,
     /// SHA-256 of the canonical scene.
     pub hash: String,
-    /// Of all meshes and single triangles; a plane counts as two.
+    /// Number of triangles of all meshes and single triangles. A plane counts as two.
     pub triangles: u64,
-    /// Rays recorded, by class.
+    /// Number of recorded rays of each class.
     pub rays: BTreeMap<String, u64>,
-    /// What was compared; the first is what ratios refer to.
+    /// The compared backends. Ratios refer to the first.
     pub backends: Vec<BackendResult>,
-    /// What was timed.
+    /// Timings of builds, rays and whole pictures.
     pub rows: Vec<Row>,
-    /// How far the answers of every pair agree.
+    /// Agreement of the answers of every pair of backends.
     pub agreement: Vec<PairResult>,
 }
 
-/// A backend and what it holds.
+/// Version, memory and wrong answers of a backend.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BackendResult {
-    /// As on the command line.
+    /// Name of the backend, as on the command line.
     pub name: String,
-    /// Of what does the work.
+    /// Name and version of the code that finds the hits.
     pub version: String,
     /// Instruction set in use.
     pub isa: String,
     /// Bytes held after the build.
     pub bytes: u64,
-    /// Most bytes held during the build.
+    /// Largest number of bytes held during the build.
     pub peak_bytes: u64,
-    /// Provably wrong answers over all rays.
+    /// Number of provably wrong answers over all rays.
     pub wrong: u64,
 }
 
-/// What is timed.
+/// Kind of work that a row times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum What {
-    /// Building the accelerator; work in triangles.
+    /// A build of the accelerator. Its work is counted in triangles.
     Build,
-    /// Queries of one class of rays; work in rays.
+    /// Queries of one class of rays. Their work is counted in rays.
     Rays,
-    /// A whole picture by the renderer; work in the rays it traced.
+    /// A whole picture by the renderer. Its work is counted in traced rays.
     Image,
 }
 
-/// One thing, done by every backend.
+/// Timings of one piece of work by every backend.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What.
+    /// Kind of work that is timed.
     pub what: What,
     /// `build`, `image` or a class of rays.
     pub name: String,
-    /// `single` or `packets`; empty but for rays.
+    /// `single` or `packets` for rays; empty otherwise.
     pub mode: String,
-    /// Worker threads.
+    /// Number of worker threads.
     pub threads: usize,
-    /// In the order of [`SceneResult::backends`].
+    /// One entry for each backend, in the order of [`SceneResult::backends`].
     pub entries: Vec<Entry>,
 }
 
-/// What one backend did in one row.
+/// Timings of one backend in one row.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
-    /// Triangles or rays per sample.
+    /// Number of triangles or rays of one sample.
     pub work: u64,
-    /// Every sample; sample k of all backends ran next to each other.
+    /// Seconds of every sample. Samples k of all backends were taken next to each other.
     pub seconds: Vec<f64>,
-    /// Median and its interval.
+    /// Median of `seconds` with its interval.
     pub median_s: Estimate,
-    /// Median absolute deviation.
+    /// Median absolute deviation of `seconds`, not scaled.
     pub mad_s: f64,
     /// Work per microsecond: Mray/s, Mtri/s.
     pub rate: Estimate,
-    /// How many times as fast as the first backend; `None` for the first.
+    /// Speed relative to the first backend, above 1 if faster; `None` for the first.
     pub ratio: Option<Estimate>,
-    /// Rays that met something.
+    /// Number of rays that hit something.
     pub hits: Option<u64>,
-    /// Provably wrong answers.
+    /// Number of provably wrong answers.
     pub wrong: Option<u64>,
     /// Nodes visited per ray.
     pub nodes_per_ray: Option<f64>,
@@ -135,21 +135,21 @@ pub struct Entry {
     pub primitives_per_ray: Option<f64>,
 }
 
-/// Two backends on the rays of one row.
+/// Agreement of two backends on the rays of one class and mode.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PairResult {
-    /// The class of rays.
+    /// Name of the class of rays.
     pub name: String,
-    /// `single` or `packets`.
+    /// How rays are traced: `single` or `packets`.
     pub mode: String,
-    /// Names of both.
+    /// Names of the two backends.
     pub backends: [String; 2],
-    /// How they compare.
+    /// Counts of rays by how the two answers compare.
     pub agreement: Agreement,
 }
 
 impl Entry {
-    /// An entry from its samples and those of the first backend.
+    /// Creates an entry from the samples of its backend and of the first backend.
     pub fn new(work: u64, seconds: Vec<f64>, first: Option<&[f64]>) -> Self {
         let median_s = median_interval(&seconds);
         Self {
@@ -168,7 +168,7 @@ impl Entry {
 }
 
 impl Row {
-    /// `primary, packets`, `build`.
+    /// Name for tables: `primary, packets` or `build`.
     pub fn label(&self) -> String {
         match self.mode.is_empty() {
             true => self.name.clone(),
@@ -176,7 +176,7 @@ impl Row {
         }
     }
 
-    /// Entries from the samples of all backends, the first of which is the reference.
+    /// Creates a row from the samples of all backends. The first backend is the reference.
     pub fn new(
         what: What,
         name: &str,
@@ -195,7 +195,7 @@ impl Row {
 }
 
 impl Estimate {
-    /// What a ratio says, in words.
+    /// The conclusion from a speed ratio, in words.
     pub fn verdict(&self) -> &'static str {
         match (self.holds_one(), self.value > 1.0) {
             (true, _) => "no difference shown",
@@ -205,34 +205,35 @@ impl Estimate {
     }
 }
 
-/// A row of this run against the same of an earlier one.
+/// One timing of this run compared with the same timing of an earlier run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
-    /// Scene, row and backend.
+    /// Name of the scene.
     pub scene: String,
-    /// As [`Row::label`].
+    /// The row, as [`Row::label`] names it.
     pub row: String,
-    /// Worker threads.
+    /// Number of worker threads.
     pub threads: usize,
     /// Name of the backend.
     pub backend: String,
-    /// How many times as fast as then.
+    /// Speed relative to the earlier run, above 1 if faster now.
     pub ratio: Estimate,
 }
 
-/// What has changed since an earlier run.
+/// Comparison of this run with an earlier run, the baseline.
 #[derive(Debug, Clone)]
 pub struct Since {
-    /// Its file, and of which commit it was.
+    /// File and commit of the baseline.
     pub baseline: String,
-    /// How its machine differs from this one.
+    /// Differences between the two machines, in words; `None` if there are none.
     pub elsewhere: Option<String>,
-    /// Of what both have: the same scene (by name and content), row and backend.
+    /// Changes of all timings that both runs have: the same scene (by name and content), row and
+    /// backend.
     pub changes: Vec<Change>,
 }
 
 impl Since {
-    /// Between `then`, which stands in the file `name`, and now.
+    /// Compares `now` with `then`, the baseline read from the file `name`.
     pub fn new(now: &Report, name: &str, then: &Report) -> Self {
         let commit = then.machine.versions.get("commit").map_or("unknown", String::as_str);
         Self {
@@ -243,7 +244,7 @@ impl Since {
     }
 }
 
-/// How the machine or the kernels of two runs differ; `None` if they do not.
+/// Describes how machine or kernels of two runs differ; `None` if they do not.
 fn elsewhere(now: &Report, then: &Report) -> Option<String> {
     let (a, b) = (&now.machine, &then.machine);
     let pairs = [(&a.cpu, &b.cpu), (&a.isa, &b.isa)];
@@ -254,7 +255,7 @@ fn elsewhere(now: &Report, then: &Report) -> Option<String> {
     (!different.is_empty()).then(|| different.join("; "))
 }
 
-/// All that two runs have in common: the same scene (by name and content), row and backend.
+/// Compares all timings that two runs have in common.
 fn changes(now: &Report, then: &Report) -> Vec<Change> {
     let mut changes = Vec::new();
     for scene in &now.scenes {
@@ -266,7 +267,7 @@ fn changes(now: &Report, then: &Report) -> Vec<Change> {
             for (backend, entry) in scene.backends.iter().zip(&row.entries) {
                 let index = old.backends.iter().position(|b| b.name == backend.name);
                 let Some(old_entry) = index.and_then(|i| old_row.entries.get(i)) else { continue };
-                // Per unit of work: the number of rays may be another one.
+                // Seconds per unit of work, because the number of rays may differ.
                 let unit = |e: &Entry| -> Vec<f64> {
                     e.seconds.iter().map(|s| s / e.work.max(1) as f64).collect()
                 };
@@ -320,41 +321,41 @@ mod tests {
     }
 
     #[test]
-    fn entries_are_compared_with_the_first() {
+    fn ratios_refer_to_the_first_backend() {
         let report = report(1.0, "h");
         let [a, b] = [0, 1].map(|i| &report.scenes[0].rows[0].entries[i]);
         assert_eq!(a.ratio, None);
         let ratio = b.ratio.unwrap();
         assert!((ratio.value - 2.0).abs() < 1e-12 && ratio.verdict() == "faster");
-        // 1000 rays in 1 ms are a million a second.
+        // 1000 rays in 1 ms are a million rays per second.
         assert!((b.rate.value - 1.0).abs() < 0.01, "{:?}", b.rate);
         assert!(b.rate.low < b.rate.value && b.rate.value < b.rate.high);
     }
 
     #[test]
-    fn every_digit_survives_the_file() {
+    fn a_report_is_the_same_after_writing_and_reading() {
         let report = report(1.0 / 3.0, "h");
         let text = serde_json::to_string(&report).unwrap();
         assert_eq!(serde_json::from_str::<Report>(&text).unwrap(), report);
     }
 
     #[test]
-    fn another_machine_is_told() {
+    fn a_different_machine_is_described() {
         let (now, mut then) = (report(1.0, "h"), report(1.0, "h"));
         assert_eq!(elsewhere(&now, &then), None);
         then.machine.versions.clear();
         assert_eq!(elsewhere(&now, &then), None);
         then.machine.cpu = "another".into();
         then.machine.cores += 1;
-        let told = elsewhere(&now, &then).unwrap();
+        let text = elsewhere(&now, &then).unwrap();
         assert!(
-            told.contains("another then") && told.contains("2 processors then, 1 processor now"),
-            "{told}"
+            text.contains("another then") && text.contains("2 processors then, 1 processor now"),
+            "{text}"
         );
     }
 
     #[test]
-    fn changes_are_of_the_same_scene() {
+    fn only_the_same_scene_is_compared() {
         let changed = changes(&report(0.5, "h"), &report(1.0, "h"));
         assert_eq!(changed.len(), 2);
         for change in &changed {

@@ -1,41 +1,42 @@
-//! Robust statistics of repeated timings: medians, their spread, and intervals, without a model where there are
-//! samples enough.
+//! Robust statistics of repeated timings: medians, their spread, and confidence intervals.
+//!
+//! With ten samples or more, intervals assume no distribution.
 
 use serde::{Deserialize, Serialize};
 
-/// Resamples of a bootstrap.
+/// Number of resamples of a bootstrap.
 const RESAMPLES: usize = 2000;
 
-/// Samples from which on their resamples tell how far the median may be off.
+/// Smallest number of samples for a bootstrap interval.
 const ENOUGH: usize = 10;
 
-/// Of Student's t distribution with 1, 2, ... degrees of freedom what 2.5 % exceed.
+/// Upper 2.5 % points of Student's t distribution with 1, 2, ... degrees of freedom.
 const STUDENT: [f64; ENOUGH - 2] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306];
 
 /// A value and its 95 % confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// The value of the samples themselves.
+    /// The value computed from the samples.
     pub value: f64,
-    /// Lower end.
+    /// Lower end of the interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the interval.
     pub high: f64,
 }
 
 impl Estimate {
-    /// Whether a ratio's interval holds 1: then no difference is shown.
+    /// Returns whether the interval of a ratio contains 1, so that it shows no difference.
     pub fn holds_one(&self) -> bool {
         self.low <= 1.0 && 1.0 <= self.high
     }
 
-    /// `n / self`: a rate from a time; the ends change places.
+    /// Converts a time to a rate: `n / self`, with the ends of the interval swapped.
     pub fn rate(&self, n: f64) -> Self {
         Self { value: n / self.value, low: n / self.high, high: n / self.low }
     }
 }
 
-/// The median; of an even number of values the mean of the middle two. NaN of no values.
+/// The median. For an even number of values it is the mean of the middle two, for none NaN.
 pub fn median(values: &[f64]) -> f64 {
     let mut v = values.to_vec();
     v.sort_by(f64::total_cmp);
@@ -51,9 +52,13 @@ pub fn mad(values: &[f64]) -> f64 {
     median(&values.iter().map(|x| (x - m).abs()).collect::<Vec<_>>())
 }
 
-/// The median with its interval: percentiles of the medians of resamples (Efron 1979), by a fixed
-/// seed, so that the same samples give the same interval. Of fewer than ten values, all > 0, whose resamples would
-/// promise too much, the interval of Student's t for their logarithms; of one value that value.
+/// The median of `values` with its 95 % interval.
+///
+/// - Ten values or more: percentiles of the medians of resamples, a bootstrap (Efron 1979). The
+///   seed is fixed, so the same samples give the same interval.
+/// - Fewer values, all > 0: the interval of Student's t for their logarithms. A bootstrap interval
+///   would be too narrow.
+/// - One value: the value itself.
 pub fn median_interval(values: &[f64]) -> Estimate {
     if values.len() < ENOUGH {
         let logs: Vec<f64> = values.iter().map(|x| x.ln()).collect();
@@ -65,15 +70,18 @@ pub fn median_interval(values: &[f64]) -> Estimate {
     percentiles(median(values), medians.collect())
 }
 
-/// How many times faster B is than A, from times taken side by side: the median of `a[i] / b[i]`.
-/// What slows both of a pair drops out.
+/// Speed of B relative to A from times that were taken in pairs: the median of `a[i] / b[i]`.
+///
+/// A disturbance that slows both times of a pair cancels.
 pub fn paired_ratio(a: &[f64], b: &[f64]) -> Estimate {
     let ratios: Vec<f64> = a.iter().zip(b).map(|(a, b)| a / b).collect();
     median_interval(&ratios)
 }
 
-/// The same from times that were not taken side by side: the ratio of medians. (Of few values Welch's t, with
-/// the degrees of freedom of the smaller set.)
+/// Speed of B relative to A from times that were not taken in pairs: the ratio of medians.
+///
+/// With fewer than ten values on either side, the interval is Welch's t with the degrees of freedom
+/// of the smaller set.
 pub fn unpaired_ratio(a: &[f64], b: &[f64]) -> Estimate {
     let fewer = a.len().min(b.len());
     if fewer < ENOUGH {
@@ -91,19 +99,21 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Of the mean; 0 of one value.
+/// Standard error of the mean; 0 for one value.
 fn standard_error(values: &[f64]) -> f64 {
     let (n, mean) = (values.len() as f64, mean(values));
     let squares: f64 = values.iter().map(|x| (x - mean) * (x - mean)).sum();
     (squares / ((n - 1.0).max(1.0) * n)).sqrt()
 }
 
-/// Student's t for the mean of n < [`ENOUGH`] values.
+/// The factor of Student's t for the mean of n < [`ENOUGH`] values; 0 for one value.
 fn student(n: usize) -> f64 {
     n.checked_sub(2).and_then(|i| STUDENT.get(i)).copied().unwrap_or(0.0)
 }
 
-/// `value` with the interval of a mean of logarithms; it lies within, as the median need not.
+/// `value` with the interval `log` +- `half` of a mean of logarithms.
+///
+/// The interval is widened to contain `value`: a median may lie outside.
 fn around(value: f64, log: f64, half: f64) -> Estimate {
     Estimate { value, low: value.min((log - half).exp()), high: value.max((log + half).exp()) }
 }
@@ -114,7 +124,7 @@ fn percentiles(value: f64, mut values: Vec<f64>) -> Estimate {
     Estimate { value, low: at(0.025), high: at(0.975) }
 }
 
-/// SplitMix64 (Steele, Lea, Flood 2014).
+/// The generator SplitMix64 (Steele, Lea, Flood 2014).
 struct Random(u64);
 
 impl Random {
@@ -136,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn known_medians() {
+    fn medians_and_deviations_of_known_values() {
         assert_eq!(median(&[3.0, 1.0, 2.0]), 2.0);
         assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), 2.5);
         assert!(median(&[]).is_nan());
@@ -164,10 +174,10 @@ mod tests {
         assert_eq!(twice.rate(6.0), Estimate { value: 3.0, low: 3.0, high: 3.0 });
     }
 
-    /// The interval of the median of 1..=30 by the binomial distribution runs from the 10th to the
-    /// 21st value (Conover 1999, section 3.2): the bootstrap is within one value of it.
+    /// By the binomial distribution, the interval of the median of 1..=30 runs from the 10th to the
+    /// 21st value (Conover 1999, section 3.2). The bootstrap is within one value of it.
     #[test]
-    fn an_interval_is_that_of_order_statistics() {
+    fn a_bootstrap_interval_is_near_that_of_order_statistics() {
         let values: Vec<f64> = (1..=30).map(f64::from).collect();
         let estimate = median_interval(&values);
         assert_eq!(estimate.value, 15.5);
@@ -175,11 +185,12 @@ mod tests {
         assert!((estimate.high - 21.0).abs() <= 1.0, "{estimate:?}");
     }
 
-    /// Of 95 % intervals for the median of known distributions, about 95 % hold it: of 400, between
-    /// 360 and 396 (the bootstrap of a median of 30 is a little off, and this is no test of luck:
-    /// the seeds are fixed).
+    /// About 95 % of the 95 % intervals contain the true ratio: of 400, between 360 and 396.
+    ///
+    /// The limits are wide because the bootstrap of a median of 30 values is a little off. The
+    /// seeds are fixed, so the result does not vary.
     #[test]
-    fn intervals_hold_the_truth_as_often_as_they_say() {
+    fn bootstrap_intervals_contain_the_truth_as_often_as_promised() {
         let mut random = Random(9);
         let mut uniform = || (random.next() >> 11) as f64 / (1u64 << 53) as f64;
         let held = (0..400).filter(|_| {
@@ -191,13 +202,13 @@ mod tests {
         assert!((360..=396).contains(&held), "{held}");
     }
 
-    /// So do those of few: at least 93 % of 2000, with 2 to 9 values.
+    /// At least 93 % of 2000 intervals from 2 to 9 values contain the true ratio.
     #[test]
-    fn intervals_of_few_values_promise_no_more() {
+    fn intervals_of_few_values_contain_the_truth_as_often_as_promised() {
         let mut random = Random(5);
         let mut noisy = || {
             let twelve = (0..12).map(|_| (random.next() >> 11) as f64 / (1u64 << 53) as f64);
-            // Nearly normal.
+            // The sum of twelve uniform numbers is nearly normal.
             (0.1 * (twelve.sum::<f64>() - 6.0)).exp()
         };
         for n in 2..=9 {
@@ -212,9 +223,10 @@ mod tests {
         }
     }
 
-    /// Of 1, 2 and 4 the logarithms are 0, 1 and 2 times that of 2, with a standard error of 1/sqrt(3) of it.
+    /// The logarithms of 1, 2 and 4 are 0, 1 and 2 times ln 2. Their standard error is ln 2 /
+    /// sqrt(3).
     #[test]
-    fn the_interval_of_three_values_is_students() {
+    fn the_interval_of_three_values_is_students_t() {
         let estimate = median_interval(&[1.0, 2.0, 4.0]);
         let half = 4.303 / 3f64.sqrt();
         assert!((estimate.low - 2f64.powf(1.0 - half)).abs() < 1e-12, "{estimate:?}");
@@ -222,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn what_slows_both_of_a_pair_drops_out() {
+    fn a_disturbance_of_both_times_of_a_pair_cancels() {
         let noise = [1.0, 3.0, 1.2, 9.0, 1.1, 1.0, 2.0, 5.0];
         let a: Vec<f64> = noise.iter().map(|n| 1.25 * n).collect();
         let ratio = paired_ratio(&a, &noise);

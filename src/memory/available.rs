@@ -1,29 +1,30 @@
-//! What this process can still get: the least of what the machine, its control groups and its own limits
-//! leave.
+//! The memory that this process can still get: the minimum of what the machine, its control groups
+//! and its own limits leave.
 
 use std::{
     fs::read_to_string,
     path::{Component, Path, PathBuf},
 };
 
-/// Bytes that the process can still get without swapping; `None` where nothing tells.
+/// Returns the number of bytes that the process can still get without swapping. `None` if it cannot
+/// be determined.
 pub fn available_bytes() -> Option<u64> {
     available(Path::new("/"), false)
 }
 
-/// The same with what can be swapped out.
+/// Returns the number of bytes that the process can still get, including free swap.
 pub fn available_bytes_and_swap() -> Option<u64> {
     available(Path::new("/"), true)
 }
 
-/// The same without the limits of this process: what is beyond these is refused when it is asked for, what is
-/// beyond the others ends the process.
+/// Returns the number of bytes, including free swap, beyond which the system kills the process. The
+/// limits of the process itself do not count: beyond them an allocation fails instead.
 pub fn bytes_before_a_kill() -> Option<u64> {
     let root = Path::new("/");
     [machine(root, true), groups(root)].into_iter().flatten().min()
 }
 
-/// `root`: where `/proc` and the control groups are.
+/// Computes the minimum. `root` is the folder of `/proc` and the control groups.
 fn available(root: &Path, swap: bool) -> Option<u64> {
     [machine(root, swap), groups(root), limits(root)].into_iter().flatten().min()
 }
@@ -35,14 +36,14 @@ fn machine(root: &Path, swap: bool) -> Option<u64> {
     })
 }
 
-/// A value in KiB after its key, in bytes.
+/// Returns the value after `key` in bytes. The file has it in KiB.
 pub(super) fn kib(file: &Path, key: &str) -> Option<u64> {
     let text = read_to_string(file).unwrap_or_default();
     let line = text.lines().find_map(|line| line.strip_prefix(key));
     line?.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// What limits of this process (`ulimit -v`, `-d`) leave.
+/// Returns the bytes that the limits of this process (`ulimit -v`, `-d`) leave.
 fn limits(root: &Path) -> Option<u64> {
     let text = read_to_string(root.join("proc/self/limits")).unwrap_or_default();
     let left = |name: &str, used: &str| {
@@ -55,11 +56,11 @@ fn limits(root: &Path) -> Option<u64> {
     all.into_iter().flatten().min()
 }
 
-/// The files of a version of control groups.
+/// The file names of a version of control groups.
 struct Version {
     limits: &'static [&'static str],
     current: &'static str,
-    /// What of the current bytes is a cache of files that can go, in `memory.stat`.
+    /// Key in `memory.stat` of the file cache that can be evicted. `current` includes it.
     cache: &'static str,
 }
 
@@ -75,12 +76,13 @@ const V2: Version = Version {
     cache: "inactive_file ",
 };
 
-/// What the control groups of this process leave: its own and all above it.
+/// Returns the bytes that the control groups of this process leave: its own group and all its
+/// parents.
 fn groups(root: &Path) -> Option<u64> {
     let own = read_to_string(root.join("proc/self/cgroup")).unwrap_or_default();
     let mounts = read_to_string(root.join("proc/self/mountinfo")).unwrap_or_default();
-    let mounts: Vec<Mount> = mounts.lines().filter_map(Mount::of).collect();
-    let of = |line: &str| {
+    let mounts: Vec<Mount> = mounts.lines().filter_map(Mount::parse).collect();
+    let left_by = |line: &str| {
         let mut parts = line.splitn(3, ':');
         let (number, controllers, path) = (parts.next()?, parts.next()?, parts.next()?);
         let v2 = number == "0" && controllers.is_empty();
@@ -90,20 +92,20 @@ fn groups(root: &Path) -> Option<u64> {
         let mount = mounts.iter().find(|mount| mount.v2 == v2)?;
         mount.left(root, path, if v2 { &V2 } else { &V1 })
     };
-    own.lines().filter_map(of).min()
+    own.lines().filter_map(left_by).min()
 }
 
-/// Where control groups that count memory are mounted.
+/// A mount of control groups that count memory.
 struct Mount {
     v2: bool,
-    /// The group that is seen there.
+    /// The group that appears at the mount point.
     group: String,
     place: PathBuf,
 }
 
 impl Mount {
-    /// A line of `/proc/self/mountinfo`.
-    fn of(line: &str) -> Option<Self> {
+    /// Parses a line of `/proc/self/mountinfo`.
+    fn parse(line: &str) -> Option<Self> {
         let (before, after) = line.split_once(" - ")?;
         let mut after = after.split(' ');
         let (kind, options) = (after.next()?, after.nth(1).unwrap_or(""));
@@ -116,9 +118,9 @@ impl Mount {
         Some(Self { v2, group: before.next()?.to_string(), place: before.next()?.into() })
     }
 
-    /// The least that the groups from `path` up to the mount leave.
+    /// Returns the minimum of what the groups from `path` up to the mount leave.
     fn left(&self, root: &Path, path: &str, version: &Version) -> Option<u64> {
-        // Within a container the group is seen as the root, or not at all.
+        // Inside a container the group appears as the root, or not at all.
         let below = Path::new(path).strip_prefix(&self.group).unwrap_or(Path::new(""));
         let plain = |part: &Component| matches!(part, Component::Normal(_));
         let below: PathBuf = below.components().filter(plain).collect();
@@ -129,7 +131,7 @@ impl Mount {
 }
 
 impl Version {
-    /// What one group leaves; `None` without a limit.
+    /// Returns the bytes that one group leaves; `None` if it has no limit.
     fn left(&self, group: &Path) -> Option<u64> {
         let number = |name: &str| -> Option<u64> {
             read_to_string(group.join(name)).ok()?.trim().parse().ok()
@@ -148,7 +150,7 @@ mod tests {
 
     const MIB: u64 = 1 << 20;
 
-    /// A machine of 1000 MiB with these files.
+    /// Computes the available bytes on a machine with 1000 MiB and these files.
     fn machine(files: &[(&str, &str)]) -> Option<u64> {
         let root = tempfile::tempdir().unwrap();
         let all =
@@ -169,7 +171,7 @@ mod tests {
     );
 
     #[test]
-    fn without_limits_the_machine_counts() {
+    fn without_limits_all_memory_of_the_machine_is_available() {
         assert_eq!(machine(&[]), Some(1000 * MIB));
         let group = ("proc/self/cgroup", "0::/a\n");
         let max = ("sys/fs/cgroup/a/memory.max", "max\n");
@@ -179,12 +181,12 @@ mod tests {
     }
 
     #[test]
-    fn the_least_of_nested_groups_counts() {
+    fn the_smallest_of_nested_groups_decides() {
         let group = ("proc/self/cgroup", "0::/job/step/task\n");
         let own = ("sys/fs/cgroup/job/step/task/memory.max", "943718400\n");
         let used = ("sys/fs/cgroup/job/step/task/memory.current", "104857600\n");
         assert_eq!(machine(&[V2_MOUNT, group, own, used]), Some(800 * MIB));
-        // A cache of files can go.
+        // The file cache can be evicted.
         let stat = ("sys/fs/cgroup/job/step/task/memory.stat", "anon 5\ninactive_file 52428800\n");
         assert_eq!(machine(&[V2_MOUNT, group, own, used, stat]), Some(850 * MIB));
         let above = ("sys/fs/cgroup/job/memory.max", "524288000");
@@ -197,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_container_sees_its_group_as_the_root() {
+    fn in_a_container_the_group_is_the_root() {
         let max = ("sys/fs/cgroup/memory.max", "104857600");
         for path in ["0::/\n", "0::/../other\n", "0::/docker/abc\n"] {
             assert_eq!(
@@ -216,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn version_one_too() {
+    fn version_one_of_control_groups_is_read() {
         let mounts = (
             "proc/self/mountinfo",
             "32 31 0:29 / /sys/fs/cgroup/cpu rw - cgroup cgroup rw,cpu\n\
@@ -235,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_of_the_process_count() {
+    fn limits_of_the_process_are_subtracted() {
         let limits = |space: &str, data: &str| {
             format!(
                 "Limit                     Soft Limit           Hard Limit           Units     \n\

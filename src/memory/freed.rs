@@ -1,6 +1,7 @@
-//! Memory that was freed and that the allocator keeps: given back to the system where it is short.
+//! Returns freed memory that the allocator keeps to the system, for when memory is short.
 
-/// Gives back what this process has freed. Costs milliseconds, so only where memory is short.
+/// Returns memory that this process has freed to the system. It takes milliseconds, so it is for
+/// when memory is short.
 pub fn give_back() {
     // SAFETY: may be called at any time, from any thread; touches no live allocation.
     #[cfg(all(target_os = "linux", target_env = "gnu"))]

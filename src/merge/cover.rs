@@ -1,30 +1,28 @@
-//! Whether parts cover a picture exactly once: every sample of every pixel.
+//! Checks that parts cover a picture exactly once: every sample of every pixel.
 
 use std::ops::Range;
 
 use crate::film::Window;
 
-/// A part's pixels and samples.
+/// Pixels and samples of one part.
 #[derive(Debug, Clone)]
 pub struct Piece {
-    /// Its pixels.
     pub window: Window,
-    /// Its samples.
     pub samples: Range<u32>,
 }
 
-/// What is not covered exactly once.
+/// A region that is not covered exactly once.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
-    /// Where.
     pub window: Window,
-    /// Of each of these pixels.
+    /// Samples concerned, in each of these pixels.
     pub samples: Range<u32>,
-    /// The pieces that both have it, by index; none if it is missing.
+    /// Indices of two pieces that both contain them; `None` if they are missing.
     pub twice: Option<[usize; 2]>,
 }
 
-/// Everything in `whole` and `0..of` that the pieces do not cover exactly once, from the top.
+/// Returns everything in `whole` and `0..of` that the pieces do not cover exactly once, from top to
+/// bottom.
 pub fn faults(pieces: &[Piece], whole: Window, of: u32) -> Vec<Fault> {
     let mut rows: Vec<u32> = pieces.iter().flat_map(|p| [p.window.y0, p.window.y1]).collect();
     rows.extend([whole.y0, whole.y1]);
@@ -74,7 +72,7 @@ fn cuts(mut at: Vec<u32>, from: u32, to: u32) -> Vec<u32> {
     at
 }
 
-/// Adds a fault; grows one that is the same but for the pixels beside or above.
+/// Adds a fault, or extends one that is equal and adjacent to it.
 fn add(faults: &mut Vec<Fault>, new: Fault) {
     let same = |old: &&mut Fault| old.samples == new.samples && old.twice == new.twice;
     for old in faults.iter_mut().rev().filter(same) {
@@ -117,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_double_is_named() {
+    fn missing_and_duplicate_samples_are_found() {
         let whole = window(0, 0, 10, 10);
         let pieces = [
             piece(window(0, 0, 10, 4), 0..4),

@@ -1,7 +1,7 @@
-//! Parts of a picture -> the [`Film`] that the whole render would have made, bit for bit.
+//! Merges the parts of a picture into the [`Film`] that one render would have made, bit for bit.
 //!
-//! A part is an EXR with the attribute [`part::ATTRIBUTE`]. Some pixels of all samples hold their
-//! channels as they are; some of the samples hold their sums (see [`crate::layers::Raw`]).
+//! A part is an EXR with the attribute [`part::ATTRIBUTE`]. A part with all samples holds its
+//! channels as they are. A part with some of the samples holds sums (see [`crate::layers::Raw`]).
 
 mod cover;
 pub mod part;
@@ -20,42 +20,42 @@ use crate::output::exr_read::{Reader, Rows};
 use self::cover::{Fault, Piece};
 pub use self::part::{Files, Part};
 
-/// Bytes of the parts' rows that are held at a time, about.
+/// Approximate number of bytes of the parts' rows that are held at a time.
 const BAND_BYTES: usize = 128 << 20;
-/// What parts by Embree must have in common.
+/// Name of the fact that parts by Embree must have in common.
 const INSTRUCTIONS: &str = "instruction set of Embree";
-/// The attribute by which a render says that another run gives other pixels.
+/// Attribute of a render whose pixels differ from run to run.
 const UNREPRODUCIBLE: &str = "lightpath:reproducible";
-/// How many faults a message names.
-const NAMED: usize = 20;
+/// Maximum number of faults in a message.
+const MAX_NAMED_FAULTS: usize = 20;
 
 /// The parts of one picture, which cover it exactly once.
 #[derive(Debug)]
 pub struct Parts {
     open: Vec<Open>,
-    /// What they all say.
+    /// Description that all parts share.
     pub part: Part,
 }
 
-/// A part's file.
+/// A part whose file is open.
 #[derive(Debug)]
 struct Open {
     name: String,
     reader: Reader,
     part: Part,
     raw: Option<Raw>,
-    /// Where R, G, B, A stand among the file's channels.
+    /// Indices of R, G, B, A among the file's channels.
     beauty: [usize; 4],
-    /// Where the words stand: those of [`Raw`], or the recipe's channels.
+    /// Indices of the words of [`Raw`], or of the recipe's channels, among the file's channels.
     words: Vec<usize>,
 }
 
 impl Parts {
-    /// Opens the files and makes sure that they are parts of one picture, each of its samples once.
+    /// Opens the files and checks that they are parts of one picture and cover it exactly once.
     ///
     /// # Errors
-    /// `Invalid` for files that are no parts, parts of different pictures, and what is missing or
-    /// there twice.
+    /// `Invalid` for files that are not parts, for parts of different pictures, and for samples
+    /// that are missing or duplicated.
     pub fn open(paths: &[PathBuf]) -> Result<Self> {
         let mut failures = Failures::default();
         let open: Vec<Open> =
@@ -74,10 +74,11 @@ impl Parts {
             open.iter().map(|o| Piece { window: o.reader.window, samples: o.part.samples() });
         let faults = cover::faults(&pieces.collect::<Vec<_>>(), part.whole(), part.of);
         if !faults.is_empty() {
-            let named = faults.iter().take(NAMED).map(|fault| named(fault, &open, &part));
+            let named =
+                faults.iter().take(MAX_NAMED_FAULTS).map(|fault| describe(fault, &open, &part));
             let mut problems: Vec<Problem> = named.collect();
-            if faults.len() > NAMED {
-                let message = format!("and {} more", faults.len() - NAMED);
+            if faults.len() > MAX_NAMED_FAULTS {
+                let message = format!("and {} more", faults.len() - MAX_NAMED_FAULTS);
                 problems.push(Problem::new("parts", message));
             }
             return Err(Error { kind: Kind::Invalid, problems });
@@ -85,28 +86,29 @@ impl Parts {
         Ok(Self { open, part })
     }
 
-    /// Whether all of them hold what the renders had, so that the PNG will be the same, too.
+    /// Returns true if all parts hold the renders' full precision, so that the PNG will be the
+    /// same, too.
     pub fn exact(&self) -> bool {
         self.open.iter().all(|open| open.part.exact)
     }
 
-    /// The attributes of the whole picture.
+    /// Returns the attributes of the merged picture.
     pub fn attributes(&self) -> Vec<(String, String)> {
         let all = self.open.iter().take(1).flat_map(|open| open.reader.attributes.clone());
         all.filter(|(name, _)| name != part::ATTRIBUTE).collect()
     }
 
-    /// Its camera.
+    /// Returns the camera of the merged picture.
     pub fn view(&self) -> Option<View> {
         self.open.first()?.reader.view
     }
 
-    /// Which frame of a sequence it is.
+    /// Returns frame number and frame rate for the EXR header.
     pub fn sequence(&self) -> Sequence {
         self.open.first().map(|open| open.reader.sequence).unwrap_or_default()
     }
 
-    /// The picture. Rows are read some at a time, on the caller's rayon pool.
+    /// Reads and merges the parts. Works on bands of rows, on the caller's rayon pool.
     ///
     /// # Errors
     /// Damaged files; no memory for the picture; `Interrupted` after a signal.
@@ -133,7 +135,7 @@ impl Parts {
             pixels = rest;
             let (band_words, rest) = words.split_at_mut(rows * width * stride);
             words = rest;
-            // Without layers there are no words to share out.
+            // Without layers there are no words to distribute.
             let mut none = vec![Vec::new(); if stride == 0 { rows } else { 0 }];
             let mut lines: Vec<&mut [u32]> = match stride {
                 0 => none.iter_mut().map(Vec::as_mut_slice).collect(),
@@ -151,15 +153,15 @@ impl Parts {
         Ok(film)
     }
 
-    /// The rows that each part has of a band.
+    /// Reads the rows of a band from every part that reaches into it.
     fn rows(&self, y0: u32, y1: u32) -> Result<Vec<(&Open, Rows)>> {
         let reaches = |w: Window| w.y0 < y1 && w.y1 > y0;
         let here = self.open.iter().filter(|open| reaches(open.reader.window));
         here.map(|open| Ok((open, open.reader.rows(y0..y1)?))).collect()
     }
 
-    /// Makes one row of the picture from parts in the order of their samples. Returns what its mattes could
-    /// not hold.
+    /// Makes one row of the picture from parts sorted by their samples. Returns the weights that
+    /// its mattes had no room for.
     fn line(
         &self,
         parts: &[(&Open, Rows)],
@@ -232,11 +234,11 @@ impl Open {
         if let Some(problem) = part.problem(reader.frame, reader.window) {
             return Err(Error::invalid(name, format!("found a damaged part: {problem}")));
         }
-        if reader.attribute(UNREPRODUCIBLE).is_some_and(|said| said != "yes") {
+        if reader.attribute(UNREPRODUCIBLE).is_some_and(|value| value != "yes") {
             let message =
-                "found a part that another run would not make again, expected all parts to be";
+                "found a part of a render that cannot be reproduced, expected all parts to be";
             return Err(Error::invalid(name, format!("{message} of one sequence of samples"))
-                .help("render it without a limit of time"));
+                .help("render it without --time"));
         }
         let raw = part.raw();
         let index =
@@ -245,7 +247,7 @@ impl Open {
             Error::invalid(&name, "found a damaged part: its channels are not those of its layers")
         };
         let expected: Vec<Channel> = match &raw {
-            // Counted before they are made: the file may lie.
+            // Count before building the list: the file's numbers cannot be trusted.
             Some(raw) if raw.words().checked_add(BEAUTY) != Some(reader.channels.len()) => {
                 return Err(damaged());
             }
@@ -268,14 +270,14 @@ impl Open {
         Ok(Self { name, reader, part, raw, beauty, words })
     }
 
-    /// Why `other` is no part of the same picture.
+    /// Returns why `other` is not a part of the same picture.
     fn difference(&self, other: &Self) -> Option<Problem> {
         let (a, b) = (&self.part, &other.part);
         let texts = |open: &Self| -> Vec<(String, String)> {
             let own = open.reader.attributes.iter().filter(|(name, _)| name != part::ATTRIBUTE);
             let own = own.cloned();
             let software = ("software".to_string(), open.reader.software.clone());
-            // Those that say most come first.
+            // The most informative attribute comes first.
             [software].into_iter().chain(own).collect()
         };
         let print =
@@ -317,7 +319,7 @@ impl Open {
             format!("found another {what}: {found}, expected {expected} as in {}", self.name);
         let help = match what.as_str() {
             INSTRUCTIONS => {
-                "processors of different kinds give different last bits: render all parts on one kind"
+                "processors of different kinds give different last bits: render all parts on the same kind"
             }
             "software" | "lightpath:backend" => "render all parts with one version of the program",
             _ => "merge parts of one picture: same scene, meshes, textures and flags",
@@ -326,7 +328,7 @@ impl Open {
     }
 }
 
-fn named(fault: &Fault, open: &[Open], part: &Part) -> Problem {
+fn describe(fault: &Fault, open: &[Open], part: &Part) -> Problem {
     let Window { x0, y0, x1, y1 } = fault.window;
     let samples = match fault.samples.clone() {
         all if all == (0..part.of) => String::new(),
@@ -336,7 +338,7 @@ fn named(fault: &Fault, open: &[Open], part: &Part) -> Problem {
     match fault.twice {
         Some([a, b]) => {
             let message = format!("{what} are also in {}", open[a].name);
-            Problem::new(open[b].name.clone(), message).help("leave one of the two out")
+            Problem::new(open[b].name.clone(), message).help("leave out one of the two")
         }
         None => {
             let tiles = open.iter().find_map(|open| open.part.tile).map(|[_, n]| n);
@@ -344,7 +346,7 @@ fn named(fault: &Fault, open: &[Open], part: &Part) -> Problem {
                 |n: &u32| (1..=*n).find(|&i| part::band(part.whole(), i, *n) == fault.window);
             let tile = tiles.and_then(|n| Some(format!(" (--tile {}/{n})", is_tile(&n)?)));
             let message = format!("missing: {what}{}", tile.unwrap_or_default());
-            Problem::new("parts", message).help("render them, and merge again with their file")
+            Problem::new("parts", message).help("render them, then merge all files")
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What a part says about itself: everything that a merge needs to know beside its pixels.
+//! Description of a part: everything that a merge needs besides its pixels.
 
 use std::ops::Range;
 
@@ -9,59 +9,59 @@ use crate::layers::{Raw, Recipe};
 use crate::output::{exr::Compression, tonemap::Depth};
 use crate::scene::{ToneOperator, Tonemap};
 
-/// The attribute of an EXR that holds it, as JSON.
+/// Name of the EXR attribute that holds the description as JSON.
 pub const ATTRIBUTE: &str = "lightpath:part";
 
-/// A piece of a picture: some of its pixels, or some of its samples, or both.
+/// A part of a picture: some of its pixels, some of its samples, or both.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Part {
-    /// SHA-256 of what the picture is made of; none where a mesh came through a pipe.
+    /// SHA-256 of scene and files; `None` if a mesh came through a pipe.
     pub fingerprint: Option<String>,
-    /// Embree's instruction set, whose last bits may be its own. None of a backend that computes the same
-    /// bits in all of them.
+    /// Instruction set of Embree, whose last bits may depend on it. `None` for a backend with the
+    /// same bits on all of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub isa: Option<String>,
-    /// The pixels that all parts have together: x0, y0, x1, y1, the last two excluded.
+    /// Pixels of the merged picture: x0, y0, x1, y1, the last two excluded.
     pub whole: [u32; 4],
     /// `[I, N]` of `--tile I/N`.
     pub tile: Option<[u32; 2]>,
-    /// First sample, and the one after the last.
+    /// First sample, and one past the last.
     pub samples: [u32; 2],
-    /// Samples of the whole picture.
+    /// Number of samples of the merged picture.
     pub of: u32,
-    /// Whether the file holds what the render had, and not that rounded to halves.
+    /// True if the file holds full precision, false if it is rounded to 16-bit floats.
     pub exact: bool,
-    /// How the whole picture's files are written.
+    /// Format of the merged picture's files.
     pub files: Files,
-    /// Its layers.
+    /// Layers of the merged picture.
     pub recipe: Recipe,
 }
 
-/// How a picture becomes files.
+/// Format of a picture's files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Files {
-    /// 32-bit floats in place of halves.
+    /// Store 32-bit floats instead of 16-bit floats.
     pub float: bool,
-    /// Of the EXR.
+    /// Compression method of the EXR.
     pub compression: Compression,
-    /// A part of the EXR for every layer.
+    /// Write one part of the EXR per layer.
     pub multipart: bool,
-    /// Bits of the PNG's channels.
+    /// Bits per channel of the PNG.
     pub depth: Depth,
-    /// The PNG has an alpha channel.
+    /// Write an alpha channel to the PNG.
     pub transparent: bool,
-    /// `max`, `clamp` or `reinhard`.
+    /// Tone curve of the PNG: `max`, `clamp` or `reinhard`.
     pub tonemap: String,
-    /// Stops.
+    /// Exposure of the PNG in stops.
     pub exposure: f32,
-    /// sRGB transfer in the PNG.
+    /// Use the sRGB transfer function in the PNG.
     pub srgb: bool,
 }
 
 impl Files {
-    /// Of a tone curve; the rest as it is by default.
+    /// Returns the default format with this tone curve.
     pub fn new(tonemap: &Tonemap) -> Self {
         let operator = match tonemap.operator {
             ToneOperator::Max => "max",
@@ -80,7 +80,7 @@ impl Files {
         }
     }
 
-    /// The tone curve, or none if its name is unknown.
+    /// Returns the tone curve, or `None` if its name is unknown.
     pub fn curve(&self) -> Option<Tonemap> {
         let operator = match self.tonemap.as_str() {
             "max" => ToneOperator::Max,
@@ -93,24 +93,24 @@ impl Files {
 }
 
 impl Part {
-    /// Its samples.
+    /// Returns the range of samples.
     pub fn samples(&self) -> Range<u32> {
         self.samples[0]..self.samples[1]
     }
 
-    /// The words of its pixels, if it holds sums over some of the samples.
+    /// Returns the layout of the sums, or `None` if the part has all samples.
     pub fn raw(&self) -> Option<Raw> {
         let samples = self.samples();
         (samples != (0..self.of)).then(|| Raw::new(&self.recipe, samples))
     }
 
-    /// The pixels that all parts have together.
+    /// Returns the window of the merged picture.
     pub fn whole(&self) -> Window {
         let [x0, y0, x1, y1] = self.whole;
         Window { x0, y0, x1, y1 }
     }
 
-    /// What is wrong with it, given the frame of its file and the pixels in it.
+    /// Returns what is wrong with the description, given the frame and the window of its file.
     pub fn problem(&self, frame: [u32; 2], window: Window) -> Option<&'static str> {
         let (whole, [first, end]) = (self.whole(), self.samples);
         let within = |inner: Window, outer: Window| {
@@ -141,7 +141,8 @@ impl Part {
     }
 }
 
-/// Rows of tile `i` (from 1) of `n`: bands of whole rows, along multiples of 16 rows where there are enough.
+/// Returns the rows of tile `i` (from 1) of `n`. The bands are cut at multiples of 16 rows if there
+/// are enough rows.
 pub fn band(window: Window, i: u32, n: u32) -> Window {
     let height = u64::from(window.height());
     let unit = if height / u64::from(n) >= 32 { 16 } else { 1 };

@@ -1,4 +1,4 @@
-//! A mesh as its file has it: arrays in file units, indices checked, nothing transformed.
+//! A triangle mesh as its file stores it: arrays in file units, indices checked, no transform.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
@@ -18,7 +18,7 @@ pub enum Positions {
 }
 
 impl Positions {
-    /// Number of vertices.
+    /// Returns the number of vertices.
     pub fn len(&self) -> usize {
         match self {
             Self::F32(p) => p.len(),
@@ -26,12 +26,12 @@ impl Positions {
         }
     }
 
-    /// Whether there is no vertex.
+    /// Returns true if there is no vertex.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Vertex `i`, exactly.
+    /// Returns the position of vertex `i`. The conversion to `f64` is exact.
     #[inline]
     pub fn get(&self, i: usize) -> DVec3 {
         match self {
@@ -41,59 +41,60 @@ impl Positions {
     }
 }
 
-/// Texture coordinates with v up, as files have them.
+/// Texture coordinates. v points up, as in PLY files.
 #[derive(Debug, Clone)]
 pub enum Uvs {
-    /// One per vertex.
+    /// One coordinate pair per vertex.
     PerVertex(Vec<[f32; 2]>),
-    /// Three per triangle, in the order of its corners.
+    /// Three coordinate pairs per triangle, in the order of its corners.
     PerCorner(Vec<[[f32; 2]; 3]>),
 }
 
-/// Vertex colours as stored; integers are fractions of their type's maximum, sRGB-encoded unless
-/// the scene says otherwise, floats are linear.
+/// Vertex colours as stored. Integers are fractions of their type's maximum and sRGB-encoded,
+/// unless the scene says otherwise. Floats are linear.
 #[derive(Debug, Clone)]
 pub enum Colors {
-    /// 8-bit.
+    /// 8-bit integers, 255 = 1.
     U8(Vec<[u8; 3]>),
-    /// 16-bit.
+    /// 16-bit integers, 65535 = 1.
     U16(Vec<[u16; 3]>),
-    /// Float.
+    /// 32-bit floats, with linear values.
     F32(Vec<[f32; 3]>),
 }
 
 /// A triangle mesh in file units.
 ///
-/// Every index is below the number of vertices; every vertex that a triangle uses is finite; no
+/// Every index is below the number of vertices. Every vertex that a triangle uses is finite. No
 /// triangle repeats a vertex index.
 #[derive(Debug, Clone)]
 pub struct Mesh {
     /// All vertices of the file, used or not.
     pub positions: Positions,
-    /// Vertex indices.
+    /// Three vertex indices per triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Triangles without area between three different points, in the order of the file. Where they close
-    /// T-junctions they are kept in a scene.
+    /// Triangles with zero area whose three corners are different points, in file order. A scene
+    /// keeps the ones that close T-junctions.
     pub stitches: Vec<[u32; 3]>,
-    /// Per-vertex normals, as stored (any length).
+    /// Vertex normals as stored, of any length.
     pub normals: Option<Vec<[f32; 3]>>,
-    /// Texture coordinates.
+    /// Texture coordinates, if the file has any.
     pub uvs: Option<Uvs>,
-    /// Vertex colours.
+    /// Vertex colours, if the file has any.
     pub colors: Option<Colors>,
-    /// `comment TextureFile NAME`: of several the one that most triangles want by `texnumber`, or
-    /// the first.
+    /// The file name in `comment TextureFile NAME`. If there are several, this is the one that most
+    /// triangles select by `texnumber`, or else the first.
     pub texture_file: Option<String>,
-    /// What was used, ignored, split and dropped on the way in.
+    /// What the reader used, ignored, split and dropped.
     pub notes: Notes,
 }
 
 impl Mesh {
-    /// A mesh from memory, without normals, texture coordinates and colours: fill these in afterwards.
+    /// Makes a mesh from arrays, without normals, texture coordinates and colours. These fields can
+    /// be set afterwards.
     ///
     /// # Errors
-    /// `Invalid` for an index beyond the vertices, a vertex that is not finite, a triangle that has a
-    /// vertex twice, and where there is no triangle or there are more than 2^32 - 2 vertices.
+    /// `Invalid` for an index beyond the vertices, a vertex that is not finite or a triangle that
+    /// repeats a vertex. Also if there is no triangle, or if there are more than 2^32 - 2 vertices.
     pub fn new(positions: Positions, triangles: Vec<[u32; 3]>) -> Result<Self> {
         let count = positions.len();
         let refused = |message: String| Err(Error::invalid("mesh", message));
@@ -126,7 +127,7 @@ impl Mesh {
         })
     }
 
-    /// Bytes of all arrays.
+    /// Returns the size in bytes of all arrays, `stitches` not included.
     pub fn bytes(&self) -> u64 {
         let positions = match &self.positions {
             Positions::F32(all) => size_of_val(&all[..]),
@@ -145,7 +146,7 @@ impl Mesh {
         (positions + size_of_val(&self.triangles[..]) + normals + uvs + colors) as u64
     }
 
-    /// Which vertices triangles use.
+    /// Returns a flag for each vertex: true if a triangle uses it.
     pub fn used_vertices(&self) -> Vec<bool> {
         let count = self.positions.len();
         let used: Vec<AtomicBool> =
@@ -159,34 +160,35 @@ impl Mesh {
     }
 }
 
-/// What reading a mesh file did beyond copying.
+/// What the reader of a mesh file found, changed and dropped.
 #[derive(Debug, Clone, Default)]
 pub struct Notes {
-    /// `ascii`, `binary_little_endian`, `binary_big_endian`.
+    /// The encoding: `ascii`, `binary_little_endian` or `binary_big_endian`.
     pub format: &'static str,
-    /// Faces in the file, before triangulation.
+    /// Number of faces in the file, before triangulation.
     pub faces: u64,
-    /// Faces with more than three corners that were split.
+    /// Number of faces with more than three corners. They were split.
     pub polygons_split: u64,
-    /// Faces with fewer than three corners, skipped.
+    /// Number of faces with fewer than three corners. They were skipped.
     pub faces_too_small: u64,
-    /// Triangles that repeat a vertex or have zero area: dropped, but for the [`Mesh::stitches`] that close a
-    /// How many files `comment TextureFile` names; one is shown.
+    /// Number of files that `comment TextureFile` lines name. Only one is shown.
     pub texture_files: usize,
-    /// T-junction.
+    /// Number of triangles that repeat a vertex or have zero area. They were dropped, but
+    /// [`Mesh::stitches`] holds those between three different points.
     pub degenerate_dropped: u64,
-    /// Triangles over the same three vertices as an earlier one, in whatever order, dropped.
+    /// Number of triangles with the same three vertices, in any order, as an earlier one. They were
+    /// dropped.
     pub duplicates_dropped: u64,
-    /// Triangles dropped by `--repair` because they use a missing or non-finite vertex.
+    /// Number of triangles dropped by `--repair`: they use a missing or non-finite vertex.
     pub repaired_dropped: u64,
-    /// Different values of `texnumber`: textures that the faces want.
+    /// Number of different `texnumber` values: the textures that the faces select.
     pub textures: u64,
-    /// Bytes after the last row: the header may declare too few.
+    /// Number of bytes after the last row. The header may declare too few rows.
     pub trailing_bytes: u64,
-    /// The file as it was when it was opened; none for a pipe.
+    /// Identity and time stamp of the file when it was opened. `None` for a pipe.
     pub stamp: Option<Stamp>,
-    /// `element.property` names that were used, in file order.
+    /// Names `element.property` of the properties that were used, in file order.
     pub used: Vec<String>,
-    /// `element.property` names that were read over.
+    /// Names `element.property` of the properties that were skipped, in file order.
     pub ignored: Vec<String>,
 }

@@ -1,9 +1,11 @@
-//! Vertex normals that stop at creases: edges whose two faces stand at more than an angle.
+//! Vertex normals that are split at creases. A crease is an edge whose two faces differ in
+//! direction by more than a given angle.
 //!
-//! The faces around a vertex fall into groups: two faces that share an edge at the vertex are in one
-//! group unless the edge is a crease. Of two angles the smaller one counts where the groups that it makes are
-//! flat: a chamfer's edges are creases at 45 degrees, the same angle between the bumps of a scan is none. Each group has a normal of its own, made as
-//! [`vertex_normals`](super::vertex_normals) makes those of all faces.
+//! The faces around a vertex fall into groups. Two faces that share an edge at the vertex are in
+//! one group unless the edge is a crease. There are two angles. The smaller one applies only where
+//! the groups that it produces are flat. So at 45 degrees the edges of a chamfer are creases, and
+//! edges between the bumps of a scan at the same angle are not. Each group has its own normal, with
+//! the weights of [`vertex_normals`](super::vertex_normals).
 
 use rayon::prelude::*;
 
@@ -11,42 +13,42 @@ use super::normals::{FacesOf, Point, add_face, cross, dot, sub, unit, vertex_nor
 use crate::error::Result;
 use crate::reserve;
 
-/// Unit normals of a smooth mesh, by vertex and, at creases, by corner.
+/// Unit normals of a smooth mesh: per vertex, and at creases per corner.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Normals {
-    /// One per vertex, then those that creases add.
+    /// One normal per vertex, then the additional normals at creases.
     all: Vec<[f32; 3]>,
-    /// `None` without creases: a mesh that is smooth everywhere has normals by vertex alone.
+    /// `None` if there are no creases: every normal then belongs to a vertex.
     creases: Option<Corners>,
 }
 
-/// Triangles with a corner whose normal is not the vertex's first.
+/// The triangles that have a corner with an additional normal.
 #[derive(Debug, Clone, PartialEq)]
 struct Corners {
-    /// A bit for each triangle.
+    /// One bit per triangle, set if the triangle is marked.
     marked: Vec<u64>,
-    /// How many are marked before each word.
+    /// Number of marked triangles before each word.
     before: Vec<u32>,
-    /// Numbers of the normals of the marked ones' corners.
+    /// For each marked triangle, the indices of its three corner normals.
     normals: Vec<[u32; 3]>,
 }
 
 impl From<Vec<[f32; 3]>> for Normals {
-    /// One normal per vertex.
+    /// Takes one normal per vertex.
     fn from(all: Vec<[f32; 3]>) -> Self {
         Self { all, creases: None }
     }
 }
 
 impl Normals {
-    /// Of the three corners of a triangle.
+    /// Returns the normals at the three corners of a triangle.
     #[inline(always)]
     pub fn of(&self, triangle: u32, vertices: [u32; 3]) -> [[f32; 3]; 3] {
         let numbers = self.creases.as_ref().and_then(|creases| creases.of(triangle));
         numbers.unwrap_or(vertices).map(|number| self.all[number as usize])
     }
 
-    /// Bytes held.
+    /// Returns the size in bytes of all arrays.
     pub fn bytes(&self) -> u64 {
         let creases = self.creases.as_ref().map_or(0, |creases| {
             size_of_val(&creases.marked[..])
@@ -66,31 +68,34 @@ impl Corners {
     }
 }
 
-/// A corner with a normal of its own.
+/// A corner with an additional normal.
 struct Split {
     triangle: u32,
     vertex: u32,
-    /// Among the additional ones of its chunk of vertices.
+    /// Index of the normal among the additional ones of the same chunk of vertices.
     normal: u32,
 }
 
-/// Vertices whose normals one task makes.
+/// Number of vertices that one task handles.
 const CHUNK: usize = 4096;
 
-/// Normals of a mesh whose edges are creases where the normals of their two faces differ by more than the first
-/// of `degrees`, or between flat parts by more than the second; each in (0, 180]. The same for any number of threads.
+/// Returns the normals of a mesh, split at creases.
 ///
-/// Runs in the caller's rayon pool. Panics where a triangle has an index that is no position's.
+/// An edge is a crease if its two faces differ by more than the first of `degrees`. Between flat
+/// parts, it is a crease if they differ by more than the second. Both angles are in (0, 180]. The
+/// result is the same for any number of threads.
+///
+/// Runs in the caller's rayon pool. Panics if a triangle has an index beyond `positions`.
 ///
 /// # Errors
-/// `Retry` where there is no memory for normals at creases. `name` is the mesh's, for the message.
+/// `Retry` if there is no memory for the normals. `name` is the mesh's name for the message.
 pub fn creased_normals<P: Point>(
     positions: &[P],
     triangles: &[[u32; 3]],
     degrees: [f64; 2],
     name: &str,
 ) -> Result<Normals> {
-    // No scene holds so many.
+    // A scene cannot hold so many triangles.
     if triangles.len() > u32::MAX as usize {
         return Ok(vertex_normals(positions, triangles).into());
     }
@@ -99,7 +104,7 @@ pub fn creased_normals<P: Point>(
     reserve::exact(&mut all, positions.len(), name)?;
     all.resize(positions.len(), [0.0f32; 3]);
     let chunks = all.par_chunks_mut(CHUNK).enumerate();
-    let made: Vec<(Vec<Split>, Vec<[f32; 3]>)> = chunks
+    let results: Vec<(Vec<Split>, Vec<[f32; 3]>)> = chunks
         .map_init(
             || (Vec::new(), Around::new(degrees)),
             |(sorted, around), (chunk, normals)| {
@@ -117,12 +122,12 @@ pub fn creased_normals<P: Point>(
         )
         .collect();
     let mut creases = None;
-    let corners = made.iter().map(|(splits, _)| splits.len()).sum();
+    let corners = results.iter().map(|(splits, _)| splits.len()).sum();
     if corners > 0 {
         let mut found = Vec::new();
         reserve::exact(&mut found, corners, name)?;
-        reserve::exact(&mut all, made.iter().map(|(_, more)| more.len()).sum(), name)?;
-        for (splits, more) in made {
+        reserve::exact(&mut all, results.iter().map(|(_, more)| more.len()).sum(), name)?;
+        for (splits, more) in results {
             let first = all.len() as u32;
             found.extend(splits.iter().map(|s| (s.triangle, s.vertex, first + s.normal)));
             all.extend(more);
@@ -134,7 +139,7 @@ pub fn creased_normals<P: Point>(
 }
 
 impl Corners {
-    /// `found`: triangle, vertex, number of the normal; sorted.
+    /// Builds the table from `found`: sorted tuples of triangle, vertex and index of the normal.
     fn new(triangles: &[[u32; 3]], found: &[(u32, u32, u32)], name: &str) -> Result<Self> {
         let words = triangles.len().div_ceil(64);
         let mut marked = reserve::filled(0u64, words, name)?;
@@ -160,44 +165,46 @@ impl Corners {
     }
 }
 
-/// With how many others each face at an edge is compared: where more than a few meet, all that are alike are still
-/// joined by those between them.
-const MOST_AT_EDGE: usize = 8;
+/// Number of other faces at the same edge with which each face is compared. If more faces meet at
+/// an edge, similar ones are still joined through the faces between them.
+const MAX_COMPARED_AT_EDGE: usize = 8;
 
-/// A mesh and the number of one vertex.
+/// Positions, triangles, and the index of one vertex.
 type Here<'a, P> = (&'a [P], &'a [[u32; 3]], u32);
 
-/// So many flat parts meet at a vertex at most, as at the corner of a block: more are noise.
-const MOST_PARTS: usize = 3;
+/// Maximum number of flat parts that meet at a vertex, as at the corner of a block. More parts are
+/// noise.
+const MAX_FLAT_PARTS: usize = 3;
 
-/// A part is flat whose faces all are within so many degrees of its normal.
-const FLAT: f64 = 5.0;
+/// A part is flat if all its faces are within this many degrees of its normal.
+const FLAT_DEGREES: f64 = 5.0;
 
-/// The faces around one vertex.
+/// Working memory to group the faces around one vertex.
 struct Around {
-    /// Cosine of the largest angle between the faces of a smooth edge; the same between flat parts.
-    least: [f64; 2],
-    /// Cosine of half of the lesser one: faces all of which are this near to one normal have no crease.
+    /// Minimum cosine between the two faces of a smooth edge: in general, and between flat parts.
+    min_cosine: [f64; 2],
+    /// Cosine of half the smaller angle. If all faces are this close to one normal, there is no
+    /// crease.
     half: f64,
     normals: Vec<[f32; 3]>,
-    /// The other vertices of each face, and the face's place in the list.
+    /// The other two vertices of each face, with the position of the face in the list.
     edges: Vec<(u32, usize)>,
-    /// By face: another face of its group, its own place for the first one.
+    /// For each face, another face of its group; the first face of a group has its own position.
     group: Vec<usize>,
-    /// First face of the group, number of the face; sorted.
+    /// First face of the group and index of the face, sorted.
     members: Vec<(usize, u32)>,
-    /// The groups' normals, in the order of their first faces.
+    /// The normals of the groups, in the order of their first faces.
     parts: Vec<[f32; 3]>,
 }
 
 impl Around {
     fn new([angle, flat]: [f64; 2]) -> Self {
-        // What is at the angle exactly is smooth, however it is rounded.
+        // An edge at exactly the given angle is smooth, however the cosine is rounded.
         let cosine = |degrees: f64| degrees.to_radians().cos() - 1e-6;
-        let least = [cosine(angle), cosine(flat.min(angle))];
+        let min_cosine = [cosine(angle), cosine(flat.min(angle))];
         let half = cosine(0.5 * flat.min(angle)) + 2e-6;
         let (normals, parts) = (vec![], vec![]);
-        Self { least, half, normals, edges: vec![], group: vec![], members: vec![], parts }
+        Self { min_cosine, half, normals, edges: vec![], group: vec![], members: vec![], parts }
     }
 
     fn normal<P: Point>(&self, (positions, triangles, vertex): Here<P>, faces: &[u32]) -> [f32; 3] {
@@ -208,7 +215,7 @@ impl Around {
         unit(sum)
     }
 
-    /// Keeps the faces' own normals; whether there may be a crease.
+    /// Stores the normal of each face. Returns false if there is certainly no crease.
     fn has_crease<P: Point>(&mut self, here: Here<P>, faces: &[u32], normal: [f32; 3]) -> bool {
         let (positions, triangles, _) = here;
         self.normals.clear();
@@ -216,11 +223,12 @@ impl Around {
             let [a, b, c] = triangles[face as usize].map(|v| positions[v as usize].xyz());
             unit(cross(sub(b, a), sub(c, a)))
         }));
-        let near = |face: &[f32; 3]| cosine(*face, normal) >= self.half || is_none(*face);
+        let near = |face: &[f32; 3]| cosine(*face, normal) >= self.half || is_zero(*face);
         !self.normals.iter().all(near)
     }
 
-    /// Groups the faces. Returns the normal of the first group, and adds those of the others with their corners.
+    /// Groups the faces and returns the normal of the first group. The normals of the other groups
+    /// are added to `more`, their corners to `splits`.
     fn split<P: Point>(
         &mut self,
         here: Here<P>,
@@ -235,7 +243,7 @@ impl Around {
             self.edges.extend(others.map(|other| (other, place)));
         }
         self.edges.sort_unstable();
-        let [all, flat] = self.least;
+        let [all, flat] = self.min_cosine;
         self.divide(here, faces, flat);
         if flat > all && !self.is_flat(faces) {
             self.divide(here, faces, all);
@@ -253,14 +261,15 @@ impl Around {
         self.parts.first().copied().unwrap_or_default()
     }
 
-    /// Finds the groups that creases beyond the angle of a cosine make, and their normals.
-    fn divide<P: Point>(&mut self, here: Here<P>, faces: &[u32], least: f64) {
+    /// Groups the faces and computes the normals of the groups. An edge is smooth if the cosine
+    /// between its faces is at least `min_cosine`.
+    fn divide<P: Point>(&mut self, here: Here<P>, faces: &[u32], min_cosine: f64) {
         self.group.clear();
         self.group.extend(0..faces.len());
         for edge in self.edges.chunk_by(|a, b| a.0 == b.0) {
             for (i, &(_, a)) in edge.iter().enumerate() {
-                for &(_, b) in edge[i + 1..].iter().take(MOST_AT_EDGE) {
-                    if cosine(self.normals[a], self.normals[b]) >= least {
+                for &(_, b) in edge[i + 1..].iter().take(MAX_COMPARED_AT_EDGE) {
+                    if cosine(self.normals[a], self.normals[b]) >= min_cosine {
                         let (a, b) = (first(&mut self.group, a), first(&mut self.group, b));
                         self.group[a.max(b)] = a.min(b);
                     }
@@ -268,8 +277,8 @@ impl Around {
             }
         }
         self.members.clear();
-        // A face without area belongs to none and is never seen.
-        for place in (0..faces.len()).filter(|&place| !is_none(self.normals[place])) {
+        // A face with zero area belongs to no group. It is never visible.
+        for place in (0..faces.len()).filter(|&place| !is_zero(self.normals[place])) {
             self.members.push((first(&mut self.group, place), faces[place]));
         }
         self.members.sort_unstable();
@@ -284,12 +293,12 @@ impl Around {
         }
     }
 
-    /// Whether a few parts meet, and every face lies along its group's normal.
+    /// Returns true if at most [`MAX_FLAT_PARTS`] groups meet and all of them are flat.
     fn is_flat(&self, faces: &[u32]) -> bool {
-        if self.parts.len() > MOST_PARTS {
+        if self.parts.len() > MAX_FLAT_PARTS {
             return false;
         }
-        let near = FLAT.to_radians().cos();
+        let near = FLAT_DEGREES.to_radians().cos();
         let mut groups = self.members.chunk_by(|a, b| a.0 == b.0).zip(&self.parts);
         groups.all(|(members, &part)| {
             members.iter().all(|(_, face)| {
@@ -300,7 +309,7 @@ impl Around {
     }
 }
 
-/// The first face of a group; the way to it is shortened.
+/// Returns the first face of a group. Shortens the path to it (union-find).
 fn first(group: &mut [usize], mut place: usize) -> usize {
     while group[place] != place {
         group[place] = group[group[place]];
@@ -313,7 +322,7 @@ fn cosine(a: [f32; 3], b: [f32; 3]) -> f64 {
     dot(a.map(f64::from), b.map(f64::from))
 }
 
-fn is_none(normal: [f32; 3]) -> bool {
+fn is_zero(normal: [f32; 3]) -> bool {
     normal == [0.0; 3]
 }
 
@@ -321,7 +330,7 @@ fn is_none(normal: [f32; 3]) -> bool {
 mod tests {
     use super::*;
 
-    /// A cube of shared vertices, two triangles a side, turned outwards.
+    /// A cube with shared vertices, two triangles per side, facing outwards.
     fn cube() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
         let corner = |k: u32| [0, 1, 2].map(|axis| (k >> axis & 1) as f32 * 2.0 - 1.0);
         let sides =
@@ -330,7 +339,7 @@ mod tests {
         ((0..8).map(corner).collect(), triangles.collect())
     }
 
-    /// A fan around the z axis of `sides` sides, `slope` high: a blunt cone.
+    /// A blunt cone around the z axis with `sides` sides and height `slope`.
     fn cone(sides: u32, slope: f32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
         let rim = (0..sides).map(|k| {
             let angle = k as f32 / sides as f32 * std::f32::consts::TAU;
@@ -346,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sides_of_a_cube_are_flat_below_a_right_angle() {
+    fn a_cube_is_flat_shaded_below_90_degrees_and_smooth_from_90_on() {
         let (positions, triangles) = cube();
         for degrees in [1.0, 45.0, 89.0] {
             let normals = creased_normals(&positions, &triangles, [degrees; 2], "").unwrap();
@@ -364,12 +373,12 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_within_the_angle_share_a_normal_though_opposite_faces_are_beyond() {
+    fn faces_are_grouped_through_their_neighbours() {
         let (positions, triangles) = cone(24, 2.0);
         let normals = creased_normals(&positions, &triangles, [30.0; 2], "").unwrap();
         assert!(normals.creases.is_none(), "opposite faces are 127 degrees apart");
         assert!(of(&normals, &triangles, 7)[0][2] > 0.999);
-        // A crease between every two: each corner at the tip has its face's normal.
+        // Every edge is a crease: each corner at the tip has the normal of its face.
         let normals = creased_normals(&positions, &triangles, [5.0; 2], "").unwrap();
         let tips: Vec<_> = (0..24).map(|k| of(&normals, &triangles, k)[0]).collect();
         assert!((0..24).all(|k| tips[k] != tips[(k + 1) % 24] && tips[k][2] < 0.6));
@@ -377,8 +386,8 @@ mod tests {
     }
 
     #[test]
-    fn one_crease_marks_the_triangles_at_it_alone() {
-        // A strip of ten squares, folded once by 60 degrees between the fifth and the sixth.
+    fn one_crease_marks_only_the_triangles_at_it() {
+        // A strip of ten squares with one fold of 60 degrees, between the fifth and the sixth.
         let at = |k: u32| match k.checked_sub(5) {
             None => [k as f32, 0.0],
             Some(beyond) => [5.0 + 0.5 * beyond as f32, 0.75f32.sqrt() * beyond as f32],
@@ -394,7 +403,7 @@ mod tests {
         assert_eq!(
             marked,
             [10, 11],
-            "the two beyond the fold, whose corners have normals of their own"
+            "only the two triangles beyond the fold have additional normals"
         );
         let tilt = |k: usize| of(&normals, &triangles, k).map(|n| (n[2] * 1e3).round() / 1e3);
         assert_eq!(
@@ -403,9 +412,10 @@ mod tests {
         );
     }
 
-    /// Between the flat sides of a roof 45 degrees are a crease at (55, 30), among bumps fewer edges are.
+    /// At (55, 30) degrees the 45-degree ridge between the flat sides of a roof is a crease. Among
+    /// bumps the same angles give fewer creases than (30, 30).
     #[test]
-    fn the_lesser_angle_counts_between_flat_parts() {
+    fn the_smaller_angle_applies_only_between_flat_parts() {
         let size = 8;
         let field = |height: fn(i32, i32) -> f32| {
             let cells = (0..size).flat_map(|j| (0..size).map(move |i| (i, j)));
@@ -420,16 +430,16 @@ mod tests {
                 })
                 .collect();
             [[55.0, 30.0], [30.0, 30.0], [55.0, 55.0]].map(|angles| {
-                let made = creased_normals(&positions, &triangles, angles, "").unwrap();
-                made.creases.map_or(0, |creases| creases.normals.len())
+                let results = creased_normals(&positions, &triangles, angles, "").unwrap();
+                results.creases.map_or(0, |creases| creases.normals.len())
             })
         };
-        // 22.5 degrees up, then down.
+        // Rises by 22.5 degrees, then falls by 22.5 degrees.
         let roof = |i: i32, _: i32| (4 - (i - 4).abs()) as f32 * 0.414_213_57;
         assert_eq!(
             field(roof),
             [16, 16, 0],
-            "both triangles of each square on one side of the ridge"
+            "both triangles of each square on one side of the ridge are marked"
         );
         let bumps = |i: i32, j: i32| ((i * i * 31 + j * j * 17 + i * j * 7) % 7) as f32 * 0.07;
         let [bumpy, sharp, blunt] = field(bumps);
@@ -437,14 +447,14 @@ mod tests {
     }
 
     #[test]
-    fn the_same_for_any_number_of_threads_and_for_odd_meshes() {
+    fn degenerate_meshes_give_the_same_finite_normals_for_any_number_of_threads() {
         let (positions, mut triangles) = cone(3000, 0.3);
         triangles.extend([[0, 0, 1], [5, 6, 5], [7, 7, 7], [0, 2, 1], [1, 2, 0]]);
         let make = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let made =
+            let results =
                 pool.install(|| creased_normals(&positions, &triangles, [20.0; 2], "")).unwrap();
-            (0..triangles.len()).map(|k| of(&made, &triangles, k)).collect::<Vec<_>>()
+            (0..triangles.len()).map(|k| of(&results, &triangles, k)).collect::<Vec<_>>()
         };
         let one = make(1);
         assert!(one.iter().flatten().flatten().all(|x| x.is_finite()));

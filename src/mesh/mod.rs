@@ -1,4 +1,4 @@
-//! Meshes: the arrays, the reader of PLY files, and smooth normals.
+//! Triangle meshes: their arrays, the PLY reader, and smooth vertex normals.
 
 mod arrays;
 mod creases;

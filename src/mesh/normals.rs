@@ -1,16 +1,16 @@
-//! Smooth vertex normals for meshes that bring none.
+//! Smooth vertex normals for meshes without normals of their own.
 //!
-//! The normal of a vertex is the normalised sum, over its faces, of area x corner angle x face
-//! normal. Each vertex sums its faces in the order of the file in f64, so the result is the same
-//! to the last bit for any number of threads.
+//! The normal of a vertex is the normalised sum over its faces of area x corner angle x face
+//! normal. Each vertex adds its faces in file order, in f64. So the result has the same bits for
+//! any number of threads.
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-/// A vertex position in either precision.
+/// A vertex position in single or double precision.
 pub trait Point: Copy + Send + Sync {
-    /// The coordinates, exactly.
+    /// Returns the coordinates, converted to `f64` exactly.
     fn xyz(self) -> [f64; 3];
 }
 
@@ -43,15 +43,16 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The faces around each vertex.
+/// A table of the faces around each vertex.
 pub(super) struct FacesOf {
-    /// Vertex v's faces are `faces[starts[v]..starts[v + 1]]`, in any order.
+    /// The faces of vertex v are `faces[starts[v]..starts[v + 1]]`, in any order.
     starts: Vec<usize>,
     faces: Vec<AtomicU32>,
 }
 
 impl FacesOf {
-    /// 12 bytes per triangle and 8 per vertex. Panics where a triangle has an index that is no vertex.
+    /// Builds the table: 12 bytes per triangle and 8 per vertex. Panics if a triangle has an index
+    /// beyond `vertices`.
     pub(super) fn new(vertices: usize, triangles: &[[u32; 3]]) -> Self {
         let counts: Vec<AtomicU32> =
             (0..vertices).into_par_iter().map(|_| AtomicU32::new(0)).collect();
@@ -73,22 +74,22 @@ impl FacesOf {
         Self { starts, faces }
     }
 
-    /// Those of one vertex in the order of the file, each once.
+    /// Writes the faces of one vertex to `sorted`, in file order and without repeats.
     pub(super) fn of(&self, vertex: usize, sorted: &mut Vec<u32>) {
         sorted.clear();
         let faces = &self.faces[self.starts[vertex]..self.starts[vertex + 1]];
         sorted.extend(faces.iter().map(|face| face.load(Relaxed)));
-        // The threads stored them in any order.
+        // The threads stored them in arbitrary order.
         sorted.sort_unstable();
         sorted.dedup();
     }
 }
 
-/// One unit normal per vertex, in the space of `positions`; `[0, 0, 0]` for a vertex without
-/// faces and where the faces cancel out.
+/// Returns one unit normal per vertex, in the space of `positions`. The normal is `[0, 0, 0]` for a
+/// vertex without faces, and where the faces cancel out.
 ///
-/// Runs in the caller's rayon pool. Needs 12 bytes per triangle beyond the result, for its
-/// duration. Panics where a triangle has an index that is no position's.
+/// Runs in the caller's rayon pool. It needs 12 bytes of temporary memory per triangle. Panics if a
+/// triangle has an index beyond `positions`.
 pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     if triangles.len() > u32::MAX as usize {
         return one_by_one(positions, triangles);
@@ -116,8 +117,8 @@ fn each_corner(triangles: &[[u32; 3]], visit: impl Fn(u32, usize) + Sync) {
     });
 }
 
-/// The same sums without the table of faces: for more triangles than the table can number, and
-/// to test the other way by.
+/// Computes the same normals serially, without the table of faces. For meshes with more triangles
+/// than the table can number, and as the reference in tests.
 fn one_by_one<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     let mut sums = vec![[0.0; 3]; positions.len()];
     for &triangle in triangles {
@@ -129,8 +130,8 @@ fn one_by_one<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]
     sums.into_iter().map(unit).collect()
 }
 
-/// Adds `triangle`'s share at its corner `vertex`. The cross product is twice area x normal; the
-/// factor two is the same for all.
+/// Adds the contribution of `triangle` to the normal at its corner `vertex`. The cross product is
+/// twice area x normal; the factor two is the same for all faces.
 #[inline]
 pub(super) fn add_face<P: Point>(
     sum: &mut [f64; 3],
@@ -142,7 +143,7 @@ pub(super) fn add_face<P: Point>(
     if a == b || b == c || c == a {
         return;
     }
-    // Turned so that the corner comes first: same face, same orientation.
+    // Rotated so that the corner comes first: same face, same orientation.
     let (next, last) = if vertex == a {
         (b, c)
     } else if vertex == b {
@@ -154,14 +155,15 @@ pub(super) fn add_face<P: Point>(
     let to_next = sub(positions[next as usize].xyz(), corner);
     let to_last = sub(positions[last as usize].xyz(), corner);
     let normal = cross(to_next, to_last);
-    // Exact for needles too, unlike the arc cosine.
+    // Unlike the arc cosine, the arc tangent is accurate for needles too.
     let angle = dot(normal, normal).sqrt().atan2(dot(to_next, to_last));
     for (sum, normal) in sum.iter_mut().zip(normal) {
         *sum += angle * normal;
     }
 }
 
-/// Scaled by the largest component first: squares of tiny or huge sums would leave the range.
+/// Returns the vector `sum` at unit length, or zero if it has no direction. It is divided by its
+/// largest component first, because squares of tiny or huge components would leave the range.
 pub(super) fn unit(sum: [f64; 3]) -> [f32; 3] {
     let largest = sum.iter().fold(0.0, |m: f64, c| m.max(c.abs()));
     // A NaN component makes the length NaN, and NaN is not > 0.
@@ -192,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_bytes_for_any_number_of_threads() {
+    fn vertex_normals_have_the_same_bits_for_any_number_of_threads() {
         let (positions, triangles) = grid(120);
         let expected = one_by_one(&positions, &triangles);
         for threads in [1, 2, 3, 7] {
@@ -205,8 +207,9 @@ mod tests {
     }
 
     #[test]
-    fn a_cube_corner_points_along_the_diagonal_however_it_is_split() {
-        // Three unit squares at the origin; each split so that the corner has one or two triangles.
+    fn the_normal_at_a_cube_corner_does_not_depend_on_how_its_squares_are_split() {
+        // Three unit squares at the origin. They are split so that the corner has one or two
+        // triangles.
         let p: [[f32; 3]; 7] = [
             [0., 0., 0.],
             [1., 0., 0.],
@@ -216,7 +219,7 @@ mod tests {
             [0., 1., 1.],
             [1., 0., 1.],
         ];
-        // Area weighting alone, or angle weighting alone, would be skewed by the split.
+        // With area weights alone, or angle weights alone, the split would skew the normal.
         let t = [[0, 2, 4], [0, 4, 1], [0, 3, 5], [0, 5, 2], [0, 1, 6], [0, 6, 3]];
         let n = vertex_normals(&p, &t)[0];
         let d = -(1.0f32 / 3.0).sqrt();
@@ -227,17 +230,17 @@ mod tests {
 
     #[test]
     fn weights_are_area_times_angle() {
-        // Along x: a face of twice the area with a right angle; along z: one with 45 degrees.
+        // The face along x has twice the area and a right angle. The face along z has 45 degrees.
         let p: [[f64; 3]; 5] =
             [[0., 0., 0.], [0., 2., 0.], [0., 0., 1.], [1., 0., 0.], [1., 1., 0.]];
         let n = vertex_normals(&p, &[[0, 1, 2], [0, 3, 4]])[0];
-        // 1 * pi/2 along x, 0.5 * pi/4 along z.
+        // The sum is 1 * pi/2 along x and 0.5 * pi/4 along z.
         assert!((n[0] / n[2] - 4.0).abs() < 1e-6, "{n:?}");
         assert_eq!(n[1], 0.0);
     }
 
     #[test]
-    fn lonely_vertices_needles_and_extreme_sizes() {
+    fn unused_vertices_degenerate_faces_and_extreme_scales() {
         let p = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [9., 9., 9.]];
         let n = vertex_normals(&p, &[[0, 1, 2], [0, 0, 1], [0, 1, 1]]);
         assert_eq!(n, [[0., 0., 1.], [0., 0., 1.], [0., 0., 1.], [0., 0., 0.]]);
@@ -245,7 +248,7 @@ mod tests {
             let scaled: Vec<[f64; 3]> = p.iter().map(|p| p.map(|c: f64| c * scale)).collect();
             assert_eq!(vertex_normals(&scaled, &[[0, 1, 2]])[0], [0., 0., 1.], "{scale}");
         }
-        // Two faces back to back cancel.
+        // Two faces back to back cancel out.
         assert_eq!(vertex_normals(&p, &[[0, 1, 2], [0, 2, 1]])[0], [0.0; 3]);
         assert!(vertex_normals::<[f32; 3]>(&[], &[]).is_empty());
     }

@@ -1,9 +1,10 @@
-//! Files that are either complete or not there.
+//! Writes files atomically: a file is complete, or it is not there.
 //!
-//! A [`Part`] is `NAME.<unique>.part` in the target's folder (a rename within one folder is atomic;
-//! across file systems it is a copy). It is removed when it is dropped, so an error or a signal
-//! that stops the work leaves nothing; after `kill -9` a `.part` may stay, never a broken target.
-//! The data is on the disk before the rename: after a power cut the name still means a whole file.
+//! A [`Part`] is `NAME.<unique>.part` in the target's folder. A rename within one folder is atomic;
+//! across file systems it is a copy. The part file is removed when it is dropped, so an error or a
+//! signal that stops the work leaves nothing. After `kill -9` a `.part` may remain, but never a
+//! broken target. The data is on the disk before the rename. So after a power cut the name still
+//! refers to a complete file.
 
 use std::{
     collections::HashMap,
@@ -21,14 +22,15 @@ use crate::{
     paths,
 };
 
-/// Ending of files that are not complete.
+/// File name ending of incomplete files.
 const SUFFIX: &str = ".part";
 
 /// The part files of this process.
 static LIVE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the part files of this process, which is about to end without cleaning up. Takes no memory and
-/// does not wait: where another thread opens or closes a part file at this moment, they stay.
+/// Removes the part files of this process, which is about to end without cleaning up. It allocates
+/// no memory and does not wait. If another thread opens or closes a part file at this moment, the
+/// part files stay.
 pub fn remove_parts() {
     let live = LIVE.try_lock();
     live.iter().flat_map(|live| live.iter()).for_each(|path| {
@@ -36,7 +38,7 @@ pub fn remove_parts() {
     });
 }
 
-/// A file that gets its name when it is complete.
+/// A file that gets its final name once it is complete.
 #[derive(Debug)]
 pub struct Part {
     target: PathBuf,
@@ -65,11 +67,12 @@ impl Drop for Live {
 }
 
 impl Part {
-    /// Creates the part file beside `target`, with the permissions that umask gives new files.
+    /// Creates the part file in the folder of `target`, with the permissions that umask gives new
+    /// files.
     ///
     /// # Errors
-    /// `Invalid` where the folder is missing, is no folder or is not writable, or where `target` is
-    /// a folder or a device; `Retry` where the disk is full.
+    /// `Invalid` if the folder is missing, is not a folder or is not writable, or if `target` is a
+    /// folder or a device. `Retry` if the disk is full.
     pub fn create(target: &Path) -> Result<Self> {
         let place = || target.display().to_string();
         paths::printable(target)?;
@@ -88,17 +91,17 @@ impl Part {
         }
         let mut prefix = name.to_owned();
         prefix.push(".");
-        // Opened here and not by `tempfile`, which adds the part file's name to every error.
+        // Not opened by `tempfile`, which adds the name of the part file to every error.
         let create =
             |path: &Path| OpenOptions::new().read(true).write(true).create_new(true).open(path);
-        // Again where a sweep that took it for a dead one's removed it before it was claimed.
+        // Try again if a sweep removed the file before it was locked: it looked abandoned.
         for _ in 0..8 {
             let file = tempfile::Builder::new()
                 .prefix(&prefix)
                 .suffix(SUFFIX)
                 .make_in(folder_of(target), create)
                 .map_err(|error| folder_error(target, &error))?;
-            if lock::claim(file.as_file()) {
+            if lock::lock_new(file.as_file()) {
                 let live = Live::new(file.path());
                 return Ok(Self { target: target.to_owned(), file, live });
             }
@@ -107,20 +110,20 @@ impl Part {
         Err(Error::new(Kind::Retry, Problem::new(place(), message)))
     }
 
-    /// The name it will get.
+    /// Returns the final name.
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// The file to write into.
+    /// Returns the file to write to.
     pub fn file(&mut self) -> &mut File {
         self.file.as_file_mut()
     }
 
-    /// Writes a text, whole and on the disk.
+    /// Writes the whole text and waits until it is on the disk.
     ///
     /// # Errors
-    /// `Retry` for a full or failing disk.
+    /// `Retry` if the disk is full or fails.
     pub fn fill(&mut self, text: &str) -> Result<()> {
         let written = self.file().write_all(text.as_bytes());
         written.map_err(|error| Error::io(&self.target, "write", &error))?;
@@ -130,24 +133,25 @@ impl Part {
     /// Waits until the data is on the disk.
     ///
     /// # Errors
-    /// `Retry` for a full or failing disk.
+    /// `Retry` if the disk is full or fails.
     pub fn sync(&mut self) -> Result<()> {
         let synced = self.file.as_file_mut().sync_all();
         synced.map_err(|error| Error::io(&self.target, "write", &error))
     }
 
-    /// Gives the file its name, replacing what had it. Call [`Part::sync`] first.
+    /// Renames the file to its final name and replaces any file of that name. Call [`Part::sync`]
+    /// first.
     ///
     /// # Errors
-    /// Where the rename fails; the part file is gone then.
+    /// A failed rename. The part file is removed then.
     pub fn commit(self) -> Result<PathBuf> {
         let Self { target, file, live } = self;
         file.persist(&target).map_err(|error| {
             Error::io(&target, "rename the finished file to this name", &error.error)
         })?;
         drop(live);
-        // The rename itself reaches the disk with the folder. Not every file system can do that,
-        // and the file is complete either way.
+        // Syncing the folder writes the rename to the disk. Not every file system supports it, and
+        // the file is complete either way.
         if let Ok(folder) = File::open(folder_of(&target)) {
             let _ = folder.sync_all();
         }
@@ -155,25 +159,25 @@ impl Part {
     }
 }
 
-/// Removes what dead writers left. Every folder is looked through once.
+/// Removes part files of writers that have died. Every folder is listed once.
 #[derive(Debug, Default)]
 pub struct Sweep(Mutex<HashMap<PathBuf, HashMap<OsString, Vec<PathBuf>>>>);
 
 impl Sweep {
-    /// Removes part files of `target` that were there when its folder was first looked at and whose
-    /// writers are dead; what another process writes at this moment stays. Returns how many.
+    /// Removes part files of `target` that existed when its folder was listed, if their writers
+    /// have died. Files that another process is writing stay. Returns the number removed.
     pub fn target(&self, target: &Path) -> usize {
         let mut folders = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = folder_of(target);
         let parts = folders.entry(folder.to_owned()).or_insert_with(|| parts_in(folder));
         let parts = target.file_name().and_then(|name| parts.remove(name)).unwrap_or_default();
         drop(folders);
-        let dead = parts.iter().filter(|part| lock::is_dead(part));
-        dead.filter(|part| std::fs::remove_file(part).is_ok()).count()
+        let abandoned = parts.iter().filter(|part| lock::is_abandoned(part));
+        abandoned.filter(|part| std::fs::remove_file(part).is_ok()).count()
     }
 }
 
-/// The part files in a folder, by the names of their targets.
+/// Returns the part files in a folder by the names of their targets.
 fn parts_in(folder: &Path) -> HashMap<OsString, Vec<PathBuf>> {
     let mut parts: HashMap<OsString, Vec<PathBuf>> = HashMap::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -184,60 +188,62 @@ fn parts_in(folder: &Path) -> HashMap<OsString, Vec<PathBuf>> {
     parts
 }
 
-/// `x.exr` of `x.exr.Ab12Cd.part`.
+/// Returns the target's name of a part file: `x.exr` for `x.exr.Ab12Cd.part`.
 fn target_of(part: &OsStr) -> Option<&OsStr> {
     let part = Path::new(part);
     part.extension().filter(|end| *end == "part")?;
     Path::new(part.file_stem()?).file_stem()
 }
 
-/// A part file is locked as long as its writer lives, however that ends.
+/// File locks. A part file is locked while its writer is alive; the system releases the lock when
+/// the process ends.
 #[cfg(unix)]
 mod lock {
     use std::{fs::File, os::unix::fs::MetadataExt, path::Path};
 
     use rustix::fs::{FlockOperation, flock};
 
-    /// Locks a new file; whether it still has its name. Where the file system has no locks, nothing
-    /// is swept either.
-    pub fn claim(file: &File) -> bool {
+    /// Locks a new file. Returns false if the file has lost its name meanwhile. If the file system
+    /// has no locks, no file is ever swept.
+    pub fn lock_new(file: &File) -> bool {
         let _ = flock(file, FlockOperation::NonBlockingLockExclusive);
         file.metadata().map_or(true, |data| data.nlink() > 0)
     }
 
-    /// Whether nobody holds the lock.
-    pub fn is_dead(path: &Path) -> bool {
+    /// Returns true if no process holds the lock.
+    pub fn is_abandoned(path: &Path) -> bool {
         File::open(path)
             .is_ok_and(|file| flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok())
     }
 }
 
-/// Without locks nothing is known to be dead.
+/// Without locks no part file is known to be abandoned.
 #[cfg(not(unix))]
 mod lock {
-    pub fn claim(_: &std::fs::File) -> bool {
+    pub fn lock_new(_: &std::fs::File) -> bool {
         true
     }
 
-    pub fn is_dead(_: &std::path::Path) -> bool {
+    pub fn is_abandoned(_: &std::path::Path) -> bool {
         false
     }
 }
 
-/// A small text file of the same kind, or a device (`/dev/stdout`) that is written directly.
+/// A small text file that is written atomically, or a device (`/dev/stdout`) that is written
+/// directly.
 #[derive(Debug)]
 pub enum TextFile {
-    /// Renamed when complete.
+    /// A file that is renamed when it is complete.
     Part(Part),
-    /// Nothing to rename.
+    /// A device, which is not renamed.
     Device(PathBuf, File),
 }
 
 impl TextFile {
-    /// Makes sure that `target` can be written.
+    /// Opens `target` for writing: creates a part file, or opens the device.
     ///
     /// # Errors
-    /// As [`Part::create`].
+    /// The same as [`Part::create`].
     pub fn create(target: &Path) -> Result<Self> {
         match std::fs::metadata(target) {
             Ok(data) if !data.is_file() && !data.is_dir() => {
@@ -250,10 +256,10 @@ impl TextFile {
         }
     }
 
-    /// Writes it all and gives it its name.
+    /// Writes the whole text and gives the file its final name.
     ///
     /// # Errors
-    /// `Retry` for a full disk; then the target is untouched.
+    /// `Retry` if the disk is full. The target is unchanged then.
     pub fn finish(self, text: &str) -> Result<PathBuf> {
         match self {
             Self::Part(mut part) => {
@@ -269,7 +275,7 @@ impl TextFile {
     }
 }
 
-/// The folder a file lies in; the working folder for a bare name.
+/// Returns the folder of a file: the working folder for a bare name.
 fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -277,7 +283,7 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Why no file can be created beside `target`, in terms of its folder.
+/// Makes the error for a file that cannot be created in the folder of `target`.
 fn folder_error(target: &Path, error: &std::io::Error) -> Error {
     let folder = folder_of(target);
     let what = format!("write {}", target.display());
@@ -301,7 +307,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_sweep_takes_dead_parts_of_known_targets_alone() {
+    fn a_sweep_removes_only_abandoned_part_files_of_its_targets() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let alive = Part::create(&path("a.exr")).unwrap();

@@ -1,4 +1,5 @@
-//! What a damaged EXR announces, looked at before anything is unpacked: the library believes some of it.
+//! Checks an EXR before it is decoded. The `exr` crate trusts some values that a damaged file can
+//! state.
 
 use std::{
     fs::File,
@@ -18,18 +19,20 @@ use exr::{
 
 use crate::error::{Error, Kind, Problem, Result};
 
-/// Numbers at the start of a chunk of DWAA or DWAB: its version, the sizes of its sections, packed and not, the
-/// counts of their values, and how these are packed (OpenEXR, `internal_dwa_compressor.h`).
+/// Number of 64-bit integers at the start of a DWAA or DWAB chunk: the version, the packed and
+/// unpacked sizes of its sections, the counts of their values, and how they are packed (OpenEXR,
+/// `internal_dwa_compressor.h`).
 const COUNTERS: usize = 11;
 
-/// Those of them that announce sizes.
+/// The integers that state sizes.
 const SIZES: std::ops::Range<usize> = 1..10;
 
-/// Checks what would make the library divide by zero, or ask for memory that nothing in the file justifies.
+/// Checks for values that make the `exr` crate divide by zero, or allocate more memory than the
+/// file justifies.
 ///
 /// # Errors
-/// `Invalid` for a file that cannot be read as EXR, a sampling factor of zero, a chunk that announces more than its
-/// pixels need; `Unsupported` for a compression that cannot be read.
+/// `Invalid` for a file that is not readable EXR, a zero sampling factor, or a chunk that states
+/// more than its pixels need. `Unsupported` for a compression that cannot be read.
 pub fn check(path: &Path) -> Result<()> {
     let failed = |error| exr_error(path, error);
     let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
@@ -51,7 +54,7 @@ pub fn check(path: &Path) -> Result<()> {
         let chunk = chunk.map_err(failed)?;
         let header = &headers[chunk.layer_index];
         let stored = stored_bytes(header, &chunk).map_err(failed)?;
-        if is_dwa(header) && announced(&chunk, stored) > most(header) {
+        if is_dwa(header) && announced(&chunk, stored) > max_announced(header) {
             let message = "found a chunk that announces more than its pixels need";
             return Err(Error::invalid(path.display().to_string(), message));
         }
@@ -59,7 +62,7 @@ pub fn check(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Whether the library knows the compression by name alone.
+/// Returns true if the `exr` crate knows the compression by name but cannot decode it.
 pub fn is_unreadable(header: &Header) -> bool {
     matches!(header.compression, Compression::HTJ2K32 | Compression::HTJ2K256)
 }
@@ -68,15 +71,16 @@ fn is_dwa(header: &Header) -> bool {
     matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_))
 }
 
-/// Bytes of a chunk's pixels. A chunk of this size is stored as it is: no compression made it smaller.
+/// Returns the size in bytes of a chunk's pixels. A chunk of this size is not compressed: no
+/// compression made it smaller.
 fn stored_bytes(header: &Header, chunk: &Chunk) -> ExrResult<usize> {
     let indices = header.get_block_data_indices(&chunk.compressed_block)?;
     let bounds = header.get_absolute_block_pixel_coordinates(indices)?;
     Ok(bounds.size.area().saturating_mul(header.channels.bytes_per_pixel))
 }
 
-/// The largest size that a chunk of DWAA or DWAB announces; 0 if it is too short for any, or its pixels are
-/// `stored` as they are.
+/// Returns the largest size that a DWAA or DWAB chunk states. Returns 0 if the chunk is too short
+/// for any size, or if its pixels are `stored` uncompressed.
 fn announced(chunk: &Chunk, stored: usize) -> u64 {
     let bytes = match &chunk.compressed_block {
         CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
@@ -93,8 +97,9 @@ fn announced(chunk: &Chunk, stored: usize) -> u64 {
     values.enumerate().filter(|(i, _)| SIZES.contains(i)).map(|(_, value)| value).max().unwrap_or(0)
 }
 
-/// What no size of a chunk exceeds: four times its pixels, whole blocks of 8 x 8 of them, and a little.
-fn most(header: &Header) -> u64 {
+/// Returns an upper bound for every size in a valid chunk: four times its pixels, rounded up to
+/// blocks of 8 x 8, and a little more.
+fn max_announced(header: &Header) -> u64 {
     let (width, height) = match header.blocks {
         BlockDescription::ScanLines => {
             (header.layer_size.width(), header.compression.scan_lines_per_block())
@@ -105,16 +110,16 @@ fn most(header: &Header) -> u64 {
     pixels.saturating_mul(4 * header.channels.bytes_per_pixel as u64).saturating_add(1 << 12)
 }
 
-/// How a header begins to tell its compression; its number follows.
+/// The bytes of the compression attribute in a header; the number of the compression follows.
 const COMPRESSION: &[u8] = b"compression\0compression\0\x01\0\0\0";
 
-/// The largest number of a compression that can be read: DWAB.
+/// The highest number of a compression that can be read: DWAB.
 const LAST_COMPRESSION: u8 = 9;
 
-/// Looks whether what is wrong with an EXR is a compression that the library does not have.
+/// Checks whether an EXR has a compression that the `exr` crate does not support.
 ///
 /// # Errors
-/// `Unsupported`, with its name.
+/// `Unsupported`, with the name of the compression.
 pub fn check_compression(path: &Path) -> Result<()> {
     let mut start = Vec::new();
     let Ok(file) = File::open(path) else { return Ok(()) };
@@ -139,7 +144,7 @@ pub fn check_compression(path: &Path) -> Result<()> {
         .help("save the file with ZIP: nothing is lost"))
 }
 
-/// What the library says, as an error of ours.
+/// Converts an error of the `exr` crate to an error about the file.
 pub fn exr_error(path: &Path, error: ExrError) -> Error {
     if let Err(unknown) = check_compression(path) {
         return unknown;

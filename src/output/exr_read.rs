@@ -1,4 +1,4 @@
-//! EXR files that this program wrote, read again some rows at a time.
+//! Reads EXR files that this program wrote, some rows at a time.
 
 use std::{
     fs::File,
@@ -28,43 +28,44 @@ use crate::{
 use super::exr::{Sequence, View, text::decode};
 use super::exr_check::{self, exr_error};
 
-/// More than any lossless compression of the format makes of a byte.
-const MOST_RATIO: usize = 1100;
+/// Upper bound of the ratio that a lossless compression of the format can reach.
+const MAX_RATIO: usize = 1100;
 
-/// An open EXR of one part, in scanlines, with its data window inside of its display window.
+/// An open EXR with one part, in scanlines, whose data window is inside its display window.
 #[derive(Debug)]
 pub struct Reader {
     path: PathBuf,
     stamp: Option<Stamp>,
-    /// Width and height of the display window.
+    /// Width and height of the display window in pixels.
     pub frame: [u32; 2],
-    /// The data window.
+    /// The data window, in pixels of the frame.
     pub window: Window,
-    /// In the order of the file, which is that of their names.
+    /// Channels in file order, which is the order of their names.
     pub channels: Vec<Channel>,
-    /// Text attributes, by name.
+    /// Text attributes, sorted by name.
     pub attributes: Vec<(String, String)>,
-    /// The program that wrote it.
+    /// The attribute `software`: the program that wrote the file.
     pub software: String,
-    /// The camera, if it is there.
+    /// The camera, if the file has it.
     pub view: Option<View>,
-    /// Which frame of a sequence it is.
+    /// The position of the picture in a sequence.
     pub sequence: Sequence,
 }
 
-/// Rows of all channels.
+/// Some rows of all channels.
 #[derive(Debug)]
 pub struct Rows {
-    /// Channels of a pixel.
+    /// Number of channels in a pixel.
     stride: usize,
     width: usize,
     y0: u32,
-    /// Row by row, pixel by pixel: the bits of an f32, or a u32.
+    /// Row by row, pixel by pixel, the channels: the bits of an f32, or a u32.
     words: Vec<u32>,
 }
 
 impl Rows {
-    /// The channels of a pixel: `x` from the left of the data window, `y` of the frame.
+    /// Returns the channels of a pixel: `x` from the left of the data window, `y` from the top of
+    /// the frame.
     pub fn pixel(&self, x: usize, y: u32) -> &[u32] {
         let index = ((y - self.y0) as usize * self.width + x) * self.stride;
         &self.words[index..index + self.stride]
@@ -72,10 +73,10 @@ impl Rows {
 }
 
 impl Reader {
-    /// Reads the header.
+    /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// `Invalid` for what is no EXR, is cut short, or is not of this kind.
+    /// `Invalid` for a file that is not EXR, is truncated, or is not of this kind.
     pub fn open(path: &Path) -> Result<Self> {
         let failed = |error| exr_error(path, error);
         let opened = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
@@ -93,9 +94,9 @@ impl Reader {
             return Err(refused(path, "tiles or deep data", "scanlines"));
         }
         let lossy = matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_));
-        let most = length.saturating_mul(if lossy { 64 } else { 1 } * MOST_RATIO as u64);
+        let max_bytes = length.saturating_mul(if lossy { 64 } else { 1 } * MAX_RATIO as u64);
         let bytes = [header.layer_size.x(), header.layer_size.y(), header.channels.bytes_per_pixel];
-        if bytes.iter().fold(1, |product: u64, n| product.saturating_mul(*n as u64)) > most {
+        if bytes.iter().fold(1, |product: u64, n| product.saturating_mul(*n as u64)) > max_bytes {
             return Err(refused(path, "fewer bytes than its size needs", "a complete file"));
         }
         if lossy {
@@ -157,13 +158,13 @@ impl Reader {
         Ok(Self { path, stamp, frame, window, channels, attributes, software, view, sequence })
     }
 
-    /// The value of a text attribute.
+    /// Returns the value of a text attribute.
     pub fn attribute(&self, name: &str) -> Option<&str> {
         let found = self.attributes.iter().find(|(known, _)| known == name);
         found.map(|(_, value)| value.as_str())
     }
 
-    /// Reads the rows of the frame that the file has of `rows`, on the caller's rayon pool.
+    /// Reads those of the frame's `rows` that the file contains, on the caller's rayon pool.
     ///
     /// # Errors
     /// `Invalid` for damaged or missing pixels.
@@ -173,7 +174,7 @@ impl Reader {
         let (y0, y1) = (rows.start.max(window.y0), rows.end.min(window.y1));
         let read = |error: std::io::Error| Error::io(&self.path, "read", &error);
         let file = File::open(&self.path).map_err(read)?;
-        // The header belongs to these bytes.
+        // The header must belong to the same file contents.
         if Stamp::of(&file.metadata().map_err(read)?) != self.stamp {
             return Err(changed(&self.path));
         }
@@ -205,7 +206,7 @@ impl Reader {
         Ok(Rows { stride, width, y0, words })
     }
 
-    /// Copies the lines of a block.
+    /// Copies the lines of a block to `words`.
     fn unpack(
         &self,
         block: &UncompressedBlock,

@@ -1,4 +1,4 @@
-//! Pictures that are there already: whether they are whole, and what they were made of.
+//! Checks existing pictures: whether they are complete, and which fingerprint they have.
 
 use std::{
     fs::File,
@@ -10,25 +10,25 @@ use ::exr::meta::{MetaData, attribute::AttributeValue};
 
 use super::{FINGERPRINT, exr::read_sorted};
 
-/// What is known of a file of ours.
+/// The state of an output file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Finished {
-    /// There is none.
+    /// There is no file.
     Missing,
-    /// It ends too soon, or is no picture of its kind.
+    /// The file is truncated, or it has another format.
     Broken,
-    /// It is whole. What it was made of, if it says so.
+    /// The file is complete. The fingerprint states the inputs of the render, if the file has one.
     Whole(Option<String>),
 }
 
-/// An EXR file: every block that its table names is there.
+/// Checks an EXR file: every block in its table must be there.
 pub fn exr(path: &Path) -> Finished {
-    of(path, |file| {
+    inspect(path, |file| {
         let meta = MetaData::read_from_buffered(BufReader::new(&mut *file), false).ok()?;
         let header = meta.headers.first()?;
         file.rewind().ok()?;
         let table_at = read_sorted(file).ok()?.len() as u64;
-        // The tables of all parts stand one behind the other.
+        // The tables of all parts follow each other.
         let mut counts = meta.headers.iter().map(|header| u64::try_from(header.chunk_count).ok());
         let count = counts.try_fold(0u64, |sum, count| sum.checked_add(count?))?;
         let length = file.metadata().ok()?.len();
@@ -43,41 +43,43 @@ pub fn exr(path: &Path) -> Finished {
             table.read_exact(&mut offset).ok()?;
             last = last.max(u64::from_le_bytes(offset));
         }
-        // A block begins with its part if there are several, its first line, and its size.
+        // A block begins with its part number (if there are several parts), its first line and its
+        // size.
         let size_at = last.checked_add(if meta.headers.len() > 1 { 8 } else { 4 })?;
         file.seek(SeekFrom::Start(size_at)).ok()?;
         let mut size = [0; 4];
         file.read_exact(&mut size).ok()?;
         let whole = size_at.checked_add(4 + u64::from(u32::from_le_bytes(size)))? == length;
         let mut others = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
-        let said = others.find_map(|(name, value)| match value {
+        let fingerprint = others.find_map(|(name, value)| match value {
             AttributeValue::Text(text) if *name == *FINGERPRINT => Some(text.to_string()),
             _ => None,
         });
-        whole.then_some(said)
+        whole.then_some(fingerprint)
     })
 }
 
-/// A PNG file: it has its last chunk.
+/// Checks a PNG file: it must have its last chunk.
 pub fn png(path: &Path) -> Finished {
-    /// Length, name and checksum of the chunk that ends a PNG.
+    /// Length, name and checksum of the last chunk of a PNG.
     const END: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82];
-    of(path, |file| {
+    inspect(path, |file| {
         let reader = ::png::Decoder::new(BufReader::new(&mut *file)).read_info().ok()?;
         let mut texts = reader.info().uncompressed_latin1_text.iter();
-        let said = texts.find(|text| text.keyword == FINGERPRINT).map(|text| text.text.clone());
+        let fingerprint =
+            texts.find(|text| text.keyword == FINGERPRINT).map(|text| text.text.clone());
         drop(reader);
         let mut end = [0; END.len()];
         file.seek(SeekFrom::End(-(END.len() as i64))).ok()?;
         file.read_exact(&mut end).ok()?;
-        (end == END).then_some(said)
+        (end == END).then_some(fingerprint)
     })
 }
 
-fn of(path: &Path, look: impl FnOnce(&mut File) -> Option<Option<String>>) -> Finished {
+fn inspect(path: &Path, read: impl FnOnce(&mut File) -> Option<Option<String>>) -> Finished {
     match File::open(path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Finished::Missing,
         Err(_) => Finished::Broken,
-        Ok(mut file) => look(&mut file).map_or(Finished::Broken, Finished::Whole),
+        Ok(mut file) => read(&mut file).map_or(Finished::Broken, Finished::Whole),
     }
 }

@@ -1,8 +1,8 @@
-//! [`Film`] -> files: a linear EXR with its layers and a PNG.
+//! Writes a [`Film`] to files: a linear EXR with its layers, and a PNG.
 //!
-//! Nothing appears under a final name before it is complete: both files grow beside their targets
-//! as `.part` and are renamed together at the end ([`atomic`]). They are created before the long
-//! work starts, so that a folder that is missing or full of rules is found in the first second.
+//! No incomplete file appears under a final name. Both files are written as `.part` next to their
+//! targets and renamed together at the end ([`atomic`]). They are created before the long work
+//! starts, so that a missing or write-protected folder is reported in the first second.
 
 pub mod atomic;
 pub mod exr;
@@ -27,18 +27,19 @@ use crate::{
 
 use atomic::Part;
 
-/// Largest finite half-float.
+/// Largest finite value of a half-float.
 pub const HALF_MAX: f32 = 65504.0;
 
-/// Attribute of an EXR and keyword of a PNG's text that say what a picture was made of.
+/// Name of the EXR attribute and PNG text that hold the fingerprint: a line that identifies the
+/// inputs of the render.
 pub const FINGERPRINT: &str = "lightpath:fingerprint";
 
-/// A value in a film.
+/// The location of a value in a film.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Spot {
     /// Pixel of the frame, `[x, y]` from the top left.
     pub pixel: [i32; 2],
-    /// Channel.
+    /// Name of the channel.
     pub channel: String,
 }
 
@@ -49,24 +50,25 @@ impl std::fmt::Display for Spot {
     }
 }
 
-/// What the files cannot hold, counted instead of written.
+/// Counts of values that the files cannot hold.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Oddities {
-    /// Pixels with a NaN or an infinite channel; NaN becomes 0, infinities the largest half.
+    /// Number of pixels with a NaN or infinite channel. NaN becomes 0, infinities the largest half.
     pub non_finite: u64,
-    /// The first such value.
+    /// Location of the first such value.
     pub first_non_finite: Option<Spot>,
-    /// Pixels with finite values alone, some of them beyond the range of half where half is written.
+    /// Number of pixels whose values are all finite, but some beyond the range of the half that is
+    /// written.
     pub clamped: u64,
-    /// The first such value.
+    /// Location of the first such value.
     pub first_clamped: Option<Spot>,
-    /// What the mattes could not hold.
+    /// Coverage that the mattes cannot hold.
     pub dropped: Dropped,
 }
 
 impl Oddities {
-    /// Looks at every pixel of a film, on the threads of the caller's rayon pool. `float`: nothing
-    /// is written as half.
+    /// Counts the values in all pixels of a film, on the threads of the caller's rayon pool. With
+    /// `float`, no value is written as half.
     pub fn of(film: &Film, float: bool) -> Self {
         let width = film.window.width().max(1) as usize;
         let rows = film.pixels.par_chunks(width).enumerate().with_min_len(16);
@@ -86,14 +88,14 @@ impl Oddities {
                 let index = row * width + column;
                 // NaN fails the comparison, so the common case is one test per channel.
                 if pixel.iter().all(|c| c.abs() <= beauty)
-                    && floats.iter().all(|&(i, most)| film.planes.float(i, index).abs() <= most)
+                    && floats.iter().all(|&(i, limit)| film.planes.float(i, index).abs() <= limit)
                 {
                     continue;
                 }
                 let names = ["R", "G", "B", "A"].into_iter().zip(*pixel).zip([beauty; 4]);
-                let planes = floats.iter().map(|&(i, most)| {
+                let planes = floats.iter().map(|&(i, limit)| {
                     let name = film.planes.channels[i].name.as_str();
-                    ((name, film.planes.float(i, index)), most)
+                    ((name, film.planes.float(i, index)), limit)
                 });
                 let [left, top] = film.origin();
                 let pixel = [left + column as i32, top + row as i32];
@@ -104,7 +106,7 @@ impl Oddities {
         Self { dropped: film.dropped, ..found.reduce(Self::default, Self::then) }
     }
 
-    /// Looks at the values of one pixel, each with its name and the most that it may be.
+    /// Counts one pixel. Each value has a channel name and a maximum absolute value.
     fn add<'a>(
         &mut self,
         pixel: [i32; 2],
@@ -115,13 +117,13 @@ impl Oddities {
         if let Some(((name, _), _)) = infinite {
             self.non_finite += 1;
             self.first_non_finite.get_or_insert_with(|| spot(name));
-        } else if let Some(((name, _), _)) = values.clone().find(|((_, v), most)| v.abs() > *most) {
+        } else if let Some(((name, _), _)) = values.clone().find(|((_, v), max)| v.abs() > *max) {
             self.clamped += 1;
             self.first_clamped.get_or_insert_with(|| spot(name));
         }
     }
 
-    /// Of these pixels and those after them.
+    /// Combines the counts of these pixels and of later ones.
     fn then(self, next: Self) -> Self {
         Self {
             non_finite: self.non_finite + next.non_finite,
@@ -133,7 +135,7 @@ impl Oddities {
     }
 }
 
-/// A value that every format holds: NaN is 0, infinities are the largest half.
+/// Returns a value that every format can hold: NaN becomes 0, infinities the largest half.
 #[inline(always)]
 pub(crate) fn finite(value: f32) -> f32 {
     if value.is_nan() {
@@ -145,7 +147,7 @@ pub(crate) fn finite(value: f32) -> f32 {
     }
 }
 
-/// `PREFIX.exr` and `PREFIX.png`, being written.
+/// The files `PREFIX.exr` and `PREFIX.png` while they are written.
 #[derive(Debug)]
 pub struct Outputs {
     exr: Part,
@@ -153,23 +155,24 @@ pub struct Outputs {
     beside: Vec<Part>,
 }
 
-/// How a film becomes files.
+/// Options for writing a film to files.
 #[derive(Debug, Clone, Copy)]
 pub struct WriteOptions<'a> {
-    /// Radiance to what is shown; PNG only.
+    /// Tone mapping of the PNG.
     pub tonemap: &'a Tonemap,
-    /// The PNG gets an alpha channel.
+    /// True if the PNG has an alpha channel.
     pub transparent: bool,
-    /// Bits of the PNG's channels.
+    /// Number of bits of the PNG's channels.
     pub depth: tonemap::Depth,
-    /// Says of both files what they were made of: an attribute of the EXR, a text of the PNG.
+    /// Fingerprint of the render's inputs, for both files: an attribute of the EXR, a text of the
+    /// PNG.
     pub fingerprint: Option<&'a str>,
-    /// What the EXR says and how it is stored.
+    /// Metadata and encoding of the EXR.
     pub exr: exr::Options<'a>,
 }
 
 impl Outputs {
-    /// The two names of a prefix.
+    /// Returns the names of the EXR and the PNG for a prefix.
     pub fn names(prefix: &Path) -> [PathBuf; 2] {
         [".exr", ".png"].map(|ending| {
             let mut name = prefix.as_os_str().to_owned();
@@ -181,14 +184,14 @@ impl Outputs {
     /// Creates both part files.
     ///
     /// # Errors
-    /// `Invalid` where the folder is missing, not a folder or not writable.
+    /// `Invalid` if the folder is missing, is not a folder or is not writable.
     pub fn create(prefix: &Path) -> Result<Self> {
         let [exr, png] = Self::names(prefix);
         Ok(Self { exr: Part::create(&exr)?, png: Part::create(&png)?, beside: Vec::new() })
     }
 
-    /// Takes a file of the same picture that is written and synced: it gets its name together with the two.
-    /// Returns that name.
+    /// Adds a further file of the same picture. It must be written and synced. It gets its final
+    /// name together with the other two. Returns that name.
     pub fn add(&mut self, part: Part) -> PathBuf {
         let target = part.target().to_owned();
         self.beside.push(part);
@@ -198,8 +201,8 @@ impl Outputs {
     /// Writes both files, then renames all. Uses the caller's rayon pool.
     ///
     /// # Errors
-    /// `Retry` for a full disk, `Interrupted` if a signal came before the renames; then no file
-    /// has got its final name.
+    /// `Retry` if the disk is full, `Interrupted` if a signal arrives before the renames. No file
+    /// has its final name then.
     pub fn write(
         mut self,
         film: &Film,
@@ -227,7 +230,7 @@ impl Outputs {
         exr?;
         png?;
         monitor.check()?;
-        // Before the EXR, which may name them.
+        // Renamed before the EXR, which may refer to them.
         self.beside.into_iter().try_for_each(|part| part.commit().map(drop))?;
         let paths = [self.exr.commit()?, self.png.commit()?];
         Ok((paths, Oddities::of(film, options.exr.float)))

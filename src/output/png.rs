@@ -1,7 +1,8 @@
-//! The PNG: what people look at. 8 or 16 bits, tone mapped, straight alpha if there is any.
+//! Writes the PNG, the picture for viewing: 8 or 16 bits, tone mapped, straight alpha if there is
+//! any.
 //!
-//! The file says how its values are meant: an `sRGB` chunk for the sRGB curve, `gAMA` 1.0 for
-//! linear values, so that viewers need not guess.
+//! The file states its encoding, so that viewers need not guess: an `sRGB` chunk for the sRGB
+//! curve, `gAMA` 1.0 for linear values.
 
 use std::{
     io::{BufWriter, Write},
@@ -23,7 +24,7 @@ use super::tonemap::{self, Depth};
 /// Writes the film's data window. `path` is for messages.
 ///
 /// # Errors
-/// `Retry` where the disk is full, `Limit` for a size that a PNG cannot have.
+/// `Retry` if the disk is full, `Limit` for a size that PNG cannot hold.
 pub fn write(
     film: &Film,
     tonemap: &Tonemap,
@@ -38,21 +39,21 @@ pub fn write(
     encode(film, &bytes, color, fingerprint, file, path)
 }
 
-/// What the bytes of a pixel mean.
+/// The format of a pixel.
 #[derive(Debug, Clone, Copy)]
 pub struct Color {
-    /// R, G, B, A instead of R, G, B.
+    /// True for R, G, B, A; false for R, G, B.
     pub alpha: bool,
-    /// sRGB-encoded instead of linear.
+    /// True if values are sRGB-encoded, false if they are linear.
     pub srgb: bool,
-    /// Of each channel.
+    /// Bits of each channel.
     pub depth: Depth,
 }
 
 /// Writes the pixels of the film's data window.
 ///
 /// # Errors
-/// As [`write()`].
+/// The same as [`write()`].
 pub fn encode(
     film: &Film,
     bytes: &[u8],
@@ -64,8 +65,8 @@ pub fn encode(
     let mut buffered = BufWriter::new(file);
     let (width, height) = (film.window.width(), film.window.height());
     let mut encoder = Encoder::new(&mut buffered, width, height);
-    // To be looked at: both files together are written in less than half of the time, and the PNG has 1.2 to 2.1
-    // times the bytes.
+    // The PNG is for viewing only. Fast compression writes both files in less than half of the
+    // time; the PNG has 1.2 to 2.1 times the bytes.
     encoder.set_compression(Compression::Fast);
     encoder.set_depth(match color.depth {
         Depth::Eight => BitDepth::Eight,

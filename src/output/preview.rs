@@ -1,4 +1,4 @@
-//! Layers as pictures to look at: 8 bits, values mapped so that something can be seen.
+//! Converts layers to 8-bit pictures for viewing. Values are mapped to a visible range.
 
 use rayon::prelude::*;
 
@@ -6,65 +6,65 @@ use crate::film::{ChannelKind, Film};
 
 use super::srgb;
 
-/// What a layer's values become.
+/// How the values of a layer are mapped.
 #[derive(Debug, Clone, Copy)]
-enum Look {
-    /// From the smallest (white) to the largest (dark) of what was hit; misses are black.
+enum Mapping {
+    /// From the smallest (white) to the largest (dark) depth of a hit; misses are black.
     Depth,
-    /// [-1, 1] to [0, 1].
+    /// From [-1, 1] to [0, 1]; zero vectors are black.
     Direction,
-    /// Each axis from its smallest to its largest value; zero stays black.
+    /// Each axis from its smallest to its largest value; zero vectors are black.
     Range,
-    /// A colour for each number; 0 is black.
+    /// An arbitrary colour for each number; 0 is black.
     Number,
-    /// The fractions of u and v in red and green.
+    /// The fractional parts of u and v in red and green.
     Coordinates,
-    /// Clamped to [0, 1], sRGB curve.
+    /// Clamped to [0, 1], with the sRGB curve.
     Colour,
-    /// Divided by the largest value, sRGB curve.
+    /// Divided by the largest value, with the sRGB curve.
     Relative,
 }
 
-/// R, G, B of every pixel, or `None` where the film has no such layer. Mattes are shown by what covers
-/// most of a pixel.
+/// Returns R, G, B of every pixel, or `None` if the film has no such layer. Mattes show the id with
+/// the most coverage in a pixel.
 pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
     let channels = channels(film, layer)?;
-    let look = match layer {
-        "Z" => Look::Depth,
-        "P" => Look::Range,
-        "N" | "Ng" => Look::Direction,
-        "uv" => Look::Coordinates,
-        "variance" | "samples" => Look::Relative,
-        _ if layer.starts_with("Crypto") => Look::Number,
-        _ if film.planes.channels[channels[0]].kind == ChannelKind::Uint => Look::Number,
-        _ => Look::Colour,
+    let mapping = match layer {
+        "Z" => Mapping::Depth,
+        "P" => Mapping::Range,
+        "N" | "Ng" => Mapping::Direction,
+        "uv" => Mapping::Coordinates,
+        "variance" | "samples" => Mapping::Relative,
+        _ if layer.starts_with("Crypto") => Mapping::Number,
+        _ if film.planes.channels[channels[0]].kind == ChannelKind::Uint => Mapping::Number,
+        _ => Mapping::Colour,
     };
     let value = |axis: usize, pixel: usize| film.planes.float(channels[axis], pixel);
     let ranges = channels.map(|channel| range(film, channel));
-    let largest = ranges.iter().fold(0.0, |most: f32, [_, high]| most.max(*high));
+    let largest = ranges.iter().fold(0.0, |max: f32, [_, high]| max.max(*high));
     let within = |x: f32, [low, high]: [f32; 2]| match high > low {
         true => (x - low) / (high - low),
         false => 0.5,
     };
     let picture = (0..film.pixels.len()).into_par_iter().with_min_len(1024).map(|pixel| {
         let [x, y, z] = [0, 1, 2].map(|axis| value(axis, pixel));
-        match look {
-            Look::Depth if x > ranges[0][1] => [0; 3],
-            Look::Depth => [byte(1.0 - 0.9 * within(x, ranges[0])); 3],
-            Look::Direction if [x, y, z] == [0.0; 3] => [0; 3],
-            Look::Direction => [x, y, z].map(|c| byte(0.5 + 0.5 * c)),
-            Look::Range if [x, y, z] == [0.0; 3] => [0; 3],
-            Look::Range => [0, 1, 2].map(|axis| byte(within(value(axis, pixel), ranges[axis]))),
-            Look::Number => colour(film.planes.uint(channels[0], pixel)),
-            Look::Coordinates => [byte(x - x.floor()), byte(y - y.floor()), 0],
-            Look::Colour => [x, y, z].map(lit),
-            Look::Relative => [x, y, z].map(|c| lit(c / largest)),
+        match mapping {
+            Mapping::Depth if x > ranges[0][1] => [0; 3],
+            Mapping::Depth => [byte(1.0 - 0.9 * within(x, ranges[0])); 3],
+            Mapping::Direction if [x, y, z] == [0.0; 3] => [0; 3],
+            Mapping::Direction => [x, y, z].map(|c| byte(0.5 + 0.5 * c)),
+            Mapping::Range if [x, y, z] == [0.0; 3] => [0; 3],
+            Mapping::Range => [0, 1, 2].map(|axis| byte(within(value(axis, pixel), ranges[axis]))),
+            Mapping::Number => colour(film.planes.uint(channels[0], pixel)),
+            Mapping::Coordinates => [byte(x - x.floor()), byte(y - y.floor()), 0],
+            Mapping::Colour => [x, y, z].map(srgb_byte),
+            Mapping::Relative => [x, y, z].map(|c| srgb_byte(c / largest)),
         }
     });
     Some(picture.collect::<Vec<[u8; 3]>>().into_flattened())
 }
 
-/// The layer's first three channels; the last one again where there are fewer.
+/// Returns the first three channels of the layer. If there are fewer, the last one is repeated.
 fn channels(film: &Film, layer: &str) -> Option<[usize; 3]> {
     let all = film.planes.channels.iter().enumerate();
     let belongs = |name: &str| match name.strip_prefix(layer) {
@@ -77,7 +77,8 @@ fn channels(film: &Film, layer: &str) -> Option<[usize; 3]> {
     Some(std::array::from_fn(|axis| found.get(axis).copied().unwrap_or(last)))
 }
 
-/// The smallest and the largest value of a channel, those of misses (0 or 1e30) left out.
+/// Returns the smallest and the largest value of a channel, without the values of misses (0 or
+/// 1e30).
 fn range(film: &Film, channel: usize) -> [f32; 2] {
     let values = (0..film.pixels.len()).into_par_iter().with_min_len(4096);
     let values = values.map(|pixel| film.planes.float(channel, pixel));
@@ -87,7 +88,7 @@ fn range(film: &Film, channel: usize) -> [f32; 2] {
     values.map(|value| [value; 2]).reduce(none, wider)
 }
 
-/// A bright colour for every number but 0, by the last mixing step of MurmurHash3.
+/// Returns a bright colour for every number but 0, by the last mixing step of MurmurHash3.
 fn colour(number: u32) -> [u8; 3] {
     if number == 0 {
         return [0; 3];
@@ -97,12 +98,12 @@ fn colour(number: u32) -> [u8; 3] {
     [h, h >> 8, h >> 16].map(|bits| 64 + (bits & 255) as u8 / 4 * 3)
 }
 
-/// NaN becomes 0.
-fn lit(linear: f32) -> u8 {
+/// Encodes a linear value as an sRGB byte. NaN becomes 0.
+fn srgb_byte(linear: f32) -> u8 {
     srgb::byte(f64::from(linear.clamp(0.0, 1.0)))
 }
 
-/// NaN becomes 0.
+/// Converts a value in [0, 1] to a byte. NaN becomes 0.
 fn byte(x: f32) -> u8 {
     (255.0 * x.clamp(0.0, 1.0)).round() as u8
 }

@@ -1,63 +1,64 @@
-//! The sRGB transfer curve of IEC 61966-2-1, and its bytes without a power for each.
+//! The sRGB transfer curve of IEC 61966-2-1, and a table for bytes that avoids the power function.
 
 use std::sync::LazyLock;
 
-/// For [0, 1].
+/// Encodes a linear value in [0, 1] as sRGB.
 pub fn from_linear(x: f64) -> f64 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// `from_linear(x)` as a byte, rounded half up, for x in [0, 1].
+/// Returns `from_linear(x)` as a byte, rounded half up, for x in [0, 1].
 pub fn byte(x: f64) -> u8 {
-    BYTES.of(x)
+    BYTES.lookup(x)
 }
 
 static BYTES: LazyLock<Bytes> = LazyLock::new(Bytes::new);
 
-/// The curve rises by at most 12.92 * 255 = 3295 bytes per unit: no bin holds two steps.
+/// Number of bins. The curve rises by at most 12.92 * 255 = 3295 bytes per unit, so no bin contains
+/// two steps.
 const BINS: usize = 4096;
 
-/// Where the byte steps up.
+/// Table of the values at which the byte increases.
 struct Bytes {
-    /// The least x of each byte, and after the last one infinity.
-    least: [f64; 257],
+    /// Minimum x of each byte; infinity after the last one.
+    min_x: [f64; 257],
     /// The byte at the lower end of each bin.
     first: [u8; BINS + 1],
 }
 
 impl Bytes {
     fn new() -> Self {
-        let mut least = [f64::INFINITY; 257];
-        for (byte, least) in least[..256].iter_mut().enumerate() {
-            *least = step(byte as u8);
+        let mut min_x = [f64::INFINITY; 257];
+        for (byte, min_x) in min_x[..256].iter_mut().enumerate() {
+            *min_x = step(byte as u8);
         }
         let mut first = [0; BINS + 1];
         for (bin, first) in first.iter_mut().enumerate() {
             *first = rounded(bin as f64 / BINS as f64);
         }
-        Self { least, first }
+        Self { min_x, first }
     }
 
     #[inline(always)]
-    fn of(&self, x: f64) -> u8 {
+    fn lookup(&self, x: f64) -> u8 {
         let first = self.first[((x * BINS as f64) as usize).min(BINS)];
-        first + u8::from(x >= self.least[usize::from(first) + 1])
+        first + u8::from(x >= self.min_x[usize::from(first) + 1])
     }
 }
 
-/// What the table holds.
+/// Computes a byte without the table.
 fn rounded(x: f64) -> u8 {
     (255.0 * from_linear(x) + 0.5) as u8
 }
 
-/// The least x of a byte.
+/// Returns the minimum x of a byte.
 fn step(byte: u8) -> f64 {
     if byte == 0 {
         return 0.0;
     }
     let y = (f64::from(byte) - 0.5) / 255.0;
     let mut x = if y <= 0.040_45 { y / 12.92 } else { ((y + 0.055) / 1.055).powf(2.4) };
-    // The inverse is off by some ulp.
+    // The inverse may be off by some ulp.
     while rounded(x) >= byte {
         x = f64::from_bits(x.to_bits() - 1);
     }
@@ -72,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_the_curve() {
+    fn table_lookups_equal_the_rounded_curve() {
         for i in 0..=1_000_000u32 {
             let x = f64::from(i) * 1e-6;
             assert_eq!(byte(x), rounded(x), "{x}");

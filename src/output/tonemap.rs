@@ -1,7 +1,8 @@
-//! Radiance -> 8-bit or 16-bit values, for the PNG only. docs/scene-format.md, `tonemap`, is the contract.
+//! Converts radiance to 8-bit or 16-bit values, for the PNG only. docs/scene-format.md, `tonemap`,
+//! specifies it.
 //!
-//! A transparent picture has straight alpha: colour is divided by alpha first, also for the
-//! maximum of the operator `max`. Values that no format holds count as `finite` says.
+//! A transparent picture has straight alpha: colour is divided by alpha first, also for the maximum
+//! of the operator `max`. NaN and infinities are replaced as by `finite`.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -10,20 +11,20 @@ use crate::scene::{ToneOperator, Tonemap};
 
 use super::{finite, srgb};
 
-/// Bits of a channel.
+/// Number of bits of a channel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Depth {
-    /// One byte.
+    /// One byte per channel.
     #[default]
     #[serde(rename = "8")]
     Eight,
-    /// Two bytes, the higher one first.
+    /// Two bytes per channel, big-endian.
     #[serde(rename = "16")]
     Sixteen,
 }
 
 impl Depth {
-    /// 8 or 16.
+    /// Returns the number of bits, 8 or 16.
     pub fn bits(self) -> u8 {
         match self {
             Self::Eight => 8,
@@ -32,12 +33,12 @@ impl Depth {
     }
 }
 
-/// 8-bit pixels, row-major: 4 bytes each with `transparent`, else 3.
+/// Returns 8-bit pixels, row-major: 4 bytes each with `transparent`, else 3.
 pub fn to_bytes(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
     to_samples(pixels, tonemap, transparent, Depth::Eight)
 }
 
-/// Pixels, row-major: 4 values each with `transparent`, else 3.
+/// Returns pixels, row-major: 4 values each with `transparent`, else 3.
 pub fn to_samples(
     pixels: &[[f32; 4]],
     tonemap: &Tonemap,
@@ -71,17 +72,17 @@ pub fn to_samples(
     bytes
 }
 
-/// A tone curve ready for use.
+/// A tone curve with its scale computed.
 #[derive(Debug, Clone, Copy)]
 pub struct Curve {
     operator: ToneOperator,
-    /// 2^exposure, divided by the maximum for `max`.
+    /// 2^exposure, for `max` divided by the maximum.
     scale: f64,
     srgb: bool,
 }
 
 impl Curve {
-    /// The curve for these pixels; only `max` looks at them.
+    /// Makes the curve for these pixels. Only `max` depends on them.
     pub fn new(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Self {
         let gain = f64::from(tonemap.exposure).exp2();
         let scale = match tonemap.operator {
@@ -94,12 +95,12 @@ impl Curve {
         Self { operator: tonemap.operator, scale, srgb: tonemap.srgb }
     }
 
-    /// One channel as a byte.
+    /// Maps the value of one channel to a byte.
     pub fn to_byte(&self, value: f64) -> u8 {
         self.byte(self.exposed(value))
     }
 
-    /// One channel, linear, 0 to 1.
+    /// Maps the value of one channel to [0, 1], linear.
     #[inline(always)]
     fn exposed(&self, value: f64) -> f64 {
         let x = (value * self.scale).max(0.0);
@@ -107,11 +108,11 @@ impl Curve {
             ToneOperator::Max | ToneOperator::Clamp => x,
             ToneOperator::Reinhard => x / (1.0 + x),
         };
-        // Clamping before the transfer curve is the same, as that keeps [0, 1].
+        // The transfer curve keeps [0, 1], so clamping before it gives the same result.
         x.min(1.0)
     }
 
-    /// What the file holds, 0 to 1.
+    /// Encodes a value in [0, 1] with the transfer curve of the file.
     fn encode(&self, x: f64) -> f64 {
         if self.srgb { srgb::from_linear(x) } else { x }
     }
@@ -122,13 +123,13 @@ impl Curve {
     }
 }
 
-/// A byte of what is in [0, 1], rounded half up.
+/// Converts a value in [0, 1] to a byte, rounded half up.
 #[inline(always)]
 fn quantise(x: f64) -> u8 {
     (255.0 * x + 0.5) as u8
 }
 
-/// The colour that is tone mapped.
+/// Returns the colour to tone map: divided by alpha if the picture is transparent.
 fn straight(pixel: &[f32; 4], transparent: bool) -> [f64; 3] {
     let [r, g, b, a] = pixel.map(|c| f64::from(finite(c)));
     match transparent {

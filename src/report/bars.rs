@@ -1,37 +1,37 @@
-//! Horizontal bars in groups, with intervals.
+//! A chart of horizontal bars in groups, with intervals.
 
 use super::svg::{AXIS, Anchor, COLORS, GRID, Svg, WRONG, number, text_width, ticks};
 
-/// A chart: one group per thing measured, one bar per contestant.
+/// A bar chart: one group for each measurement, one bar in it for each backend.
 #[derive(Debug, Clone, Default)]
 pub struct Bars {
-    /// Heading.
+    /// Heading of the chart.
     pub title: String,
-    /// What the numbers are: `Mray/s, more is better`.
+    /// Unit of the bars and its direction: `Mray/s, more is better`.
     pub unit: String,
-    /// Contestants, in the order of their bars.
+    /// Names of the backends, in the order of their bars in each group.
     pub names: Vec<String>,
-    /// From top to bottom.
+    /// The groups from top to bottom.
     pub groups: Vec<Group>,
 }
 
-/// Bars of one thing.
+/// The bars of one measurement.
 #[derive(Debug, Clone)]
 pub struct Group {
-    /// Beside the bars.
+    /// Text at the left of the bars.
     pub label: String,
-    /// One per contestant.
+    /// The bars from top to bottom, in the order of [`Bars::names`].
     pub bars: Vec<Bar>,
 }
 
-/// One bar.
+/// One bar of a group, with its interval.
 #[derive(Debug, Clone, Default)]
 pub struct Bar {
-    /// Its length; NaN where nothing is known.
+    /// Length of the bar; NaN if the value is unknown.
     pub value: f64,
-    /// Ends of its interval; none for exact numbers.
+    /// Lower and upper end of the interval; `None` for an exact number.
     pub interval: Option<[f64; 2]>,
-    /// Why it does not count: shown in red.
+    /// Reason why the value does not count, shown in red.
     pub wrong: Option<String>,
 }
 
@@ -40,7 +40,7 @@ const BAR: f64 = 15.0;
 const GAP: f64 = 12.0;
 
 impl Bars {
-    /// The chart as SVG; empty without bars.
+    /// Returns the chart as SVG, or an empty string without bars.
     pub fn svg(&self) -> String {
         let bars = || self.groups.iter().flat_map(|g| &g.bars);
         if bars().next().is_none() {
@@ -102,7 +102,7 @@ fn draw(svg: &mut Svg, bar: &Bar, color: &str, y: f64, x: &impl Fn(f64) -> f64) 
     }
 }
 
-/// A tick's number without zeros at its end.
+/// The number of a tick without trailing zeros.
 fn axis(tick: f64) -> String {
     let text = number(tick);
     match text.contains('.') {
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_are_in_proportion_and_names_are_safe() {
+    fn bars_are_proportional_and_names_are_escaped() {
         let svg = chart().svg();
         let widths: Vec<f64> = svg
             .lines()
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_red_and_says_so() {
+    fn a_wrong_bar_is_red_with_its_reason() {
         let mut chart = chart();
         chart.groups[0].bars[1].wrong = Some("3 wrong".into());
         let svg = chart.svg();

@@ -1,30 +1,30 @@
-//! Lines over two logarithmic axes: how something grows.
+//! A chart of lines over two logarithmic axes, for values that grow or shrink by powers.
 
 use super::svg::{Anchor, COLORS, GRID, Svg, decades, prefixed};
 
-/// A chart of growth.
+/// A line chart with two logarithmic axes.
 #[derive(Debug, Clone, Default)]
 pub struct Lines {
-    /// Heading.
+    /// Heading of the chart.
     pub title: String,
-    /// What is up.
+    /// Quantity and unit of the vertical axis.
     pub unit: String,
-    /// What is to the right.
+    /// Quantity and unit of the horizontal axis.
     pub across: String,
-    /// One per contestant.
+    /// The lines, one for each name in the legend.
     pub lines: Vec<Line>,
-    /// Single points in the colours of the lines, both coordinates > 0: those of the first line, and so on.
+    /// Single points for each line, drawn in its colour. Both coordinates > 0.
     pub dots: Vec<Vec<[f64; 2]>>,
-    /// A height > 0 that is marked, and what it is.
+    /// A marked height > 0 with its label.
     pub level: Option<(f64, String)>,
 }
 
-/// One line.
+/// One line of the chart.
 #[derive(Debug, Clone)]
 pub struct Line {
-    /// In the legend.
+    /// Its name in the legend.
     pub name: String,
-    /// Both > 0.
+    /// Points (x, y) from left to right, both coordinates > 0.
     pub points: Vec<[f64; 2]>,
 }
 
@@ -32,7 +32,7 @@ const WIDTH: f64 = 550.0;
 const HEIGHT: f64 = 300.0;
 
 impl Lines {
-    /// The chart as SVG; empty with fewer than two points on every line.
+    /// Returns the chart as SVG, or an empty string if no line has two points.
     pub fn svg(&self) -> String {
         if self.lines.iter().all(|line| line.points.len() < 2) {
             return String::new();
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_point_is_no_growth() {
+    fn a_line_needs_two_points() {
         let line = |points: &[[f64; 2]]| Line { name: "a".into(), points: points.to_vec() };
         let chart = |points| Lines { lines: vec![line(points)], ..Lines::default() };
         assert_eq!(chart(&[[1e3, 0.1]]).svg(), "");

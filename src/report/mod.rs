@@ -1,4 +1,4 @@
-//! Charts and pages for people: plain numbers -> SVG -> one HTML file that needs no other.
+//! Charts and pages: plain numbers become SVG charts, and these one self-contained HTML file.
 
 mod bars;
 mod lines;

@@ -1,41 +1,41 @@
-//! One HTML file that needs no other: sections of charts, tables and text.
+//! A self-contained HTML file with sections of charts, tables and text.
 
 use std::fmt::Write;
 
 use super::svg::escape;
 
-/// A page.
+/// An HTML page: a heading, lines of introduction and sections.
 #[derive(Debug, Clone, Default)]
 pub struct Page {
-    /// Heading.
+    /// Heading of the page and title of the file.
     pub title: String,
-    /// Below it.
+    /// Paragraphs below the heading.
     pub intro: Vec<String>,
-    /// From top to bottom.
+    /// The sections from top to bottom.
     pub sections: Vec<Section>,
 }
 
-/// A part of a page.
+/// One section of a page.
 #[derive(Debug, Clone, Default)]
 pub struct Section {
-    /// Heading.
+    /// Heading of the section.
     pub title: String,
-    /// The answer, in large type: text and whether it is bad.
+    /// Conclusions in large type: the text and whether it is bad, which makes it red.
     pub findings: Vec<(String, bool)>,
-    /// SVG; empty ones are left out.
+    /// Charts as SVG or HTML. Empty strings are left out.
     pub charts: Vec<String>,
-    /// Titles and rows of tables; the first row is the head. All but the first table are folded.
+    /// Titles and rows of tables. The first row is the header. All but the first table are folded.
     pub tables: Vec<(String, Vec<Vec<Cell>>)>,
-    /// Only heading and findings show until somebody asks for the rest.
+    /// Whether charts and tables are folded, so that only heading and findings show at first.
     pub folded: bool,
 }
 
 /// One cell of a table.
 #[derive(Debug, Clone, Default)]
 pub struct Cell {
-    /// What it says.
+    /// The text, not escaped.
     pub text: String,
-    /// Shown in red.
+    /// Whether the text is red.
     pub wrong: bool,
 }
 
@@ -45,11 +45,14 @@ impl<T: Into<String>> From<T> for Cell {
     }
 }
 
-/// Colours of charts are attributes of their elements: the style replaces those that would not show in the dark.
+/// The style sheet of every page.
+///
+/// Charts set colours as attributes of their elements. The style sheet replaces the colours that
+/// are unreadable on a dark background.
 const STYLE: &str = include_str!("page.css");
 
 impl Page {
-    /// The file.
+    /// Returns the HTML of the page, with its style sheet.
     pub fn html(&self) -> String {
         let mut html = String::new();
         let title = escape(&self.title);
@@ -109,9 +112,8 @@ mod tests {
     use super::super::svg::{AXIS, COLORS, GRID, INK};
     use super::*;
 
-    /// The colours that the style replaces are those of the charts.
     #[test]
-    fn the_style_knows_the_colours_of_the_charts() {
+    fn the_style_replaces_the_colours_of_the_charts() {
         for color in [GRID, AXIS, INK] {
             assert!(STYLE.contains(&format!("[stroke=\"{color}\"]")), "{color}");
         }
@@ -119,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_is_whole_and_refers_to_nothing() {
+    fn a_page_is_complete_and_refers_to_no_other_file() {
         let wrong = Cell { text: "<b>".into(), wrong: true };
         let section = Section {
             title: "A & B".into(),

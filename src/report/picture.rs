@@ -1,15 +1,15 @@
-//! A picture within a page.
+//! Pictures embedded in a page.
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 
 use super::svg::escape;
 
-/// A PNG file with its caption, as a part of the page itself.
+/// Returns HTML of a PNG file with a caption, embedded as base64, 192 CSS pixels wide.
 pub fn picture(png: &[u8], caption: &str) -> String {
     picture_of_width(png, caption, 192)
 }
 
-/// The same, `width` CSS pixels wide; pixels that are enlarged stay squares.
+/// As [`picture()`], `width` CSS pixels wide. Enlarged pixels stay squares.
 pub fn picture_of_width(png: &[u8], caption: &str, width: u32) -> String {
     let (data, caption) = (STANDARD.encode(png), escape(caption));
     format!(
@@ -23,7 +23,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_is_in_the_page_and_its_caption_is_safe() {
+    fn a_picture_is_embedded_and_its_caption_is_escaped() {
         let html = picture(&[1, 2, 3], "a<b");
         assert!(html.contains("data:image/png;base64,AQID\"") && html.contains("a&lt;b"));
         assert!(!html.contains("a<b"));

@@ -1,28 +1,29 @@
-//! Ratios around 1 on a logarithmic axis: who is faster, and whether that is shown.
+//! A chart of ratios around 1 on a logarithmic axis: which backend is faster, and whether the
+//! interval shows it.
 
 use super::svg::{Anchor, GRID, INK, Svg, WRONG, text_width};
 
-/// A chart of ratios: right of the line is faster.
+/// A chart of speed ratios. Bars to the right of the line at 1 are faster.
 #[derive(Debug, Clone, Default)]
 pub struct Ratios {
-    /// Heading.
+    /// Heading of the chart.
     pub title: String,
-    /// What the numbers are.
+    /// Meaning of the ratios.
     pub unit: String,
-    /// From top to bottom.
+    /// The ratios from top to bottom.
     pub rows: Vec<Ratio>,
 }
 
-/// One ratio.
+/// One ratio with its interval.
 #[derive(Debug, Clone, Default)]
 pub struct Ratio {
-    /// Beside it.
+    /// Text at the left of the row.
     pub label: String,
-    /// > 0
+    /// The ratio, > 0; above 1 is faster.
     pub value: f64,
-    /// Its interval.
+    /// Lower and upper end of its interval.
     pub interval: [f64; 2],
-    /// Why it does not count: shown in red.
+    /// Reason why the ratio does not count, shown in red.
     pub wrong: Option<String>,
 }
 
@@ -33,7 +34,7 @@ const SLOWER: &str = "#b35900";
 const EVEN: &str = "#8a929c";
 
 impl Ratios {
-    /// The chart as SVG; empty without rows.
+    /// Returns the chart as SVG, or an empty string without rows.
     pub fn svg(&self) -> String {
         if self.rows.is_empty() {
             return String::new();
@@ -43,7 +44,7 @@ impl Ratios {
         let texts = self.rows.iter().map(|r| text_width(&r.text()) * bold(r));
         let rightmost = texts.fold(0.0, f64::max);
         let (left, right) = (widest + 14.0, WIDTH - rightmost - 14.0);
-        // Wide intervals are cut off: they must not make the differences that are shown small.
+        // The axis fits the values. Wider intervals are cut off: they would make the bars small.
         let sizes = self.rows.iter().map(|r| 1.2 * r.value.ln().abs());
         let span = sizes.filter(|v| v.is_finite()).fold(1.3f64.ln(), f64::max);
         let x = |v: f64| left + (right - left) * (0.5 + 0.5 * (v.ln() / span).clamp(-1.0, 1.0));
@@ -96,7 +97,7 @@ impl Ratio {
     }
 }
 
-/// Ratios to mark within exp(+-span), 1 among them.
+/// Ratios to mark on an axis from exp(-span) to exp(span). 1 is always among them.
 fn marks(span: f64) -> Vec<f64> {
     let wide = [0.01f64, 0.1, 1.0, 10.0, 100.0];
     let middle = [0.25, 0.5, 1.0, 2.0, 4.0];
@@ -119,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_tell_shown_from_not_shown() {
+    fn colours_show_whether_the_interval_excludes_one() {
         let of = |value, interval, wrong: Option<&str>| {
             let wrong = wrong.map(str::to_string);
             Ratio { value, interval, wrong, ..Ratio::default() }.color().0

@@ -1,15 +1,15 @@
-//! What the colours of a map mean.
+//! The colour scale of a map.
 
 use super::svg::{AXIS, Anchor, Svg};
 
 /// A row of colours with values under it.
 #[derive(Debug, Clone, Default)]
 pub struct Scale {
-    /// Above it.
+    /// Text above the colours.
     pub title: String,
-    /// From left to right.
+    /// Colours from left to right, 8-bit sRGB.
     pub colors: Vec<[u8; 3]>,
-    /// Where in [0, 1], and what stands there.
+    /// Position in [0, 1] and text of each tick.
     pub ticks: Vec<(f64, String)>,
 }
 
@@ -17,14 +17,14 @@ const WIDTH: f64 = 420.0;
 const EDGE: f64 = 24.0;
 
 impl Scale {
-    /// The drawing.
+    /// Returns the colour scale as SVG.
     pub fn svg(&self) -> String {
         let mut svg = Svg::new(WIDTH);
         svg.text([EDGE, 14.0], Anchor::Start, "", &self.title);
         let step = (WIDTH - 2.0 * EDGE) / self.colors.len().max(1) as f64;
         for (i, [r, g, b]) in self.colors.iter().enumerate() {
             let fill = format!("#{r:02x}{g:02x}{b:02x}");
-            // Wider, so that no gap shows.
+            // Wider than a step, so that no gap shows.
             svg.rect([EDGE + i as f64 * step, 22.0, step + 1.5, 14.0], &fill);
         }
         for (place, text) in &self.ticks {

@@ -1,28 +1,30 @@
-//! A drawing that grows downwards, and the numbers on its axes.
+//! An SVG drawing that grows downwards, and the numbers on its axes.
 
 use std::fmt::Write;
 
-/// Colours of contestants in order, told apart by most kinds of colour blindness (Okabe and Ito
-/// 2008, without their red, which marks what is wrong, and with a darker yellow).
+/// Colours of the backends in order.
+///
+/// They are distinguishable with most kinds of colour blindness: the palette of Okabe and Ito 2008,
+/// without its red, which marks wrong values, and with a darker yellow.
 pub const COLORS: [&str; 8] =
     ["#7f8c9b", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", INK, "#d6c400"];
 
-/// Lines behind what is drawn.
+/// Colour of grid lines behind a chart.
 pub const GRID: &str = "#e3e6ea";
 
-/// Axes and their ticks.
+/// Colour of axes and their ticks.
 pub const AXIS: &str = "#444";
 
-/// Intervals, and the line at 1.
+/// Colour of intervals and of the line at 1.
 pub const INK: &str = "#222222";
 
-/// What is wrong.
+/// Colour of wrong values.
 pub const WRONG: &str = "#c8102e";
 
-/// Width of a character of the charts' font, in its size.
+/// Average width of a character, relative to the font size.
 const CHARACTER: f64 = 0.55;
 
-/// From one row of a legend to the next.
+/// Height of one row of a legend, in pixels.
 const LEGEND: f64 = 17.0;
 
 /// An SVG drawing of a fixed width, in CSS pixels.
@@ -32,14 +34,14 @@ pub struct Svg {
     body: String,
 }
 
-/// Which end of a text is at its place.
+/// Which part of a text is at its point.
 #[derive(Debug, Clone, Copy)]
 pub enum Anchor {
-    /// Its beginning.
+    /// The text begins at the point.
     Start,
-    /// Its middle.
+    /// The text is centred on the point.
     Middle,
-    /// Its end.
+    /// The text ends at the point.
     End,
 }
 
@@ -68,7 +70,7 @@ impl Svg {
             writeln!(self.body, r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius}" fill="{fill}"/>"#);
     }
 
-    /// A text of 12 pixels, `y` its baseline.
+    /// Draws a text of 12 pixels with its baseline at `y`.
     pub fn text(&mut self, [x, y]: [f64; 2], anchor: Anchor, class: &str, text: &str) {
         let anchor = match anchor {
             Anchor::Start => "start",
@@ -82,12 +84,12 @@ impl Svg {
         );
     }
 
-    /// A horizontal interval with its ends marked.
+    /// Draws a horizontal interval with a cap at each end.
     pub fn whisker(&mut self, [low, high]: [f64; 2], y: f64) {
         self.cut_whisker([low, high], y, [false; 2]);
     }
 
-    /// The same, of whose ends some lie outside of the chart: these have no cap.
+    /// Draws a horizontal interval. An end that is `cut` lies outside the chart and has no cap.
     pub fn cut_whisker(&mut self, ends: [f64; 2], y: f64, cut: [bool; 2]) {
         self.line([ends[0], y, ends[1], y], INK, 1.2);
         for (x, _) in ends.into_iter().zip(cut).filter(|(_, cut)| !cut) {
@@ -95,11 +97,12 @@ impl Svg {
         }
     }
 
-    /// Names beside their colours, in as many rows as they need; how much higher that is than one row.
+    /// Draws names beside their colours, in as many rows as they need. Returns the height of all
+    /// rows after the first.
     pub fn legend(&mut self, [left, top]: [f64; 2], names: &[(String, &str)]) -> f64 {
         let (mut x, mut y) = (left, top);
         for (name, color) in names {
-            // Some names are wider than most characters are.
+            // Leave room for names with wide characters.
             let width = 15.0 + 1.15 * text_width(name);
             if x > left && x + width > self.width {
                 (x, y) = (left, y + LEGEND);
@@ -111,8 +114,8 @@ impl Svg {
         y - top
     }
 
-    /// The drawing, `height` high, with a title for those who cannot see it. Font and background are
-    /// for those who look at it outside of a page.
+    /// Returns the SVG, `height` pixels high, with `title` as its text for screen readers. Font and
+    /// background are set for use outside a page.
     pub fn finish(self, height: f64, title: &str) -> String {
         let (width, title) = (self.width, escape(title));
         format!(
@@ -124,12 +127,12 @@ impl Svg {
     }
 }
 
-/// Pixels of a text, roughly.
+/// Approximate width of a text of 12 pixels, in pixels.
 pub fn text_width(text: &str) -> f64 {
     text.chars().count() as f64 * 12.0 * CHARACTER
 }
 
-/// For HTML and SVG.
+/// Escapes text for use in HTML and SVG.
 pub fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for c in text.chars() {
@@ -144,7 +147,8 @@ pub fn escape(text: &str) -> String {
     safe
 }
 
-/// Three significant digits, as people write them: `0.0123`, `1.23`, `123`, `12300`.
+/// Formats a number with three significant digits and no exponent: `0.0123`, `1.23`, `123`,
+/// `12300`.
 pub fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
@@ -157,7 +161,7 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// Round steps from 0 to at least `most`: 3 to 6 of them.
+/// Ticks of an axis: 0 and 3 to 5 equal round steps, the last at `most` or above.
 pub fn ticks(most: f64) -> Vec<f64> {
     if !(most > 0.0 && most.is_finite()) {
         return vec![0.0, 1.0];
@@ -168,7 +172,7 @@ pub fn ticks(most: f64) -> Vec<f64> {
     (0..=(most / step).ceil() as u32).map(|i| f64::from(i) * step).collect()
 }
 
-/// A power of ten: `1e-5`, `0.01`, `1`, above that with its SI prefix, `100k`.
+/// Formats a power of ten: `1e-5`, `0.01`, `1`, and from 1000 with an SI prefix, `100k`.
 pub fn prefixed(power: f64) -> String {
     let exponent = power.log10().round() as i32;
     let prefixes = ["", "k", "M", "G", "T"];
@@ -182,7 +186,7 @@ pub fn prefixed(power: f64) -> String {
     }
 }
 
-/// Powers of ten from below `low` to above `high`, both > 0.
+/// Powers of ten from at most `low` to at least `high`; at least two of them. Both limits are > 0.
 pub fn decades(low: f64, high: f64) -> Vec<f64> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     (first..=last.max(first + 1)).map(|e| 10f64.powi(e)).collect()
@@ -193,7 +197,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_for_people() {
+    fn numbers_have_three_significant_digits() {
         for (value, text) in [
             (0.0, "0"),
             (0.012345, "0.0123"),
@@ -232,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_escapes_the_markup() {
+    fn markup_characters_are_escaped() {
         assert_eq!(escape("<a href=\"&\">"), "&lt;a href=&quot;&amp;&quot;&gt;");
     }
 }

@@ -1,38 +1,38 @@
-//! What finds the hits: one value, from the scene's `accelerator` and the flags beside it to
-//! [`crate::accel::build`]. What contradicts itself is refused here, and cannot be written down after.
+//! The backend that finds the hits, as one value from the scene's `accelerator` and its flags to
+//! [`crate::accel::build`]. Contradictory flags are refused here; the type cannot express them.
 
 use super::description::Accelerator;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::simd::Isa;
 
-/// What finds the hits, and how.
+/// The backend that finds the hits, with its mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Backend {
     /// Intel Embree 4, which chooses its instruction set itself.
     Embree(EmbreeMode),
-    /// Our own tree, by the kernels of an instruction set.
+    /// Our own tree, with the kernels of an instruction set.
     Bvh(Isa),
-    /// The coursework's BVH.
+    /// The BVH of the coursework.
     Coursework,
-    /// Every primitive: the oracle.
+    /// A test of every primitive: the oracle.
     Brute,
 }
 
-/// Which of its triangle tests Embree runs.
+/// The triangle test and memory layout that Embree uses.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum EmbreeMode {
-    /// With its ROBUST flag: rays aimed at vertices of a closed mesh may leak.
+    /// With Embree's ROBUST flag. Rays aimed at vertices of a closed mesh may leak.
     #[default]
     Robust,
-    /// Without that flag: a little faster, rays leak at edges, too.
+    /// Without that flag: a little faster, but rays leak at edges too.
     Fast,
     /// `Robust` with the COMPACT flag: half the memory and slower queries. Only measuring commands
-    /// name it.
+    /// use it.
     Compact,
 }
 
 impl Backend {
-    /// As the scene format spells it.
+    /// Returns the name that the scene format uses.
     pub fn name(self) -> &'static str {
         match self {
             Self::Embree(_) => "embree",
@@ -42,8 +42,8 @@ impl Backend {
         }
     }
 
-    /// The instruction set of our kernels beside it: those that shade. The best of this machine, unless the
-    /// tree's own was chosen.
+    /// Returns the instruction set of our shading kernels: the one chosen for the tree, or else the
+    /// best of this machine.
     pub fn isa(self) -> Isa {
         match self {
             Self::Bvh(isa) => isa,
@@ -52,7 +52,7 @@ impl Backend {
     }
 }
 
-/// As it works where no flag says how: Embree robust, our tree by the best instruction set.
+/// The default mode of each backend: Embree robust, our tree with the best instruction set.
 impl From<Accelerator> for Backend {
     fn from(accelerator: Accelerator) -> Self {
         match accelerator {
@@ -64,27 +64,27 @@ impl From<Accelerator> for Backend {
     }
 }
 
-/// What is used where nothing else is named.
+/// The backend for a scene that names none.
 impl Default for Backend {
     fn default() -> Self {
         Accelerator::default().into()
     }
 }
 
-/// Flags that say how a backend works. Each belongs to one of them.
+/// Flags that select the mode of a backend. Each flag belongs to one backend.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct BackendFlags {
     /// `--fast`: Embree without its robust mode.
     pub fast: bool,
-    /// `--isa`: instruction set of `bvh` and of the shading, one that this machine runs.
+    /// `--isa`: instruction set of `bvh` and of shading. This machine supports it.
     pub isa: Option<Isa>,
 }
 
 impl BackendFlags {
-    /// The backend that a scene names, working as the flags say.
+    /// Returns the backend that a scene names, in the mode that the flags select.
     ///
     /// # Errors
-    /// `Invalid` with every flag that belongs to another backend.
+    /// `Invalid`, with every flag that belongs to another backend.
     pub fn on(self, accelerator: Accelerator) -> Result<Backend> {
         let plain = Backend::from(accelerator);
         let (backend, fast, isa) = match (plain, self) {
@@ -114,7 +114,7 @@ impl BackendFlags {
         }
     }
 
-    /// These, and where `last` says something, that.
+    /// Combines two sets of flags. `last` takes precedence.
     pub fn then(self, last: Self) -> Self {
         Self { fast: self.fast || last.fast, isa: last.isa.or(self.isa) }
     }
@@ -125,19 +125,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_flag_belongs_to_one_backend() {
+    fn a_flag_of_another_backend_is_an_error() {
         let isa = Some(Isa::Portable);
         let all =
             [Accelerator::Bvh, Accelerator::Embree, Accelerator::Coursework, Accelerator::Brute];
         for (fast, isa) in [(false, None), (true, None), (false, isa), (true, isa)] {
             for accelerator in all {
-                let made = BackendFlags { fast, isa }.on(accelerator);
+                let result = BackendFlags { fast, isa }.on(accelerator);
                 let wrong = [
                     ("--fast", fast && accelerator != Accelerator::Embree),
                     ("--isa", isa.is_some() && accelerator != Accelerator::Bvh),
                 ];
                 let wrong: Vec<&str> = wrong.iter().filter(|w| w.1).map(|w| w.0).collect();
-                let said: Vec<String> = match made {
+                let places: Vec<String> = match result {
                     Ok(backend) => {
                         assert_eq!(backend.name(), Backend::from(accelerator).name());
                         assert_eq!(backend == Backend::Embree(EmbreeMode::Fast), fast);
@@ -149,7 +149,7 @@ mod tests {
                         error.problems.into_iter().map(|problem| problem.place).collect()
                     }
                 };
-                assert_eq!(said, wrong, "{accelerator:?}");
+                assert_eq!(places, wrong, "{accelerator:?}");
             }
         }
     }

@@ -1,5 +1,5 @@
-//! The checked scene: every value in range, every name resolved, every path absolute or relative
-//! to the working folder. Nothing has been opened yet but the scene file.
+//! The checked scene: every value is in range, every name is resolved, every path is absolute or
+//! relative to the working folder. No mesh and no image has been loaded yet.
 
 use std::path::PathBuf;
 
@@ -12,52 +12,53 @@ use super::{
     layers::{Layer, LightGroups},
 };
 
-/// Points of an area light that adaptive shadows trace at least, before they leave any out.
+/// Minimum number of points of an area light that adaptive shadows always trace.
 pub const FIRST_SHADOW_POINTS: u32 = 4;
 
-/// What a scene file means. World units, right-handed; colours linear BT.709, unbounded.
+/// A checked scene. World units, right-handed. Colours are linear BT.709, unbounded.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// Mirror bounces after the primary ray.
+    /// Number of mirror bounces after the primary ray.
     pub nbounces: u32,
-    /// Shadow rays of area lights are traced where they are needed.
+    /// Trace shadow rays of area lights only where they are needed.
     pub adaptive_shadows: bool,
-    /// Camera samples per pixel, >= 1.
+    /// Number of camera samples per pixel, >= 1.
     pub spp: u32,
-    /// Seed of every random choice.
+    /// Seed of all random numbers.
     pub seed: i64,
-    /// How sample points are chosen.
+    /// Sampler that chooses the sample points.
     pub sampler: SamplerKind,
-    /// The camera.
+    /// The camera that takes the picture.
     pub camera: Camera,
-    /// Radiance of rays that leave the scene.
+    /// Radiance of rays that miss.
     pub background: Vec3,
-    /// Ambient light.
+    /// Ambient light of the scene.
     pub ambient: Vec3,
-    /// How light falls off with distance.
+    /// How light decreases with distance.
     pub falloff: Falloff,
-    /// What finds the hits.
+    /// Backend that finds the hits.
     pub backend: Backend,
-    /// In file order.
+    /// Lights in file order.
     pub lights: Vec<Light>,
-    /// In file order; `material` indexes `materials`.
+    /// Shapes in file order; `material` is an index into `materials`.
     pub shapes: Vec<Shape>,
     /// Named and inline materials.
     pub materials: Vec<Material>,
-    /// Of the PNG only.
+    /// Tone mapping of the PNG.
     pub tonemap: Tonemap,
-    /// EXR layers beside the beauty, each once, in the order of [`Layer`].
+    /// EXR layers in addition to the beauty, without repeats, in the order of [`Layer`].
     pub layers: Vec<Layer>,
-    /// Things that a pixel of a cryptomatte can hold, even: two in each of its layers.
+    /// Number of entries in a pixel of a cryptomatte. It is even: each layer holds two.
     pub crypto_ranks: u32,
-    /// How its lights are grouped in layers.
+    /// Groups of lights in layers.
     pub light_groups: LightGroups,
-    /// Alpha is coverage instead of 1.
+    /// True if alpha is coverage instead of 1.
     pub transparent: bool,
 }
 
 impl Scene {
-    /// Whether adaptive shadows leave any ray out: an area light has more points than are always traced.
+    /// Returns true if adaptive shadows can skip any shadow ray: an area light has more points than
+    /// are always traced.
     pub fn spares_shadow_rays(&self) -> bool {
         let spares = |light: &Light| matches!(light.kind, LightKind::Area { samples, .. } if samples > FIRST_SHADOW_POINTS);
         self.adaptive_shadows && self.lights.iter().any(spares)
@@ -67,243 +68,246 @@ impl Scene {
 /// Divisor of a light's contribution at distance d.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Falloff {
-    /// 1
+    /// Divides by 1: no falloff.
     None,
-    /// d
+    /// Divides by d, as the coursework does.
     Linear,
-    /// d^2
+    /// Divides by the square of d.
     Quadratic,
 }
 
-/// Camera as written; the formulas are in docs/scene-format.md.
+/// The camera as written. The formulas are in docs/scene-format.md.
 #[derive(Debug, Clone)]
 pub struct Camera {
-    /// Pixels, both >= 1.
+    /// Width of the picture in pixels, >= 1.
     pub width: u32,
-    /// Pixels.
+    /// Height of the picture in pixels, >= 1.
     pub height: u32,
-    /// Full vertical angle in degrees, (0, 180).
+    /// Full vertical angle of view in degrees, in (0, 180).
     pub fov_deg: f64,
-    /// World position.
+    /// Position in world space.
     pub position: DVec3,
-    /// View direction (not a point), any length > 0.
+    /// View direction (not a point), of any length > 0.
     pub lookat: DVec3,
-    /// Up, any length, not parallel to `lookat`.
+    /// Up direction, of any length > 0, not parallel to `lookat`.
     pub up: DVec3,
-    /// `None` is a pinhole.
+    /// The lens; `None` for a pinhole.
     pub lens: Option<Lens>,
 }
 
-/// A thin lens.
+/// A thin lens for depth of field.
 #[derive(Debug, Clone, Copy)]
 pub struct Lens {
-    /// Diameter, world units, >= 0.
+    /// Diameter in world units, > 0.
     pub aperture: f64,
-    /// Distance of the plane in focus along the view direction, > 0.
+    /// Distance of the plane in focus along the view direction, in world units, > 0.
     pub focal_distance: f64,
 }
 
-/// A light and what it is called in the EXR.
+/// A light with its names in the EXR.
 #[derive(Debug, Clone)]
 pub struct Light {
-    /// Its own name.
+    /// Name of the light.
     pub name: Option<String>,
-    /// The light group it belongs to.
+    /// Light group of the light.
     pub group: Option<String>,
-    /// Diffuse colour (`id`).
+    /// Colour of its diffuse light (`id`).
     pub diffuse: Vec3,
-    /// Specular colour (`is`).
+    /// Colour of its specular light (`is`).
     pub specular: Vec3,
-    /// Where it shines from.
+    /// Geometry of the light.
     pub kind: LightKind,
 }
 
-/// Where a light shines from.
+/// Geometry of a light.
 #[derive(Debug, Clone)]
 pub enum LightKind {
-    /// One point.
+    /// A point without extent.
     Point {
-        /// World position.
+        /// Position in world space.
         position: DVec3,
     },
     /// The rectangle `corner + s edge + t height`, s, t in [0, 1).
     Area {
-        /// v0.
+        /// The corner `v0`, in world space.
         corner: DVec3,
-        /// v1 - v0.
+        /// The base edge `v1 - v0`.
         edge: DVec3,
-        /// The part of v2 - v0 perpendicular to `edge`.
+        /// The component of `v2 - v0` perpendicular to `edge`.
         height: DVec3,
-        /// Points on this light per shading point, >= 1.
+        /// Number of points on this light per shading point, >= 1.
         samples: u32,
-        /// One-sided cosine emission (`lambertian`) instead of `uniform`.
+        /// True for one-sided cosine emission (`lambertian`), false for `uniform`.
         lambertian: bool,
     },
 }
 
-/// A shape, its material and its name in the EXR.
+/// A shape with its material and its name in the EXR.
 #[derive(Debug, Clone)]
 pub struct Shape {
-    /// For object ids.
+    /// Name of the shape for object ids.
     pub name: Option<String>,
-    /// Index into [`Scene::materials`].
+    /// Index of the material in [`Scene::materials`].
     pub material: usize,
-    /// The geometry.
+    /// Geometry of the shape.
     pub kind: ShapeKind,
 }
 
 /// Geometry of a shape.
 #[derive(Debug, Clone)]
 pub enum ShapeKind {
-    /// A sphere.
+    /// A sphere with centre and radius.
     Sphere {
-        /// World position.
+        /// Centre in world space.
         center: DVec3,
-        /// > 0
+        /// Radius in world units, > 0.
         radius: f64,
         /// Axis of the texture's poles: 0 x, 1 y, 2 z.
         pole: u8,
     },
     /// A convex planar quad, corners in order.
     Plane {
-        /// v0 v1 v2 v3.
+        /// The corners v0 v1 v2 v3.
         corners: [DVec3; 4],
     },
-    /// One triangle.
+    /// A triangle with three corners.
     Triangle {
-        /// v0 v1 v2.
+        /// The corners v0 v1 v2.
         corners: [DVec3; 3],
     },
-    /// A mesh file.
+    /// A mesh from a file.
     Trimesh(Box<Trimesh>),
 }
 
-/// A mesh file and how it is placed: fit, rotate, then `center + size * p`.
+/// A mesh file and its placement: fit, rotate, then `center + size * p`.
 #[derive(Debug, Clone)]
 pub struct Trimesh {
-    /// Where the scene file names it, for messages.
+    /// Place in the scene file where `path` is written, for messages.
     pub place: String,
-    /// The `.ply`, already joined to the scene's folder.
+    /// Path of the PLY file, joined to the scene's folder.
     pub path: PathBuf,
-    /// Longest side after centring, if asked for.
+    /// Length of the longest side after centring, if `fit` is set.
     pub fit: Option<f64>,
-    /// Degrees about x, then y, then z.
+    /// Rotation in degrees about the x, then y, then z axis.
     pub rotate_deg: DVec3,
-    /// > 0
+    /// Scale factor, > 0.
     pub size: f64,
-    /// World units.
+    /// Offset in world units.
     pub center: DVec3,
-    /// Interpolated vertex normals.
+    /// Edges across which normals are interpolated.
     pub smooth: Smooth,
-    /// The coursework's switch: false loops over the triangles (`coursework` backend only).
+    /// Switch of the coursework: false loops over the triangles (`coursework` backend only).
     pub bvh: bool,
-    /// Multiply `diffusecolor` by the file's vertex colours.
+    /// True to multiply `diffusecolor` by the vertex colours of the file.
     pub vertex_colors: bool,
-    /// Overrides what the file's colour type implies.
+    /// Encoding of the vertex colours; `None`: implied by the colour type of the file.
     pub vertex_color_space: Option<ColorSpace>,
 }
 
-/// Where the normals of a mesh are interpolated. Those of its file are, but for `Off`.
+/// Edges across which the normals of a mesh are interpolated. Normals of the file are used in every
+/// mode but `Off`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Smooth {
-    /// Nowhere: facets.
+    /// No edge: the mesh is faceted.
     Off,
-    /// Across every edge.
+    /// Every edge of the mesh.
     All,
-    /// Across edges whose faces stand at no more than `angle` degrees, between flat parts at no more than `flat`.
+    /// Edges whose faces differ by at most `angle` degrees, or between flat parts by at most
+    /// `flat`.
     Below {
-        /// (0, 180].
+        /// Angle in degrees, in (0, 180].
         angle: f64,
-        /// (0, 180].
+        /// Angle between flat parts in degrees, in (0, 180].
         flat: f64,
     },
 }
 
-/// How stored colour values become linear light.
+/// Encoding of stored colour values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ColorSpace {
-    /// sRGB-encoded.
+    /// Values are encoded as sRGB.
     Srgb,
-    /// Linear.
+    /// Values are linear light.
     Linear,
 }
 
-/// Blinn-Phong coefficients.
+/// A Blinn-Phong material with an optional mirror.
 #[derive(Debug, Clone)]
 pub struct Material {
-    /// Its key under `materials`; an inline one has none.
+    /// Key under `materials`; `None` for an inline material.
     pub name: Option<String>,
-    /// Diffuse.
+    /// Coefficient of diffuse reflection.
     pub kd: f32,
-    /// Specular.
+    /// Coefficient of specular reflection.
     pub ks: f32,
-    /// Ambient.
+    /// Coefficient of ambient light.
     pub ka: f32,
-    /// Mirror.
+    /// Coefficient of mirror reflection.
     pub kr: f32,
-    /// >= 0; 0^0 = 1.
+    /// Exponent of the specular highlight, >= 0; 0^0 = 1.
     pub specular_exponent: f32,
     /// Base colour without a texture.
     pub diffuse_color: Vec3,
-    /// Base colour from an image.
+    /// Texture that replaces the base colour.
     pub texture: Option<TextureUse>,
 }
 
-/// An image and how it is looked up.
+/// An image and the parameters of its lookup.
 #[derive(Debug, Clone)]
 pub struct TextureUse {
-    /// Where the scene file names it, for messages.
+    /// Place in the scene file where `path` is written, for messages.
     pub place: String,
-    /// The image, already joined to the scene's folder.
+    /// Path of the image, joined to the scene's folder.
     pub path: PathBuf,
-    /// `tWidth`, `tHeight` as written.
+    /// The keys `tWidth` and `tHeight` as written.
     pub declared_size: [Option<u32>; 2],
-    /// Bilinear or nearest.
+    /// How texels are filtered.
     pub filter: Filter,
-    /// `None`: the shape's default (sphere: repeat, clamp; mesh: repeat; else clamp).
+    /// Lookup outside the image. `None`: the default of the shape (sphere: repeat in u, clamp in v;
+    /// mesh: repeat; others: clamp).
     pub wrap: Option<Wrap>,
-    /// `None`: sRGB for integer images, linear for float images.
+    /// Encoding of the image. `None`: sRGB for integer images, linear for float images.
     pub color_space: Option<ColorSpace>,
-    /// u, v are multiplied by it after any flip.
+    /// Factors of u and v, applied after any flip.
     pub scale: DVec2,
 }
 
-/// Texture filter.
+/// Filter of a texture lookup.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Filter {
-    /// Four texels, centres at half-integers.
+    /// Interpolates four texels, whose centres are at half-integers.
     Bilinear,
-    /// Texel (floor(u w), floor(v h)).
+    /// Takes texel (floor(u w), floor(v h)).
     Nearest,
 }
 
-/// What texel indices outside the image mean.
+/// Lookup of texels outside the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wrap {
-    /// Modulo the size.
+    /// Indices modulo the size.
     Repeat,
-    /// The border texel.
+    /// The nearest border texel.
     Clamp,
 }
 
-/// Radiance to 8-bit pixels.
+/// Conversion of radiance to 8-bit pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct Tonemap {
-    /// Which curve.
+    /// Tone curve that is applied.
     pub operator: ToneOperator,
-    /// Stops.
+    /// Exposure: values are multiplied by 2^exposure.
     pub exposure: f32,
-    /// sRGB transfer instead of linear values.
+    /// True for the sRGB transfer curve, false for linear values.
     pub srgb: bool,
 }
 
-/// Tone curve.
+/// Tone curve of the PNG.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ToneOperator {
-    /// Divide by the largest channel value of the frame.
+    /// Divides by the largest channel value of the frame.
     Max,
-    /// Clip at 1.
+    /// Clips values at 1.
     Clamp,
-    /// x / (1 + x) per channel.
+    /// Maps x to x / (1 + x) per channel.
     Reinhard,
 }

@@ -1,8 +1,8 @@
-//! A JSON text as a tree that remembers where everything was written.
+//! A JSON text as a tree that stores where every value was written.
 //!
-//! Why: a message about `/camera/fov` must name the line and column, also when the value is wrong
-//! in meaning and not in syntax. Keeps what a JSON value type loses: places, duplicate keys, the
-//! source text of numbers. It knows nothing of scenes.
+//! A message about `/camera/fov` must name line and column, even if the value is wrong in meaning
+//! and not in syntax. The tree keeps what a JSON value type loses: places, duplicate keys, the
+//! source text of numbers. This module does not depend on the scene format.
 
 use serde_json::Value;
 
@@ -11,23 +11,23 @@ use crate::error::{Error, Kind, Problem, Result};
 use super::node::{Node, Place};
 use super::parse::{self, SyntaxError};
 
-/// Longest piece of the input that a place repeats, in characters.
+/// Maximum number of input characters that a place repeats.
 const MAX_SHOWN_CHARS: usize = 200;
 
-/// A whole JSON text.
+/// A parsed JSON text.
 #[derive(Debug, Clone)]
 pub struct Document {
-    /// What messages call it: a path, `<stdin>`.
+    /// Name of the document in messages: a path or `<stdin>`.
     pub name: String,
-    /// Its one value.
+    /// The value at the top level.
     pub root: Node,
 }
 
 impl Document {
-    /// Parses strict JSON in UTF-8; a byte order mark is skipped.
+    /// Parses strict JSON in UTF-8. A byte order mark is skipped.
     ///
     /// # Errors
-    /// The first thing that is not JSON, with its place.
+    /// The first syntax error, with its place.
     pub fn parse(name: &str, bytes: &[u8]) -> Result<Self> {
         if let Some(other) = other_format(bytes) {
             return Err(Error::invalid(name, format!("found {other}, expected a JSON object")));
@@ -42,17 +42,17 @@ impl Document {
         Ok(Self { name: name.to_string(), root })
     }
 
-    /// A document without text, for scenes made by code.
+    /// Makes a document from a value, for scenes made by code. Its nodes have no line and column.
     pub fn from_value(name: &str, value: &Value) -> Self {
         Self { name: name.to_string(), root: Node::from_value(value) }
     }
 
-    /// The node at a JSON pointer.
+    /// Returns the node at a JSON pointer.
     pub fn get(&self, pointer: &str) -> Option<&Node> {
         tokens(pointer).try_fold(&self.root, |node, token| node.step(&token))
     }
 
-    /// The node at `pointer`, or else its nearest ancestor that exists.
+    /// Returns the node at `pointer`, or else its nearest ancestor that exists.
     pub(super) fn nearest(&self, pointer: &str) -> &Node {
         let mut node = &self.root;
         for token in tokens(pointer) {
@@ -64,12 +64,13 @@ impl Document {
         node
     }
 
-    /// `FILE:LINE:COL (/json/pointer)` of the node at `pointer`.
+    /// Returns the place of the node at `pointer` for messages: `FILE:LINE:COL (/json/pointer)`.
     pub fn place(&self, pointer: &str) -> String {
         self.describe(&self.nearest(pointer).place, pointer)
     }
 
-    /// `FILE:LINE:COL (/json/pointer)`, or `--set /pointer` for an override.
+    /// Formats a place for messages: `FILE:LINE:COL (/json/pointer)`, or `--set /pointer` for an
+    /// override.
     pub fn describe(&self, place: &Place, pointer: &str) -> String {
         let shown = shown(pointer);
         let what = match place {
@@ -85,7 +86,7 @@ impl Document {
     }
 }
 
-/// A piece of the input for a message: shortened, control characters escaped.
+/// Formats a piece of the input for a message: shortened, control characters escaped.
 pub(super) fn shown(text: &str) -> String {
     let mut shown = String::new();
     for (i, c) in text.chars().enumerate() {
@@ -98,18 +99,18 @@ pub(super) fn shown(text: &str) -> String {
     shown
 }
 
-/// The unescaped steps of a JSON pointer (RFC 6901).
+/// Returns the unescaped steps of a JSON pointer (RFC 6901).
 pub(super) fn tokens(pointer: &str) -> impl Iterator<Item = String> + '_ {
     let steps = pointer.strip_prefix('/').map(|rest| rest.split('/'));
     steps.into_iter().flatten().map(|t| t.replace("~1", "/").replace("~0", "~"))
 }
 
-/// A key as a step of a JSON pointer.
+/// Escapes a key as a step of a JSON pointer (RFC 6901).
 pub fn escaped(key: &str) -> String {
     key.replace('~', "~0").replace('/', "~1")
 }
 
-/// `pointer` extended by one key.
+/// Returns `pointer` extended by one key.
 pub(super) fn join(pointer: &str, key: &str) -> String {
     format!("{pointer}/{}", escaped(key))
 }
@@ -120,7 +121,8 @@ fn syntax_error(name: &str, error: SyntaxError) -> Error {
     Error::new(Kind::Invalid, problem)
 }
 
-/// What a file is that people give in place of a scene, by its first bytes.
+/// Recognises by its first bytes a file that is not JSON. These are often given in place of a
+/// scene.
 fn other_format(bytes: &[u8]) -> Option<&'static str> {
     const KNOWN: [(&[u8], &str); 7] = [
         (b"\x89PNG", "a PNG picture"),

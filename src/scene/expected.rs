@@ -1,4 +1,4 @@
-//! The words of a message: what was found, what a schema expects.
+//! Words for messages: the value that was found, and the values that a schema accepts.
 
 use serde_json::Value;
 
@@ -8,10 +8,10 @@ use super::{
     schema::{resolve, tag},
 };
 
-/// Longest piece of the input that a message repeats, in characters.
+/// Maximum number of input characters that a message repeats.
 const QUOTED_CHARS: usize = 60;
 
-/// A value as a message shows it.
+/// Describes a value for a message.
 pub fn found(node: &Node) -> String {
     match &node.kind {
         NodeKind::Null => "null".into(),
@@ -23,12 +23,12 @@ pub fn found(node: &Node) -> String {
     }
 }
 
-/// A text in quotes, shortened, control characters escaped.
+/// Quotes a text for a message: shortened, control characters escaped.
 pub fn quoted(text: &str) -> String {
     format!("{:?}", cut(text))
 }
 
-/// A text, shortened.
+/// Shortens a text for a message.
 pub fn cut(text: &str) -> String {
     match text.char_indices().nth(QUOTED_CHARS) {
         None => text.to_string(),
@@ -36,7 +36,7 @@ pub fn cut(text: &str) -> String {
     }
 }
 
-/// The words of an enumeration.
+/// Returns the words of an enumeration, or `None` if the schema is no enumeration.
 pub fn words(schema: &Value) -> Option<Vec<&str>> {
     if let Some(only) = schema["const"].as_str() {
         return Some(vec![only]);
@@ -45,7 +45,7 @@ pub fn words(schema: &Value) -> Option<Vec<&str>> {
     list.iter().map(|w| w.as_str().or(w["const"].as_str())).collect()
 }
 
-/// What a schema accepts, in words.
+/// Describes the values that a schema accepts.
 pub fn expected(root: &Value, schema: &Value) -> String {
     let schema = resolve(root, schema);
     if let Some(words) = words(schema) {

@@ -1,5 +1,4 @@
-//! Flags -> `--set` overrides, and back: a complaint about an override that a flag made names the
-//! flag.
+//! Converts flags to `--set` overrides. A problem with such an override names the flag.
 
 use serde_json::Value;
 
@@ -10,23 +9,23 @@ use super::{
     description::{Description, Light},
 };
 
-/// Overrides in the order in which they are applied, and the flags they come from.
+/// Overrides in the order of their application, with the flags they come from.
 #[derive(Debug, Clone, Default)]
 pub struct Overrides {
     /// Flag, JSON pointer, `POINTER=VALUE`. `--set` itself has no flag.
     list: Vec<(Option<&'static str>, String, String)>,
-    /// How the backend works that the scene then names.
+    /// Options of the backend that the scene selects.
     backend: BackendFlags,
 }
 
 impl Overrides {
-    /// Adds a `--set` of the user.
+    /// Adds a `--set` given by the user.
     pub fn set(&mut self, set: &str) {
         let pointer = set.split_once('=').map_or(set, |(pointer, _)| pointer);
         self.list.push((None, pointer.to_string(), set.to_string()));
     }
 
-    /// Adds an override by a flag, or nothing.
+    /// Adds the override of a flag, if the flag has a value.
     pub fn flag<T: Into<Value>>(&mut self, flag: &'static str, pointer: &str, value: Option<T>) {
         if let Some(value) = value {
             let set = format!("{pointer}={}", value.into());
@@ -34,43 +33,44 @@ impl Overrides {
         }
     }
 
-    /// Adds flags that say how the backend works.
+    /// Adds options of the backend.
     pub fn backend(&mut self, flags: BackendFlags) {
         self.backend = self.backend.then(flags);
     }
 
-    /// Puts `--light-samples` before every `--set`: one override per area light. Says whether
-    /// there is any.
+    /// Adds `--light-samples` before every `--set`: one override per area light. Returns false if
+    /// there is no area light.
     pub fn light_samples(&mut self, samples: u32, scene: &Description) -> bool {
         let lights = scene.scene.lightsources.iter().enumerate();
-        let mut made = Self::default();
+        let mut added = Self::default();
         for (i, light) in lights {
             if matches!(light, Light::AreaLight(_)) {
                 let pointer = format!("/scene/lightsources/{i}/samples");
-                made.flag("--light-samples", &pointer, Some(samples));
+                added.flag("--light-samples", &pointer, Some(samples));
             }
         }
-        let any = !made.list.is_empty();
-        self.prepend(made);
+        let any = !added.list.is_empty();
+        self.prepend(added);
         any
     }
 
-    /// Adds all of `last`, which win.
+    /// Adds all overrides of `last`. They take precedence.
     pub fn append(&mut self, mut last: Self) {
         self.list.append(&mut last.list);
         self.backend(last.backend);
     }
 
-    /// Puts `first` before all others, so that these win.
+    /// Adds the overrides of `first` before all others, which take precedence.
     pub fn prepend(&mut self, first: Self) {
         let last = std::mem::replace(self, first);
         self.append(last);
     }
 
-    /// Loads a scene with all of them; errors and warnings name the flag instead of the `--set` it became.
+    /// Loads a scene with all overrides applied. Errors and warnings name the flag in place of its
+    /// `--set`.
     ///
     /// # Errors
-    /// Those of [`load`](super::load), and of [`BackendFlags::on`].
+    /// The errors of [`load`](super::load) and of [`BackendFlags::on`].
     pub fn load(&self, source: Source) -> Result<Loaded> {
         let sets: Vec<String> = self.list.iter().map(|(_, _, set)| set.clone()).collect();
         match super::load(source, &sets) {
@@ -86,7 +86,7 @@ impl Overrides {
 
     fn all_named(&self, problems: Vec<Problem>) -> Vec<Problem> {
         let mut named: Vec<Problem> = problems.into_iter().map(|p| self.named(p)).collect();
-        // One flag may be two overrides, as `--size 0x0` is.
+        // One flag can be two overrides, such as `--size 0x0`.
         named.dedup();
         named
     }
@@ -95,7 +95,7 @@ impl Overrides {
         let Some(rest) = problem.place.strip_prefix("--set ") else {
             return problem;
         };
-        // The last one wins, so it is the one that is wrong.
+        // The last override takes effect, so it is the one that is wrong.
         let culprit = self.list.iter().rev().find(|(_, pointer, set)| {
             rest == pointer || rest == set || rest.starts_with(&format!("{pointer} "))
         });

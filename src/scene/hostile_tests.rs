@@ -1,4 +1,4 @@
-//! Bytes that are no scene: refused, never a panic, never slow.
+//! Tests with bytes that are not a scene: they are refused, never with a panic, never slowly.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use super::{
     *,
 };
 
-/// A text whose folder does not exist.
+/// Loads a text with a folder that does not exist.
 fn load_bytes(bytes: &[u8]) -> Result<Loaded> {
     let source = Source::Text { name: "p", text: bytes, folder: Path::new("/nonexistent") };
     load(source, &[])
@@ -31,7 +31,7 @@ proptest! {
         let _ = load_bytes(&bytes);
     }
 
-    /// Pieces of JSON in any order: accepted exactly when serde_json accepts them.
+    /// Pieces of JSON in any order are accepted exactly if serde_json accepts them.
     #[test]
     fn as_strict_as_serde_json(pieces in prop::collection::vec(prop::sample::select(vec![
         "{", "}", "[", "]", ",", ":", "\"a\"", "\"\\u00e4\\ud83d\\ude00\"", "\"\\n\"", "\"", "\\", "'", "1", "-0",
@@ -43,7 +43,7 @@ proptest! {
         prop_assert_eq!(ours, theirs, "{:?}", text);
     }
 
-    /// A scene with one byte changed or cut off is refused or accepted, never a panic.
+    /// A scene with one changed byte, or cut at any byte, never causes a panic.
     #[test]
     fn damaged_scenes_never_panic(at in 0usize..3000, byte in any::<u8>(), cut in any::<bool>()) {
         let mut text = everything().to_string().into_bytes();

@@ -1,21 +1,21 @@
-//! Names of layers: what a scene may ask for in `output.layers`, and the light groups it has.
+//! Layers of the EXR and their names in `output.layers`, and the light groups of a scene.
 
 use super::nearest::nearest;
 
-/// A layer of the EXR beside the beauty.
+/// A layer of the EXR in addition to the beauty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Layer {
-    /// Depth along the camera's axis, world units, positive in front; 1e30 on a miss.
+    /// Depth along the camera's axis in world units, positive in front; 1e30 on a miss.
     Depth,
-    /// World position.
+    /// Position of the hit in world space.
     Position,
-    /// Shading normal, world space.
+    /// Shading normal in world space.
     Normal,
-    /// Geometric normal, world space.
+    /// Geometric normal in world space.
     GeometricNormal,
-    /// Base colour.
+    /// Base colour of the surface.
     Albedo,
-    /// Texture coordinates.
+    /// Texture coordinates of the hit.
     Uv,
     /// Diffuse light of the first hit.
     Diffuse,
@@ -23,33 +23,33 @@ pub enum Layer {
     Specular,
     /// Ambient light of the first hit.
     Ambient,
-    /// All that comes from mirrors.
+    /// All light that comes from mirrors.
     Reflection,
-    /// What camera rays see that leave the scene.
+    /// Radiance of camera rays that miss.
     Background,
-    /// All light of a group, by its index in [`LightGroups::names`].
+    /// All light of one group, given by its index in [`LightGroups::names`].
     Light(usize),
-    /// All ambient light, also in mirrors.
+    /// All ambient light, including what mirrors reflect.
     LightAmbient,
-    /// All background, also in mirrors.
+    /// All background, including what mirrors reflect.
     LightBackground,
-    /// The share of a group's light points that the first hit sees.
+    /// Fraction of a group's light points that are visible from the first hit.
     Shadow(usize),
-    /// Variance of the samples' colours.
+    /// Variance of the colours of the samples.
     Variance,
-    /// Camera samples.
+    /// Number of camera samples.
     Samples,
     /// Number of the primitive, from 1.
     Primitive,
     /// Number of the shape, from 1.
     Object,
-    /// Cryptomatte of shapes.
+    /// Cryptomatte with one id per shape.
     CryptoObject,
-    /// Cryptomatte of materials.
+    /// Cryptomatte with one id per material.
     CryptoMaterial,
 }
 
-/// Layers of which there is one, in the order of the docs.
+/// Layers that exist once per scene, in the order of the documentation.
 const SINGLE: [(Layer, &str); 19] = [
     (Layer::Depth, "Z"),
     (Layer::Position, "P"),
@@ -72,21 +72,22 @@ const SINGLE: [(Layer, &str); 19] = [
     (Layer::CryptoMaterial, "CryptoMaterial"),
 ];
 
-/// Words for several layers.
+/// Words that select several layers.
 const FAMILIES: [&str; 5] = ["all", "components", "light", "shadow", "cryptomatte"];
 
 /// The light groups of a scene.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct LightGroups {
-    /// Their names as they stand behind `light_`, in the order of their first lights.
+    /// Names of the groups as they follow `light_`, in the order of their first lights.
     pub names: Vec<String>,
-    /// Index of its group, for each light.
+    /// Index of the group of each light.
     pub of: Vec<usize>,
 }
 
 impl LightGroups {
-    /// The groups of lights with these groups and names; a light without either is called by its number
-    /// from 1. Also the lights, by index, whose names collide with others', and why.
+    /// Makes the groups from the `group` and `name` of each light. A light without either is named
+    /// by its number, from 1. Also returns the lights whose names collide with others: index and
+    /// label.
     pub fn new<'a>(
         lights: impl IntoIterator<Item = (Option<&'a str>, Option<&'a str>)>,
     ) -> (Self, Vec<(usize, String)>) {
@@ -118,13 +119,13 @@ impl LightGroups {
     }
 }
 
-/// A name as it may stand in a layer's: letters, digits and underscores.
+/// Converts a name to a valid part of a layer name: letters, digits and underscores.
 fn label(text: &str) -> String {
     text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
 impl Layer {
-    /// Its name in the file.
+    /// Returns the name of the layer in the file.
     pub fn name(self, groups: &LightGroups) -> String {
         match self {
             Self::Light(group) => format!("light_{}", groups.names[group]),
@@ -136,7 +137,8 @@ impl Layer {
         }
     }
 
-    /// Every layer that a scene with these light groups can have, in the order of the docs.
+    /// Returns every layer that a scene with these light groups can have, in the order of the
+    /// documentation.
     pub fn all(groups: &LightGroups) -> Vec<Self> {
         let mut all: Vec<Self> = SINGLE.iter().map(|(layer, _)| *layer).collect();
         all.extend((0..groups.names.len()).flat_map(|g| [Self::Light(g), Self::Shadow(g)]));
@@ -144,7 +146,7 @@ impl Layer {
         all
     }
 
-    /// The layers that a word names; `None` for an unknown one.
+    /// Returns the layers that a word selects; `None` for an unknown word.
     pub fn named(word: &str, groups: &LightGroups) -> Option<Vec<Self>> {
         let all = Self::all(groups);
         let pick = |wanted: fn(&Self) -> bool| Some(all.iter().copied().filter(wanted).collect());
@@ -158,12 +160,12 @@ impl Layer {
         }
     }
 
-    /// Whether it needs to know which light is which.
+    /// Returns true if the layer needs the light of each group separately.
     pub fn of_lights(self) -> bool {
         matches!(self, Self::Light(_) | Self::Shadow(_))
     }
 
-    /// What a message offers instead of an unknown `word`.
+    /// Returns the help for an unknown `word`: the nearest name, or the list of names.
     pub fn help(word: &str, groups: &LightGroups) -> String {
         let names: Vec<String> = Self::all(groups).iter().map(|layer| layer.name(groups)).collect();
         let known = || FAMILIES.into_iter().chain(names.iter().map(String::as_str));

@@ -1,9 +1,9 @@
 //! Scene files: text -> [`Description`] (as written) -> [`Scene`] (checked).
 //!
-//! The way of a file: `parse` makes a [`Document`] that knows where everything stands,
-//! `overrides` applies `--set`, `structure` holds it against the [`schema()`] made from the types in
-//! `description`, and `check` finds what types cannot say. All problems come back in one
-//! [`Error`]. docs/scene-format.md is the contract.
+//! `parse` turns a file into a [`Document`] that stores the place of every value. `overrides`
+//! applies `--set`. `structure` checks the document against the [`schema()`], which is generated
+//! from the types in `description`. `check` finds what types cannot express. All problems come back
+//! in one [`Error`]. docs/scene-format.md specifies the format.
 
 mod backend;
 mod check;
@@ -38,7 +38,7 @@ pub use nearest::{did_you_mean, list, nearest};
 pub use node::{Member, Node, NodeKind, Place};
 pub use schema::{schema, schema_of};
 
-/// The format's types as written, for scenes that are made by code.
+/// The types of the format as written, for scenes made by code.
 pub mod written {
     pub use super::description::*;
 }
@@ -51,21 +51,21 @@ use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Kind, Problem, Result};
 
-/// Longest scene file; meshes and images lie outside it.
+/// Maximum size of a scene file in bytes. Meshes and images are separate files.
 const MAX_FILE_BYTES: u64 = 256 << 20;
 
-/// Where a scene comes from.
+/// The text of a scene, or the file that holds it.
 #[derive(Debug, Clone, Copy)]
 pub enum Source<'a> {
-    /// A file; its folder is what paths in it are relative to.
+    /// A file. Paths in it are relative to its folder.
     File(&'a Path),
-    /// Text that is already here.
+    /// A text in memory.
     Text {
-        /// What messages call it: `<stdin>`.
+        /// Name of the text in messages, such as `<stdin>`.
         name: &'a str,
-        /// JSON in UTF-8.
+        /// The JSON text in UTF-8.
         text: &'a [u8],
-        /// What paths in it are relative to.
+        /// Folder to which paths in the text are relative.
         folder: &'a Path,
     },
 }
@@ -73,21 +73,21 @@ pub enum Source<'a> {
 /// A scene that passed every check.
 #[derive(Debug, Clone)]
 pub struct Loaded {
-    /// What it means.
+    /// The scene with all values checked and all names resolved.
     pub scene: Scene,
-    /// How it is written, overrides included.
+    /// The scene as written, with overrides applied.
     pub description: Description,
-    /// What is valid but surely not meant, in the order of the text.
+    /// Valid values that are most likely mistakes, in text order.
     pub warnings: Vec<Problem>,
-    /// SHA-256 (hexadecimal) of the canonical JSON: two files that differ only in spacing,
-    /// comments, order of keys or defaults written out have the same.
+    /// SHA-256 (hexadecimal) of the canonical JSON. Two files have the same hash if they differ
+    /// only in spacing, comments, key order, or defaults written out.
     pub hash: String,
 }
 
 /// Loads a scene and applies `--set` overrides (`/json/pointer=VALUE`) in order.
 ///
 /// # Errors
-/// Every problem of the file and the overrides, in the order of the text.
+/// Every problem of the file and the overrides, in text order.
 pub fn load(source: Source, overrides: &[String]) -> Result<Loaded> {
     match source {
         Source::Text { name, text, folder } => {
@@ -100,10 +100,10 @@ pub fn load(source: Source, overrides: &[String]) -> Result<Loaded> {
     }
 }
 
-/// Checks a scene made by code, as if it had been read from a file in `folder`.
+/// Checks a scene made by code as if it had been read from a file in `folder`.
 ///
 /// # Errors
-/// As [`load`].
+/// The same as [`load`].
 pub fn from_description(
     name: &str,
     description: &Description,
@@ -113,11 +113,11 @@ pub fn from_description(
     check_document(Document::from_value(name, &description.to_json()), folder, overrides)
 }
 
-/// Reads a document as any type that has a schema, with the structural checks of scene files:
-/// closed objects, places, nearest keys. For job files.
+/// Reads a document as any type that has a schema, such as a job file. The structural checks are
+/// those of scene files: no unknown keys, places in messages, nearest keys as help.
 ///
 /// # Errors
-/// Every problem of structure, in the order of the text.
+/// Every structural problem, in text order.
 pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<T> {
     let mut problems = problems::Problems::new(document);
     structure::check(&schema_of::<T>(""), &mut problems);
@@ -152,7 +152,7 @@ fn hash(description: &Description) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Formats of meshes that people try to render, by the names of their files.
+/// File name extensions of mesh formats that cannot be read.
 const OTHER_MESHES: [&str; 11] =
     ["obj", "stl", "off", "glb", "gltf", "fbx", "dae", "3ds", "usd", "usdz", "abc"];
 

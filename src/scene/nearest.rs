@@ -1,8 +1,8 @@
-//! The nearest valid choice: what a message offers for a misspelt word.
+//! Finds the nearest valid choice for a misspelt word, for messages.
 
-/// The candidate a misspelt `word` most likely meant, if any is near.
+/// Returns the candidate that a misspelt `word` most likely means, if one is near enough.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // Nobody misspells a word this long; the distance takes length x length memory.
+    // Such long words are not spelling mistakes, and the distance takes length x length memory.
     let short = |w: &&str| w.len() <= 100;
     let lower = Some(word).filter(short)?.to_lowercase();
     let near = lower.chars().count().div_ceil(3).max(1);
@@ -12,7 +12,8 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .filter_map(|candidate| {
             let other = candidate.to_lowercase();
             let distance = strsim::damerau_levenshtein(&lower, &other);
-            // "lights" means `lightsources`, "color" means `diffusecolor`.
+            // A part of a word matches: "lights" means `lightsources`, "color" means
+            // `diffusecolor`.
             let part = lower.chars().count() >= 4 && other.contains(&lower);
             let score = if part { distance.min(near) } else { distance };
             (score <= near).then_some((score, candidate))
@@ -21,7 +22,7 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, candidate)| candidate)
 }
 
-/// A help text from [`nearest`].
+/// Returns a help text with the result of [`nearest`].
 pub fn did_you_mean<'a>(
     word: &str,
     candidates: impl IntoIterator<Item = &'a str>,
@@ -29,7 +30,7 @@ pub fn did_you_mean<'a>(
     nearest(word, candidates).map(|near| format!("did you mean `{}`?", near.escape_debug()))
 }
 
-/// `` `a`, `b` or `c` ``
+/// Formats a list of choices: `` `a`, `b` or `c` ``.
 pub fn list<'a>(words: impl IntoIterator<Item = &'a str>) -> String {
     let quoted: Vec<String> = words.into_iter().map(|w| format!("`{w}`")).collect();
     match quoted.split_last() {

@@ -1,27 +1,27 @@
-//! A JSON value that remembers where it was written.
+//! A JSON value that stores where it was written.
 
 use std::sync::Arc;
 
 use serde_json::Value;
 
-/// Where a node was written.
+/// The place where a node was written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
-    /// In the text.
+    /// A position in the text.
     Text {
-        /// 1-based.
+        /// Line number, from 1.
         line: u32,
-        /// 1-based, in characters.
+        /// Column in characters, from 1.
         column: u32,
     },
-    /// By `--set` at this JSON pointer.
+    /// An override: `--set` with this JSON pointer.
     Set(Arc<str>),
-    /// By code: there is no text.
+    /// A value made by code: there is no text.
     Code,
 }
 
 impl Place {
-    /// Sorts problems by the place of their cause: the text first, then overrides.
+    /// Sort key for problems: positions in the text first, then overrides.
     pub(super) fn order(&self) -> (u32, u32) {
         match self {
             Self::Text { line, column } => (*line, *column),
@@ -33,42 +33,42 @@ impl Place {
 /// A JSON value and its place.
 #[derive(Debug, Clone)]
 pub struct Node {
-    /// Where it starts.
+    /// Where the value starts.
     pub place: Place,
-    /// What it is.
+    /// The type and the value.
     pub kind: NodeKind,
 }
 
-/// A JSON value; numbers as they were written.
+/// A JSON value. Numbers are stored as written.
 #[derive(Debug, Clone)]
 pub enum NodeKind {
-    /// `null`
+    /// The JSON value `null`.
     Null,
-    /// `true` or `false`
+    /// The JSON value `true` or `false`.
     Bool(bool),
     /// The source text of a number.
     Number(String),
-    /// A string, escapes resolved.
+    /// A string with escapes resolved.
     Text(String),
-    /// An array.
+    /// An array of values.
     List(Vec<Node>),
-    /// An object, duplicate keys kept.
+    /// An object in file order. Duplicate keys are kept.
     Object(Vec<Member>),
 }
 
-/// One key of an object.
+/// A key of an object and its value.
 #[derive(Debug, Clone)]
 pub struct Member {
-    /// Of the key.
+    /// Where the key starts.
     pub place: Place,
-    /// The key.
+    /// The key with escapes resolved.
     pub key: String,
-    /// Its value.
+    /// The value of this key.
     pub value: Node,
 }
 
 impl Node {
-    /// The value of `key`; the last one if it is there twice.
+    /// Returns the value of `key`. If the key is duplicated, the last one counts.
     pub fn member(&self, key: &str) -> Option<&Node> {
         match &self.kind {
             NodeKind::Object(members) => {
@@ -79,7 +79,7 @@ impl Node {
         }
     }
 
-    /// One step of a JSON pointer, unescaped.
+    /// Follows one unescaped step of a JSON pointer.
     pub(super) fn step(&self, token: &str) -> Option<&Node> {
         match &self.kind {
             NodeKind::List(items) => items.get(list_index(token)?),
@@ -87,7 +87,7 @@ impl Node {
         }
     }
 
-    /// A whole number, however it is written (`16`, `16.0`, `1.6e1`).
+    /// Returns the value of a whole number in any notation (`16`, `16.0`, `1.6e1`).
     pub fn integer(&self) -> Option<i128> {
         let NodeKind::Number(text) = &self.kind else {
             return None;
@@ -96,12 +96,12 @@ impl Node {
             return Some(integer);
         }
         let number = text.parse::<f64>().ok()?;
-        // Beyond 2^53 a float no longer says which integer was meant.
+        // Beyond 2^53 a float no longer determines one integer.
         let exact = number.fract() == 0.0 && number.abs() <= 9_007_199_254_740_992.0;
         exact.then_some(number as i128)
     }
 
-    /// The number, if it is one; infinite if it is beyond f64.
+    /// Returns the value of a number: infinite if it is beyond f64, `None` if it is not a number.
     pub fn number(&self) -> Option<f64> {
         match &self.kind {
             NodeKind::Number(text) => text.parse().ok(),
@@ -109,8 +109,8 @@ impl Node {
         }
     }
 
-    /// As a plain JSON value, without `comment` keys; of duplicate keys the last counts.
-    /// Whole numbers become integers; a number beyond f64 becomes `null`.
+    /// Converts to a plain JSON value without `comment` keys. The last of duplicate keys counts.
+    /// Whole numbers become integers. A number beyond f64 becomes `null`.
     pub fn to_value(&self) -> Value {
         match &self.kind {
             NodeKind::Null => Value::Null,
@@ -132,7 +132,7 @@ impl Node {
         }
     }
 
-    /// The node of a value made by code.
+    /// Makes a node from a value made by code.
     pub(super) fn from_value(value: &Value) -> Self {
         let kind = match value {
             Value::Null => NodeKind::Null,
@@ -154,7 +154,7 @@ impl Node {
     }
 }
 
-/// An array index as RFC 6901 writes it: no sign, no leading zero.
+/// Parses an array index as RFC 6901 requires: no sign, no leading zero.
 pub(super) fn list_index(token: &str) -> Option<usize> {
     let plain =
         token.bytes().all(|b| b.is_ascii_digit()) && (token == "0" || !token.starts_with('0'));

@@ -1,5 +1,5 @@
-//! `--set /json/pointer=VALUE`: changes a [`Document`] before it is checked, so that an override
-//! passes the same checks as the text and is named as `--set` in messages.
+//! `--set /json/pointer=VALUE`: changes a [`Document`] before it is checked. So an override passes
+//! the same checks as the text, and messages name it as `--set`.
 
 use std::sync::Arc;
 
@@ -12,11 +12,11 @@ use super::{
 };
 
 impl Document {
-    /// Applies one `/json/pointer=VALUE`. VALUE is JSON, or else taken as a string. Missing object
-    /// members are created; an array index must exist, `-` appends.
+    /// Applies one `/json/pointer=VALUE`. VALUE is JSON, or else it is taken as a string. Missing
+    /// object members are created. An array index must exist; `-` appends an item.
     ///
     /// # Errors
-    /// A text that is no assignment, or a pointer that leads nowhere.
+    /// A text that is not an assignment, or a pointer to nothing.
     pub fn apply_set(&mut self, assignment: &str) -> std::result::Result<(), Problem> {
         let complain =
             |message: &str| Problem::new(format!("--set {}", shown(assignment)), message);
@@ -68,7 +68,7 @@ fn replace_places(node: &mut Node, place: &Place) {
     }
 }
 
-/// One step down, made where it is missing.
+/// Follows one step of the pointer and creates the member if it is missing.
 fn descend<'a>(
     node: &'a mut Node,
     step: &str,
@@ -114,7 +114,7 @@ fn descend<'a>(
                 "found the key `{step}` below {walked}, which is neither an object nor an array"
             );
             let problem = Problem::new("", message);
-            // A shape's material is often the name of one.
+            // The material of a shape is often the name of one.
             Err(match kind {
                 NodeKind::Text(name) if walked.ends_with("/material") => {
                     let there = join(&join("/scene/materials", name), step);

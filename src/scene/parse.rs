@@ -1,25 +1,25 @@
-//! JSON text -> [`Node`]s with places: strict RFC 8259, nothing more.
+//! Parses JSON text into [`Node`]s with places: strict RFC 8259, nothing more.
 //!
-//! Why our own: messages need a line and a column for every value, duplicate keys and the source
-//! text of numbers must survive, and nesting must be bounded before it can exhaust the stack. It
-//! refuses what lenient parsers let pass: comments, trailing or missing commas, single quotes,
-//! loose names, `NaN`, hexadecimal. A test holds it against `serde_json`.
+//! It is our own parser for three reasons. Messages need line and column of every value. Duplicate
+//! keys and the source text of numbers must be kept. Nesting must be bounded before it exhausts the
+//! stack. It refuses what lenient parsers accept: comments, trailing or missing commas, single
+//! quotes, unquoted names, `NaN`, hexadecimal. A test compares it with `serde_json`.
 
 use super::node::{Member, Node, NodeKind, Place};
 
-/// Deepest nesting of arrays and objects; a scene needs 6.
+/// Maximum nesting of arrays and objects. A scene needs 6 levels.
 pub const MAX_DEPTH: usize = 64;
 
-/// Where and why a text is not JSON.
+/// A syntax error: why a text is not JSON, and where.
 #[derive(Debug)]
 pub struct SyntaxError {
-    /// 1-based.
+    /// Line number, from 1.
     pub line: u32,
-    /// 1-based, in characters.
+    /// Column in characters, from 1.
     pub column: u32,
-    /// What was found and what was expected.
+    /// What was found, and what was expected.
     pub message: String,
-    /// The way out, for the usual mistakes.
+    /// A help text for common mistakes.
     pub help: Option<&'static str>,
 }
 
@@ -42,8 +42,8 @@ pub(super) struct Parser<'a> {
     /// Byte offset, always on a character boundary.
     pub(super) at: usize,
     line: u32,
-    /// A byte offset in this line and its column: columns are counted from here, so that a file
-    /// of one long line stays linear.
+    /// A byte offset in this line, and its column. Columns are counted from here, so that a file
+    /// with one long line is parsed in linear time.
     mark: (usize, u32),
     depth: usize,
 }
@@ -58,7 +58,7 @@ impl Parser<'_> {
         Place::Text { line: self.line, column: self.mark.1 }
     }
 
-    /// Of an offset in this line, not before the mark.
+    /// Returns the column of an offset in this line that is not before the mark.
     fn column_of(&self, at: usize) -> u32 {
         let chars = self.text[self.mark.0.min(at)..at].chars().count();
         u32::try_from(chars).map_or(u32::MAX, |n| self.mark.1.saturating_add(n))
@@ -91,7 +91,8 @@ impl Parser<'_> {
         }
     }
 
-    /// The character or word at the current position, and a way out of the usual mistakes.
+    /// Makes the error for the character or word at the current position, with help for common
+    /// mistakes.
     pub(super) fn unexpected(&self, expected: &str) -> SyntaxError {
         let rest = &self.text[self.at..];
         let word: String = rest
@@ -159,7 +160,8 @@ impl Parser<'_> {
         Ok(kind)
     }
 
-    /// After an item: true if another follows, false after `close`.
+    /// Moves past the separator after an item. Returns true if another item follows, false after
+    /// `close`.
     fn another(&mut self, close: u8, expected: &str) -> Parsed<bool> {
         self.skip_space();
         match self.peek() {

@@ -1,9 +1,9 @@
-//! JSON strings: escapes, surrogate pairs, no control characters.
+//! Parses JSON strings: escapes and surrogate pairs. Control characters are errors.
 
 use super::parse::{Parsed, Parser};
 
 impl Parser<'_> {
-    /// Reads a string from its opening quote.
+    /// Parses a string from its opening quote on.
     pub(super) fn string(&mut self) -> Parsed<String> {
         let start = self.at;
         let opening = |p: &Self| p.error_at(start, "found a string without a closing quote");
@@ -73,7 +73,7 @@ impl Parser<'_> {
         Ok(plain)
     }
 
-    /// Reads `uXXXX`.
+    /// Parses `uXXXX`, the part of an escape after the backslash.
     fn hex_unit(&mut self) -> Option<u16> {
         let digits = self.text.as_bytes().get(self.at + 1..self.at + 5)?;
         if !digits.iter().all(u8::is_ascii_hexdigit) {

@@ -1,32 +1,32 @@
-//! Collects every problem of a scene, so that a user mends a file once.
+//! Collects every problem of a scene, so that a user can fix all of them at once.
 
 use crate::error::Problem;
 
 use super::document::Document;
 use super::node::Place;
 
-/// Problems and warnings about one document.
+/// Errors and warnings about one document.
 #[derive(Debug)]
 pub struct Problems<'a> {
-    /// What is complained about.
+    /// The document that the problems are about.
     pub document: &'a Document,
     errors: Vec<((u32, u32), Problem)>,
     warnings: Vec<((u32, u32), Problem)>,
 }
 
 impl<'a> Problems<'a> {
-    /// None yet.
+    /// Makes an empty collection.
     pub fn new(document: &'a Document) -> Self {
         Self { document, errors: Vec::new(), warnings: Vec::new() }
     }
 
-    /// An error at the value at `pointer`.
+    /// Adds an error about the value at `pointer`.
     pub fn error(&mut self, pointer: &str, message: impl Into<String>, help: Option<String>) {
         let place = &self.document.nearest(pointer).place;
         self.error_at(place, pointer, message, help);
     }
 
-    /// An error at a place that no pointer alone finds: a key.
+    /// Adds an error at a place that a pointer cannot express: a key.
     pub fn error_at(
         &mut self,
         place: &Place,
@@ -42,7 +42,7 @@ impl<'a> Problems<'a> {
         self.errors.push((place.order(), problem));
     }
 
-    /// A warning at the value at `pointer`.
+    /// Adds a warning about the value at `pointer`.
     pub fn warn(&mut self, pointer: &str, message: impl Into<String>, help: Option<String>) {
         let place = &self.document.nearest(pointer).place;
         let problem = Problem {
@@ -53,12 +53,12 @@ impl<'a> Problems<'a> {
         self.warnings.push((place.order(), problem));
     }
 
-    /// True if nothing is wrong so far.
+    /// Returns true if there is no error so far. Warnings do not count.
     pub fn is_empty(&self) -> bool {
         self.errors.is_empty()
     }
 
-    /// Errors and warnings, each in the order of the text.
+    /// Returns the errors and the warnings, each in text order.
     pub fn finish(self) -> (Vec<Problem>, Vec<Problem>) {
         (sorted(self.errors), sorted(self.warnings))
     }

@@ -1,8 +1,8 @@
 //! The JSON Schema of scene files, generated from [`Description`].
 //!
-//! One table: the types. This module only tidies what is generated into what editors and the
-//! structural check want: every object closed (no unknown keys) but for `comment` and, at the top, `$schema`,
-//! optional keys without `null`, tagged variants spelled out.
+//! The types are the only table of keys. This module adapts the generated schema for editors and
+//! for the structural checks. Every object is closed (no unknown keys), except for `comment` and
+//! the top-level `$schema`. Optional keys exclude `null`, and tagged variants are written out.
 
 use std::sync::LazyLock;
 
@@ -11,14 +11,14 @@ use serde_json::{Map, Value, json};
 
 use super::description::Description;
 
-/// JSON Schema 2020-12 of scene files.
+/// Returns the JSON Schema 2020-12 of scene files.
 pub fn schema() -> &'static Value {
-    // Thousands of frames are checked against it in one run.
+    // Cached, because one run may check thousands of frames.
     static SCHEMA: LazyLock<Value> = LazyLock::new(|| schema_of::<Description>("lightpath scene"));
     &SCHEMA
 }
 
-/// JSON Schema 2020-12 of a file that is read as `T`; job files use it too.
+/// Returns the JSON Schema 2020-12 of a file that is read as `T`. Job files use it too.
 pub fn schema_of<T: JsonSchema>(title: &str) -> Value {
     let generated = schemars::generate::SchemaSettings::draft2020_12()
         .into_generator()
@@ -39,7 +39,7 @@ fn tidy(schema: &mut Value, definitions: &Value) {
     inline_variant(map, definitions);
     drop_null(map);
     map.remove("format");
-    // Doc comments are wrapped, editors wrap for themselves.
+    // Doc comments contain line breaks. Editors wrap the text themselves.
     if let Some(Value::String(text)) = map.get_mut("description") {
         *text = text.replace('\n', " ");
     }
@@ -61,8 +61,8 @@ fn tidy(schema: &mut Value, definitions: &Value) {
     }
 }
 
-/// A tagged variant is generated as its tag beside a reference to its struct. A closed object
-/// must list all its keys itself, so the reference is resolved.
+/// Merges the struct of a tagged variant into the variant. It is generated as a tag with a
+/// reference to its struct, but a closed object must list all its keys itself.
 fn inline_variant(map: &mut Map<String, Value>, definitions: &Value) {
     let tagged = map.contains_key("properties") && map.contains_key("$ref");
     let name = map.get("$ref").and_then(Value::as_str).and_then(|r| r.strip_prefix("#/$defs/"));
@@ -81,7 +81,8 @@ fn inline_variant(map: &mut Map<String, Value>, definitions: &Value) {
     }
 }
 
-/// `Option` is generated as "or null"; the format has no null, only absent keys.
+/// Removes `null` from a type. `Option` is generated as "or null", but the format has only absent
+/// keys.
 fn drop_null(map: &mut Map<String, Value>) {
     if map.get("default") == Some(&Value::Null) {
         map.remove("default");
@@ -103,7 +104,7 @@ fn drop_null(map: &mut Map<String, Value>) {
     }
 }
 
-/// Follows references within the schema.
+/// Follows references inside the schema.
 pub(super) fn resolve<'a>(root: &'a Value, mut schema: &'a Value) -> &'a Value {
     while let Some(name) = schema["$ref"].as_str().and_then(|r| r.strip_prefix("#/$defs/")) {
         schema = &root["$defs"][name];
@@ -111,12 +112,12 @@ pub(super) fn resolve<'a>(root: &'a Value, mut schema: &'a Value) -> &'a Value {
     schema
 }
 
-/// The value of `type` that a variant of a tagged object stands for.
+/// Returns the value of `type` that selects this variant of a tagged object.
 pub(super) fn tag(variant: &Value) -> Option<&str> {
     variant["properties"]["type"]["const"].as_str()
 }
 
-/// Removes what equals its default, so that a scene is written as a person would.
+/// Removes values that equal their default, as a person would leave them out.
 pub(super) fn without_defaults(root: &Value, schema: &Value, value: &mut Value) {
     let schema = variant(root, resolve(root, schema), value);
     match value {
@@ -137,7 +138,7 @@ pub(super) fn without_defaults(root: &Value, schema: &Value, value: &mut Value) 
             });
         }
         Value::Number(n) => {
-            // 1.0 is written 1.
+            // Write 1.0 as 1.
             let whole = n.as_f64().filter(|f| f.fract() == 0.0 && f.abs() < 1e15);
             if let Some(f) = whole.filter(|_| n.is_f64()) {
                 *value = json!(f as i64);
@@ -147,7 +148,7 @@ pub(super) fn without_defaults(root: &Value, schema: &Value, value: &mut Value) 
     }
 }
 
-/// Of alternatives, the one that `value` is.
+/// Returns the alternative of a schema that `value` matches.
 fn variant<'a>(root: &'a Value, schema: &'a Value, value: &Value) -> &'a Value {
     let Some(branches) = schema["oneOf"].as_array().or(schema["anyOf"].as_array()) else {
         return schema;

@@ -1,7 +1,7 @@
-//! Checks a document against the schema and reports every problem, with place and way out.
+//! Checks a document against the schema. Reports every problem with its place and a help text.
 //!
-//! Walking the generated schema keeps one table of keys and ranges. Knows only the keywords that
-//! the schema uses; what a schema cannot say is left to `check`.
+//! The checks walk the generated schema, so there is only one table of keys and ranges. Only the
+//! keywords that this schema uses are supported. `check` tests what a schema cannot express.
 
 use std::collections::HashMap;
 
@@ -16,8 +16,8 @@ use super::{
     schema::{resolve, tag},
 };
 
-/// Checks the whole document. Returns the pointers of values that cannot be read as their type;
-/// what lies elsewhere can still be checked for its meaning.
+/// Checks the whole document. Returns the pointers of values that cannot be read as their type. The
+/// meaning of all other values can still be checked.
 pub fn check(schema: &Value, problems: &mut Problems) -> Vec<String> {
     let document = problems.document;
     let mut walk = Walk { root: schema, problems, broken: Vec::new() };
@@ -69,7 +69,7 @@ impl<'a> Walk<'a, '_> {
         }
     }
 
-    /// Complains about a value that is not what the schema says.
+    /// Reports a value that does not match the schema.
     fn wrong(&mut self, schema: &Value, node: &Node, pointer: &str) {
         let message = format!("found {}, expected {}", found(node), expected(self.root, schema));
         self.problems.error_at(&node.place, pointer, message, None);
@@ -120,7 +120,7 @@ impl<'a> Walk<'a, '_> {
         }
     }
 
-    /// Of an object whose kind is unknown: the members that every kind has.
+    /// Checks an object with an unknown `type`: only the members that every type has.
     fn shared(&mut self, branches: &[&'a Value], members: &[Member], pointer: &str) {
         for member in members.iter().filter(|member| !matches!(&*member.key, "type" | "comment")) {
             let of_key = &branches[0]["properties"][&member.key];
@@ -209,7 +209,7 @@ impl<'a> Walk<'a, '_> {
     }
 }
 
-/// Written so that a bound which is absent holds.
+/// Returns true if a number is within the bounds of the schema. Absent bounds always hold.
 fn in_range(schema: &Value, node: &Node, number: f64) -> bool {
     let bound = |key: &str| schema[key].as_f64();
     if let (Some(n), "integer") = (node.integer(), schema["type"].as_str().unwrap_or_default()) {

@@ -1,4 +1,4 @@
-//! Round trips, defaults, the schema, `--set`.
+//! Tests of round trips, defaults, the schema and `--set`.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::*;
 
-/// Every key of the format, none at its default.
+/// A scene with every key of the format, none at its default.
 pub(super) fn everything() -> Value {
     json!({
         "nbounces": 3, "spp": 4, "seed": -7,
@@ -40,15 +40,15 @@ pub(super) fn everything() -> Value {
     })
 }
 
-/// Only required keys.
-fn least() -> Value {
+/// A scene with required keys only.
+fn minimal() -> Value {
     json!({
         "camera": { "type": "pinhole", "width": 8, "height": 6, "fov": 40, "position": [0, 0, 0], "lookat": [0, 1, 0], "up": [0, 0, 1] },
         "scene": { "shapes": [] }
     })
 }
 
-/// A folder with the files that [`everything`] names.
+/// Makes a folder with the files that [`everything`] names.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.ply"), "").unwrap();
@@ -64,8 +64,8 @@ pub(super) fn load_value(value: &Value, set: &[&str]) -> Result<Loaded> {
 }
 
 #[test]
-fn round_trip() {
-    for value in [everything(), least()] {
+fn json_and_text_round_trip() {
+    for value in [everything(), minimal()] {
         let loaded = load_value(&value, &[]).unwrap();
         assert_eq!(loaded.description.to_json(), value);
         let text = loaded.description.to_text();
@@ -79,14 +79,14 @@ fn round_trip() {
 
 #[test]
 fn errors_of_scenes_made_by_code_have_no_line() {
-    let mut description = load_value(&least(), &[]).unwrap().description;
+    let mut description = load_value(&minimal(), &[]).unwrap().description;
     description.camera.fov = 200.0;
     let error = from_description("studio", &description, Path::new(""), &[]).unwrap_err();
     assert_eq!(error.problems[0].place, "studio (/camera/fov)");
 }
 
 #[test]
-fn everything_is_understood() {
+fn every_key_reaches_the_checked_scene() {
     let scene = load_value(&everything(), &[]).unwrap().scene;
     assert_eq!((scene.nbounces, scene.spp, scene.seed), (3, 4, -7));
     assert_eq!(
@@ -107,14 +107,14 @@ fn everything_is_understood() {
     assert_eq!(scene.tonemap.operator, ToneOperator::Reinhard);
     assert_eq!(scene.layers, [Layer::Depth, Layer::Normal]);
     assert!(scene.transparent);
-    let random = load_value(&least(), &["/sampler=random"]).unwrap();
+    let random = load_value(&minimal(), &["/sampler=random"]).unwrap();
     assert_eq!(random.scene.sampler, SamplerKind::Random);
-    assert_ne!(random.hash, load_value(&least(), &[]).unwrap().hash);
+    assert_ne!(random.hash, load_value(&minimal(), &[]).unwrap().hash);
 }
 
-/// A scene of things that state only what they must.
+/// A scene of objects that have only required keys.
 fn plain() -> Scene {
-    let mut value = least();
+    let mut value = minimal();
     value["scene"]["lightsources"] = json!([
         { "type": "pointlight", "position": [0, 0, 9], "id": [1, 2, 3] },
         { "type": "arealight", "v0": [0, 0, 5], "v1": [1, 0, 5], "v2": [0, 2, 5], "id": [1, 1, 1] }]);
@@ -125,7 +125,7 @@ fn plain() -> Scene {
 }
 
 #[test]
-fn defaults_are_those_of_the_tables() {
+fn defaults_match_the_documentation() {
     let scene = plain();
     assert_eq!((scene.nbounces, scene.spp, scene.seed), (1, 1, 0));
     assert_eq!(scene.sampler, SamplerKind::Sobol);
@@ -176,7 +176,7 @@ fn the_schema_is_closed_and_complete() {
     let mut seen = 0;
     every_object(schema, &mut seen);
     assert!(seen >= 12, "{seen}");
-    // Every key that the format has is described for editors.
+    // Editors show a description of every key.
     let shape = &schema["$defs"]["Shape"]["oneOf"][3];
     assert_eq!(shape["properties"]["type"]["const"], "trimesh");
     assert!(shape["properties"]["smooth"]["description"].is_string());
@@ -184,15 +184,15 @@ fn the_schema_is_closed_and_complete() {
 }
 
 #[test]
-fn the_hash_is_of_what_is_meant() {
-    let plain = load_value(&least(), &[]).unwrap().hash;
-    let mut spelt = least();
+fn the_hash_ignores_spelling_and_comments() {
+    let plain = load_value(&minimal(), &[]).unwrap().hash;
+    let mut spelt = minimal();
     spelt["spp"] = json!(1.0);
     spelt["comment"] = json!(["anything"]);
     spelt["scene"]["comment"] = json!("here too");
     spelt["tonemap"] = json!({ "operator": "max", "comment": 3 });
     assert_eq!(load_value(&spelt, &[]).unwrap().hash, plain);
-    assert_ne!(load_value(&least(), &["/spp=2"]).unwrap().hash, plain);
+    assert_ne!(load_value(&minimal(), &["/spp=2"]).unwrap().hash, plain);
 }
 
 #[test]
@@ -208,7 +208,7 @@ fn overrides_apply_in_order_and_create() {
         "/output/layers/-=Z",
         "/comment=ignored",
     ];
-    let loaded = load_value(&least(), &set).unwrap();
+    let loaded = load_value(&minimal(), &set).unwrap();
     assert_eq!(loaded.scene.camera.fov_deg, 31.0);
     assert_eq!(loaded.scene.tonemap.exposure, 1.0);
     assert!(matches!(loaded.scene.shapes[0].kind, ShapeKind::Sphere { radius: 2.0, .. }));
@@ -223,11 +223,11 @@ fn an_aperture_of_zero_is_a_pinhole() {
 }
 
 #[test]
-fn directions_of_any_length() {
+fn directions_of_any_length_are_accepted() {
     for length in ["1e-320", "1e-300", "1", "1e300"] {
         let lookat = format!("/camera/lookat=[0,{length},0]");
         let up = format!("/camera/up=[0,0,{length}]");
-        let camera = load_value(&least(), &[&lookat, &up]).unwrap().scene.camera;
+        let camera = load_value(&minimal(), &[&lookat, &up]).unwrap().scene.camera;
         assert_eq!(camera.lookat.normalize(), glam::DVec3::Y, "{length}");
         assert_eq!(camera.up.normalize(), glam::DVec3::Z, "{length}");
     }
@@ -235,17 +235,17 @@ fn directions_of_any_length() {
 
 #[test]
 fn the_example_of_the_manual_is_valid() {
-    let manual = include_str!("../../docs/scene-format.md");
+    let manual = include_str!("../../docs/guide/scene-format.md");
     let example = manual.split("```json\n").nth(1).unwrap().split("```").next().unwrap();
     let loaded = load_value(&serde_json::from_str(example).unwrap(), &[]).unwrap();
     assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
 }
 
 #[test]
-fn other_files_are_read_with_the_same_checks() {
+fn read_as_applies_the_structural_checks() {
     #[derive(Debug, serde::Deserialize, schemars::JsonSchema)]
     struct Job {
-        /// How many.
+        /// Number of frames, at least 1.
         #[schemars(range(min = 1))]
         frames: u32,
     }
@@ -258,7 +258,8 @@ fn other_files_are_read_with_the_same_checks() {
     assert_eq!(error.problems.len(), 2, "{error}");
 }
 
-/// The names of the light groups of lights with these `group` and `name`, and the lights that collide.
+/// Returns the names of the light groups of lights with these `group` and `name`, and the lights
+/// that collide.
 fn groups(lights: &[(Option<&str>, Option<&str>)]) -> (Vec<String>, Vec<usize>) {
     let (groups, collisions) = LightGroups::new(lights.iter().copied());
     (groups.names, collisions.into_iter().map(|(light, _)| light).collect())

@@ -1,4 +1,4 @@
-//! [`Description`] -> JSON, as a person would write it: no defaults, vectors on one line.
+//! Writes a [`Description`] as JSON, as a person would: no defaults, vectors on one line.
 
 use serde_json::Value;
 
@@ -8,16 +8,18 @@ use super::{
 };
 
 impl Description {
-    /// The canonical JSON: what equals its default is left out, whole numbers are integers.
+    /// Returns the canonical JSON. Values that equal their default are omitted, whole numbers are
+    /// integers.
     pub fn to_json(&self) -> Value {
-        // Cannot fail: all keys are strings. (NaN would become null and be refused on reading.)
+        // Cannot fail, because all keys are strings. NaN would become null and be refused on
+        // reading.
         let mut value = serde_json::to_value(self).unwrap_or_default();
         let schema = schema();
         without_defaults(schema, schema, &mut value);
         value
     }
 
-    /// The text of a scene file.
+    /// Returns the text of a scene file.
     pub fn to_text(&self) -> String {
         let mut text = String::new();
         write(&self.to_json(), 0, &mut text);

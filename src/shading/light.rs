@@ -76,8 +76,8 @@ impl Lit {
 /// Shadow rays from `points` to the light points `q`, and what light these give if unoccluded.
 /// Returns the lanes that can be lit at all (N.L > 0). `glossy`: whether any ks > 0.
 ///
-/// The terms are those of docs/scene-format.md. A ray's parameter is 0 at its origin and 1 at the
-/// light; it ends before 1 by the relative rounding error of its own end points, so that what
+/// The terms are those of docs/guide/scene-format.md. A ray's parameter is 0 at its origin and 1
+/// at the light; it ends before 1 by the relative rounding error of its own end points, so that what
 /// stands at the light itself does not shadow it.
 #[inline(always)]
 pub fn light_rays(

@@ -1,28 +1,29 @@
-//! Where a perspective camera with a fixed direction must stand to see every point.
+//! Computes where a perspective camera with a fixed direction must stand to see every point.
 //!
-//! Exact, in one pass: a frustum plane through the camera holds a point back or not, so for each of
-//! the four planes only the extreme point counts. Framing by a bounding box wastes up to a half of
-//! the picture, framing by the largest side clips.
+//! The result is exact and takes one pass. For each of the four frustum planes only the extreme
+//! point matters. Framing by a bounding box wastes up to half of the picture, and framing by the
+//! longest side clips points.
 
 use glam::DVec3;
 
-/// What the camera takes in.
+/// The field of view of the camera, and the margin to keep free.
 #[derive(Debug, Clone, Copy)]
 pub struct Lens {
-    /// Full vertical angle in degrees.
+    /// Full vertical angle of view in degrees.
     pub fov_deg: f64,
     /// Width / height of the picture.
     pub aspect: f64,
-    /// Kept free at each border, as a fraction of the picture's width and height.
+    /// Margin to keep free at each border, as a fraction of the picture's width and height.
     pub margin: f64,
 }
 
-/// The position from which all points lie within the picture, the margin away from its borders, and
-/// touch that margin in at least one axis, centred in both. Where the nearest point alone decides (one
-/// point, a line of sight, a very wide angle), the camera stands clear of it instead.
+/// Returns the camera position from which all points lie within the picture without its margin.
+/// They are centred in both axes and touch the margin in at least one. The nearest point alone may
+/// decide: one point, a line along the view, a very wide angle. Then the camera keeps a distance
+/// from it.
 ///
-/// `direction` and `up` have any length and are not parallel. `None` without points or where they are
-/// not finite.
+/// `direction` and `up` have any length and are not parallel. Returns `None` if there are no
+/// points, or if they are not finite.
 pub fn frame(
     points: impl Iterator<Item = DVec3>,
     direction: DVec3,
@@ -37,8 +38,9 @@ pub fn frame(
     view.position(&extent)
 }
 
-/// The same for points that turn: each is wherever it comes to on its circle around the axis, a point
-/// and a unit direction. One position for all frames of a turntable, whatever their number.
+/// Returns the position for points that turn around an axis, given as a point and a unit direction.
+/// Each point may be anywhere on its circle. So one position serves all frames of a turntable,
+/// however many there are.
 pub fn frame_turning(
     points: impl Iterator<Item = DVec3>,
     (pivot, axis): (DVec3, DVec3),
@@ -62,14 +64,15 @@ pub fn frame_turning(
     view.position(&extent)
 }
 
-/// A camera's axes, and the slopes of the frustum's sides without the margin.
+/// The axes of a camera, and the slopes of the frustum's sides without the margin.
 struct View {
     axes: [DVec3; 3],
     tx: f64,
     ty: f64,
 }
 
-/// How far points reach towards the frustum's sides (right, left, top, bottom), and their depths.
+/// The maximum extent of points towards the frustum's sides (right, left, top, bottom), and their
+/// range of depths.
 struct Extent {
     planes: [f64; 4],
     near: f64,
@@ -80,7 +83,7 @@ impl Extent {
     const EMPTY: Self =
         Self { planes: [f64::NEG_INFINITY; 4], near: f64::INFINITY, far: f64::NEG_INFINITY };
 
-    /// Adds a point and what it reaches beyond: towards the four sides, and in depth.
+    /// Adds a point that extends by `beyond`: towards the four sides, and in depth.
     #[inline(always)]
     fn add(&mut self, reach: [f64; 4], depth: f64, beyond: [f64; 5]) {
         for k in 0..4 {
@@ -100,8 +103,9 @@ impl View {
         Self { axes: [x, y, z], tx: ty * lens.aspect, ty }
     }
 
-    /// A point is inside the right plane of a camera at c if p.x - c.x <= tx (p.z - c.z), that is if
-    /// c.x - tx c.z >= p.x - tx p.z: the largest right-hand side decides. So for all four planes.
+    /// Returns the extent of a point towards the four planes. A point p is inside the right plane
+    /// of a camera at c if p.x - c.x <= tx (p.z - c.z). That is c.x - tx c.z >= p.x - tx p.z, so
+    /// the largest right-hand side decides. The other planes are alike.
     #[inline(always)]
     fn reach(&self, p: DVec3) -> [f64; 4] {
         let [x, y, z] = self.axes;
@@ -119,7 +123,7 @@ impl View {
         let &Extent { planes: [right, left, top, bottom], near, far } = extent;
         let Self { axes: [x, y, z], tx, ty } = *self;
         let back = (-(right + left) / (2.0 * tx)).min(-(top + bottom) / (2.0 * ty));
-        // Exact would be on the nearest point itself: stand clear of it.
+        // The exact position would be the nearest point itself: keep a distance from it.
         let depth = far - near;
         let back = match near - back > 1e-9 * (depth + near.abs()) {
             true => back,
@@ -138,7 +142,7 @@ mod tests {
         Lens { fov_deg, aspect, margin: 0.08 }
     }
 
-    /// Points of a lopsided cloud, without randomness.
+    /// An asymmetric cloud of points, without randomness.
     fn cloud() -> Vec<DVec3> {
         let part = |i: u32, step: f64| (f64::from(i) * step).fract();
         (0..500)
@@ -149,7 +153,7 @@ mod tests {
             .collect()
     }
 
-    /// Picture coordinates in [-1, 1] of the picture without its margin.
+    /// Projects a point to coordinates that are [-1, 1] within the picture without its margin.
     fn project(p: DVec3, at: DVec3, direction: DVec3, up: DVec3, t: [f64; 2]) -> [f64; 2] {
         let z = direction.normalize();
         let x = z.cross(up).normalize();
@@ -160,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_is_inside_and_two_opposite_sides_touch() {
+    fn all_points_are_inside_and_touch_two_opposite_borders() {
         let views = [
             (DVec3::new(-1.0, -0.5, -2.0), DVec3::Y),
             (DVec3::new(1.0, 0.3, 0.1), DVec3::Z),
@@ -184,7 +188,8 @@ mod tests {
                         assert!(low >= -1.0 - 1e-9 && high <= 1.0 + 1e-9, "{low} {high}");
                     }
                     let touches = |(low, high): (f64, f64)| low < -1.0 + 1e-9 && high > 1.0 - 1e-9;
-                    // Through a very wide angle one near point may hide all others: no side then.
+                    // With a very wide angle one near point may decide alone: then no border is
+                    // touched.
                     assert!(touches(horizontal) || touches(vertical) || fov > 100.0);
                 }
             }
@@ -192,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turning_cloud_stays_inside_and_touches() {
+    fn a_turning_cloud_stays_inside_and_touches_two_opposite_borders() {
         let (direction, up) = (DVec3::new(-1.0, -0.5, -2.0), DVec3::Y);
         let (pivot, aspect) = (DVec3::new(7.5, 0.0, 12.0), 1.6);
         let lens = lens(35.0, aspect);
@@ -212,13 +217,13 @@ mod tests {
             }
         }
         assert!(low.iter().all(|&v| v >= -1.0 - 1e-9) && high.iter().all(|&v| v <= 1.0 + 1e-9));
-        // Half a degree from the azimuth at which a point touches.
+        // The samples are half a degree apart, so the touching point may be missed by that much.
         let touches = |axis: usize| low[axis] < -0.999 && high[axis] > 0.999;
         assert!(touches(0) || touches(1), "{low:?} {high:?}");
     }
 
     #[test]
-    fn a_point_a_line_and_nothing() {
+    fn a_point_and_a_line_get_a_distance_and_no_points_give_none() {
         let see =
             |points: Vec<DVec3>| frame(points.into_iter(), DVec3::NEG_Z, DVec3::Y, lens(30.0, 1.0));
         assert!(see(vec![DVec3::ONE]).unwrap().z > 1.0);

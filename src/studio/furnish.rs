@@ -1,4 +1,4 @@
-//! A template is finished around a mesh: overrides, so that the result is an ordinary scene.
+//! Fits a template to a mesh by overrides, so that the result is an ordinary scene.
 
 use std::path::{Path, PathBuf};
 
@@ -20,22 +20,22 @@ use super::{
     template::Template,
 };
 
-/// Height above the ground as a fraction of the mesh's longest side: nobody sees it, and a flat
-/// mesh does not lie within the ground.
-const HAIR: f64 = 1e-4;
+/// Height of the mesh above the ground, as a fraction of its longest side. It is too small to see
+/// and keeps a flat mesh out of the ground plane.
+const GROUND_GAP: f64 = 1e-4;
 
-/// A template with a mesh in it.
+/// A template fitted to a mesh.
 #[derive(Debug)]
 pub struct Furnished {
-    /// Overrides of the template that make it a scene of this mesh.
+    /// Overrides that turn the template into a scene of this mesh.
     pub overrides: Overrides,
-    /// The mesh, by the path that the scene then has.
+    /// The mesh, with the path that the scene names.
     pub mesh: (PathBuf, Mesh),
-    /// The middle of the mesh's box where it stands.
+    /// Centre of the mesh's bounding box after placement, in world space.
     pub middle: DVec3,
 }
 
-/// Finishes `template` around the mesh; the user's overrides come after ours.
+/// Fits `template` to the mesh. The user's overrides are applied after ours.
 pub fn furnish(
     subject: &Subject,
     mesh: Mesh,
@@ -50,7 +50,7 @@ pub fn furnish(
     ours.flag("--smooth", &format!("{shape}/smooth"), smooth);
     colour(subject, &mesh, template, &shape, &mut ours)?;
     warnings.extend(notes(subject, &mesh, template));
-    // What the template and the user ask for decides the framing.
+    // The framing depends on the template and on the user's overrides.
     let mut loaded = load(template, &ours, user)?;
     let turned = match (subject.rotate, subject.up) {
         (Some(angles), _) => Some(("--rotate", angles)),
@@ -66,8 +66,8 @@ pub fn furnish(
     Ok(Furnished { overrides: ours, mesh: (path, mesh), middle })
 }
 
-/// The template with the mesh in it, where it happens to stand: what it needs can be predicted
-/// before the mesh is read.
+/// Loads the template with the mesh at its default position. The memory of that scene can be
+/// predicted before the mesh is read.
 pub fn unframed(path: &Path, template: &Template, user: &Overrides) -> Result<Loaded> {
     let mut ours = Overrides::default();
     let path = within(template, path)?;
@@ -75,7 +75,7 @@ pub fn unframed(path: &Path, template: &Template, user: &Overrides) -> Result<Lo
     load(template, &ours, user)
 }
 
-/// A path as a scene in the template's folder names it.
+/// Converts a path to one that is relative to the template's folder.
 fn within(template: &Template, path: &Path) -> Result<String> {
     match template.folder.as_os_str().is_empty() {
         true => named(path),
@@ -89,7 +89,7 @@ fn load(template: &Template, ours: &Overrides, user: &Overrides) -> Result<Loade
     all.load(template.source())
 }
 
-/// JSON pointer of the shape that the mesh replaces.
+/// Returns the JSON pointer of the shape that the mesh replaces.
 fn first_trimesh(template: &Template) -> Result<String> {
     let document = Document::parse(&template.name, &template.text)?;
     let shapes = (0..).map(|i| format!("/scene/shapes/{i}"));
@@ -104,7 +104,8 @@ fn first_trimesh(template: &Template) -> Result<String> {
     })
 }
 
-/// The texture of `--texture`; in the studio the file's own one, and vertex colours, instead of the neutral grey.
+/// Sets the texture of `--texture`. In the studio the texture of the file and its vertex colours
+/// replace the neutral grey.
 fn colour(
     subject: &Subject,
     mesh: &Mesh,
@@ -135,7 +136,7 @@ fn colour(
     Ok(())
 }
 
-/// JSON pointer of a shape's material.
+/// Returns the JSON pointer of a shape's material.
 fn material(template: &Template, shape: &str) -> Result<String> {
     let document = Document::parse(&template.name, &template.text)?;
     let inline = format!("{shape}/material");
@@ -146,14 +147,14 @@ fn material(template: &Template, shape: &str) -> Result<String> {
     Ok(name.unwrap_or(inline))
 }
 
-/// The image that the file names, if it is to be shown.
+/// Returns the image that the mesh file names, unless `--texture` replaces it.
 fn own_texture(subject: &Subject, mesh: &Mesh) -> Option<PathBuf> {
     let wanted = subject.looks.texture.is_none() && mesh.uvs.is_some();
     let name = mesh.texture_file.as_ref().filter(|_| wanted)?;
     Some(subject.path.parent().unwrap_or(Path::new("")).join(name))
 }
 
-/// What of a mesh is not shown, and what may surprise.
+/// Returns warnings: parts of a mesh that are not shown, and a mesh that seems to lie on its side.
 fn notes(subject: &Subject, mesh: &Mesh, template: &Template) -> Vec<Problem> {
     let place = || subject.path.display().to_string();
     let mut notes = Vec::new();
@@ -179,8 +180,8 @@ fn notes(subject: &Subject, mesh: &Mesh, template: &Template) -> Vec<Problem> {
         });
     }
     if let (None, None, Some([x, y, z])) = (subject.up, subject.rotate, size(mesh)) {
-        let lies = z > LONGER * x.max(y) || y < FLATTER * z;
-        if lies {
+        let on_its_side = z > MIN_LENGTH_RATIO * x.max(y) || y < MAX_HEIGHT_RATIO * z;
+        if on_its_side {
             let message =
                 format!("lies on its side? It is {x:.3} x {y:.3} x {z:.3}, and y points up");
             notes.push(Problem::new(place(), message).help("if z points up: --up z"));
@@ -189,19 +190,21 @@ fn notes(subject: &Subject, mesh: &Mesh, template: &Template) -> Vec<Problem> {
     notes
 }
 
-/// A mesh so much longer along z than along x and y lies on its side, if z is up in its file.
-const LONGER: f64 = 1.25;
+/// A mesh lies on its side (z is up in its file) if its z size exceeds its x and y sizes by this
+/// factor.
+const MIN_LENGTH_RATIO: f64 = 1.25;
 
-/// And one so much lower than it is long along z.
-const FLATTER: f64 = 0.4;
+/// A mesh also lies on its side if its height is below this fraction of its size along z.
+const MAX_HEIGHT_RATIO: f64 = 0.4;
 
-/// Sides of the box of what triangles use.
+/// Returns the size of the bounding box of the used vertices.
 fn size(mesh: &Mesh) -> Option<[f64; 3]> {
     let Bounds { min, max } = Points::of(mesh).bounds(|p| p);
     Some((max - min).to_array()).filter(|sides| sides.iter().all(|side| side.is_finite()))
 }
 
-/// Stands the mesh on its place and moves the camera. Returns the middle of the mesh's box.
+/// Places the mesh on the ground and moves the camera. Returns the centre of the mesh's bounding
+/// box.
 fn place(
     subject: &Subject,
     mesh: &Mesh,
@@ -223,8 +226,8 @@ fn place(
     if spec.fit.is_none() {
         center -= (low + high) / 2.0;
     }
-    let hair = up * HAIR * (high - low).max_element();
-    center[vertical] = ground(loaded, vertical).unwrap_or(spec.center[vertical]) + hair - lowest;
+    let gap = up * GROUND_GAP * (high - low).max_element();
+    center[vertical] = ground(loaded, vertical).unwrap_or(spec.center[vertical]) + gap - lowest;
     let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
     let placed = points.iter().map(|p| turned(p) + center);
     let middle = center + (low + high) / 2.0;
@@ -242,7 +245,7 @@ fn place(
     Ok(middle)
 }
 
-/// The camera's new position; a lens stays focused on the middle of the mesh.
+/// Sets the camera's new position. A lens stays focused on the centre of the mesh.
 fn point(camera: &Camera, loaded: &Loaded, position: DVec3, middle: DVec3, ours: &mut Overrides) {
     let list = |v: DVec3| Some(v.to_array().to_vec());
     let z = camera.lookat.normalize();
@@ -256,7 +259,7 @@ fn point(camera: &Camera, loaded: &Loaded, position: DVec3, middle: DVec3, ours:
     }
 }
 
-/// Height of the template's plane named `ground`.
+/// Returns the height of the template's plane named `ground`.
 fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
     let named = loaded.scene.shapes.iter();
     let mut planes = named.filter(|shape| shape.name.as_deref() == Some(GROUND));
@@ -274,14 +277,14 @@ fn trimesh<'a>(loaded: &'a Loaded, shape: &str) -> Option<&'a Trimesh> {
     }
 }
 
-/// 0, 1 or 2: the axis that `up` is nearest to.
+/// Returns the index (0, 1 or 2) of the axis nearest to `up`.
 pub fn main_axis(up: DVec3) -> usize {
     let size = up.abs();
     let wins = |a: usize| (0..3).all(|b| size[a] >= size[b]);
     (0..3).find(|a| wins(*a)).unwrap_or(1)
 }
 
-/// `rotate` that turns a mesh's axis onto the scene's.
+/// Returns the `rotate` angles that turn an axis of the mesh to an axis of the scene.
 fn turn(from: Axis, to: usize) -> [f64; 3] {
     match (from, to) {
         (Axis::X, 1) => [0.0, 0.0, 90.0],
@@ -300,7 +303,7 @@ mod tests {
     use glam::DMat3;
 
     #[test]
-    fn turns_bring_the_axis_up() {
+    fn turn_maps_each_axis_of_the_mesh_to_each_axis_of_the_scene() {
         for (i, from) in [Axis::X, Axis::Y, Axis::Z].into_iter().enumerate() {
             for to in 0..3 {
                 let [x, y, z] = turn(from, to).map(f64::to_radians);
@@ -314,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn main_axes() {
+    fn main_axis_is_the_largest_component() {
         assert_eq!(main_axis(DVec3::new(0.1, -3.0, 2.0)), 1);
         assert_eq!(main_axis(DVec3::Z), 2);
     }

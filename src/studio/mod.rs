@@ -1,10 +1,11 @@
-//! A mesh alone becomes a scene.
+//! Makes a scene from a mesh alone.
 //!
-//! A template (the built-in studio, or any scene with a trimesh) says how it looks. Its first
-//! trimesh becomes the file; the mesh stands on the plane named `ground` (without one: at the height
-//! of the trimesh's `center`), its lowest vertex a hair above it; the camera keeps its direction and
-//! moves to where it sees every vertex. All of it is overrides of the template, so the result is an
-//! ordinary scene that can be saved. A [`Turntable`] makes further scenes of it, one per frame.
+//! A template (the built-in studio, or any scene with a trimesh) defines the look. Its first
+//! trimesh is replaced by the file. The mesh stands on the plane named `ground`; without one, at
+//! the height of the trimesh's `center`. Its lowest vertex is slightly above the ground. The camera
+//! keeps its direction and moves to where it sees every vertex. All of this is done by overrides of
+//! the template, so the result is an ordinary scene that can be saved. A [`Turntable`] derives
+//! further scenes, one per frame.
 
 mod framing;
 mod furnish;
@@ -32,36 +33,36 @@ use crate::{
     scene::{self, Loaded, Overrides, ShapeKind, Source, written},
 };
 
-/// Distance of the picture's borders from the mesh, as a fraction of its width and height.
+/// Default margin between the mesh and the picture's borders, as a fraction of width and height.
 pub const MARGIN: f64 = 0.08;
 
-/// The name of the plane that meshes stand on.
+/// Name of the plane on which meshes stand.
 const GROUND: &str = "ground";
 
 /// An axis of a mesh file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
-    /// x points up
+    /// the x axis points up
     X,
-    /// y points up
+    /// the y axis points up
     Y,
-    /// z points up, as scanners and CAD have it
+    /// the z axis points up, as scanners and CAD programs have it
     Z,
 }
 
-/// How a mesh and what is around it look, where that is not left to the template.
+/// Choices for the look of a mesh and its surroundings that override the template.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Looks {
-    /// Where its normals are interpolated.
+    /// Edges across which normals are interpolated.
     pub smooth: Option<written::Smooth>,
-    /// The image for its texture coordinates, in place of what the file and the template name.
+    /// Texture image, in place of the one that the file or the template names.
     pub texture: Option<PathBuf>,
-    /// Without the template's plane named `ground`.
+    /// True to remove the template's plane named `ground`.
     pub no_ground: bool,
 }
 
-/// What `--smooth` asks for, by the largest angle in degrees of a smooth edge.
+/// Converts the value of `--smooth`: the maximum angle of a smooth edge in degrees.
 pub fn smooth(degrees: f64) -> written::Smooth {
     match degrees {
         0.0 => written::Smooth::Everywhere(false),
@@ -70,31 +71,32 @@ pub fn smooth(degrees: f64) -> written::Smooth {
     }
 }
 
-/// A mesh file to be shown.
+/// A mesh file to show, with options.
 #[derive(Debug, Clone)]
 pub struct Subject<'a> {
-    /// The file.
+    /// Path of the mesh file.
     pub path: &'a Path,
-    /// Which of its axes points up, if the user says so.
+    /// Axis of the file that points up, if the user gives one.
     pub up: Option<Axis>,
-    /// Degrees about x, then y, then z, in place of `up`.
+    /// Rotation in degrees about the x, then y, then z axis, in place of `up`.
     pub rotate: Option<[f64; 3]>,
-    /// Kept free at each border of the picture, as a fraction of its width and height; [0, 0.5).
+    /// Margin to keep free at each border, as a fraction of the picture's width and height; in [0,
+    /// 0.5).
     pub margin: f64,
-    /// How it looks.
+    /// Choices for the look of the mesh.
     pub looks: Looks,
-    /// The camera sees every vertex wherever it comes to on a turntable.
+    /// True to frame the mesh so that the camera sees every vertex in all frames of a turntable.
     pub turning: bool,
-    /// Drop triangles with bad vertices.
+    /// True to drop triangles with missing or non-finite vertices.
     pub repair: bool,
-    /// Read the file instead of mapping it.
+    /// True to read the file instead of mapping it.
     pub no_mmap: bool,
-    /// The most that its arrays may take.
+    /// Limit of the memory for the arrays of the mesh.
     pub room: Option<Room>,
 }
 
 impl<'a> Subject<'a> {
-    /// A file as it is.
+    /// Makes a subject with default options.
     pub fn new(path: &'a Path) -> Self {
         let (up, rotate, margin) = (None, None, MARGIN);
         let (turning, repair, no_mmap, room) = (false, false, false, None);
@@ -103,25 +105,25 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// A scene around a mesh.
+/// A scene made from a mesh.
 #[derive(Debug)]
 pub struct Shown {
-    /// The scene, all overrides applied.
+    /// The scene with all overrides applied.
     pub loaded: Loaded,
-    /// What is suspicious so far.
+    /// Warnings that were collected so far.
     pub warnings: Vec<Problem>,
-    /// The mesh, by the path that the scene names.
+    /// The mesh, with the path that the scene names.
     pub mesh: (PathBuf, Mesh),
-    /// The middle of the mesh's box where it stands.
+    /// Centre of the mesh's bounding box after placement, in world space.
     pub middle: DVec3,
 }
 
-/// Shows a mesh in a template. The user's overrides win; `light_samples` is [`load`]'s; a signal at the
-/// monitor stops the reading.
+/// Makes a scene that shows a mesh in a template. The user's overrides take precedence.
+/// `light_samples` is the parameter of [`load`]. A stop request at the monitor ends the reading.
 ///
 /// # Errors
-/// A mesh that cannot be read, a template without a trimesh, everything that is wrong with it and the
-/// overrides.
+/// A mesh that cannot be read, a template without a trimesh, and every problem of the template and
+/// the overrides.
 pub fn show(
     subject: &Subject,
     template: &Template,
@@ -134,12 +136,12 @@ pub fn show(
     let furnished = furnish::furnish(subject, read, template, &user, &mut warnings)?;
     user.prepend(furnished.overrides);
     let mut loaded = load(template.source(), user, light_samples, &mut warnings)?;
-    // Under a cut-out there is no ground that could cover the frame.
+    // In a cut-out the ground must not cover the frame.
     let cut_out = template.builtin && loaded.scene.transparent;
     if subject.looks.no_ground || cut_out {
         loaded = without_ground(loaded, template)?;
     }
-    // Messages name the mesh as the user does, not as the template sees it.
+    // Messages name the mesh by the user's path, not relative to the template.
     let (path, mesh) = furnished.mesh;
     for shape in &mut loaded.scene.shapes {
         if let ShapeKind::Trimesh(spec) = &mut shape.kind {
@@ -151,7 +153,7 @@ pub fn show(
     Ok(Shown { loaded, warnings, mesh: (subject.path.to_owned(), mesh), middle: furnished.middle })
 }
 
-/// The scene without the plane that the mesh stands on.
+/// Returns the scene without the plane named `ground`.
 fn without_ground(loaded: Loaded, template: &Template) -> Result<Loaded> {
     let mut description = loaded.description;
     description.scene.shapes.retain(|shape| match shape {
@@ -162,11 +164,11 @@ fn without_ground(loaded: Loaded, template: &Template) -> Result<Loaded> {
     Ok(Loaded { warnings: loaded.warnings, ..found })
 }
 
-/// Loads a scene with overrides; `light_samples` sets the samples of every area light before any
+/// Loads a scene with overrides. `light_samples` sets the samples of every area light before any
 /// `--set`.
 ///
 /// # Errors
-/// Everything that is wrong with the scene and its overrides.
+/// Every problem of the scene and its overrides.
 pub fn load(
     source: Source,
     mut overrides: Overrides,

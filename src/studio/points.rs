@@ -1,4 +1,4 @@
-//! Mesh files as the studio sees them: clouds of points.
+//! Reads mesh files for the studio, as clouds of the used vertices.
 
 use std::path::Path;
 
@@ -14,13 +14,13 @@ use crate::{
 
 use super::Subject;
 
-/// Reads the file of a subject.
+/// Reads the mesh file of a subject.
 pub fn read(subject: &Subject, monitor: &Monitor) -> Result<Mesh> {
     let options = mesh::ReadOptions::default().repair(subject.repair).mmap(!subject.no_mmap);
     mesh::read_ply(subject.path, options.room(subject.room).monitor(monitor))
 }
 
-/// Whether a file is a mesh, by its name or its first bytes.
+/// Returns true if a file is a mesh, by its name or its first bytes.
 pub fn is_mesh(path: &Path) -> bool {
     let name = path.to_string_lossy().to_ascii_lowercase();
     [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| name.ends_with(end)) || begins_as_ply(path)
@@ -34,23 +34,24 @@ pub struct Points<'m> {
 }
 
 impl<'m> Points<'m> {
-    /// Finds the used ones.
+    /// Finds the vertices that triangles use.
     pub fn of(mesh: &'m Mesh) -> Self {
         Self { mesh, used: mesh.used_vertices() }
     }
 
-    /// How many vertices there are beside them.
+    /// Returns the number of vertices that no triangle uses.
     pub fn unused(&self) -> u64 {
         self.used.iter().filter(|used| !**used).count() as u64
     }
 
-    /// All of them, again and again.
+    /// Returns an iterator over the used vertices, in file order.
     pub fn iter(&self) -> impl Iterator<Item = DVec3> + '_ {
         let used = self.used.iter().enumerate().filter(|(_, used)| **used);
         used.map(|(i, _)| self.mesh.positions.get(i))
     }
 
-    /// The box of what `place` makes of them; empty if there are none.
+    /// Returns the bounding box of the used vertices after `place` is applied to them; empty if
+    /// there are none.
     pub fn bounds(&self, place: impl Fn(DVec3) -> DVec3 + Sync) -> Bounds {
         let point = |i: usize| self.used[i].then(|| place(self.mesh.positions.get(i)));
         Bounds::of_points(self.used.len(), point)

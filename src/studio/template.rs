@@ -1,4 +1,4 @@
-//! The text of a scene, wherever it comes from.
+//! The text of a scene: built in, from a file, or from standard input.
 
 use std::{
     io::Read,
@@ -10,24 +10,24 @@ use crate::{
     scene::Source,
 };
 
-/// Longest scene on stdin; longer files are refused by the parser too.
+/// Maximum number of bytes read. The parser refuses longer files too.
 const MAX_STDIN_BYTES: u64 = 256 << 20;
 
-/// The text of a scene and what its paths are relative to.
+/// The text of a scene, and the folder of its paths.
 #[derive(Debug)]
 pub struct Template {
-    /// For messages.
+    /// Name of the scene in messages.
     pub name: String,
-    /// JSON.
+    /// The text, which should be JSON.
     pub text: Vec<u8>,
-    /// Of relative paths; empty is the working folder.
+    /// Folder to which paths are relative; empty for the working folder.
     pub folder: PathBuf,
-    /// It is part of the program: its materials are ours to change.
+    /// True if the scene is part of the program. Then its materials may be changed.
     pub builtin: bool,
 }
 
 impl Template {
-    /// As the parser takes it.
+    /// Returns the source that the parser needs.
     pub fn source(&self) -> Source<'_> {
         Source::Text { name: &self.name, text: &self.text, folder: &self.folder }
     }
@@ -35,17 +35,17 @@ impl Template {
     /// The text of the built-in studio.
     pub const STUDIO: &str = include_str!("../../assets/studio.json");
 
-    /// A scene that is part of the program.
+    /// Makes a template from a scene that is part of the program.
     pub fn builtin(name: &str, text: &str) -> Self {
         Self { name: name.to_string(), text: text.into(), folder: PathBuf::new(), builtin: true }
     }
 
-    /// The built-in studio.
+    /// Makes the template of the built-in studio.
     pub fn studio() -> Self {
         Self::builtin("<studio>", Self::STUDIO)
     }
 
-    /// The scene file at `path`.
+    /// Reads the scene file at `path`.
     pub fn file(path: &Path) -> Result<Self> {
         let read = || {
             let file = std::fs::File::open(path)?;
@@ -61,7 +61,7 @@ impl Template {
         })
     }
 
-    /// The scene on standard input.
+    /// Reads a scene from standard input.
     pub fn stdin() -> Result<Self> {
         let mut text = Vec::new();
         let read = std::io::stdin().take(MAX_STDIN_BYTES).read_to_end(&mut text);

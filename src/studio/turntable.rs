@@ -1,8 +1,9 @@
-//! Frames of a turntable: the same shapes, seen from around.
+//! Frames of a turntable: the same shapes, seen from all around.
 //!
-//! Whatever turns, the shapes stay where they are: a frame turns the camera, and the lights if these
-//! stay with it. So the geometry and what is built over it serve all frames, and a frame is an ordinary
-//! scene. Positions and normals in layers, and the camera in a file's header, are those of this scene.
+//! The shapes never move. A frame turns the camera, and also the lights if these stay with the
+//! camera. So the geometry and the acceleration structure serve all frames, and a frame is an
+//! ordinary scene. Positions and normals in layers, and the camera in a file's header, are in the
+//! space of that scene.
 
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
@@ -12,18 +13,18 @@ use crate::scene::{Description, written::Light};
 
 use super::furnish::main_axis;
 
-/// What turns.
+/// The object that turns: mesh or camera.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Turning {
-    /// the object with all shapes, as on a turntable
+    /// the object and all shapes, as on a turntable
     #[default]
     Object,
     /// the camera, around the object
     Camera,
 }
 
-/// What lights stay with.
+/// The object that lights stay with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Fixed {
@@ -33,31 +34,32 @@ pub enum Fixed {
     Object,
 }
 
-/// Frames evenly around a whole turn, counterclockwise as seen from above.
+/// Frames at equal angles over a whole turn, counterclockwise as seen from above.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turntable {
-    /// How many, >= 1.
+    /// Number of frames, >= 1.
     pub frames: u32,
-    /// What turns.
+    /// The object that turns.
     pub turn: Turning,
-    /// What the lights stay with.
+    /// The object that lights stay with.
     pub lights: Fixed,
-    /// Degrees at the first frame.
+    /// Angle of the first frame in degrees.
     pub start_deg: f64,
 }
 
 impl Turntable {
-    /// So many frames of a turning object, the lights staying in the room.
+    /// Makes a turntable of `frames` frames: the object turns, and the lights stay with the camera.
     pub fn new(frames: u32) -> Self {
         Self { frames, turn: Turning::Object, lights: Fixed::Camera, start_deg: 0.0 }
     }
 
-    /// The scene of one frame, turned about the vertical axis (the main axis of the camera's `up`)
-    /// through `pivot`. Frame 0 of a turntable that starts at 0 is the scene itself, bit for bit.
+    /// Returns the scene of one frame, turned about the vertical axis (the main axis of the
+    /// camera's `up`) through `pivot`. Frame 0 of a turntable that starts at 0 is the scene itself,
+    /// bit for bit.
     pub fn frame(&self, scene: &Description, pivot: DVec3, frame: u32) -> Description {
         let mut scene = scene.clone();
         let turned = self.start_deg + 360.0 * f64::from(frame) / f64::from(self.frames);
-        // What is seen of a turning object, a camera sees that goes the other way.
+        // Turning the object one way looks the same as moving the camera the other way.
         let degrees = match self.turn {
             Turning::Object => -turned,
             Turning::Camera => turned,
@@ -91,14 +93,15 @@ impl Turntable {
     }
 }
 
-/// The turn by `degrees` about the main axis of `up`, counterclockwise as seen from its side.
+/// Returns the rotation by `degrees` about the main axis of `up`, counterclockwise as seen from its
+/// positive side.
 fn turn(up: DVec3, degrees: f64) -> DMat3 {
     let axis = main_axis(up);
     let turn = DMat3::from_axis_angle(
         DVec3::AXES[axis] * up[axis].signum(),
         (degrees % 360.0).to_radians(),
     );
-    // Quarter turns must be exact, or a square would not stay one.
+    // Quarter turns must be exact, so that a square stays a square.
     let exact = |x: f64| if (x - x.round()).abs() < 1e-15 { x.round() } else { x };
     DMat3::from_cols_array(&turn.to_cols_array().map(exact))
 }
@@ -119,11 +122,11 @@ mod tests {
     }
 
     #[test]
-    fn a_quarter_of_a_turn_each_way() {
+    fn a_quarter_turn_of_object_and_camera_goes_opposite_ways() {
         let (scene, pivot) = (scene(), DVec3::X);
         let object = Turntable::new(4);
         let seen = object.frame(&scene, pivot, 1);
-        // The object turns from +z to +x; the camera at +z goes to -x.
+        // The object turns from +z to +x, so the camera at +z moves to -x.
         assert_eq!(seen.camera.position.0, [-4.0, 2.0, 0.0]);
         assert_eq!(seen.camera.lookat.unwrap().0, [1.0, -0.25, 0.0]);
         assert!(
@@ -137,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_frame_is_the_scene() {
+    fn the_first_frame_equals_the_scene() {
         let scene = scene();
         assert_eq!(Turntable::new(7).frame(&scene, DVec3::splat(0.1), 0), scene);
     }

@@ -1,8 +1,8 @@
-//! The two backends that render, and a test of each. What needs Embree is ignored where there was none when the
-//! tests were compiled.
+//! The two backends that render, and a macro for one test of each. Tests that need Embree are
+//! ignored if there was none when they were compiled.
 //!
-//! What depends on hits is tested on both; that of files, flags, messages and sampling runs on the default alone,
-//! as no backend has a part in it.
+//! Tests that depend on hits run on both. Tests of files, flags, messages and sampling run only on
+//! the default backend, because the backend does not affect them.
 #![allow(dead_code, unused_imports, unused_macros)] // each test program uses its own part of this module
 
 use lightpath::{
@@ -12,16 +12,16 @@ use lightpath::{
     scene::Backend,
 };
 
-/// One thread, as much memory as it takes.
+/// One thread and unlimited memory.
 pub const OPTIONS: BuildOptions = BuildOptions { threads: 1, max_bytes: None };
 
-/// `backend` over `geometry`.
+/// Builds `backend` over `geometry`.
 #[track_caller]
 pub fn build(geometry: &Geometry, backend: Backend) -> Box<dyn Accelerator + '_> {
     accel::build(geometry, backend, &OPTIONS, &Monitor::default()).unwrap()
 }
 
-/// Makes of `fn what(backend: Backend) { ... }` the tests `what::bvh` and `what::embree`.
+/// Makes the tests `what::bvh` and `what::embree` from `fn what(backend: Backend) { ... }`.
 macro_rules! on_both {
     ($($(#[$about:meta])* fn $what:ident($backend:ident: Backend) $body:block)+) => {$(
         $(#[$about])*

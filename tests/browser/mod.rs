@@ -1,11 +1,11 @@
-//! Opens pages in a browser without a window.
+//! Opens pages in a headless browser.
 
 use std::{fs, path::Path, process::Command};
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
 
-/// Opens a page and returns what the browser prints; `None` where there is no browser. `LIGHTPATH_BROWSER=1`, as
-/// CI sets it, makes that a failure.
+/// Opens a page and returns the browser's output. `None` if there is no browser, unless
+/// `LIGHTPATH_BROWSER=1`, which CI sets and which makes this a failure.
 pub fn browse(args: &[&str], page: &Path) -> Option<String> {
     let url = format!("file://{}", page.display());
     let all = [
@@ -27,16 +27,16 @@ pub fn browse(args: &[&str], page: &Path) -> Option<String> {
     None
 }
 
-/// What a page is like in a window of some width.
+/// Properties of a page in a window of a given width.
 #[allow(dead_code)] // of one test program
 #[derive(Debug, PartialEq, serde::Deserialize)]
 pub struct Seen {
-    /// CSS pixels that the page is wide: more than the window's means that it scrolls sideways.
+    /// Width of the page in CSS pixels. If it exceeds the window's, the page scrolls sideways.
     pub width: u32,
     pub height: u32,
-    /// The smallest text of a chart in CSS pixels, as it is shown; 0 without charts.
+    /// Size of the smallest text in a chart in displayed CSS pixels; 0 without charts.
     pub chart_text: f64,
-    /// The least contrast of texts with what is behind them, by WCAG's formula.
+    /// Lowest contrast of a text with its background, by WCAG's formula.
     pub contrast: f64,
     /// Relative luminance of the background, 0 to 1.
     pub background: f64,
@@ -44,7 +44,7 @@ pub struct Seen {
     pub sections: u32,
 }
 
-/// Looks at a page from within a frame: a window cannot be as narrow as a telephone.
+/// Looks at a page through a frame, because a window cannot be as narrow as a telephone.
 const LOOK: &str = r#"
   const page = document.getElementById('page');
   const seen = () => {
@@ -83,7 +83,8 @@ const LOOK: &str = r#"
   page.onload = () => { document.body.dataset.seen = JSON.stringify(seen()); };
 "#;
 
-/// Opens a page in a window `width` wide, with its `<details>` open if `open`; `None` where there is no browser.
+/// Opens a page in a window `width` wide, with its `<details>` open if `open`. `None` if there is
+/// no browser.
 #[allow(dead_code)] // of one test program
 pub fn look(page: &Path, width: u32, dark: bool, open: bool) -> Option<Seen> {
     let html = fs::read_to_string(page).unwrap();

@@ -1,4 +1,4 @@
-//! What is said of all rays between some: nothing is there only if none of them hits.
+//! A cone may be reported as empty only if none of its rays hits anything.
 
 use glam::DVec3;
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
@@ -27,7 +27,7 @@ fn scattered(random: &mut Random, size: f64, triangles: usize) -> Geometry {
     Geometry::new(DVec3::ZERO, vec![mesh], quads, vec![sphere]).expect("few")
 }
 
-/// The corners of a square of directions, as a camera's pixels have them.
+/// Returns the corners of a square of directions, like those of a block of pixels.
 fn square(random: &mut Random, origin: DVec3, width: f64) -> (Rays, [DVec3; 4]) {
     let to = DVec3::from_array([0; 3].map(|_| random.within(-1.0, 1.0)));
     let forward = (to - origin).normalize();
@@ -45,7 +45,7 @@ fn square(random: &mut Random, origin: DVec3, width: f64) -> (Rays, [DVec3; 4]) 
 const FOUR: Mask = Mask([-1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
 
 #[test]
-fn no_ray_between_hits_where_there_is_nothing() {
+fn no_ray_in_an_empty_cone_hits() {
     let mut random = Random(7);
     let (mut said, mut asked) = (0, 0);
     for (size, triangles) in [(0.3, 12), (0.1, 60), (0.03, 400)] {
@@ -66,7 +66,7 @@ fn no_ray_between_hits_where_there_is_nothing() {
                 let mut inside = Rays::EMPTY;
                 for round in 0..4 {
                     for i in 0..LANES {
-                        // In the first round along the edges.
+                        // The first round goes along the edges.
                         let (x, y) = (random.unit(), random.unit());
                         let (x, y) = if round > 0 { (x, y) } else { (x.round(), y) };
                         let direction = corners[0]
@@ -86,7 +86,7 @@ fn no_ray_between_hits_where_there_is_nothing() {
 }
 
 #[test]
-fn every_tier_tells_the_sky_from_a_wall() {
+fn every_tier_distinguishes_the_sky_from_a_wall() {
     let wall = [[-1.0, -1.0, 5.0], [1.0, -1.0, 5.0], [1.0, 1.0, 5.0], [-1.0, 1.0, 5.0]];
     let geometry = Geometry::new(DVec3::ZERO, vec![], vec![wall], vec![]).expect("few");
     let tiers = Tiers::new(&geometry);
@@ -98,12 +98,12 @@ fn every_tier_tells_the_sky_from_a_wall() {
         }
         tiers.telling_nothing_between(&FOUR, &rays)
     };
-    // Beside it, behind the eye, the wall's edge within, the whole wall within.
+    // Beside the wall; behind the eye; the wall's edge inside the cone; the whole wall inside.
     assert_eq!(asks(1.01, 2.0, 5.0), all);
     assert_eq!(asks(-0.1, 0.1, -5.0), all);
     assert_eq!(asks(0.99, 2.0, 5.0), 0);
     assert_eq!(asks(-4.0, 4.0, 5.0), 0);
-    // Of rays about several axes nobody is sure.
+    // With rays of several dominant axes, no instruction set reports an empty cone.
     assert_eq!(asks(6.0, 7.0, 1.0), all);
     assert_eq!(asks(1.5, 7.0, 5.0), 0);
 }

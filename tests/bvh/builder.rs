@@ -1,4 +1,4 @@
-//! Trees over every number and kind of primitives, and over what is hard to split.
+//! Trees over every number and kind of primitives, and over sets that are hard to split.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -32,7 +32,7 @@ fn random_point(random: &mut Random) -> [f32; 3] {
     [0; 3].map(|_| random.within(-10.0, 10.0) as f32)
 }
 
-/// So many of each kind.
+/// Returns a geometry with this many primitives of each kind.
 fn some(random: &mut Random, triangles: usize, quads: usize, spheres: usize) -> Geometry {
     let near = |random: &mut Random, p: [f32; 3]| p.map(|x| x + random.within(-1.0, 1.0) as f32);
     let triangles: Vec<_> = (0..triangles)
@@ -57,7 +57,8 @@ fn some(random: &mut Random, triangles: usize, quads: usize, spheres: usize) -> 
     geometry(&triangles, quads, spheres)
 }
 
-/// Rays through points of a scene find what the reference finds; how many hit.
+/// Traces rays through points of a scene and compares with the reference. Returns the number of
+/// hits.
 fn trace(random: &mut Random, geometry: &Geometry, packets: usize, size: f64) -> usize {
     let tiers = Tiers::new(geometry);
     let mut hits = 0;
@@ -118,7 +119,7 @@ fn a_million_copies_of_one_triangle() {
     let mut active = ALL;
     active.0[2..].fill(0);
     let found = Tiers::best(&geometry).trace(&active, &rays);
-    // All at one distance: the lowest number counts.
+    // All are at the same distance, so the lowest number wins.
     assert_eq!(found[0].map(|hit| (hit.primitive, hit.t)), Some((0, 0.5)));
     assert_eq!(found[1], None);
 }
@@ -128,7 +129,7 @@ fn centroids_that_are_all_equal() {
     let mut random = Random(4);
     let triangles: Vec<_> = (0..500)
         .map(|i| {
-            // Symmetric boxes around the origin.
+            // Boxes symmetric around the origin.
             let size = 1.0 + i as f32;
             [[-size, -size, 0.0], [size, -size, 0.0], [0.0, size, 0.0]]
         })
@@ -187,7 +188,8 @@ fn chains_of_sizes_that_double() {
 
 #[test]
 fn a_chain_makes_a_tree_that_is_deep_for_its_size() {
-    // Each of 240 triangles in a box that is half of the next one's: the large ones are split off, level by level.
+    // Each of 240 triangles lies in a box half as large as the next one's. The large ones are split
+    // off, level by level.
     let triangles: Vec<_> = (-120..120)
         .map(|k| {
             let size = f32::powi(2.0, k);
@@ -269,7 +271,7 @@ fn visits_are_counted() {
         put(&mut rays, i, [0.0, 0.0, 100.0], [0.0, 0.0, 1.0]);
     }
     let nothing = bvh.visits(&ALL, &rays, false, Coherence::Single).expect("a count");
-    // The root for each of the rays, which miss its only child.
+    // Each ray visits the root and misses its only child.
     assert_eq!((nothing.nodes, nothing.primitives), (16, 0));
     let [a, _, c, _] = geometry.quads[0];
     let middle = [0, 1, 2].map(|k| (a[k] + c[k]) / 2.0);
@@ -279,7 +281,7 @@ fn visits_are_counted() {
     for shadow in [false, true] {
         let single = bvh.visits(&ALL, &rays, shadow, Coherence::Single).expect("a count");
         assert_eq!((single.nodes, single.primitives), (16, 32));
-        // A packet looks once.
+        // A packet visits each once.
         let packet = bvh.visits(&ALL, &rays, shadow, Coherence::Coherent).expect("a count");
         assert_eq!((packet.nodes, packet.primitives), (1, 2));
     }

@@ -1,5 +1,6 @@
-//! Bytes -> a small scene and 64 rays -> every tier agrees with the others and with the reference.
-//! The body of the fuzz target in `fuzz/`, which a test drives with random bytes as well.
+//! Turns bytes into a small scene and 64 rays, and checks that all instruction sets agree with each
+//! other and with the reference. It is the body of the fuzz target in `fuzz/`; a test also runs it
+//! on random bytes.
 
 use glam::DVec3;
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
@@ -8,7 +9,7 @@ use lightpath::ray::{LANES, Mask, Rays};
 use super::reference;
 use super::tiers::{Tiers, put};
 
-/// Bytes, then zeros.
+/// A source of bytes, followed by endless zeros.
 struct Bytes<'a>(&'a [u8]);
 
 impl Bytes<'_> {
@@ -26,7 +27,7 @@ impl Bytes<'_> {
         usize::from(self.u8()) % n
     }
 
-    /// One of: a small integer, a fraction of one, magnitudes 2^-60 to 2^60.
+    /// Returns a small integer, a fraction of one, or a number of magnitude 2^-60 to 2^60.
     fn number(&mut self, style: u8) -> f32 {
         match style % 4 {
             0 => f32::from(self.u8() as i8 % 8),
@@ -51,7 +52,7 @@ impl Bytes<'_> {
 /// Runs one case.
 ///
 /// # Panics
-/// If anything is wrong.
+/// If any check fails.
 pub fn run(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let (geometry, points) = scene(&mut bytes);
@@ -74,7 +75,7 @@ pub fn run(bytes: &[u8]) {
     }
 }
 
-/// Where a tier says that nothing is between the first rays, no ray between them hits anything.
+/// Checks that no ray inside a cone hits anything if an instruction set reports the cone as empty.
 fn between(bytes: &mut Bytes, geometry: &Geometry, tiers: &Tiers, rays: &Rays) {
     let corners = 1 + bytes.below(4);
     let mut cone = Rays::EMPTY;
@@ -89,7 +90,7 @@ fn between(bytes: &mut Bytes, geometry: &Geometry, tiers: &Tiers, rays: &Rays) {
     for i in 0..LANES {
         let shares: [f64; 4] = std::array::from_fn(|_| f64::from(bytes.u8() % 16));
         let direction = cone.dir.map(|d| (0..corners).map(|k| shares[k] * f64::from(d[k])).sum());
-        // Rounded once, of whatever length: not beyond the range of f32.
+        // Rounded once, at any length within the range of f32.
         let largest = direction.iter().fold(0.0, |most: f64, x: &f64| most.max(x.abs()));
         put(&mut mixed, i, cone.org.map(|o| o[0]), direction.map(|x| (x / largest) as f32));
     }
@@ -101,13 +102,13 @@ fn between(bytes: &mut Bytes, geometry: &Geometry, tiers: &Tiers, rays: &Rays) {
     }
 }
 
-/// A scene and its points.
+/// Returns a scene and its points.
 fn scene(bytes: &mut Bytes) -> (Geometry, Vec<[f32; 3]>) {
     let style = bytes.u8();
     let mut points: Vec<[f32; 3]> = Vec::new();
     for _ in 0..3 + bytes.below(24) {
         let point = match (bytes.below(4), points.last()) {
-            // A few ulp from the last one.
+            // A few ulp from the previous point.
             (0, Some(&last)) => last.map(|x| f32::from_bits(x.to_bits() ^ bytes.below(4) as u32)),
             _ => bytes.point(style),
         };
@@ -132,15 +133,15 @@ fn scene(bytes: &mut Bytes) -> (Geometry, Vec<[f32; 3]>) {
     (Geometry::new(DVec3::ZERO, meshes, quads, spheres).expect("few primitives"), points)
 }
 
-/// 16 rays, mostly towards points and mixtures of points. Some leave one of the first `flat`
-/// primitives; a ray that leaves a sphere must begin on it.
+/// Returns 16 rays, mostly towards points and mixtures of points. Some leave one of the first
+/// `flat` primitives: a ray that leaves a sphere would have to start on it.
 fn rays(bytes: &mut Bytes, points: &[[f32; 3]], flat: u32) -> Rays {
     let style = bytes.u8();
     let mut rays = Rays::EMPTY;
     let mut origin = [0.0; 3];
     let mut direction = [0.0, 0.0, 1.0];
     let any = |bytes: &mut Bytes| points[bytes.below(points.len())];
-    // Often one origin, or one direction, for all.
+    // Often all rays share one origin or one direction.
     let keeps = bytes.below(4);
     for i in 0..LANES {
         if i == 0 || keeps & 1 == 0 {

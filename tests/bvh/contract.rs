@@ -1,4 +1,4 @@
-//! What the trait promises at its edges: segments, inactive lanes, the primitive that a ray leaves.
+//! Edge cases of the trait's contract: segments, inactive lanes, the primitive that a ray leaves.
 
 use glam::DVec3;
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
@@ -31,7 +31,7 @@ fn walls() -> Geometry {
     Geometry::new(DVec3::ZERO, vec![mesh], vec![quad], vec![sphere]).expect("few")
 }
 
-/// 16 rays along z, through insides of triangles.
+/// Returns 16 rays along z, through the insides of triangles.
 fn along_z() -> Rays {
     let mut rays = Rays::EMPTY;
     for i in 0..LANES {
@@ -97,14 +97,14 @@ fn directions_may_have_any_length() {
                 (rays.dir[0][i], rays.dir[2][i]) = (x * size, z * size);
                 rays.org[0][i] = 0.375;
             }
-            // Beyond the first wall, short of the second, as far as f32 can say.
+            // Between the first wall and the second, as precisely as f32 allows.
             let at = |depth: f64| (depth / f64::from(z * size)) as f32;
             (rays.tnear, rays.tfar) = ([at(1.25); LANES], [f32::INFINITY; LANES]);
             let active = rays.possible(&ALL);
             assert_eq!(active, ALL, "{x} {z} {size}");
             for hit in tiers.trace(&active, &rays) {
                 let t = hit.map(|hit| f64::from(hit.t) * f64::from(z * size));
-                // Where t is denormal, 1.25 and 2 are the same.
+                // If t is denormal, 1.25 and 2 are equal.
                 let apart = rays.tnear[0] < at(2.0);
                 let right = !apart || t.is_some_and(|t| (t - 2.0).abs() < 0.2);
                 assert!(right, "{t:?} for {x} {z} {size}, t from {}", rays.tnear[0]);
@@ -114,7 +114,7 @@ fn directions_may_have_any_length() {
 }
 
 #[test]
-fn lanes_that_do_not_count_change_nothing() {
+fn inactive_lanes_change_nothing() {
     let geometry = walls();
     let tiers = Tiers::new(&geometry);
     let clean = along_z();
@@ -140,12 +140,13 @@ fn lanes_that_do_not_count_change_nothing() {
 }
 
 #[test]
-fn what_a_ray_leaves_is_not_hit_but_for_the_far_side_of_a_sphere() {
+fn a_ray_hits_the_primitive_it_leaves_only_on_the_far_side_of_a_sphere() {
     let geometry = walls();
     let tiers = Tiers::new(&geometry);
     let mut rays = along_z();
     let first = tiers.trace(&ALL, &rays);
-    // From the front of the first wall, and from a little behind it, as rounding could have it.
+    // From the front of the first wall, and from slightly behind it, as rounding may place an
+    // origin.
     for z in [0.0, 1.0, f32::from_bits(1.0f32.to_bits() - 1)] {
         for i in 0..LANES {
             rays.org[2][i] = z;
@@ -164,7 +165,7 @@ fn what_a_ray_leaves_is_not_hit_but_for_the_far_side_of_a_sphere() {
     for hit in tiers.trace(&ALL, &rays) {
         assert_eq!(hit.map(|hit| hit.primitive), Some(sphere));
     }
-    // From the near pole through the sphere: the far pole; outwards: nothing behind.
+    // From the near pole through the sphere to the far pole. Outwards there is no hit.
     for i in 0..LANES {
         put(&mut rays, i, [0.0, 0.0, 4.0], [0.0, 0.0, if i % 2 == 0 { 0.5 } else { 0.25 }]);
         rays.leaving[i] = sphere;
@@ -181,8 +182,8 @@ fn what_a_ray_leaves_is_not_hit_but_for_the_far_side_of_a_sphere() {
 
 #[test]
 fn a_ray_along_a_plane_meets_a_triangle_that_its_line_meets() {
-    // Sheared, the ray runs along the edge to the last corner; in f64 it is parallel to the plane and beside it, so
-    // that t of the plane is infinite.
+    // In the sheared space the ray runs along the edge to the last corner. In f64 it is parallel to
+    // the plane and beside it, so t of the plane is infinite.
     let (corner, far) = ([-1.0, -1.0, -1.0], [2.000_000_2, -3.0, 7.0]);
     let quad = [corner, [0.0, 3.0, 0.0], far, far];
     let geometry = Geometry::new(DVec3::ZERO, vec![], vec![quad], vec![]).expect("few");
@@ -201,8 +202,8 @@ fn a_ray_along_a_plane_meets_a_triangle_that_its_line_meets() {
 
 #[test]
 fn a_ray_along_a_plane_meets_nothing_beyond_where_its_line_leaves_the_triangle() {
-    // Along the first edge, whose corner is moved by denormals, and on past its end at t = 1: the third corner lies
-    // at t = 2. Other rays of the packet enter the leaf.
+    // The ray runs along the first edge, whose corner is moved by denormals, and past its end at t
+    // = 1. The third corner lies at t = 2. Other rays of the packet enter the leaf.
     let vertices = vec![[-7.0, 4e-45, 4e-45], [-1.0, 2.0, 4.0], [5.0, -1.0, -1.0]];
     let mesh = TriangleMesh::new(vertices, vec![[0, 1, 2]], false);
     let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).expect("few");
@@ -219,7 +220,8 @@ fn a_ray_along_a_plane_meets_nothing_beyond_where_its_line_leaves_the_triangle()
 
 #[test]
 fn the_nearest_of_hits_that_are_nearer_than_any_f32_is_found() {
-    // From 4e-45 before a corner that two quads share, 2e12 a unit of t: both are met at t below 1e-56.
+    // From 4e-45 before a corner that two quads share, with 2e12 per unit of t. Both are hit at t
+    // below 1e-56.
     let corner = [0.0, 4.0, 5.0];
     let first = [corner, [3.0, 0.0, 3e-45], [-2.0, -4.000_000_5, -3.000_000_7], [-2.0, -4.0, -3.0]];
     let second = [[3.000_000_7, 4e-45, 1e-45], corner, [-2.0, -4.0, -3.0], [0.0, 4.000_001_4, 5.0]];

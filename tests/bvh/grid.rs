@@ -1,4 +1,4 @@
-//! Small integers: every quantity of the test is exact, so every answer must be.
+//! Small integers make every quantity of the test exact, so every answer must be exact.
 
 use glam::DVec3;
 use lightpath::accel;
@@ -19,7 +19,7 @@ fn point() -> impl Strategy<Value = Point> {
     [0..=SIZE, 0..=SIZE, 0..=SIZE]
 }
 
-/// One of the 26 directions to neighbours, times a power of two.
+/// A direction to one of the 26 neighbours, times a power of two.
 fn direction() -> impl Strategy<Value = (Point, i32)> {
     let towards = [-1..=1i64, -1..=1i64, -1..=1i64].prop_filter("not zero", |d| *d != [0; 3]);
     (towards, -3..4)
@@ -51,7 +51,7 @@ fn scene() -> impl Strategy<Value = Scene> {
         })
 }
 
-/// The twelve triangles of a box.
+/// Returns the twelve triangles of a box.
 fn sides([p, q]: [Point; 2]) -> Vec<[Point; 3]> {
     let mut all = Vec::new();
     for axis in 0..3 {
@@ -76,9 +76,9 @@ fn sides([p, q]: [Point; 2]) -> Vec<[Point; 3]> {
     all
 }
 
-/// Every flat primitive as integer triangles, and the scene that the backend sees.
+/// Every flat primitive as integer triangles, and the scene for the backend.
 struct Exact {
-    /// Primitive and corners.
+    /// Number of the primitive, and corners.
     flat: Vec<(u32, [Point; 3])>,
     geometry: Geometry,
 }
@@ -120,7 +120,7 @@ impl Exact {
         Self { flat, geometry }
     }
 
-    /// The closest hit, and of equal ones that of the lower primitive.
+    /// Returns the closest hit; of equal ones, that of the lower primitive.
     fn closest(
         &self,
         origin: Point,
@@ -148,7 +148,7 @@ impl Exact {
     }
 }
 
-/// t of a triangle, its edges and corners included; in integers but for the last division.
+/// Returns t of a triangle, edges and corners included, in integers except for the last division.
 fn triangle(corners: [Point; 3], origin: Point, direction: Point) -> Option<f64> {
     let minus = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let cross = |a: Point, b: Point| {
@@ -156,7 +156,7 @@ fn triangle(corners: [Point; 3], origin: Point, direction: Point) -> Option<f64>
     };
     let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let [a, b, c] = corners.map(|v| minus(v, origin));
-    // Volumes of the ray's direction with each edge.
+    // Volumes spanned by the ray's direction and each edge.
     let volumes =
         [dot(direction, cross(c, b)), dot(direction, cross(a, c)), dot(direction, cross(b, a))];
     let (least, most) = (volumes.into_iter().min()?, volumes.into_iter().max()?);
@@ -170,7 +170,7 @@ fn triangle(corners: [Point; 3], origin: Point, direction: Point) -> Option<f64>
 struct Shot {
     origin: Point,
     direction: (Point, i32),
-    /// In eighths.
+    /// Ends of the segment, in eighths.
     ends: (u32, Option<u32>),
     leaving: u32,
 }
@@ -181,7 +181,7 @@ fn shots() -> impl Strategy<Value = Vec<Shot>> {
     let ends = (near, prop::option::weighted(0.2, 20..100u32));
     let leaving = prop_oneof![3 => Just(u32::MAX), 1 => 0..60u32];
     let shot = (origin, direction(), ends, leaving);
-    // Packets are traced together where they have one direction.
+    // Packets are traced together if all rays have one direction.
     (vec(shot, LANES), any::<bool>()).prop_map(|(all, together)| {
         let first = all[0].1;
         all.into_iter()
@@ -207,7 +207,7 @@ proptest! {
                 put(&mut rays, i, shot.origin.map(|x| x as f32), direction);
                 rays.tnear[i] = shot.ends.0 as f32 / 8.0;
                 rays.tfar[i] = shot.ends.1.map_or(f32::INFINITY, |end| end as f32 / 8.0);
-                // A ray that leaves a sphere must begin on it.
+                // A ray that leaves a sphere would have to start on it.
                 let flat = exact.geometry.primitive(exact.geometry.spheres_id(), 0);
                 rays.leaving[i] = if shot.leaving < flat { shot.leaving } else { NONE };
             }
@@ -221,8 +221,8 @@ proptest! {
     }
 }
 
-/// Boxes, and rays along an axis that pass between the edges: even for backends that round no answer is in doubt,
-/// not on the diagonals of sides either, though there it may be either triangle's.
+/// Boxes, and axial rays that pass between the edges. Even for backends that round, no answer is in
+/// doubt: on the diagonal of a side, either triangle is right.
 fn boxed() -> impl Strategy<Value = (Vec<[Point; 2]>, Vec<[Axial; LANES]>)> {
     let thick = (point(), [1..4i64, 1..4i64, 1..4i64]);
     let boxes = vec(thick.prop_map(|(p, d)| [p, [p[0] + d[0], p[1] + d[1], p[2] + d[2]]]), 1..12);
@@ -237,18 +237,19 @@ fn boxed() -> impl Strategy<Value = (Vec<[Point; 2]>, Vec<[Axial; LANES]>)> {
 /// A ray along an axis.
 #[derive(Debug, Clone)]
 struct Axial {
-    /// In which it starts.
+    /// Cell in which the ray starts.
     cell: Point,
-    /// Where in it, in quarters: not on a side of a box either, where Embree begins a segment that we leave open.
+    /// Position within the cell in quarters. It is never on a side of a box, where Embree's
+    /// segments are closed and ours are open.
     within: Point,
     axis: usize,
     backward: bool,
-    /// Of two: the direction's length.
+    /// The direction's length is 2 to this power.
     power: i32,
 }
 
 impl Axial {
-    /// In quarters.
+    /// Returns the origin in quarters.
     fn origin(&self) -> Point {
         [0, 1, 2].map(|k| 4 * self.cell[k] + self.within[k])
     }
@@ -257,7 +258,7 @@ impl Axial {
         if self.backward { -(self.power as f32).exp2() } else { (self.power as f32).exp2() }
     }
 
-    /// The nearest side of a box before it, in quarters.
+    /// Returns the nearest side of a box in front of the ray, in quarters.
     fn nearest(&self, boxes: &[[Point; 2]]) -> Option<i64> {
         let origin = self.origin();
         let across = [(self.axis + 1) % 3, (self.axis + 2) % 3];
@@ -272,7 +273,7 @@ impl Axial {
     }
 }
 
-/// What backends say, each with by how many 2^-23 of them its distances may be off.
+/// Checks the answers of backends. Each may be off in distance by a given number of 2^-23.
 fn agree_on_boxes(
     backends: &[(Backend, f32)],
     (boxes, packets): (Vec<[Point; 2]>, Vec<[Axial; LANES]>),
@@ -320,7 +321,7 @@ proptest! {
         agree_on_boxes(&ours.map(|backend| (backend, 0.0)), case)?;
     }
 
-    /// Its division is an estimate and a step of Newton's.
+    /// Embree divides by an estimate and a Newton step.
     #[test]
     #[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
     fn embree_agrees_on_boxes(case in boxed()) {
@@ -330,7 +331,7 @@ proptest! {
 
 #[test]
 fn boxes_and_their_diagonals_are_hit() {
-    // That the generator's scenes are hit at all, and at what distance.
+    // Checks that the generator's scenes can be hit, and at the right distance.
     let scene =
         Scene { triangles: vec![], boxes: vec![[[2; 3], [4; 3]]], quads: vec![], spheres: vec![] };
     let exact = Exact::new(&scene);

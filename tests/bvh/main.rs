@@ -1,5 +1,5 @@
-//! `bvh` against references that know nothing of trees, in every instruction-set tier, for single
-//! rays and packets.
+//! Compares `bvh` with references that use no tree, in every instruction set, for single rays and
+//! packets.
 
 mod between;
 mod builder;

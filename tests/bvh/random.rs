@@ -1,4 +1,4 @@
-//! Numbers that depend on a seed alone.
+//! Pseudo-random numbers that depend only on a seed.
 
 /// SplitMix64.
 pub struct Random(pub u64);
@@ -11,17 +11,17 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// In [0, 1).
+    /// Returns a number in [0, 1).
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// In [`from`, `to`).
+    /// Returns a number in [`from`, `to`).
     pub fn within(&mut self, from: f64, to: f64) -> f64 {
         from + self.unit() * (to - from)
     }
 
-    /// In 0 .. `n`.
+    /// Returns a number in 0 .. `n`.
     pub fn below(&mut self, n: usize) -> usize {
         (self.bits() % n as u64) as usize
     }

@@ -1,8 +1,9 @@
-//! What a ray may hit, and must: every primitive in f64, with the bound that `bvh` documents.
+//! The hits that a ray may and must have: every primitive in f64, with the error bound that `bvh`
+//! documents.
 //!
-//! The tree's triangle test moves a vertex, in the plane normal to the ray's dominant axis, by at most
-//! 6u max|v - o| in each coordinate (u = 2^-24). So a triangle whose sheared outline passes the ray
-//! farther away than that is certainly hit, or certainly missed.
+//! The tree's triangle test moves a vertex, in the plane normal to the ray's dominant axis, by at
+//! most 6u max|v - o| in each coordinate (u = 2^-24). So a triangle whose sheared outline passes
+//! the ray at a greater distance is certainly hit or certainly missed.
 
 use lightpath::geometry::Geometry;
 use lightpath::ray::{LANES, Rays};
@@ -14,17 +15,17 @@ const U: f64 = 1.0 / (1u64 << 24) as f64;
 /// Relative error of one f64 operation.
 const U64: f64 = f64::EPSILON / 2.0;
 
-/// What one primitive does to a ray.
+/// A possible hit of one primitive.
 #[derive(Debug, Clone, Copy)]
 struct Meeting {
     primitive: u32,
-    /// Where the hit is, if there is one.
+    /// Bounds of t if it is hit.
     t: (f64, f64),
     certain: bool,
 }
 
-/// Whether `answer` is right for ray `i`: a hit that may be, with a t that may be, and none that is
-/// certain before it.
+/// Returns whether `answer` is right for ray `i`: it must be a possible hit with a possible t, and
+/// no certain hit may lie in front of it.
 pub fn check(
     geometry: &Geometry,
     rays: &Rays,
@@ -78,7 +79,7 @@ fn meetings(geometry: &Geometry, rays: &Rays, i: usize) -> Vec<Meeting> {
     }
     for (prim, sphere) in geometry.spheres.iter().enumerate() {
         let primitive = geometry.primitive(geometry.spheres_id(), prim as u32);
-        // The formula is the tree's own: only which spheres it reaches is in question.
+        // Uses the tree's own formula: the check is only which spheres the tree reaches.
         let t = sphere.intersect(
             origin.into(),
             direction.into(),
@@ -93,7 +94,7 @@ fn meetings(geometry: &Geometry, rays: &Rays, i: usize) -> Vec<Meeting> {
     all
 }
 
-/// None for a triangle that is certainly missed.
+/// Returns `None` for a triangle that is certainly missed.
 fn triangle(
     primitive: u32,
     corners: [[f64; 3]; 3],
@@ -105,14 +106,14 @@ fn triangle(
     let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
     let to = corners.map(|v| [v[0] - origin[0], v[1] - origin[1], v[2] - origin[2]]);
     let reach = to.as_flattened().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    // In both coordinates, and what underflow adds below the range of normal numbers.
+    // In both coordinates, plus the error of underflow below the range of normal numbers.
     let bound = 6.0 * U * reach * std::f64::consts::SQRT_2 * 1.001 + 1e-44;
     let along = direction[kz];
     let [a, b, c] =
         to.map(|v| [v[kx] - direction[kx] / along * v[kz], v[ky] - direction[ky] / along * v[kz]]);
     let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
-    // The sign of an edge function, 0 where f64 cannot tell: near the line through two corners, hence
-    // outside, or near the edge between them, which is told apart below.
+    // The sign of an edge function, or 0 where f64 cannot decide: near the line through two
+    // corners, which is outside, or near the edge between them. The latter is tested below.
     let side = |p: [f64; 2], q: [f64; 2]| {
         let noise = 16.0 * U64 * (p[0].hypot(p[1]) * q[0].hypot(q[1]));
         let edge = cross(p, q);
@@ -132,21 +133,22 @@ fn triangle(
         (first, last) = (first.max(ends[0].min(ends[1])), last.min(ends[0].max(ends[1])));
     }
     let (least, most) = plane(to, direction).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-    // The tree keeps t in the widened box and between the corners' depths, up to u; these it rounds to f32, another u.
+    // The tree keeps t in the widened box and between the corners' depths, up to u. It rounds these
+    // to f32, another u.
     let down = |t: f64| t - t.abs() * 2.0 * U;
     let up = |t: f64| t + t.abs() * 2.0 * U;
     let t = (least.clamp(down(first), down(last)), most.clamp(up(first), up(last)));
     Some(Meeting { primitive, t, certain: away && inside })
 }
 
-/// Where the ray meets the triangle's plane; none where f64 cannot tell.
+/// Returns where the ray hits the triangle's plane, or `None` where f64 cannot decide.
 fn plane([a, b, c]: [[f64; 3]; 3], direction: [f64; 3]) -> Option<(f64, f64)> {
     let (mut above, mut towards) = (0.0, 0.0);
     let (mut above_error, mut towards_error) = (0.0, 0.0);
     for k in 0..3 {
         let (l, m) = ((k + 1) % 3, (k + 2) % 3);
         let (p, q) = ((b[l] - a[l]) * (c[m] - a[m]), (b[m] - a[m]) * (c[l] - a[l]));
-        // The corners lost digits when the origin was subtracted.
+        // Subtracting the origin has cost the corners digits.
         let size = |i: usize| a[i].abs() + b[i].abs() + c[i].abs();
         let lost = 2.0 * U64 * (size(l) * size(m));
         let error = 10.0 * U64 * (p.abs() + q.abs()) + lost;
@@ -155,7 +157,7 @@ fn plane([a, b, c]: [[f64; 3]; 3], direction: [f64; 3]) -> Option<(f64, f64)> {
         above_error += error * a[k].abs() + 4.0 * U64 * ((p - q) * a[k]).abs();
         towards_error += error * direction[k].abs() + 4.0 * U64 * ((p - q) * direction[k]).abs();
     }
-    // Twice: the tree's own arithmetic has as much.
+    // Twice, because the tree's own arithmetic has the same error.
     let (above_error, towards_error) = (2.0 * above_error, 2.0 * towards_error);
     if !(towards.abs() > 2.0 * towards_error) {
         return None;
@@ -173,12 +175,12 @@ fn most(v: [f64; 3]) -> f64 {
     v[0].max(v[1]).max(v[2])
 }
 
-/// From the origin to the segment.
+/// Returns the distance from the origin to the segment.
 fn distance(p: [f64; 2], q: [f64; 2]) -> f64 {
     let along = [q[0] - p[0], q[1] - p[1]];
     let square = along[0] * along[0] + along[1] * along[1];
     let s = -(p[0] * along[0] + p[1] * along[1]) / square;
-    // A segment without length: NaN, and then its first end.
+    // A segment without length gives NaN; then take its first end.
     let s = if s > 0.0 { s.min(1.0) } else { 0.0 };
     (p[0] + along[0] * s).hypot(p[1] + along[1] * s)
 }

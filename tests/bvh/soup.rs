@@ -1,4 +1,4 @@
-//! Random scenes over sixteen decades, and random bytes as the fuzzer would make them.
+//! Random scenes over sixteen decades, and random bytes like those of the fuzzer.
 
 use glam::DVec3;
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
@@ -9,7 +9,7 @@ use super::tiers::{ALL, Tiers, put, ray};
 use super::{case, reference};
 
 #[test]
-fn bytes_of_any_kind_make_no_case_that_fails() {
+fn random_bytes_make_no_failing_case() {
     let mut random = Random(1);
     for _ in 0..20_000 {
         let len = random.below(600);
@@ -28,7 +28,7 @@ fn wide_point(random: &mut Random) -> DVec3 {
     DVec3::new(wide(random), wide(random), wide(random))
 }
 
-/// Primitives of every size at every distance, some of them in a crowd.
+/// Primitives of every size at every distance, some of them crowded together.
 fn soup(random: &mut Random) -> Geometry {
     let crowd = wide_point(random);
     let mut corners = |n: usize| -> Vec<[f32; 3]> {
@@ -52,7 +52,7 @@ fn soup(random: &mut Random) -> Geometry {
     Geometry::new(DVec3::ZERO, vec![mesh], quads, spheres).expect("few")
 }
 
-/// Towards a point of some triangle, seldom past all of them.
+/// Returns a direction towards a point of some triangle, rarely past all of them.
 fn aim(random: &mut Random, geometry: &Geometry) -> DVec3 {
     let mesh = &geometry.meshes[0];
     let [a, b, c] = mesh.corners(random.below(mesh.triangles().len()) as u32);
@@ -90,6 +90,6 @@ fn soups_over_sixteen_decades_are_hit_within_the_bound() {
             }
         }
     }
-    // The rays were aimed: most hit.
+    // The rays are aimed, so most must hit.
     assert!(hits > 60 * 40 * LANES / 2, "{hits}");
 }

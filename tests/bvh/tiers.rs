@@ -1,4 +1,4 @@
-//! One geometry, one tree per instruction-set tier, and one answer per ray.
+//! One geometry, one tree per instruction set, and one answer per ray.
 
 use lightpath::accel::bvh::Bvh;
 use lightpath::accel::{Accelerator, BuildOptions};
@@ -9,20 +9,20 @@ use lightpath::simd::Isa;
 
 pub const ALL: Mask = Mask([-1; LANES]);
 
-/// Every way to ask.
+/// Every mode of a query.
 const WAYS: [Coherence; 3] = [Coherence::Single, Coherence::Incoherent, Coherence::Coherent];
 
 /// The closest hit of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Number in the whole scene.
+    /// Number of the primitive in the whole scene.
     pub primitive: u32,
     pub t: f32,
 }
 
 pub const OPTIONS: BuildOptions = BuildOptions { threads: 1, max_bytes: None };
 
-/// A tree that was found to be sound.
+/// Builds a tree and validates it.
 pub fn build(geometry: &Geometry, isa: Isa) -> Bvh<'_> {
     let bvh = Bvh::build(geometry, isa, &OPTIONS, &Monitor::default()).expect("a tree");
     if let Err(wrong) = bvh.validate() {
@@ -31,7 +31,7 @@ pub fn build(geometry: &Geometry, isa: Isa) -> Bvh<'_> {
     bvh
 }
 
-/// The trees of every tier that this machine runs.
+/// The trees of every instruction set that this machine supports.
 pub struct Tiers<'g> {
     geometry: &'g Geometry,
     trees: Vec<(Isa, Bvh<'g>)>,
@@ -42,13 +42,13 @@ impl<'g> Tiers<'g> {
         Self { geometry, trees: Isa::available().map(|isa| (isa, build(geometry, isa))).collect() }
     }
 
-    /// The best tier alone.
+    /// Builds only the tree of the best instruction set.
     pub fn best(geometry: &'g Geometry) -> Self {
         let isa = Isa::detect();
         Self { geometry, trees: vec![(isa, build(geometry, isa))] }
     }
 
-    /// The tiers that say that nothing is between the active rays.
+    /// Returns the number of instruction sets that report the cone of the active rays as empty.
     pub fn telling_nothing_between(&self, active: &Mask, rays: &Rays) -> usize {
         self.trees
             .iter()
@@ -56,11 +56,11 @@ impl<'g> Tiers<'g> {
             .count()
     }
 
-    /// What the active rays hit.
+    /// Returns the hits of the active rays.
     ///
     /// # Panics
-    /// If two tiers or two ways to ask differ in the primitive or in a bit of t, if a ray is occluded
-    /// without a closest hit or the other way round, or if an inactive lane is written to.
+    /// If two instruction sets or modes differ in the primitive or in a bit of t, if a ray is
+    /// occluded without a closest hit or the other way round, or if an inactive lane is written to.
     pub fn trace(&self, active: &Mask, rays: &Rays) -> [Option<Hit>; LANES] {
         let mut agreed = None;
         for (tree, bvh) in &self.trees {
@@ -114,7 +114,7 @@ impl<'g> Tiers<'g> {
     }
 }
 
-/// A ray, to be read.
+/// Formats a ray for messages.
 pub fn ray(rays: &Rays, i: usize) -> String {
     let of = |v: &[[f32; LANES]; 3]| v.map(|lanes| lanes[i]);
     format!(
@@ -127,7 +127,7 @@ pub fn ray(rays: &Rays, i: usize) -> String {
     )
 }
 
-/// Sets a ray.
+/// Sets origin and direction of a ray.
 pub fn put(rays: &mut Rays, i: usize, origin: [f32; 3], direction: [f32; 3]) {
     for axis in 0..3 {
         rays.org[axis][i] = origin[axis];

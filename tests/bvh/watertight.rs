@@ -1,4 +1,5 @@
-//! Closed convex meshes have no gap: rays at their vertices, edges and faces, from inside and outside.
+//! Closed convex meshes have no gap for rays at their vertices, edges and faces, from inside and
+//! outside.
 
 use glam::{DVec3, Vec3};
 use lightpath::geometry::{Geometry, TriangleMesh};
@@ -8,7 +9,7 @@ use lightpath::ray::{LANES, Rays};
 use super::random::Random;
 use super::tiers::{ALL, Tiers, put, ray};
 
-/// A placed shape.
+/// A shape that is placed in a scene.
 struct Place {
     geometry: Geometry,
     center: DVec3,
@@ -25,7 +26,7 @@ fn f64s(v: [f32; 3]) -> DVec3 {
     Vec3::from(v).as_dvec3()
 }
 
-/// A vertex, a point of an edge or a point of a triangle.
+/// Returns a vertex, a point of an edge or a point of a triangle.
 fn target(random: &mut Random, mesh: &TriangleMesh, triangle: usize) -> DVec3 {
     let [a, b, c] = mesh.corners((triangle % mesh.triangles().len()) as u32).map(f64s);
     let (u, v) = (random.unit(), random.unit());
@@ -36,7 +37,7 @@ fn target(random: &mut Random, mesh: &TriangleMesh, triangle: usize) -> DVec3 {
     }
 }
 
-/// Aims `rays` rays at a shape; all of them must hit what they are aimed at.
+/// Aims `rays` rays at a shape. Each must hit its target.
 fn aim(random: &mut Random, shape: &Shape, at: &Place, tiers: &Tiers, rays: usize) {
     let mesh = &at.geometry.meshes[0];
     let extents = shape.vertices.iter().fold(DVec3::ZERO, |m, v| m.max(v.abs()));
@@ -58,7 +59,7 @@ fn aim(random: &mut Random, shape: &Shape, at: &Place, tiers: &Tiers, rays: usiz
             let triangle = if together { start + i } else { random.below(mesh.triangles().len()) };
             let goal = target(random, mesh, triangle);
             let origin = if outside {
-                // Through the goal to a point well within, so that no silhouette is near.
+                // Through the target to a point well inside, away from any silhouette.
                 goal + (goal - inner) * steps
             } else {
                 inner
@@ -66,7 +67,7 @@ fn aim(random: &mut Random, shape: &Shape, at: &Place, tiers: &Tiers, rays: usiz
             let origin = origin.as_vec3();
             let direction = (goal - origin.as_dvec3()).as_vec3();
             put(&mut rays, i, origin.to_array(), direction.to_array());
-            // Short of the point within: what lies behind is the other side.
+            // Ends before the inner point; the other side lies behind it.
             before[i] = if outside { 1.0 + 0.5 / steps } else { 1.5 };
         }
         for (i, hit) in tiers.trace(&ALL, &rays).into_iter().enumerate() {
@@ -96,7 +97,7 @@ fn all_shapes(rays: usize) {
         for (center, scale) in places {
             let at = place(shape, center, scale);
             let each = rays / (shapes.len() * places.len());
-            // Nine in ten by the best tier alone.
+            // Nine in ten rays with the best instruction set only.
             aim(&mut random, shape, &at, &Tiers::best(&at.geometry), each * 9 / 10);
             aim(&mut random, shape, &at, &Tiers::new(&at.geometry), each / 10);
         }

@@ -1,6 +1,6 @@
 //! Rays that leave a surface, at sizes from 1e-6 to 1e6 and up to 1e7 times the size away from the
-//! scene's origin: no surface shadows itself or mirrors itself, and what lies four ulp above it
-//! shadows it. The coursework's fixed offset, beside it, fails both ways.
+//! scene's origin. No surface may shadow or mirror itself, and an object four ulp above it must
+//! cast a shadow. For comparison, the coursework's fixed offset fails in both ways.
 
 #[path = "../backends/mod.rs"]
 mod backends;
@@ -17,7 +17,7 @@ use measure::{CLEAR, Count, Origin, Row};
 /// The coursework's offset.
 const FIXED: f32 = 1e-4;
 
-/// The counts of a backend.
+/// Measures a backend and returns the counts.
 fn measure(backend: Backend, origin: Origin, rays: usize) -> Vec<Row> {
     let monitor = Monitor::default();
     measure::measure(&|g| build(g, backend, &OPTIONS, &monitor), origin, rays, 7).unwrap()
@@ -30,7 +30,7 @@ fn sum(rows: &[Row], of: impl Fn(&Row) -> Count) -> Count {
     })
 }
 
-/// Every row's failures that are not allowed, and how much was looked at.
+/// Checks that no row has a forbidden failure, and that each row has rays.
 fn check(backend: Backend) {
     let rows = measure(backend, Origin::Rounded, 128);
     let bad = |row: &&Row| {
@@ -41,7 +41,7 @@ fn check(backend: Backend) {
     println!("{backend:?} nearer than {} ulp: {near:?}", CLEAR);
     assert!(failed.is_empty(), "{} rows:\n{}", failed.len(), failed.join("\n"));
     for row in &rows {
-        // No row may pass because nothing was asked.
+        // No row may pass without rays.
         let asked = [row.self_shadow, row.self_reflection, row.leak].map(|count| count.rays);
         assert!(asked.iter().all(|&rays| rays >= 16), "hardly any rays: {row}");
     }

@@ -1,9 +1,9 @@
-//! Rays that leave a surface: does it shadow itself, and does what lies close above it shadow it?
+//! Rays that leave a surface: does it shadow itself, and does an object just above it shadow it?
 //!
 //! The surfaces are tilted grids of triangles or quads, and spheres. Corners of grids lie on a
-//! lattice of whole ulps of the largest coordinate, so they are exactly coplanar however far from
-//! the origin, and what a ray should meet is known without asking a backend: above a plane, or
-//! above the tangent plane of a sphere, nothing but the occluder.
+//! lattice of whole ulps of the largest coordinate, so they are exactly coplanar at any distance
+//! from the origin. The right hits are known without asking a backend: above a plane, or above the
+//! tangent plane of a sphere, there is only the occluder.
 
 use std::fmt;
 
@@ -16,17 +16,17 @@ use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use lightpath::shading::{Falloff, Lit, Points, lane, light_rays, reflect, set_lane};
 use lightpath::world::ulp;
 
-/// Where rays that leave a surface start.
+/// Origin of rays that leave a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Origin {
-    /// As the renderer does: outside of the point's rounding error, and the primitive that a ray
-    /// leaves does not count.
+    /// As in the renderer: outside the point's rounding error, and the primitive that a ray leaves
+    /// does not count.
     Rounded,
     /// Moved along the normal by a fixed length, as in the coursework (1e-4).
     Fixed(f32),
 }
 
-/// What rays leave.
+/// Kind of surface that rays leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
     /// A grid of triangles.
@@ -38,10 +38,10 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// All of them.
+    /// All kinds of surfaces.
     pub const ALL: [Self; 3] = [Self::Triangles, Self::Quads, Self::Sphere];
 
-    /// For tables.
+    /// Returns the name for tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Triangles => "triangles",
@@ -60,15 +60,15 @@ pub const DISTANCES: [f64; 6] = [0.0, 1.0, 1e2, 1e4, 1e6, 1e7];
 /// Heights of occluders, in ulp of the largest coordinate, before they are rounded to the lattice.
 const HEIGHTS: [f64; 7] = [1.5, 3.0, 4.0, 5.0, 8.0, 32.0, 1000.0];
 
-/// From so many ulp on an occluder must shadow.
+/// From this height in ulp on, an occluder must cast a shadow.
 pub const CLEAR: f64 = 4.0;
 
-/// Rays of one kind, and how many went wrong.
+/// Rays of one kind, and how many of them failed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Count {
-    /// Rays whose answer is known.
+    /// Rays with a known answer.
     pub rays: u64,
-    /// Those with the wrong one.
+    /// Rays with a wrong answer.
     pub failures: u64,
 }
 
@@ -79,22 +79,22 @@ impl Count {
     }
 }
 
-/// The counts of one surface.
+/// Counts of one surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// What rays leave.
+    /// Kind of surface.
     pub shape: Shape,
-    /// Its size in world units.
+    /// Size in world units.
     pub scale: f64,
-    /// How far it is from the scene's origin, in its sizes.
+    /// Distance from the scene's origin, in sizes of the surface.
     pub distance: f64,
-    /// Shadow rays to a light that nothing hides; failed: shadowed.
+    /// Shadow rays to an unoccluded light. Failure: occluded.
     pub self_shadow: Count,
-    /// Mirrored rays above which there is nothing; failed: hit.
+    /// Mirrored rays with nothing above. Failure: hit.
     pub self_reflection: Count,
-    /// Shadow rays under an occluder at least [`CLEAR`] ulp above; failed: lit.
+    /// Shadow rays under an occluder at least [`CLEAR`] ulp above. Failure: not occluded.
     pub leak: Count,
-    /// The same under nearer occluders: counted, not judged.
+    /// Shadow rays under nearer occluders: counted, not judged.
     pub near: Count,
 }
 
@@ -115,14 +115,14 @@ impl fmt::Display for Row {
     }
 }
 
-/// A function that builds the backend in question.
+/// A function that builds the backend under test.
 pub type Build<'b> = dyn for<'g> Fn(&'g Geometry) -> Result<Box<dyn Accelerator + 'g>> + 'b;
 
 /// Counts failures of some `rays` shadow rays, mirrored rays and occluded rays per surface and
-/// occluder; the same `seed` gives the same rays.
+/// occluder. The same `seed` gives the same rays.
 ///
 /// # Errors
-/// Those of `build`.
+/// Errors of `build`.
 pub fn measure(build: &Build, origin: Origin, rays: usize, seed: u64) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for shape in Shape::ALL {
@@ -194,7 +194,7 @@ fn largest_ulp(geometry: &Geometry) -> f64 {
 struct Random(u64);
 
 impl Random {
-    /// In [0, 1).
+    /// Returns a number in [0, 1).
     fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -207,12 +207,12 @@ impl Random {
     }
 }
 
-/// Cells along a side of the grid, at most.
+/// Maximum number of cells along a side of the grid.
 const CELLS: f64 = 6.0;
 
 /// A tilted plane through points of a lattice, and a sphere that touches it from below.
 struct Grid {
-    /// Step of the lattice: one ulp of the largest coordinate that may occur.
+    /// Step of the lattice: one ulp of the largest possible coordinate.
     step: f64,
     corner: DVec3,
     /// Sides of a cell.
@@ -220,15 +220,15 @@ struct Grid {
     b: DVec3,
     /// Cells along a side.
     cells: f64,
-    /// Cells that a cover reaches beyond the grid.
+    /// Number of cells by which a cover extends beyond the grid.
     beyond: f64,
     /// Unit normal, upwards.
     up: DVec3,
-    /// Of the sphere.
+    /// Radius of the sphere.
     radius: f64,
 }
 
-/// What lies above the surface.
+/// Object above the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Occluder {
     /// One triangle or quad parallel to the plane.
@@ -252,7 +252,7 @@ enum Form {
 impl Grid {
     fn new(scale: f64, distance: f64, random: &mut Random) -> Self {
         let far = distance * scale;
-        // All that is made here stays within a cover's reach of the surface.
+        // All objects stay within a cover's reach of the surface.
         let cells = |step: f64| (scale / step).floor().clamp(1.0, CELLS);
         let reach = |step: f64| far + 20.0 * scale + 200.0 * step;
         let step = ulp(reach(ulp(reach(0.0))));
@@ -285,12 +285,13 @@ impl Grid {
         self.at(self.cells / 2.0, self.cells / 2.0)
     }
 
-    /// Touches the plane in the middle.
+    /// Returns the sphere that touches the plane in the middle.
     fn sphere(&self) -> Sphere {
         Sphere { center: self.middle() - self.up * self.radius, radius: self.radius }
     }
 
-    /// The surface, and what covers it, numbered behind it except on a sphere.
+    /// Returns the surface with its cover. The cover is numbered after the surface, except on a
+    /// sphere.
     fn geometry(&self, shape: Shape, cover: Option<&Cover>) -> Result<Geometry> {
         let f32s = |p: DVec3| p.as_vec3().to_array();
         let n = self.cells as u32;
@@ -332,11 +333,11 @@ impl Grid {
         Ok(Geometry::new(DVec3::ZERO, meshes, quads, spheres).unwrap_or_default())
     }
 
-    /// Something at about `height` ulp above the surface; `None` where it does not fit.
+    /// Places an occluder at about `height` ulp above the surface; `None` if it does not fit.
     fn cover(&self, shape: Shape, occluder: Occluder, height: f64) -> Option<Cover> {
         match occluder {
             Occluder::Flat => {
-                // Whole steps of the lattice, so that its corners are exact: the height is known.
+                // Whole steps of the lattice keep its corners exact, so the height is known.
                 let lift = (self.up * height).round() * self.step;
                 let clearance = lift.dot(self.up);
                 let side = self.cells + 2.0 * self.beyond;
@@ -346,7 +347,7 @@ impl Grid {
             }
             Occluder::Ball => {
                 let clearance = height * self.step;
-                // It should be large against what rounding does to the ray's origin.
+                // The ball must be large compared with the rounding of the ray's origin.
                 let radius = self.radius.max(64.0 * self.step);
                 let center = self.middle() + self.up * (radius + clearance);
                 let form = Form::Ball(Sphere { center, radius });
@@ -356,7 +357,7 @@ impl Grid {
         }
     }
 
-    /// Rays from above to points of the surface, at all angles.
+    /// Returns rays from above to points of the surface, at all angles.
     fn camera(&self, shape: Shape, random: &mut Random) -> RayPacket {
         let mut packet = RayPacket::EMPTY;
         for i in 0..LANES {
@@ -380,7 +381,7 @@ impl Grid {
         packet
     }
 
-    /// A point above `p`, `cosine` of the angle to the normal, far enough for f32 to tell.
+    /// Returns a point above `p`, at `cosine` to the normal, far enough for f32 to distinguish.
     fn above(&self, p: DVec3, cosine: f64, random: &mut Random) -> DVec3 {
         let size = (self.a.length() * self.cells).max(64.0 * self.step);
         let angle = random.range(0.0, std::f64::consts::TAU);
@@ -392,9 +393,10 @@ impl Grid {
 }
 
 impl Cover {
-    /// Whether the way from the surface's point `p` to `q` crosses it, clear of its borders.
+    /// Returns true if the segment from the surface's point `p` to `q` crosses the cover, clear of
+    /// its borders.
     fn hides(&self, grid: &Grid, p: DVec3, q: DVec3) -> bool {
-        // The ray itself starts some ulp from p.
+        // The ray itself starts a few ulp from p.
         let slack = 8.0 * grid.step;
         match &self.form {
             Form::Ball(ball) => {
@@ -429,7 +431,7 @@ struct Start {
     origin: Origin,
     surfaces: Surfaces,
     points: Points,
-    /// Lanes that hit from above.
+    /// Lanes that hit the surface from above.
     hit: Mask,
 }
 
@@ -467,7 +469,7 @@ impl Start {
         Self { origin, surfaces, points, hit }
     }
 
-    /// Names the primitives as `geometry` does, where flat covers come before a sphere.
+    /// Renumbers primitives as in `geometry`, where flat covers come before a sphere.
     fn renumber(&mut self, shape: Shape, bare: &Geometry, geometry: &Geometry) {
         if shape == Shape::Sphere && self.origin == Origin::Rounded {
             let first = |g: &Geometry| g.bases()[g.spheres_id() as usize];
@@ -479,7 +481,7 @@ impl Start {
         }
     }
 
-    /// Shadow rays to one light point each; which of them are cast.
+    /// Returns shadow rays to one light point each, and the mask of those that are cast.
     fn shadows(&self, lights: &[DVec3; LANES]) -> (Rays, Mask) {
         let mut q = [[0.0; LANES]; 3];
         for i in 0..LANES {

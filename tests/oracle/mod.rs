@@ -1,13 +1,13 @@
-//! Which primitive a ray meets first, in f64 by trying them all; says so where f32 cannot tell.
+//! Finds the first hit of a ray in f64 by testing all primitives. Reports where f32 cannot decide.
 
 use glam::DVec3;
 use lightpath::geometry::{Geometry, Sphere};
 
-/// The size of what is looked at.
+/// Size of the scene.
 #[derive(Clone, Copy)]
 pub struct Scale(pub f64);
 
-/// What a ray meets.
+/// First hit of a ray.
 #[derive(Debug, Clone, Copy)]
 pub enum Answer {
     Miss,
@@ -19,10 +19,10 @@ pub enum Answer {
     Unsure,
 }
 
-/// Relative room for f32 arithmetic, far above its errors.
+/// Relative margin for f32 arithmetic, far above its errors.
 const MARGIN: f64 = 0.01;
 
-/// The answers of all primitives together.
+/// Combines the answers of all primitives.
 pub fn closest(
     geometry: &Geometry,
     origin: DVec3,

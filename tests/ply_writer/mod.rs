@@ -55,7 +55,7 @@ impl Ply {
         self
     }
 
-    /// Float x y z and this many vertices on a curve (no three on a line).
+    /// Adds vertices of float x y z on a curve, no three on a line.
     pub fn curve(self, count: usize) -> Self {
         let rows: Vec<[f64; 3]> = (0..count).map(|i| [i as f64, (i * i) as f64, 0.5]).collect();
         self.element("vertex", &["float x", "float y", "float z"], numbers(&rows))
@@ -140,7 +140,7 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, Error> {
     read_ply_bytes(bytes, "t.ply", ReadOptions::default())
 }
 
-/// The mesh, which must read alike in all encodings.
+/// Reads a mesh, which must be the same in all encodings.
 pub fn read_all(ply: &Ply) -> Mesh {
     let [ascii, little, big] = ALL.map(|encoding| match read(&ply.write(encoding)) {
         Ok(mesh) => mesh,
@@ -153,7 +153,7 @@ pub fn read_all(ply: &Ply) -> Mesh {
     ascii
 }
 
-/// The error of a file that must not be read: its text without the leading `error: `.
+/// Returns the error of a file that must be refused: its text without the leading `error: `.
 pub fn refused(bytes: &[u8]) -> String {
     let error = read(bytes).expect_err("must be refused");
     assert_eq!(error.kind, Kind::Invalid);
@@ -161,7 +161,7 @@ pub fn refused(bytes: &[u8]) -> String {
     error.to_string().trim_start_matches("error: ").to_string()
 }
 
-/// Positions in f64.
+/// Returns the positions in f64.
 pub fn points(mesh: &Mesh) -> Vec<[f64; 3]> {
     match &mesh.positions {
         Positions::F32(p) => p.iter().map(|p| p.map(f64::from)).collect(),

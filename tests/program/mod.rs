@@ -59,7 +59,7 @@ pub fn sheet(side: u32) -> Vec<u8> {
     bytes
 }
 
-/// What the program did.
+/// Result of a run of the program.
 pub struct Done(Output);
 
 impl From<Output> for Done {
@@ -74,7 +74,7 @@ impl Done {
         Self(command.stdin(Stdio::null()).output().unwrap())
     }
 
-    /// The same with another stderr.
+    /// Returns the same result with another stderr.
     pub fn saying(&self, stderr: String) -> Self {
         Self(Output { stderr: stderr.into_bytes(), ..self.0.clone() })
     }
@@ -91,7 +91,7 @@ impl Done {
         String::from_utf8_lossy(&self.0.stderr).into_owned()
     }
 
-    /// Itself, which must have succeeded.
+    /// Returns itself; panics unless the run succeeded.
     #[track_caller]
     pub fn good(self) -> Self {
         assert_eq!(self.code(), 0, "{}", self.stderr());
@@ -99,7 +99,7 @@ impl Done {
     }
 }
 
-/// Runs it in the working folder of the test.
+/// Runs the program in the working folder of the test.
 pub fn lightpath(args: &[&str]) -> Done {
     Done(command(args).output().unwrap())
 }
@@ -110,7 +110,7 @@ fn command(args: &[&str]) -> Command {
     command
 }
 
-/// A folder that is removed in the end.
+/// A folder that is removed when dropped.
 pub struct Scratch(tempfile::TempDir);
 
 impl Scratch {
@@ -118,7 +118,7 @@ impl Scratch {
         Self(tempfile::tempdir().unwrap())
     }
 
-    /// A folder with `s.json` and [`PYRAMID`] as `p.ply`.
+    /// Makes a folder with `s.json` and [`PYRAMID`] as `p.ply`.
     pub fn with(scene: &str) -> Self {
         let scratch = Self::new();
         scratch.write("s.json", scene);
@@ -139,7 +139,7 @@ impl Scratch {
         fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
-    /// Of an EXR every channel of every part by its name, and the bits of its samples.
+    /// Returns every channel of every part of an EXR by name, with the bits of its samples.
     pub fn channels(&self, name: &str) -> Vec<(String, Vec<u32>)> {
         let image = read_all_flat_layers_from_file(self.path(name)).unwrap();
         let bits = |samples: &FlatSamples| match samples {
@@ -170,7 +170,7 @@ impl Scratch {
         Done(child.wait_with_output().unwrap())
     }
 
-    /// Names in the folder, sorted.
+    /// Returns the names in the folder, sorted.
     pub fn names(&self) -> Vec<String> {
         names_in(self.0.path())
     }
@@ -184,19 +184,20 @@ pub fn names_in(folder: &Path) -> Vec<String> {
     names
 }
 
-/// A table of docs/bad-input.md and what the program really says.
+/// A table of docs/bad-input.md, with the program's real messages.
 pub struct Table {
     section: &'static str,
     found: Vec<String>,
 }
 
 impl Table {
-    /// The table under the heading `## section`.
+    /// Selects the table under the heading `## section`.
     pub fn new(section: &'static str) -> Self {
         Self { section, found: Vec::new() }
     }
 
-    /// Adds a refusal: nothing on stdout, no panic, and its first line for the table.
+    /// Adds a refusal: requires an empty stdout and no panic, and keeps the first line for the
+    /// table.
     #[track_caller]
     pub fn add(&mut self, what: &str, done: &Done) {
         let (stderr, stdout) = (done.stderr(), done.stdout());
@@ -204,12 +205,12 @@ impl Table {
         assert!(!stderr.contains("panicked") && !stderr.contains("RUST_BACKTRACE"), "{stderr}");
         let said = stderr.lines().find_map(|line| line.strip_prefix("error: "));
         let said = said.unwrap_or_else(|| panic!("{what}: exit {}: {stderr}", done.code()));
-        // In a Markdown table.
+        // Escaped for a Markdown table.
         let said = said.replace('`', "'").replace('|', "\\|");
         self.found.push(format!("| {what} | `{said}` | {} |", done.code()));
     }
 
-    /// Asserts that the documentation says the same.
+    /// Asserts that the documentation has the same table.
     #[track_caller]
     pub fn check(self) {
         let heading = format!("\n## {}\n", self.section);
@@ -222,14 +223,14 @@ impl Table {
     }
 }
 
-/// A scratch folder with an output folder, for runs that must leave nothing.
+/// A scratch folder with an output folder, for runs that must leave no file.
 pub struct Refusals {
     pub scratch: Scratch,
 }
 
 impl Refusals {
-    /// Address space of a run in KiB: far above what a refusal takes, far below what a lying file
-    /// asks for.
+    /// Address space of a run in KiB: far more than a refusal needs, far less than a lying file
+    /// requests.
     const ADDRESS_SPACE: u64 = 2 << 20;
 
     pub fn new() -> Self {
@@ -238,7 +239,7 @@ impl Refusals {
         Self { scratch }
     }
 
-    /// The program with little address space.
+    /// Returns a command for the program with little address space.
     pub fn command(&self, args: &[&str]) -> Command {
         let limited = format!("ulimit -v {}; exec \"$0\" \"$@\"", Self::ADDRESS_SPACE);
         let mut command = Command::new("sh");
@@ -247,13 +248,13 @@ impl Refusals {
         command
     }
 
-    /// Runs it and sees that the output folder is empty.
+    /// Runs the program and checks that the output folder is empty.
     #[track_caller]
     pub fn run(&self, args: &[&str]) -> Done {
         self.of(&mut self.command(args))
     }
 
-    /// Runs a command and sees that the output folder is empty.
+    /// Runs a command and checks that the output folder is empty.
     #[track_caller]
     pub fn of(&self, command: &mut Command) -> Done {
         let done = Done::of(command);
@@ -268,7 +269,8 @@ impl Refusals {
         self.run(&[&["render", file, "-o", "out/x", "--threads", "2"], flags].concat())
     }
 
-    /// Writes a file that neither `render` nor `info` takes, and says what both say.
+    /// Writes a file that neither `render` nor `info` accepts, and checks that both give the same
+    /// message.
     #[track_caller]
     pub fn file(&self, name: &str, bytes: &[u8]) -> Done {
         fs::write(self.scratch.path(name), bytes).unwrap();

@@ -1,4 +1,4 @@
-//! Closed forms: what a pixel must hold, in plain scalar arithmetic and without tracing a ray.
+//! Closed forms of pixels, in plain scalar arithmetic and without tracing a ray.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -25,19 +25,19 @@ fn cross(a: V, b: V) -> V {
 pub struct LitSphere {
     /// Distance of the camera from the centre, > 1.
     pub eye: f64,
-    /// Where the light is.
+    /// Position of the light.
     pub light: V,
     pub kd: f64,
     pub ks: f64,
     pub specularexponent: f64,
-    /// 0, 1 or 2: light falls off with d to this power.
+    /// 0, 1 or 2: the light is divided by d to this power.
     pub falloff: i32,
 }
 
 impl LitSphere {
-    /// The radiance along the camera ray of picture plane coordinates (px, py) ("Camera"), for a
-    /// diffuse colour of 1: "Shading" with the hit of the line
-    /// (0, 0, eye) + t (px, py, -1) on the unit sphere written out. None where the ray misses.
+    /// Returns the radiance along the camera ray of picture plane coordinates (px, py) ("Camera"),
+    /// for a diffuse colour of 1; `None` if the ray misses. It is "Shading" with the hit of the
+    /// line (0, 0, eye) + t (px, py, -1) on the unit sphere written out.
     pub fn radiance(&self, px: f64, py: f64) -> Option<f64> {
         let r2 = px * px + py * py;
         // (1 + r2) t^2 - 2 eye t + eye^2 - 1 = 0, the smaller root
@@ -69,9 +69,10 @@ pub fn plane_coordinates(i: usize, j: usize, (w, h): (usize, usize), fov_deg: f6
 }
 
 /// Lambert's formula: the irradiance at `point` with unit normal `n` from a polygon of uniform
-/// radiance 1, all of it above the horizon and lit towards the point:
-/// `E = 1/2 sum over the edges of angle(a, b) n.unit(a x b)`, a and b the edge's ends as seen
-/// from the point. The polygon's order decides the sign only, which is dropped.
+/// radiance 1. The whole polygon is above the horizon and lit towards the point.
+///
+/// `E = 1/2 sum over the edges of angle(a, b) n.unit(a x b)`, with a and b the edge's ends as seen
+/// from the point. The polygon's order decides only the sign, which is dropped.
 pub fn polygon_irradiance(point: V, n: V, corners: &[V]) -> f64 {
     let mut sum = 0.0;
     for k in 0..corners.len() {
@@ -83,14 +84,14 @@ pub fn polygon_irradiance(point: V, n: V, corners: &[V]) -> f64 {
     (sum / 2.0).abs()
 }
 
-/// The radiance that a mirror sends back in front of another one, both of coefficient `kr` and
-/// of own light `glow`, after `nbounces` bounces: a geometric sum.
+/// Radiance that a mirror reflects in front of another one, both with coefficient `kr` and their
+/// own light `glow`, after `nbounces` bounces: a geometric sum.
 pub fn facing_mirrors(glow: f64, kr: f64, nbounces: i32) -> f64 {
     glow * (1.0 - kr.powi(nbounces + 1)) / (1.0 - kr)
 }
 
-/// A point of the unit sphere by longitude and latitude (rad) about the given pole, so that
-/// "Texture coordinates", sphere, gives [`lonlat_uv`].
+/// Returns a point of the unit sphere by longitude and latitude (rad) about the given pole.
+/// "Texture coordinates" of a sphere there are [`lonlat_uv`].
 pub fn lonlat_point(longitude: f64, latitude: f64, pole: char) -> V {
     let q = [latitude.cos() * longitude.sin(), -latitude.cos() * longitude.cos(), latitude.sin()];
     match pole {

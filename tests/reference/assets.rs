@@ -1,4 +1,4 @@
-//! Textures and meshes that the test scenes use, generated so that none needs to be stored.
+//! Textures and meshes of the test scenes, generated so that none needs to be stored.
 
 use image::{ImageBuffer, Rgb, Rgba};
 use std::f64::consts::TAU;
@@ -14,7 +14,7 @@ pub fn write_all(folder: &Path) {
     std::fs::write(folder.join("box.ply"), textured_box()).expect("box.ply");
 }
 
-/// A texel's 8-bit colour: all texels of a small image differ, neighbours strongly.
+/// Returns a texel's 8-bit colour: all texels of a small image differ, neighbours strongly.
 pub fn texel(i: u32, j: u32) -> [u8; 3] {
     let checker = if (i + j) % 2 == 0 { 0 } else { 120 };
     [
@@ -24,7 +24,7 @@ pub fn texel(i: u32, j: u32) -> [u8; 3] {
     ]
 }
 
-/// The same picture in every kind of file that the format tells apart.
+/// Writes the same picture in every kind of file that the format distinguishes.
 fn textures(folder: &Path) {
     let (width, height) = (16, 12);
     let rgb8 = ImageBuffer::from_fn(width, height, |i, j| Rgb(texel(i, j)));
@@ -49,7 +49,7 @@ fn textures(folder: &Path) {
 }
 
 /// A bumpy torus around z: binary, triangles, 8-bit colours, no normals, and one vertex that no
-/// face uses, which `fit` must not see.
+/// face uses, which `fit` must ignore.
 fn torus(around: u32, across: u32) -> Vec<u8> {
     let (vertices, faces) = (around * across + 1, around * across * 2);
     let mut out = format!(
@@ -89,8 +89,8 @@ fn torus(around: u32, across: u32) -> Vec<u8> {
     out
 }
 
-/// A coarse unit ball: ascii, quads and triangles, normals in the file (not unit, and tilted, so
-/// that the ones from the faces would show), float colours.
+/// A coarse unit ball: ascii, quads and triangles, float colours. The file's normals are tilted and
+/// not unit, so the use of face normals would show.
 fn ball(around: u32, down: u32) -> String {
     let vertices = around * (down - 1) + 2;
     let faces = around * down;
@@ -163,8 +163,8 @@ fn vase() -> Vec<u8> {
     out
 }
 
-/// A unit box: ascii, quads of mixed winding (surfaces are two-sided), a `texcoord` list per face
-/// that shows the whole image on each side.
+/// A unit box: ascii, quads of mixed winding (surfaces are two-sided), and a `texcoord` list per
+/// face that shows the whole image on each side.
 fn textured_box() -> String {
     let mut out = "ply\nformat ascii 1.0\nelement vertex 8\n\
                    property float x\nproperty float y\nproperty float z\n\

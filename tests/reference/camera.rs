@@ -50,7 +50,7 @@ impl Camera {
         self.position += by;
     }
 
-    /// All the rays whose mean is pixel (i, j): one through its centre for `spp` 1, else one
+    /// Returns all rays whose mean is pixel (i, j): one through its centre for `spp` 1, else one
     /// through the centre of each cell of a regular grid, times the points on the lens.
     pub fn rays(&self, i: usize, j: usize, spp: usize, density: Density) -> Vec<Ray> {
         let cells = if spp > 1 { density.pixel } else { 1 };
@@ -69,7 +69,8 @@ impl Camera {
         rays
     }
 
-    /// The ray through the point (x, y) of the picture, px, and (lx, ly) of the unit lens.
+    /// Returns the ray through the point (x, y) of the picture in pixels, and (lx, ly) of the unit
+    /// lens.
     fn ray(&self, x_px: f64, y_px: f64, (lx, ly): (f64, f64)) -> Ray {
         let (width, height) = (self.width as f64, self.height as f64);
         let px = (2.0 * x_px / width - 1.0) * (width / height) * self.tan_half_fov;
@@ -81,9 +82,9 @@ impl Camera {
     }
 }
 
-/// The k-th of an even set of points in the unit disk: the plane's additive recurrence by powers
-/// of the plastic number, taken to the disk with equal areas. Any run of consecutive points is
-/// spread over the whole disk, so lens and pixel are covered together.
+/// Returns the k-th of an even set of points in the unit disk: the plane's additive recurrence by
+/// powers of the plastic number, mapped to the disk with equal areas. Any run of consecutive points
+/// covers the whole disk, so lens and pixel are covered together.
 fn lens_point(k: usize) -> (f64, f64) {
     const PLASTIC: f64 = 1.324_717_957_244_746;
     let s = (0.5 + k as f64 / PLASTIC).fract();

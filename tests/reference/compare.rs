@@ -1,37 +1,37 @@
-//! Comparing the renderer's picture with the reference's, and showing where they differ.
+//! Compares the renderer's picture with the reference's, and shows where they differ.
 
 use super::Picture;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Half floats keep 11 bits: rounding to nearest moves a value by at most 2^-11 = 4.9e-4 of
-/// itself. What is left of 1e-3 is for the renderer's f32 geometry.
+/// Half floats keep 11 bits, so rounding to nearest changes a value by at most 2^-11 = 4.9e-4 of
+/// itself. The rest of 1e-3 is for the renderer's f32 geometry.
 pub const RELATIVE: f64 = 1e-3;
 
-/// Values below this are compared as if they were this large: darker than 1/100 only absolute
-/// differences (1e-5) matter, where f32 cosines near the terminator have lost relative precision.
+/// Values below this are compared as if they were this large. Below 1/100 only absolute differences
+/// (1e-5) matter, because f32 cosines near the terminator have lost relative precision.
 pub const FLOOR: f64 = 0.01;
 
-/// The part of the pixels that may be out of tolerance: silhouettes, shadow and texel edges, where
-/// f32 and f64 may decide differently, and five-sigma events among many pixels.
+/// Share of the pixels that may be out of tolerance: silhouettes, shadow and texel edges, where f32
+/// and f64 may decide differently, and five-sigma events among many pixels.
 pub const ALLOWED: f64 = 0.003;
 
-/// In a sampled picture, how many standard deviations a pixel may be off. Were noise normal, one
-/// value in 1.7 million would be further off; it has heavier tails (a rare bright sample), which
-/// `ALLOWED` is for.
+/// Number of standard deviations that a pixel of a sampled picture may be off. With normal noise,
+/// one value in 1.7 million would be further off. Real noise has heavier tails (a rare bright
+/// sample), for which `ALLOWED` leaves room.
 pub const SIGMAS: f64 = 5.0;
 
-/// In a sampled picture, the relative tolerance. Light that is seen by fewer than some five in
-/// 1024 points shows no variance in the reference's own 1024 points, nor any light.
+/// Relative tolerance in a sampled picture. Light that fewer than some five of 1024 points see
+/// shows no variance in the reference's own 1024 points, nor any light.
 pub const RELATIVE_SAMPLED: f64 = 5e-3;
 
 /// Side of the blocks whose mean is checked in a sampled picture, px.
 const BLOCK: usize = 10;
 
-/// How far channel `c` of pixel `k` may be from the reference.
+/// Largest allowed difference of channel `c` of pixel `k` from the reference.
 type Tolerance<'a> = &'a dyn Fn(usize, usize) -> f64;
 
-/// Checks a picture without random choices: `|x - r| <= RELATIVE max(|r|, FLOOR)` but for
+/// Checks a picture without random choices: `|x - r| <= RELATIVE max(|r|, FLOOR)`, except for
 /// `ALLOWED` of the pixels.
 pub fn assert_same(name: &str, actual: &Picture, expected: &Picture) {
     let tolerance = |k: usize, c: usize| RELATIVE * expected.pixels[k][c].abs().max(FLOOR);
@@ -49,9 +49,9 @@ pub fn assert_same_sampled(name: &str, actual: &Picture, expected: &Picture) {
     }
 }
 
-/// Whether a picture with random choices is right: each pixel within `SIGMAS` of its own noise,
-/// and the means of blocks of pixels within `SIGMAS` of theirs, which is ten times sharper and
-/// shows any bias, such as a wrong density of the samples.
+/// Checks a picture with random choices: each pixel within `SIGMAS` of its noise, and the means of
+/// blocks of pixels within `SIGMAS` of theirs. The blocks are ten times sharper and show any bias,
+/// such as a wrong density of the samples.
 pub fn judge_sampled(actual: &Picture, expected: &Picture) -> Result<(), String> {
     judge_pixels(actual, expected, &sampled_tolerance(expected))?;
     let mut report = String::new();
@@ -70,7 +70,8 @@ fn sampled_tolerance(expected: &Picture) -> impl Fn(usize, usize) -> f64 {
     }
 }
 
-/// Half rounding of a block's pixels goes either way, so their mean keeps to `RELATIVE` easily.
+/// Rounding of a block's pixels to half floats goes either way, so their mean stays well within
+/// `RELATIVE`.
 fn check_block(a: &Picture, e: &Picture, left: usize, top: usize, report: &mut String) {
     let columns = left..(left + BLOCK).min(e.width);
     let rows = top..(top + BLOCK).min(e.height);
@@ -82,7 +83,7 @@ fn check_block(a: &Picture, e: &Picture, left: usize, top: usize, report: &mut S
         let noise = inside.iter().map(|k| e.deviation[*k][c].powi(2)).sum::<f64>().sqrt() / n;
         let (actual, expected) = (mean(a), mean(e));
         let tolerance = SIGMAS * noise + RELATIVE * expected.abs().max(FLOOR);
-        // A NaN must fail, so the comparison asks for what is right.
+        // Written so that a NaN fails.
         let right = (actual - expected).abs() <= tolerance;
         if !right {
             let corner = (left, top);
@@ -95,7 +96,7 @@ fn check_block(a: &Picture, e: &Picture, left: usize, top: usize, report: &mut S
     }
 }
 
-/// Whether all but `ALLOWED` of the pixels are within tolerance; else a report of the worst.
+/// Checks that all but `ALLOWED` of the pixels are within tolerance, else reports the worst.
 fn judge_pixels(a: &Picture, e: &Picture, tolerance: Tolerance) -> Result<(), String> {
     assert_eq!((a.width, a.height), (e.width, e.height), "picture size");
     let mut wrong: Vec<(f64, usize)> = (0..e.pixels.len())
@@ -118,7 +119,7 @@ fn judge_pixels(a: &Picture, e: &Picture, tolerance: Tolerance) -> Result<(), St
     Err(report)
 }
 
-/// The largest difference of a pixel's channels, in tolerances; infinite for a NaN.
+/// Returns the largest difference of a pixel's channels in tolerances; infinite for a NaN.
 fn excess(actual: &Picture, expected: &Picture, tolerance: Tolerance, k: usize) -> f64 {
     (0..4)
         .map(|c| (actual.pixels[k][c] - expected.pixels[k][c]).abs() / tolerance(k, c))
@@ -126,8 +127,8 @@ fn excess(actual: &Picture, expected: &Picture, tolerance: Tolerance, k: usize) 
         .fold(0.0, f64::max)
 }
 
-/// Writes actual, expected and difference PNGs to cargo's folder for tests; says where. In the
-/// difference black is equal, mid grey is one tolerance, white is two or more.
+/// Writes actual, expected and difference PNGs to cargo's folder for tests, and returns their
+/// place. In the difference, black is equal, mid grey is one tolerance, white is two or more.
 fn write_pictures(name: &str, a: &Picture, e: &Picture, tolerance: Tolerance) -> String {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::create_dir_all(&folder).expect("a folder for the pictures");
@@ -142,7 +143,7 @@ fn write_pictures(name: &str, a: &Picture, e: &Picture, tolerance: Tolerance) ->
     folder.display().to_string()
 }
 
-/// Writes a picture for the eye: sRGB, clamped, over black.
+/// Writes a picture for viewing: sRGB, clamped, over black.
 pub fn write_png(path: &Path, picture: &Picture) {
     let to_srgb = |x: f64| {
         let x = x.clamp(0.0, 1.0);

@@ -1,4 +1,5 @@
-//! Rays against shapes, and where on the shape they landed ("Shapes", "Texture coordinates").
+//! Intersection of rays with shapes, and the position of hits on them ("Shapes", "Texture
+//! coordinates").
 
 use super::mesh::Mesh;
 use glam::{DVec2, DVec3};
@@ -26,30 +27,30 @@ pub enum Shape {
     Mesh(Mesh),
 }
 
-/// Where a ray meets a shape.
+/// A hit of a ray on a shape.
 #[derive(Clone, Copy)]
 pub struct Contact {
     /// Distance along the ray.
     pub t: f64,
-    /// Which triangle of a mesh; 0 for the other shapes.
+    /// Triangle of a mesh; 0 for the other shapes.
     pub part: usize,
     /// Barycentric weights of the three corners (triangles and meshes).
     pub weights: [f64; 3],
 }
 
-/// Distances closer than this, relative to the radius, are the sphere that the ray just left;
-/// f64 places a hit point within some 1e-15 of it.
+/// Minimum distance to a sphere that the ray just left, relative to its radius. f64 places a hit
+/// point within some 1e-15 of it.
 const SPHERE_SKIN: f64 = 1e-9;
 
 impl Shape {
-    /// The nearest contact with t in (0, `limit`). `left` is the part of this very shape that
-    /// the ray starts on, if any: a flat part cannot be met again, and a sphere only at its
+    /// Returns the nearest contact with t in (0, `limit`). `left` is the part of this shape on
+    /// which the ray starts, if any. A flat part cannot be hit again, and a sphere only at its
     /// other root.
     pub fn hit(&self, ray: &Ray, limit: f64, left: Option<usize>) -> Option<Contact> {
         let whole = |t: f64| Contact { t, part: 0, weights: [0.0; 3] };
         match self {
             Shape::Sphere { center, radius, .. } => {
-                // A ray that starts on the surface does not meet it there.
+                // A ray that starts on the surface does not hit it there.
                 let least = if left.is_some() { SPHERE_SKIN } else { 1e-12 } * radius;
                 sphere(ray, *center, *radius, least, limit).map(whole)
             }
@@ -62,7 +63,7 @@ impl Shape {
         }
     }
 
-    /// The unit geometric normal at a contact point, facing either way.
+    /// Returns the unit geometric normal at a contact point; it may face either way.
     pub fn normal(&self, point: DVec3, contact: &Contact) -> DVec3 {
         match self {
             Shape::Sphere { center, .. } => (point - center).normalize(),

@@ -1,4 +1,4 @@
-//! Small readers over `serde_json::Value`, with the contract's defaults given by the caller.
+//! Small readers over `serde_json::Value`. The caller gives the format's defaults.
 
 use glam::DVec3;
 use serde_json::Value;

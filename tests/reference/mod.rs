@@ -1,10 +1,10 @@
-//! A second ray tracer, written from `scene-format.md` alone, to check the first one against.
+//! A second ray tracer, written only from `scene-format.md`, to check the first one.
 //!
-//! It shares no code with the crate: it reads the scene with `serde_json`, works in f64, tries
-//! every primitive (meshes through a plain median-split tree) and replaces every random choice
-//! by a dense regular one, so its pictures are the integrals that the renderer estimates.
-//! Clarity comes before speed; there is no error handling beyond a panic that says what was read.
-//! Quotes in doc comments name the section of `scene-format.md` that a formula is from.
+//! It shares no code with the crate. It reads the scene with `serde_json`, works in f64, and tests
+//! every primitive (meshes through a plain median-split tree). It replaces every random choice by a
+//! dense regular one, so its pictures are the integrals that the renderer estimates. Clarity comes
+//! before speed; errors cause a panic that names the input. Quotes in doc comments name the section
+//! of `scene-format.md` that a formula comes from.
 #![allow(dead_code)] // each test program uses its own part of this module
 
 pub mod analytic;
@@ -24,7 +24,7 @@ pub mod tree;
 use glam::DVec3;
 use scene::Scene;
 
-/// A picture: premultiplied linear RGBA, rows from the top, with what is known of its noise.
+/// A picture: premultiplied linear RGBA, rows from the top, with an estimate of its noise.
 pub struct Picture {
     /// Width, px.
     pub width: usize,
@@ -32,9 +32,8 @@ pub struct Picture {
     pub height: usize,
     /// `width * height` pixels, red green blue alpha.
     pub pixels: Vec<[f64; 4]>,
-    /// Standard deviation to expect of a renderer that draws the scene's own numbers of random
-    /// samples independently; zero where it makes no random choice. Empty for a picture read
-    /// from a file.
+    /// Expected standard deviation of a renderer that draws the scene's numbers of random samples
+    /// independently; zero where it makes no random choice. Empty for a picture from a file.
     pub deviation: Vec<[f64; 4]>,
 }
 
@@ -45,14 +44,14 @@ impl Picture {
     }
 }
 
-/// How densely the reference integrates.
+/// Density of the reference's sample grids.
 #[derive(Clone, Copy)]
 pub struct Density {
-    /// Area lights are sampled on an `light` x `light` grid.
+    /// Area lights are sampled on a `light` x `light` grid.
     pub light: usize,
-    /// With `spp` > 1 a pixel is divided into `pixel` x `pixel` cells, ...
+    /// With `spp` > 1 a pixel is divided into `pixel` x `pixel` cells.
     pub pixel: usize,
-    /// ... and with a thin lens each of the cells sends this many rays through the lens.
+    /// With a thin lens, each cell sends this many rays through the lens.
     pub lens: usize,
 }
 
@@ -62,7 +61,7 @@ impl Default for Density {
     }
 }
 
-/// Renders the whole picture, the rows shared among the machine's cores.
+/// Renders the whole picture; the machine's cores share the rows.
 pub fn render(scene: &Scene, density: Density) -> Picture {
     let (width, height) = (scene.camera.width, scene.camera.height);
     let next = std::sync::atomic::AtomicUsize::new(0);
@@ -86,8 +85,8 @@ pub fn render(scene: &Scene, density: Density) -> Picture {
     Picture { width, height, pixels, deviation }
 }
 
-/// One pixel and its deviation: the mean over the camera rays ("Top level", `spp`), with alpha
-/// and the treatment of misses from "Shading", Alpha.
+/// Returns one pixel and its deviation: the mean over the camera rays ("Top level", `spp`), with
+/// alpha and the treatment of misses from "Shading", Alpha.
 fn pixel(scene: &Scene, density: Density, i: usize, j: usize) -> ([f64; 4], [f64; 4]) {
     let rays = scene.camera.rays(i, j, scene.spp, density);
     let n = rays.len() as f64;
@@ -107,7 +106,7 @@ fn pixel(scene: &Scene, density: Density, i: usize, j: usize) -> ([f64; 4], [f64
     let light_noise = (light_noise / n).extend(0.0).to_array();
     let deviation = std::array::from_fn(|c| {
         // The renderer's camera samples are `spp` of a population whose variance the dense set
-        // shows; 1/n more stands for the error of the dense set itself.
+        // shows. 1/n is added for the error of the dense set itself.
         let camera_noise = (squares[c] / n - mean[c] * mean[c]).max(0.0);
         let camera_share = if scene.spp > 1 { 1.0 / scene.spp as f64 + 1.0 / n } else { 0.0 };
         (camera_noise * camera_share + light_noise[c] / scene.spp as f64).sqrt()

@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-/// An element kind (`vertex`, `face`): its rows, each with a list per property (a scalar is a
-/// list of one).
+/// An element kind (`vertex`, `face`): its rows, each with a list per property. A scalar is a list
+/// of one.
 pub struct Element {
     /// Property names with their value types, in file order.
     pub properties: Vec<(String, String)>,
@@ -25,7 +25,7 @@ impl Element {
     }
 }
 
-/// One value source for both encodings.
+/// A source of values in either encoding.
 struct Values<'a> {
     bytes: &'a [u8],
     ascii: bool,
@@ -60,7 +60,7 @@ impl Values<'_> {
     }
 }
 
-/// Reads a whole file; the elements by name.
+/// Reads a whole file and returns its elements by name.
 pub fn read(path: &Path) -> HashMap<String, Element> {
     const END: &[u8] = b"end_header\n";
     let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));

@@ -1,4 +1,4 @@
-//! Running the renderer itself, as a user would, and reading the EXR that it writes.
+//! Runs the renderer as a user would, and reads the EXR that it writes.
 
 use super::Picture;
 use exr::prelude::{ReadChannels, ReadLayers};

@@ -9,7 +9,7 @@ use glam::DVec3;
 use serde_json::Value;
 use std::path::Path;
 
-/// A scene, ready to be cast into.
+/// A scene, ready for rays.
 pub struct Scene {
     pub nbounces: usize,
     pub spp: usize,
@@ -22,7 +22,7 @@ pub struct Scene {
     pub objects: Vec<Object>,
 }
 
-/// By what the light of a lamp at distance d is divided.
+/// Divisor of a light's radiance at distance d.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Attenuation {
     None,
@@ -30,22 +30,22 @@ pub enum Attenuation {
     Quadratic,
 }
 
-/// A lamp: its points, and how each of them shines.
+/// A light: its points, and the emission of each point.
 pub struct Light {
     pub id: DVec3,
     pub is: DVec3,
     pub form: LightForm,
 }
 
-/// Where a lamp's points are.
+/// Positions of a light's points.
 pub enum LightForm {
-    /// All light comes from here.
+    /// A single point.
     Point(DVec3),
     /// The points `corner + s e + t h`.
     Area { corner: DVec3, e: DVec3, h: DVec3, lambertian: bool, samples: usize },
 }
 
-/// A shape and what it is made of.
+/// A shape with its material.
 pub struct Object {
     pub shape: Shape,
     pub material: Material,

@@ -1,29 +1,29 @@
-//! "Shading: what a ray returns".
+//! "Shading": the radiance along a ray.
 
 use super::geometry::{Contact, Ray, Shape};
 use super::scene::{Attenuation, Light, LightForm, Material, Scene};
 use glam::DVec3;
 
-/// What a ray returns.
+/// Result of tracing and shading a ray.
 pub struct Radiance {
     /// Linear RGB.
     pub rgb: DVec3,
-    /// Standard deviation of `rgb` to expect of a renderer that draws each area light's own
-    /// `samples` independently. Deviations of several lights and bounces are added, which no
-    /// correlation between them can exceed.
+    /// Expected standard deviation of `rgb` for a renderer that draws each area light's `samples`
+    /// independently. Deviations of several lights and bounces are added, which no correlation
+    /// between them can exceed.
     pub deviation: DVec3,
     /// Whether the ray hit anything.
     pub hit: bool,
 }
 
-/// The object and part that a ray starts on.
+/// The object and part on which a ray starts.
 type Left = Option<(usize, usize)>;
 
-/// A hit point with all that shading needs.
+/// A hit point with all inputs of shading.
 struct Surface<'a> {
     left: Left,
     point: DVec3,
-    /// P', where shadow rays start.
+    /// P', the origin of shadow rays.
     shadow_origin: DVec3,
     ng: DVec3,
     n: DVec3,
@@ -33,7 +33,7 @@ struct Surface<'a> {
 }
 
 impl Scene {
-    /// `cast(ray, bounce)`, each area light taken on a `grid` x `grid` grid.
+    /// `cast(ray, bounce)`, with each area light sampled on a `grid` x `grid` grid.
     pub fn cast(&self, ray: &Ray, bounce: usize, grid: usize) -> Radiance {
         self.cast_from(ray, bounce, grid, None)
     }
@@ -102,7 +102,7 @@ impl Scene {
         }
     }
 
-    /// One light: its mean, and the deviation of a mean of its `samples` random points.
+    /// Returns the mean of one light, and the deviation of a mean of its `samples` random points.
     fn light(&self, light: &Light, surface: &Surface, grid: usize) -> (DVec3, DVec3) {
         let (corner, e, h, lambertian, samples) = match light.form {
             LightForm::Point(q) => return (self.light_point(light, surface, q), DVec3::ZERO),
@@ -114,9 +114,9 @@ impl Scene {
         let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
         for j in 0..grid {
             for i in 0..grid {
-                // One point in each cell of the grid, moved within it so that hardly two share a
-                // row or a column: an edge parallel to the light's own is then resolved to
-                // 1/grid^2, where cell middles would resolve 1/grid.
+                // One point per cell of the grid, shifted so that hardly two share a row or a
+                // column. An edge parallel to the light's own is then resolved to 1/grid^2. With
+                // cell centres it would be 1/grid.
                 let s = (i as f64 + scatter(j)) / side;
                 let t = (j as f64 + scatter(i)) / side;
                 let q = corner + s * e + t * h;
@@ -135,7 +135,7 @@ impl Scene {
         (mean, DVec3::new(noise.x.sqrt(), noise.y.sqrt(), noise.z.sqrt()))
     }
 
-    /// One point of a light: the line `colour += ...`, without `/ samples`.
+    /// Returns one point of a light: the line `colour += ...`, without `/ samples`.
     fn light_point(&self, light: &Light, surface: &Surface, q: DVec3) -> DVec3 {
         let d = (q - surface.point).length();
         if d == 0.0 {
@@ -158,11 +158,11 @@ impl Scene {
             / falloff
     }
 
-    /// Whether anything lies strictly between P' and Q.
+    /// Returns true if anything lies strictly between P' and Q.
     fn blocked(&self, surface: &Surface, q: DVec3) -> bool {
         let way = q - surface.shadow_origin;
         let ray = Ray { origin: surface.shadow_origin, direction: way.normalize() };
-        // Once P' is off the surface, the triangle it came from is an object like any other.
+        // Once P' is off the surface, its triangle is an object like any other.
         let moved = surface.shadow_origin != surface.point;
         let left = if moved { None } else { surface.left };
         let limit = way.length() * (1.0 - 1e-12);
@@ -173,24 +173,24 @@ impl Scene {
     }
 }
 
-/// The k-th of a sequence that fills [0, 1) evenly: multiples of the golden ratio.
+/// Returns the k-th of a sequence that fills [0, 1) evenly: multiples of the golden ratio.
 fn scatter(k: usize) -> f64 {
     const GOLDEN: f64 = 1.618_033_988_749_895;
     ((k as f64 + 0.5) * GOLDEN).fract()
 }
 
-/// The part of object `k` that the ray left, if it left that object.
+/// Returns the part of object `k` that the ray left, if it left that object.
 fn part_of(left: Left, k: usize) -> Option<usize> {
     left.and_then(|(object, part)| (object == k).then_some(part))
 }
 
-/// `normal`, negated if it does not face along `toward`.
+/// Returns `normal`, negated if it faces away from `toward`.
 fn facing(normal: DVec3, toward: DVec3) -> DVec3 {
     if normal.dot(toward) < 0.0 { -normal } else { normal }
 }
 
-/// N and P' of a smooth mesh: the interpolated unit normal on Ng's side, and the point
-/// `P - sum over the corners i of w_i min(0, (P - V_i).N_i) N_i` (Hanika 2021), without corners whose
+/// Returns N and P' of a smooth mesh: the interpolated unit normal on Ng's side, and the point `P -
+/// sum over the corners i of w_i min(0, (P - V_i).N_i) N_i` (Hanika 2021), without corners whose
 /// normal faces away from Ng.
 fn smooth(
     point: DVec3,

@@ -6,14 +6,14 @@ use image::DynamicImage;
 use serde_json::Value;
 use std::path::Path;
 
-/// An image with the way it is looked up.
+/// An image with its lookup settings.
 pub struct Texture {
     width: usize,
     height: usize,
     /// Linear RGB, rows from the top.
     texels: Vec<DVec3>,
     nearest: bool,
-    /// Whether u, v repeat; else they clamp.
+    /// Whether u and v repeat; otherwise they clamp.
     repeat: [bool; 2],
     scale: DVec2,
 }
@@ -95,7 +95,7 @@ fn rgb([r, g, b, _]: [f64; 4]) -> DVec3 {
     DVec3::new(r, g, b)
 }
 
-/// IEC 61966-2-1, of one channel.
+/// Decodes one channel by IEC 61966-2-1.
 pub fn srgb_to_linear(x: f64) -> f64 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }

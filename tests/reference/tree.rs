@@ -1,5 +1,5 @@
-//! A median-split box tree, the plainest that works, so that a mesh of thousands of triangles
-//! does not make the tests slow. It only decides which triangles are tried.
+//! A plain median-split box tree, so that a mesh of thousands of triangles does not make the tests
+//! slow. It only decides which triangles are tested.
 
 use super::geometry::Ray;
 use glam::DVec3;
@@ -40,7 +40,7 @@ impl Tree {
         Tree { low, high, kind: Kind::Split(Box::new(halves)) }
     }
 
-    /// Calls `visit` with every triangle whose box the ray may touch.
+    /// Calls `visit` for every triangle whose box the ray may touch.
     pub fn visit(&self, ray: &Ray, visit: &mut dyn FnMut(usize)) {
         if !self.touched(ray) {
             return;
@@ -51,7 +51,7 @@ impl Tree {
         }
     }
 
-    /// The slab test, widened a little: a box wrongly entered costs time, never a hit.
+    /// The slab test, slightly widened: a box entered by mistake costs time, never a hit.
     fn touched(&self, ray: &Ray) -> bool {
         let widen = 1e-9 * (self.high - self.low).length() + 1e-12;
         let (mut enter, mut leave) = (0.0, f64::INFINITY);
@@ -59,7 +59,7 @@ impl Tree {
             let to_low = self.low[axis] - widen - ray.origin[axis];
             let to_high = self.high[axis] + widen - ray.origin[axis];
             let (a, b) = (to_low / ray.direction[axis], to_high / ray.direction[axis]);
-            // `min` and `max` of f64 pass over a NaN (0/0), which so never closes the box.
+            // `min` and `max` of f64 skip a NaN (0/0), so it never excludes the box.
             enter = f64::max(enter, a.min(b));
             leave = f64::min(leave, a.max(b));
         }

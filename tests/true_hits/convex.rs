@@ -1,4 +1,4 @@
-//! Rays that leave one side of a convex edge, a few ulp from it: the other side is behind them.
+//! Rays that leave one side of a convex edge, a few ulp from it. The other side lies behind them.
 
 use lightpath::geometry::Geometry;
 use lightpath::ray::{Coherence, Mask, NONE, RayPacket, Rays};
@@ -15,7 +15,7 @@ struct Leaving {
 }
 
 impl Leaving {
-    /// Whether a backend says that something is in the way, asked in packets and singly, for occlusion and for the
+    /// Returns whether a backend reports a hit: in packets and singly, for occlusion and for the
     /// closest hit.
     fn stopped(&self, backend: Backend) -> [bool; 4] {
         let accelerator = build(&self.geometry, backend);
@@ -43,8 +43,8 @@ fn triangles(corners: [[[f32; 3]; 3]; 2]) -> Geometry {
     geometry(corners.as_flattened().to_vec(), vec![[0, 1, 2], [3, 4, 5]], vec![])
 }
 
-/// Rays that Embree's ROBUST test stops at once, at an octahedron near the origin, at one that was 1e3 times its size
-/// away, at a cube.
+/// Rays that Embree's ROBUST test stops at once: at an octahedron near the origin, at one 1e3 times
+/// its size away, and at a cube.
 fn rays() -> [Leaving; 3] {
     let (low, high, none) = (-9.999931e-7, 1.0000069e-6, 6.937422e-12);
     let octahedron = [
@@ -90,8 +90,8 @@ on_both! {
         does_not_shadow_itself(backend);
     }
 
-    /// What stands in front still counts, however near it starts.
-    fn a_concave_edge_does(backend: Backend) {
+    /// A surface in front still counts, however near it starts.
+    fn a_concave_edge_does_shadow_itself(backend: Backend) {
         concave_edge_shadows(backend);
     }
 }
@@ -104,7 +104,7 @@ fn concave_edge_shadows(backend: Backend) {
 }
 
 #[test]
-fn the_oracle_says_the_same_of_edges() {
+fn the_oracle_agrees_about_edges() {
     does_not_shadow_itself(Backend::Brute);
     concave_edge_shadows(Backend::Brute);
 }

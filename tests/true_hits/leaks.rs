@@ -1,4 +1,5 @@
-//! Rays from within closed meshes, at their corners and edges and past them: discarding loses none.
+//! Rays from within closed meshes, at corners and edges and past them: rejecting false hits must
+//! lose none.
 
 use glam::DVec3;
 use lightpath::ray::{Coherence, LANES, NONE, RayPacket};
@@ -37,13 +38,13 @@ fn shell(n: u32, stretch: DVec3) -> Shell {
             triangles.extend([[a, c, b], [b, c, d]]);
         }
     }
-    // As every backend sees them.
+    // The f32 vertices that every backend gets.
     let vertices = vertices.into_iter().map(|v| v.as_vec3().as_dvec3()).collect();
     Shell { vertices, triangles }
 }
 
 impl Shell {
-    /// At a corner, an edge, or a little beside an edge.
+    /// Returns a ray at a corner, at an edge, or slightly beside an edge.
     fn ray(&self, random: &mut Random, stretch: DVec3) -> (DVec3, DVec3) {
         let corners = self.triangles[random.below(self.triangles.len())];
         let [a, b, c] = corners.map(|v| self.vertices[v as usize]);
@@ -58,7 +59,7 @@ impl Shell {
     }
 }
 
-/// Rays that leave the shell: by the candidates, by the closest hits, by occlusion.
+/// Counts the rays that leave the shell: by candidates, by closest hits, by occlusion.
 fn leaks(backend: Backend, stretch: DVec3, packets: usize) -> [u64; 3] {
     let shell = shell(24, stretch);
     let vertices = shell.vertices.iter().map(|v| v.as_vec3().to_array()).collect();
@@ -84,10 +85,10 @@ fn leaks(backend: Backend, stretch: DVec3, packets: usize) -> [u64; 3] {
     leaks
 }
 
-/// A ball, a needle whose long edges rays run nearly along, and a plate.
+/// A ball, a needle whose long edges are nearly parallel to rays, and a plate.
 const STRETCHES: [DVec3; 3] = [DVec3::ONE, DVec3::new(1.0, 300.0, 1.0), DVec3::new(1.0, 1e-3, 1.0)];
 
-/// Embree's own test leaks: what is discarded beside it must not add to that.
+/// Embree's own test leaks. Rejecting false hits must not add leaks.
 #[test]
 #[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
 fn discarding_opens_no_leak_in_embree() {

@@ -1,5 +1,5 @@
-//! Hits that a backend reports are hits, and are where it says: Embree's false hits are discarded, no
-//! ray is lost by that, and what is refined is right to the last digits.
+//! Reported hits are real and exact: Embree's false hits are rejected, no ray is lost by that, and
+//! refined hits are right to the last digits.
 
 #[path = "../backends/mod.rs"]
 mod backends;

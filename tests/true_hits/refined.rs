@@ -1,4 +1,4 @@
-//! t, weights, position and its bound against the exact oracle, for every backend.
+//! Compares t, weights, position and its error bound with the exact oracle, for every backend.
 
 use glam::DVec3;
 use lightpath::accel::brute::Brute;
@@ -31,12 +31,12 @@ fn soup(random: &mut Random) -> Geometry {
     geometry(vertices, triangles, quads)
 }
 
-/// The oracle's hit of one primitive.
+/// Returns the oracle's hit of one primitive.
 fn exact(oracle: &Brute, ray: &Ray, geom: u32, prim: u32) -> Option<Hit> {
     oracle.all_hits(ray).into_iter().find(|hit| (hit.geom, hit.prim) == (geom, prim))
 }
 
-/// In units of f32's spacing there.
+/// Returns the difference in units of f32's spacing at t.
 fn ulps(t: f32, exact: f64) -> f64 {
     let bits = (exact as f32).abs();
     let spacing = f64::from(f32::from_bits(bits.to_bits() + 1)) - f64::from(bits);
@@ -46,7 +46,7 @@ fn ulps(t: f32, exact: f64) -> f64 {
 #[derive(Debug, Default)]
 struct Seen {
     hits: u64,
-    /// t off by more than 2 ulp.
+    /// Number of hits whose t is off by more than 2 ulp.
     over_two: u64,
     worst_ulps: f64,
     worst_weight: f64,
@@ -72,7 +72,7 @@ fn survey(backend: Backend) -> Seen {
             for i in (0..LANES).filter(|&i| points.hit.0[i] != 0) {
                 let (geom, prim) = (traced.hits.geom[i], traced.hits.prim[i]);
                 let ray = Ray::of(&rays, i);
-                // Rays that pass an edge within the bound of a test in f32 have no exact hit there.
+                // Rays that pass an edge within the bound of an f32 test have no exact hit there.
                 let Some(hit) = exact(&oracle, &ray, geom, prim) else { continue };
                 assert_eq!(points.doubtful.0[i], 0, "{ray:?} {hit:?}");
                 let error = position_error(&geometry, &traced, &points, i);
@@ -100,14 +100,14 @@ fn check(
     } else {
         (hit.u, hit.v)
     };
-    // On a quad's diagonal either half will do.
+    // On a quad's diagonal, either half is right.
     if hit.geom != geometry.quads_id() || (hit.u + hit.v - 1.0).abs() > 1e-6 {
         let weights = (points.u[i] - u).abs().max((points.v[i] - v).abs());
         seen.worst_weight = seen.worst_weight.max(weights);
     }
     let met = ray.origin + ray.direction * hit.t;
     let at = DVec3::from([0, 1, 2].map(|axis| f64::from(points.position[axis][i])));
-    // The oracle's own t is good to 2^-40.
+    // The oracle's own t has an error of 2^-40.
     let known = (ray.direction * hit.t).abs().max_element() * 2f64.powi(-40);
     let distance = ((at - met).abs().max_element() - known).max(0.0);
     seen.worst_share = seen.worst_share.max(distance / error);
@@ -128,7 +128,7 @@ on_both! {
 }
 
 #[test]
-fn refined_hits_of_the_others_are_as_exact() {
+fn refined_hits_of_other_backends_are_exact() {
     exact_to_the_last_digits(Backend::Coursework);
     exact_to_the_last_digits(Backend::Brute);
 }

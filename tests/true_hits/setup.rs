@@ -24,7 +24,7 @@ pub fn oracle(geometry: &Geometry) -> Brute<'_> {
     Brute::build(geometry, &OPTIONS, &Monitor::default()).unwrap()
 }
 
-/// 16 rays, each an origin and a direction.
+/// Returns 16 rays, each from an origin and a direction.
 pub fn packet(mut ray: impl FnMut() -> (DVec3, DVec3)) -> RayPacket {
     let mut rays = Rays::EMPTY;
     for i in 0..LANES {
@@ -37,12 +37,12 @@ pub fn packet(mut ray: impl FnMut() -> (DVec3, DVec3)) -> RayPacket {
     RayPacket { rays, ..RayPacket::EMPTY }
 }
 
-/// In [-1, 1)^3.
+/// Returns a point in [-1, 1)^3.
 pub fn cube(random: &mut Random) -> DVec3 {
     DVec3::new(random.unit(), random.unit(), random.unit()) * 2.0 - 1.0
 }
 
-/// On the unit sphere.
+/// Returns a point on the unit sphere.
 pub fn unit(random: &mut Random) -> DVec3 {
     loop {
         let v = cube(random);

@@ -1,5 +1,5 @@
-//! Thin triangles and quads that rays run nearly along: where Embree's own test meets what is not
-//! there.
+//! Thin triangles and quads with rays nearly along them, where Embree's own test reports false
+//! hits.
 
 use glam::DVec3;
 use lightpath::accel::Accelerator;
@@ -16,18 +16,18 @@ use super::setup::{ALL, cube, geometry, oracle, packet, unit};
 
 const EMBREE: Backend = Backend::Embree(EmbreeMode::Robust);
 
-/// Its bound in units of `bvh`'s, as `crosscheck` has it.
+/// Embree's error bound in units of `bvh`'s, as in `crosscheck`.
 const FACTOR: f64 = 4.0;
 
-/// Slivers at random, and rays nearly along them.
+/// Random slivers, and rays nearly along them.
 struct Soup {
     geometry: Geometry,
-    /// A corner, the long side, a direction across it in the plane.
+    /// A corner, the long side, and a direction across it in the plane.
     frames: Vec<[DVec3; 3]>,
 }
 
 impl Soup {
-    /// Triangles, or quads, of an angle in degrees between their long sides.
+    /// Makes triangles or quads with an angle of `degrees` between their long sides.
     fn new(degrees: f64, quads: bool, random: &mut Random) -> Self {
         let (mut vertices, mut triangles, mut fours) = (Vec::new(), Vec::new(), Vec::new());
         let mut frames = Vec::new();
@@ -49,7 +49,7 @@ impl Soup {
         Self { geometry: geometry(vertices, triangles, fours), frames }
     }
 
-    /// From somewhere near a sliver's plane, nearly along it, mostly past it.
+    /// Returns a ray that starts near a sliver's plane and runs nearly along it, mostly past it.
     fn ray(&self, random: &mut Random) -> (DVec3, DVec3) {
         let [corner, long, across] = self.frames[random.below(self.frames.len())];
         let length = long.length();
@@ -86,7 +86,7 @@ fn judged(oracle: &Brute, rays: &Rays, i: usize, shadow: bool, answer: Answer) -
     judge(oracle, &ray, Answer::truth(oracle, &ray, shadow), answer, FACTOR)
 }
 
-/// What is wrong with the candidates, the closest hits and the shadows of a packet.
+/// Returns the wrong candidates, closest hits and shadows of a packet.
 fn wrong(oracle: &Brute, embree: &dyn Accelerator, rays: &Rays, how: Coherence) -> [Wrong; 3] {
     let mut wrong = [Wrong::default(); 3];
     let traced = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
@@ -102,7 +102,7 @@ fn wrong(oracle: &Brute, embree: &dyn Accelerator, rays: &Rays, how: Coherence) 
     wrong
 }
 
-/// Sums over soups of one kind.
+/// Sums the counts over soups of one kind.
 fn survey(degrees: f64, quads: bool) -> [Wrong; 3] {
     let mut random = Random(degrees.to_bits() ^ u64::from(quads));
     let mut sums = [Wrong::default(); 3];
@@ -128,7 +128,7 @@ fn survey(degrees: f64, quads: bool) -> [Wrong; 3] {
     sums
 }
 
-/// Of Embree alone: no other backend has candidates to discard.
+/// Only Embree has candidates to reject.
 #[test]
 #[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
 fn no_false_hit_is_left() {
@@ -143,6 +143,6 @@ fn no_false_hit_is_left() {
             }
         }
     }
-    // Else these rays would show nothing.
+    // Otherwise these rays would show nothing.
     assert!(native > 100, "{native}");
 }

@@ -1,7 +1,7 @@
-//! Reads a PLY file whenever a line comes on stdin, and prints the seconds until the arrays were
-//! ready: the Rust half of `benches/ply_readers.py`.
+//! Reads a PLY file for each line on stdin, and prints the seconds until the arrays are ready. This
+//! is the Rust half of `benches/ply_readers.py`.
 //!
-//! `floor` is what no reader of a file of float vertices and uchar/int triangles can beat: all
+//! `floor` is a lower bound for any reader of a file of float vertices and uchar/int triangles: all
 //! threads copy the records of a mapped file into typed arrays, and nothing is checked.
 
 use std::io::BufRead;
@@ -34,7 +34,7 @@ fn main() {
     }
 }
 
-/// What a reader made, kept until the clock has stopped.
+/// The arrays that a reader made, kept alive until the time is taken.
 enum Arrays {
     Plain(Vec<[f32; 3]>, Vec<[u32; 3]>),
     Mesh(Box<lightpath::mesh::Mesh>),

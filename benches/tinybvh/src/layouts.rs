@@ -1,4 +1,4 @@
-//! tinybvh's layouts as accelerators of lightpath, over the functions of `shim.cpp`.
+//! tinybvh's layouts as accelerators of lightpath, through the functions of `shim.cpp`.
 
 use std::ffi::{c_int, c_void};
 
@@ -6,24 +6,24 @@ use lightpath::accel::{Accelerator, BuildInfo};
 use lightpath::geometry::Geometry;
 use lightpath::ray::{Coherence, Hits, Mask, RayPacket, Rays};
 
-/// A layout and the builder that makes it.
+/// A layout of tinybvh with its builder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
-    /// `BVH8_CPU` by the default builder.
+    /// `BVH8_CPU` with the default builder.
     Wide8 = 0,
     /// `BVH8_CPU` with spatial splits (`BuildHQ`).
     Wide8Splits = 1,
-    /// `BVH4_CPU` by the default builder.
+    /// `BVH4_CPU` with the default builder.
     Wide4 = 2,
-    /// `BVH_Double`.
+    /// `BVH_Double`, in double precision.
     Double = 3,
 }
 
 impl Layout {
-    /// All that are measured.
+    /// All layouts that are measured.
     pub const ALL: [Self; 4] = [Self::Wide8, Self::Wide8Splits, Self::Wide4, Self::Double];
 
-    /// As the table names it.
+    /// Returns the name for tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Wide8 => "BVH8_CPU",
@@ -34,16 +34,16 @@ impl Layout {
     }
 }
 
-/// The triangles of a scene as tinybvh takes them.
+/// The triangles of a scene in tinybvh's format.
 pub struct Corners {
     /// Three corners per triangle: x, y, z and an unused float.
     corners: Vec<[f32; 4]>,
-    /// Triangles of the mesh, before the halves of the quads.
+    /// Number of triangles of the mesh, which precede the halves of the quads.
     mesh: u32,
 }
 
 impl Corners {
-    /// Collects them: those of the one mesh, then two of every quad.
+    /// Collects the triangles of the single mesh, then two per quad.
     pub fn of(geometry: &Geometry) -> Self {
         let [mesh] = &geometry.meshes[..] else { panic!("expected a scene of one mesh") };
         assert!(geometry.spheres.is_empty(), "expected a scene without spheres");
@@ -54,19 +54,19 @@ impl Corners {
         Self { corners: corners.collect(), mesh: count }
     }
 
-    /// Number of triangles.
+    /// Returns the number of triangles.
     pub fn triangles(&self) -> u32 {
         (self.corners.len() / 3) as u32
     }
 }
 
-/// What a tree takes, in bytes.
+/// Memory of a tree in bytes.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C)]
 pub struct Cost {
-    /// What the heap grew by.
+    /// Growth of the heap.
     pub held: u64,
-    /// What queries read of it: nodes, triangles, indices, vertices.
+    /// Bytes that queries read: nodes, triangles, indices, vertices.
     pub read: u64,
 }
 
@@ -92,12 +92,12 @@ unsafe extern "C" {
     fn shim_occluded(tree: *const c_void, active: *const Mask, rays: *mut Rays, offset: f32);
 }
 
-/// A tree of tinybvh's.
+/// A tree of tinybvh.
 pub struct TinyBvh<'c> {
     tree: *mut c_void,
     corners: &'c Corners,
     offset: f32,
-    /// What it takes.
+    /// Memory of the tree.
     pub cost: Cost,
 }
 
@@ -107,8 +107,8 @@ unsafe impl Send for TinyBvh<'_> {}
 unsafe impl Sync for TinyBvh<'_> {}
 
 impl<'c> TinyBvh<'c> {
-    /// Builds a tree, on all threads of the machine where tinybvh's builder has threads. Rays that leave a
-    /// surface start `offset` further along.
+    /// Builds a tree, on all threads of the machine if tinybvh's builder is parallel. Rays that
+    /// leave a surface start `offset` further along.
     pub fn build(corners: &'c Corners, layout: Layout, offset: f32) -> Self {
         let mut cost = Cost::default();
         // SAFETY: the corners are three per triangle and outlive the tree ('c).

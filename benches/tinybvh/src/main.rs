@@ -1,4 +1,5 @@
-//! tinybvh beside Embree and `bvh`: the rays of `lightpath bench`, one at a time, in turns. See README.md.
+//! Compares tinybvh with Embree and `bvh` on the rays of `lightpath bench`, one at a time, in
+//! turns. See README.md.
 
 mod layouts;
 
@@ -23,26 +24,27 @@ use lightpath::studio::{self, Subject, Template};
 use lightpath::world::{LoadOptions, World};
 use rayon::ThreadPool;
 
-/// More rays than this share with another answer than `bvh` has: the benchmark itself is wrong.
+/// Maximum share of rays whose answer may differ from that of `bvh`. Above it, the benchmark itself
+/// is wrong.
 const MOST_DIFFERENT: f64 = 0.01;
 
 #[derive(Parser)]
 struct Arguments {
-    /// A mesh; it is put into the scene of `lightpath bench`
+    /// A mesh; it is placed in the scene of `lightpath bench`
     mesh: PathBuf,
-    /// Most rays of each class
+    /// Maximum number of rays per class
     #[arg(long, default_value_t = 1 << 16)]
     rays: usize,
-    /// Width and height of the picture whose rays are taken
+    /// Width and height of the picture whose rays are used
     #[arg(long, default_value_t = 384)]
     size: u32,
     /// Turns of A B .. B A
     #[arg(long, default_value_t = 10)]
     rounds: usize,
-    /// How far tinybvh's rays start from the surface that they leave; the mesh is 2 wide
+    /// How far tinybvh's rays start from the surface that they leave; the mesh is 2 units wide
     #[arg(long, default_value_t = 2e-5)]
     offset: f32,
-    /// Measure with one thread and with so many [default: all]
+    /// Measure with one thread and with N [default: all]
     #[arg(long)]
     threads: Option<usize>,
 }
@@ -87,7 +89,7 @@ impl Contestant {
     }
 }
 
-/// What all of them are built over.
+/// Inputs that all backends share.
 struct Bench<'a> {
     arguments: &'a Arguments,
     world: &'a World,
@@ -129,7 +131,7 @@ fn pool(threads: usize) -> ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads")
 }
 
-/// The mesh in the scene of `lightpath bench`.
+/// Loads the mesh in the scene of `lightpath bench`.
 fn world(arguments: &Arguments, monitor: &Monitor) -> Result<World> {
     let template = Template::builtin("<bench>", include_str!("../../../assets/bench.json"));
     let mut size = Overrides::default();
@@ -142,7 +144,7 @@ fn world(arguments: &Arguments, monitor: &Monitor) -> Result<World> {
 }
 
 impl Bench<'_> {
-    /// One of them, and how many bytes of it queries read.
+    /// Builds one accelerator. Also returns how many of its bytes queries read.
     fn one(&self, contestant: &Contestant) -> Result<(Box<dyn Accelerator + '_>, u64)> {
         let threads = rayon::current_num_threads();
         let options = BuildOptions { threads, max_bytes: None };
@@ -161,7 +163,8 @@ impl Bench<'_> {
         }
     }
 
-    /// Builds all on the current pool, and prints how long it takes in turns and what they hold.
+    /// Builds all accelerators on the current pool, in turns, and prints their build times and
+    /// memory.
     fn build(&self) -> Result<Built<'_>> {
         let plan = Plan { rounds: self.arguments.rounds.div_ceil(3), budget: Duration::ZERO };
         let samples = interleave(self.contestants.len(), plan, self.monitor, |i| {
@@ -192,7 +195,7 @@ impl Bench<'_> {
         Ok(all)
     }
 
-    /// Rays of each class, one at a time.
+    /// Returns the rays of each class, to be traced one at a time.
     fn replays<'r>(&self, recording: &'r Recording) -> impl Iterator<Item = Replay<'r>> {
         Class::ALL.into_iter().filter_map(|class| {
             let packets = recording.of(class);
@@ -200,8 +203,8 @@ impl Bench<'_> {
         })
     }
 
-    /// Prints how the answers of each differ from those of `bvh`, and returns whether so few do that the
-    /// same rays went through the same triangles.
+    /// Prints how the answers of each backend differ from those of `bvh`. Returns true if so few
+    /// differ that all backends traced the same rays through the same triangles.
     fn answers(&self, built: &Built<'_>, recording: &Recording, ours: usize) -> bool {
         let head = ["rays", "hits", "same", "ties", "other t", "missed", "wrong"];
         let mut right = true;
@@ -225,7 +228,7 @@ impl Bench<'_> {
         right
     }
 
-    /// Prints rays per second in turns, on the current pool.
+    /// Prints rays per second, measured in turns on the current pool.
     fn rays(&self, built: &Built<'_>, recording: &Recording, threads: usize) -> Result<()> {
         let plan = Plan { rounds: self.arguments.rounds, budget: Duration::ZERO };
         for replay in self.replays(recording) {

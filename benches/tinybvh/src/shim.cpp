@@ -23,7 +23,7 @@ struct alignas(64) Hits {
 };
 constexpr uint32_t NONE = ~0u;
 
-// What the Rust side learns of a tree.
+// Memory of a tree, for the Rust side.
 struct Cost {
     uint64_t held;  // bytes that the heap grew by, the vertices handed over included
     uint64_t read;  // of these, the bytes that queries read: nodes, triangles, indices, vertices
@@ -35,8 +35,8 @@ uint64_t heap() {
     return now.uordblks + now.hblkhd;
 }
 
-// One lane for tinybvh, whose rays have no start and unit directions: the origin is moved along the ray to
-// its start, by `offset` more where it leaves a surface.
+// Converts one lane to a ray of tinybvh, which has a unit direction and no start. The origin is moved along
+// the ray to its start, and `offset` further if the ray leaves a surface.
 struct Lane {
     double start, length;
 
@@ -49,13 +49,13 @@ struct Lane {
         return T(rays.org[axis][i] + start * rays.dir[axis][i]);
     }
     double end(const Rays& rays, int i) const { return (rays.tfar[i] - start) * length; }
-    // In units of the direction that came.
+    // In units of the original direction.
     float t(double along) const { return float(along / length + start); }
 };
 
 struct Tree {
     virtual ~Tree() = default;
-    // Number of the triangle, or NONE; `t` is replaced by where it is met.
+    // Returns the number of the triangle, or NONE. Sets `t` to the hit.
     virtual uint32_t closest(const Rays& rays, int i, float offset, float& t) const = 0;
     virtual bool occluded(const Rays& rays, int i, float offset) const = 0;
     virtual uint64_t read() const = 0;
@@ -73,7 +73,7 @@ template <typename Layout> struct Float final : Tree {
     Layout tree;
 
     Float(const float* corners, uint32_t triangles, bool spatial_splits) {
-        // The leaves have copies of the corners, but the builder's own tree goes on pointing at them.
+        // The leaves hold copies of the corners, but the builder's own tree still points to the originals.
         const bvhvec4* vertices = reinterpret_cast<const bvhvec4*>(corners);
         if (spatial_splits) tree.BuildHQ(vertices, triangles);
         else tree.Build(vertices, triangles);
@@ -148,7 +148,7 @@ extern "C" Tree* shim_build(int layout, const float* corners, uint32_t triangles
 
 extern "C" void shim_release(Tree* tree) { delete tree; }
 
-// Triangles from `quads` on are halves of the quads of geometry 1, the others are those of geometry 0.
+// Triangles from `quads` on are halves of the quads of geometry 1; the others belong to geometry 0.
 extern "C" void shim_closest(const Tree* tree, const int32_t* active, Rays* rays, Hits* hits, float offset,
                              uint32_t quads) {
     for (int i = 0; i < LANES; i++) {

@@ -1,6 +1,8 @@
-//! What spares the oracle from testing everything: boxes around blocks of neighbours.
+//! Bounding boxes around blocks of neighbouring primitives: the oracle skips blocks that a ray
+//! cannot hit.
 //!
-//! Conservative by a margin far above its rounding, so that it never decides anything.
+//! The boxes are conservative: they are widened by far more than the box test rounds. So they never
+//! decide a hit.
 
 use std::ops::Range;
 
@@ -9,13 +11,12 @@ use rayon::prelude::*;
 
 use crate::accel::lane::Ray;
 
-/// Boxes or items in one block.
+/// Number of boxes or items in one block.
 const BLOCK: usize = 8;
 
-/// The least widening of a box, relative to its farthest coordinate from the ray's origin.
+/// Smallest widening of a box, relative to its largest coordinate as seen from the ray's origin.
 pub const ROUNDING: f64 = 1.0 / (1u64 << 40) as f64;
 
-/// An axis-parallel box.
 #[derive(Debug, Clone, Copy)]
 pub struct Box3 {
     pub min: DVec3,
@@ -25,7 +26,7 @@ pub struct Box3 {
 impl Box3 {
     const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
-    /// The box of some points.
+    /// The bounding box of `points`.
     pub fn of(points: &[DVec3]) -> Self {
         points.iter().fold(Self::EMPTY, |b, &p| Self { min: b.min.min(p), max: b.max.max(p) })
     }
@@ -38,14 +39,14 @@ impl Box3 {
         (self.min + self.max) / 2.0
     }
 
-    /// Whether the line of the ray, t in (near, far), may meet the box widened on all sides by
-    /// `widen` times its farthest coordinate from the origin.
+    /// Returns whether the ray may hit the widened box at a t between `near` and `far`.
     ///
-    /// The planes move by w = `widen` M, M that coordinate. A difference, a reciprocal and a
-    /// product round (u = 2^-53): together less than 4u(M + w), far below w for `widen` >=
-    /// [`ROUNDING`]. A NaN (0 times infinity) is dropped and cuts off nothing.
+    /// Let M be the largest coordinate of the box as seen from the ray's origin. Every plane of the
+    /// box moves outwards by w = `widen` M. A difference, a reciprocal and a product round, by less
+    /// than 4u(M + w) together (u = 2^-53). That is far below w for `widen` >= [`ROUNDING`]. A NaN
+    /// (0 times infinity) is dropped by `min` and `max` and rejects no box.
     #[inline(always)]
-    fn met(&self, ray: &Ray, inverse: DVec3, widen: f64, [near, far]: [f64; 2]) -> bool {
+    fn may_hit(&self, ray: &Ray, inverse: DVec3, widen: f64, [near, far]: [f64; 2]) -> bool {
         let (min, max) = (self.min - ray.origin, self.max - ray.origin);
         let w = min.abs().max(max.abs()).max_element() * widen;
         let first = ((min - w) * inverse).to_array();
@@ -59,16 +60,17 @@ impl Box3 {
     }
 }
 
-/// Items in Morton order, boxes around each [`BLOCK`] of them, boxes around those, and so on.
+/// A tree of boxes: items in Morton order, a box around each [`BLOCK`] of them, a box around each
+/// [`BLOCK`] of those boxes, and so on.
 pub struct Blocks {
-    /// The items, by their numbers in the caller's list.
+    /// Indices into the caller's list of items, in Morton order.
     order: Vec<u32>,
-    /// Lowest first; the last has at most [`BLOCK`] boxes.
+    /// Boxes of each level, from the items upwards. The last level has at most [`BLOCK`] boxes.
     levels: Vec<Vec<Box3>>,
 }
 
 impl Blocks {
-    /// Blocks of the items of `boxes`.
+    /// Builds the tree over items with these boxes.
     pub fn new(boxes: &[Box3]) -> Self {
         let all = boxes.iter().fold(Box3::EMPTY, |all, &b| all.union(b));
         let scale = (DVec3::ONE / (all.max - all.min)).max(DVec3::ZERO) * f64::from(1 << 21);
@@ -90,15 +92,17 @@ impl Blocks {
         Self { order, levels }
     }
 
-    /// Calls `found` for every item in a block that the ray may meet at t in `range`; boxes are
-    /// widened by `widen` (at least [`ROUNDING`]) times their farthest coordinate.
+    /// Calls `found` for every item in a block that the ray may hit at a t in `range`.
+    ///
+    /// Boxes are widened by `widen` times their largest coordinate as seen from the ray's origin;
+    /// `widen` is at least [`ROUNDING`].
     pub fn each(&self, ray: &Ray, widen: f64, range: [f64; 2], mut found: impl FnMut(u32)) {
         let top = self.levels.len() - 1;
         let query = Query { ray, inverse: ray.direction.recip(), widen, range };
         self.descend(top, 0..self.levels[top].len(), &query, &mut found);
     }
 
-    /// As deep as there are levels: at most eleven.
+    /// Visits `boxes` of one level and the levels below. Recursion is at most eleven levels deep.
     fn descend(
         &self,
         level: usize,
@@ -107,7 +111,12 @@ impl Blocks {
         found: &mut impl FnMut(u32),
     ) {
         for index in boxes {
-            if !self.levels[level][index].met(query.ray, query.inverse, query.widen, query.range) {
+            if !self.levels[level][index].may_hit(
+                query.ray,
+                query.inverse,
+                query.widen,
+                query.range,
+            ) {
                 continue;
             }
             let first = index * BLOCK;
@@ -124,7 +133,7 @@ impl Blocks {
         }
     }
 
-    /// Bytes held.
+    /// Bytes that the order and all boxes hold.
     pub fn bytes(&self) -> u64 {
         let boxes: usize = self.levels.iter().map(|level| size_of_val(&level[..])).sum();
         (size_of_val(&self.order[..]) + boxes) as u64
@@ -138,7 +147,7 @@ struct Query<'a> {
     range: [f64; 2],
 }
 
-/// Interleaves 21 bits of each coordinate.
+/// Morton code of a point: interleaves the low 21 bits of each coordinate's integer part.
 fn morton(p: DVec3) -> u64 {
     let spread = |x: f64| {
         let mut x = x as u64 & 0x1f_ffff;

@@ -1,9 +1,10 @@
-//! Signs and quotients of determinants over f32 coordinates: f64 with a proved bound on its error,
-//! and integers where the bound does not decide.
+//! Exact signs and quotients of determinants over f32 coordinates.
 //!
-//! Every f32 is a whole multiple of 2^-149, so sums and products of such numbers are integers in
-//! that unit: nothing is rounded, overflows or underflows. In f64 no product of three differences
-//! of f32 leaves the range either: each is 0 or between 2^-149 and 2^129.
+//! A determinant is first computed in f64 with a proved error bound. Integers take over where the
+//! bound does not decide. Every f32 is a whole multiple of 2^-149. So sums and products of f32
+//! values are integers in that unit: nothing is rounded, overflows or underflows. A product of
+//! three differences of f32 stays within the range of f64 too: each difference is 0 or between
+//! 2^-149 and 2^129.
 
 use std::cmp::Ordering;
 
@@ -13,7 +14,7 @@ use num_bigint::{BigInt, Sign};
 /// A vector in units of 2^-149.
 pub type Integers = [BigInt; 3];
 
-/// `x`, the value of an f32, in units of 2^-149.
+/// Converts `x`, an f32 value, to an integer in units of 2^-149.
 pub fn integer(x: f64) -> BigInt {
     let bits = (x as f32).to_bits();
     debug_assert_eq!(f64::from(f32::from_bits(bits)), x);
@@ -25,7 +26,7 @@ pub fn integer(x: f64) -> BigInt {
     if x < 0.0 { -magnitude } else { magnitude }
 }
 
-/// A vector of f32 values in units of 2^-149.
+/// Converts a vector of f32 values to integers in units of 2^-149.
 pub fn integers(v: DVec3) -> Integers {
     v.to_array().map(integer)
 }
@@ -42,21 +43,22 @@ pub fn determinant(a: &Integers, b: &Integers, c: &Integers) -> BigInt {
         + &a[2] * (&b[0] * &c[1] - &b[1] * &c[0])
 }
 
-/// A determinant in f64.
+/// A determinant in f64 with a bound on its error.
 #[derive(Debug, Clone, Copy)]
 pub struct Estimate {
-    /// Its value.
+    /// Value of the determinant, rounded.
     pub value: f64,
-    /// How far the exact value may be from it.
+    /// Bound on the distance between `value` and the exact determinant.
     pub error: f64,
 }
 
 impl Estimate {
-    /// `a . (b x c)`, where each coordinate is an f32 or the rounded difference of two.
+    /// Computes `a . (b x c)`. Each coordinate is an f32 or the rounded difference of two f32.
     ///
-    /// The differences, products and sums of one term round seven times in all (Shewchuk 1997,
-    /// section 4.3: (7 + 56u)u times the permanent, u = 2^-53); eight leaves room for the rounding
-    /// of the permanent itself. Where that is 0 the determinant is 0 exactly.
+    /// The differences, products and sums of one term round seven times in all. Shewchuk 1997,
+    /// section 4.3, bounds the error by (7 + 56u)u times the permanent, u = 2^-53. This bound uses
+    /// 8u, which leaves room for the rounding of the permanent itself. If the permanent is 0, the
+    /// determinant is exactly 0.
     #[inline(always)]
     pub fn of(a: DVec3, b: DVec3, c: DVec3) -> Self {
         let value = a.x * (b.y * c.z - b.z * c.y)
@@ -68,7 +70,7 @@ impl Estimate {
         Self { value, error: 4.0 * f64::EPSILON * permanent }
     }
 
-    /// The sign of the exact value, where the bound decides it.
+    /// Sign of the exact determinant, or `None` if the bound does not decide it.
     #[inline(always)]
     pub fn sign(&self) -> Option<Ordering> {
         if self.value > self.error {
@@ -83,7 +85,7 @@ impl Estimate {
     }
 }
 
-/// The sign of an integer.
+/// Sign of an integer, as its ordering to 0.
 pub fn sign(x: &BigInt) -> Ordering {
     match x.sign() {
         Sign::Minus => Ordering::Less,
@@ -92,7 +94,7 @@ pub fn sign(x: &BigInt) -> Ordering {
     }
 }
 
-/// A quotient of integers, the denominator above 0.
+/// An exact quotient of integers. The denominator is positive; the fraction need not be reduced.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fraction {
     numerator: BigInt,
@@ -100,7 +102,7 @@ pub struct Fraction {
 }
 
 impl Fraction {
-    /// `numerator / denominator`; the denominator is not 0.
+    /// The fraction `numerator / denominator`. The denominator must not be 0.
     pub fn new(numerator: BigInt, denominator: BigInt) -> Self {
         if denominator.sign() == Sign::Minus {
             Self { numerator: -numerator, denominator: -denominator }
@@ -109,12 +111,12 @@ impl Fraction {
         }
     }
 
-    /// The value of an f32.
+    /// The f32 value `x` as a fraction.
     pub fn of(x: f64) -> Self {
         Self { numerator: integer(x), denominator: BigInt::from(1) << 149 }
     }
 
-    /// The nearest f64 but for two ulp; tiny and huge values become 0 and infinite.
+    /// Converts to f64, to within two ulp. Values outside the range become 0 or infinite.
     pub fn to_f64(&self) -> f64 {
         let shift = 64 + self.denominator.bits() as i64 - self.numerator.bits() as i64;
         let quotient = if shift >= 0 {
@@ -124,7 +126,7 @@ impl Fraction {
         };
         // Between 2^63 and 2^65; an i128 holds it.
         let quotient = i128::try_from(quotient).unwrap_or(0) as f64;
-        // In two steps, as 2^shift alone may leave the range.
+        // Scale in two steps: 2^shift alone may leave the range of f64.
         let half = shift / 2;
         quotient * 2f64.powi(-half as i32) * 2f64.powi((half - shift) as i32)
     }
@@ -147,7 +149,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Any finite f32, every exponent equally likely.
+    /// Finite f32 values, every exponent equally likely.
     fn any_f32() -> impl Strategy<Value = f64> {
         any::<u32>().prop_map(|bits| {
             let x = f32::from_bits(bits);
@@ -159,7 +161,7 @@ mod tests {
         prop::array::uniform3(any_f32()).prop_map(DVec3::from)
     }
 
-    /// Vectors of which many are nearly in one plane.
+    /// Three vectors that lie nearly in one plane.
     fn near_plane() -> impl Strategy<Value = [DVec3; 3]> {
         let unit = || prop::array::uniform3(-1f32..1.0);
         (unit(), unit(), -2f32..2.0, -2f32..2.0).prop_map(|(a, b, s, t)| {

@@ -1,10 +1,11 @@
-//! Every primitive against every ray, decided by exact predicates: the oracle.
+//! The oracle: tests every primitive against every ray with exact predicates.
 //!
-//! A triangle is closed: its edges and corners belong to it, so a closed mesh has no holes. One
-//! that has no area as seen along the ray is never hit. Which hit is nearest is decided exactly as
-//! well; of equal ones the lowest primitive number wins. A quad is its two triangles. A sphere is
-//! not exact: its quadratic is solved with some 106 bits where f64 is not enough
-//! ([`crate::geometry::Sphere::intersect`]); `tests/spheres.rs` holds it against integers.
+//! - A triangle is closed: its edges and corners belong to it, so a closed mesh is watertight.
+//! - A triangle seen edge-on, without area along the ray, is never hit.
+//! - The order of hits is exact as well. Ties go to the lowest primitive number.
+//! - A quad is tested as its two triangles.
+//! - A sphere is not exact. [`crate::geometry::Sphere::intersect`] solves the quadratic with some
+//!   106 bits where f64 is not enough. `tests/spheres.rs` compares it with integers.
 
 mod blocks;
 mod exact;
@@ -28,17 +29,19 @@ use crate::geometry::{Geometry, GeometryKind};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
-/// The backend `brute`.
+/// The oracle: closest hits and occlusion by exact tests of every primitive.
 pub struct Brute<'g> {
     geometry: &'g Geometry,
     blocks: Blocks,
     peak_bytes: u64,
 }
 
-/// A hit, and the triangle it lies on unless that is a sphere.
+/// A hit with what the exact comparison of two hits needs.
 struct Candidate {
     hit: Hit,
+    /// Bound on the error of `hit.t`.
     t_error: f64,
+    /// The triangle that was hit; `None` for a sphere.
     corners: Option<[DVec3; 3]>,
 }
 
@@ -67,13 +70,14 @@ impl<'g> Brute<'g> {
         Ok(Self { geometry, blocks, peak_bytes })
     }
 
-    /// The primitives.
+    /// The geometry that the oracle was built over.
     pub fn geometry(&self) -> &'g Geometry {
         self.geometry
     }
 
-    /// All hits of the ray, nearest first; of equal ones the lowest primitive number first. Each
-    /// t to a relative 2^-40. A sphere counts once, as does a quad.
+    /// All hits of the ray, nearest first. Ties are sorted by primitive number.
+    ///
+    /// Each `t` has a relative error of at most 2^-40. A sphere or quad counts once.
     pub fn all_hits(&self, ray: &Ray) -> Vec<Hit> {
         let mut all = Vec::new();
         self.each_hit(ray, |candidate| all.push(candidate));
@@ -81,7 +85,7 @@ impl<'g> Brute<'g> {
         all.into_iter().map(|candidate| candidate.hit).collect()
     }
 
-    /// The first of [`Brute::all_hits`].
+    /// The closest hit of the ray: the first of [`Brute::all_hits`].
     pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
         let mut best: Option<Candidate> = None;
         self.each_hit(ray, |candidate| {
@@ -150,7 +154,7 @@ fn corner(v: [f32; 3]) -> DVec3 {
     DVec3::from(v.map(f64::from))
 }
 
-/// The two triangles of a quad, as [`Geometry::quad_half`] has them.
+/// The two triangles of a quad, split as in [`Geometry::quad_half`].
 fn halves(quad: &[[f32; 3]; 4]) -> [[DVec3; 3]; 2] {
     let [v0, v1, v2, v3] = quad.map(corner);
     [[v0, v1, v3], [v2, v3, v1]]
@@ -163,7 +167,7 @@ fn bounds(geometry: &Geometry, primitive: u32) -> Box3 {
         GeometryKind::Quads => Box3::of(&geometry.quads[prim as usize].map(corner)),
         GeometryKind::Spheres => {
             let sphere = &geometry.spheres[prim as usize];
-            // Wider by more than the test's own error as seen from within the scene.
+            // Wider by more than the error of the sphere test for rays that start within the scene.
             let radius =
                 sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * 1e-12;
             Box3 { min: sphere.center - radius, max: sphere.center + radius }

@@ -1,10 +1,10 @@
-//! Which primitives a ray passes so closely that a test in f32 may see it otherwise.
+//! Finds the primitives that a ray passes so closely that a test in f32 may decide otherwise.
 //!
-//! The test meant is that of Woop et al. 2013: corners are sheared along the ray onto the plane
-//! across its dominant axis, in f32. Each sheared coordinate is off by at most
-//! u(2|A_k| + 4|S_k||A_z|), u = 2^-24, A the corner seen from the origin and |S_k| <= 1: by less
-//! than 6u max|A|. So each corner moves within a square of that half side, and all distances
-//! here are measured as squares grow: the larger of the two coordinates.
+//! The model is the watertight test of Woop et al. 2013. It shears the corners along the ray onto
+//! the plane across the ray's dominant axis, in f32. Let A be a corner as seen from the ray's
+//! origin, S the shear with |S_k| <= 1, and u = 2^-24. Each sheared coordinate has an error of at
+//! most u(2|A_k| + 4|S_k||A_z|), which is less than 6u max|A|. So a corner moves within a square of
+//! that half side. Distances here are therefore the larger of the two coordinates (maximum norm).
 
 use glam::{DVec2, DVec3};
 
@@ -13,50 +13,55 @@ use super::{Brute, corner, halves};
 use crate::accel::lane::Ray;
 use crate::geometry::{Geometry, GeometryKind, Sphere};
 
-/// 6u: how far a sheared corner moves, in units of its largest coordinate from the origin.
+/// 6u: error bound of a sheared corner, in units of its largest coordinate from the origin.
 const SHEAR: f64 = 6.0 / (1u64 << 24) as f64;
 
-/// A primitive that a ray meets or nearly meets.
+/// A primitive that a ray hits or nearly hits.
 #[derive(Debug, Clone)]
 pub struct Near {
-    /// Geometry id.
+    /// Geometry id, as [`Geometry::place`] returns it.
     pub geom: u32,
     /// Primitive within its geometry.
     pub prim: u32,
-    /// Where the ray meets its plane, not beyond its corners; on a sphere one of the two roots.
+    /// Ray parameter where the ray hits the plane of the triangle, clamped to the range of its
+    /// corners. On a sphere it is one of the two roots.
     pub t: f64,
-    /// How far a test whose corners have moved may be from that, rounding of t to f32 included.
+    /// Bound on the distance between `t` and the t of a test whose corners have moved. Includes the
+    /// rounding of t to f32.
     pub t_error: f64,
-    /// What else there is to know of the shape as the ray sees it.
+    /// The shape as the ray sees it.
     pub outline: Outline,
 }
 
-/// A shape in the plane across the ray's dominant axis, the ray at the origin.
+/// A shape in the plane across the ray's dominant axis. The ray is at the origin.
 #[derive(Debug, Clone)]
 pub enum Outline {
-    /// A triangle.
+    /// A triangle, or one of the two triangles of a quad.
     Triangle {
-        /// Its corners, to recognise shared ones.
+        /// Its corners in space, to recognise edges that two triangles share.
         corners: [DVec3; 3],
-        /// Where they are in the plane.
+        /// Its corners sheared onto the plane.
         sheared: [DVec2; 3],
-        /// How far each may have moved.
+        /// Error bound of each sheared corner.
         moved: [f64; 3],
     },
-    /// A sphere: whether the ray meets it for certain.
+    /// A sphere, with whether the ray certainly hits it.
     Sphere(bool),
 }
 
 impl Brute<'_> {
-    /// All primitives that the ray meets or would meet if every sheared corner moved by up to
-    /// `factor` times the bound of the module's test, at any t; a sphere gives one entry for each
-    /// of its roots. The primitive that the ray leaves is not among them. `None` for more than
-    /// `most`.
+    /// All primitives that the line of the ray hits or nearly hits, at any t.
+    ///
+    /// A near hit is one that a shift of the sheared corners can cause. Each may move by `factor`
+    /// times the error bound of the test.
+    ///
+    /// A sphere gives one entry for each of its roots. A flat primitive that the ray leaves gives
+    /// none. Returns `None` if there are more than `most` entries.
     pub fn near(&self, ray: &Ray, factor: f64, most: usize) -> Option<Vec<Near>> {
         let mut found = Vec::new();
         let all = [f64::NEG_INFINITY, f64::INFINITY];
         let plane = Plane::across(ray);
-        // A moved corner stays in its box widened by the same.
+        // A corner that moves by the error bound stays in a box widened by that bound.
         self.blocks.each(ray, factor * SHEAR * 1.001 + ROUNDING, all, |primitive| {
             if found.len() <= most {
                 add_near(self.geometry, ray, &plane, primitive, factor, &mut found);
@@ -66,7 +71,7 @@ impl Brute<'_> {
     }
 }
 
-/// The entries of [`Brute::near`] of one primitive.
+/// The entries of [`Brute::near`] for one primitive, found without the oracle's boxes.
 pub fn near_primitive(
     geometry: &Geometry,
     ray: &Ray,
@@ -108,15 +113,16 @@ fn add_near(
     }
 }
 
-/// Four f32 ulp.
+/// Four f32 ulp of `t`: more than rounding t to f32 can change.
 fn ulps(t: f64) -> f64 {
     4.0 * f64::from(f32::EPSILON) * t.abs() + f64::from(f32::MIN_POSITIVE)
 }
 
 /// The plane across a ray's dominant axis.
 struct Plane {
-    /// The two other axes, then the dominant one.
+    /// The two axes of the plane, then the dominant one.
     axes: [usize; 3],
+    /// Direction of the ray in the plane's axes, divided by its dominant coordinate.
     shear: DVec2,
 }
 
@@ -128,13 +134,14 @@ impl Plane {
         Self { axes, shear: DVec2::new(d[axes[0]], d[axes[1]]) / d[z] }
     }
 
-    /// A vector in the order of the axes.
+    /// Permutes a vector into the order of `axes`.
     fn turn(&self, v: DVec3) -> DVec3 {
         DVec3::from(self.axes.map(|axis| v[axis]))
     }
 }
 
-/// Where a triangle is and what it looks like, if the ray passes it closely enough.
+/// Returns t, its error and the outline of a triangle, or `None` if the ray passes it by more than
+/// `scale` times the corners' coordinates.
 fn triangle(
     ray: &Ray,
     plane: &Plane,
@@ -148,7 +155,7 @@ fn triangle(
     let least = sheared[0].min(sheared[1]).min(sheared[2]);
     let most = sheared[0].max(sheared[1]).max(sheared[2]);
     if least.max_element() > moves || most.min_element() < -moves {
-        return None; // Its square alone is too far away: most of what is asked.
+        return None; // The bounding square alone is too far away. This is the common case.
     }
     let outside = !contains(&sheared);
     let edges = [(0, 1), (1, 2), (2, 0)];
@@ -163,15 +170,17 @@ fn triangle(
     let facing = normal.dot(direction);
     let t = normal.dot(seen[0]) / facing;
     let t = if t.is_nan() { low } else { t.clamp(low, high) };
-    // The plane's slope: a point that moves by (x, y) moves along the ray by n.(x, y, 0) / n.d.
+    // The plane's slope: if the plane moves by (x, y), t changes by n.(x, y, 0) / n.d.
     let slope = (normal.x.abs() + normal.y.abs()) / facing.abs();
     let slid = moves * slope;
     let t_error = if slid.is_nan() { high - low } else { slid.min(high - low) } + ulps(t);
     Some((t, t_error, Outline::Triangle { corners, sheared, moved }))
 }
 
-/// Whether the origin lies in the triangle, to f64 rounding. Seen edge-on all sides are 0, beyond the
-/// ends as well: so its box decides, too.
+/// Returns whether the origin lies in the triangle, to f64 rounding.
+///
+/// The origin must lie in the bounding box too: all sides of a triangle seen edge-on are 0, even
+/// for an origin beyond its ends.
 fn contains(p: &[DVec2; 3]) -> bool {
     let (least, most) = (p[0].min(p[1]).min(p[2]), p[0].max(p[1]).max(p[2]));
     if least.max_element() > 0.0 || most.min_element() < 0.0 {
@@ -181,8 +190,10 @@ fn contains(p: &[DVec2; 3]) -> bool {
     sides.iter().all(|&side| side >= 0.0) || sides.iter().all(|&side| side <= 0.0)
 }
 
-/// Distance of the origin from the segment, by the larger coordinate. That is convex along the
-/// segment and linear between the points where the coordinates are equal or one is zero.
+/// Distance from the origin to the segment `pq` in the maximum norm.
+///
+/// The norm is convex along the segment. It is linear between the points where the coordinates have
+/// equal magnitude or one of them is zero, so one of these points or an end is the nearest.
 pub(super) fn distance(p: DVec2, q: DVec2) -> f64 {
     let along = q - p;
     let candidates = [
@@ -201,8 +212,10 @@ pub(super) fn distance(p: DVec2, q: DVec2) -> f64 {
 }
 
 impl Outline {
-    /// Distance of the ray from edge `i` (0: corners 0 and 1, and so on) less how far that edge may
-    /// have moved; a sphere has no edges.
+    /// Distance of the ray from edge `i`, minus the error bound of that edge. Infinite for a
+    /// sphere.
+    ///
+    /// Edge `i` joins corners `i` and `i + 1`, modulo 3.
     pub fn clearance(&self, i: usize) -> f64 {
         match self {
             Self::Triangle { sheared, moved, .. } => {
@@ -214,7 +227,8 @@ impl Outline {
     }
 }
 
-/// The roots of a sphere that a ray meets or nearly meets: t, its error, whether it is certain.
+/// Calls `found` with t, its error bound and whether the hit is certain, for each root of a sphere
+/// that the ray hits or nearly hits.
 fn roots(ray: &Ray, sphere: &Sphere, leaving: bool, mut found: impl FnMut(f64, f64, bool)) {
     let Ray { origin, direction: d, .. } = *ray;
     let f = origin - sphere.center;
@@ -222,7 +236,7 @@ fn roots(ray: &Ray, sphere: &Sphere, leaving: bool, mut found: impl FnMut(f64, f
     let b = -f.dot(d);
     let r2 = sphere.radius * sphere.radius;
     let discriminant = r2 - (f + d * (b / a)).length_squared();
-    // 64u of what is subtracted: several times the rounding.
+    // 64u (u = 2^-53) of the terms that are subtracted: several times their rounding.
     let error = 32.0 * f64::EPSILON * (f.length_squared() + r2);
     if leaving {
         let t = 2.0 * b / a;

@@ -25,7 +25,7 @@ fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
     Ray { origin, direction, tnear: 0.0, tfar: f64::INFINITY, leaving: NONE }
 }
 
-/// A closed sphere of radius about 1: an octahedron, each face split into four `depth` times.
+/// A closed sphere of radius about 1: an octahedron whose faces are split into four `depth` times.
 fn ball(depth: u32) -> Geometry {
     let mut triangles: Vec<[[f32; 3]; 3]> = (0..8)
         .map(|bits: u32| {
@@ -59,7 +59,7 @@ fn known_hits() {
     let hit = down(1.0, 0.5).unwrap();
     assert_eq!((hit.geom, hit.prim, hit.t, hit.u, hit.v), (0, 0, 1.5, 0.25, 0.25));
     assert_eq!(hit.ng, DVec3::new(0.0, 0.0, 8.0));
-    // Corners and edges belong to it, what is one denormal beside does not.
+    // Corners and edges belong to the triangle. A point one denormal outside does not.
     for (x, y) in [(0.0, 0.0), (4.0, 0.0), (0.0, 2.0), (2.0, 0.0), (0.0, 1.0), (2.0, 1.0)] {
         assert!(down(x, y).is_some(), "{x} {y}");
     }
@@ -83,7 +83,7 @@ fn triangles_without_area_are_never_hit() {
 
 #[test]
 fn the_segment_is_open_to_the_last_bit() {
-    // A plane z = x / 3 + y / 7: t is no f32.
+    // A plane z = x / 3 + y / 7: t is not an f32 value.
     let triangle = [[-9.0, 0.0, -3.0], [9.0, 0.0, 3.0], [0.0, 63.0, 9.0]];
     let geometry = soup(&[triangle]);
     let brute = build(&geometry);
@@ -100,7 +100,7 @@ fn the_segment_is_open_to_the_last_bit() {
         brute.closest_hit(&ray).is_some()
     };
     assert!(hits(below, above) && !hits(0.0, below) && !hits(above, f32::INFINITY));
-    // Exactly at an end does not count.
+    // A hit exactly at an end of the segment does not count.
     let geometry = soup(&[TRIANGLE]);
     let brute = build(&geometry);
     let at = |tnear, tfar| {
@@ -111,8 +111,8 @@ fn the_segment_is_open_to_the_last_bit() {
 }
 
 #[test]
-fn equal_t_goes_to_the_lowest_number_and_nearly_equal_t_is_told_apart() {
-    // Four triangles through one point, the last ones nearer by 2^-149.
+fn ties_go_to_the_lowest_number_and_nearly_equal_t_are_no_tie() {
+    // Four parallel triangles; the second and fourth are nearer by 2^-149.
     let lift = |z: f32| TRIANGLE.map(|[x, y, _]| [x, y, z]);
     let tiny = f32::from_bits(1);
     let geometry = soup(&[lift(0.0), lift(tiny), lift(0.0), lift(tiny)]);
@@ -128,7 +128,7 @@ fn equal_t_goes_to_the_lowest_number_and_nearly_equal_t_is_told_apart() {
 }
 
 #[test]
-fn a_leaving_ray_meets_only_the_far_side_of_a_sphere() {
+fn a_ray_that_leaves_a_sphere_hits_only_its_far_side() {
     let sphere = Sphere { center: DVec3::ZERO, radius: 1.0 };
     let quad = [[-1.0, -1.0, -3.0], [1.0, -1.0, -3.0], [1.0, 1.0, -3.0], [-1.0, 1.0, -3.0]];
     let geometry = Geometry::new(DVec3::ZERO, vec![], vec![quad], vec![sphere]).unwrap();
@@ -136,7 +136,7 @@ fn a_leaving_ray_meets_only_the_far_side_of_a_sphere() {
     let base = ray([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]);
     let hits = brute.all_hits(&Ray { leaving: geometry.primitive(1, 0), ..base });
     assert_eq!(hits.iter().map(|hit| (hit.geom, hit.t)).collect::<Vec<_>>(), [(1, 2.0), (0, 4.0)]);
-    // On the diagonal: once.
+    // A ray through the diagonal hits the quad once.
     assert_eq!((hits[1].u, hits[1].v), (0.5, 0.5));
     let leaving = Ray { leaving: geometry.primitive(0, 0), ..base };
     assert_eq!(brute.all_hits(&leaving).len(), 1);
@@ -171,7 +171,7 @@ fn a_closed_mesh_has_no_holes_at_vertices_edges_and_anywhere() {
             }
         }
     }
-    // From the centre the differences are exact and so are many hits of shared edges.
+    // Rays from the centre are exact differences, so many hit shared edges exactly.
     assert!(shared > 1000, "{shared}");
 }
 
@@ -198,14 +198,14 @@ fn rays_along_grid_lines_hit_all_they_touch() {
         assert_eq!(hits.len(), expected, "{x} {y}");
         assert!(hits.windows(2).all(|pair| pair[0].prim < pair[1].prim));
     }
-    // In the plane of all of them.
+    // A ray in the plane of all triangles.
     assert!(brute.all_hits(&ray([-1.0, 4.0, 0.5], [1.0, 0.0, 0.0])).is_empty());
 }
 
 #[test]
-fn tiny_and_huge_coordinates_are_the_same_to_it() {
+fn tiny_and_huge_coordinates_are_tested_exactly() {
     for scale in [1e-45f32, 1e-40, 1e-30, 1e30, 1e37] {
-        // Of multiples of the smallest number the arithmetic is exact.
+        // Few significant bits: products with the triangle's small integers are exact.
         let scale = f32::from_bits(scale.to_bits() & 0xffff_0000).max(f32::from_bits(1));
         let geometry = soup(&[TRIANGLE.map(|v| v.map(|x| x * scale))]);
         let brute = build(&geometry);
@@ -222,7 +222,7 @@ fn tiny_and_huge_coordinates_are_the_same_to_it() {
 }
 
 #[test]
-fn packets_get_the_answers_and_builds_obey() {
+fn packets_get_hits_and_builds_respect_limits_and_signals() {
     let geometry = soup(&[TRIANGLE]);
     let brute = build(&geometry);
     let mut packet = RayPacket::EMPTY;
@@ -250,13 +250,13 @@ fn packets_get_the_answers_and_builds_obey() {
     assert_eq!(error(&OPTIONS, &monitor), Kind::Interrupted(15));
 }
 
-/// Small integers mixed with anything, so that exact contacts are common.
+/// Points with small integer coordinates mixed with any, so that exact contacts are common.
 fn point() -> impl Strategy<Value = [f32; 3]> {
     let grid = prop::array::uniform3((-3i8..=3).prop_map(f32::from));
     prop_oneof![grid.clone(), grid, prop::array::uniform3(-3f32..3.0)]
 }
 
-/// A point that is nearly on the line of two others.
+/// A triangle and a ray that is aimed at the line through two of its corners.
 fn triangle_and_ray() -> impl Strategy<Value = ([[f32; 3]; 3], [f32; 3], [f32; 3])> {
     let away = prop_oneof![Just(1f32), 1f32..1e7];
     (prop::array::uniform3(point()), point(), -0.2f32..1.2, 1e-3f32..1e3, away).prop_map(
@@ -272,7 +272,7 @@ fn triangle_and_ray() -> impl Strategy<Value = ([[f32; 3]; 3], [f32; 3], [f32; 3
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
     #[test]
-    fn the_filter_says_what_integers_say((triangle, origin, direction) in triangle_and_ray()) {
+    fn the_f64_filter_agrees_with_integers((triangle, origin, direction) in triangle_and_ray()) {
         prop_assume!(direction != [0.0; 3]);
         let (ray, corners) = (ray(origin, direction), triangle.map(corner));
         let found = crossing(&ray, &corners);
@@ -284,7 +284,7 @@ proptest! {
     }
 
     #[test]
-    fn blocks_lose_nothing(
+    fn blocks_skip_no_hit(
         triangles in prop::collection::vec(prop::array::uniform3(point()), 1..300),
         rays in prop::collection::vec((point(), point()), 40),
     ) {
@@ -296,14 +296,14 @@ proptest! {
             found.sort_unstable();
             let all = (0..triangles.len() as u32).filter(|&p| brute.test(&ray, p).is_some());
             prop_assert_eq!(&found, &all.collect::<Vec<_>>());
-            // What is hit is near as well.
+            // Every primitive that is hit is also near.
             let near: Vec<u32> = brute.near(&ray, 1.0, 1000).unwrap().iter().map(|near| near.prim).collect();
             prop_assert!(found.iter().all(|prim| near.contains(prim)));
         }
     }
 
     #[test]
-    fn the_distance_of_a_segment_is_the_least(p in prop::array::uniform2(-2f64..2.0), q in prop::array::uniform2(-2f64..2.0)) {
+    fn the_distance_to_a_segment_is_the_minimum_over_its_points(p in prop::array::uniform2(-2f64..2.0), q in prop::array::uniform2(-2f64..2.0)) {
         let (p, q) = (glam::DVec2::from(p), glam::DVec2::from(q));
         let found = near::distance(p, q);
         let sampled = (0..=2000).map(|i| p.lerp(q, f64::from(i) / 2000.0).abs().max_element());

@@ -1,4 +1,4 @@
-//! Ray against triangle, decided exactly.
+//! The exact test of a ray against a triangle.
 
 use std::cmp::Ordering::{self, Equal, Greater, Less};
 
@@ -7,39 +7,39 @@ use glam::DVec3;
 use super::exact::{Estimate, Fraction, Integers, determinant, difference, integers, sign};
 use crate::accel::lane::Ray;
 
-/// Largest relative error of [`Crossing::t`]: where plain f64 does worse, integers take over.
+/// Largest relative error of [`Crossing::t`]. Integers take over where f64 cannot guarantee it.
 const T_ERROR: f64 = 1.0 / (1u64 << 40) as f64;
 
-/// Largest error of the weights, likewise.
+/// Largest error of the barycentric weights. Integers take over where f64 cannot guarantee it.
 const WEIGHT_ERROR: f64 = 1.0 / (1u64 << 30) as f64;
 
-/// Where a ray meets a triangle.
+/// The point where a ray hits a triangle.
 #[derive(Debug, Clone, Copy)]
 pub struct Crossing {
-    /// Where on the ray, to a relative 2^-40.
+    /// Ray parameter, with a relative error of at most 2^-40.
     pub t: f64,
-    /// Weight of the second corner.
+    /// Barycentric weight of the second corner.
     pub u: f64,
-    /// Weight of the third corner.
+    /// Barycentric weight of the third corner.
     pub v: f64,
-    /// `(v1 - v0) x (v2 - v0)`.
+    /// Geometric normal `(v1 - v0) x (v2 - v0)`.
     pub ng: DVec3,
 }
 
 impl Crossing {
-    /// How far the exact t may be from `t`.
+    /// Bound on the distance between `t` and the exact ray parameter.
     pub fn t_error(&self) -> f64 {
         self.t.abs() * T_ERROR
     }
 }
 
-/// Where the line of `ray` meets the closed triangle and t is in (tnear, tfar), without any
-/// rounding. A triangle that has no area as seen along the ray is never met. All coordinates are
-/// values of f32.
+/// Returns where `ray` hits the closed triangle at a t in (tnear, tfar). The decision is exact.
 ///
-/// With A, B, C the corners seen from the origin, the line passes the edge AB on the side that the
-/// sign of d . (A x B) tells, is inside where the three signs do not differ, and the three add up
-/// to d . n, which is 0 where the triangle is seen edge-on.
+/// All coordinates are f32 values. A triangle seen edge-on, without area along the ray, is never
+/// hit. Let A, B, C be the corners as seen from the ray's origin, and d the direction. The sign of
+/// d . (A x B) is the side on which the line passes the edge AB. The line passes inside if no two
+/// of the three signs are opposite. The three determinants add up to d . n, which is 0 for a
+/// triangle seen edge-on.
 #[inline(always)]
 pub fn crossing(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
     let [a, b, c] = corners.map(|corner| corner - ray.origin);
@@ -53,7 +53,7 @@ pub fn crossing(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
     decide(ray, corners, edges)
 }
 
-/// [`crossing`] without its filter.
+/// [`crossing`] without its f64 filter: integers decide.
 #[cfg(test)]
 pub fn integers_only(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
     decide(ray, corners, [Estimate { value: f64::NAN, error: f64::NAN }; 3])
@@ -68,7 +68,7 @@ fn decide(ray: &Ray, corners: &[DVec3; 3], edges: [Estimate; 3]) -> Option<Cross
     }
     let (some_less, some_greater) = (signs.contains(&Less), signs.contains(&Greater));
     if some_less == some_greater {
-        // On both sides, or nothing but zeros: seen edge-on.
+        // Opposite signs: the line passes outside. Only zeros: the triangle is seen edge-on.
         return None;
     }
     let [a, b, c] = *corners;
@@ -77,7 +77,7 @@ fn decide(ray: &Ray, corners: &[DVec3; 3], edges: [Estimate; 3]) -> Option<Cross
     let (n, d) = (Estimate::of(to_a, e1, e2), Estimate::of(ray.direction, e1, e2));
     let t = n.value / d.value;
     let error = (n.error + t.abs() * d.error) / (d.value.abs() - d.error) + f64::EPSILON * t.abs();
-    // False for a NaN, and where the denominator's sign is unknown.
+    // `sound` is false for a NaN, and if the sign of the denominator is unknown.
     let sum = edges.iter().map(|edge| edge.value).sum::<f64>();
     let weights_error = edges.iter().fold(0.0, |most: f64, edge| most.max(edge.error));
     let sound = d.value.abs() > d.error
@@ -102,12 +102,12 @@ fn decide(ray: &Ray, corners: &[DVec3; 3], edges: [Estimate; 3]) -> Option<Cross
     (beyond(ray.tnear) == Greater && beyond(ray.tfar) == Less).then_some(crossing)
 }
 
-/// Compares where a ray meets two triangles that it does meet, without rounding.
+/// Compares the exact t of two triangles that the ray hits.
 pub fn compare(ray: &Ray, a: &[DVec3; 3], b: &[DVec3; 3]) -> Ordering {
     Exact::new(ray, a).t().cmp(&Exact::new(ray, b).t())
 }
 
-/// The same in integers; nothing is converted until it is asked for.
+/// A ray and a triangle whose determinants are computed in integers, on demand.
 struct Exact<'a> {
     ray: &'a Ray,
     corners: &'a [DVec3; 3],
@@ -118,12 +118,12 @@ impl<'a> Exact<'a> {
         Self { ray, corners }
     }
 
-    /// The corner seen from the ray's origin.
+    /// Corner `i` modulo 3, relative to the ray's origin.
     fn corner(&self, i: usize) -> Integers {
         difference(&integers(self.corners[i % 3]), &integers(self.ray.origin))
     }
 
-    /// The determinant of the edge opposite of corner `i`.
+    /// The determinant `d . (B x C)` of the edge opposite corner `i`.
     fn edge(&self, i: usize) -> num_bigint::BigInt {
         let d = integers(self.ray.direction);
         determinant(&d, &self.corner(i + 1), &self.corner(i + 2))
@@ -134,13 +134,13 @@ impl<'a> Exact<'a> {
         [1, 2].map(|i| difference(&integers(self.corners[i]), &a))
     }
 
-    /// d . n
+    /// `d . n`, 0 for a triangle seen edge-on.
     fn facing(&self) -> num_bigint::BigInt {
         let [e1, e2] = self.sides();
         determinant(&integers(self.ray.direction), &e1, &e2)
     }
 
-    /// (a - origin) . n
+    /// `(a - origin) . n`, so t is `distance / facing`.
     fn distance(&self) -> num_bigint::BigInt {
         let [e1, e2] = self.sides();
         determinant(&self.corner(0), &e1, &e2)

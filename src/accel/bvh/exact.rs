@@ -59,8 +59,9 @@ impl Ray64 {
         }
     }
 
-    /// Whether the ray has started before it meets a triangle at `t`: see [`is_after_start`].
-    #[inline(always)]
+    /// Whether the ray has started before it meets a triangle at `t`: see [`is_after_start`]. Not
+    /// inlined: few rays start beside a triangle that they hit.
+    #[inline(never)]
     pub fn is_started(&self, t: f64, corners: [[f32; 3]; 3]) -> bool {
         let corners = corners.map(|corner| corner.map(f64::from).into());
         is_after_start(corners, self.origin.into(), self.direction.into(), t)
@@ -172,6 +173,13 @@ impl Sheared {
         let within = (depth + slack >= least) & (depth - slack <= most);
         let steep = STEEP * towards.abs() >= plane.steep() * ray.along.abs();
         if within & (steep || self.passes(depth)) { t } else { self.kept(ray, t, within, corners) }
+    }
+
+    /// Whether all corners lie beyond the ray's origin along the dominant axis, and so every hit.
+    #[inline(always)]
+    pub fn is_ahead(&self, ray: &Ray64) -> bool {
+        let (least, most) = self.ends();
+        if ray.along < 0.0 { most < 0.0 } else { least > 0.0 }
     }
 
     /// Whether the line passes the sheared triangle, which is within 6u of the box, so close to a depth that this is

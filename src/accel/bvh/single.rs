@@ -205,8 +205,8 @@ impl<'a, T: Tier> Single<'a, T> {
             }
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
-            let ahead = t > ray.tnear && best.gives_way(t, primitive);
-            if ahead && ray.is_started(t, block.triangle(slot)) {
+            let closer = t > ray.tnear && best.gives_way(t, primitive);
+            if closer && (seen.is_ahead(&ray) || ray.is_started(t, block.triangle(slot))) {
                 let tfar = self.lane.end(t);
                 let second_half = block.is_second_half(slot);
                 *best = Best { t, tfar, primitive, edges: seen.edges, second_half };
@@ -243,8 +243,8 @@ impl<'a, T: Tier> Single<'a, T> {
             }
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
-            let ahead = t > ray.tnear && t < ray.tfar;
-            if ahead && ray.is_started(t, block.triangle(slot)) {
+            let within = t > ray.tnear && t < ray.tfar;
+            if within && (seen.is_ahead(&ray) || ray.is_started(t, block.triangle(slot))) {
                 return true;
             }
         }

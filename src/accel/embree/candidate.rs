@@ -1,18 +1,18 @@
-//! A hit that Embree offers to a filter.
+//! A candidate hit that Embree passes to a filter.
 
 use glam::DVec3;
 
-/// A lane of Embree's arguments.
+/// One lane of Embree's filter arguments.
 #[derive(Debug, Clone, Copy)]
 pub struct Candidate {
     pub origin: DVec3,
     pub direction: DVec3,
-    /// (v2 - v0) x (v0 - v1) or its negative, as Embree computes it.
+    /// Geometric normal in f32 as Embree computes it: (v2 - v0) x (v0 - v1) or its negative.
     pub normal: DVec3,
     pub tnear: f64,
     /// The ray's end before the query.
     pub tfar: f64,
-    /// Where Embree says that it is.
+    /// Ray parameter of the candidate by Embree's test.
     pub t: f64,
     pub u: f32,
     pub v: f32,

@@ -1,4 +1,4 @@
-//! The library and a device: loading, versions, errors, memory.
+//! Loads the Embree library and owns a device: version, errors and memory.
 
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::ptr::NonNull;
@@ -9,19 +9,19 @@ use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::Fixed;
 use crate::error::{Error, Kind, Problem, Result};
 
-/// What Embree's callbacks write and the wrapper reads.
+/// Memory counters and errors of a device. Embree's callbacks write them, the wrapper reads them.
 #[derive(Debug)]
 pub struct Watch {
-    /// Bytes held now.
+    /// Bytes that Embree holds now.
     pub bytes: AtomicI64,
-    /// Most bytes ever held.
+    /// Largest number of bytes held so far.
     pub peak_bytes: AtomicI64,
     limit_bytes: i64,
     limit_hit: AtomicBool,
     last_error: Mutex<Option<(Enum, String)>>,
 }
 
-/// An Embree device of one render.
+/// An owned Embree device (`RTCDevice`) with its memory counters.
 pub struct Device {
     raw: Raw,
     threads: usize,
@@ -29,7 +29,7 @@ pub struct Device {
     version: [u8; 3],
 }
 
-/// A device's handle and what it is called through.
+/// A device's handle and the entry points that use it.
 struct Raw {
     api: Arc<Api>,
     handle: NonNull<DeviceHandle>,
@@ -40,19 +40,21 @@ unsafe impl Send for Raw {}
 // SAFETY: as above.
 unsafe impl Sync for Raw {}
 
-/// Devices of one build thread that nobody uses. Such a device is never released, and all that a process
-/// is likely to need at once are made before the first of them builds anything: where a limit of one
-/// thread is set anew after a build, as making and releasing a device does, workers of TBB (2021 and
-/// later) spin for the rest of the process, one for every other processor.
+/// Unused devices with one build thread. They are kept and never released.
+///
+/// Creating or releasing such a device sets TBB's limit of one thread. If that happens after a
+/// build, workers of TBB (2021 and later) spin for the rest of the process, one for every other
+/// processor. So as many devices as a process is likely to need at once are created before the
+/// first of them builds anything.
 static IDLE: Mutex<Option<Vec<Raw>>> = Mutex::new(None);
 
-/// How many devices of one thread are made at once; one takes 50 microseconds and 20 kB.
-const ALONE: usize = 16;
+/// Number of one-thread devices that are created at once. One takes 50 microseconds and 20 kB.
+const BATCH: usize = 16;
 
-/// Opens the library that `build.rs` found, along the executable's rpath.
+/// Opens the library that `build.rs` found, along the executable's run path.
 ///
 /// # Errors
-/// `Unsupported` if it is not there or not Embree 4.
+/// `Unsupported` if the library is missing or not Embree 4, `Retry` if memory ran out.
 pub fn load_library() -> Result<Arc<Api>> {
     let file = option_env!("LIGHTPATH_EMBREE_FILE").unwrap_or("libembree4.so.4");
     let missing = |error: &dyn std::fmt::Display| {
@@ -74,8 +76,9 @@ pub fn load_library() -> Result<Arc<Api>> {
     Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
 }
 
-/// Whether the address space that Embree and TBB take, 44 MB of files, is there. The system says of
-/// their segments only that they cannot be mapped, whatever the reason.
+/// Returns whether enough address space is left for Embree and TBB, whose files have 44 MB.
+///
+/// The loader's error does not distinguish a lack of memory from other failures to map a segment.
 fn has_room() -> bool {
     Vec::<u8>::new().try_reserve_exact(128 << 20).is_ok()
 }
@@ -87,7 +90,7 @@ impl Raw {
         // SAFETY: a NUL-terminated string.
         let handle = unsafe { (api.new_device)(config.as_ptr()) };
         let Some(handle) = NonNull::new(handle) else {
-            // SAFETY: the null device asks for the error of `rtcNewDevice` on this thread.
+            // SAFETY: a null device is allowed; it returns this thread's error of `rtcNewDevice`.
             let code = unsafe { (api.get_device_error)(std::ptr::null_mut()) };
             let message = format!("cannot create a device: {}", error_name(code));
             return Err(match code {
@@ -100,28 +103,29 @@ impl Raw {
         Ok(Self { api, handle })
     }
 
-    /// A device of one build thread: see [`IDLE`].
-    fn alone(api: &Arc<Api>) -> Result<Self> {
+    /// Takes a device with one build thread out of [`IDLE`], or creates one.
+    fn single_threaded(api: &Arc<Api>) -> Result<Self> {
         let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
         if idle.is_none() {
-            *idle = Some((0..ALONE).map(|_| Self::new(api.clone(), 1)).collect::<Result<_>>()?);
+            *idle = Some((0..BATCH).map(|_| Self::new(api.clone(), 1)).collect::<Result<_>>()?);
         }
         let Some(raw) = idle.as_mut().and_then(Vec::pop) else {
             return Self::new(api.clone(), 1);
         };
-        // SAFETY: a live device; reading clears what a former user left.
+        // SAFETY: a live device; reading clears the error code of its former user.
         unsafe { (raw.api.get_device_error)(raw.handle.as_ptr()) };
         Ok(raw)
     }
 
-    /// Whom errors and memory are reported to; nobody if null.
+    /// Sets the [`Watch`] that receives errors and memory figures; a null pointer stops the
+    /// reports.
     ///
     /// # Safety
     /// `watch` points to a [`Watch`] that outlives the device or the next call.
     unsafe fn report_to(&self, watch: *mut c_void) {
         let on_error = (!watch.is_null()).then_some(on_error as ffi::ErrorFunction);
         let on_memory = (!watch.is_null()).then_some(on_memory as ffi::MemoryFunction);
-        // SAFETY: a live device; the callbacks take what the caller promises.
+        // SAFETY: a live device; the caller promises that `watch` is valid for the callbacks.
         unsafe {
             (self.api.set_error_function)(self.handle.as_ptr(), on_error, watch);
             (self.api.set_memory_function)(self.handle.as_ptr(), on_memory, watch);
@@ -130,13 +134,15 @@ impl Raw {
 }
 
 impl Device {
-    /// A device with `threads` build threads, 0 for as many as there are processors, that refuses to hold
-    /// more than `max_bytes`.
+    /// Creates a device with `threads` build threads. 0 means one for each processor.
+    ///
+    /// Builds on the device fail once it would hold more than `max_bytes`.
     ///
     /// # Errors
-    /// `Unsupported` for a library outside [4.3.0, 5) or a processor it cannot use.
+    /// `Unsupported` for a library outside [4.3.0, 5) or a processor that it cannot use, `Retry` if
+    /// memory ran out.
     pub fn new(api: Arc<Api>, threads: usize, max_bytes: Option<u64>) -> Result<Self> {
-        let raw = if threads == 1 { Raw::alone(&api)? } else { Raw::new(api, threads)? };
+        let raw = if threads == 1 { Raw::single_threaded(&api)? } else { Raw::new(api, threads)? };
         let watch = Fixed::new(Watch {
             bytes: AtomicI64::new(0),
             peak_bytes: AtomicI64::new(0),
@@ -160,27 +166,27 @@ impl Device {
         Ok(device)
     }
 
-    /// The entry points.
+    /// The entry points of the loaded library.
     pub fn api(&self) -> &Api {
         &self.raw.api
     }
 
-    /// The C handle.
+    /// The `RTCDevice`, owned by this value.
     pub fn handle(&self) -> *mut DeviceHandle {
         self.raw.handle.as_ptr()
     }
 
-    /// Memory counters.
+    /// Memory counters, errors and the limit.
     pub fn watch(&self) -> &Watch {
         &self.watch
     }
 
-    /// Major, minor, patch.
+    /// Embree's version: major, minor, patch.
     pub fn version(&self) -> [u8; 3] {
         self.version
     }
 
-    /// The instruction set that Embree chose.
+    /// Name of the instruction set that Embree uses on this processor.
     pub fn isa(&self) -> &'static str {
         if self.property(ffi::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0 {
             "AVX-512"
@@ -196,7 +202,7 @@ impl Device {
         unsafe { (self.raw.api.get_device_property)(self.handle(), property) }
     }
 
-    /// The error of the set-up calls since the last check, whichever thread it arose on.
+    /// Returns the first error of the set-up calls since the last check, on any thread.
     pub fn check(&self) -> Result<()> {
         // SAFETY: a live device; reading clears the code of this thread.
         let code = unsafe { (self.raw.api.get_device_error)(self.handle()) };
@@ -224,7 +230,7 @@ impl Device {
 
 impl Drop for Device {
     fn drop(&mut self) {
-        // SAFETY: a live device, and no scene of it is left; `watch` is dropped after this.
+        // SAFETY: a live device without scenes; `watch` is dropped after this call.
         unsafe { self.raw.report_to(std::ptr::null_mut()) };
         if self.threads == 1 {
             let raw = Raw { api: self.raw.api.clone(), handle: self.raw.handle };
@@ -254,7 +260,7 @@ fn error_name(code: Enum) -> &'static str {
 }
 
 unsafe extern "C" fn on_error(watch: *mut c_void, code: Enum, text: *const c_char) {
-    // SAFETY: `watch` is that of the device that calls.
+    // SAFETY: `report_to` registered this `watch` for the calling device, and it is still alive.
     let watch = unsafe { &*watch.cast::<Watch>() };
     let text = if text.is_null() {
         String::new()
@@ -268,7 +274,7 @@ unsafe extern "C" fn on_error(watch: *mut c_void, code: Enum, text: *const c_cha
 }
 
 unsafe extern "C" fn on_memory(watch: *mut c_void, bytes: isize, _post: bool) -> bool {
-    // SAFETY: `watch` is that of the device that calls.
+    // SAFETY: `report_to` registered this `watch` for the calling device, and it is still alive.
     let watch = unsafe { &*watch.cast::<Watch>() };
     let bytes = bytes as i64;
     let now = watch.bytes.fetch_add(bytes, Relaxed) + bytes;

@@ -1,4 +1,5 @@
-//! How large a mesh and its triangles are: tells most true hits without a look at the triangle.
+//! Bounds on the size of a mesh and its triangles. They confirm most true hits without reading the
+//! triangle.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -6,23 +7,23 @@ use rayon::prelude::*;
 use super::candidate::Candidate;
 use crate::geometry::TriangleMesh;
 
-/// Triangles that share one longest edge.
+/// Number of triangles that share one bound on their longest edge.
 const BLOCK: usize = 256;
 
-/// 2^-24.
+/// u = 2^-24, the rounding unit of f32.
 const UNIT: f64 = 0.5 * f32::EPSILON as f64;
 
-/// The size of a mesh and of its triangles.
+/// Bounding sphere of a mesh and bounds on its edges.
 pub struct Extent {
     centre: DVec3,
-    /// No vertex is farther from the centre.
+    /// Upper bound on the distance of a vertex from the centre.
     radius: f64,
-    /// The longest edge, rounded up, of each [`BLOCK`] triangles in order.
+    /// Longest edge, rounded up, of every [`BLOCK`] consecutive triangles.
     edges: Vec<f32>,
 }
 
 impl Extent {
-    /// Of the mesh's triangles.
+    /// Computes the bounds of a mesh.
     pub fn new(mesh: &TriangleMesh) -> Self {
         let vertices = mesh.vertices();
         let widen = |[low, high]: [DVec3; 2], v: DVec3| [low.min(v), high.max(v)];
@@ -44,19 +45,30 @@ impl Extent {
         Self { centre: (low + high) * 0.5, radius: (high - low).length() * 0.5, edges }
     }
 
-    /// Whether the candidate, a hit by Embree's own test, is one beyond all doubt, within the ray's ends.
+    /// Returns true only if the candidate, a hit by Embree's test, is certainly a hit within the
+    /// ray's ends. Conservative: may return false for a true hit.
     ///
-    /// With E the longest edge, L the farthest corner's distance from the origin, d the direction, n
-    /// the normal and u = 2^-24, q = u E L |d| / |n . d| is the unit in which the test may be off:
+    /// Let E be the longest edge, L the distance of the farthest corner from the origin, d the
+    /// direction, n the normal and u = 2^-24. All error bounds are in units of
+    /// q = u E L |d| / |n . d|.
     ///
-    /// - Each of Embree's U, V, W is off by at most 9u E 2L |d| ([`crate::geometry::passing`]), and the corners
-    ///   it sees, each off by u L in a coordinate, change it by at most 7u E L |d| more once the three agree
-    ///   on a side, as the line then passes no farther from a corner than E. Their sum is 2 n . d to 80u E L |d|.
-    ///   So a weight above 12.5 q / (1 - 40 q), 20 q for q < 1 / 128, is one of which the sign is sure; and the
-    ///   line meets the triangle if all three are. The weights themselves are rounded.
-    /// - n is off by 6u E^2 and its products with a corner or d by 3u of their permanents, so t is off by at
-    ///   most 20u L E^2 / |n . d|, and by 3^0.5 u L E^2 / |n . d| as the corners move, n . d itself by 20 q:
-    ///   32 q E / |d|.
+    /// Weights:
+    ///
+    /// - Each of Embree's U, V, W has an error of at most 9u E 2L |d|
+    ///   ([`crate::geometry::passing`]).
+    /// - Each coordinate of the corners that Embree sees has an error of u L. That adds at most
+    ///   7u E L |d| if the three agree on a side: then the line passes within E of each corner.
+    /// - The sum of the three is 2 n . d, with an error of 80u E L |d|.
+    /// - So the sign of a weight above 12.5 q / (1 - 40 q) is certain. For q < 1 / 128 that is at
+    ///   most 20 q. If all three signs are certain, the line hits the triangle. The weights
+    ///   themselves are rounded too, hence the 1e-6.
+    ///
+    /// Distance:
+    ///
+    /// - n has an error of 6u E^2; its products with a corner or d, of 3u of their permanents. So t
+    ///   has an error of at most 20u L E^2 / |n . d|.
+    /// - The errors of the corners add 3^0.5 u L E^2 / |n . d|. n . d has a relative error of 20 q.
+    /// - Together: 32 q E / |d|.
     #[inline(always)]
     pub fn sure(&self, candidate: &Candidate) -> bool {
         let Candidate { origin, direction, normal, .. } = *candidate;
@@ -65,7 +77,7 @@ impl Extent {
         let length = sum(direction);
         let facing = normal.dot(direction).abs();
         let off = UNIT * edge * far;
-        // What underflows or overflows in f32 is not what the bounds are about.
+        // The bounds hold only without underflow and overflow in f32.
         if !(off.min(off * length) > 1e-34 && facing < 1e34) {
             return false;
         }
@@ -83,7 +95,7 @@ fn dvec(v: [f32; 3]) -> DVec3 {
     DVec3::from(v.map(f64::from))
 }
 
-/// At least the length, at most 3^0.5 of it.
+/// Upper bound on the length of `v`: the sum of its magnitudes, at most 3^0.5 times the length.
 #[inline(always)]
 fn sum(v: DVec3) -> f64 {
     v.x.abs() + v.y.abs() + v.z.abs()
@@ -106,7 +118,7 @@ mod tests {
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     }
 
-    /// Embree's ROBUST test: u, v, t and the normal.
+    /// Embree's ROBUST triangle test in f32: returns u, v, t and the normal.
     fn robust(corners: [[f32; 3]; 3], o: [f32; 3], d: [f32; 3]) -> Option<([f32; 3], [f32; 3])> {
         let [a, b, c] = corners.map(|corner| minus(corner, o));
         let (e0, e1, e2) = (minus(c, a), minus(a, b), minus(b, c));
@@ -121,9 +133,10 @@ mod tests {
         t.is_finite().then(|| ([(u / all).min(1.0), (v / all).min(1.0), t], normal))
     }
 
-    /// Rays at the inside and the edges of triangles of all shapes: sure only of what f64 finds too.
+    /// Traces rays at the inside and the edges of triangles of all shapes. Every hit that is `sure`
+    /// must be a hit in f64.
     #[test]
-    fn what_is_sure_is_met() {
+    fn sure_hits_are_hits_in_f64() {
         let mut state = 7u64;
         // Knuth's generator (MMIX); its high bits are good.
         let mut within = |low: f64, high: f64| {
@@ -139,7 +152,7 @@ mod tests {
             let corners = [a, a + side, a + side * 0.5 + point(scale * thin)];
             let corners = corners.map(|v| (v + centre).as_vec3().to_array());
             let from = point(4.0).as_vec3().to_array();
-            // Weights around 0 reach both sides of the edges.
+            // Weights below and above 0 lie on both sides of the edges.
             let (u, v) = (within(-0.01, 1.0), within(-0.01, 1.0));
             let [p, q, r] = corners.map(dvec);
             let to = p + (q - p) * u + (r - p) * v * (1.0 - u);

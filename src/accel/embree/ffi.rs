@@ -1,8 +1,8 @@
 //! Embree 4's C API, declared by hand for the layout of 4.3 and later, and loaded at run time.
 //!
-//! Only what is used is declared. Sizes and offsets are asserted here and compared with the C
-//! headers, where these are installed, by `tests/embree_layout.rs`. Ray and hit packets are
-//! [`crate::ray::Rays`] and [`crate::ray::RayPacket`].
+//! Only the functions and types that are used are declared. Sizes and offsets are asserted here.
+//! `tests/embree_layout.rs` compares them with the C headers if these are installed. Packets of
+//! rays and hits are [`crate::ray::Rays`] and [`crate::ray::RayPacket`].
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 use std::mem::{align_of, offset_of, size_of};
@@ -12,13 +12,13 @@ use crate::ray::{Mask, RayPacket, Rays};
 /// A C enumeration (4 bytes).
 pub type Enum = c_int;
 
-/// Opaque `RTCDevice`.
+/// Opaque C type `RTCDevice`.
 #[repr(C)]
 pub struct DeviceHandle([u8; 0]);
-/// Opaque `RTCScene`.
+/// Opaque C type `RTCScene`.
 #[repr(C)]
 pub struct SceneHandle([u8; 0]);
-/// Opaque `RTCGeometry`.
+/// Opaque C type `RTCGeometry`.
 #[repr(C)]
 pub struct GeometryHandle([u8; 0]);
 
@@ -41,7 +41,7 @@ pub const RTC_DEVICE_PROPERTY_VERSION: Enum = 0;
 pub const RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED: Enum = 33;
 pub const RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED: Enum = 34;
 
-/// `RTCRay`: one ray.
+/// `RTCRay`: one ray of a single-ray query.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
 pub struct Ray {
@@ -55,7 +55,7 @@ pub struct Ray {
     pub flags: c_uint,
 }
 
-/// `RTCHit`: one hit.
+/// `RTCHit`: one hit of a single-ray query.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
 pub struct Hit {
@@ -68,7 +68,7 @@ pub struct Hit {
     pub inst_prim_id: c_uint,
 }
 
-/// `RTCRayHit`.
+/// `RTCRayHit`: one ray and its hit.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
 pub struct RayHit {
@@ -76,7 +76,7 @@ pub struct RayHit {
     pub hit: Hit,
 }
 
-/// `RTCBounds`.
+/// `RTCBounds`: the bounding box of a primitive.
 #[repr(C, align(16))]
 pub struct Bounds {
     pub lower: [f32; 3],
@@ -85,18 +85,18 @@ pub struct Bounds {
     pub align1: f32,
 }
 
-/// `RTCRayQueryContext`, and behind it what our filters need.
+/// `RTCRayQueryContext`, followed by the data of our filters.
 #[repr(C)]
 pub struct QueryContext {
     pub inst_id: c_uint,
     pub inst_prim_id: c_uint,
     /// First primitive number of each geometry.
     pub bases: *const u32,
-    /// What [`super::filter`] tests candidates with.
+    /// Data of the filter function, from [`super::filter::Filter::data`].
     pub filter: *const c_void,
 }
 
-/// `RTCIntersectArguments` and `RTCOccludedArguments`, which have the same layout.
+/// `RTCIntersectArguments` and `RTCOccludedArguments`. Both have the same layout.
 #[repr(C)]
 pub struct QueryArguments {
     pub flags: Enum,
@@ -106,7 +106,7 @@ pub struct QueryArguments {
     pub user_geometry: Option<unsafe extern "C" fn(*const c_void)>,
 }
 
-/// `RTCBoundsFunctionArguments`.
+/// `RTCBoundsFunctionArguments`: arguments of a user geometry's bounds callback.
 #[repr(C)]
 pub struct BoundsArguments {
     pub user: *const c_void,
@@ -115,8 +115,8 @@ pub struct BoundsArguments {
     pub bounds: *mut Bounds,
 }
 
-/// `RTCIntersectFunctionNArguments` and `RTCOccludedFunctionNArguments`, which have the same
-/// layout: `rays` is an `RTCRayHitN` or an `RTCRayN` of `n` lanes.
+/// `RTCIntersectFunctionNArguments` and `RTCOccludedFunctionNArguments`. Both have the same layout;
+/// `rays` is an `RTCRayHitN` or an `RTCRayN` of `n` lanes.
 #[repr(C)]
 pub struct UserArguments {
     pub valid: *mut c_int,
@@ -128,7 +128,7 @@ pub struct UserArguments {
     pub geom_id: c_uint,
 }
 
-/// `RTCFilterFunctionNArguments`.
+/// `RTCFilterFunctionNArguments`: arguments of a filter callback, for `n` lanes.
 #[repr(C)]
 pub struct FilterArguments {
     pub valid: *mut c_int,
@@ -139,7 +139,7 @@ pub struct FilterArguments {
     pub n: c_uint,
 }
 
-/// `RTCPointQuery`.
+/// `RTCPointQuery`: a sphere to search.
 #[repr(C, align(16))]
 pub struct PointQuery {
     pub point: [f32; 3],
@@ -157,7 +157,7 @@ pub struct PointQueryContext {
     pub inst_stack_size: c_uint,
 }
 
-/// `RTCPointQueryFunctionArguments`.
+/// `RTCPointQueryFunctionArguments`: arguments of the point query's callback.
 #[repr(C, align(16))]
 pub struct PointQueryArguments {
     pub query: *mut PointQuery,
@@ -183,7 +183,7 @@ macro_rules! api {
         }
 
         impl Api {
-            /// Resolves every entry point; the error names the first that is missing.
+            /// Resolves every entry point. The error names the first one that is missing.
             pub fn resolve(library: libloading::Library) -> Result<Self, libloading::Error> {
                 $(
                     // SAFETY: the type is the C declaration of this symbol in Embree 4.
@@ -243,11 +243,10 @@ api! {
     ) -> bool;
 }
 
-/// Name, size, alignment and member offsets of every declared structure, as
-/// `(C name, size, align, [(C member, offset)])`: the table that the layout test checks.
+/// Layout of one declared structure: `(C name, size, alignment, [(C member, offset)])`.
 pub type Layout = (&'static str, usize, usize, &'static [(&'static str, usize)]);
 
-/// The structures as Rust lays them out.
+/// Layouts of all declared structures in Rust. The layout test compares them with the C headers.
 pub const LAYOUTS: &[Layout] = &[
     (
         "RTCRay",

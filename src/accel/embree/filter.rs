@@ -1,8 +1,11 @@
-//! Which of Embree's candidates do not count: argument filters, called for candidates that passed the
-//! intersection test only.
+//! Argument filters that reject some of Embree's candidates.
 //!
-//! A ray that leaves a planar primitive cannot meet it again. And a candidate that the ray passes by
-//! more than the test may be off ([`passing`]) is none; Embree goes on behind it by itself.
+//! Embree calls a filter only for candidates that passed its intersection test. After a rejection
+//! it continues along the ray. Two kinds of candidates are rejected:
+//!
+//! - hits of the flat primitive that the ray leaves: the ray cannot hit it again;
+//! - false hits: the ray passes the primitive by more than the error of Embree's test
+//!   ([`passing`]).
 
 use std::cell::Cell;
 use std::ffi::c_void;
@@ -15,28 +18,29 @@ use super::extent::Extent;
 use super::ffi::FilterArguments;
 use crate::geometry::{Geometry, GeometryKind, Passing, is_after_start, passing, refine_triangle};
 
-/// What tells true candidates.
+/// Decides which candidates are true hits, and counts the false ones.
 pub struct Truth<'g> {
     pub geometry: &'g Geometry,
-    /// Of every mesh.
+    /// One for each mesh, by geometry id.
     extents: Vec<Extent>,
-    /// Touched where a candidate is false only.
+    /// Number of false hits. Only a false hit touches the counter.
     false_hits: AtomicU64,
 }
 
-/// Which candidates count.
+/// Which of Embree's candidates count as hits.
 #[derive(Clone, Copy)]
 pub enum Filter<'a> {
-    /// Those of primitives that the ray does not leave.
+    /// All but hits of the primitive that the ray leaves.
     Leaving,
-    /// Those of them that are true.
+    /// As [`Filter::Leaving`], and only true hits.
     True(&'a Truth<'a>),
-    /// None: the true ones are noted, in whatever order they come.
+    /// None: Embree visits all candidates along the ray, in any order, and `Look` keeps the closest
+    /// true one.
     Look(&'a Look<'a>),
 }
 
 impl Filter<'_> {
-    /// What Embree calls.
+    /// The callback that Embree calls with candidates.
     pub fn function(&self) -> unsafe extern "C" fn(*const FilterArguments) {
         match self {
             Self::Leaving => reject_leaving,
@@ -45,7 +49,7 @@ impl Filter<'_> {
         }
     }
 
-    /// What the function gets through the query's context.
+    /// Pointer that the callback gets through the query's context.
     pub fn data(&self) -> *const c_void {
         match *self {
             Self::Leaving => std::ptr::null(),
@@ -61,13 +65,16 @@ impl<'g> Truth<'g> {
         Self { geometry, extents, false_hits: AtomicU64::new(0) }
     }
 
-    /// Candidates found to be false so far.
+    /// Number of candidates found to be false so far.
     pub fn false_hits(&self) -> u64 {
         self.false_hits.load(Ordering::Relaxed)
     }
 
-    /// Where the ray passes a triangle or quad that Embree says it meets; `None`, and counted, if it
-    /// does not come near, or cannot. Of a quad's halves the one that is passed first.
+    /// Returns where the ray passes the triangle or quad of a candidate, or `None` for a false hit.
+    ///
+    /// A hit is false if the ray passes by more than the error of Embree's test. It is also false
+    /// if the triangle lies behind the surface that the ray leaves. False hits are counted. For a
+    /// quad, the half that the ray passes first is returned.
     #[cold]
     pub fn passing(&self, candidate: &Candidate) -> Option<Found> {
         let at = |corners: [[f32; 3]; 3], turned: bool| {
@@ -86,7 +93,7 @@ impl<'g> Truth<'g> {
                     (a, b) => a.or(b),
                 }
             }
-            // Decided by our own callback, which asks no filter.
+            // Our own callback tests spheres and calls no filter.
             GeometryKind::Spheres => None,
         };
         let Candidate { leaving, origin, direction, .. } = *candidate;
@@ -99,14 +106,15 @@ impl<'g> Truth<'g> {
         found
     }
 
-    /// Whether an occluding candidate is true.
+    /// Returns whether an occluding candidate is a true hit.
     #[inline(always)]
     fn holds(&self, candidate: &Candidate) -> bool {
         let extent = self.extents.get(candidate.geom as usize);
         extent.is_some_and(|extent| extent.sure(candidate)) || self.confirms(candidate)
     }
 
-    /// The same by the triangle itself; f64 decides nearly all alone.
+    /// As [`Truth::holds`], by reading the triangle. The test in f64 confirms nearly all
+    /// candidates.
     fn confirms(&self, candidate: &Candidate) -> bool {
         let triangle = match self.geometry.kind(candidate.geom) {
             GeometryKind::Mesh(mesh) => self.geometry.meshes[mesh].corners(candidate.prim),
@@ -119,41 +127,42 @@ impl<'g> Truth<'g> {
         if point.met & within(point.t) {
             return is_after_start(corners, origin, direction, point.t);
         }
-        // At an end of the ray a candidate counts for all that its t may be off.
+        // A candidate at an end of the ray counts if its t is within the error bound.
         self.passing(candidate)
             .filter(|at| within(at.passing.t) || at.passing.explains(candidate.t))
             .is_some_and(|at| is_after_start(at.corners, origin, direction, at.passing.t))
     }
 }
 
-/// Where a ray passes a triangle.
+/// The place where a ray passes a triangle.
 #[derive(Debug, Clone, Copy)]
 pub struct Found {
     pub passing: Passing,
-    /// In f64.
+    /// Corners of the triangle that was tested, in f64.
     pub corners: [DVec3; 3],
-    /// The second half of a quad, which Embree counts u and v from the other end of.
+    /// Whether it is the second half of a quad: Embree measures its u and v from the other end.
     pub turned: bool,
 }
 
-/// The closest true candidate of one ray.
+/// Keeps the closest true candidate of one ray.
 pub struct Look<'a> {
     truth: &'a Truth<'a>,
     best: Cell<Option<(Found, Candidate)>>,
 }
 
 impl<'a> Look<'a> {
-    /// Nothing noted yet.
+    /// A record for one ray, without a candidate.
     pub fn new(truth: &'a Truth<'a>) -> Self {
         Self { truth, best: Cell::new(None) }
     }
 
-    /// What was noted.
+    /// The closest true candidate so far.
     pub fn best(&self) -> Option<(Found, Candidate)> {
         self.best.get()
     }
 
-    /// Keeps a true candidate that is nearer than those before; of equal ones the first primitive.
+    /// Keeps the candidate if it is true and nearer than all before. Ties go to the lowest geometry
+    /// and primitive id.
     pub fn note(&self, candidate: &Candidate) {
         let Some(found) = self.truth.passing(candidate) else { return };
         let t = found.passing.t;
@@ -170,7 +179,7 @@ impl<'a> Look<'a> {
     }
 }
 
-/// Members of `RTCRayN` and `RTCHitN` in units of `n` lanes.
+/// Offsets of members in `RTCRayN` and `RTCHitN`, in units of `n` lanes.
 const RAY_TNEAR: usize = 3;
 const RAY_DIRECTION: usize = 4;
 const RAY_TIME: usize = 7;
@@ -181,7 +190,7 @@ const HIT_V: usize = 4;
 const HIT_PRIM: usize = 5;
 const HIT_GEOM: usize = 6;
 
-/// Rejects the candidates of the primitive that the ray leaves, and those of which `counts` says so.
+/// Rejects hits of the primitive that the ray leaves, and candidates for which `counts` is false.
 ///
 /// # Safety
 /// `args` is valid, and the context is our `QueryContext`, whose `bases` has an entry for every

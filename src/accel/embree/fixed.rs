@@ -1,21 +1,23 @@
-//! Data whose address the C library keeps.
+//! Data at a fixed address: the C library keeps a pointer to it.
 
 use std::ffi::c_void;
 use std::ops::Deref;
 use std::ptr::NonNull;
 
-/// An owned value at a fixed address. Not a `Box`: moving a box claims that nobody else holds a
-/// pointer to its content, but Embree's callbacks do.
+/// An owned value at a fixed address.
+///
+/// It is not a `Box`: moving a box asserts that nobody else holds a pointer to its content, but
+/// Embree's callbacks do.
 #[derive(Debug)]
 pub struct Fixed<T>(NonNull<T>);
 
 impl<T> Fixed<T> {
-    /// Puts `value` where it stays.
+    /// Moves `value` to the heap, where it stays.
     pub fn new(value: T) -> Self {
         Self(NonNull::from(Box::leak(Box::new(value))))
     }
 
-    /// What callbacks get; they only read.
+    /// The pointer for the callbacks, which only read through it.
     pub fn user_data(&self) -> *mut c_void {
         self.0.as_ptr().cast()
     }
@@ -31,7 +33,7 @@ impl<T> Deref for Fixed<T> {
 
 impl<T> Drop for Fixed<T> {
     fn drop(&mut self) {
-        // SAFETY: the box that `new` leaked, given back once.
+        // SAFETY: the box that `new` leaked, freed once.
         drop(unsafe { Box::from_raw(self.0.as_ptr()) });
     }
 }

@@ -24,17 +24,17 @@ use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::scene::EmbreeMode;
 use crate::simd::{self, Isa, Kernel};
 
-/// Below this many active lanes single rays are faster than a packet.
+/// With fewer active lanes than this, single rays are faster than a packet.
 const SINGLE_BELOW: u32 = 4;
 
-/// An Embree scene over the geometry's own arrays.
+/// The accelerator of the backend `embree`: a scene that uses the geometry's arrays without copies.
 pub struct Embree<'g> {
     scene: scene::Scene<'g>,
     truth: Truth<'g>,
 }
 
 impl<'g> Embree<'g> {
-    /// Loads the library and builds the scene.
+    /// Loads the library and builds Embree's tree over `geometry`.
     ///
     /// # Errors
     /// See [`super::build`].
@@ -49,7 +49,7 @@ impl<'g> Embree<'g> {
         Ok(Self { scene, truth: Truth::new(geometry) })
     }
 
-    /// Runs `query` with the arguments that `coherence` and `filter` ask for.
+    /// Runs `query` with Embree's arguments for this coherence and filter.
     #[inline(always)]
     fn query(
         &self,
@@ -80,7 +80,7 @@ impl<'g> Embree<'g> {
         });
     }
 
-    /// Occlusion by what `filter` lets pass.
+    /// Occlusion by the candidates that `filter` accepts.
     #[inline(always)]
     fn any_hit(
         &self,
@@ -108,18 +108,20 @@ impl<'g> Embree<'g> {
     }
 }
 
-/// What a packet asks for. It has just been written in whole registers: narrower loads than these would wait
-/// until it is in the cache.
+/// Prepares a packet for Embree: raises `tnear` above 0 and counts active lanes.
 ///
-/// Embree's segments are closed, ours are open: a ray that starts at 0 starts at the least normal number
-/// there, so that a hit at 0 is none.
-struct Asked<'a> {
+/// Embree's segments are closed and ours are open. So a ray from 0 starts at the smallest normal
+/// number, and a hit at 0 does not count.
+///
+/// It is a kernel of full-width loads, because the packet has just been written in whole registers.
+/// Narrower loads would wait until it is in the cache.
+struct PreparePacket<'a> {
     active: &'a Mask,
     rays: &'a mut Rays,
 }
 
-impl Kernel for Asked<'_> {
-    /// How many lanes are active, and whether any of them leaves a primitive.
+impl Kernel for PreparePacket<'_> {
+    /// Number of active lanes, and whether any of them leaves a primitive.
     type Output = (u32, bool);
 
     #[inline(always)]
@@ -176,7 +178,7 @@ impl Accelerator for Embree<'_> {
 
     fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         let (lanes, leaving) =
-            simd::dispatch(Isa::detect(), Asked { active, rays: &mut packet.rays });
+            simd::dispatch(Isa::detect(), PreparePacket { active, rays: &mut packet.rays });
         let filter = leaving.then_some(Filter::Leaving);
         let scene = self.scene.handle();
         if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
@@ -201,10 +203,10 @@ impl Accelerator for Embree<'_> {
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-        // The time, which nothing reads in a scene that does not move, keeps the end of each ray:
-        // in a filter `tfar` is the candidate's t.
+        // `time` keeps the end of each ray for the filter, where `tfar` is the candidate's t.
+        // Embree does not read `time` in a scene without motion.
         rays.time = rays.tfar;
-        let (lanes, _) = simd::dispatch(Isa::detect(), Asked { active, rays: &mut *rays });
+        let (lanes, _) = simd::dispatch(Isa::detect(), PreparePacket { active, rays: &mut *rays });
         self.any_hit(active, rays, coherence, lanes, Some(Filter::True(&self.truth)));
     }
 
@@ -213,15 +215,16 @@ impl Accelerator for Embree<'_> {
     }
 
     fn occluded_candidates(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-        let (lanes, leaving) = simd::dispatch(Isa::detect(), Asked { active, rays: &mut *rays });
+        let (lanes, leaving) =
+            simd::dispatch(Isa::detect(), PreparePacket { active, rays: &mut *rays });
         self.any_hit(active, rays, coherence, lanes, leaving.then_some(Filter::Leaving));
     }
 }
 
-/// Version and instruction set of the library that would be used.
+/// Version and instruction set of the Embree library that would be used.
 ///
 /// # Errors
-/// `Unsupported` if there is none.
+/// `Unsupported` if it cannot be loaded.
 pub fn describe() -> Result<(String, String)> {
     let device = Device::new(device::load_library()?, 0, None)?;
     let [major, minor, patch] = device.version();

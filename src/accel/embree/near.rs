@@ -1,4 +1,4 @@
-//! What lies near a point, by Embree's point query.
+//! Finds the primitives near a box by Embree's point query.
 
 use std::ffi::c_void;
 
@@ -7,13 +7,14 @@ use super::scene::Scene;
 use crate::geometry::Nearby;
 use crate::ray::NONE;
 
-/// Wider than what rounding takes off the radius.
+/// Factor on the radius that exceeds its rounding.
 const WIDER: f32 = 1.0 + 16.0 * f32::EPSILON;
 
 type Found<'f> = &'f mut dyn FnMut(u32, u32);
 
-/// Calls `found` with geometry and primitive id of all whose boxes reach into the sphere around a box, and
-/// perhaps for some more.
+/// Calls `found` with geometry id and primitive id of every primitive whose box overlaps `nearby`.
+///
+/// May also call it for others: the query is the sphere around the box.
 pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: Found) {
     let point = [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k]);
     let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
@@ -27,8 +28,8 @@ pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: Found) {
         inst_stack_size: 0,
     };
     let user = std::ptr::from_mut(&mut found).cast::<c_void>();
-    // SAFETY: a live scene; query and context are laid out as Embree's and outlive the call, as does `found`,
-    // which the callback alone uses.
+    // SAFETY: a live scene; query and context are laid out as Embree's and outlive the call, as
+    // does `found`, which the callback alone uses.
     unsafe {
         (scene.api().point_query)(scene.handle(), &mut query, &mut context, Some(on_found), user);
     }
@@ -38,6 +39,6 @@ unsafe extern "C" fn on_found(args: *const PointQueryArguments) -> bool {
     // SAFETY: Embree passes valid arguments with the user data of `near`.
     let (args, found) = unsafe { (&*args, &mut *(*args).user.cast::<Found>()) };
     found(args.geom_id, args.prim_id);
-    // The radius is as it was.
+    // False: the query's radius has not changed.
     false
 }

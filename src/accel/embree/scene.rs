@@ -1,4 +1,4 @@
-//! [`Geometry`] -> a committed Embree scene that borrows its arrays.
+//! Builds an Embree scene that borrows the arrays of a [`Geometry`].
 
 use std::ffi::{c_uint, c_void};
 use std::ptr::NonNull;
@@ -14,12 +14,12 @@ use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::Monitor;
 use crate::scene::EmbreeMode;
 
-/// A committed scene over `'g`'s arrays.
+/// A committed Embree scene that reads arrays of lifetime `'g`.
 pub struct Scene<'g> {
     handle: NonNull<SceneHandle>,
     /// User data of the sphere geometry.
     spheres: Fixed<SphereSet<'g>>,
-    // Dropped after the handle's release.
+    // Dropped after the scene is released.
     device: Device,
 }
 
@@ -29,7 +29,7 @@ unsafe impl Send for Scene<'_> {}
 unsafe impl Sync for Scene<'_> {}
 
 impl<'g> Scene<'g> {
-    /// Builds the scene.
+    /// Hands all meshes, quads and spheres to Embree and builds its tree.
     pub fn build(
         device: Device,
         geometry: &'g Geometry,
@@ -75,17 +75,17 @@ impl<'g> Scene<'g> {
         Ok(scene)
     }
 
-    /// The entry points.
+    /// The entry points of the loaded library.
     pub fn api(&self) -> &ffi::Api {
         self.device.api()
     }
 
-    /// The C handle.
+    /// The `RTCScene`, owned by this value.
     pub fn handle(&self) -> *mut SceneHandle {
         self.handle.as_ptr()
     }
 
-    /// What Embree is and what the scene cost.
+    /// Version and instruction set of Embree, and the memory of the scene.
     pub fn info(&self) -> BuildInfo {
         let [major, minor, patch] = self.device.version();
         let load = |n: &AtomicI64| n.load(Ordering::Relaxed).max(0) as u64;
@@ -103,7 +103,7 @@ impl<'g> Scene<'g> {
         let (triangles, vertices) = (mesh.triangles(), mesh.padded_vertices());
         let (kind, format) = (ffi::RTC_BUFFER_TYPE_INDEX, ffi::RTC_FORMAT_UINT3);
         self.share(&geometry, kind, format, triangles, triangles.len());
-        // Embree reads 16 bytes from each vertex: behind the last one stands an unused element.
+        // Embree reads 16 bytes from each vertex, so an unused vertex follows the last one.
         let (kind, format) = (ffi::RTC_BUFFER_TYPE_VERTEX, ffi::RTC_FORMAT_FLOAT3);
         self.share(&geometry, kind, format, vertices, vertices.len() - 1);
         self.attach(&geometry, id)
@@ -123,7 +123,7 @@ impl<'g> Scene<'g> {
         self.attach(&geometry, id)
     }
 
-    /// Lets Embree read the first `count` elements where they are.
+    /// Lets Embree read the first `count` elements of `array` without a copy.
     fn share<T>(
         &self,
         geometry: &OwnedGeometry,
@@ -160,7 +160,8 @@ impl<'g> Scene<'g> {
         Ok(())
     }
 
-    /// User geometry; all callbacks are set, as a query of a missing one would crash.
+    /// Attaches the spheres as user geometry. All callbacks are set: a query that lacks one
+    /// crashes.
     fn attach_spheres(&self, id: c_uint) -> Result<()> {
         let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_USER)?;
         // SAFETY: live geometry; the user data lives as long as this scene.
@@ -213,7 +214,7 @@ impl Drop for Scene<'_> {
     }
 }
 
-/// A geometry reference that is given back.
+/// An `RTCGeometry` reference that is released when dropped.
 struct OwnedGeometry<'a>(*mut GeometryHandle, &'a ffi::Api);
 
 impl Drop for OwnedGeometry<'_> {

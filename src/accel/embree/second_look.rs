@@ -1,7 +1,7 @@
-//! The closest true hit, where the closest that Embree reports is not.
+//! Replaces false closest hits by the closest true hit.
 //!
-//! All that Embree offers along the ray is looked at by a filter that rejects everything, so neither
-//! a false hit nor a t that is off hides what is behind.
+//! The ray is traced again with a filter that rejects every candidate. So Embree visits all
+//! candidates along the ray, and neither a false hit nor a wrong t hides a hit behind it.
 
 use super::candidate::Candidate;
 use super::filter::{Filter, Found, Look};
@@ -10,7 +10,9 @@ use crate::geometry::{GeometryKind, NONE, Surfaces, refine, refine_triangle};
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
 
 impl Embree<'_> {
-    /// Replaces false hits by what is behind them, and t by that of f64. `tfar`: the ends of the rays.
+    /// Replaces every false hit by the closest true hit, and t by its value in f64.
+    ///
+    /// `tfar` holds the ends of the rays before the query.
     pub(super) fn look_again(&self, active: &Mask, packet: &mut RayPacket, tfar: &[f32; LANES]) {
         let hit = packet.hit(active);
         if !hit.any() {
@@ -38,7 +40,7 @@ impl Embree<'_> {
         self.query(Coherence::Single, Some(Filter::Look(&look)), |args| unsafe {
             (self.scene.api().intersect1)(self.scene.handle(), &mut single, args);
         });
-        // Spheres ask no filter.
+        // Spheres call no filter, so `single` holds the closest sphere.
         let mut hit = single.hit;
         let mut end = f64::from(single.ray.tfar);
         let triangle =
@@ -57,7 +59,7 @@ impl Embree<'_> {
     }
 }
 
-/// Embree's u, v and a unit normal.
+/// Returns u and v as Embree defines them, and a unit normal, computed in f64.
 fn weights(found: &Found, candidate: &Candidate) -> (f32, f32, [f32; 3]) {
     let turn = |u: f64| if found.turned { 1.0 - u } else { u };
     let reported = (turn(candidate.u.into()), turn(candidate.v.into()));

@@ -1,4 +1,4 @@
-//! Spheres as user geometry: our own f64 intersection in Embree's callbacks, any packet width.
+//! Spheres as Embree user geometry: callbacks for any packet width, with our own f64 intersection.
 
 use std::ffi::c_uint;
 
@@ -7,13 +7,14 @@ use glam::DVec3;
 use super::ffi::{Bounds, BoundsArguments, UserArguments};
 use crate::geometry::Sphere;
 
-/// What the callbacks get: the spheres and the number of the first one in the whole scene.
+/// User data of the callbacks.
 pub struct SphereSet<'g> {
     pub spheres: &'g [Sphere],
+    /// Primitive number of the first sphere.
     pub base: u32,
 }
 
-/// Lanes of an `RTCRayN`: member `k` of lane `i` is at `k * n + i`.
+/// The lanes of an `RTCRayN`: member `k` of lane `i` is at `k * n + i`.
 #[derive(Clone, Copy)]
 struct RayLanes {
     first: *mut f32,
@@ -24,7 +25,7 @@ impl RayLanes {
     const TNEAR: usize = 3;
     const TFAR: usize = 8;
     const ID: usize = 10;
-    /// The first member of the `RTCHitN` behind the rays of an `RTCRayHitN`.
+    /// First member of the `RTCHitN` that follows the rays of an `RTCRayHitN`.
     const HIT: usize = 12;
 
     /// # Safety
@@ -57,7 +58,7 @@ impl RayLanes {
     }
 }
 
-/// Calls `found(lane, t, normal)` for every valid lane that meets the sphere.
+/// Calls `found(lanes, lane, t, normal)` for every valid lane that hits the sphere.
 ///
 /// # Safety
 /// `args` comes from Embree, for a geometry whose user data is a live `SphereSet`.
@@ -85,7 +86,8 @@ unsafe fn each_hit(args: &UserArguments, mut found: impl FnMut(RayLanes, usize, 
         }
         let t = sphere.intersect(origin, direction, tnear.into(), tfar.into(), leaving);
         let t32 = t as f32;
-        // Rounding may lift t onto tfar, where an equal hit was found before; NaN fails both.
+        // Rounding may raise t to `tfar`, the t of a hit found before. A miss is NaN and fails
+        // both.
         if t32 >= tnear && t32 < tfar {
             found(lanes, lane, t32, origin + direction * t - sphere.center);
         }

@@ -1,4 +1,4 @@
-//! What the files and the journals say about each input of a job.
+//! Collects what the files and journals of a batch tell about each input.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -18,24 +18,24 @@ use crate::{
     },
 };
 
-/// One input.
+/// State of one input of a job.
 #[derive(Debug, Clone, Default)]
 pub struct Entry {
-    /// Its place in the job.
+    /// Position in the job.
     pub number: usize,
-    /// Its file.
+    /// Path of the input.
     pub input: String,
-    /// Frames whose files are whole, and what those cost whose rendering is on record.
+    /// Frames whose files are complete, with their records if a journal has these.
     pub frames: BTreeMap<u32, Option<FrameRecord>>,
-    /// Frames that it should have.
+    /// Number of frames that the job expects.
     pub of: u32,
-    /// What it cost to read and build, if that is on record.
+    /// Record of reading and building, if a journal has one.
     pub mesh: Option<MeshRecord>,
-    /// What went wrong, and nobody mended since: of all frames, or of some.
+    /// Failures that no later run has resolved, by frame. The key `None` stands for all frames.
     pub failures: BTreeMap<Option<u32>, String>,
 }
 
-/// Whether all files of a frame are there and whole.
+/// Returns true if all files of a frame exist and are complete.
 fn is_whole(job: &Job, input: usize, frame: u32, record: Option<&FrameRecord>) -> bool {
     let [exr, png] = Outputs::names(&job.prefix(input, frame));
     let is_there = |path: &PathBuf| job.folder.join(path).is_file();
@@ -45,8 +45,10 @@ fn is_whole(job: &Job, input: usize, frame: u32, record: Option<&FrameRecord>) -
 }
 
 impl Entry {
-    /// All inputs of a job, in its order. Frames are those whose files are whole. Looks at them on the threads of
-    /// the current rayon pool.
+    /// Returns the entries of all inputs of a job, in its order. `frames` holds only frames whose
+    /// files are complete.
+    ///
+    /// Checks files on the threads of the current rayon pool.
     pub fn all(job: &Job, records: &[Record]) -> Vec<Self> {
         let mut by_name: HashMap<String, Self> = HashMap::new();
         for record in records {
@@ -80,12 +82,12 @@ impl Entry {
                 self.mesh = Some(mesh.clone());
             }
             Record::Frame(frame) => {
-                self.there(frame.frame);
+                self.clear_failures(frame.frame);
                 self.frames.insert(frame.frame, Some(frame.clone()));
             }
             Record::Kept { frames, .. } => {
                 for frame in frames {
-                    self.there(*frame);
+                    self.clear_failures(*frame);
                     self.frames.entry(*frame).or_default();
                 }
             }
@@ -96,27 +98,27 @@ impl Entry {
         }
     }
 
-    fn there(&mut self, frame: u32) {
+    fn clear_failures(&mut self, frame: u32) {
         self.failures.remove(&None);
         self.failures.remove(&Some(frame));
     }
 
-    /// Its file's name.
+    /// Returns the file name of the input.
     pub fn name(&self) -> &str {
         self.input.rsplit('/').next().unwrap_or(&self.input)
     }
 
-    /// Seconds of rays and files of all frames on record.
+    /// Returns the seconds of tracing and writing, summed over all frames on record.
     pub fn seconds(&self) -> f64 {
         self.records().map(|frame| frame.render_s + frame.write_s).sum()
     }
 
-    /// Rays of all frames on record.
+    /// Returns the number of rays, summed over all frames on record.
     pub fn rays(&self) -> u64 {
         self.records().flat_map(|frame| frame.rays.values()).sum()
     }
 
-    /// Warnings of the mesh and of all frames.
+    /// Returns the warnings of the mesh and of all frames.
     pub fn warnings(&self) -> Vec<&str> {
         let mesh = self.mesh.iter().flat_map(|mesh| &mesh.warnings);
         let all = mesh.chain(self.records().flat_map(|frame| &frame.warnings));
@@ -125,7 +127,7 @@ impl Entry {
         all
     }
 
-    /// What went wrong, each thing once.
+    /// Returns the failures as text. Equal lines in a row appear once.
     pub fn message(&self) -> Option<String> {
         let mut lines: Vec<&str> = self.failures.values().map(String::as_str).collect();
         lines.dedup();

@@ -1,4 +1,4 @@
-//! What a batch has not made: which frames of which input, and why.
+//! Finds the frames that a batch has not rendered, and why.
 
 use crate::{
     batch::{job::Job, journal},
@@ -8,9 +8,10 @@ use crate::{
 
 use super::entry::Entry;
 
-/// One problem for each input that lacks frames; empty when the files of every frame are there and whole.
+/// Returns one problem per input that lacks frames. The result is empty if the files of every frame
+/// exist and are complete.
 ///
-/// The reason is the last failure in the journals. There is none of a task that was killed.
+/// The reason is the last failure in the journals. A task that was killed leaves no reason.
 pub fn missing(job: &Job) -> Vec<Problem> {
     let entries = Entry::all(job, &journal::read(&job.folder));
     let problem = |entry: &Entry| {

@@ -1,5 +1,5 @@
-//! The contact sheet: what a batch made, to look at. `index.html`, one file that needs no other, and
-//! `sheet.png`.
+//! The contact sheet: an overview of a batch's pictures. It consists of `index.html`, a single file
+//! without dependencies, and `sheet.png`.
 
 mod entry;
 mod missing;
@@ -23,14 +23,14 @@ pub use missing::missing;
 use entry::Entry;
 use thumbnails::Strip;
 
-/// The page.
+/// File name of the page.
 const PAGE: &str = "index.html";
-/// Thumbnails in one page: more frames of few inputs, fewer of many.
-const MOST_THUMBNAILS: usize = 20_000;
-/// Thumbnails of one input.
-const MOST_FRAMES: usize = 24;
+/// Maximum number of thumbnails on the page. Few inputs get more frames each, many inputs fewer.
+const MAX_THUMBNAILS: usize = 20_000;
+/// Maximum number of thumbnails of one input.
+const MAX_FRAMES: usize = 24;
 
-/// The names of the sheets of so many inputs, in the job's folder.
+/// Returns the file names of the PNG sheets for a job with this many inputs.
 pub fn names(inputs: usize) -> Vec<String> {
     let name = |number: usize| match number {
         1 => "sheet.png".to_string(),
@@ -39,18 +39,20 @@ pub fn names(inputs: usize) -> Vec<String> {
     (1..=inputs.div_ceil(png::CELLS).max(1)).map(name).collect()
 }
 
-/// All files that [`write()`] writes.
+/// Returns the paths of all files that [`write()`] writes.
 pub fn paths(job: &Job) -> impl Iterator<Item = PathBuf> {
     let sheets = names(job.inputs.len());
     [PAGE.to_string()].into_iter().chain(sheets).map(|name| job.folder.join(name))
 }
 
-/// Writes the sheet of all that the pictures and the journals of a job's folder tell.
+/// Writes the contact sheet from the pictures and journals in the job's folder.
+///
+/// Pictures that cannot be read are left out.
 ///
 /// # Errors
-/// Where it cannot be written. Pictures that cannot be read are left out.
+/// Files that cannot be written.
 pub fn write(job: &Job, threads: usize) -> Result<Vec<PathBuf>> {
-    let each = (MOST_THUMBNAILS / job.inputs.len().max(1)).clamp(1, MOST_FRAMES);
+    let each = (MAX_THUMBNAILS / job.inputs.len().max(1)).clamp(1, MAX_FRAMES);
     let pool = ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
         let message = format!("cannot start {threads} threads: {error}");
         Error::new(Kind::Retry, Problem::new("--threads", message))
@@ -59,7 +61,7 @@ pub fn write(job: &Job, threads: usize) -> Result<Vec<PathBuf>> {
     let strip = |entry: &Entry| Strip::of(job, entry, each);
     let strips: Vec<Option<Strip>> = pool.install(|| entries.par_iter().map(strip).collect());
     let sweep = Sweep::default();
-    let page = || text(&sweep, &job.folder.join(PAGE), &page::html(job, &entries, &strips));
+    let page = || write_text(&sweep, &job.folder.join(PAGE), &page::html(job, &entries, &strips));
     let names = names(entries.len());
     let sheet = |(number, (entries, strips)): (usize, (&[Entry], &[Option<Strip>]))| {
         let path = job.folder.join(&names[number]);
@@ -72,7 +74,7 @@ pub fn write(job: &Job, threads: usize) -> Result<Vec<PathBuf>> {
     Ok([vec![page?], sheets?].concat())
 }
 
-fn text(sweep: &Sweep, path: &Path, text: &str) -> Result<PathBuf> {
+fn write_text(sweep: &Sweep, path: &Path, text: &str) -> Result<PathBuf> {
     sweep.target(path);
     TextFile::create(path)?.finish(text)
 }

@@ -1,4 +1,4 @@
-//! `index.html`: a card for each input, sortable, failures in red.
+//! Writes `index.html`: one card per input, which can be sorted and searched. Failures are red.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ use super::{entry::Entry, thumbnails::Strip};
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// The page.
+/// Returns the text of the page.
 pub fn html(job: &Job, entries: &[Entry], strips: &[Option<Strip>]) -> String {
     let mut html = String::new();
     let frames: usize = entries.iter().map(|entry| entry.frames.len()).sum();
@@ -108,7 +108,7 @@ fn card(html: &mut String, job: &Job, entry: &Entry, strip: Option<&Strip>) {
     html.push_str("</article>\n");
 }
 
-/// One frame shows, a link to its file; the mouse or the slider brings the others.
+/// Shows one frame as a link to its file. The mouse or the slider selects other frames.
 fn picture(html: &mut String, job: &Job, entry: &Entry, strip: &Strip) {
     let count = strip.frames.len();
     let (width, height) = strip.first.dimensions();
@@ -136,7 +136,7 @@ fn picture(html: &mut String, job: &Job, entry: &Entry, strip: &Strip) {
     let _ = writeln!(html, "<p class=\"files\">{} {}</p>", link("png"), link("exr"));
 }
 
-/// Where a frame's files are, seen from the page and without their endings, as a relative URL.
+/// Returns the path of a frame relative to the page, without the ending, as a relative URL.
 fn address(job: &Job, input: usize, frame: u32) -> String {
     let prefix = job.prefix(input, frame);
     let path = prefix.strip_prefix(&job.folder).unwrap_or(&prefix);

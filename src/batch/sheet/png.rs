@@ -1,4 +1,4 @@
-//! `sheet.png`: one picture of each input with its name, in rows; failures in red.
+//! Draws `sheet.png`: one picture per input with its name, in rows. Failures are red.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ use super::{
 };
 
 const COLUMNS: usize = 15;
-/// Pictures in one sheet.
+/// Number of pictures per sheet.
 pub const CELLS: usize = COLUMNS * 20;
 
 const FONT: &MonoFont = &FONT_6X10;
@@ -33,10 +33,10 @@ const RED: Rgb888 = Rgb888::new(200, 16, 46);
 const PINK: Rgb<u8> = Rgb([253, 225, 229]);
 const GREY: Rgb<u8> = Rgb([224, 227, 231]);
 
-/// Writes the sheet of some inputs.
+/// Writes one sheet of some inputs.
 ///
 /// # Errors
-/// Where it cannot be written.
+/// A file that cannot be written.
 pub fn write(path: &Path, entries: &[Entry], strips: &[Option<Strip>]) -> Result<PathBuf> {
     let sheet = draw(entries, strips);
     let mut part = Part::create(path)?;
@@ -77,21 +77,21 @@ fn draw(entries: &[Entry], strips: &[Option<Strip>]) -> Sheet {
     sheet
 }
 
-/// A picture that text can be drawn on.
+/// A picture to draw text on.
 struct Sheet(RgbImage);
 
 impl Sheet {
-    /// As much of a text as is as wide as a thumbnail.
+    /// Draws one line of text, cut off at the width of a thumbnail.
     fn line(&mut self, x: u32, y: u32, text: &str, ink: Rgb888) {
         let most = (SIDE / FONT.character_size.width) as usize;
         let text: String = text.chars().take(most).collect();
         let at = Point::new(x as i32, y as i32);
         let text = Text::with_baseline(&text, at, MonoTextStyle::new(FONT, ink), Baseline::Top);
-        // Drawing into memory does not fail.
+        // Drawing into memory cannot fail.
         let _ = text.draw(self);
     }
 
-    /// A text over the whole of a cell.
+    /// Draws a text over a whole cell, broken into lines.
     fn wrapped(&mut self, x: u32, y: u32, text: &str) {
         let most = ((SIDE - 12) / FONT.character_size.width) as usize;
         let characters: Vec<char> = text.chars().collect();

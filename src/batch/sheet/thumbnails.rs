@@ -1,4 +1,4 @@
-//! Small pictures of an input's frames, side by side in one image.
+//! Thumbnails of an input's frames, side by side in one image.
 
 use image::{Rgb, RgbImage, RgbaImage, codecs::jpeg::JpegEncoder, imageops};
 
@@ -8,27 +8,28 @@ use super::entry::Entry;
 
 /// Longer side of a thumbnail in pixels.
 pub const SIDE: u32 = 192;
-/// What shows through transparent pixels.
-const BEHIND: [u8; 3] = [214, 217, 221];
-/// Of the JPEG.
+/// Colour behind transparent pixels.
+const BACKDROP: [u8; 3] = [214, 217, 221];
+/// Quality of the JPEG in percent.
 const QUALITY: u8 = 82;
 
-/// Frames of one input from left to right.
+/// Thumbnails of one input's frames, from left to right.
 #[derive(Debug, Clone)]
 pub struct Strip {
-    /// All of them: a JPEG file.
+    /// The thumbnails of all frames as one JPEG file.
     pub jpeg: Vec<u8>,
-    /// The numbers of the frames.
+    /// Numbers of the frames.
     pub frames: Vec<u32>,
-    /// The first alone.
+    /// Thumbnail of the first frame.
     pub first: RgbImage,
 }
 
 impl Strip {
-    /// At most so many frames of an input, evenly spread; `None` where no picture can be read.
-    pub fn of(job: &Job, entry: &Entry, most: usize) -> Option<Self> {
+    /// Makes at most `max_count` thumbnails, evenly spread over the frames. `None` if no picture
+    /// can be read.
+    pub fn of(job: &Job, entry: &Entry, max_count: usize) -> Option<Self> {
         let there: Vec<u32> = entry.frames.keys().copied().collect();
-        let count = there.len().min(most);
+        let count = there.len().min(max_count);
         let chosen = (0..count).map(|i| there[i * there.len() / count]);
         let mut thumbnails: Vec<(u32, RgbImage)> = Vec::new();
         for frame in chosen {
@@ -38,7 +39,7 @@ impl Strip {
             }
         }
         let (width, height) = thumbnails.first()?.1.dimensions();
-        // A frame of another size is another job's.
+        // A frame of another size belongs to another job.
         thumbnails.retain(|(_, picture)| picture.dimensions() == (width, height));
         let mut image = RgbImage::new(width * thumbnails.len() as u32, height);
         for (i, (_, picture)) in thumbnails.iter().enumerate() {
@@ -52,7 +53,7 @@ impl Strip {
     }
 }
 
-/// No larger than it was.
+/// Shrinks a picture to thumbnail size and blends it over the backdrop. Never enlarges it.
 fn small(mut picture: RgbaImage) -> RgbImage {
     let longer = picture.width().max(picture.height());
     if longer > SIDE {
@@ -63,7 +64,7 @@ fn small(mut picture: RgbaImage) -> RgbImage {
     RgbImage::from_fn(picture.width(), picture.height(), |x, y| {
         let [r, g, b, a] = picture.get_pixel(x, y).0.map(u32::from);
         let over = |value: u32, i: usize| {
-            ((value * a + u32::from(BEHIND[i]) * (255 - a) + 127) / 255) as u8
+            ((value * a + u32::from(BACKDROP[i]) * (255 - a) + 127) / 255) as u8
         };
         Rgb([over(r, 0), over(g, 1), over(b, 2)])
     })

@@ -1,4 +1,4 @@
-//! A row of the catalogue, and what its work is given.
+//! Cases of the catalogue, their pass criteria, and the run of one case.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
@@ -18,30 +18,31 @@ use crate::measure::random::Random;
 use crate::monitor::Monitor;
 use crate::ray::LANES;
 
-/// Packets between two looks at the monitor.
+/// Number of packets between two checks of the monitor.
 const PORTION: u64 = 2048;
 
-/// Share of the hits that may be more than 2 ulp off.
+/// Largest share of hits whose t may be off by more than 2 ulp.
 const COARSE: f64 = 1e-4;
 
-/// Largest error of a barycentric weight.
+/// Largest allowed error of a barycentric weight.
 const WEIGHT: f64 = 1e-6;
 
-/// What a row asks of the columns that must hold.
+/// Pass criterion of a case, for the columns that must meet it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mark {
-    /// No failure; t within 2 ulp for 99.99% of the hits and 8 always, weights within 1e-6.
+    /// No wrong answer. t within 2 ulp for 99.99% of the hits and within 8 ulp for all, weights
+    /// within 1e-6.
     Exact,
-    /// No failure; the reason why t is not held to a bound.
+    /// No wrong answer. The reason why t has no bound.
     Zero(&'static str),
-    /// No failure; t more than 2 ulp off for at most this share of the hits; the reason.
+    /// No wrong answer. Largest share of hits with t off by more than 2 ulp, and the reason.
     Coarse(f64, &'static str),
-    /// At most this share of the rays fails; the reason.
+    /// Largest share of rays with a wrong answer, and the reason.
     Rate(f64, &'static str),
 }
 
 impl Mark {
-    /// For the table.
+    /// The criterion as the table of results shows it.
     pub fn text(&self) -> String {
         match self {
             Self::Exact => "0; t within 2 ulp, 8 at worst".into(),
@@ -55,7 +56,7 @@ impl Mark {
         }
     }
 
-    /// Why a tally misses it.
+    /// Returns why the counts do not meet the criterion, or `None` if they do.
     pub fn missed(&self, tally: &Tally) -> Option<String> {
         let (failed, rays) = (tally.failed(), tally.rays);
         let allowed = match self {
@@ -85,25 +86,24 @@ impl Mark {
     }
 }
 
-/// The work of a case.
+/// Function that runs a case and adds its counts to the [`Run`].
 type Work = Box<dyn Fn(&mut Run) -> Result<()> + Send + Sync>;
 
-/// A row of the catalogue.
+/// A case of the catalogue: geometry and rays with known answers.
 pub struct Case {
-    /// The part of the catalogue.
+    /// Name of the part of the catalogue.
     pub group: &'static str,
-    /// Its name; unique.
+    /// Name of the case, unique in the catalogue. It seeds the random rays.
     pub name: String,
-    /// What is traced and what must come out.
+    /// Description of the rays and of the right answers.
     pub what: String,
-    /// What passes.
+    /// Criterion that a backend must meet to pass.
     pub mark: Mark,
-    /// What it does.
     work: Work,
 }
 
 impl Case {
-    /// A case that does `work`.
+    /// Creates a case whose function is `work`.
     pub fn new(
         group: &'static str,
         name: impl Into<String>,
@@ -114,10 +114,10 @@ impl Case {
         Self { group, name: name.into(), what: what.into(), mark, work: Box::new(work) }
     }
 
-    /// Runs it.
+    /// Runs the case on every column and returns its row of results.
     pub(super) fn run(&self, settings: &Settings, monitor: &Monitor) -> Result<Row> {
         let started = Instant::now();
-        // The name decides the rays, not the place in the catalogue.
+        // The seed depends on the name of the case, not on its place in the catalogue.
         let salt = self.name.bytes().fold(settings.seed, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
         });
@@ -144,43 +144,44 @@ impl Case {
     }
 }
 
-/// A case at work.
+/// State of a case while it runs: settings in, counts out.
 pub struct Run<'a> {
-    /// What is measured.
+    /// Backends, seed and number of rays.
     pub settings: &'a Settings,
-    /// Asks to stop.
+    /// Receives progress and carries signals.
     pub monitor: &'a Monitor,
-    /// Of this case's random numbers.
+    /// Seed of the random numbers of this case.
     salt: u64,
-    /// By column.
+    /// Counts of each column so far.
     pub tallies: Vec<Tally>,
-    /// Of failures.
+    /// Pictures of failures, at most one for each column.
     pictures: Vec<Picture>,
-    /// What else there is to say.
+    /// Remark for the table of results.
     pub note: Option<String>,
 }
 
-/// How many packets.
+/// Number of packets of a case, for fast and slow columns.
 #[derive(Debug, Clone, Copy)]
 pub struct Amount {
-    /// In the quick run.
+    /// Number of packets in the quick run.
     pub packets: u64,
-    /// Slow columns get every so many-th packet.
+    /// Slow columns trace one packet in this many.
     pub slow: u64,
-    /// The exact answer is asked for at every so many-th packet.
+    /// The oracle computes exact answers for one packet in this many.
     pub truth: u64,
 }
 
 impl Run<'_> {
-    /// Random numbers of this case.
+    /// Random numbers of this case, number `index`.
     pub fn random(&self, index: u64) -> Random {
         Random::new(self.salt, index)
     }
 
-    /// Every column over a geometry. Small ones are built with one thread, which is quicker.
+    /// Builds every column and the oracle over a geometry. A small geometry is built faster with
+    /// one thread.
     ///
     /// # Errors
-    /// Where one cannot be built.
+    /// The errors of the builds.
     pub fn build<'g>(&'g self, geometry: &'g Geometry) -> Result<Built<'g>> {
         let small = *geometry.bases().last().unwrap_or(&0) < 1000;
         let threads = if small { 1 } else { rayon::current_num_threads() };
@@ -190,10 +191,10 @@ impl Run<'_> {
         Ok(Built { geometry, columns, oracle: oracle(geometry, self.monitor)? })
     }
 
-    /// Aims packets at a geometry, has every column trace them, and judges.
+    /// Traces packets, created by `aim`, with every column and judges the answers.
     ///
     /// # Errors
-    /// Where a column cannot be built; `Interrupted` after a signal.
+    /// The errors of the builds; `Interrupted` after a signal.
     pub fn shoot(
         &mut self,
         geometry: &Geometry,
@@ -207,7 +208,7 @@ impl Run<'_> {
             let judge = Judge { built: &built };
             let times = run.settings.times;
             let packets = amount.packets * times;
-            // In a long run the slow ones trace at most 16 times the rays of the quick one.
+            // In a long run the slow columns trace at most 16 times the rays of the quick run.
             let slow = amount.slow * times.div_ceil(16);
             for first in (0..packets).step_by(PORTION as usize) {
                 let last = packets.min(first + PORTION);
@@ -231,10 +232,10 @@ impl Run<'_> {
         self.keep(geometry, sums)
     }
 
-    /// Adds what was counted over a geometry, with pictures of what failed.
+    /// Adds the counts over a geometry, and a picture of the first failures of each column.
     ///
     /// # Errors
-    /// Where what the pictures need cannot be built.
+    /// The errors of the build that the pictures need.
     pub fn keep(&mut self, geometry: &Geometry, sums: Vec<Tally>) -> Result<()> {
         if self.settings.pictures && sums.iter().any(|sum| !sum.places.is_empty()) {
             let view = picture::View::new(geometry, self.monitor)?;
@@ -254,7 +255,7 @@ impl Run<'_> {
     }
 }
 
-/// The oracle over a geometry.
+/// Builds the oracle over a geometry.
 pub fn oracle<'g>(geometry: &'g Geometry, monitor: &Monitor) -> Result<Brute<'g>> {
     Brute::build(geometry, &BuildOptions { threads: 1, max_bytes: None }, monitor)
 }

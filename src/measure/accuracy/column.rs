@@ -1,4 +1,4 @@
-//! What is measured: backends in one mode and instruction set each, the columns of the table.
+//! Columns of the table: backends, each in one mode and instruction set.
 
 use super::tally::Kind;
 use crate::accel::brute::Brute;
@@ -12,15 +12,16 @@ use crate::ray::Coherence;
 use crate::scene::{Backend, EmbreeMode};
 use crate::simd::Isa;
 
-/// A backend in one mode.
+/// A backend in one mode and instruction set.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Column {
-    /// Its name, mode and instruction set.
+    /// The backend with its name.
     pub contestant: Contestant,
 }
 
 impl Column {
-    /// What is measured where nothing is named: Embree fast and robust, `bvh` in each tier of this machine, `coursework`, `brute`.
+    /// The default columns: Embree fast and robust, `bvh` in each instruction set of this machine,
+    /// `coursework` and `brute`.
     pub fn all() -> Vec<Self> {
         let mut all = vec![
             Self::new("embree-fast", Backend::Embree(EmbreeMode::Fast)),
@@ -32,7 +33,7 @@ impl Column {
         all
     }
 
-    /// `bvh` in each tier that this machine runs.
+    /// `bvh` in each instruction set that this machine supports.
     pub fn tiers() -> Vec<Self> {
         let tier = |isa: Isa| {
             let name = match isa {
@@ -49,22 +50,26 @@ impl Column {
         Self { contestant: Contestant { name: name.into(), backend } }
     }
 
-    /// As the table has it.
+    /// Name of the column in the table.
     pub fn name(&self) -> &str {
         &self.contestant.name
     }
 
-    /// What finds the hits.
+    /// The backend of the column.
     pub fn backend(&self) -> Backend {
         self.contestant.backend
     }
 
-    /// Whether it fails the run where it misses a row's mark; others are published.
+    /// Returns whether the run fails if the backend does not meet the criterion of a case. Failures
+    /// of other backends are only published.
     pub fn must_hold(&self) -> bool {
         matches!(self.backend(), Backend::Bvh(_) | Backend::Brute)
     }
 
-    /// What must not happen to what renders, although its leaks are published only.
+    /// Kinds of errors that fail the run even if [`Column::must_hold`] is false.
+    ///
+    /// They apply to robust Embree, because `--backend embree` renders with it. Its leaks are only
+    /// published.
     pub fn forbidden(&self) -> &'static [Kind] {
         match self.backend() {
             Backend::Embree(EmbreeMode::Robust | EmbreeMode::Compact) => {
@@ -74,17 +79,19 @@ impl Column {
         }
     }
 
-    /// Whether it traces fewer rays because each takes long.
+    /// Returns whether the backend traces fewer rays, because each takes long.
     pub fn slow(&self) -> bool {
         matches!(self.backend(), Backend::Coursework | Backend::Brute)
     }
 
-    /// The bound of its own test, in units of the shear's: what [`cross_check`] grants it.
+    /// Error bound of the backend's own test, in units of the bound of the shear: the factor of
+    /// [`cross_check`].
     pub fn factor(&self) -> f64 {
         cross_check::factor(self.backend())
     }
 
-    /// The ways to ask whose answers may differ; `packets` is how packets are announced.
+    /// The coherences whose answers may differ: `packets` for packets, and single rays if the
+    /// backend has a separate query for them.
     pub fn ways(&self, packets: Coherence) -> Vec<Coherence> {
         match self.slow() {
             true => vec![packets],
@@ -92,7 +99,7 @@ impl Column {
         }
     }
 
-    /// Builds it.
+    /// Builds the backend over a geometry.
     ///
     /// # Errors
     /// See [`accel::build`].
@@ -107,25 +114,25 @@ impl Column {
     }
 }
 
-/// What is measured, and how much.
+/// Backends, seed and number of rays of a run.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// The columns, in order.
+    /// The columns of the table, in order.
     pub columns: Vec<Column>,
-    /// Of all random rays.
+    /// Seed of all random rays.
     pub seed: u64,
-    /// How many times the rays of the quick run.
+    /// Number of rays, in multiples of the quick run.
     pub times: u64,
-    /// Whether pictures are made of failures.
+    /// Whether to draw pictures of failures.
     pub pictures: bool,
 }
 
-/// All columns over one geometry, and the oracle.
+/// All columns and the oracle, built over one geometry.
 pub struct Built<'g> {
-    /// What they are built over.
+    /// The geometry that all of them are built over.
     pub geometry: &'g Geometry,
-    /// In the order of the settings.
+    /// The columns with their accelerators, in the order of the settings.
     pub columns: Vec<(&'g Column, Box<dyn Accelerator + 'g>)>,
-    /// Knows the exact answers.
+    /// The oracle, which computes the exact answers.
     pub oracle: Brute<'g>,
 }

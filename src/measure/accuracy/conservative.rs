@@ -1,4 +1,5 @@
-//! Boxes must never prune what a test would hit: soups over sixteen decades.
+//! Cases for conservative boxes: soups of primitives whose sizes span sixteen decades. A box test
+//! must never cull a primitive that the ray hits.
 
 use glam::DVec3;
 
@@ -11,13 +12,13 @@ use crate::ray::LANES;
 
 const GROUP: &str = "conservative";
 
-/// Soups in the quick run.
+/// Number of soups in the quick run.
 const SOUPS: u64 = 16;
 
-/// Runs of so many times the quick one's rays have four times as many again.
+/// Runs with at least this multiple of the quick run's rays trace four times as many again.
 const LONG: u64 = 400;
 
-/// Either sign, magnitude 1e-8 to 1e8.
+/// A random number of either sign with a magnitude from 1e-8 to 1e8.
 fn wide(random: &mut Random) -> f64 {
     10f64.powf(random.within(-8.0, 8.0)) * random.sign()
 }
@@ -26,7 +27,7 @@ fn wide_point(random: &mut Random) -> DVec3 {
     DVec3::new(wide(random), wide(random), wide(random))
 }
 
-/// Primitives of every size at every distance, half of them in a crowd.
+/// Primitives of every size at every distance, half of them around one point.
 fn scene(random: &mut Random) -> Geometry {
     let crowd = wide_point(random);
     let corners = |random: &mut Random, n: usize| -> Vec<DVec3> {
@@ -42,7 +43,7 @@ fn scene(random: &mut Random) -> Geometry {
         (0..96).filter_map(|_| corners(random, 3).try_into().ok()).collect();
     let quads = (0..10)
         .filter_map(|_| {
-            // Parallelograms: flat but for their rounding.
+            // Parallelograms, flat except for rounding.
             let [a, b, d]: [DVec3; 3] = corners(random, 3).try_into().ok()?;
             Some([a, b, b + (d - a), d].map(|v| v.as_vec3().to_array()))
         })
@@ -53,13 +54,13 @@ fn scene(random: &mut Random) -> Geometry {
     geometry(vec![soup(&triangles)], quads, spheres)
 }
 
-/// Rows of this group.
+/// All cases of this group.
 pub fn cases() -> Vec<Case> {
     let row = |name: &'static str, what: &'static str, aimed: bool, packets: u64| {
         let mark =
             Mark::Coarse(0.01, "needles 16 decades long: f64 has too few digits for their planes");
         Case::new(GROUP, name, what, mark, move |run| {
-            // More soups in a longer run, not only more rays.
+            // A longer run has more soups, not only more rays.
             let times = run.settings.times;
             let soups = SOUPS * times.min(64);
             // A full run has 10^8 random rays.

@@ -1,5 +1,8 @@
-//! Surfaces that must not shadow themselves, and occluders in contact that must shadow them, at
-//! scales from 1e-6 to 1e6 and up to 1e7 times the object's size away from the world's origin.
+//! Cases for false self-shadows and light leaks: a surface must not shadow itself, and an occluder
+//! in contact with it must shadow it.
+//!
+//! Scales run from 1e-6 to 1e6, and distances from the world's origin up to 1e7 times the object's
+//! size.
 
 use std::path::Path;
 use std::time::Instant;
@@ -26,32 +29,32 @@ use crate::world::{LoadOptions, World};
 
 const GROUP: &str = "contact";
 
-/// What objects are multiplied by.
+/// Sizes of the objects.
 const SCALES: [f64; 5] = [1e-6, 1e-3, 1.0, 1e3, 1e6];
 
 /// Distances from the world's origin, in sizes of the object.
 const OFFSETS: [f64; 3] = [0.0, 1e3, 1e7];
 
-/// Packets of each world in the quick run.
+/// Number of packets for each world in the quick run.
 const PACKETS: u64 = 24;
 
-/// Slow columns trace every so many-th packet.
+/// Slow columns trace one packet in this many.
 const SLOW: u64 = 3;
 
-/// Occluders at least so many ulp of the largest coordinate above a surface must shadow it.
+/// Smallest gap at which an occluder must shadow a surface, in ulp of the largest coordinate.
 const CONTACT: f64 = 4.0;
 
-/// The primitives that objects are made of.
+/// Kind of primitives that an object consists of.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Made {
+pub(super) enum Solid {
     Triangles,
     Quads,
     Spheres,
 }
 
-const MADE: [Made; 3] = [Made::Triangles, Made::Quads, Made::Spheres];
+const SOLIDS: [Solid; 3] = [Solid::Triangles, Solid::Quads, Solid::Spheres];
 
-/// An object in its world.
+/// Size, position and rotation of an object in its world.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     scale: f64,
@@ -88,13 +91,13 @@ impl Place {
                 "v2": self.point(c), "v3": self.point(d) })
     }
 
-    /// A world of these shapes.
+    /// Loads a world of these shapes.
     fn world(&self, shapes: &[Value]) -> Result<World> {
         world(shapes, &self.offset, self.scale)
     }
 }
 
-/// A world of shapes, as it would be read from a file.
+/// Loads a world of shapes through the scene loader, as from a file.
 pub(super) fn world(shapes: &[Value], offset: &DVec3, scale: f64) -> Result<World> {
     let at = |v: DVec3| json!((*offset + v * scale).to_array());
     let scene = json!({
@@ -109,19 +112,19 @@ pub(super) fn world(shapes: &[Value], offset: &DVec3, scale: f64) -> Result<Worl
     Ok(World::load(&loaded.scene, LoadOptions::default(), &Monitor::default())?.0)
 }
 
-/// Corners of a cube by bits of their number.
+/// Corner `k` of a cube from -1 to 1; bit i of `k` selects the sign of axis i.
 fn corner(k: usize) -> [f64; 3] {
     [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -1.0 } else { 1.0 })
 }
 
-/// A convex object.
-fn convex(made: Made, place: &Place) -> Vec<Value> {
+/// Scene shapes of a convex object around the origin.
+fn convex(solid: Solid, place: &Place) -> Vec<Value> {
     let sides =
         [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    match made {
-        Made::Spheres => vec![place.sphere([0.0; 3], 1.0)],
-        Made::Quads => sides.map(|side| place.plane(side.map(corner))).to_vec(),
-        Made::Triangles => {
+    match solid {
+        Solid::Spheres => vec![place.sphere([0.0; 3], 1.0)],
+        Solid::Quads => sides.map(|side| place.plane(side.map(corner))).to_vec(),
+        Solid::Triangles => {
             // An octahedron.
             let tip = |axis: usize, k: usize| {
                 let mut v = [0.0; 3];
@@ -133,15 +136,15 @@ fn convex(made: Made, place: &Place) -> Vec<Value> {
     }
 }
 
-/// A direction within the hemisphere around `normal`, its cosine at least `least`.
+/// A random direction in the hemisphere around `normal`, with a cosine of at least `least`.
 pub(super) fn above(random: &mut Random, normal: DVec3, least: f64) -> DVec3 {
     let side = random.direction().cross(normal).normalize_or(normal.any_orthonormal_vector());
     let cosine = random.within(least, 1.0);
     normal * cosine + side * (1.0 - cosine * cosine).sqrt()
 }
 
-/// 16 rays from around to the object of size `scale`.
-fn looks(
+/// 16 rays from one point around the object, of size `scale`, to its targets.
+fn rays_at_object(
     random: &mut Random,
     scale: f64,
     target: impl Fn(&mut Random) -> DVec3,
@@ -162,13 +165,15 @@ fn looks(
     packet
 }
 
-/// Traces packets through a world: `looks` makes them, `judge` aims at lights from what a column
-/// saw and says what is wrong.
+/// Traces packets through a geometry with every column and adds the counts to `run`.
+///
+/// `first_rays` creates the first rays. `judge` traces secondary rays from the hits of one column,
+/// and counts wrong answers.
 pub(super) fn check(
     run: &mut Run,
     geometry: &Geometry,
     salt: u64,
-    looks: impl Fn(&mut Random) -> RayPacket + Sync,
+    first_rays: impl Fn(&mut Random) -> RayPacket + Sync,
     judge: impl Fn(&mut Random, &Seen, &mut Tally) + Sync,
 ) -> Result<()> {
     let mut sums = vec![Tally::default(); run.tallies.len()];
@@ -179,12 +184,12 @@ pub(super) fn check(
             .into_par_iter()
             .filter(|_| !run.monitor.stopped())
             .map(|index| {
-                let first = looks(&mut run.random(salt << 40 | index << 1));
+                let first = first_rays(&mut run.random(salt << 40 | index << 1));
                 let mut tallies = Vec::new();
                 for (column, accelerator) in &built.columns {
                     let mut tally = Tally::default();
                     if !column.slow() || index % SLOW == 0 {
-                        // The same lights for all columns.
+                        // The same random numbers, and so the same lights, for all columns.
                         let mut random = run.random(salt << 40 | index << 1 | 1);
                         let mut packet = first.clone();
                         let all = Mask([-1; LANES]);
@@ -214,7 +219,7 @@ pub(super) fn check(
     run.keep(geometry, sums)
 }
 
-/// What a column saw of a packet.
+/// The hits of one column on a packet, and their surface points.
 pub(super) struct Seen<'a> {
     geometry: &'a Geometry,
     pub column: &'a super::column::Column,
@@ -224,7 +229,8 @@ pub(super) struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// For each way to ask: which lanes have a shadow ray, and which of them are occluded.
+    /// Traces shadow rays to `lights`. Returns, for each way to trace them, the lanes that have a
+    /// shadow ray, and which of these are occluded.
     pub fn occluded(
         &self,
         lights: &[DVec3; LANES],
@@ -247,12 +253,12 @@ impl Seen<'_> {
         .collect()
     }
 
-    /// What rays are traced in.
+    /// Geometry and accelerator that rays are traced in.
     pub fn scene(&self) -> (&Geometry, &dyn Accelerator) {
         (self.geometry, self.accelerator)
     }
 
-    /// Which points lie below a light's plane, on the side of the scene's middle, by more than rounding.
+    /// Returns which points are off a light's plane by more than rounding.
     pub fn is_below(&self, area: &Area) -> [bool; LANES] {
         std::array::from_fn(|i| {
             let at = self.points.position(i) - area.corner.as_dvec3();
@@ -260,14 +266,14 @@ impl Seen<'_> {
         })
     }
 
-    /// Primitive of lane `i`, if it hit one.
+    /// Primitive number that lane `i` hit, if any.
     pub fn primitive(&self, i: usize) -> Option<u32> {
         let hits = &self.packet.hits;
         (hits.geom[i] != NONE).then(|| self.geometry.primitive(hits.geom[i], hits.prim[i]))
     }
 }
 
-/// Convex objects alone: no light above a surface is hidden.
+/// A case with one convex object: no light above its surface is occluded.
 fn self_shadow(scale: f64) -> Case {
     let name = format!("self-intersection, scale {scale:e}");
     let what = format!(
@@ -277,17 +283,17 @@ fn self_shadow(scale: f64) -> Case {
     let mark = Mark::Zero("shadow rays have no t");
     Case::new(GROUP, name, what, mark, move |run| {
         let mut salt = 0;
-        for made in MADE {
+        for solid in SOLIDS {
             for offset in OFFSETS {
                 salt += 1;
                 let place = Place::new(scale, offset, salt % 2 == 0);
-                let world = place.world(&convex(made, &place))?;
+                let world = place.world(&convex(solid, &place))?;
                 let target = |random: &mut Random| random.cube() * 0.55 * scale;
                 check(
                     run,
                     &world.geometry,
                     salt,
-                    |random| looks(random, scale, target, false),
+                    |random| rays_at_object(random, scale, target, false),
                     |random, seen, tally| {
                         let lights = std::array::from_fn(|i| {
                             let distance = 10f64.powf(random.within(-1.0, 3.0)) * scale;
@@ -298,7 +304,8 @@ fn self_shadow(scale: f64) -> Case {
                             for i in lanes(&active) {
                                 tally.rays += 1;
                                 let (at, normal) = (seen.points.position(i), seen.points.normal(i));
-                                // Seen from within: the ray has come through the side that faces it.
+                                // The normal points inwards: the ray has leaked through the side
+                                // that faces it.
                                 if normal.dot(at) < 0.0 {
                                     tally.fail(Kind::Leak, at);
                                 } else if occluded[i] {
@@ -314,30 +321,30 @@ fn self_shadow(scale: f64) -> Case {
     })
 }
 
-/// A floor, and an occluder `ulps` above it; the occluder comes last of its kind.
-fn stack(made: Made, place: &Place, gap: f64) -> Vec<Value> {
+/// A floor and an occluder at distance `gap` above it. The occluder is the last of its kind.
+fn stack(solid: Solid, place: &Place, gap: f64) -> Vec<Value> {
     let triangle = |size: f64, z: f64| {
         place.triangle([[-size, -size, z], [2.0 * size, -size, z], [-size, 2.0 * size, z]])
     };
     let quad = |size: f64, z: f64| {
         place.plane([[-size, -size, z], [size, -size, z], [size, size, z], [-size, size, z]])
     };
-    match made {
-        Made::Triangles => vec![triangle(1.0, 0.0), triangle(2.0, gap)],
-        Made::Quads => vec![quad(1.0, 0.0), quad(2.0, gap)],
-        Made::Spheres => vec![place.sphere([0.0, 0.0, -1.0], 1.0), quad(2.0, gap)],
+    match solid {
+        Solid::Triangles => vec![triangle(1.0, 0.0), triangle(2.0, gap)],
+        Solid::Quads => vec![quad(1.0, 0.0), quad(2.0, gap)],
+        Solid::Spheres => vec![place.sphere([0.0, 0.0, -1.0], 1.0), quad(2.0, gap)],
     }
 }
 
-/// The occluder's planes, as f32 corners have them.
-fn planes(geometry: &Geometry, made: Made) -> (u32, Vec<[DVec3; 3]>) {
+/// Primitive number of the occluder, and its triangles with their f32 corners.
+fn planes(geometry: &Geometry, solid: Solid) -> (u32, Vec<[DVec3; 3]>) {
     let f64s = |v: [f32; 3]| DVec3::from(v.map(f64::from));
-    match made {
-        Made::Triangles => {
+    match solid {
+        Solid::Triangles => {
             let corners = geometry.meshes[0].corners(1).map(f64s);
             (geometry.primitive(0, 1), vec![corners])
         }
-        Made::Quads | Made::Spheres => {
+        Solid::Quads | Solid::Spheres => {
             let prim = geometry.quads.len() as u32 - 1;
             let [a, b, c, d] = geometry.quads[prim as usize].map(f64s);
             (geometry.primitive(geometry.quads_id(), prim), vec![[a, b, d], [c, d, b]])
@@ -345,7 +352,7 @@ fn planes(geometry: &Geometry, made: Made) -> (u32, Vec<[DVec3; 3]>) {
     }
 }
 
-/// The largest coordinate of anything.
+/// The largest coordinate of any vertex.
 fn largest(geometry: &Geometry) -> f64 {
     let vertices = geometry.meshes.iter().flat_map(|mesh| mesh.vertices());
     let corners = geometry.quads.iter().flatten();
@@ -353,20 +360,20 @@ fn largest(geometry: &Geometry) -> f64 {
     vertices.chain(corners).map(of).fold(0.0, f64::max)
 }
 
-/// Occluders `ulps` above a surface: at least [`CONTACT`] ulp they must shadow it.
+/// A case with occluders `ulps` above a surface. From [`CONTACT`] ulp on they must shadow it.
 fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case {
     let mark = Mark::Zero("occluders nearer than 4 ulp are counted, not failed");
     Case::new(GROUP, name, what, mark, move |run| {
         let mut salt = 0;
         for (&scale, &ulps) in scales.iter().flat_map(|s| ulps.iter().map(move |u| (s, u))) {
-            for (made, offset) in MADE.into_iter().flat_map(|m| OFFSETS.map(|o| (m, o))) {
+            for (solid, offset) in SOLIDS.into_iter().flat_map(|m| OFFSETS.map(|o| (m, o))) {
                 salt += 1;
                 let place = Place::new(scale, offset, salt % 2 == 0);
-                // The recentred coordinates do not depend on so small a gap.
-                let flat = place.world(&stack(made, &place, 0.125))?;
+                // The scene's origin does not depend on so small a gap.
+                let flat = place.world(&stack(solid, &place, 0.125))?;
                 let unit = ulp(largest(&flat.geometry));
-                let world = place.world(&stack(made, &place, ulps * unit / scale))?;
-                in_contact(run, &world.geometry, made, &place, unit, salt)?;
+                let world = place.world(&stack(solid, &place, ulps * unit / scale))?;
+                in_contact(run, &world.geometry, solid, &place, unit, salt)?;
             }
         }
         Ok(())
@@ -376,21 +383,21 @@ fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case
 fn in_contact(
     run: &mut Run,
     geometry: &Geometry,
-    made: Made,
+    solid: Solid,
     place: &Place,
     unit: f64,
     salt: u64,
 ) -> Result<()> {
-    let (occluder, planes) = planes(geometry, made);
+    let (occluder, planes) = planes(geometry, solid);
     let [a, b, c] = planes[0];
     let up = (b - a).cross(c - a).normalize();
-    let middle = match made {
-        Made::Triangles => a.lerp(b, 0.5).lerp(c, 1.0 / 3.0),
-        Made::Quads | Made::Spheres => b.lerp(c, 0.5),
+    let middle = match solid {
+        Solid::Triangles => a.lerp(b, 0.5).lerp(c, 1.0 / 3.0),
+        Solid::Quads | Solid::Spheres => b.lerp(c, 0.5),
     };
     let scale = place.scale;
-    // Near the top of the sphere, anywhere on the other floors.
-    let reach = if made == Made::Spheres { 3e-4 } else { 0.5 };
+    // Rays hit the sphere near its top, and the other floors anywhere.
+    let reach = if solid == Solid::Spheres { 3e-4 } else { 0.5 };
     check(
         run,
         geometry,
@@ -404,7 +411,7 @@ fn in_contact(
                     (goal + above(random, up, 0.3) * random.within(1.0, 4.0) * scale).as_vec3();
                 set_lane(&mut packet.rays.org, i, origin);
                 set_lane(&mut packet.rays.dir, i, (goal - origin.as_dvec3()).as_vec3());
-                // Through the occluder, which lies between.
+                // The occluder lies between, so the ray passes through it.
                 packet.rays.leaving[i] = occluder;
             }
             packet
@@ -422,7 +429,7 @@ fn in_contact(
                         tally.fail(Kind::Leak, point);
                         continue;
                     }
-                    // The occluder above this point; the point itself is rounded by half an ulp.
+                    // Gap between occluder and point. The point itself is rounded by half an ulp.
                     let gap = planes
                         .iter()
                         .map(|&[a, b, c]| (a - point).dot((b - a).cross(c - a).normalize()).abs())
@@ -438,7 +445,7 @@ fn in_contact(
     )
 }
 
-/// Rows of this group.
+/// All cases of this group.
 pub fn cases() -> Vec<Case> {
     let mut cases: Vec<Case> = SCALES.into_iter().map(self_shadow).collect();
     cases.extend(SCALES.into_iter().map(|scale| {

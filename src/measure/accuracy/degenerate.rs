@@ -1,4 +1,4 @@
-//! Triangles that are hardly any: without area, doubled, slivers, tiny, far away.
+//! Cases with degenerate triangles: without area, duplicated, slivers, tiny, huge.
 
 use glam::DVec3;
 
@@ -13,7 +13,7 @@ const GROUP: &str = "degenerate";
 
 const AMOUNT: Amount = Amount { packets: 160, slow: 4, truth: 1 };
 
-/// Rays from around at corners, edges and insides.
+/// Rays from a sphere of radius `distance` at corners, edges and insides of triangles.
 fn aim(random: &mut Random, mesh: &TriangleMesh, distance: f64, expect: Expect) -> Shot {
     let count = mesh.triangles().len() as u32;
     let mut shot = Shot::new(expect);
@@ -48,13 +48,13 @@ fn case(
     })
 }
 
-/// A triangle of about `size` somewhere in the unit cube.
+/// A triangle of about `size` around a random point in [-1, 1)^3.
 fn some(random: &mut Random, size: f64) -> [DVec3; 3] {
     let at = random.cube();
     [0; 3].map(|_| at + random.direction() * size)
 }
 
-/// Whole triangles among which the others stand, so that something lies behind them.
+/// A mesh of ordinary triangles mixed with `others`, so that rays hit something behind these.
 fn crowd(random: &mut Random, others: impl Fn(&mut Random) -> [DVec3; 3]) -> TriangleMesh {
     let mut triangles: Vec<[DVec3; 3]> = (0..150).map(|_| some(random, 0.2)).collect();
     triangles.extend((0..150).map(|_| others(random)));
@@ -62,7 +62,7 @@ fn crowd(random: &mut Random, others: impl Fn(&mut Random) -> [DVec3; 3]) -> Tri
 }
 
 fn fan(random: &mut Random) -> TriangleMesh {
-    // Needles of 1:1e4 around one vertex, a cone each.
+    // Two parts of cones. Each consists of needles of 1:1e4 around one vertex.
     let mut triangles = Vec::new();
     for _ in 0..2 {
         let apex = random.cube() * 0.5;
@@ -78,7 +78,7 @@ fn fan(random: &mut Random) -> TriangleMesh {
     soup(&triangles)
 }
 
-/// Rows of this group.
+/// All cases of this group.
 pub fn cases() -> Vec<Case> {
     vec![
         case(
@@ -176,10 +176,10 @@ pub fn cases() -> Vec<Case> {
     ]
 }
 
-/// Triangles three times each.
+/// A mesh in which every triangle occurs three times.
 fn copied(random: &mut Random, opposite: bool) -> TriangleMesh {
     let mut triangles: Vec<[DVec3; 3]> = (0..60).map(|_| some(random, 0.3)).collect();
-    // The copies follow in another order.
+    // The copies have a different order.
     for k in 0..120 {
         let [a, b, c] = triangles[k * 7 % 60];
         triangles.push(if opposite { [a, c, b] } else { [a, b, c] });

@@ -1,4 +1,4 @@
-//! Rays nearly in the plane of what they meet: skinny triangles at 1 to 0.0001 degrees.
+//! Cases with grazing rays: thin triangles hit at 1 to 0.0001 degrees to their planes.
 
 use glam::DVec3;
 
@@ -11,7 +11,7 @@ use crate::ray::LANES;
 
 const GROUP: &str = "nearly parallel";
 
-/// Strips of length 1 whose planes differ slightly, side by side and one above the other.
+/// Strips of length 1 with slightly different planes, side by side and above each other.
 fn strips(random: &mut Random, width: f64) -> TriangleMesh {
     let mut triangles = Vec::new();
     for _ in 0..400 {
@@ -24,7 +24,7 @@ fn strips(random: &mut Random, width: f64) -> TriangleMesh {
     soup(&triangles)
 }
 
-/// From far away, at `degrees` to the plane of what the ray is aimed at.
+/// Rays at `degrees` to the plane of the triangle that they are aimed at, from 1 to 8 away.
 fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> Shot {
     let mut shot = Shot::new(Expect::Oracle);
     for i in 0..LANES {
@@ -42,7 +42,7 @@ fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> Shot {
     shot
 }
 
-/// Rows of this group.
+/// All cases of this group.
 pub fn cases() -> Vec<Case> {
     [(1.0, 1e-3), (0.1, 1e-3), (0.01, 1e-3), (1e-4, 1e-3)]
         .into_iter()

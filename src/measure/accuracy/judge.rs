@@ -1,4 +1,4 @@
-//! One packet on every column, and what is wrong with the answers.
+//! Traces one packet on every column and judges the answers.
 
 use std::time::Instant;
 
@@ -13,54 +13,55 @@ use crate::geometry::{Geometry, GeometryKind, Surfaces, refine};
 use crate::measure::cross_check::{Answer, Verdict, judge};
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 
-/// Crossings of a line that are followed at most.
-const MOST_CROSSINGS: usize = 64;
+/// Largest number of crossings that are followed along a line.
+const MAX_CROSSINGS: usize = 64;
 
-/// Primitives within the bound beside which a crossing is no longer clear.
-const MOST_NEAR: usize = 1000;
+/// Largest number of primitives within the error bound for a line that is judged.
+const MAX_NEAR: usize = 1000;
 
-/// Embree's bound, the largest: what is clear to it is clear to all.
+/// Embree's factor of the error bound, the largest. A line that is clear of edges within it is
+/// clear for every backend.
 const LARGEST_FACTOR: f64 = 4.0;
 
-/// What must come out.
+/// The right answers of a shot.
 #[derive(Debug, Clone, Copy)]
 pub enum Expect {
-    /// The oracle's answer, up to the bound of the backend's own test.
+    /// The oracle's answer, up to the error bound of the backend's own test.
     Oracle,
-    /// The oracle's primitive, or nothing where it finds nothing, whatever the bound.
+    /// The oracle's primitive or its miss, whatever the error bound.
     Primitive,
-    /// The same as `Oracle`, and of exactly equal hits the lowest primitive.
+    /// As [`Expect::Oracle`], and ties must go to the lowest primitive.
     Lowest,
-    /// A closed surface is in the way: every ray hits, before these t.
+    /// A closed surface lies in the way: every ray hits at a t below its value here.
     Closed([f64; LANES]),
-    /// Lines through a closed mesh cross it as often as the oracle says, an even number of times.
+    /// Lines cross a closed mesh as often as in the oracle, and an even number of times.
     Crossings,
 }
 
-/// 16 rays and what must come of them.
+/// 16 rays with the right answers.
 pub struct Shot {
-    /// The rays; those that are not possible are never traced.
+    /// The rays. Lanes that do not pass [`Rays::possible`] are never traced.
     pub rays: Rays,
-    /// What they are aimed at, for the pictures.
+    /// Points that the rays are aimed at, for the pictures.
     pub goals: [DVec3; LANES],
-    /// What must come out.
+    /// Rule that decides which answers are right.
     pub expect: Expect,
 }
 
 impl Shot {
-    /// No rays yet.
+    /// Creates a shot without rays.
     pub fn new(expect: Expect) -> Self {
         Self { rays: Rays::EMPTY, goals: [DVec3::ZERO; LANES], expect }
     }
 
-    /// Sets ray `i` from `origin` through `goal` (t = 1 there, before rounding).
+    /// Sets ray `i` from `origin` through `goal`, where t = 1 before rounding.
     pub fn through(&mut self, i: usize, origin: DVec3, goal: DVec3) {
         let origin = origin.as_vec3().as_dvec3();
         self.put(i, origin, goal - origin);
         self.goals[i] = goal;
     }
 
-    /// Sets ray `i`.
+    /// Sets ray `i` from `origin` along `direction`, both rounded to f32.
     pub fn put(&mut self, i: usize, origin: DVec3, direction: DVec3) {
         for axis in 0..3 {
             self.rays.org[axis][i] = origin[axis] as f32;
@@ -70,7 +71,7 @@ impl Shot {
     }
 }
 
-/// Traces a packet; the nanoseconds it took.
+/// Traces a packet and returns the time in nanoseconds.
 pub fn trace(
     accelerator: &dyn Accelerator,
     active: &Mask,
@@ -86,15 +87,17 @@ pub fn trace(
     started.elapsed().as_nanos() as u64
 }
 
-/// Judges packets on all columns.
+/// Traces shots on all columns and judges the answers.
 pub struct Judge<'a> {
-    /// The columns.
+    /// The columns and the oracle, built over one geometry.
     pub built: &'a Built<'a>,
 }
 
 impl Judge<'_> {
-    /// A tally per column of one packet. `known`: the exact answers are asked for, else only what
-    /// is expected anyway is held against them. `slow`: slow columns trace it too.
+    /// Traces and judges one packet. Returns the counts of each column.
+    ///
+    /// If `known`, answers are compared with the oracle. Otherwise [`Expect::Closed`] is judged
+    /// without it. If `slow`, slow columns trace the packet too.
     pub fn shot(&self, shot: &Shot, index: u64, known: bool, slow: bool) -> Vec<Tally> {
         let oracle = &self.built.oracle;
         let active = shot.rays.possible(&Mask([-1; LANES]));
@@ -104,7 +107,7 @@ impl Judge<'_> {
             truths[i] = oracle.closest_hit(&Ray::of(&shot.rays, i));
         }
         let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Incoherent };
-        // One in four asks for occlusion instead.
+        // One packet in four is an occlusion query.
         let shadow = index % 4 == 3;
         let mut tallies = Vec::with_capacity(self.built.columns.len());
         for (column, accelerator) in &self.built.columns {
@@ -135,7 +138,7 @@ impl Judge<'_> {
     }
 }
 
-/// One packet on one column.
+/// One packet traced on one column.
 struct One<'a> {
     shot: &'a Shot,
     active: Mask,
@@ -168,7 +171,7 @@ impl One<'_> {
         }
     }
 
-    /// What is wrong with lane `i`.
+    /// Returns the kind of error in lane `i`, or `None` if its answer is right.
     fn judge(&self, i: usize, packet: &RayPacket, shadow: bool, tally: &mut Tally) -> Option<Kind> {
         let answer = match shadow {
             true => Answer::occluded(&packet.rays, i),
@@ -214,8 +217,10 @@ impl One<'_> {
         kind_of(verdict)
     }
 
-    /// Follows each line through the mesh, where no edge is within the bound and no two crossings
-    /// are too near to be told apart.
+    /// Counts the crossings of each line with the mesh and compares them with the oracle's.
+    ///
+    /// Only clear lines are judged: no edge lies within the error bound, and no two crossings are
+    /// too close to separate.
     fn crossings(&self, accelerator: &dyn Accelerator, geometry: &Geometry, tally: &mut Tally) {
         for i in lanes(&self.active) {
             let ray = Ray::of(&self.shot.rays, i);
@@ -234,7 +239,7 @@ impl One<'_> {
     }
 
     fn clear(&self, ray: &Ray) -> bool {
-        let Some(mut near) = self.oracle.near(ray, LARGEST_FACTOR, MOST_NEAR) else {
+        let Some(mut near) = self.oracle.near(ray, LARGEST_FACTOR, MAX_NEAR) else {
             return false;
         };
         near.sort_by(|a, b| a.t.total_cmp(&b.t));
@@ -247,12 +252,12 @@ impl One<'_> {
     }
 }
 
-/// Hits of a line one behind the other, as a caller counts them.
+/// Counts the hits along a line: each query starts at the hit before it and leaves its primitive.
 fn crossings(accelerator: &dyn Accelerator, geometry: &Geometry, rays: &Rays, i: usize) -> usize {
     let mut active = Mask::NONE;
     active.0[i] = -1;
     let (mut tnear, mut leaving) = (rays.tnear[i], rays.leaving[i]);
-    for found in 0..MOST_CROSSINGS {
+    for found in 0..MAX_CROSSINGS {
         let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
         (packet.rays.tnear[i], packet.rays.leaving[i]) = (tnear, leaving);
         accelerator.closest(&active, &mut packet, Coherence::Single);
@@ -262,10 +267,10 @@ fn crossings(accelerator: &dyn Accelerator, geometry: &Geometry, rays: &Rays, i:
         tnear = packet.rays.tfar[i];
         leaving = geometry.primitive(packet.hits.geom[i], packet.hits.prim[i]);
     }
-    MOST_CROSSINGS
+    MAX_CROSSINGS
 }
 
-/// The largest coordinate of a primitive.
+/// The largest coordinate of the primitive that was hit.
 fn size(geometry: &Geometry, hit: &Hit) -> f64 {
     let largest = |corners: &[[f32; 3]]| {
         corners.iter().flatten().fold(f32::MIN_POSITIVE, |most, x| most.max(x.abs())).into()
@@ -280,7 +285,7 @@ fn size(geometry: &Geometry, hit: &Hit) -> f64 {
     }
 }
 
-/// Holds hits of the right primitive against the exact ones: t, and the refined point and weights.
+/// Measures the errors of t, refined point and weights of hits on the right primitive.
 pub fn measure_hits(
     geometry: &Geometry,
     active: &Mask,

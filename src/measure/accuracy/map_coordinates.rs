@@ -1,5 +1,5 @@
-//! Meshes in map coordinates: doubles in the file, one origin in the scene, the picture that the
-//! same mesh gives at the origin.
+//! Cases with meshes in map coordinates. A mesh of large double coordinates must give the same
+//! picture as the same mesh at the origin.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -21,19 +21,19 @@ use crate::world::{LoadOptions, World};
 
 const GROUP: &str = "map coordinates";
 
-/// Where a survey may have put it: metres, an exact number of 2^-20 metres.
+/// A position in metres as in a survey. It is a whole multiple of 2^-20, so the shift is exact.
 const FAR: DVec3 = DVec3::new(4_500_000.0, 500_000.0, 120.0);
 
 /// A shift that f64 rounds.
 const ODD: DVec3 = DVec3::new(4_500_000.123_456_7, 500_000.765_432_1, 120.000_314_159);
 
-/// Largest relative difference of a pixel where the shift rounds.
+/// Largest relative difference of a pixel if the shift rounds.
 const PIXEL: f32 = 1e-5;
 
-/// Pixels of the quick run.
+/// Width and height of the picture in the quick run.
 const FRAME: [u32; 2] = [64, 48];
 
-/// A file of a mesh with double coordinates.
+/// Text of a PLY file with double coordinates.
 fn ply(shape: &Shape, shift: DVec3) -> String {
     let (vertices, faces) = (shape.vertices.len(), shape.triangles.len());
     let mut text = format!(
@@ -50,7 +50,7 @@ fn ply(shape: &Shape, shift: DVec3) -> String {
     text
 }
 
-/// Reads what is in `folder` as a world.
+/// Loads a world of meshes in `folder`, a floor, a sphere and a light, all shifted by `shift`.
 fn load(folder: &Path, meshes: &[&str], shift: DVec3, frame: [u32; 2]) -> Result<World> {
     let at = |x: f64, y: f64, z: f64| json!((shift + DVec3::new(x, y, z)).to_array());
     let mut shapes = vec![
@@ -84,14 +84,14 @@ fn write(folder: &Path, name: &str, text: &str) -> Result<()> {
     std::fs::write(&path, text).map_err(|error| Error::io(&path, "write", &error))
 }
 
-/// The scan's vertices on a grid of 2^-20, which a shift by whole numbers keeps.
+/// Rounds vertices to multiples of 2^-20, so that a shift by whole numbers is exact.
 fn on_a_grid(mut shape: Shape) -> Shape {
     let grid = f64::from(1 << 20);
     shape.vertices.iter_mut().for_each(|v| *v = (*v * grid).round() / grid);
     shape
 }
 
-/// The picture of a scene far away against the one at the origin, pixel by pixel.
+/// Compares the picture of a shifted scene with the picture at the origin, pixel by pixel.
 fn moved(run: &mut Run, shape: &Shape, shift: DVec3, same: fn(f32, f32) -> bool) -> Result<()> {
     let folder = folder()?;
     write(folder.path(), "here.ply", &ply(shape, DVec3::ZERO))?;
@@ -132,7 +132,7 @@ fn moved(run: &mut Run, shape: &Shape, shift: DVec3, same: fn(f32, f32) -> bool)
     run.keep(&here.geometry, sums)
 }
 
-/// Two meshes 1e6 apart: their vertices to half an ulp, and no leak in either.
+/// Checks two meshes 1e6 apart: vertices within half an ulp, and no leak in either.
 fn apart(run: &mut Run) -> Result<()> {
     let folder = folder()?;
     let shape = icosphere(4).squashed(DVec3::splat(50.0 + 1.0 / 3.0));
@@ -182,7 +182,7 @@ fn apart(run: &mut Run) -> Result<()> {
     })
 }
 
-/// Rows of this group.
+/// All cases of this group.
 pub fn cases() -> Vec<Case> {
     let pixels = || Mark::Zero("pixels are compared");
     vec![

@@ -1,4 +1,4 @@
-//! Closed meshes and soups that are made, not read.
+//! Generated closed meshes and triangle soups.
 
 use std::collections::HashMap;
 
@@ -7,21 +7,22 @@ use glam::{DVec3, Vec3};
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::measure::random::Random;
 
-/// Vertices around the origin and triangles over them.
+/// A generated mesh around the origin, in f64.
 #[derive(Debug, Clone, Default)]
 pub struct Shape {
-    /// In f64.
+    /// Positions in f64, not rounded to f32.
     pub vertices: Vec<DVec3>,
-    /// Indices of vertices.
+    /// Indices into `vertices`, three for each triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// From every point of a box around the origin, this fraction of the mesh's own, all vertices are in sight.
+    /// Size of a box around the origin, as a fraction of the mesh's own box. All vertices are
+    /// visible from every point of it.
     pub core: f64,
 }
 
 /// [`Shape::core`] of a shape without spikes.
 const CORE: f64 = 0.3;
 
-/// Vertices that are looked up by their coordinates.
+/// Shared vertices, found by their coordinates.
 #[derive(Default)]
 struct Welded {
     vertices: Vec<DVec3>,
@@ -31,7 +32,7 @@ struct Welded {
 impl Welded {
     fn index(&mut self, v: DVec3) -> u32 {
         let next = self.vertices.len() as u32;
-        // Adding 0 makes -0 and 0 the same.
+        // Adding 0 turns -0 into 0.
         let index = *self.known.entry(v.to_array().map(|x| (x + 0.0).to_bits())).or_insert(next);
         if index == next {
             self.vertices.push(v);
@@ -40,7 +41,7 @@ impl Welded {
     }
 }
 
-/// A sphere of radius 1: 20 * 4^levels triangles.
+/// A sphere of radius 1 with 20 * 4^levels triangles.
 pub fn icosphere(levels: usize) -> Shape {
     let mut vertices = Welded::default();
     let phi = (1.0 + 5f64.sqrt()) / 2.0;
@@ -54,7 +55,7 @@ pub fn icosphere(levels: usize) -> Shape {
             })
         })
         .collect();
-    // Edges of the icosahedron are its shortest distances.
+    // The edges of the icosahedron are the shortest distances between its corners.
     let edge = 2.0 / (phi * phi + 1.0).sqrt() * 1.01;
     for a in 0..12 {
         for b in a + 1..12 {
@@ -104,8 +105,10 @@ pub fn cube(n: u32) -> Shape {
     Shape { vertices: vertices.vertices, triangles, core: CORE }
 }
 
-/// 27 cells that share their walls, from -1 to 1: every inner edge has four walls, so the mesh is not a
-/// manifold. `all` of it, or the walls of the middle cell alone, over the same vertices.
+/// 27 cells from -1 to 1 that share their walls. Four walls meet at every inner edge, so the mesh
+/// is not a manifold.
+///
+/// Without `all` it has only the walls of the middle cell, over the same vertices.
 pub fn cells(all: bool) -> Shape {
     let mut vertices = Welded::default();
     let mut triangles = Vec::new();
@@ -127,8 +130,9 @@ pub fn cells(all: bool) -> Shape {
     Shape { vertices: vertices.vertices, triangles, core: CORE }
 }
 
-/// A ball of radius 1/3 whose faces are spikes of length 2/3: 20 * 4^levels tips of three thin triangles each, all of
-/// which have the tip first.
+/// A ball of radius 1/3 with a spike of length 2/3 on each of its 20 * 4^levels faces.
+///
+/// A spike consists of three thin triangles whose first vertex is the tip.
 pub fn spiky_ball(levels: usize) -> Shape {
     let Shape { mut vertices, triangles, .. } = icosphere(levels);
     let mut spikes = Vec::with_capacity(3 * triangles.len());
@@ -142,8 +146,8 @@ pub fn spiky_ball(levels: usize) -> Shape {
     Shape { vertices, triangles: spikes, core: 0.01 }
 }
 
-/// What a closed scan looks like: 20,480 triangles of uneven size over folds and noise; its middle
-/// sees all of it.
+/// A closed mesh like a scan: 20,480 triangles of uneven size with folds and noise. All of it is
+/// visible from its middle.
 pub fn scan() -> Shape {
     let mut shape = icosphere(5);
     let mut random = Random::new(0x5ca4, 0);
@@ -152,7 +156,7 @@ pub fn scan() -> Shape {
         let folds = 0.22 * (3.0 * p.x + 1.0).sin() * (2.0 * p.y).cos()
             + 0.12 * (7.0 * p.z + 2.0 * p.x).sin()
             + 0.03 * (23.0 * p.y - 11.0 * p.x).sin();
-        // Sideways by less than half an edge, outwards by a scanner's noise.
+        // Move it sideways by less than half an edge, and outwards by a scanner's noise.
         let sideways = random.direction() * 0.008;
         *v = (p + sideways).normalize() * (1.0 + folds + random.within(-4e-4, 4e-4));
     }
@@ -160,14 +164,14 @@ pub fn scan() -> Shape {
 }
 
 impl Shape {
-    /// Each coordinate times a factor.
+    /// Multiplies each coordinate by a factor.
     #[must_use]
     pub fn squashed(mut self, by: DVec3) -> Self {
         self.vertices.iter_mut().for_each(|v| *v *= by);
         self
     }
 
-    /// Every edge has a triangle on either side.
+    /// Returns whether every edge belongs to two triangles.
     pub fn is_closed(&self) -> bool {
         let mut edges: HashMap<[u32; 2], u32> = HashMap::new();
         for &[a, b, c] in &self.triangles {
@@ -178,26 +182,26 @@ impl Shape {
         edges.values().all(|&n| n == 2)
     }
 
-    /// The shape times `scale` around `center`, rounded to f32.
+    /// The mesh, scaled by `scale` and moved to `center`, rounded to f32.
     pub fn placed(&self, center: DVec3, scale: f64) -> TriangleMesh {
         let vertices = self.vertices.iter().map(|&v| (center + v * scale).as_vec3().to_array());
         TriangleMesh::new(vertices.collect(), self.triangles.clone(), false)
     }
 }
 
-/// One mesh as a scene.
+/// A geometry of one mesh.
 pub fn scene(mesh: TriangleMesh) -> Geometry {
     geometry(vec![mesh], vec![], vec![])
 }
 
-/// Triangles that share no vertex.
+/// A mesh of triangles that share no vertex.
 pub fn soup(triangles: &[[DVec3; 3]]) -> TriangleMesh {
     let vertices = triangles.iter().flatten().map(|v| v.as_vec3().to_array()).collect();
     let indices = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     TriangleMesh::new(vertices, indices, false)
 }
 
-/// A scene of few primitives.
+/// A geometry with its origin at 0. It is empty if the primitives are too many to be numbered.
 pub fn geometry(
     meshes: Vec<TriangleMesh>,
     quads: Vec<[[f32; 3]; 4]>,
@@ -206,12 +210,12 @@ pub fn geometry(
     Geometry::new(DVec3::ZERO, meshes, quads, spheres).unwrap_or_default()
 }
 
-/// Corners of a triangle in f64.
+/// Corners of triangle number `triangle`, in f64.
 pub fn corners(mesh: &TriangleMesh, triangle: u32) -> [DVec3; 3] {
     mesh.corners(triangle).map(|v| Vec3::from(v).as_dvec3())
 }
 
-/// A point within a triangle, evenly distributed.
+/// A uniformly distributed point in a triangle.
 pub fn inside(random: &mut Random, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (u, v) = (random.unit().sqrt(), random.unit());
     a * (1.0 - u) + b * (u * (1.0 - v)) + c * (u * v)
@@ -222,16 +226,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn closed_meshes_are_closed_and_of_the_size_they_say() {
+    fn generated_meshes_are_closed_and_have_the_documented_size() {
         for (shape, triangles) in
             [(icosphere(3), 1280), (cube(8), 768), (scan(), 20480), (spiky_ball(3), 3840)]
         {
             assert!(shape.is_closed());
             assert_eq!(shape.triangles.len(), triangles);
-            // Of a sphere's kind: V - E + F = 2.
+            // Euler's formula for the topology of a sphere: V - E + F = 2.
             assert_eq!(shape.vertices.len(), triangles / 2 + 2);
         }
-        // Of 54 inner and 54 outer walls.
+        // 54 inner and 54 outer walls of two triangles each.
         assert!(cells(false).is_closed() && !cells(true).is_closed());
         assert_eq!((cells(true).triangles.len(), cells(true).vertices.len()), (216, 64));
     }

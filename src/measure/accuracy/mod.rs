@@ -1,9 +1,10 @@
-//! The hard cases, on every backend, against answers that are known: what `lightpath accuracy` runs.
+//! Hard cases with known answers, traced on every backend, for `lightpath accuracy`.
 //!
-//! A [`Case`] is a row of the table: what is traced, what must come out, and by what mark it passes.
-//! Its file builds the geometry and aims the rays (`watertight`, `degenerate`, `rays`, `grazing`,
-//! `quads`, `contact`, `secondary`, `spheres`, `map_coordinates`, `conservative`); [`Run`] traces them on every
-//! [`Column`] and `judge` counts what is wrong.
+//! A [`Case`] is a row of the table: its rays, their right answers and its pass criterion, a
+//! [`Mark`]. A backend is a [`Column`]. The files `watertight`, `degenerate`, `rays`, `grazing`,
+//! `quads`, `contact`, `secondary`, `spheres`, `map_coordinates` and `conservative` build the
+//! geometry and aim the rays. [`Run`] traces the rays on every column, and `judge` counts wrong
+//! answers.
 
 mod case;
 mod column;
@@ -34,7 +35,7 @@ pub use self::tally::{Kind, Tally};
 use crate::error::Result;
 use crate::monitor::Monitor;
 
-/// The catalogue, in the order of the table.
+/// All cases, in the order of the table.
 pub fn catalogue() -> Vec<Case> {
     let groups = [
         watertight::cases(),
@@ -51,11 +52,13 @@ pub fn catalogue() -> Vec<Case> {
     groups.into_iter().flatten().collect()
 }
 
-/// Runs all `cases` on the threads of the current rayon pool. `begun` is told the number and the
-/// case that begins, `done` its row. The same counts for any number of threads.
+/// Runs all `cases` on the threads of the current rayon pool.
+///
+/// Calls `begun` with index and case when a case begins, and `done` with its row when it ends. The
+/// counts do not depend on the number of threads.
 ///
 /// # Errors
-/// Where a backend cannot be built; `Interrupted` after a signal.
+/// The errors of the builds and of `done`; `Interrupted` after a signal.
 pub fn run(
     cases: &[Case],
     settings: &Settings,

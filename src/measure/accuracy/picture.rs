@@ -1,4 +1,4 @@
-//! Where failures are: a small picture of the geometry with a dot for each, coloured by kind.
+//! Draws a small picture of a geometry with a dot at each failure, coloured by its kind.
 
 use std::io::Cursor;
 
@@ -14,22 +14,22 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket};
 use crate::simd::Isa;
 
-/// Pixels.
+/// Width and height of a picture in pixels.
 const SIZE: [u32; 2] = [192, 144];
 
-/// Shades of grey: few, so that files stay small.
+/// Number of shades of grey. Few shades keep the files small.
 const SHADES: f64 = 12.0;
 
-/// Sides of the picture may stretch unless the scene is so many times as long as high.
+/// Aspect ratio from which a scene is stretched to fill the picture.
 const LONG: f64 = 12.0;
 
-/// A geometry seen from aside, in parallel projection.
+/// A shaded view of a geometry in parallel projection.
 pub struct View {
     ground: RgbImage,
     center: DVec3,
-    /// Right, down, forward.
+    /// Unit vectors of the view: right, down, forward.
     axes: [DVec3; 3],
-    /// World units from the middle of the picture to its sides.
+    /// Half the width and height of the view, in world units.
     half: [f64; 2],
 }
 
@@ -37,11 +37,11 @@ impl View {
     /// Fits the geometry into the picture and shades it.
     ///
     /// # Errors
-    /// Where no tree can be built.
+    /// The errors of [`Bvh::build`].
     pub fn new(geometry: &Geometry, monitor: &Monitor) -> Result<Self> {
         let (low, high) = bounds(geometry);
         let (center, half) = ((low + high) / 2.0, (high - low) / 2.0);
-        // Flat things are seen from above, others from a corner.
+        // Flat geometry is seen from above, other geometry from a corner.
         let thin = half.to_array().iter().position(|&h| h < 0.1 * half.max_element());
         let forward = match thin {
             Some(axis) => {
@@ -97,7 +97,7 @@ impl View {
                 let [x, y] = pixel(i);
                 let seen = packet.hits.geom[i] != NONE;
                 let normal = DVec3::from([0, 1, 2].map(|k| f64::from(surfaces.ng[k][i])));
-                // Lit from above and a little from the right.
+                // The light comes from above and a little from the right.
                 let light = normal.dot((right * 0.35 - down * 0.6 - forward * 0.75).normalize());
                 let shade = if seen { shade(light) } else { 250 };
                 self.ground.put_pixel(x, y, Rgb([shade; 3]));
@@ -105,7 +105,7 @@ impl View {
         }
     }
 
-    /// The picture with failures, as a PNG file.
+    /// Returns the picture with failures as a PNG file.
     pub fn png(&self, places: &[(DVec3, Kind)]) -> Vec<u8> {
         let mut image = self.ground.clone();
         for (place, kind) in places {
@@ -120,7 +120,7 @@ impl View {
             }
         }
         let mut file = Cursor::new(Vec::new());
-        // Into memory: nothing can fail but the encoder itself.
+        // Writing to memory cannot fail; only the encoder itself can.
         match image.write_to(&mut file, ImageFormat::Png) {
             Ok(()) => file.into_inner(),
             Err(_) => Vec::new(),
@@ -128,7 +128,7 @@ impl View {
     }
 }
 
-/// Grey by the cosine of the light.
+/// Grey level for the cosine between normal and light.
 fn shade(light: f64) -> u8 {
     let grey = 0.4 + 0.55 * light.clamp(0.0, 1.0);
     ((grey * SHADES).round() / SHADES * 240.0) as u8

@@ -1,4 +1,5 @@
-//! Planes of four corners: parallel, within, at corners, grazing, not quite flat.
+//! Cases with quads: rays parallel to them, in their plane, at their corners and grazing; quads
+//! that are not quite flat.
 
 use glam::DVec3;
 
@@ -12,7 +13,7 @@ const GROUP: &str = "quads";
 
 type Quad = [DVec3; 4];
 
-/// Rectangles of any direction, or along the axes on a grid.
+/// Rectangles, half of them rotated, half along the axes on a grid. One corner is lifted by `bend`.
 fn quads(random: &mut Random, bend: f64) -> Vec<Quad> {
     (0..120)
         .map(|k| {
@@ -40,7 +41,7 @@ fn case(name: &'static str, what: &'static str, mark: Mark, bend: f64, aim: Aim)
         let quads = quads(&mut run.random(u64::MAX), bend);
         let f32s = quads.iter().map(|quad| quad.map(|v| v.as_vec3().to_array())).collect();
         let geometry = geometry(vec![], f32s, vec![]);
-        // The corners as they are, after rounding.
+        // The corners after rounding to f32.
         let rounded: Vec<Quad> =
             geometry.quads.iter().map(|quad| quad.map(|v| DVec3::from(v.map(f64::from)))).collect();
         run.shoot(&geometry, Amount { packets: 200, slow: 4, truth: 1 }, |random| {
@@ -58,7 +59,7 @@ fn within(random: &mut Random, [a, b, _, d]: &Quad) -> DVec3 {
     *a + (*b - *a) * random.unit() + (*d - *a) * random.unit()
 }
 
-/// From `angle` radians above the plane, through a point of the quad.
+/// Sets a ray at `angle` radians to the plane, through a point of the quad.
 fn at_angle(random: &mut Random, quad: &Quad, angle: f64, shot: &mut Shot, i: usize) {
     let [a, b, _, d] = *quad;
     let normal = (b - a).cross(d - a).normalize_or(DVec3::Z);
@@ -69,7 +70,7 @@ fn at_angle(random: &mut Random, quad: &Quad, angle: f64, shot: &mut Shot, i: us
     shot.through(i, goal + away * random.within(1.0, 4.0), goal);
 }
 
-/// Rows of this group.
+/// All cases of this group.
 pub fn cases() -> Vec<Case> {
     let seen_edge_on = Mark::Coarse(0.01, "seen edge-on, t may be that of the other half");
     vec![
@@ -95,7 +96,7 @@ pub fn cases() -> Vec<Case> {
             0.0,
             |random, quad, shot, i| {
                 let [a, b, _, d] = *quad;
-                // Along a side, or across it at multiples of the sides.
+                // The direction is a side or a small integer combination of both sides.
                 let turns = [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (-1.0, 2.0)];
                 let (x, y) = turns[random.below(4) as usize];
                 let direction = (b - a) * x + (d - a) * y;

@@ -1,4 +1,4 @@
-//! Rays that are hardly any: directions with zeros, of extreme lengths, ends on surfaces, NaN.
+//! Cases with extreme rays: directions with zeros or of extreme lengths, ends on surfaces, NaN.
 
 use glam::DVec3;
 
@@ -16,10 +16,10 @@ const GROUP: &str = "rays";
 
 const AMOUNT: Amount = Amount { packets: 150, slow: 5, truth: 1 };
 
-/// Impossible rays may take so many times as long as possible ones.
+/// Largest allowed time of packets with impossible rays, relative to packets without.
 const SLOW: f64 = 2.5;
 
-/// Rounds of which the fastest counts.
+/// Number of timings, of which the fastest counts.
 const ROUNDS: usize = 7;
 
 type Change = fn(&mut Random, &TriangleMesh, &mut Shot, usize);
@@ -31,7 +31,7 @@ fn case(name: &'static str, what: &'static str, mark: Mark, change: Change) -> C
     })
 }
 
-/// Rays from around at points of the mesh, changed.
+/// Rays from around the mesh at its points, each changed by `change`.
 fn shot(random: &mut Random, mesh: &TriangleMesh, change: Change) -> Shot {
     let mut shot = Shot::new(Expect::Oracle);
     for i in 0..LANES {
@@ -51,11 +51,12 @@ fn vertex(random: &mut Random, mesh: &TriangleMesh) -> DVec3 {
     corners(mesh, random.below(mesh.triangles().len() as u32))[0]
 }
 
-/// Some components are replaced by what `small` makes; the ray still passes its goal roughly.
+/// Replaces one or two components of the direction by values of `small`. The origin moves along, so
+/// the ray still passes near its goal.
 fn flatten(random: &mut Random, shot: &mut Shot, i: usize, small: fn(&mut Random) -> f32) {
     let axis = random.below(3) as usize;
     let goal = shot.goals[i];
-    // One component, or two: a ray along an axis.
+    // One component, or two, which gives a ray along an axis.
     let both = random.below(2) == 0;
     for k in (0..3).filter(|&k| k == axis || (both && k == (axis + 1) % 3)) {
         shot.rays.org[k][i] = goal[k] as f32;
@@ -71,7 +72,7 @@ fn stretch(shot: &mut Shot, i: usize, by: f64) {
     }
 }
 
-/// Starts the ray at `origin` and sends it anywhere.
+/// Sets ray `i` from `origin` in a random direction.
 fn start(random: &mut Random, shot: &mut Shot, i: usize, origin: DVec3) {
     let direction = random.direction();
     shot.put(i, origin, direction);
@@ -85,12 +86,13 @@ fn impossible(random: &mut Random, _: &TriangleMesh, shot: &mut Shot, i: usize) 
         0 | 1 => shot.rays.org[axis][i] = value,
         2 | 3 => shot.rays.dir[axis][i] = value,
         4 => (0..3).for_each(|k| shot.rays.dir[k][i] = value),
-        // Its neighbours are as they were.
+        // The other rays stay as they are.
         _ => {}
     }
 }
 
-/// Packets with impossible rays must not take longer than [`SLOW`] times those without.
+/// Judges packets with impossible rays, and compares their time with packets without: at most
+/// [`SLOW`] times as long.
 fn quickly(run: &mut Run) -> Result<()> {
     let geometry = scene(scan().placed(DVec3::ZERO, 1.0));
     run.shoot(&geometry, AMOUNT, |random| shot(random, &geometry.meshes[0], impossible))?;
@@ -145,7 +147,7 @@ fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<Tally>, String) {
     )
 }
 
-/// Rows of this group.
+/// All cases of this group.
 pub fn cases() -> Vec<Case> {
     vec![
         case(
@@ -230,7 +232,7 @@ pub fn cases() -> Vec<Case> {
     ]
 }
 
-/// Primitives that hold the origins of all rays, and walls around, far away.
+/// A case of rays that start on primitives, with distant walls around.
 fn on_a_surface() -> Case {
     let what = "from points that a floor holds exactly - within a triangle, on its edge, on its corner, within a quad, on \
                 a sphere, axis-parallel and tilted - in any direction: the floor is not met there, what is behind it is. \
@@ -238,7 +240,7 @@ fn on_a_surface() -> Case {
     let mark = Mark::Coarse(1e-3, "a sphere may be met again just behind its start");
     Case::new(GROUP, "origin on a surface", what, mark, |run| {
         for slope in [0.0, 0.25, 0.625] {
-            // On a lattice of 1/64, so that points of the plane are f32 exactly.
+            // Multiples of 1/64, so that points of the plane are exact in f32.
             let at = |x: f64, y: f64| DVec3::new(x, y, slope * x - 0.5 * slope * y);
             let [a, b, c] = [at(-0.5, -0.75), at(0.75, -0.5), at(-0.25, 0.75)];
             let wall =
@@ -271,7 +273,8 @@ fn on_a_surface() -> Case {
     })
 }
 
-/// Segments are open: a hit at tfar or tnear does not count, one float farther it does.
+/// A case for open segments: a hit exactly at `tfar` or `tnear` does not count. One float further
+/// inside it counts.
 fn ends() -> Case {
     let what = "a wall met at t = 4 exactly; segments that end or begin there, one float before, \
                 one float behind";

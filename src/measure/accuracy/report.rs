@@ -1,4 +1,4 @@
-//! What a run found out, as it is written to files.
+//! Results of `lightpath accuracy`, as they are written to JSON.
 
 use std::collections::BTreeMap;
 
@@ -11,94 +11,97 @@ use crate::measure::accuracy::Column;
 use crate::measure::result::Machine;
 use crate::monitor::Monitor;
 
-/// Changes when a reader of older files would misunderstand newer ones.
+/// Version of the file format. It changes if a reader of older files would misread newer ones.
 pub const VERSION: u32 = 1;
 
-/// One run.
+/// Results of one run of `lightpath accuracy`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// [`VERSION`].
+    /// Format of the file: [`VERSION`] when it was written.
     pub version: u32,
-    /// Where it ran.
+    /// The machine that the run took place on.
     pub machine: Option<Machine>,
-    /// Of all random rays.
+    /// Seed of all random rays.
     pub seed: u64,
-    /// How many times the rays of the quick run.
+    /// Number of rays, in multiples of the quick run.
     pub times: u64,
-    /// What was measured, in the order of every row's entries.
+    /// The columns, in the order of every row's entries.
     pub columns: Vec<ColumnReport>,
-    /// The catalogue.
+    /// One row for each case, in the order of the catalogue.
     pub rows: Vec<Row>,
 }
 
-/// A backend in one mode.
+/// Name, version and error bound of a column.
 #[derive(Debug, Clone, Serialize)]
 pub struct ColumnReport {
-    /// Its name.
+    /// Name of the backend with its mode.
     pub name: String,
-    /// Name and version of what does the work.
+    /// Name and version of the code that finds the hits.
     pub version: String,
     /// Instruction set in use.
     pub isa: String,
-    /// Whether missing a mark fails the run.
+    /// Whether the run fails if the column does not meet a pass criterion.
     pub must_hold: bool,
-    /// The bound that explains answers unlike the exact ones, in units of that of the shear.
+    /// Error bound within which an answer may differ from the exact one, in units of the bound of
+    /// the shear.
     pub bound: f64,
 }
 
-/// One case.
+/// Results of one case.
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
-    /// The part of the catalogue.
+    /// Name of the part of the catalogue.
     pub group: String,
-    /// Unique.
+    /// Name of the case, unique in the catalogue.
     pub name: String,
-    /// What is traced and what must come out.
+    /// Description of the rays and of the right answers.
     pub what: String,
-    /// What passes.
+    /// Criterion that a backend must meet to pass, in words.
     pub mark: String,
-    /// What else there is to say.
+    /// Remark for the table.
     pub note: Option<String>,
-    /// Answers that the fastest columns gave.
+    /// Largest number of judged answers of a column.
     pub rays: u64,
-    /// By column.
+    /// Results of each column, in the order of [`Report::columns`].
     pub entries: Vec<Entry>,
-    /// Of the whole case: building, tracing, judging.
+    /// Seconds for the whole case: builds, tracing and judging.
     pub seconds: f64,
-    /// Of failures.
+    /// Pictures of failures, not written to JSON.
     #[serde(skip)]
     pub pictures: Vec<Picture>,
 }
 
-/// A column in a row.
+/// Results of one column in one case.
 #[derive(Debug, Clone, Serialize)]
 pub struct Entry {
-    /// Answers that were judged.
+    /// Number of judged answers.
     pub rays: u64,
-    /// Wrong ones.
+    /// Number of wrong answers.
     pub failed: u64,
-    /// By kind.
+    /// Number of wrong answers by [`super::Kind`], under its name.
     pub failures: BTreeMap<String, u64>,
-    /// Unlike the exact answer, but within the bound of the backend's own test.
+    /// Answers that differ from the exact one within the error bound of the backend's own test.
     pub within_bound: u64,
-    /// Counted without failing.
+    /// Answers that a case counts without failing it.
     pub counted: u64,
-    /// Hits whose t was held against the exact one.
+    /// Number of hits whose t was compared with the exact t.
     pub measured: u64,
-    /// More than 2 f32 ulp off.
+    /// Number of these hits with t off by more than 2 f32 ulp.
     pub beyond_2_ulp: u64,
-    /// More than 8 f32 ulp off.
+    /// Number of these hits with t off by more than 8 f32 ulp.
     pub beyond_8_ulp: u64,
-    /// Largest error of t; `None` where none was measured.
+    /// Largest error of t in f32 ulp; `None` if none was measured.
     pub worst_ulp: Option<f64>,
-    /// Largest distance of the refined point from the exact one, relative to the largest of
-    /// its coordinates, those of the primitive, and its distance from the ray's origin.
+    /// Largest error of a refined point, relative to its scale.
+    ///
+    /// The scale is the largest of its coordinates, the coordinates of the primitive, and its
+    /// distance from the ray's origin.
     pub worst_relative: Option<f64>,
     /// Largest error of a refined barycentric weight.
     pub worst_weight: Option<f64>,
-    /// Spent in the backend, summed over threads.
+    /// Seconds spent in the backend, summed over threads.
     pub seconds: f64,
-    /// Why the mark is missed, of a column that must hold.
+    /// Reason why the column fails the run, or `None`.
     pub missed: Option<String>,
 }
 
@@ -123,19 +126,19 @@ impl Entry {
     }
 }
 
-/// Failures of one column over the image.
+/// Picture of a geometry with the failures of one column.
 #[derive(Debug, Clone)]
 pub struct Picture {
-    /// Index of the column.
+    /// Index of the column in the settings.
     pub column: usize,
-    /// Its name.
+    /// Name of the column.
     pub name: String,
-    /// The file.
+    /// Content of the PNG file.
     pub png: Vec<u8>,
 }
 
 impl Report {
-    /// No rows yet.
+    /// Creates a report without rows. Builds every column once to learn its version.
     pub(super) fn new(settings: &Settings, monitor: &Monitor) -> Result<Self> {
         let empty = super::meshes::geometry(vec![], vec![], vec![]);
         let mut columns = Vec::new();
@@ -153,7 +156,7 @@ impl Report {
         Ok(Self { version: VERSION, machine: None, seed, times, columns, rows: Vec::new() })
     }
 
-    /// Why the run fails, one sentence each; none if it does not.
+    /// Reasons why the run fails, one line each. Empty if it passes.
     pub fn failures(&self) -> Vec<String> {
         let mut failures = Vec::new();
         for row in &self.rows {
@@ -168,10 +171,11 @@ impl Report {
     }
 }
 
-/// The columns that can be built here, and why the others cannot.
+/// Returns the columns that can be built here, and for every other column a message with the
+/// reason.
 ///
 /// # Errors
-/// Other problems than that a backend does not run here.
+/// The errors of the builds, except `Unsupported`.
 pub fn available(columns: Vec<Column>, monitor: &Monitor) -> Result<(Vec<Column>, Vec<String>)> {
     let empty = super::meshes::geometry(vec![], vec![], vec![]);
     let (mut built, mut without) = (Vec::new(), Vec::new());

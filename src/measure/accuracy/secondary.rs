@@ -1,5 +1,5 @@
-//! Rays that leave surfaces where others meet them: the inner edges and corners of closed rooms, lights that lie
-//! in a wall, mirrors at a small angle.
+//! Cases with secondary rays: from the inner edges and corners of closed rooms, to lights in a
+//! wall, and mirrored at a small angle.
 
 use glam::{DMat3, DVec3, Vec3};
 
@@ -15,10 +15,10 @@ use crate::shading::{Area, set_lane};
 
 const GROUP: &str = "secondary rays";
 
-/// Sizes of rooms, and their distances from the origin in sizes.
+/// Sizes of rooms and their distances from the origin, in sizes.
 const PLACES: [(f64, f64); 5] = [(1.0, 0.0), (1e-3, 0.0), (1e3, 0.0), (1.0, 10.0), (1.0, 1e3)];
 
-/// Turns of rooms, the first none.
+/// Rotation number `k` of a room. Number 0 is the identity.
 fn turn(k: usize) -> DMat3 {
     let k = k as f64;
     DMat3::from_rotation_x(0.7 * k)
@@ -29,25 +29,25 @@ fn turn(k: usize) -> DMat3 {
 /// A closed room around the origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Room {
-    /// Six quads.
+    /// A cube of six quads.
     Quads,
     /// A cube of triangles.
     Triangles,
-    /// A ball of triangles, seen from within.
+    /// A ball of triangles, seen from inside.
     Ball,
-    /// A folded and noisy ball.
+    /// A ball with folds and noise, like a scan.
     Scan,
-    /// The middle one of cells that share their walls.
+    /// The middle cell of several cells that share their walls.
     Cell,
 }
 
-/// Rays rise from their surface by more than their direction is rounded.
-const LEAST_COSINE: f64 = 1e-6;
+/// Smallest cosine between a ray and the normal: above the rounding of the direction.
+const MIN_COSINE: f64 = 1e-6;
 
 const ROOMS: [Room; 5] = [Room::Quads, Room::Triangles, Room::Ball, Room::Scan, Room::Cell];
 
 impl Room {
-    /// Its geometry, turned, sized and moved, rounded to f32; and its edges.
+    /// The geometry and the edges of the room, transformed by `place` and rounded to f32.
     fn place(self, place: &dyn Fn(DVec3) -> DVec3) -> (Geometry, Vec<[DVec3; 2]>) {
         let rounded = |v: DVec3| place(v).as_vec3();
         let shape = match self {
@@ -87,18 +87,18 @@ impl Room {
         (geometry(vec![mesh], vec![], vec![]), edges)
     }
 
-    /// Half the sides of a box around the middle that is well inside.
+    /// Half the sides of a box around the middle that lies well inside the room.
     fn within(self) -> f64 {
         if self == Self::Cell { 0.13 } else { 0.4 }
     }
 
-    /// Whether every point sees every other.
+    /// Returns whether all points of the room see each other.
     fn is_convex(self) -> bool {
         self != Self::Scan
     }
 }
 
-/// 16 rays from a point at points of edges, at their ends, and a little beside.
+/// 16 rays from one point at edges: at their ends, at points on them, and slightly beside.
 fn at_edges(random: &mut Random, from: DVec3, edges: &[[DVec3; 2]]) -> RayPacket {
     let mut packet = RayPacket::EMPTY;
     let from = from.as_vec3();
@@ -118,7 +118,7 @@ fn at_edges(random: &mut Random, from: DVec3, edges: &[[DVec3; 2]]) -> RayPacket
     packet
 }
 
-/// Nothing that leaves the inner edges of a closed room gets out; and a light inside reaches them.
+/// A case with a closed room: no ray from its inner edges escapes, and lights inside reach them.
 fn closed(room: Room, name: &str) -> Case {
     let what = format!(
         "{name}, turned, of sizes from 1e-3 to 1e3 and up to 1e3 sizes from the origin: rays at its inner edges \
@@ -145,7 +145,7 @@ fn closed(room: Room, name: &str) -> Case {
                     let outside = std::array::from_fn(|i| {
                         let normal = seen.points.normal(i);
                         let far = 10f64.powf(random.within(1.0, 3.0)) * scale;
-                        seen.points.position(i) + above(random, normal, LEAST_COSINE) * far
+                        seen.points.position(i) + above(random, normal, MIN_COSINE) * far
                     });
                     for (active, occluded) in seen.occluded(&outside, None, tally) {
                         for i in lanes(&active) {
@@ -181,21 +181,22 @@ fn closed(room: Room, name: &str) -> Case {
     })
 }
 
-/// Where a light is, relative to the wall that it belongs to.
+/// Position of a light relative to the wall that it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Side {
-    /// In its plane.
+    /// In the plane of the wall.
     Flush,
-    /// A hair before it.
+    /// In front of the wall, by [`HAIR`].
     Before,
-    /// A hair behind it.
+    /// Behind the wall, by [`HAIR`].
     Behind,
 }
 
-/// Far above the rounding of corners, far below what anybody sees.
+/// Distance of a light from its wall: far above the rounding of corners, far below visibility.
 const HAIR: f64 = 1e-5;
 
-/// A wall of quads or of small triangles in the plane z = 1, and a light in it, turned.
+/// A floor, a side wall and a ceiling at z = 1, transformed by `place`. The ceiling is a quad or a
+/// grid of small triangles.
 fn wall(quads: bool, place: &dyn Fn(DVec3) -> DVec3) -> Geometry {
     let rounded = |x: f64, y: f64| place(DVec3::new(x, y, 1.0)).as_vec3().to_array();
     let floor = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]]
@@ -217,7 +218,7 @@ fn wall(quads: bool, place: &dyn Fn(DVec3) -> DVec3) -> Geometry {
     geometry(vec![mesh], vec![floor, side], vec![])
 }
 
-/// A light in a wall is not shadowed by it, and one behind it is.
+/// A case with an area light at a wall: the wall must shadow it only if the light lies behind.
 fn flush(side: Side, what: &str) -> Case {
     let name = format!("area light {what}");
     let text = format!(
@@ -233,7 +234,7 @@ fn flush(side: Side, what: &str) -> Case {
                 let (turn, offset) = (turn(k), DVec3::new(0.6, -0.5, 0.62) * scale * distance);
                 let place = move |v: DVec3| offset + turn * v * scale;
                 let geometry = wall(quads, &place);
-                // Where f32 is coarser than a hair a light a hair away is in the plane.
+                // Far from the origin f32 is coarser, so the distance grows with it.
                 let hair = HAIR * (1.0 + distance);
                 let z = match side {
                     Side::Flush => 1.0,
@@ -257,7 +258,7 @@ fn flush(side: Side, what: &str) -> Case {
                             q.as_dvec3()
                         });
                         for (active, occluded) in seen.occluded(&lights, Some(&area), tally) {
-                            // The ceiling itself is not asked for.
+                            // Points on the ceiling itself are not judged.
                             let last = seen.is_below(&area);
                             for i in lanes(&active).filter(|&i| last[i]) {
                                 tally.rays += 1;
@@ -277,7 +278,7 @@ fn flush(side: Side, what: &str) -> Case {
     })
 }
 
-/// 16 rays from the middle of that room to its floor, and to the side up to the ceiling.
+/// 16 rays from the middle of the room to its floor, and to the side wall up to the ceiling.
 fn at_room(random: &mut Random, place: &dyn Fn(DVec3) -> DVec3) -> RayPacket {
     let mut packet = RayPacket::EMPTY;
     let from = place(random.cube() * 0.5).as_vec3();
@@ -285,7 +286,7 @@ fn at_room(random: &mut Random, place: &dyn Fn(DVec3) -> DVec3) -> RayPacket {
         let (x, y) = (random.within(-1.9, 1.9), random.within(-1.9, 1.9));
         let goal = match random.below(2) {
             0 => DVec3::new(x, y, -1.0),
-            // The last of it a thousandth below the light's plane and more.
+            // At least 0.003 below the light's plane.
             _ => DVec3::new(2.0, y, 1.0 - 10f64.powf(random.within(-2.5, 0.2))),
         };
         set_lane(&mut packet.rays.org, i, from);
@@ -294,7 +295,7 @@ fn at_room(random: &mut Random, place: &dyn Fn(DVec3) -> DVec3) -> RayPacket {
     packet
 }
 
-/// Mirrors at a small angle do not mirror themselves.
+/// A case with mirrored rays at a small angle: they must not hit the mirror itself.
 fn mirrors() -> Case {
     let what = "a floor of coplanar triangles, turned, mirrors rays that come at 1e-6 to 0.1 of a right angle: there is \
                 nothing above it to be hit";
@@ -302,7 +303,7 @@ fn mirrors() -> Case {
     Case::new(GROUP, "grazing mirrors", what, mark, move |run| {
         for k in 0..6 {
             let turn = turn(k);
-            // On a lattice of f32, so that the floor is flat however it is turned.
+            // Multiples of 1/4096, so that the rotated floor is exactly flat in f32.
             let lattice = |v: DVec3| (v * 4096.0).round() / 4096.0;
             let (x, y) = (lattice(turn * DVec3::X * 0.125), lattice(turn * DVec3::Y * 0.125));
             let n = 16u32;
@@ -351,7 +352,7 @@ fn mirrors() -> Case {
     })
 }
 
-/// Rows of this group.
+/// All cases of this group.
 pub fn cases() -> Vec<Case> {
     let names = [
         "of six quads",

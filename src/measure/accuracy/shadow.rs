@@ -1,4 +1,5 @@
-//! From a hit to its shadow rays, as rendering goes; and as the coursework did.
+//! Secondary rays from hits, created and traced as in a render. For `coursework` shadow rays are
+//! created as its own program did.
 
 use glam::{DVec3, Vec3};
 
@@ -10,7 +11,8 @@ use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::scene::Backend;
 use crate::shading::{self, Area, Falloff, Lanes3, Lit, ShadowPoints, lane, reflect, set_lane};
 
-/// How far the coursework moved the origins of secondary rays along the normal, in world units.
+/// Distance by which the coursework moved origins of secondary rays along the normal, in world
+/// units.
 const COURSEWORK_OFFSET: f64 = 1e-4;
 
 /// The surface points of a traced packet.
@@ -21,7 +23,7 @@ pub struct Points {
 }
 
 impl Points {
-    /// Of the lanes that `hit`.
+    /// Computes the surface points of the lanes in `hit`.
     pub fn new(
         (geometry, accelerator): (&Geometry, &dyn Accelerator),
         hit: &Mask,
@@ -54,12 +56,12 @@ impl Points {
         lane(&self.surfaces.position, i).as_dvec3()
     }
 
-    /// Unit normal of lane `i`, turned to the ray.
+    /// Unit normal of lane `i`, on the side of the ray's origin.
     pub fn normal(&self, i: usize) -> DVec3 {
         lane(&self.surfaces.ng, i).as_dvec3()
     }
 
-    /// The rays to the lights `q`, on an area if they have one.
+    /// Creates shadow rays to the light points, which may lie on an area light.
     pub fn shadow_rays<'a>(
         &self,
         backend: Backend,
@@ -79,7 +81,7 @@ impl Points {
         (aimed, rays)
     }
 
-    /// Traces such rays as rendering does; those of `coursework` as that did.
+    /// Traces shadow rays as in a render; for `coursework` by a plain occlusion query.
     pub fn trace(
         &self,
         backend: Backend,
@@ -94,7 +96,7 @@ impl Points {
         }
     }
 
-    /// The mirrored rays of the points, traced.
+    /// Creates and traces the mirrored rays of the points.
     pub fn mirrored(
         &self,
         (geometry, accelerator): (&Geometry, &dyn Accelerator),

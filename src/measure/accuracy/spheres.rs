@@ -1,5 +1,5 @@
-//! Spheres tiny and far, huge and near, from inside, from their surface, along their outline;
-//! against roots that are computed in integers.
+//! Cases with spheres: tiny and far, huge and near, from inside, from their surface, along their
+//! outline. The right answers are roots computed in integers.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -21,22 +21,23 @@ use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 
 const GROUP: &str = "spheres";
 
-/// Packets in the quick run.
+/// Number of packets in the quick run.
 const PACKETS: u64 = 150;
 
-/// Slow columns trace every so many-th packet.
+/// Slow columns trace one packet in this many.
 const SLOW: u64 = 2;
 
-/// How near to the outline f64 cannot tell hit from miss, relative to the distance from the centre.
+/// Distance from the outline within which f64 cannot decide a hit, relative to the distance from
+/// the centre.
 const OUTLINE: f64 = 1.0 / (1u64 << 48) as f64;
 
-/// Numbers as whole multiples of one power of two: sums and products are exact.
+/// Converts numbers to whole multiples of one power of two, whose sums and products are exact.
 struct Exact {
     exponent: i32,
 }
 
 impl Exact {
-    /// Of numbers that are finite.
+    /// Chooses the power of two for these finite numbers.
     fn of(numbers: &[f64]) -> Self {
         let least = numbers.iter().filter(|&&x| x != 0.0).map(|&x| parts(x).1).min();
         Self { exponent: least.unwrap_or(0) }
@@ -56,7 +57,7 @@ impl Exact {
     }
 }
 
-/// `x` as a whole number times a power of two.
+/// Splits `x` into an integer and the exponent of a power of two.
 fn parts(x: f64) -> (i64, i32) {
     let bits = x.to_bits();
     let (exponent, fraction) = ((bits >> 52 & 0x7ff) as i32, (bits & ((1 << 52) - 1)) as i64);
@@ -71,8 +72,10 @@ fn dot(a: &[BigInt; 3], b: &[BigInt; 3]) -> BigInt {
     &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
 }
 
-/// Where the line of a ray meets a sphere, to a relative 2^-52 or so; `None` if it does not. And
-/// whether it passes the outline so closely that f64 cannot say.
+/// Returns both t at which the line of a ray hits a sphere, or `None` for a miss.
+///
+/// Each t has a relative error of about 2^-52. The second value is whether the line passes the
+/// outline so closely that f64 cannot decide.
 fn roots(ray: &Ray, sphere: &Sphere) -> (Option<[f64; 2]>, bool) {
     let Ray { origin, direction, .. } = *ray;
     let numbers = [origin.to_array(), direction.to_array(), sphere.center.to_array()].concat();
@@ -84,14 +87,14 @@ fn roots(ray: &Ray, sphere: &Sphere) -> (Option<[f64; 2]>, bool) {
     let (a, b) = (dot(&d, &d), dot(&d, &f));
     let discriminant = &b * &b - &a * (dot(&f, &f) - &r * &r);
     let zero = BigInt::from(0);
-    // The square of half the chord against what an error of the distance makes of it.
+    // Compare the square of half the chord with the error that the distance causes in it.
     let half2 = Fraction::new(discriminant.clone(), &a * &r * &r).to_f64();
     let distance = (sphere.center - origin).length();
     let unsure = half2.abs() <= 4.0 * OUTLINE * distance.max(sphere.radius) / sphere.radius;
     if discriminant < zero {
         return (None, unsure);
     }
-    // 2^128 of fraction under the root.
+    // A shift by 2^256 under the root leaves 128 fraction bits.
     let root = (discriminant << 256u32).sqrt();
     let (a, b) = (a << 128u32, b << 128u32);
     let t = |n: BigInt| Fraction::new(n, a.clone()).to_f64();
@@ -102,7 +105,7 @@ type Aim = fn(&mut Random, &Sphere) -> (DVec3, DVec3, bool);
 
 struct Setup {
     sphere: Sphere,
-    /// Origin, direction, and whether the ray leaves the sphere.
+    /// Returns origin, direction, and whether the ray leaves the sphere.
     aim: Aim,
 }
 
@@ -116,7 +119,7 @@ fn case(name: &'static str, what: &'static str, mark: Mark, setups: Vec<Setup>) 
     })
 }
 
-/// As [`Run::shoot`], against the roots in integers.
+/// As [`Run::shoot`], but judged by the roots in integers.
 fn check(run: &mut Run, geometry: &Geometry, setup: &Setup, first: u64) -> Result<()> {
     let mut sums = vec![Tally::default(); run.tallies.len()];
     {
@@ -150,14 +153,14 @@ fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<Ta
         }
         rays.leaving[i] = if leaving { 0 } else { NONE };
         let (roots, unsure) = roots(&Ray::of(&rays, i), &setup.sphere);
-        // Of a ray that leaves the sphere one root is its origin: the one nearer to 0.
+        // For a ray that leaves the sphere, the root nearer to 0 is its origin.
         truths[i] = match (roots, leaving) {
             (None, false) => (None, unsure),
             (None, true) => (None, true),
             (Some([a, b]), false) => ([a, b].into_iter().find(|&t| t > 0.0), unsure),
             (Some([a, b]), true) => {
                 let other = if a.abs() < b.abs() { b } else { a };
-                // The origin is rounded: what lies about as near as that is no crossing.
+                // The origin is rounded, so a crossing at about that distance is uncertain.
                 let unsure =
                     other.abs() * direction.length() <= 4.0 * ulp(origin.abs().max_element());
                 (Some(other).filter(|&t| t > 0.0), unsure)
@@ -200,7 +203,7 @@ fn judge(
             (Some(_), false) | (None, true) if unsure => tally.within_bound += 1,
             (Some(_), false) => tally.fail(Kind::Leak, setup.sphere.center),
             (None, true) => tally.fail(Kind::FalseHit, setup.sphere.center),
-            // The far root of a ray that leaves is as uncertain as its origin.
+            // A leaving ray is judged below: its far root is as uncertain as its origin.
             (Some(exact), true) if !leaving => {
                 tally.measure((ray.tfar - exact).abs() / ulp(exact));
                 let point = ray.origin + ray.direction * exact;
@@ -214,7 +217,8 @@ fn judge(
                 let off = (ray.tfar - exact).abs() * ray.direction.length();
                 let slack = 8.0 * ulp(ray.origin.abs().max_element());
                 let flat = (ray.direction.length() * exact).max(f64::from(f32::MIN_POSITIVE));
-                // Along a chord of length l the surface's rounding moves the far end by 2 r / l.
+                // On a chord of length l, the rounding of the origin moves the far end 2 r / l
+                // times as far.
                 if off > slack * (1.0 + 2.0 * setup.sphere.radius / flat) {
                     tally.fail(Kind::WrongDistance, setup.sphere.center);
                 }
@@ -223,19 +227,19 @@ fn judge(
     }
 }
 
-/// Towards a point of the sphere's disk as seen from `origin`, `share` of the radius from its
+/// Direction from `origin` to a point of the sphere's disk, at `share` of the radius from its
 /// middle.
 fn at_share(random: &mut Random, sphere: &Sphere, origin: DVec3, share: f64) -> DVec3 {
     let origin = origin.as_vec3().as_dvec3();
     let axis = sphere.center - origin;
     let side = random.direction().cross(axis).normalize_or(DVec3::X);
-    // The outline is nearer than the centre: the tangent's angle, sin = r / distance.
+    // The tangent's angle has sin = r / distance: the outline is nearer than the centre.
     let sine = (sphere.radius / axis.length() * share).min(1.0);
     let cosine = (1.0 - sine * sine).sqrt();
     axis.normalize() * cosine + side * sine
 }
 
-/// Rows of this group.
+/// All cases of this group.
 pub fn cases() -> Vec<Case> {
     let sphere = |center: [f64; 3], radius: f64| Sphere { center: center.into(), radius };
     let unit = [([0.0; 3], 1.0), ([3.0, -2.0, 7.0], 1.0), ([1e3, 5.0, -1e3], 250.0)];
@@ -321,7 +325,7 @@ mod tests {
         assert_eq!(of([0.0, 0.0, -3.0], [0.0, 0.0, 1.0], 1.0), (Some([2.0, 4.0]), false));
         assert_eq!(of([0.0, 0.0, 0.0], [0.0, 0.0, 0.5], 1.0), (Some([-2.0, 2.0]), false));
         assert_eq!(of([0.0, 1.5, -3.0], [0.0, 0.0, 1.0], 1.0), (None, false));
-        // A tangent, and lines 2^-60 beside it: decided, though f64 could not.
+        // A tangent, and lines 2^-60 beside it: decided exactly, but unsure for f64.
         assert_eq!(of([0.0, 1.0, -3.0], [0.0, 0.0, 1.0], 1.0), (Some([3.0, 3.0]), true));
         let beside = 2f64.powi(-60);
         assert_eq!(of([1.0, beside, -3.0], [0.0, 0.0, 1.0], 1.0), (None, true));

@@ -1,4 +1,4 @@
-//! What one backend did in one case.
+//! Counts of wrong answers and worst errors of one backend in one case.
 
 use std::collections::BTreeMap;
 
@@ -7,37 +7,37 @@ use serde::{Deserialize, Serialize};
 
 use crate::measure::cross_check::Verdict;
 
-/// Places of failures that are kept, for the pictures.
+/// Largest number of failures whose places are kept for the pictures.
 const PLACES: usize = 400;
 
-/// What can be wrong with an answer.
+/// Kind of a wrong answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// Went through what is in the way.
+    /// The ray passed through a surface.
     Leak,
-    /// Hit what the ray does not come near.
+    /// A hit of a primitive that the ray passes by more than the error bound.
     FalseHit,
-    /// The right place, but a primitive that the ray does not come near.
+    /// The right t, but on a primitive that the ray passes by more than the error bound.
     WrongPrimitive,
-    /// The right primitive at a wrong t, or a point off it.
+    /// The right primitive at a wrong t, or a vertex or point at a wrong place.
     WrongDistance,
-    /// Of equal hits not the lowest primitive.
+    /// A tie that did not go to the lowest primitive.
     Tie,
-    /// A line enters and leaves a closed mesh an odd number of times, or misses a crossing.
+    /// A line crosses a closed mesh an odd number of times, or misses a crossing.
     Crossings,
-    /// A surface shadows itself where nothing is in the way.
+    /// A surface shadows itself although nothing lies in the way.
     SelfShadow,
-    /// Light comes through an occluder.
+    /// Light passes through an occluder.
     LightLeak,
     /// A pixel of the picture differs.
     Pixel,
-    /// Impossible rays take too long.
+    /// Packets with impossible rays take too long.
     Slow,
 }
 
 impl Kind {
-    /// In the order of reports.
+    /// All kinds, in the order of reports.
     pub const ALL: [Self; 10] = [
         Self::Leak,
         Self::FalseHit,
@@ -51,7 +51,7 @@ impl Kind {
         Self::Slow,
     ];
 
-    /// As reports name it.
+    /// Name of the kind in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Leak => "leak",
@@ -67,7 +67,7 @@ impl Kind {
         }
     }
 
-    /// In pictures: R, G, B.
+    /// Colour of the dots in pictures: R, G, B.
     pub fn color(self) -> [u8; 3] {
         match self {
             Self::Leak | Self::LightLeak => [0xe6, 0x12, 0x2e],
@@ -81,7 +81,7 @@ impl Kind {
     }
 }
 
-/// What is wrong with a verdict of [`crate::measure::cross_check::judge`].
+/// Kind of error of a verdict of [`crate::measure::cross_check::judge`]; `None` if it is no error.
 pub fn kind_of(verdict: Verdict) -> Option<Kind> {
     match verdict {
         Verdict::Agree | Verdict::Tie | Verdict::Edge | Verdict::Crowd => None,
@@ -92,45 +92,47 @@ pub fn kind_of(verdict: Verdict) -> Option<Kind> {
     }
 }
 
-/// Counts and worst errors.
+/// Counts and worst errors of one backend.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Tally {
-    /// Answers that were judged.
+    /// Number of judged answers.
     pub rays: u64,
-    /// Wrong answers by kind.
+    /// Number of wrong answers of each kind.
     pub failures: BTreeMap<Kind, u64>,
-    /// Answers unlike the exact one that the bound of the backend's own test explains.
+    /// Answers that differ from the exact one within the error bound of the backend's own test.
     pub within_bound: u64,
-    /// What a case counts without failing it.
+    /// Answers that a case counts without failing it.
     pub counted: u64,
-    /// Hits whose t was held against the exact one.
+    /// Number of hits whose t was compared with the exact t.
     pub measured: u64,
-    /// Of those, more than 2 f32 ulp off.
+    /// Number of these hits with t off by more than 2 f32 ulp.
     pub beyond_2: u64,
-    /// Of those, more than 8 f32 ulp off.
+    /// Number of these hits with t off by more than 8 f32 ulp.
     pub beyond_8: u64,
     /// Largest error of t, in f32 ulp of the exact t.
     pub worst_ulp: f64,
-    /// Largest distance of the refined point from the exact one, relative to the largest of
-    /// its coordinates, those of the primitive, and its distance from the ray's origin.
+    /// Largest error of a refined point, relative to its scale.
+    ///
+    /// The scale is the largest of its coordinates, the coordinates of the primitive, and its
+    /// distance from the ray's origin.
     pub worst_relative: f64,
     /// Largest error of a refined barycentric weight.
     pub worst_weight: f64,
-    /// Spent in the backend, summed over threads.
+    /// Nanoseconds spent in the backend, summed over threads.
     pub nanoseconds: u64,
-    /// Where failures are, and of which kind; the first of them.
+    /// Places and kinds of the first failures.
     pub places: Vec<(DVec3, Kind)>,
 }
 
 impl Tally {
-    /// Which of these failures there are.
+    /// Returns a message if any failure of these kinds was counted.
     pub fn has_any(&self, kinds: &[Kind]) -> Option<String> {
         let count = |kind: &Kind| self.failures.get(kind).copied().unwrap_or(0);
         let found = kinds.iter().find(|kind| count(kind) > 0)?;
-        Some(format!("{} answers are a {}, expected none", count(found), found.name()))
+        Some(format!("{} answers are wrong ({}), expected none", count(found), found.name()))
     }
 
-    /// Counts a wrong answer to a ray that was aimed at `place`.
+    /// Counts a wrong answer, shown at `place` in pictures.
     pub fn fail(&mut self, kind: Kind, place: DVec3) {
         *self.failures.entry(kind).or_default() += 1;
         if self.places.len() < PLACES {
@@ -138,7 +140,7 @@ impl Tally {
         }
     }
 
-    /// Counts an error of t.
+    /// Counts an error of t, in f32 ulp. NaN counts as beyond all limits.
     pub fn measure(&mut self, ulp: f64) {
         self.measured += 1;
         self.beyond_2 += u64::from(!(ulp <= 2.0));
@@ -146,12 +148,12 @@ impl Tally {
         self.worst_ulp = self.worst_ulp.max(ulp);
     }
 
-    /// All wrong answers.
+    /// Number of wrong answers of all kinds.
     pub fn failed(&self) -> u64 {
         self.failures.values().sum()
     }
 
-    /// Adds another.
+    /// Adds the counts of `other` and keeps the larger of each worst error.
     pub fn add(&mut self, other: &Self) {
         self.rays += other.rays;
         for (kind, n) in &other.failures {
@@ -171,7 +173,7 @@ impl Tally {
     }
 }
 
-/// The distance between two floats near `exact`: 2^-23 of its power of two.
+/// One f32 ulp at `exact`: 2^-23 times its power of two.
 pub fn ulp(exact: f64) -> f64 {
     let smallest = f64::from(f32::MIN_POSITIVE);
     let power = exact.abs().max(smallest).log2().floor();
@@ -183,7 +185,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_ulp_is_the_distance_to_the_next_float() {
+    fn ulp_is_the_distance_to_the_next_float() {
         for x in [1.0f32, 1.5, 1.999_999_9, 2.0, 3e-20, 7e30, 0.1] {
             let next = f32::from_bits(x.to_bits() + 1);
             assert_eq!(ulp(x.into()), f64::from(next) - f64::from(x), "{x}");

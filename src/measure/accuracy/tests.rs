@@ -1,4 +1,4 @@
-//! What the rows would say of backends that are wrong.
+//! Tests with backends that give wrong answers on purpose.
 
 use std::collections::HashSet;
 
@@ -15,24 +15,24 @@ use crate::measure::random::Random;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 
-/// What is wrong with a backend.
+/// Fault of a backend.
 #[derive(Clone, Copy, PartialEq)]
-enum Lie {
-    Nothing,
-    /// Misses what lane 3 meets.
-    Blind,
-    /// Every t by this factor.
-    Off(f32),
-    /// Meets the first triangle with lane 5.
-    Name,
-    /// Writes to lanes that do not count.
-    Untidy,
+enum Fault {
+    None,
+    /// Lane 3 always misses.
+    MissesLane3,
+    /// Every t is multiplied by this factor.
+    ScalesT(f32),
+    /// Lane 5 always reports the first triangle.
+    WrongPrimitive,
+    /// Writes to a lane that is not active.
+    WritesInactive,
 }
 
-/// Answers as the one within does, but for the lie.
-struct Liar<'a>(Box<dyn Accelerator + 'a>, Lie);
+/// A backend with a fault.
+struct Faulty<'a>(Box<dyn Accelerator + 'a>, Fault);
 
-impl Accelerator for Liar<'_> {
+impl Accelerator for Faulty<'_> {
     fn info(&self) -> BuildInfo {
         self.0.info()
     }
@@ -41,32 +41,32 @@ impl Accelerator for Liar<'_> {
         let before = packet.rays.tfar;
         self.0.closest(active, packet, coherence);
         match self.1 {
-            Lie::Nothing => {}
-            Lie::Blind => (packet.hits.geom[3], packet.rays.tfar[3]) = (NONE, before[3]),
-            Lie::Off(by) => packet.rays.tfar.iter_mut().for_each(|t| *t *= by),
-            Lie::Name => packet.hits.prim[5] = 0,
-            Lie::Untidy => packet.rays.tfar[7] = 1.0,
+            Fault::None => {}
+            Fault::MissesLane3 => (packet.hits.geom[3], packet.rays.tfar[3]) = (NONE, before[3]),
+            Fault::ScalesT(by) => packet.rays.tfar.iter_mut().for_each(|t| *t *= by),
+            Fault::WrongPrimitive => packet.hits.prim[5] = 0,
+            Fault::WritesInactive => packet.rays.tfar[7] = 1.0,
         }
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         self.0.occluded(active, rays, coherence);
-        if self.1 == Lie::Blind {
+        if self.1 == Fault::MissesLane3 {
             rays.tfar[3] = 1.0;
         }
     }
 }
 
-/// What `brute` is said to have done, lying so, with rays from within and without a closed mesh.
-fn tally(lie: Lie, closed: bool) -> Tally {
+/// Counts of `brute` with a fault, on a sphere. If `closed`, all rays start at its centre.
+fn tally(fault: Fault, closed: bool) -> Tally {
     let geometry = scene(icosphere(2).placed(DVec3::ZERO, 1.0));
     let monitor = Monitor::default();
     let columns = Column::all();
     let column = columns.last().unwrap();
     let within = column.build(&geometry, 1, &monitor).unwrap();
     let oracle = oracle(&geometry, &monitor).unwrap();
-    let liar: Box<dyn Accelerator> = Box::new(Liar(within, lie));
-    let built = Built { geometry: &geometry, columns: vec![(column, liar)], oracle };
+    let faulty: Box<dyn Accelerator> = Box::new(Faulty(within, fault));
+    let built = Built { geometry: &geometry, columns: vec![(column, faulty)], oracle };
     let judge = Judge { built: &built };
     let mut sum = Tally::default();
     for index in 0..64 {
@@ -81,7 +81,7 @@ fn tally(lie: Lie, closed: bool) -> Tally {
             let origin = if closed { DVec3::ZERO } else { random.direction() * 3.0 };
             shot.through(i, origin, goal);
         }
-        if lie == Lie::Untidy {
+        if fault == Fault::WritesInactive {
             shot.rays.dir[1][7] = f32::NAN;
         }
         sum.add(&judge.shot(&shot, index, !closed, true)[0]);
@@ -90,25 +90,25 @@ fn tally(lie: Lie, closed: bool) -> Tally {
 }
 
 #[test]
-fn an_honest_backend_passes() {
+fn a_backend_without_fault_passes() {
     for closed in [false, true] {
-        let tally = tally(Lie::Nothing, closed);
+        let tally = tally(Fault::None, closed);
         assert_eq!(tally.rays, 64 * LANES as u64);
         assert_eq!(Mark::Exact.missed(&tally), None);
     }
 }
 
 #[test]
-fn lies_are_found_and_named() {
+fn every_fault_is_found_with_its_kind() {
     let cases = [
-        (Lie::Blind, true, Kind::Leak),
-        (Lie::Blind, false, Kind::Leak),
-        (Lie::Name, false, Kind::WrongPrimitive),
-        (Lie::Off(1.001), false, Kind::WrongDistance),
-        (Lie::Untidy, false, Kind::FalseHit),
+        (Fault::MissesLane3, true, Kind::Leak),
+        (Fault::MissesLane3, false, Kind::Leak),
+        (Fault::WrongPrimitive, false, Kind::WrongPrimitive),
+        (Fault::ScalesT(1.001), false, Kind::WrongDistance),
+        (Fault::WritesInactive, false, Kind::FalseHit),
     ];
-    for (lie, closed, kind) in cases {
-        let tally = tally(lie, closed);
+    for (fault, closed, kind) in cases {
+        let tally = tally(fault, closed);
         assert!(tally.failures.contains_key(&kind), "{kind:?}: {:?}", tally.failures);
         assert!(Mark::Exact.missed(&tally).is_some(), "{kind:?}");
         assert!(Mark::Zero("").missed(&tally).is_some(), "{kind:?}");
@@ -117,11 +117,11 @@ fn lies_are_found_and_named() {
 }
 
 #[test]
-fn a_coarse_t_misses_the_mark_though_nothing_is_wrong() {
-    // Three ulp, then some twelve: the bound of a test in f32 would allow the first.
+fn an_inaccurate_t_does_not_meet_the_exact_mark() {
+    // 4, then 16 times 2^-23, relative. The error bound of a test in f32 would allow the first.
     for (ulps, says) in [(4.0, "more than 2 ulp"), (16.0, "expected at most 8")] {
         let off = 1.0 + ulps * f32::EPSILON;
-        let tally = tally(Lie::Off(off), false);
+        let tally = tally(Fault::ScalesT(off), false);
         let missed = Mark::Exact.missed(&tally).unwrap_or_default();
         let failed = tally.failed() > 0;
         assert!(missed.contains(says) || failed, "{missed}");
@@ -130,7 +130,7 @@ fn a_coarse_t_misses_the_mark_though_nothing_is_wrong() {
 }
 
 #[test]
-fn marks_allow_what_they_say() {
+fn marks_allow_as_many_failures_as_documented() {
     let mut tally = Tally { rays: 1_000_000, ..Tally::default() };
     assert_eq!(Mark::Exact.missed(&tally), None);
     for _ in 0..3 {
@@ -149,7 +149,7 @@ fn marks_allow_what_they_say() {
 }
 
 #[test]
-fn names_are_unique_and_every_part_of_the_catalogue_is_there() {
+fn names_are_unique_and_the_catalogue_has_all_groups() {
     let cases = catalogue();
     let names: HashSet<(&str, &str)> = cases.iter().map(|c| (c.group, c.name.as_str())).collect();
     assert_eq!(names.len(), cases.len());
@@ -158,7 +158,7 @@ fn names_are_unique_and_every_part_of_the_catalogue_is_there() {
 }
 
 #[test]
-fn robust_embree_may_leak_but_not_hit_what_is_not_there() {
+fn robust_embree_may_leak_but_not_report_false_hits_or_self_shadows() {
     let column = |name: &str| Column::all().into_iter().find(|c| c.name() == name).unwrap();
     let tally = |kind| Tally { rays: 9, failures: [(kind, 1)].into(), ..Tally::default() };
     let forbidden = column("embree").forbidden();
@@ -170,7 +170,7 @@ fn robust_embree_may_leak_but_not_hit_what_is_not_there() {
 }
 
 #[test]
-fn a_case_counts_the_same_for_any_number_of_threads() {
+fn counts_do_not_depend_on_the_number_of_threads() {
     let columns: Vec<Column> = Column::all().into_iter().filter(Column::must_hold).collect();
     let settings = Settings { columns, seed: 5, times: 1, pictures: false };
     let case = |case: &super::Case| case.name.contains("tfar and tnear");

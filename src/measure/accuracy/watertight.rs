@@ -1,4 +1,5 @@
-//! Closed meshes have no gap: rays at their vertices, edges and faces, from inside and outside.
+//! Cases for watertightness: rays at vertices, edges and faces of closed meshes, from inside and
+//! outside. None may pass through.
 
 use glam::DVec3;
 
@@ -15,13 +16,13 @@ const SPIKY: &str = "spiky ball";
 
 const AMOUNT: Amount = Amount { packets: 700, slow: 14, truth: 14 };
 
-/// What a ray is aimed at.
+/// Part of a triangle that a ray is aimed at.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Target {
     Vertices,
     Edges,
     Faces,
-    /// All three in turn.
+    /// One of the three, at random.
     Any,
 }
 
@@ -50,11 +51,11 @@ impl Target {
     }
 }
 
-/// A closed mesh in its place.
+/// A closed mesh, scaled and moved.
 struct Place {
     mesh: TriangleMesh,
     center: DVec3,
-    /// Half the sides of the box from all of which all of it is in sight.
+    /// Half the sides of a box around the centre. The whole mesh is visible from every point of it.
     core: DVec3,
 }
 
@@ -63,8 +64,8 @@ fn place(shape: &Shape, center: DVec3, scale: f64) -> Place {
     Place { mesh: shape.placed(center, scale), center, core: half * shape.core }
 }
 
-/// 16 rays of which none may pass: half of the packets from within, half from outside through
-/// their goals to a point well within.
+/// 16 rays that must all hit. Half of the packets start inside. The others start outside and point
+/// through their goals at a point well inside.
 fn aim(random: &mut Random, target: Target, at: &Place) -> Shot {
     let count = at.mesh.triangles().len() as u32;
     let mut shot = Shot::new(Expect::Closed([f64::INFINITY; LANES]));
@@ -83,7 +84,7 @@ fn aim(random: &mut Random, target: Target, at: &Place) -> Shot {
         let goal = target.point(random, corners(&at.mesh, triangle));
         let origin = if outside { goal + (goal - inner) * steps } else { inner };
         shot.through(i, origin, goal);
-        // Short of the point within: what lies behind is the other side.
+        // The hit must lie before the point inside; the far side lies behind it.
         if outside {
             before[i] = 1.0 + 0.9 / steps;
         }
@@ -104,7 +105,8 @@ fn closed(name: String, shape: fn() -> Shape, target: Target, center: DVec3, sca
     })
 }
 
-/// Rays along the axes on the lines of a grid: every edge and vertex is met exactly.
+/// A case with rays along the axes on the lines of a grid: they pass exactly through edges and
+/// vertices.
 fn grid_lines() -> Case {
     let what = "axis-parallel rays exactly on the lines of a cube's grid, from inside and outside";
     Case::new(GROUP, "cube grid, along the axes on grid lines", what, Mark::Exact, |run| {
@@ -120,7 +122,7 @@ fn grid_lines() -> Case {
             for i in 0..LANES {
                 let mut origin = DVec3::splat(from);
                 origin[(axis + 1) % 3] = line(random);
-                // On a line of the grid, or between two.
+                // On a line of the grid, or halfway between two lines.
                 let shift = f64::from(random.below(2)) / f64::from(n);
                 origin[(axis + 2) % 3] = line(random) + shift;
                 let mut direction = DVec3::ZERO;
@@ -129,7 +131,7 @@ fn grid_lines() -> Case {
                 shot.put(i, origin, direction);
                 shot.goals[i][axis] = if from.abs() > 1.0 { -inwards } else { inwards };
             }
-            // From 2 outside the near side is at 1, the far one at 3.
+            // From 2, the near side is at t = 1 and the far side at t = 3.
             let before = if from.abs() > 1.0 { 2.0 } else { f64::INFINITY };
             shot.expect = Expect::Closed([before; LANES]);
             shot
@@ -159,14 +161,14 @@ fn crossings(name: &str, shape: fn() -> Shape) -> Case {
     })
 }
 
-/// Rows of this group.
+/// All cases of this group.
 pub fn cases() -> Vec<Case> {
     type Make = fn() -> Shape;
     let shapes: [(&str, Make, Make); 4] = [
         ("icosphere", || icosphere(5), || icosphere(5).squashed(DVec3::new(1.0, 1.0, 1e-3))),
         ("cube grid", || cube(32), || cube(32).squashed(DVec3::new(1e-3, 1.0, 1.0))),
         ("scan", scan, || scan().squashed(DVec3::new(1.0, 1e-3, 1.0))),
-        // The worst that was found for Embree: tips of few and thin triangles, seen from within the spikes.
+        // The worst mesh found for Embree: tips of few thin triangles, seen from inside the spikes.
         (SPIKY, || spiky_ball(3), || spiky_ball(3).squashed(DVec3::new(1.0, 1.0, 1e-3))),
     ];
     let places: [(&str, DVec3, f64); 3] = [
@@ -190,7 +192,7 @@ pub fn cases() -> Vec<Case> {
     cases.push(grid_lines());
     let name = "cells that share walls, at vertices, edges, anywhere".to_owned();
     cases.push(closed(name, || cells(true), Target::Any, DVec3::ZERO, 1.0));
-    // A line crosses more spikes than are followed.
+    // The spiky ball is left out: a line crosses it more often than is followed.
     for (name, make, _) in shapes.into_iter().filter(|(name, ..)| *name != SPIKY) {
         cases.push(crossings(name, make));
     }

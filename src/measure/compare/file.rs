@@ -1,9 +1,16 @@
-//! Pictures from files, as layers of channels that can be compared.
+//! Reads pictures from EXR and PNG files as layers of channels that can be compared.
 //!
-//! EXR: `R G B` of a layer are its light, and `Y` of the picture itself; its `X Y Z` and its `Y` are one layer of data
-//! each, and every other channel is a layer of its own: `A`, `Z`, `albedo.A`. A part's name is the layer's name where
-//! its channels have none. Integers and cryptomattes are ids. PNG: decoded to linear light, premultiplied.
-//! Refused: deep data, subsampled channels, parts and PNGs of more than 4 GiB.
+//! EXR:
+//!
+//! - `R G B` of a layer are light. So is a single `Y` of the picture itself.
+//! - `X Y Z` are one layer of data, and so is the `Y` of a named layer.
+//! - Every other channel is a layer by itself: `A`, `Z`, `albedo.A`.
+//! - A part's name is the name of its layer if its channels have none.
+//! - Integers and cryptomattes are ids.
+//!
+//! PNG: decoded to linear light, premultiplied by alpha.
+//!
+//! Refused: deep data, subsampled channels, EXRs and PNGs with more than 4 GiB of pixels.
 
 use std::{
     collections::BTreeMap,
@@ -30,33 +37,33 @@ use super::layer::{Layer, Meaning, fits};
 use super::mattes::{Names, read_names};
 use super::png;
 
-/// What a file is.
+/// Format of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// OpenEXR.
+    /// An OpenEXR file, of one or more parts.
     Exr,
-    /// PNG.
+    /// A PNG file, 1 to 16 bits.
     Png,
 }
 
-/// A file's layers, the picture itself first.
+/// All layers of a picture file, the picture itself first.
 #[derive(Debug, Clone)]
 pub struct Picture {
-    /// Where it comes from.
+    /// Path of the file.
     pub path: String,
-    /// What it is.
+    /// Format of the file.
     pub format: Format,
-    /// At least one.
+    /// All layers, sorted by name; at least one.
     pub layers: Vec<Layer>,
-    /// What its mattes are called.
+    /// Names of its mattes.
     pub mattes: Names,
 }
 
 impl Picture {
-    /// Reads an EXR or a PNG; the first bytes decide which.
+    /// Reads an EXR or a PNG. The first bytes decide the format.
     ///
     /// # Errors
-    /// Where the file is missing, neither, cut short or too large.
+    /// If the file is missing, truncated, too large, or neither EXR nor PNG.
     pub fn read(path: &Path) -> Result<Self> {
         let opened = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
         let mut start = Vec::new();
@@ -120,12 +127,12 @@ fn exr_layers(path: &Path, mattes: &mut Names) -> Result<Vec<Layer>> {
     Ok(layers.into_values().collect())
 }
 
-/// Names that people give to the part which is the picture itself.
+/// Returns whether a part's name means the picture itself.
 fn is_beauty(name: &str) -> bool {
     ["", "rgb", "rgba", "beauty"].iter().any(|known| name.eq_ignore_ascii_case(known))
 }
 
-/// The text attributes of a part.
+/// Names and values of the text attributes of a part.
 fn texts(part: &Part<AnyChannels<FlatSamples>>) -> Vec<(String, String)> {
     let attributes = part.attributes.other.iter();
     let texts = attributes.filter_map(|(name, value)| match value {
@@ -150,7 +157,7 @@ fn of_part(
     (size, origin): Shape,
     ids: &[String],
 ) -> Result<Vec<Layer>> {
-    // By layer, the channels that the file has.
+    // The channels of each layer, by name.
     let mut groups: BTreeMap<String, BTreeMap<String, AnyChannel<FlatSamples>>> = BTreeMap::new();
     for channel in channels.list {
         let name = channel.name.to_string();
@@ -161,7 +168,7 @@ fn of_part(
         }
         let (prefix, last) = name.rsplit_once('.').unwrap_or(("", &name));
         let group = match prefix {
-            // A part `Z` of one channel, `Z`.
+            // A part named `Z` with the channel `Z`: the layer needs no name.
             "" if last == own => String::new(),
             "" => own.to_string(),
             _ if names_itself(prefix, own) => prefix.to_string(),
@@ -183,7 +190,7 @@ fn of_part(
         if !is_ids(&group) {
             take(&["R", "G", "B"], Meaning::Light);
             take(&["X", "Y", "Z"], Meaning::Data);
-            // A named layer of one number, as `samples` and `shadow_1` are, is no picture.
+            // `Y` of a named layer is data: `samples` or `shadow_1` is no picture.
             take(&["Y"], if group.is_empty() { Meaning::Light } else { Meaning::Data });
         }
         for (name, channel) in channels {
@@ -198,8 +205,10 @@ fn of_part(
     Ok(layers)
 }
 
-/// Whether a channel's layer has the part's name in it: `albedo` or `albedo.left` in the part `albedo`, the ranks
-/// `CryptoObject00`, ... in the part `CryptoObject`.
+/// Returns whether a layer's name begins with its part's name.
+///
+/// Examples: `albedo` or `albedo.left` in the part `albedo`, and the ranks `CryptoObject00`, ... in
+/// the part `CryptoObject`.
 fn names_itself(layer: &str, part: &str) -> bool {
     let rest = layer.strip_prefix(part);
     rest.is_some_and(|rest| {
@@ -220,7 +229,7 @@ fn layer(
         FlatSamples::U32(values) => values.iter().map(|v| f32::from_bits(*v)).collect(),
     });
     let mut floats: Vec<Vec<f32>> = floats.collect();
-    // Grey light is light of three equal channels.
+    // Grey light becomes three equal channels.
     if meaning == Meaning::Light && floats.len() == 1 {
         floats = vec![floats[0].clone(), floats[0].clone(), floats.remove(0)];
     }

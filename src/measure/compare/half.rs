@@ -1,19 +1,23 @@
-//! What rounding to 16 bits alone does to a picture.
+//! Expected errors of a picture by rounding to 16-bit floats alone.
 
 use crate::measure::metrics::Errors;
 
-/// Errors that remain where two pictures differ by their rounding to half floats only, expected for
-/// values that lie anywhere between two halves: a step squared over 12.
+/// Expected errors of two pictures that differ only by rounding to half floats.
+///
+/// A value that lies anywhere between two halves has a squared error of step^2 / 12.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Floor {
-    /// As the metric.
+    /// Expected root mean squared error, as
+    /// [`Metric::Rmse`](crate::measure::metrics::Metric::Rmse).
     pub rmse: f64,
-    /// As the metric.
+    /// Expected relative squared error, as
+    /// [`Metric::Relmse`](crate::measure::metrics::Metric::Relmse).
     pub relmse: f64,
 }
 
 impl Floor {
-    /// For values that are stored as half in `files` of the two files.
+    /// Expected errors for `values` that are stored as half floats in `files` (1 or 2) of the
+    /// files.
     pub fn of(values: &[f32], files: u32) -> Self {
         let (mut square, mut relative) = (0.0, 0.0);
         for value in values {
@@ -27,7 +31,7 @@ impl Floor {
     }
 }
 
-/// Distance of the halves around a value: 10 bits after the first, not below 2^-24.
+/// Distance between half floats around a value: 10 bits below its first bit, at least 2^-24.
 fn step(value: f64) -> f64 {
     let exponent = value.abs().max(2f64.powi(-14)).log2().floor();
     (exponent - 10.0).exp2()
@@ -39,7 +43,7 @@ mod tests {
     use ::half::f16;
 
     #[test]
-    fn the_floor_is_what_rounding_does() {
+    fn the_floor_is_the_error_of_rounding() {
         let values: Vec<f32> =
             (0..40_000).map(|i| ((f64::from(i) * 0.618_033_988_7).fract() * 3.0) as f32).collect();
         let rounded: Vec<f32> = values.iter().map(|v| f16::from_f32(*v).to_f32()).collect();
@@ -50,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn steps() {
+    fn steps_between_half_floats() {
         for (value, expected) in [(1.0, -10), (-1.5, -10), (2.0, -9), (0.0, -24), (1e-6, -24)] {
             assert_eq!(step(value), 2f64.powi(expected), "{value}");
         }

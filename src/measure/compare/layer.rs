@@ -1,25 +1,25 @@
-//! What is compared: channels of a picture that belong together.
+//! Layers: channels of a picture that belong together and are compared together.
 
 use std::path::Path;
 
 use crate::error::{Error, Kind, Problem, Result};
 
-/// Most bytes that a file's pixels may take.
+/// Largest number of bytes that the pixels of a file may take.
 pub const MAX_BYTES: u64 = 4 << 30;
 
-/// What the numbers of a layer are.
+/// Meaning of the values of a layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Meaning {
-    /// Linear BT.709 light, R G B.
+    /// Linear light, R G B with BT.709 primaries.
     Light,
-    /// Anything else that can be subtracted.
+    /// Other quantities with a meaningful difference, such as depth.
     Data,
-    /// Numbers that are only equal or not.
+    /// Identifiers, which are only equal or not.
     Ids,
 }
 
 impl Meaning {
-    /// In JSON.
+    /// Name of the meaning in JSON and messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Light => "light",
@@ -29,38 +29,38 @@ impl Meaning {
     }
 }
 
-/// One layer.
+/// Channels of a picture that are compared together.
 #[derive(Debug, Clone)]
 pub struct Layer {
-    /// Empty for the picture itself.
+    /// Name of the layer; empty for the picture itself.
     pub name: String,
-    /// What its numbers are.
+    /// Meaning of its values.
     pub meaning: Meaning,
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: [usize; 2],
-    /// Where the top left pixel lies in the frame.
+    /// Position of the top left pixel in the frame.
     pub origin: [i32; 2],
-    /// Names of the channels, without the layer's.
+    /// Names of the channels, without the name of the layer.
     pub channels: Vec<String>,
-    /// All channels of a pixel together, rows from the top.
+    /// Values pixel by pixel, all channels of a pixel together, rows from the top.
     pub values: Vec<f32>,
-    /// Stored in 16 bits.
+    /// Whether any of its channels is stored in 16 bits.
     pub half: bool,
 }
 
 impl Layer {
-    /// The name for people.
+    /// Name of the layer in tables and messages: `beauty` for the picture itself.
     pub fn shown(&self) -> &str {
         if self.name.is_empty() { "beauty" } else { &self.name }
     }
 
-    /// Whether its light is one channel, that of R, G and B alike.
+    /// Returns whether the layer is light of a single channel in the file, used for R, G and B.
     pub fn is_grey(&self) -> bool {
         self.meaning == Meaning::Light && self.channels.len() == 1
     }
 }
 
-/// `Limit` for more bytes than [`MAX_BYTES`].
+/// Returns an error `Limit` for more bytes than [`MAX_BYTES`].
 pub fn fits(path: &Path, bytes: u64) -> Result<()> {
     if bytes <= MAX_BYTES {
         return Ok(());

@@ -1,7 +1,7 @@
-//! Where pictures differ, in false colour.
+//! Error maps in false colour.
 //!
-//! Magma (van der Walt and Smith 2015) from the crate `colorous`: equal steps look equally large, also
-//! in grey and to most of the colour-blind.
+//! The colour scale is magma (van der Walt and Smith 2015) from the crate `colorous`. Equal steps
+//! look equally large, also in grey and with most kinds of colour blindness.
 
 use std::io::Cursor;
 
@@ -11,15 +11,17 @@ use crate::measure::metrics::Errors;
 
 use super::layer::{Layer, Meaning};
 
-/// Errors at the dark and at the bright end of the logarithmic scale.
+/// Errors at the dark and the bright end of the logarithmic scale.
 pub const RANGE: [f64; 2] = [1e-4, 1.0];
 
-/// Marks what is not finite: no colour of the scale.
+/// Colour of pixels that are not finite. It is not in the scale.
 pub const NOT_FINITE: [u8; 3] = [0, 230, 255];
 
-/// The relative error of every pixel: of light the root of the mean over its channels of
-/// d^2 / (r^2 + 0.01); of data the length of d over the root mean square length of all r; 1 or 0 for
-/// ids. NaN where a value is not finite.
+/// Computes the relative error of every pixel. NaN if a value is not finite.
+///
+/// - Light: the root of the mean over its channels of d^2 / (r^2 + 0.01).
+/// - Data: the length of d over the root mean square length of all r.
+/// - Ids: 1 if they differ, else 0.
 pub fn errors(test: &Layer, reference: &Layer) -> Vec<f64> {
     let channels = match test.meaning {
         Meaning::Light => 3,
@@ -46,19 +48,19 @@ pub fn errors(test: &Layer, reference: &Layer) -> Vec<f64> {
                 sum => sum / power,
             },
         };
-        // Infinity minus infinity is NaN already; one infinity alone is not.
+        // One infinity alone would give an infinite error, not NaN.
         if pairs().all(|(x, r)| x.is_finite() && r.is_finite()) { sum.sqrt() } else { f64::NAN }
     };
     pixels.map(pixel).collect()
 }
 
-/// Where an error lies between the ends of the scale.
+/// Position of an error on the logarithmic scale: 0 at the dark end, 1 at the bright end.
 pub fn position(error: f64) -> f64 {
     let [low, high] = RANGE;
     (error / low).log10() / (high / low).log10()
 }
 
-/// The colour at a position in [0, 1] of the scale; beyond its ends that of the end.
+/// Colour at a position of the scale, clamped to [0, 1]. NaN gives [`NOT_FINITE`].
 pub fn color(position: f64) -> [u8; 3] {
     if position.is_nan() {
         return NOT_FINITE;
@@ -67,12 +69,12 @@ pub fn color(position: f64) -> [u8; 3] {
     [c.r, c.g, c.b]
 }
 
-/// A PNG of 8-bit pixels.
+/// Encodes 8-bit pixels as a PNG file.
 pub fn png(pixels: &[[u8; 3]], width: usize) -> Vec<u8> {
     let (across, down) = (width as u32, (pixels.len() / width.max(1)) as u32);
     let mut file = Cursor::new(Vec::new());
     let image = RgbImage::from_raw(across, down, pixels.as_flattened().to_vec());
-    // Into memory: nothing can fail but the encoder itself.
+    // Writing to memory cannot fail; only the encoder itself can.
     match image.map(|image| image.write_to(&mut file, ImageFormat::Png)) {
         Some(Ok(())) => file.into_inner(),
         _ => Vec::new(),
@@ -112,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_grows_brighter() {
+    fn the_scale_is_monotonic_in_brightness() {
         let light = |p: f64| color(p).iter().map(|c| u32::from(*c)).sum::<u32>();
         for step in 0..20 {
             assert!(light(f64::from(step) / 20.0) < light(f64::from(step + 1) / 20.0));

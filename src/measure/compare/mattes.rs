@@ -1,4 +1,4 @@
-//! Cryptomattes of two files by name: how much of the picture each matte covers in either.
+//! Compares the cryptomattes of two files by name: the pixels that each matte covers.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
@@ -10,32 +10,34 @@ pub type Names = BTreeMap<String, BTreeMap<u32, String>>;
 /// One matte in both files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Matte {
-    /// Its name; its id in hexadecimal where no manifest has one.
+    /// Name of the matte, or its id in hexadecimal if no manifest has a name.
     pub name: String,
-    /// Pixels that it covers: in the picture, in the reference.
+    /// Sum of its coverage in pixels: in the picture, in the reference.
     pub pixels: [f64; 2],
-    /// Sum over all pixels of how much its coverage differs, in pixels.
+    /// Sum over all pixels of the absolute difference of its coverage, in pixels.
     pub differs: f64,
 }
 
 /// All mattes of one kind.
 #[derive(Debug, Clone, Default)]
 pub struct Mattes {
-    /// Those that differ most first, then by name.
+    /// All mattes. Those with the largest difference come first, then by name.
     pub all: Vec<Matte>,
-    /// By pixel: the largest difference of one matte's coverage, in [0, 1].
+    /// For each pixel, the largest difference of any matte's coverage, in [0, 1].
     pub map: Vec<f64>,
 }
 
-/// The kind of cryptomatte whose ranks a layer holds: `CryptoObject` for `CryptoObject00.R`.
+/// Kind of cryptomatte that a layer belongs to: `CryptoObject` for `CryptoObject00.R`.
 pub fn kind<'a>(layer: &str, names: &'a Names) -> Option<&'a str> {
     let (ranks, _) = layer.rsplit_once('.')?;
     let known = names.get_key_value(ranks.trim_end_matches(|c: char| c.is_ascii_digit()))?;
     Some(known.0)
 }
 
-/// Reads the manifests of a file at `path` from the text attributes of one of its parts. A manifest that is missing
-/// or damaged leaves its mattes without names.
+/// Reads the cryptomatte manifests of a part into `names`.
+///
+/// `attributes` are the text attributes of one part of the file at `path`. If a manifest is missing
+/// or damaged, its mattes have no names.
 pub fn read_names<'a>(
     path: &Path,
     attributes: impl Iterator<Item = (&'a str, &'a str)>,
@@ -48,13 +50,13 @@ pub fn read_names<'a>(
             keys.entry(key).or_default().insert(what, value);
         }
     }
-    for said in keys.values() {
-        let Some(kind) = said.get("name") else { continue };
-        let beside = said.get("manif_file").and_then(|file| {
+    for entries in keys.values() {
+        let Some(kind) = entries.get("name") else { continue };
+        let beside = entries.get("manif_file").and_then(|file| {
             let file = path.with_file_name(Path::new(file).file_name()?);
             fs::read_to_string(file).ok()
         });
-        let text = said.get("manifest").map(|text| text.to_string()).or(beside);
+        let text = entries.get("manifest").map(|text| text.to_string()).or(beside);
         let pairs: Option<BTreeMap<String, String>> =
             text.and_then(|text| serde_json::from_str(&text).ok());
         let known = names.entry(kind.to_string()).or_default();
@@ -64,7 +66,9 @@ pub fn read_names<'a>(
     }
 }
 
-/// Compares the mattes of a kind whose ranks are among `layers`; nothing where ids or coverages are missing.
+/// Compares the mattes of one kind. `layers` contain its ranks.
+///
+/// The result is empty if ids or coverages of the first rank are missing.
 pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) -> Mattes {
     let channel = |rank: usize, suffix: &str| {
         let name = format!("{kind}{rank:02}.{suffix}");

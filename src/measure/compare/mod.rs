@@ -1,4 +1,4 @@
-//! Two picture files against each other, layer by layer.
+//! Compares two picture files layer by layer, for `lightpath compare`.
 
 pub mod file;
 pub mod half;
@@ -19,20 +19,21 @@ use half::Floor;
 use layer::{Layer, Meaning};
 use mattes::Names;
 
-/// What is compared, and how light becomes 8-bit pictures.
+/// Layers to compare, and the tone mapping of light to 8-bit pictures.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// Only these layers; all that both files have if empty.
+    /// Names of the layers to compare. If empty, all layers that both files have.
     pub layers: Vec<String>,
-    /// The curve; by default [`Settings::default_tonemap`]. `Max` divides by the largest value of the
-    /// reference, for both.
+    /// Tone curve; `None` for [`Settings::default_tonemap`]. `Max` divides both pictures by the
+    /// largest value of the reference.
     pub tonemap: Option<ToneOperator>,
-    /// Stops.
+    /// Exposure in stops, applied before the tone curve.
     pub exposure: f32,
 }
 
 impl Settings {
-    /// What `render` does by default, or nothing to pictures that are tone mapped already.
+    /// Default tone curve: `Max` as in `render`, or `Clamp` if a file is a PNG, which is already
+    /// tone mapped.
     pub fn default_tonemap(files: [&Picture; 2]) -> ToneOperator {
         match files.iter().any(|file| file.format == Format::Png) {
             true => ToneOperator::Clamp,
@@ -41,53 +42,54 @@ impl Settings {
     }
 }
 
-/// Pixels that are not finite.
+/// Pixels with a NaN or an infinity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NonFinite {
-    /// In the picture and in the reference.
+    /// Number of such pixels in the picture and in the reference.
     pub pixels: [u64; 2],
-    /// The first of either in the frame.
+    /// Position in the frame of the first such pixel of either.
     pub first: [i64; 2],
 }
 
-/// One layer of both files.
+/// One layer of both files with its metrics.
 #[derive(Debug)]
 pub struct Compared {
-    /// The picture's.
+    /// Layer of the picture.
     pub test: Layer,
-    /// The reference's.
+    /// Layer of the reference.
     pub reference: Layer,
-    /// Empty where pixels are not finite.
+    /// Metrics of the layer. Empty if a pixel is not finite.
     pub values: Values,
-    /// If any are not.
+    /// Pixels that are not finite, if any.
     pub non_finite: Option<NonFinite>,
-    /// Which of the two are stored as half floats.
+    /// Whether picture and reference are stored as half floats.
     pub half: [bool; 2],
-    /// What that alone may do.
+    /// Expected errors by rounding to half floats alone.
     pub floor: Option<Floor>,
-    /// The 8-bit pictures of light.
+    /// Picture and reference as tone mapped 8-bit pixels, for light.
     pub pictures: Option<[Vec<[u8; 3]>; 2]>,
-    /// FLIP per pixel, of light: HDR-FLIP of two EXRs, else LDR-FLIP.
+    /// FLIP of each pixel, for light: HDR-FLIP of two EXRs, else LDR-FLIP.
     pub flip: Option<Vec<f64>>,
 }
 
-/// What was found out.
+/// Result of the comparison of two files.
 #[derive(Debug)]
 pub struct Comparison {
-    /// At least one.
+    /// Layers that both files have; at least one.
     pub layers: Vec<Compared>,
-    /// Names of layers that only the picture has, that only the reference has.
+    /// Names of layers that only the picture has, and that only the reference has.
     pub alone: [Vec<String>; 2],
-    /// How light was tone mapped.
+    /// Tone mapping of light.
     pub tonemap: Tonemap,
-    /// What the mattes of either file are called.
+    /// Names of the mattes of both files.
     pub mattes: Names,
 }
 
 /// Compares all layers of the same name.
 ///
 /// # Errors
-/// Where no layer has a counterpart, or one has it in another size or at another place.
+/// If no chosen layer is in both files, or if a layer has another size, position or meaning in the
+/// reference.
 pub fn compare(test: Picture, reference: Picture, settings: &Settings) -> Result<Comparison> {
     let operator = settings.tonemap;
     let operator = operator.unwrap_or_else(|| Settings::default_tonemap([&test, &reference]));
@@ -118,14 +120,14 @@ pub fn compare(test: Picture, reference: Picture, settings: &Settings) -> Result
     }
     if layers.is_empty() {
         let list = |names: &[String]| names.join(", ");
-        let message = format!("found the layers {}; none of them is to be compared", list(&own));
+        let message = format!("found the layers {}; none of them can be compared", list(&own));
         return Err(Error::invalid(test_path, message)
             .help(format!("{reference_path} has {}", list(&other))));
     }
     Ok(Comparison { layers, alone, tonemap, mattes })
 }
 
-/// Refuses layers that do not lie on each other.
+/// Returns an error unless both layers have the same size, position and meaning.
 fn fit([test, reference]: [&str; 2], own: &Layer, other: &Layer) -> Result<()> {
     let window = |l: &Layer| {
         let at = match l.origin {
@@ -195,7 +197,7 @@ fn pixels(values: &[f32]) -> Vec<[f32; 3]> {
     values.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect()
 }
 
-/// Both through the curve that is made for the reference.
+/// Tone maps picture and reference with the curve of the reference.
 fn pictures(test: &[f32], reference: &[f32], tonemap: &Tonemap) -> [Vec<[u8; 3]>; 2] {
     let opaque = |values: &[f32]| -> Vec<[f32; 4]> {
         values.chunks_exact(3).map(|p| [p[0], p[1], p[2], 1.0]).collect()

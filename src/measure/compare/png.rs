@@ -1,4 +1,6 @@
-//! PNG -> linear light. Grey, palettes, 1 to 16 bits, alpha; `gAMA` is obeyed, sRGB is the default.
+//! Reads PNG files as linear light: grey, palettes, 1 to 16 bits, alpha.
+//!
+//! A `gAMA` chunk defines the curve. Without one, values are sRGB.
 
 use std::{fs::File, io::BufReader, path::Path};
 
@@ -11,7 +13,7 @@ use crate::{
 
 use super::layer::{Layer, MAX_BYTES, Meaning, fits};
 
-/// The light of a PNG, and its alpha if it has any.
+/// Reads the light of a PNG file, and its alpha if it has any.
 pub fn layers(path: &Path) -> Result<Vec<Layer>> {
     let failed = |error| decoding_error(path, error);
     let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
@@ -70,11 +72,11 @@ pub fn layers(path: &Path) -> Result<Vec<Layer>> {
     Ok(layers)
 }
 
-/// How values are encoded.
+/// Encoding of the values in the file.
 #[derive(Debug, Clone, Copy)]
 enum Curve {
     Srgb,
-    /// Value to the power of this is linear.
+    /// A value raised to this power is linear.
     Power(f64),
 }
 
@@ -83,7 +85,7 @@ impl Curve {
         match (info.srgb, info.gama_chunk) {
             (None, Some(gamma)) if gamma.into_value() > 0.0 => {
                 let gamma = f64::from(gamma.into_value());
-                // 1 / 2.2 is how sRGB is written where only a gamma can be.
+                // A gamma of 1 / 2.2 is a common approximation of sRGB.
                 match (gamma - 1.0 / 2.2).abs() < 1e-3 {
                     true => Self::Srgb,
                     false => Self::Power(1.0 / gamma),

@@ -1,34 +1,34 @@
-//! The time of a study. A process that is stopped (Ctrl-Z, `SIGSTOP`, a machine that sleeps) does not
-//! use up its budget meanwhile.
+//! The clock of a study. It does not count the time in which the process is stopped: Ctrl-Z,
+//! `SIGSTOP`, a machine that sleeps.
 
 use std::{
     sync::{Mutex, PoisonError},
     time::{Duration, Instant},
 };
 
-/// A gap between two ticks that is no mere delay: the watcher ticks every 20 ms.
+/// Smallest gap between two ticks that counts as a stop. The watcher ticks every 20 ms.
 const STOPPED: Duration = Duration::from_secs(1);
 
-/// Counts the time since a start, without the time in which nobody ticked.
+/// Counts the time since a start, without gaps between ticks that are longer than [`STOPPED`].
 #[derive(Debug)]
 pub struct Clock {
     start: Instant,
-    /// The last tick, and the gaps before it.
+    /// Time of the last tick, and the sum of all gaps before it.
     ticked: Mutex<(Instant, Duration)>,
 }
 
 impl Clock {
-    /// A clock that counts since `start`.
+    /// A clock that counts from `start` on.
     pub fn since(start: Instant) -> Self {
         Self { start, ticked: Mutex::new((Instant::now(), Duration::ZERO)) }
     }
 
-    /// Says that the process runs. To be called much more often than once a second.
+    /// Records that the process is running. Call it much more often than once a second.
     pub fn tick(&self) {
         self.tick_at(Instant::now());
     }
 
-    /// The time that counts, seconds.
+    /// Seconds since the start, without stops.
     pub fn elapsed_s(&self) -> f64 {
         self.elapsed_at(Instant::now()).as_secs_f64()
     }
@@ -54,13 +54,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stop_does_not_count_and_a_delay_does() {
+    fn stops_do_not_count_but_delays_do() {
         let clock = Clock::since(Instant::now());
         let at = |ms: u64| clock.start + Duration::from_millis(ms);
         let elapsed = |ms: u64| clock.elapsed_at(at(ms)).as_millis();
         clock.tick_at(at(500));
         assert_eq!(elapsed(700), 700);
-        // Stopped from 700 ms to 9 s: seen before the next tick and after it.
+        // A stop from 700 ms to 9 s is found before the next tick and after it.
         assert_eq!(elapsed(9_000), 500);
         clock.tick_at(at(9_000));
         assert_eq!(elapsed(9_100), 600);

@@ -1,26 +1,26 @@
-//! The part of a picture that a page shows: where settings differ most.
+//! The part of a picture that the page shows: the part with the largest error.
 
 use super::super::metrics::Errors;
 
-/// Pixels of the part at most.
+/// Largest width and height of the part, in pixels.
 const SIZE: [usize; 2] = [176, 132];
 
-/// A part of pictures.
+/// A rectangular part of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Crop {
-    /// Top left pixel.
+    /// Column and row of the top left pixel.
     pub corner: [usize; 2],
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: [usize; 2],
 }
 
 impl Crop {
-    /// The part with the largest relative error.
+    /// Finds the part with the largest relative error (relmse).
     pub fn of_largest_error(values: &[f32], reference: &[f32], width: usize) -> Self {
         let height = values.len() / 3 / width.max(1);
         let size = [SIZE[0].min(width), SIZE[1].min(height)];
         let mut best = (-1.0, Self { corner: [0; 2], size });
-        // Half overlapping; the last ones end at the edges.
+        // Parts overlap by half. The last ones end at the edges of the picture.
         let places = |whole: usize, part: usize| {
             (0..=whole - part).step_by((part / 2).max(1)).chain([whole - part])
         };
@@ -37,7 +37,7 @@ impl Crop {
         best.1
     }
 
-    /// The part's values, three a pixel.
+    /// The values of the part, three for each pixel.
     pub fn cut(&self, values: &[f32], width: usize) -> Vec<f32> {
         let ([x, y], [across, down]) = (self.corner, self.size);
         let rows = (y..y + down).map(|row| 3 * (row * width + x));
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_part_is_where_the_error_is() {
+    fn the_part_contains_the_error() {
         let (width, height) = (500, 300);
         let reference = vec![0.5; 3 * width * height];
         let mut values = reference.clone();

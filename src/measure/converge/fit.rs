@@ -1,21 +1,23 @@
-//! How fast an error falls, and who is on the front of time and error.
+//! Fits power laws, and finds the Pareto front of cost and error.
 
 use serde::{Deserialize, Serialize};
 
-/// y = c x^slope.
+/// A power law y = c x^slope, fitted to points.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Slope {
-    /// The exponent.
+    /// The exponent of x.
     pub slope: f64,
-    /// Of the exponent, from the residuals.
+    /// Standard error of the exponent, from the residuals.
     pub standard_error: f64,
-    /// c.
+    /// The factor c of the power law.
     pub factor: f64,
-    /// Points that it goes through.
+    /// Number of points of the fit.
     pub points: usize,
 }
 
-/// Least squares of log y over log x; at least 3 points, all > 0.
+/// Fits a power law by least squares of log y over log x.
+///
+/// `None` for fewer than 3 points, a value that is not > 0 and finite, or points with one common x.
 pub fn slope(points: &[[f64; 2]]) -> Option<Slope> {
     let n = points.len() as f64;
     if points.len() < 3 || points.iter().flatten().any(|v| !(*v > 0.0 && v.is_finite())) {
@@ -40,7 +42,8 @@ pub fn slope(points: &[[f64; 2]]) -> Option<Slope> {
     })
 }
 
-/// Indices of the points (cost, error) that no other beats in both, cheapest first.
+/// Pareto front: indices of the points (cost, error) that no other point beats in both, cheapest
+/// first.
 pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| {
@@ -61,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_power_law_is_found_with_its_uncertainty() {
+    fn a_power_law_is_recovered_with_its_standard_error() {
         let exact: Vec<[f64; 2]> =
             (1..6).map(|i| 4f64.powi(i)).map(|x| [x, 3.0 * x.powf(-0.75)]).collect();
         let found = slope(&exact).unwrap();
@@ -81,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_on_the_front_is_beaten() {
+    fn the_front_has_no_dominated_point() {
         let points = [[1.0, 5.0], [2.0, 6.0], [2.0, 3.0], [4.0, 1.0], [3.0, 3.0], [1.0, 7.0]];
         assert_eq!(front(&points), [0, 2, 3]);
         assert_eq!(front(&[]), [0usize; 0]);

@@ -1,4 +1,5 @@
-//! What is compared: every combination of backend, sampler and numbers of samples.
+//! The settings that a study compares: every combination of backend, sampler and numbers of
+//! samples.
 
 use crate::scene::SamplerKind;
 
@@ -7,7 +8,7 @@ use crate::scene::SamplerKind;
 pub struct Setting {
     /// Index of the backend.
     pub contestant: usize,
-    /// How sample points are chosen.
+    /// Sampler of camera and light points.
     pub sampler: SamplerKind,
     /// Camera samples per pixel.
     pub spp: u32,
@@ -16,23 +17,23 @@ pub struct Setting {
 }
 
 impl Setting {
-    /// Samples that a pixel takes of each area light, or of itself where there is none.
+    /// Samples per pixel of each area light, or camera samples in a scene without area lights.
     pub fn samples(&self) -> u64 {
         u64::from(self.spp) * u64::from(self.light_samples.unwrap_or(1))
     }
 
-    /// What its time is about proportional to: rays, where a camera ray meets something.
+    /// Work of a render, roughly proportional to its time: rays of a pixel whose camera rays hit.
     pub fn work(&self) -> f64 {
         f64::from(self.spp) * (1.0 + f64::from(self.light_samples.unwrap_or(0)))
     }
 }
 
-/// All settings.
+/// The values of each dimension of a study; every combination is a setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
-    /// Number of backends.
+    /// Number of backends that are compared.
     pub contestants: usize,
-    /// Samplers.
+    /// Samplers that are compared.
     pub samplers: Vec<SamplerKind>,
     /// Camera samples per pixel.
     pub spp: Vec<u32>,
@@ -41,7 +42,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// In the order of tables.
+    /// All settings, in the order of tables.
     pub fn settings(&self) -> Vec<Setting> {
         let mut all = Vec::new();
         for contestant in 0..self.contestants {
@@ -56,18 +57,19 @@ impl Grid {
         all
     }
 
-    /// Whether the picture that the study converges to is antialiased. One sample a pixel is not, and
-    /// converges to another picture.
+    /// Returns whether the picture that the study converges to is antialiased. With one camera
+    /// sample per pixel it is not: such renders converge to a different picture.
     pub fn antialiased(&self) -> bool {
         self.spp.iter().any(|&spp| spp > 1)
     }
 
-    /// The setting with the least work.
+    /// The setting of a backend with the least work, with the Sobol sampler.
     pub fn least(&self, contestant: usize) -> Setting {
         self.times(contestant, 1.0)
     }
 
-    /// About `factor` (>= 1) times the samples of the least setting, with Sobol points: a power of two.
+    /// A Sobol setting with about `factor` (>= 1) times the samples of the least setting. The
+    /// factor is rounded down to a power of two.
     pub fn times(&self, contestant: usize, factor: f64) -> Setting {
         let least = |values: &[u32]| values.iter().copied().min().unwrap_or(1);
         let lights: Vec<u32> = self.light_samples.iter().flatten().copied().collect();
@@ -79,7 +81,7 @@ impl Grid {
         let light_samples = (!lights.is_empty()).then_some(light);
         let sampler = SamplerKind::Sobol;
         match (self.antialiased(), light_samples) {
-            // More camera samples would be another picture.
+            // More camera samples would give a different, antialiased picture.
             (false, Some(_)) => {
                 Setting { contestant, sampler, spp, light_samples: Some(more(light)) }
             }
@@ -87,7 +89,7 @@ impl Grid {
         }
     }
 
-    /// A setting for references, of about `samples` samples a pixel: a power of two.
+    /// The setting of a reference, with about `samples` samples per pixel, a power of two.
     pub fn reference(&self, samples: f64) -> Setting {
         let power = |n: f64| 1u32 << n.max(1.0).log2().floor().min(20.0) as u32;
         let sampler = SamplerKind::Sobol;
@@ -95,7 +97,7 @@ impl Grid {
         let (spp, light_samples) = match (self.antialiased(), most) {
             (false, Some(_)) => (1, Some(power(samples))),
             (false, None) => (1, None),
-            // Shadow rays of one camera ray are cheaper than camera rays.
+            // Up to 4 shadow rays for each camera ray, because they are cheaper than camera rays.
             (true, Some(most)) => {
                 let lights = most.min(4);
                 (power(samples / f64::from(lights)).max(16), Some(lights))
@@ -116,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn every_combination_is_there_once() {
+    fn every_combination_occurs_once() {
         let settings = grid(&[1, 4, 16], &[Some(1), Some(4)]).settings();
         assert_eq!(settings.len(), 2 * 2 * 3 * 2);
         for (i, a) in settings.iter().enumerate() {
@@ -126,12 +128,12 @@ mod tests {
     }
 
     #[test]
-    fn a_reference_has_the_picture_of_the_grid() {
+    fn a_reference_is_antialiased_like_the_grid() {
         let of = |spp: &[u32], lights: &[Option<u32>], samples| {
             let setting = grid(spp, lights).reference(samples);
             (setting.spp, setting.light_samples)
         };
-        // One sample a pixel is no antialiasing, so the reference has none either.
+        // With one sample per pixel the grid is not antialiased, so the reference is not either.
         assert_eq!(of(&[1], &[Some(4), Some(64)], 5000.0), (1, Some(4096)));
         assert_eq!(of(&[1, 4], &[Some(16)], 5000.0), (1024, Some(4)));
         assert_eq!(of(&[4, 64], &[None], 5000.0), (4096, None));

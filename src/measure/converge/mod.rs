@@ -1,8 +1,12 @@
-//! Error against time: what `lightpath converge` measures.
+//! Measures error against time, for `lightpath converge`.
 //!
-//! `grid` says what is compared, `study` what is rendered next and what is known, `fit` what follows,
-//! `result` how it is written down. Only this file renders: accelerators are built once, then the world's
-//! settings change from render to render.
+//! - `grid`: the settings that are compared.
+//! - `study`: chooses the next render and collects results.
+//! - `fit`: fits and fronts of the results.
+//! - `result`: the report as it is written to files.
+//!
+//! Only this file renders. It builds the accelerators once and changes the settings of the world
+//! from render to render.
 
 mod clock;
 mod crop;
@@ -40,30 +44,33 @@ use crate::shading::Emitter;
 use crate::simd::Isa;
 use crate::world::World;
 
-/// In place of a signal's number: the budget is used up.
+/// Value in place of a signal number that means: the budget is used up.
 const BUDGET: i32 = -1;
 
-/// What to measure.
+/// What a study renders, and its limits.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// Backends; the first renders the reference.
+    /// Backends to compare. The first renders the reference.
     pub contestants: Vec<Contestant>,
-    /// All settings.
+    /// Settings that are compared.
     pub grid: Grid,
-    /// How much.
+    /// Budget, number of renders and first seed.
     pub limits: Limits,
-    /// When the study began, from which its budget counts.
+    /// Start of the study, from which its budget counts.
     pub started: Instant,
     /// Instruction set of the shading.
     pub isa: Isa,
 }
 
-/// Renders all of it on the current pool's threads, and leaves the world with other settings. `note` is told
-/// what begins.
+/// Runs a study on the current rayon pool. Calls `note` with the name of each step when it begins.
+///
+/// Sampler, seed and numbers of samples of `world` are changed.
 ///
 /// # Errors
-/// Where a backend cannot be built, or a pixel is not finite; `Limit` where the budget does not suffice for
-/// a reference and one picture; `Interrupted` after a signal.
+/// - The errors of [`accel::build`].
+/// - `Check`: a pixel is not finite.
+/// - `Limit`: the budget does not suffice for a reference and one picture.
+/// - `Interrupted`: a signal arrived.
 pub fn run(
     world: &mut World,
     settings: &Settings,
@@ -76,7 +83,7 @@ pub fn run(
     let budget = settings.limits.budget;
     let clock = &Clock::since(settings.started);
     let study = std::thread::scope(|scope| {
-        // Ends a render that takes longer than expected, and hands signals on.
+        // This thread ends a render that exceeds the budget, and forwards signals.
         scope.spawn(move || {
             let tick = Duration::from_millis(20);
             while waiting.recv_timeout(tick) == Err(RecvTimeoutError::Timeout) {
@@ -123,7 +130,7 @@ fn work(
     let mut values = Vec::with_capacity(3 * film.pixels.len());
     while let Some(job) = study.next(clock.elapsed_s()) {
         let setting = job.setting;
-        note(&told(&job, &settings.contestants[setting.contestant].name));
+        note(&describe(&job, &settings.contestants[setting.contestant].name));
         (world.spp, world.sampler, world.seed) = (setting.spp, setting.sampler, job.seed);
         for light in &mut world.lights {
             if let (Emitter::Area(area), Some(n)) = (&mut light.emitter, setting.light_samples) {
@@ -133,7 +140,7 @@ fn work(
         let started_s = clock.elapsed_s();
         let accelerator = &*built[setting.contestant];
         let counts = match render(world, accelerator, settings.isa, &mut film, monitor) {
-            // What was cut short does not count; what is known may be enough.
+            // An interrupted render does not count. The results so far may suffice.
             Err(error) if error.kind == Kind::Interrupted(BUDGET) => break,
             other => other?,
         };
@@ -143,7 +150,7 @@ fn work(
         let (bad, _) = non_finite(&values, 3);
         if bad > 0 {
             let message = format!("{bad} pixels are NaN or infinite: they have no error");
-            let place = told(&job, &settings.contestants[setting.contestant].name);
+            let place = describe(&job, &settings.contestants[setting.contestant].name);
             return Err(Error::new(Kind::Check, Problem::new(place, message)));
         }
         let rays = counts.primary + counts.shadow + counts.reflection;
@@ -152,8 +159,8 @@ fn work(
     Ok(study)
 }
 
-/// A job in words.
-fn told(job: &study::Job, backend: &str) -> String {
+/// Describes a job for progress and messages.
+fn describe(job: &study::Job, backend: &str) -> String {
     let Setting { sampler, spp, light_samples, .. } = job.setting;
     let lights = light_samples.map_or(String::new(), |n| format!(" x {n}"));
     let what = match job.purpose {

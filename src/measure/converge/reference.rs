@@ -1,36 +1,36 @@
-//! What errors are measured against: a file, or passes that tell how exact their mean is.
+//! The reference of a study: a file, or the mean of several passes with an estimate of its error.
 
 use crate::measure::metrics::Errors;
 
-/// Error that the reference itself has, as its expected contribution to a metric.
+/// Expected contribution of the reference's own error to measured errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Floor {
-    /// Of the mean squared error.
+    /// Contribution to the mean squared error.
     pub mse: f64,
-    /// Of the relative mean squared error.
+    /// Contribution to the relative squared error.
     pub relmse: f64,
 }
 
-/// A finished reference.
+/// A picture that errors are measured against.
 #[derive(Debug, Clone)]
 pub struct Reference {
-    /// R G B of all pixels.
+    /// R, G, B of all pixels.
     pub values: Vec<f32>,
-    /// What it adds to errors; `None` where that cannot be known.
+    /// Contribution of its own error; `None` if it is unknown.
     pub floor: Option<Floor>,
 }
 
-/// Sums of independent passes.
+/// Sums and squares of independent passes.
 #[derive(Debug, Clone, Default)]
 pub struct Passes {
     sums: Vec<f64>,
     squares: Vec<f64>,
-    /// So far.
+    /// Number of passes so far.
     pub count: u32,
 }
 
 impl Passes {
-    /// Adds a pass.
+    /// Adds one pass: R, G, B of all pixels.
     pub fn add(&mut self, values: &[f32]) {
         self.sums.resize(values.len(), 0.0);
         self.squares.resize(values.len(), 0.0);
@@ -42,7 +42,10 @@ impl Passes {
         self.count += 1;
     }
 
-    /// Their mean. Its variance is that of one pass over their number: what the passes differ by.
+    /// The mean of all passes as a reference, with its error.
+    ///
+    /// The variance of the mean is the variance between passes, divided by their number. With one
+    /// pass it is unknown.
     pub fn mean(&self) -> Reference {
         let n = f64::from(self.count);
         let (mut mse, mut relmse) = (0.0, 0.0);
@@ -65,7 +68,7 @@ mod tests {
     use super::*;
     use crate::measure::random::Random;
 
-    /// Passes with a known error: the floor is the mean's own error.
+    /// Averages passes with a known error.
     #[test]
     fn the_floor_is_the_error_of_the_mean() {
         let mut random = Random::new(3, 0);
@@ -81,7 +84,7 @@ mod tests {
         let floor = reference.floor.unwrap();
         assert!((floor.mse / errors.mse - 1.0).abs() < 0.05, "{floor:?} {errors:?}");
         assert!((floor.relmse / errors.relmse - 1.0).abs() < 0.05, "{floor:?} {errors:?}");
-        // Variance of a uniform number of width 0.02, over 4 passes.
+        // The variance of a uniform number of width 0.02, divided by 4 passes.
         assert!((floor.mse / (0.02f64.powi(2) / 12.0 / 4.0) - 1.0).abs() < 0.05);
     }
 }

@@ -1,4 +1,4 @@
-//! What `converge` found out, as it is written to files.
+//! Results of `lightpath converge`, as they are written to files.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,171 +9,174 @@ use crate::measure::result::Machine;
 use crate::measure::stats::{mad, median};
 use crate::units::plural;
 
-/// Changes when a reader of older files would misunderstand newer ones.
+/// Version of the file format. It changes if a reader of older files would misread newer ones.
 pub const VERSION: u32 = 1;
 
-/// Errors whose squares the reference's own error makes more than a tenth too large say nothing.
+/// Smallest ratio of a squared error to the squared error of the reference for a usable result.
+/// Below it, the reference adds more than a tenth.
 const FLOOR: f64 = 10.0;
 
-/// One study.
+/// Results of one study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// [`VERSION`].
+    /// Format of the file: [`VERSION`] when it was written.
     pub version: u32,
-    /// Where it ran.
+    /// The machine that the study ran on.
     pub machine: Machine,
-    /// Worker threads.
+    /// Number of worker threads.
     pub threads: usize,
-    /// As on the command line.
+    /// Name of the scene, as on the command line.
     pub scene: String,
     /// SHA-256 of the canonical scene.
     pub hash: String,
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Seconds that were allowed.
+    /// Budget of the study, in seconds.
     pub budget_s: f64,
-    /// Seconds that it took, without writing.
+    /// Seconds that the study took, without writing files.
     pub seconds: f64,
-    /// What errors are measured against.
+    /// The reference that errors are measured against.
     pub reference: ReferenceResult,
-    /// What was measured, in the order of the grid.
+    /// All measured settings, in the order of the grid.
     pub points: Vec<PointResult>,
-    /// Settings that the budget had no room for.
+    /// Settings that did not fit the budget.
     pub left_out: Vec<String>,
-    /// How fast errors fall.
+    /// Slopes of error against samples.
     pub series: Vec<Series>,
-    /// Error of `random` over that of `sobol` at equal settings.
+    /// Error of `random` divided by the error of `sobol`, at equal settings.
     pub ratios: Vec<Ratio>,
-    /// Indices of points that no other beats in time and relmse.
+    /// Indices of points that no other point beats in time and relmse.
     pub front: Vec<usize>,
-    /// The cheapest way to some errors.
+    /// The cheapest points that reach given errors.
     pub reached: Vec<Reached>,
 }
 
-/// What errors are measured against.
+/// The reference of a study, and its own error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceResult {
-    /// The file; `None` if it was rendered.
+    /// Path of the file; `None` if the reference was rendered.
     pub file: Option<String>,
-    /// Stored in 16 bits.
+    /// Whether the file is stored in 16 bits.
     pub half: bool,
-    /// How it was rendered, by the first backend.
+    /// Camera samples per pixel of each pass, rendered by the first backend.
     pub spp: Option<u32>,
-    /// Points on each area light.
+    /// Points on each area light per shading point, of each pass.
     pub light_samples: Option<u32>,
-    /// Independent passes whose mean it is.
+    /// Number of independent passes that are averaged.
     pub passes: Option<u32>,
-    /// RMSE of the reference itself, from what its passes differ by.
+    /// RMSE of the reference itself, from the variance between its passes.
     pub rmse: Option<f64>,
-    /// The same of relmse.
+    /// Relmse of the reference itself, likewise.
     pub relmse: Option<f64>,
 }
 
 /// A mean and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// The mean.
+    /// The mean over all renders.
     pub value: f64,
-    /// `None` of a single render.
+    /// Standard error of the mean; `None` for a single render.
     pub standard_error: Option<f64>,
 }
 
-/// One setting.
+/// Results of one setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PointResult {
-    /// As on the command line.
+    /// Name of the backend, as on the command line.
     pub backend: String,
-    /// `sobol` or `random`.
+    /// Sampler: `sobol` or `random`.
     pub sampler: String,
     /// Camera samples per pixel.
     pub spp: u32,
     /// Points on each area light per shading point.
     pub light_samples: Option<u32>,
-    /// Samples a pixel: their product.
+    /// Samples per pixel: the product of `spp` and `light_samples`.
     pub samples: u64,
-    /// Rays of one render.
+    /// Number of rays of one render.
     pub rays: u64,
-    /// Of each render; building and writing not included.
+    /// Seconds of each render, without builds and writing.
     pub seconds: Vec<f64>,
-    /// Their median.
+    /// The median of `seconds`.
     pub median_s: f64,
-    /// Their median absolute deviation.
+    /// Median absolute deviation of `seconds`.
     pub mad_s: f64,
-    /// sqrt(mean d^2), the mean over all renders too.
+    /// Root mean squared error: sqrt(mean d^2), with the mean over pixels and renders.
     pub rmse: Estimate,
-    /// mean d^2 / (r^2 + 0.01)
+    /// Relative squared error: mean d^2 / (r^2 + 0.01).
     pub relmse: Estimate,
-    /// mean |d|
+    /// Mean absolute error: mean |d|.
     pub mae: Estimate,
-    /// mean d
+    /// Mean signed error: mean d.
     pub bias: Estimate,
-    /// Whether the reference's own error is a part of it that counts.
+    /// Whether the reference's own error is a considerable part of the squared error.
     pub at_floor: bool,
-    /// One sample a pixel, while the reference has more: mostly the error of edges.
+    /// Whether it has one camera sample per pixel and the reference more. Then its error is mostly
+    /// that of edges.
     pub not_antialiased: bool,
 }
 
-/// Settings that differ in one number of samples.
+/// Settings of one backend and sampler that differ in one number of samples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Series {
-    /// As on the command line.
+    /// Name of the backend, as on the command line.
     pub backend: String,
-    /// `sobol` or `random`.
+    /// Sampler: `sobol` or `random`.
     pub sampler: String,
-    /// The number that stays: `4 light samples`, `1 spp`; empty without area lights.
+    /// The other number, which is constant: `4 light samples`, `1 spp`; empty without area lights.
     pub fixed: String,
-    /// Indices of points, fewest samples first; those at the floor or without antialiasing are left out.
+    /// Indices of points, fewest samples first. Points at the floor or without antialiasing are
+    /// left out.
     pub points: Vec<usize>,
-    /// RMSE against samples a pixel; `None` of fewer than 3 points.
+    /// Slope of RMSE against samples per pixel; `None` for fewer than 3 points.
     pub slope: Option<Slope>,
 }
 
-/// Two samplers at the same settings.
+/// Ratio of the errors of both samplers at the same settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ratio {
-    /// As on the command line.
+    /// Name of the backend, as on the command line.
     pub backend: String,
     /// Camera samples per pixel.
     pub spp: u32,
-    /// Points on each area light.
+    /// Points on each area light per shading point.
     pub light_samples: Option<u32>,
-    /// Samples a pixel.
+    /// Samples per pixel: the product of both numbers.
     pub samples: u64,
-    /// RMSE of `random` over RMSE of `sobol`.
+    /// RMSE of `random` divided by RMSE of `sobol`.
     pub rmse: Estimate,
 }
 
-/// The cheapest point below an error.
+/// The cheapest point that reaches an error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
-    /// relmse to reach.
+    /// The relmse that is reached, a power of ten.
     pub relmse: f64,
-    /// Index of the point.
+    /// Index of the point with the shortest time.
     pub point: usize,
-    /// The cheapest of each other backend and sampler.
+    /// Indices of the fastest points of every other backend and sampler that reach it.
     pub others: Vec<usize>,
 }
 
-/// What names what was measured.
+/// Names of machine, scene, backends and reference of a study.
 #[derive(Debug, Clone)]
 pub struct Subject {
-    /// Where it ran.
+    /// The machine that the study ran on.
     pub machine: Machine,
-    /// Worker threads.
+    /// Number of worker threads.
     pub threads: usize,
-    /// As on the command line.
+    /// Name of the scene, as on the command line.
     pub scene: String,
     /// SHA-256 of the canonical scene.
     pub hash: String,
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: [u32; 2],
     /// Names of the backends.
     pub backends: Vec<String>,
-    /// The reference's file, and whether it is stored in 16 bits.
+    /// Path of the reference's file, and whether it is stored in 16 bits.
     pub reference: Option<(String, bool)>,
 }
 
-/// Everything that follows from a study.
+/// Computes the report of a finished study. `seconds` is its duration.
 pub fn report(study: &Study, subject: Subject, limits: Limits, seconds: f64) -> Report {
     let antialiased = study.points.iter().any(|point| point.setting.spp > 1);
     let measured = study.points.iter().filter(|point| !point.errors.is_empty());
@@ -219,14 +222,14 @@ pub fn report(study: &Study, subject: Subject, limits: Limits, seconds: f64) -> 
     }
 }
 
-/// `embree, sobol, 16 spp x 4`.
+/// Name of a setting in tables: `embree, sobol, 16 spp x 4`.
 pub fn shown(backend: &str, sampler: &str, spp: u32, light_samples: Option<u32>) -> String {
     let lights = light_samples.map_or(String::new(), |n| format!(" x {n}"));
     format!("{backend}, {sampler}, {spp} spp{lights}")
 }
 
 impl PointResult {
-    /// As shown to people.
+    /// Name of the setting in tables and messages.
     pub fn name(&self) -> String {
         shown(&self.backend, &self.sampler, self.spp, self.light_samples)
     }
@@ -269,7 +272,7 @@ fn mean(values: &[f64]) -> Estimate {
     Estimate { value, standard_error }
 }
 
-/// Of a mean square, to first order.
+/// Root of a mean square, with its standard error to first order.
 fn root(square: Estimate) -> Estimate {
     let value = square.value.sqrt();
     let standard_error = square.standard_error.map(|error| match value > 0.0 {
@@ -279,7 +282,7 @@ fn root(square: Estimate) -> Estimate {
     Estimate { value, standard_error }
 }
 
-/// Series along spp, and along light samples, of every backend and sampler.
+/// Collects the series along spp, and along light samples, of every backend and sampler.
 fn series(points: &[PointResult]) -> Vec<Series> {
     let mut series: Vec<(Series, Vec<[f64; 2]>)> = Vec::new();
     for (i, point) in points.iter().enumerate() {
@@ -340,7 +343,7 @@ fn ratios(points: &[PointResult]) -> Vec<Ratio> {
     ratios
 }
 
-/// The decades that some point reaches, but not every point.
+/// Finds the cheapest points for every power of ten of relmse that some points reach, but not all.
 fn reached(points: &[PointResult]) -> Vec<Reached> {
     let mut reached = Vec::new();
     let largest = points.iter().map(|p| p.relmse.value).fold(0.0, f64::max);

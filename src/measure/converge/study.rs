@@ -1,67 +1,68 @@
-//! What is rendered next, and what is known so far: the study without a renderer and without a clock.
+//! State of a study: chooses the next render and collects results. It has no renderer and no clock.
 
 use super::crop::Crop;
 use super::grid::{Grid, Setting};
 use super::reference::{Passes, Reference};
 use crate::measure::metrics::Errors;
 
-/// Passes of a reference.
+/// Number of passes of a reference.
 const PASSES: u32 = 4;
 
-/// Share of the budget that the reference may take, and that is left for rendering altogether: the rest is
-/// for finding errors and writing files.
+/// Share of the remaining time that the reference may take, and share of the budget for all
+/// renders. The rest of the budget is for computing errors and writing files.
 const SHARES: [f64; 2] = [0.5, 0.92];
 
-/// Most samples of a pass, relative to the finest setting of the grid: more would not be seen.
+/// Largest number of samples of a pass, relative to the finest setting of the grid. More samples
+/// would make no visible difference.
 const FINER: f64 = 64.0;
 
-/// How much is rendered.
+/// Limits of a study: time, number of renders and seeds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Seconds for all of it.
+    /// Seconds for the whole study.
     pub budget: f64,
-    /// Renders of each setting, each with a seed of its own.
+    /// Number of renders of each setting, each with its own seed.
     pub repeats: u32,
-    /// The first seed.
+    /// Seed of the first round; the rounds after it count up.
     pub seed: i64,
 }
 
-/// What a render is for.
+/// Purpose of a render.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// To know how long others will take.
+    /// Timing, to predict the time of other renders.
     Probe,
-    /// A pass of the reference.
+    /// One pass of the reference.
     Reference,
-    /// Point of the grid.
+    /// A measured point of the grid, by its index.
     Point(usize),
 }
 
-/// A render to be done.
+/// A render of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Job {
-    /// How.
+    /// Setting to render with.
     pub setting: Setting,
-    /// Of every random choice.
+    /// Seed of the render.
     pub seed: i64,
-    /// What for.
+    /// What the picture is used for.
     pub purpose: Purpose,
 }
 
-/// What is known of one setting.
+/// Results of one setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
-    /// Which.
+    /// The setting that was rendered.
     pub setting: Setting,
-    /// Of each render.
+    /// Seconds of each render.
     pub seconds: Vec<f64>,
-    /// Rays of one render.
+    /// Number of rays of one render.
     pub rays: u64,
-    /// Of each render.
+    /// Errors of each render.
     pub errors: Vec<Errors>,
-    /// A part of the first picture.
+    /// The part [`Study::crop`] of the first picture.
     pub crop: Vec<f32>,
-    /// Whether a render of it does not fit the budget.
+    /// Whether renders of this setting do not fit the budget.
     pub left_out: bool,
 }
 
@@ -72,31 +73,32 @@ pub struct Study {
     limits: Limits,
     width: usize,
     stage: Stage,
-    /// Seconds per work, by contestant.
+    /// Seconds per unit of work, for each backend.
     cost: Vec<f64>,
-    /// The points in the order of the grid.
+    /// Results of all settings, in the order of the grid.
     pub points: Vec<Point>,
-    /// What errors are measured against.
+    /// The reference, once it is known.
     pub reference: Option<Reference>,
-    /// How the reference is rendered; `None` for a file.
+    /// Setting of the reference's passes; `None` for a file.
     pub pass: Option<Setting>,
-    /// What was rendered of it.
+    /// Sums of the reference's passes so far.
     pub passes: Passes,
-    /// Which part of pictures is kept.
+    /// Part of the pictures that is kept, chosen from the first picture.
     pub crop: Option<Crop>,
 }
 
 #[derive(Debug, Clone, Copy)]
 enum Stage {
-    /// Of a contestant; whether it is the second, larger one.
+    /// Index of the backend, and whether this is its second, longer probe.
     Probe(usize, bool),
     Reference,
-    /// Round and place in it.
+    /// Number of the round, and the position in it.
     Grid(u32, usize),
 }
 
 impl Study {
-    /// A study of pictures `width` pixels wide, against a reference if there is one.
+    /// Begins a study of pictures that are `width` pixels wide. Without a reference, one is
+    /// rendered.
     pub fn new(grid: Grid, limits: Limits, width: usize, reference: Option<Reference>) -> Self {
         let point = |setting| Point {
             setting,
@@ -120,7 +122,7 @@ impl Study {
         }
     }
 
-    /// What to render next, `elapsed` seconds after the study began; `None` at its end.
+    /// Chooses the next render, `elapsed` seconds after the study began. `None` ends the study.
     pub fn next(&mut self, elapsed: f64) -> Option<Job> {
         let Limits { budget, seed, .. } = self.limits;
         let left = SHARES[1] * budget - elapsed;
@@ -131,7 +133,7 @@ impl Study {
                 }
                 Stage::Probe(contestant, second) => {
                     let least = self.grid.least(contestant);
-                    // A hundredth of the budget is long enough for a clock, and little.
+                    // A hundredth of the budget is long enough to time, and costs little.
                     let factor = 0.01 * budget / (self.cost[contestant] * least.work());
                     let setting = match second {
                         true => self.grid.times(contestant, factor.min(256.0)),
@@ -172,7 +174,7 @@ impl Study {
                         true => Stage::Grid(round, place + 1),
                         false => Stage::Grid(round + 1, 0),
                     };
-                    // Forth and back, so that a slow minute hits all alike.
+                    // Every other round runs backwards, so a slow period affects all settings.
                     let index = if round % 2 == 0 { place } else { count - 1 - place };
                     if self.points[index].left_out || self.expected(index) > left {
                         continue;
@@ -185,7 +187,7 @@ impl Study {
         }
     }
 
-    /// Samples of a pass of the reference.
+    /// Samples per pixel that a pass of the reference may have in the remaining seconds `left`.
     fn affordable(&self, left: f64) -> f64 {
         let finest = self.points.iter().map(|p| p.setting.samples()).max().unwrap_or(1) as f64;
         let one = self.grid.reference(1.0);
@@ -194,7 +196,7 @@ impl Study {
         (seconds / per_sample).min(FINER * finest)
     }
 
-    /// Seconds of a point.
+    /// Expected seconds of a render of a point: the mean so far, or a prediction.
     fn expected(&self, index: usize) -> f64 {
         let point = &self.points[index];
         match point.seconds.is_empty() {
@@ -203,7 +205,8 @@ impl Study {
         }
     }
 
-    /// Leaves out what is too expensive to be rendered twice: the cheapest come first.
+    /// Leaves out the most expensive settings, so that the time suffices to render all others
+    /// twice.
     fn begin_grid(&mut self, left: f64) {
         let mut order: Vec<usize> = (0..self.points.len()).collect();
         order.sort_by(|&a, &b| self.expected(a).total_cmp(&self.expected(b)));
@@ -216,7 +219,7 @@ impl Study {
         self.stage = Stage::Grid(0, 0);
     }
 
-    /// Takes what was rendered: R G B of all pixels.
+    /// Adds the result of a render. `values` are R, G, B of all pixels.
     pub fn take(&mut self, job: &Job, values: &[f32], rays: u64, seconds: f64) {
         match (&mut self.stage, job.purpose) {
             (Stage::Probe(contestant, second), Purpose::Probe) => {

@@ -1,4 +1,4 @@
-//! Studies of a problem whose errors and times are known: no renderer, no clock.
+//! Tests of studies with known errors and times, without a renderer and a clock.
 
 use super::result::Subject;
 use super::study::{Job, Purpose};
@@ -10,7 +10,8 @@ use crate::scene::SamplerKind;
 const WIDTH: usize = 64;
 const PIXELS: usize = WIDTH * 48;
 
-/// A pixel is 1 plus uniform noise of width `samples^-p`: RMSE = samples^-p / sqrt(12).
+/// Renders a picture of value 1 plus uniform noise of width `samples^-p`, so that
+/// RMSE = samples^-p / sqrt(12).
 fn render(job: &Job) -> Vec<f32> {
     let power = match job.setting.sampler {
         SamplerKind::Sobol => -0.75,
@@ -22,7 +23,7 @@ fn render(job: &Job) -> Vec<f32> {
     (0..3 * PIXELS).map(|_| (1.0 + noise * (random.unit() - 0.5)) as f32).collect()
 }
 
-/// Runs a study whose renders take `per_work` seconds for each unit of work.
+/// Runs a study whose renders take `per_work` seconds per unit of work.
 fn run_all(grid: &Grid, limits: Limits, per_work: f64) -> (Study, Vec<Job>, f64) {
     let mut study = Study::new(grid.clone(), limits, WIDTH, None);
     let (mut now, mut jobs) = (0.0, Vec::new());
@@ -74,7 +75,7 @@ fn known_slopes_ratios_and_errors_are_found() {
         let expected = (point.samples as f64).powf(power) / 12f64.sqrt();
         assert!((point.rmse.value / expected - 1.0).abs() < 0.03, "{point:?}");
         let error = point.rmse.standard_error.unwrap();
-        // Of 9216 uniform numbers, three times: the mean square varies by 0.9 / sqrt(n).
+        // The mean square of n = 3 x 9216 uniform numbers varies by 0.9 / sqrt(n).
         assert!(error > 0.0 && error < 0.01 * expected, "{point:?}");
         assert!(point.not_antialiased == (point.spp == 1));
     }
@@ -99,7 +100,7 @@ fn known_slopes_ratios_and_errors_are_found() {
 }
 
 #[test]
-fn the_reference_is_finer_than_the_grid_and_knows_its_error() {
+fn the_reference_has_more_samples_than_the_grid_and_a_known_error() {
     let (study, jobs, _) = run_all(&grid(), limits(100.0), 1e-3);
     let passes: Vec<&Job> = jobs.iter().filter(|j| j.purpose == Purpose::Reference).collect();
     assert_eq!((passes.len(), study.passes.count), (4, 4));
@@ -116,7 +117,7 @@ fn the_reference_is_finer_than_the_grid_and_knows_its_error() {
 }
 
 #[test]
-fn rounds_go_forth_and_back_with_a_seed_each() {
+fn rounds_run_forwards_and_backwards_with_their_own_seeds() {
     let (_, jobs, _) = run_all(&grid(), limits(100.0), 1e-3);
     let order = jobs.iter().filter_map(|job| match job.purpose {
         Purpose::Point(index) => Some((index, job.seed)),
@@ -132,7 +133,7 @@ fn rounds_go_forth_and_back_with_a_seed_each() {
 }
 
 #[test]
-fn a_budget_is_held_by_leaving_out_what_is_expensive() {
+fn expensive_settings_are_left_out_to_keep_the_budget() {
     for budget in [1.0, 3.0, 10.0] {
         let (study, _, took) = run_all(&grid(), limits(budget), 1e-3);
         assert!(took <= budget, "{took} of {budget}");
@@ -148,7 +149,7 @@ fn a_budget_is_held_by_leaving_out_what_is_expensive() {
     }
     let (short, ..) = run_all(&grid(), limits(1.0), 1e-3);
     assert!(!found(&short, limits(1.0)).left_out.is_empty());
-    // No time at all: nothing, but an end.
+    // Without time the study ends without a point.
     let (none, jobs, _) = run_all(&grid(), limits(1e-9), 1.0);
     assert!(none.points.iter().all(|p| p.errors.is_empty()) && jobs.len() <= 1);
 }

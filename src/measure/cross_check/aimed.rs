@@ -1,4 +1,4 @@
-//! Rays that are hard to answer, and random ones: seeded, aimed at a scene's own primitives.
+//! Seeded random rays that are hard to answer, aimed at the primitives of a scene.
 
 use glam::DVec3;
 
@@ -8,18 +8,18 @@ use crate::measure::random::Random;
 use crate::measure::rays::Recorded;
 use crate::ray::{LANES, Mask, Rays};
 
-/// Aims rays at a geometry.
+/// Generates rays that are aimed at a geometry.
 pub struct Aim<'g> {
     geometry: &'g Geometry,
     center: DVec3,
-    /// Half the sides of the scene's box.
+    /// Half the sides of the scene's bounding box.
     half: DVec3,
-    /// Largest half side of each geometry's box.
+    /// Largest half side of the bounding box of each geometry id.
     sizes: Vec<f64>,
 }
 
 impl<'g> Aim<'g> {
-    /// `None` without any primitive.
+    /// Measures the geometry. Returns `None` if it has no primitive.
     pub fn new(geometry: &'g Geometry) -> Option<Self> {
         let bases = geometry.bases();
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -36,7 +36,7 @@ impl<'g> Aim<'g> {
         center.is_finite().then_some(Self { geometry, center, half, sizes })
     }
 
-    /// A packet of rays of one kind. Shadow rays end before or behind what they are aimed at.
+    /// A packet of rays of one source. Shadow rays end before or behind their target.
     pub fn packet(&self, source: Source, shadow: bool, random: &mut Random) -> Recorded {
         let mut rays = Rays::EMPTY;
         for i in 0..LANES {
@@ -55,12 +55,12 @@ impl<'g> Aim<'g> {
         Recorded { active, rays }
     }
 
-    /// Somewhere in the scene's box, made `times` as large.
+    /// A random point in the scene's bounding box, enlarged by the factor `times`.
     fn somewhere(&self, times: f64, random: &mut Random) -> DVec3 {
         self.center + self.half * times * random.cube()
     }
 
-    /// Origin, direction, and t of what is aimed at.
+    /// Returns origin, direction, and t of the target.
     fn ray(&self, source: Source, random: &mut Random) -> (DVec3, DVec3, f64) {
         let count = self.geometry.bases().last().copied().unwrap_or(1);
         let primitive = random.below(count);
@@ -79,8 +79,8 @@ impl<'g> Aim<'g> {
                 if random.bits() % 2 == 0 {
                     (from, corner - from)
                 } else {
-                    // Small whole numbers, so that the ray runs through the corner exactly where
-                    // the coordinates allow.
+                    // A step of few bits, so that the ray passes exactly through the corner where
+                    // its coordinates allow.
                     let step = rounded((random.cube() * 4.0).round())
                         * 2f64.powi(random.below(6) as i32 - 3);
                     (corner - step, step)
@@ -119,7 +119,7 @@ impl<'g> Aim<'g> {
             Source::Tiny => {
                 let least = 10f64.powf(-30.0 - 7.0 * random.unit());
                 let distance = inside.distance(from);
-                // No longer than t fits into an f32.
+                // A shorter direction would give a t beyond the range of f32.
                 let least = least.max(distance * 1e-37);
                 target = distance / least;
                 (from, (inside - from).normalize_or(DVec3::X) * least)
@@ -130,7 +130,7 @@ impl<'g> Aim<'g> {
     }
 }
 
-/// Points of a primitive to aim at.
+/// Points of a primitive to aim at: its corners, or six points of a sphere.
 fn corners(geometry: &Geometry, primitive: u32) -> Vec<DVec3> {
     let geom = geometry.bases().partition_point(|&base| base <= primitive) - 1;
     let prim = primitive - geometry.bases()[geom];

@@ -1,4 +1,4 @@
-//! What a ray cannot pass: the layers that stay in its way however the corners move.
+//! Finds the layers of surface that a ray certainly hits, however rounding moves the corners.
 
 use std::collections::BTreeMap;
 
@@ -6,12 +6,12 @@ use glam::{DVec2, DVec3};
 
 use crate::accel::brute::{Near, Outline};
 
-/// Where a layer lies on the ray, errors of t included.
+/// Range of t of one layer of surface, with the errors of t.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layer {
-    /// Its nearest t.
+    /// Smallest t of the layer.
     pub near: f64,
-    /// Its farthest t.
+    /// Largest t of the layer.
     pub far: f64,
 }
 
@@ -25,22 +25,25 @@ impl Layer {
     }
 }
 
-/// An edge between two corners, in an order that does not depend on the triangle.
+/// Bits of the coordinates of an edge's corners, sorted so that both triangles get the same key.
 type Edge = [[u64; 3]; 2];
 
-/// The layers that a watertight test meets for certain, although each sheared corner may have moved
-/// by its bound.
+/// Returns the layers that a watertight test certainly hits, although each sheared corner may move
+/// by its error bound.
 ///
-/// Triangles that share edges move together. Their rim is what is left of their edges when those
-/// that two of them share are taken away. If no part of the rim can reach the ray, and the rim goes
-/// round the ray an odd number of times, then so it does after any move, and at least one of the
-/// triangles holds the ray (its number of layers there is odd, modulo 2 it is the winding number
-/// of the rim). At a silhouette both triangles of an edge lie on the same side, two layers or
-/// none: even.
+/// Triangles that share edges form a patch, and their shared corners move together. The rim of a
+/// patch consists of the edges that an odd number of its triangles has.
+///
+/// Suppose that no edge of the rim can reach the ray, and that the rim winds around the ray an odd
+/// number of times. Both stay true after any move. The number of triangles that contain the ray
+/// equals the winding number of the rim modulo 2. So at least one triangle contains the ray, and
+/// the patch is a layer. At a silhouette both triangles of an edge lie on the same side of the ray.
+/// Then the number is even, and the patch is no layer.
 pub fn layers(near: &[Near]) -> Vec<Layer> {
     let sure = near.iter().filter(|part| match &part.outline {
         Outline::Sphere(sure) => *sure,
-        // One triangle that holds the ray well inside, whatever it shares.
+        // A triangle that contains the ray beyond the error bound of its edges is a layer by
+        // itself.
         outline => Triangle::of(outline).is_some_and(|triangle| triangle.holds(outline)),
     });
     let mut layers: Vec<Layer> = sure.map(|part| Layer::of([part].into_iter())).collect();
@@ -87,7 +90,7 @@ impl<'a> Triangle<'a> {
     }
 
     fn edge(&self, i: usize) -> Edge {
-        // Adding 0 makes -0 and 0 the same corner.
+        // Adding 0 turns -0 into 0.
         let key = |v: DVec3| v.to_array().map(|x| (x + 0.0).to_bits());
         let mut edge = [key(self.corners[i]), key(self.corners[(i + 1) % 3])];
         edge.sort_unstable();
@@ -101,13 +104,13 @@ impl<'a> Triangle<'a> {
     }
 }
 
-/// The triangles, those that are connected by edges together, copies of the same triangle once.
+/// Groups triangles that are connected by shared edges. Copies of one triangle count once.
 fn patches(near: &[Near]) -> Vec<Vec<(&Near, Triangle<'_>)>> {
     let mut triangles: Vec<(&Near, Triangle)> =
         near.iter().filter_map(|part| Some((part, Triangle::of(&part.outline)?))).collect();
     triangles.sort_by_key(|(_, triangle)| triangle.edges());
     triangles.dedup_by_key(|(_, triangle)| triangle.edges());
-    // Disjoint sets: triangle i belongs with triangle `parent[i]`.
+    // Disjoint sets: triangle i is in the set of triangle `parent[i]`.
     let mut parent: Vec<usize> = (0..triangles.len()).collect();
     let mut owners: BTreeMap<Edge, usize> = BTreeMap::new();
     for (i, (_, triangle)) in triangles.iter().enumerate() {
@@ -132,12 +135,13 @@ fn root(parent: &mut [usize], mut i: usize) -> usize {
     i
 }
 
-/// Whether closed polygons go round the origin an odd number of times: crossings with the positive
-/// x axis. None of the edges comes near the origin.
+/// Returns whether closed polygons wind around the origin an odd number of times.
+///
+/// It counts the crossings of edges with the positive x axis. No edge may come near the origin.
 fn goes_round(edges: impl Iterator<Item = [DVec2; 2]>) -> bool {
     let crosses = |[p, q]: [DVec2; 2]| {
         (p.y > 0.0) != (q.y > 0.0) && {
-            // Where y = 0, times a positive number: the sign of x.
+            // `side` is x at y = 0, times (q.y - p.y).
             let side = p.perp_dot(q);
             if q.y > p.y { side > 0.0 } else { side < 0.0 }
         }
@@ -153,7 +157,7 @@ mod tests {
     use crate::geometry::{Geometry, NONE, TriangleMesh};
     use crate::monitor::Monitor;
 
-    /// Layers and the number of near triangles for a ray down the z axis at (x, y).
+    /// Number of layers and of near triangles for a ray down the z axis at (x, y).
     fn seen(vertices: &[[f32; 3]], triangles: &[[u32; 3]], x: f32, y: f32) -> (usize, usize) {
         let mesh = TriangleMesh::new(vertices.to_vec(), triangles.to_vec(), false);
         let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
@@ -176,30 +180,30 @@ mod tests {
     const FAN: [[u32; 3]; 4] = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]];
 
     #[test]
-    fn a_fan_holds_at_its_middle_and_along_its_edges() {
+    fn a_fan_is_a_layer_at_its_middle_and_along_its_edges() {
         assert_eq!(seen(&SQUARE, &FAN, 0.0, 0.5), (2, 1));
         assert_eq!(seen(&SQUARE, &FAN, 0.5, 0.5), (1, 2));
         assert_eq!(seen(&SQUARE, &FAN, 0.0, 0.0), (1, 4));
         assert_eq!(seen(&SQUARE, &FAN, 1e-7, 3e-8), (1, 4));
-        // Windings do not matter, copies neither.
+        // Neither winding nor copies make a difference.
         assert_eq!(seen(&SQUARE, &[[0, 2, 1], [0, 2, 3], [0, 3, 4], [0, 1, 4]], 0.0, 0.0), (1, 4));
         assert_eq!(seen(&SQUARE, &[FAN[0], FAN[1], FAN[2], FAN[3], [1, 2, 0]], 0.0, 0.0), (1, 5));
     }
 
     #[test]
-    fn rims_gaps_and_folds_hold_nothing() {
-        // The rim of the square.
+    fn rims_gaps_and_folds_are_no_layers() {
+        // A ray at the rim of the square.
         assert_eq!(seen(&SQUARE, &FAN, 0.0, 1.0), (0, 1));
         assert_eq!(seen(&SQUARE, &FAN, 1.0, 1.0), (0, 2));
         // One triangle of the fan is missing.
         assert_eq!(seen(&SQUARE, &FAN[..3], 0.0, 0.0), (0, 3));
-        // A roof seen along its ridge's silhouette: both sides lie below y = 0.
+        // A ray at the silhouette of a roof's ridge: both sides lie below y = 0.
         let roof = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, -1.0], [0.0, -1.5, -2.0]];
         let sides = [[0, 1, 2], [1, 0, 3]];
         assert_eq!(seen(&roof, &sides, 0.0, 0.0), (0, 2));
-        // In front of both: each by itself, together they are even.
+        // A ray through both sides: each is a layer, and the patch, which is even, is none.
         assert_eq!(seen(&roof, &sides, 0.0, -0.5), (2, 2));
-        // Far beside it nothing is near.
+        // A ray far beside it passes nothing.
         assert_eq!(seen(&roof, &sides, 0.0, 0.5), (0, 0));
     }
 }

@@ -1,13 +1,15 @@
-//! How often backends that need not be right are known to be wrong: measured, docs/cli.md has the
-//! figures. What goes beyond is no known fact any more, but something that broke.
+//! Known rates of wrong answers of backends that need not be right.
+//!
+//! The rates were measured; docs/cli.md has the figures. A higher rate means that something broke.
 
 use crate::scene::Backend;
 
-/// So few wrong answers of a kind are no rate yet.
+/// Number of wrong answers that are always allowed: too few to measure a rate.
 const FEW: u64 = 10;
 
-/// The share of answers to rays of a source (by name) that may be wrong; `None` for those that must
-/// be right. Generous: about twice the largest share of any scene that was measured.
+/// Share of answers to the rays of a source that may be wrong; `None` if all must be right.
+///
+/// It is generous: about twice the largest share of any scene that was measured.
 pub fn rate(backend: Backend, source: &str) -> Option<f64> {
     match (backend, source) {
         (Backend::Bvh(_) | Backend::Brute, _) => None,
@@ -21,7 +23,7 @@ pub fn rate(backend: Backend, source: &str) -> Option<f64> {
     }
 }
 
-/// How many of so many answers that is.
+/// Largest number of wrong answers to `rays` rays at this rate.
 pub fn most(rate: f64, rays: u64) -> u64 {
     (rate * rays as f64) as u64 + FEW
 }

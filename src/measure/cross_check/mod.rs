@@ -1,9 +1,12 @@
-//! Every ray through every backend, each answer judged by the oracle.
+//! Traces rays on every backend and judges each answer by the oracle, for `lightpath crosscheck`.
 //!
-//! The rays are the scene's own and seeded ones that are hard to answer. An answer agrees, or is
-//! explained by the error bound of the backend's own test (a tie, an edge), or is wrong. The bound
-//! is that of `bvh`'s test ([`Brute::near`]); Embree, whose bound is not published, gets four times
-//! as much, `coursework`, which works in f64, the same, `brute` none.
+//! The rays are those of the scene and seeded random rays that are hard to answer. An answer
+//! agrees, or the error bound of the backend's own test explains it (a tie, an edge), or it is
+//! wrong.
+//!
+//! Error bounds are multiples of the bound of `bvh`'s test ([`Brute::near`]): 1 for `bvh` and
+//! `coursework`, 4 for Embree, 0 for `brute`. Embree's own bound is not published. `coursework`
+//! works in f64.
 
 mod aimed;
 mod cover;
@@ -37,24 +40,25 @@ use crate::ray::{Coherence, Hits, LANES, RayPacket};
 use crate::scene::Backend;
 use crate::world::World;
 
-/// Primitives that `coursework`'s plain loop may test in all: what bounds its time.
+/// Largest number of primitives that the plain loop of `coursework` tests in all. It bounds the
+/// time.
 const PLAIN_LOOP_TESTS: u64 = 200_000_000;
 
-/// Wrong answers that are kept of each backend, kind and class of rays.
+/// Largest number of wrong answers that are kept for each backend, verdict and source of rays.
 const KEPT: usize = 10;
 
-/// Packets between two looks at the monitor.
+/// Number of packets between two checks of the monitor.
 const PORTION: usize = 4096;
 
-/// How rays are handed over.
+/// How a packet is traced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
-    /// 16 at a time, said to be coherent.
+    /// Packets of 16 rays, announced as coherent.
     Coherent,
-    /// 16 at a time.
+    /// Packets of 16 rays, announced as incoherent.
     Incoherent,
-    /// Each alone.
+    /// Single rays, one query for each lane.
     Single,
 }
 
@@ -68,16 +72,16 @@ impl Mode {
     }
 }
 
-/// A backend that is checked.
+/// A built backend that is checked.
 #[derive(Clone, Copy)]
 pub struct Contender<'a> {
-    /// Which one.
+    /// Backend that is checked.
     pub backend: Backend,
-    /// Built over the world's geometry.
+    /// Its accelerator, built over the geometry of the world.
     pub accelerator: &'a dyn Accelerator,
 }
 
-/// The bound of a backend's own test, in units of the shear's.
+/// Error bound of a backend's own test, in units of the bound of the shear ([`Brute::near`]).
 pub fn factor(backend: Backend) -> f64 {
     match backend {
         Backend::Embree(_) => 4.0,
@@ -87,12 +91,12 @@ pub fn factor(backend: Backend) -> f64 {
 }
 
 impl Contender<'_> {
-    /// The bound of its own test, in units of the shear's.
+    /// Error bound of the backend's own test: [`factor`].
     pub fn factor(&self) -> f64 {
         factor(self.backend)
     }
 
-    /// The ways in which its answers may differ.
+    /// The modes whose answers may differ.
     fn modes(&self, coherence: Coherence) -> Vec<Mode> {
         let packets = match coherence {
             Coherence::Coherent => Mode::Coherent,
@@ -100,43 +104,44 @@ impl Contender<'_> {
         };
         match self.backend {
             Backend::Embree(_) | Backend::Bvh(_) => vec![packets, Mode::Single],
-            // One ray at a time in any case.
+            // These trace rays one by one in every mode.
             Backend::Coursework | Backend::Brute => vec![packets],
         }
     }
 }
 
-/// What is checked, and how much.
+/// Scene, oracle, backends and number of rays of a check.
 #[derive(Clone, Copy)]
 pub struct Check<'a> {
-    /// The scene.
+    /// The scene whose rays are checked.
     pub world: &'a World,
-    /// The judge.
+    /// The oracle, built over the scene's geometry.
     pub oracle: &'a Brute<'a>,
-    /// The judged.
+    /// The backends to check. The first one finds the camera hits.
     pub contenders: &'a [Contender<'a>],
-    /// To compare with its own plain loop.
+    /// `coursework`, to compare with its own plain loop.
     pub coursework: Option<&'a Coursework<'a>>,
-    /// Rays at most; at least one packet of each kind that there is.
+    /// Largest number of rays. At least one packet of each source is checked.
     pub rays: u64,
-    /// Of all random rays.
+    /// Seed of all random rays.
     pub seed: i64,
 }
 
-/// A packet and what is asked of it.
+/// A packet with its query.
 #[derive(Debug, Clone)]
 pub struct Case {
-    /// Name of its source.
+    /// Name of the source of the rays.
     pub source: String,
-    /// `occluded` instead of `closest`.
+    /// Whether the query is `occluded`, not `closest`.
     pub shadow: bool,
-    /// The renderer's, for packets.
+    /// Coherence of the packet in the renderer.
     pub coherence: Coherence,
-    /// The rays.
+    /// The rays before the query.
     pub packet: Recorded,
 }
 
-/// Traces a packet and returns the answers of all lanes; those that are not active say nothing.
+/// Traces a packet and returns the answers of all lanes. Ignore the answers of lanes that are not
+/// active.
 pub fn answers(accelerator: &dyn Accelerator, case: &Case, mode: Mode) -> Vec<Answer> {
     let Recorded { active, rays } = &case.packet;
     if case.shadow {
@@ -150,8 +155,9 @@ pub fn answers(accelerator: &dyn Accelerator, case: &Case, mode: Mode) -> Vec<An
     }
 }
 
-/// Checks the rays of a scene, on the threads of the current rayon pool. The same report for any
-/// number of threads.
+/// Checks the rays of a scene on the current rayon pool.
+///
+/// The report does not depend on the number of threads.
 ///
 /// # Errors
 /// `Interrupted` after a signal.
@@ -159,11 +165,11 @@ pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
     let plan = Plan::new(check, monitor)?;
     let primitives = u64::from(*check.world.geometry.bases().last().unwrap_or(&0));
     let loops = (PLAIN_LOOP_TESTS / primitives.max(1)).max(1);
-    // Every n-th packet goes through the plain loop as well.
+    // The plain loop traces one packet in `stride`.
     let stride = (plan.packets() as u64 * LANES as u64).div_ceil(loops).max(1) as usize;
     let mut report = Report::new(check);
     monitor.begin(Phase::Check, plan.packets() as u64);
-    // In portions, so that memory stays bounded and a signal is seen.
+    // Portions bound the memory, and signals are checked between them.
     for first in (0..plan.packets()).step_by(PORTION) {
         let portion: Vec<Part> = (first..plan.packets().min(first + PORTION))
             .into_par_iter()
@@ -178,21 +184,21 @@ pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
     Ok(report)
 }
 
-/// All verdicts of one packet.
+/// All verdicts on one packet.
 pub struct Part {
-    /// What was checked.
     case: Case,
-    /// By contender, mode and lane.
+    /// Index of the backend, mode, lane, verdict and answer.
     verdicts: Vec<(usize, Mode, usize, Verdict, Answer)>,
-    /// The oracle's answers, by lane.
+    /// The oracle's answer for each lane.
     truths: Vec<Answer>,
-    /// Rays that went through the plain loop.
+    /// Number of rays that the plain loop traced.
     looped: u64,
-    /// Lanes where the plain loop finds something else, and what.
+    /// Lanes where trees and plain loop differ, with the answers of both.
     unlike_loop: Vec<(usize, Answer, Answer)>,
 }
 
-/// Judges the answers of all contenders to one packet.
+/// Judges the answers of all backends to one packet. Compares `coursework` with its plain loop if
+/// `with_loop`.
 pub fn check_packet(check: &Check, case: &Case, with_loop: bool) -> Part {
     let Recorded { active, rays } = &case.packet;
     let mut truths = vec![Answer::Miss; LANES];

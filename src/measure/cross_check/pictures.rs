@@ -1,4 +1,5 @@
-//! The pictures of two backends: which pixels differ, and whether their rays explain it.
+//! Compares the pictures of two backends: counts pixels that differ, and checks whether their rays
+//! explain it.
 
 use std::sync::Mutex;
 
@@ -20,39 +21,40 @@ use crate::render::render;
 use crate::simd::{self, Isa};
 use crate::world::World;
 
-/// Pixels that differ by no more than this share of the larger value are the same.
+/// Largest relative difference of a channel for pixels that count as the same.
 const SAME: f32 = 1e-5;
 
-/// Share of the pixels that must be the same.
+/// Smallest share of pixels that must be the same.
 const SHARE: f64 = 0.999;
 
-/// Pixels that are looked into.
+/// Largest number of differing pixels whose rays are checked.
 const EXPLAINED: usize = 10_000;
 
-/// How the pictures of two backends compare.
+/// Comparison of the pictures of two backends.
 #[derive(Debug, Clone, Serialize)]
 pub struct PictureReport {
-    /// The two.
+    /// Names of the two backends.
     pub backends: [&'static str; 2],
-    /// Pixels of the frame.
+    /// Number of pixels of the frame.
     pub pixels: u64,
-    /// Pixels that are the same to a relative 1e-5.
+    /// Number of pixels that are the same, to a relative 1e-5.
     pub same: u64,
-    /// Of the rest: a ray passes an outline, or two surfaces at the same depth, within the bounds.
+    /// Number of other pixels explained by the error bounds: a ray passes an outline, or two
+    /// surfaces at the same depth.
     pub explained: u64,
-    /// Of the rest: a ray that one of the two answers wrong, and which one. A pixel may have rays that either answers
-    /// wrong, and counts twice.
+    /// Number of other pixels with a ray that the first backend, or the second, answers wrong. A
+    /// pixel with wrong rays of both counts for both.
     pub wrong: [u64; 2],
-    /// Of the rest: no ray differs.
+    /// Number of other pixels without a ray that differs.
     pub unexplained: u64,
-    /// Of the rest: not looked into, because there are too many.
+    /// Number of other pixels that were not checked, because there are too many.
     pub not_looked_into: u64,
-    /// A pixel that nothing explains, from the top left.
+    /// Column and row, from the top left, of the first pixel that nothing explains.
     pub first_unexplained: Option<[u32; 2]>,
 }
 
 impl PictureReport {
-    /// Why the pictures do not pass.
+    /// Reason why the pictures fail the check, or `None`.
     pub fn failure(&self) -> Option<String> {
         let [a, b] = self.backends;
         let share = self.same as f64 / self.pixels as f64;
@@ -78,10 +80,10 @@ impl PictureReport {
     }
 }
 
-/// Renders the frame with every contender and compares each with the first.
+/// Renders the frame with every backend and compares each picture with the first.
 ///
 /// # Errors
-/// `Interrupted` after a signal; `Limit` for a frame that no memory holds.
+/// `Interrupted` after a signal; the errors of [`Film::new`].
 pub fn compare_pictures(
     world: &World,
     oracle: &Brute,
@@ -134,16 +136,16 @@ fn same(a: &[f32; 4], b: &[f32; 4]) -> bool {
     a.iter().zip(b).all(|(a, b)| a == b || (a - b).abs() <= SAME * a.abs().max(b.abs()))
 }
 
-/// Why a pixel differs: nothing explains it, unless one of these does.
+/// Reasons why a pixel differs. The default value means that nothing explains it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Reason {
-    /// A ray whose answers differ by what the bounds allow.
+    /// A ray has answers that differ within the error bounds.
     bound: bool,
-    /// A ray that the first backend, or the second, answers wrong.
+    /// The first backend, or the second, answers a ray wrong.
     wrong: [bool; 2],
 }
 
-/// Renders one pixel again and judges the rays that the two backends answer differently.
+/// Renders one pixel again and judges the rays for which the two backends differ.
 fn explain(
     world: &World,
     oracle: &Brute,
@@ -162,8 +164,10 @@ fn explain(
     witness.reason.into_inner().unwrap_or_default()
 }
 
-/// Answers as its first backend does, and notes where the second answers otherwise. Packets are
-/// those of the render, so some of their rays belong to neighbours of the pixel.
+/// An accelerator that answers like its first backend, and records rays for which the second
+/// differs.
+///
+/// Packets are the same as in the render, so some of their rays belong to neighbours of the pixel.
 struct Witness<'a> {
     oracle: &'a Brute<'a>,
     contenders: [Contender<'a>; 2],
@@ -171,7 +175,8 @@ struct Witness<'a> {
 }
 
 impl Witness<'_> {
-    /// The first backend's answers are already known to the caller, but asking again is simpler.
+    /// Traces the packet on both backends and judges the rays for which they differ. The caller
+    /// traces it on the first backend once more, which is simpler.
     fn compare(&self, active: &Mask, rays: &Rays, shadow: bool, coherence: Coherence) {
         let packet = Recorded { active: *active, rays: rays.clone() };
         let case = Case { source: String::new(), shadow, coherence, packet };
@@ -188,7 +193,8 @@ impl Witness<'_> {
                 |k: usize| judge(self.oracle, &ray, truth, both[k][i], self.contenders[k].factor());
             let verdicts = [verdict(0), verdict(1)];
             if let Ok(mut reason) = self.reason.lock() {
-                // The same primitive, t rounded otherwise: shading does not look at t.
+                // Two agreeing answers differ only in the rounding of t, which shading does not
+                // use.
                 reason.bound |= verdicts != [Verdict::Agree; 2];
                 for (wrong, verdict) in reason.wrong.iter_mut().zip(verdicts) {
                     *wrong |= verdict.is_wrong();

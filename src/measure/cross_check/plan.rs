@@ -1,4 +1,4 @@
-//! Which rays are checked: the scene's own and the aimed ones, in equal shares.
+//! The packets of a check: rays of the scene and aimed rays, equally many of each class and source.
 
 use super::aimed::Aim;
 use super::source::Source;
@@ -9,18 +9,18 @@ use crate::measure::rays::{Class, Recorded, record};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES};
 
-/// All packets of a check, by number.
+/// All packets of a check, by index. Aimed packets are generated on demand.
 pub struct Plan<'g> {
-    /// Those of the scene.
+    /// The recorded packets of the scene.
     recorded: Vec<(Class, Recorded)>,
     aim: Option<Aim<'g>>,
-    /// Packets of each aimed source.
+    /// Number of packets for each aimed source.
     each: usize,
     seed: i64,
 }
 
 impl<'g> Plan<'g> {
-    /// Records the scene's rays and plans the others.
+    /// Records the rays of the scene, and plans the aimed rays.
     ///
     /// # Errors
     /// `Interrupted` after a signal.
@@ -28,7 +28,7 @@ impl<'g> Plan<'g> {
         let Check { world, seed, .. } = *check;
         let kinds = Class::ALL.len() + Source::AIMED.len();
         let each = (check.rays / LANES as u64 / kinds as u64).clamp(1, u32::MAX.into()) as usize;
-        // What the camera sees is found by the first backend: it is what starts the other rays.
+        // The first backend finds the camera hits, from which the other rays start.
         let first = check.contenders[0].accelerator;
         let recording = record(world, first, each, seed, monitor)?;
         let recorded = Class::ALL
@@ -38,13 +38,13 @@ impl<'g> Plan<'g> {
         Ok(Self { recorded, aim: Aim::new(&world.geometry), each, seed })
     }
 
-    /// How many there are.
+    /// Number of packets, recorded and aimed.
     pub fn packets(&self) -> usize {
         let aimed = if self.aim.is_some() { Source::AIMED.len() * self.each } else { 0 };
         self.recorded.len() + aimed
     }
 
-    /// The packet of a number below [`Plan::packets`].
+    /// Packet number `index`, which is below [`Plan::packets`].
     pub fn case(&self, index: usize) -> Case {
         let aimed = index.checked_sub(self.recorded.len()).zip(self.aim.as_ref());
         let Some((index, aim)) = aimed else {

@@ -1,4 +1,4 @@
-//! What a check found, as it is printed and saved.
+//! Results of `lightpath crosscheck`, as they are printed and saved.
 
 use std::collections::BTreeMap;
 
@@ -11,31 +11,31 @@ use crate::measure::rays::Recorded;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::scene::{Backend, written::Accelerator};
 
-/// How many rays got which verdict.
+/// Number of answers by verdict.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Tally {
-    /// All of them.
+    /// Number of answers that were judged.
     pub rays: u64,
-    /// [`Verdict::Agree`]
+    /// Number of answers with [`Verdict::Agree`].
     pub agree: u64,
-    /// [`Verdict::Tie`]
+    /// Number of answers with [`Verdict::Tie`].
     pub tie: u64,
-    /// [`Verdict::Edge`]
+    /// Number of answers with [`Verdict::Edge`].
     pub edge: u64,
-    /// [`Verdict::Crowd`]
+    /// Number of answers with [`Verdict::Crowd`].
     pub crowd: u64,
-    /// [`Verdict::Leak`]
+    /// Number of answers with [`Verdict::Leak`].
     pub leak: u64,
-    /// [`Verdict::FalseHit`]
+    /// Number of answers with [`Verdict::FalseHit`].
     pub false_hit: u64,
-    /// [`Verdict::WrongPrimitive`]
+    /// Number of answers with [`Verdict::WrongPrimitive`].
     pub wrong_primitive: u64,
-    /// [`Verdict::WrongDistance`]
+    /// Number of answers with [`Verdict::WrongDistance`].
     pub wrong_distance: u64,
 }
 
 impl Tally {
-    /// Counts one ray.
+    /// Counts the verdict on one answer.
     pub fn count(&mut self, verdict: Verdict) {
         self.rays += 1;
         *match verdict {
@@ -50,7 +50,7 @@ impl Tally {
         } += 1;
     }
 
-    /// Adds another.
+    /// Adds all counts of `other`.
     pub fn add(&mut self, other: &Self) {
         self.rays += other.rays;
         self.agree += other.agree;
@@ -63,35 +63,35 @@ impl Tally {
         self.wrong_distance += other.wrong_distance;
     }
 
-    /// Rays with an answer that nothing explains.
+    /// Number of wrong answers: [`Verdict::is_wrong`].
     pub fn wrong(&self) -> u64 {
         self.leak + self.false_hit + self.wrong_primitive + self.wrong_distance
     }
 }
 
-/// One backend's verdicts.
+/// All verdicts on one backend.
 #[derive(Debug, Clone, Serialize)]
 pub struct BackendReport {
-    /// Its name.
+    /// Name of the backend.
     pub backend: &'static str,
-    /// What does the work.
+    /// Name and version of the code that finds the hits.
     pub version: String,
     /// Instruction set in use.
     pub isa: String,
-    /// The bound that explains answers, in units of that of the sheared corners.
+    /// Error bound that explains answers, in units of the bound of the shear.
     pub bound: f64,
-    /// By source of the rays, in the order of the check.
+    /// Name and verdicts of each source of rays, in the order of the check.
     pub sources: Vec<(String, Tally)>,
-    /// All sources and modes together.
+    /// Verdicts of all sources and modes together.
     pub total: Tally,
     /// Whether a wrong answer fails the check.
     pub must_be_right: bool,
-    /// Where it does not: how many may be wrong of each of `sources`.
+    /// Largest number of wrong answers for each of `sources`. Empty if all answers must be right.
     pub allowed: Vec<u64>,
 }
 
 impl BackendReport {
-    /// Counts a verdict on a ray.
+    /// Counts the verdict on an answer to a ray of `source`.
     fn count(&mut self, source: &str, verdict: Verdict) {
         self.total.count(verdict);
         if self.sources.last().is_none_or(|(last, _)| last != source) {
@@ -102,7 +102,7 @@ impl BackendReport {
         }
     }
 
-    /// Sets how many answers may be wrong.
+    /// Sets `allowed` from the known rates of the backend.
     fn allow(&mut self, backend: Backend) {
         let most = |(source, tally): &(String, Tally)| {
             known::rate(backend, source).map(|rate| known::most(rate, tally.rays).min(tally.rays))
@@ -113,7 +113,7 @@ impl BackendReport {
     fn failures(&self) -> Vec<String> {
         let (name, wrong, rays) = (self.backend, self.total.wrong(), self.total.rays);
         if self.must_be_right {
-            let failure = || format!("`{name}` answers {wrong} of {rays} rays wrong");
+            let failure = || format!("`{name}` gives wrong answers to {wrong} of {rays} rays");
             return (wrong > 0).then(failure).into_iter().collect();
         }
         let sources = self.sources.iter().zip(&self.allowed);
@@ -121,22 +121,22 @@ impl BackendReport {
         let failure = |((source, tally), most): (&(String, Tally), &u64)| {
             let (wrong, rays) = (tally.wrong(), tally.rays);
             format!(
-                "`{name}` answers {wrong} of {rays} {source} rays wrong, more than the known {most}"
+                "`{name}` gives wrong answers to {wrong} of {rays} {source} rays, more than the known {most}"
             )
         };
         above.map(failure).collect()
     }
 }
 
-/// What [`Bvh::validate`] says.
+/// Result of [`Bvh::validate`].
 ///
 /// [`Bvh::validate`]: crate::accel::bvh::Bvh::validate
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tree {
-    /// It is what the builder promises; what it is made of.
+    /// The tree has all properties that the builder promises. The text describes its content.
     Valid(String),
-    /// What it is not.
+    /// The tree lacks a property that the builder promises, which the text describes.
     Invalid(String),
 }
 
@@ -146,64 +146,64 @@ impl From<Result<Stats, String>> for Tree {
     }
 }
 
-/// The answers of `coursework` held against a loop over all its tests.
+/// Comparison of the trees of `coursework` with a loop over all its tests.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct PlainLoop {
-    /// Rays compared.
+    /// Number of rays compared.
     pub rays: u64,
-    /// Rays with another answer.
+    /// Number of rays whose answers differ.
     pub wrong: u64,
 }
 
-/// A ray as it is saved.
+/// A ray in the JSON of a finding.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedRay {
-    /// Its lane in the packet.
+    /// Lane of the ray in its packet.
     pub lane: usize,
-    /// Relative to the scene's origin.
+    /// Origin, relative to the scene's origin.
     pub origin: [f32; 3],
-    /// Any length.
+    /// Direction, of any length but zero.
     pub direction: [f32; 3],
     /// Start of the segment.
     pub tnear: f32,
     /// End of the segment; `None` is infinity.
     pub tfar: Option<f32>,
-    /// The primitive number that it leaves.
+    /// Primitive number that the ray leaves, if any.
     pub leaving: Option<u32>,
 }
 
-/// A wrong answer with all that is needed to get it again.
+/// A wrong answer with everything that is needed to reproduce it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Finding {
-    /// Whose answer.
+    /// Name of the backend that answered.
     pub backend: String,
-    /// `oracle` or `plain loop`.
+    /// Source of the right answer: `oracle` or `plain loop`.
     pub against: String,
-    /// What is wrong with it.
+    /// Kind of the error.
     pub verdict: Verdict,
     /// How the packet was traced.
     pub mode: Mode,
-    /// Where the rays come from.
+    /// Name of the source of the rays.
     pub source: String,
-    /// `occluded` instead of `closest`.
+    /// Whether the query is `occluded`, not `closest`.
     pub shadow: bool,
-    /// The lane that was answered wrong.
+    /// Lane of the wrong answer.
     pub lane: usize,
-    /// What the backend says.
+    /// The wrong answer of the backend.
     pub answer: Answer,
-    /// What is right.
+    /// The oracle's or the plain loop's answer.
     pub truth: Answer,
-    /// The whole packet: what else is in it may matter.
+    /// All rays of the packet, because the other rays may influence the answer.
     pub packet: Vec<SavedRay>,
 }
 
 impl Finding {
-    /// The packet again.
+    /// Restores the packet and its query.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// A message that describes an invalid packet.
     pub fn case(&self) -> Result<Case, String> {
         let (mut active, mut rays) = (Mask::NONE, Rays::EMPTY);
         for ray in &self.packet {
@@ -221,7 +221,7 @@ impl Finding {
             rays.leaving[i] = ray.leaving.unwrap_or(NONE);
         }
         if self.lane >= LANES || active.0[self.lane] == 0 {
-            return Err(format!("found the wrong answer in lane {}, which is no ray", self.lane));
+            return Err(format!("found the wrong answer in lane {}, which has no ray", self.lane));
         }
         if rays.possible(&active) != active {
             return Err("found a ray without direction, or one that is not finite".into());
@@ -234,13 +234,13 @@ impl Finding {
         Ok(Case { source: self.source.clone(), shadow: self.shadow, coherence, packet })
     }
 
-    /// Whether it fails a check.
+    /// Returns whether the finding fails a check.
     pub fn fails(&self) -> bool {
         self.against != "oracle" || must_be_right(&self.backend)
     }
 }
 
-/// Whether a wrong answer of the backend of this name fails a check.
+/// Returns whether a wrong answer of the backend of this name fails a check.
 pub fn must_be_right(backend: &str) -> bool {
     [Accelerator::Bvh, Accelerator::Brute]
         .iter()
@@ -261,31 +261,31 @@ fn saved(case: &Case) -> Vec<SavedRay> {
         .collect()
 }
 
-/// All that a check found.
+/// All results of a check.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// Of all random rays.
+    /// Seed of all random rays.
     pub seed: i64,
-    /// Different rays.
+    /// Number of rays, each counted once.
     pub rays: u64,
-    /// Of the whole scene.
+    /// Number of primitives of the scene.
     pub primitives: u64,
-    /// In the order they were asked for.
+    /// Verdicts on each backend, in the order of the command line.
     pub backends: Vec<BackendReport>,
-    /// Of the tree of `bvh`, if it is among them: what it is made of, or what is wrong with it.
+    /// Result of the validation of `bvh`'s tree, if `bvh` is checked.
     pub tree: Option<Tree>,
-    /// Of `coursework`, if it is among them.
+    /// Comparison of `coursework` with its plain loop, if `coursework` is checked.
     pub plain_loop: Option<PlainLoop>,
-    /// The first wrong answers of each backend, kind and class of rays.
+    /// The first wrong answers of each backend, verdict and source of rays.
     pub findings: Vec<Finding>,
-    /// How the pictures compare.
+    /// Comparisons of each picture with the first.
     pub pictures: Vec<PictureReport>,
     #[serde(skip)]
     kept: BTreeMap<(String, String, Verdict, String), usize>,
 }
 
 impl Report {
-    /// Nothing yet.
+    /// Creates a report without any verdict.
     pub fn new(check: &Check) -> Self {
         let backends = check.contenders.iter().map(|contender| {
             let BuildInfo { version, isa, .. } = contender.accelerator.info();
@@ -313,7 +313,8 @@ impl Report {
         }
     }
 
-    /// Adds a packet's verdicts; keeps at most `most` wrong answers of each backend, kind and class of rays.
+    /// Adds the verdicts on a packet. Keeps at most `most` wrong answers of each backend, verdict
+    /// and source of rays.
     pub fn add(&mut self, part: &Part, most: usize) {
         let source = &part.case.source;
         self.rays += u64::from(part.case.packet.active.count());
@@ -340,7 +341,7 @@ impl Report {
         }
     }
 
-    /// Sets how many wrong answers of each backend are known facts, now that all rays are counted.
+    /// Sets the numbers of wrong answers that known rates allow. Call it when all rays are counted.
     pub fn allow_known(&mut self, contenders: &[Contender]) {
         for (report, contender) in self.backends.iter_mut().zip(contenders) {
             report.allow(contender.backend);
@@ -375,16 +376,16 @@ impl Report {
         });
     }
 
-    /// Why the check failed, one sentence each; none if it did not.
+    /// Reasons why the check failed, one sentence each. Empty if it passed.
     pub fn failures(&self) -> Vec<String> {
         let mut failures: Vec<String> =
             self.backends.iter().flat_map(BackendReport::failures).collect();
         if let Some(Tree::Invalid(what)) = &self.tree {
-            failures.push(format!("the tree of `bvh` is not what its builder promises: {what}"));
+            failures.push(format!("the tree of `bvh` is invalid: {what}"));
         }
         if let Some(PlainLoop { rays, wrong: wrong @ 1.. }) = self.plain_loop {
             failures.push(format!(
-                "`coursework` answers {wrong} of {rays} rays unlike the plain loop over its own tests"
+                "`coursework` answers {wrong} of {rays} rays differently from a plain loop over its tests"
             ));
         }
         failures.extend(self.pictures.iter().filter_map(PictureReport::failure));

@@ -1,34 +1,34 @@
-//! Kinds of rays by where they come from.
+//! Sources of the rays of a check.
 
 use crate::measure::rays::Class;
 
-/// Where rays come from.
+/// Source of rays: the scene's own, or a kind of aimed rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Source {
-    /// The scene's own of a class.
+    /// Recorded rays of the scene, of one class.
     Scene(Class),
-    /// Anywhere in any direction.
+    /// Rays from anywhere in any direction.
     Random,
-    /// Through corners of primitives.
+    /// Rays through corners of primitives.
     Vertex,
-    /// Through points on edges.
+    /// Rays through points on edges.
     Edge,
-    /// Along an axis, mostly through a corner.
+    /// Rays along an axis, mostly through a corner.
     Axis,
-    /// From a face of a primitive's box, often within that face.
+    /// Rays from a face of a primitive's bounding box, often within that face.
     BoxFace,
-    /// From 10 to 10^4 times the size of a mesh away from it.
+    /// Rays from 10 to 10^4 times the size of a mesh away.
     Far,
-    /// Of a direction of length 1e-37 to 1e-30.
+    /// Rays with a direction of length 1e-37 to 1e-30.
     Tiny,
 }
 
 impl Source {
-    /// The aimed ones, in the order of reports.
+    /// All aimed sources, in the order of reports.
     pub const AIMED: [Self; 7] =
         [Self::Random, Self::Vertex, Self::Edge, Self::Axis, Self::BoxFace, Self::Far, Self::Tiny];
 
-    /// As reports name it.
+    /// Name of the source in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Scene(class) => class.name(),

@@ -34,49 +34,49 @@ fn world() -> World {
 
 const EMBREE: Backend = Backend::Embree(EmbreeMode::Robust);
 
-/// What a liar does to a right answer.
+/// Fault of a backend.
 #[derive(Clone, Copy)]
-enum Lie {
+enum Fault {
     None,
-    /// Does not see one primitive.
-    Blind(u32, u32),
-    /// Sees a primitive where there is nothing.
-    Ghost,
-    /// Names another primitive of the same geometry.
-    Name,
-    /// Is off by a share of t.
-    Off(f32),
-    /// Sees nothing along the shortest directions.
-    BlindToTiny,
+    /// Never hits one primitive.
+    Misses(u32, u32),
+    /// Reports a hit for every miss.
+    HitsNothing,
+    /// Reports another primitive of the same geometry.
+    WrongPrimitive,
+    /// Adds this share of t to t.
+    ScalesT(f32),
+    /// Misses everything along the shortest directions.
+    MissesTiny,
 }
 
-/// The oracle, but for one lie.
-struct Liar<'a>(&'a Brute<'a>, Lie);
+/// The oracle with a fault.
+struct Faulty<'a>(&'a Brute<'a>, Fault);
 
-impl Accelerator for Liar<'_> {
+impl Accelerator for Faulty<'_> {
     fn info(&self) -> BuildInfo {
         BuildInfo::default()
     }
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, _: Coherence) {
         for i in lanes(active) {
-            let blind =
-                |hit: &Hit| matches!(self.1, Lie::Blind(g, p) if (hit.geom, hit.prim) == (g, p));
+            let missed =
+                |hit: &Hit| matches!(self.1, Fault::Misses(g, p) if (hit.geom, hit.prim) == (g, p));
             let ray = Ray::of(&packet.rays, i);
-            if matches!(self.1, Lie::BlindToTiny) && ray.direction.length() < 1e-29 {
+            if matches!(self.1, Fault::MissesTiny) && ray.direction.length() < 1e-29 {
                 continue;
             }
             let hits = self.0.all_hits(&ray);
-            match (hits.into_iter().find(|hit| !blind(hit)), self.1) {
-                (Some(mut hit), lie) => {
-                    match lie {
-                        Lie::Name if hit.geom == 0 => hit.prim = 1 - hit.prim,
-                        Lie::Off(share) => hit.t *= 1.0 + f64::from(share),
+            match (hits.into_iter().find(|hit| !missed(hit)), self.1) {
+                (Some(mut hit), fault) => {
+                    match fault {
+                        Fault::WrongPrimitive if hit.geom == 0 => hit.prim = 1 - hit.prim,
+                        Fault::ScalesT(share) => hit.t *= 1.0 + f64::from(share),
                         _ => {}
                     }
                     hit.store(packet, i);
                 }
-                (None, Lie::Ghost) => {
+                (None, Fault::HitsNothing) => {
                     (packet.hits.geom[i], packet.hits.prim[i]) = (0, 0);
                     packet.rays.tfar[i] = 1.0;
                 }
@@ -96,18 +96,18 @@ impl Accelerator for Liar<'_> {
     }
 }
 
-/// The report of a check whose second contender, said to be `bvh`, lies.
-fn report(lie: Lie) -> Report {
-    report_on(Backend::default(), lie)
+/// The report of a check whose second backend, checked as `bvh`, has a fault.
+fn report(fault: Fault) -> Report {
+    report_on(Backend::default(), fault)
 }
 
-fn report_on(backend: Backend, lie: Lie) -> Report {
+fn report_on(backend: Backend, fault: Fault) -> Report {
     let world = world();
     let oracle = Brute::build(&world.geometry, &OPTIONS, &Monitor::default()).unwrap();
-    let liar = Liar(&oracle, lie);
+    let faulty = Faulty(&oracle, fault);
     let contenders = [
         Contender { backend: Backend::Brute, accelerator: &oracle },
-        Contender { backend, accelerator: &liar },
+        Contender { backend, accelerator: &faulty },
     ];
     let check = Check {
         world: &world,
@@ -124,13 +124,13 @@ fn report_on(backend: Backend, lie: Lie) -> Report {
 }
 
 #[test]
-fn who_tells_the_truth_passes() {
-    let report = report(Lie::None);
+fn a_backend_without_fault_passes() {
+    let report = report(Fault::None);
     assert_eq!(report.failures(), Vec::<String>::new());
     let total = report.backends[1].total;
     assert_eq!((total.rays, total.rays), (total.agree, 2 * report.backends[0].total.rays));
     assert_eq!(report.pictures[0].same, 32 * 24);
-    // Every kind of ray that the scene has.
+    // Every source of rays that the scene has.
     let sources: Vec<&str> = report.backends[0].sources.iter().map(|(s, _)| s.as_str()).collect();
     let expected = [
         "primary",
@@ -149,9 +149,9 @@ fn who_tells_the_truth_passes() {
 }
 
 #[test]
-fn every_lie_is_found_and_named() {
-    let wrong = |lie| {
-        let report = report(lie);
+fn every_fault_is_found_with_its_verdict() {
+    let wrong = |fault| {
+        let report = report(fault);
         assert_eq!(
             report.failures().len(),
             1 + usize::from(report.pictures[0].failure().is_some())
@@ -160,23 +160,23 @@ fn every_lie_is_found_and_named() {
         assert!(kept && !report.findings.is_empty());
         report
     };
-    let blind = wrong(Lie::Blind(0, 0));
-    let t = blind.backends[1].total;
+    let leaky = wrong(Fault::Misses(0, 0));
+    let t = leaky.backends[1].total;
     assert!(t.leak > 100 && t.false_hit + t.wrong_distance == 0, "{t:?}");
-    // Its picture has a hole, which wrong rays explain.
-    let picture = &blind.pictures[0];
+    // The picture has a hole, and wrong rays explain it.
+    let picture = &leaky.pictures[0];
     assert!(picture.wrong[1] > 10 && picture.wrong[0] == 0 && picture.unexplained == 0);
     assert!(picture.failure().is_some());
-    let t = wrong(Lie::Ghost).backends[1].total;
+    let t = wrong(Fault::HitsNothing).backends[1].total;
     assert!(t.false_hit > 100 && t.leak + t.wrong_distance + t.wrong_primitive == 0, "{t:?}");
-    let t = wrong(Lie::Name).backends[1].total;
+    let t = wrong(Fault::WrongPrimitive).backends[1].total;
     assert!(t.wrong_primitive > 100 && t.leak + t.false_hit == 0, "{t:?}");
-    let t = wrong(Lie::Off(1e-3)).backends[1].total;
+    let t = wrong(Fault::ScalesT(1e-3)).backends[1].total;
     assert!(t.wrong_distance > 100 && t.leak + t.wrong_primitive == 0, "{t:?}");
 }
 
 #[test]
-fn one_pixel_of_ours_that_is_wrong_fails() {
+fn one_pixel_fails_if_bvh_is_wrong() {
     let picture = |backends, wrong| PictureReport {
         backends,
         pixels: 10_000,
@@ -190,13 +190,13 @@ fn one_pixel_of_ours_that_is_wrong_fails() {
     let failure = picture(["embree", "bvh"], [0, 1]).failure().unwrap();
     assert!(failure.contains("1 pixels differ by rays that `bvh` answers wrong"), "{failure}");
     assert!(picture(["bvh", "embree"], [1, 0]).failure().is_some());
-    // A fact about Embree, and few enough.
+    // Embree may be wrong, and few enough pixels differ.
     assert_eq!(picture(["bvh", "embree"], [0, 1]).failure(), None);
 }
 
 #[test]
-fn a_tree_that_is_not_as_promised_fails() {
-    let mut report = report(Lie::None);
+fn an_invalid_tree_fails() {
+    let mut report = report(Fault::None);
     report.tree = Some(Err::<crate::accel::bvh::Stats, _>("a gap".to_string()).into());
     assert_eq!(report.failures().len(), 1);
     assert!(report.failures()[0].contains("a gap"));
@@ -205,27 +205,27 @@ fn a_tree_that_is_not_as_promised_fails() {
 }
 
 #[test]
-fn embree_may_be_wrong_as_often_as_is_known() {
-    // All of what it gets wrong are the shortest directions, where that is a known fact.
-    let tiny = report_on(EMBREE, Lie::BlindToTiny);
+fn embree_may_be_wrong_at_its_known_rates() {
+    // It is wrong only along the shortest directions, where every answer may be wrong.
+    let tiny = report_on(EMBREE, Fault::MissesTiny);
     assert!(tiny.backends[1].total.wrong() > 100);
     assert_eq!(tiny.failures(), Vec::<String>::new());
-    // The same is no excuse for our own.
-    assert_eq!(report(Lie::BlindToTiny).failures().len(), 1);
-    let blind = report_on(EMBREE, Lie::Blind(0, 0));
-    let failures = blind.failures();
+    // `bvh` with the same fault fails.
+    assert_eq!(report(Fault::MissesTiny).failures().len(), 1);
+    let leaky = report_on(EMBREE, Fault::Misses(0, 0));
+    let failures = leaky.failures();
     let above = |source: &str| {
-        let name = format!(" {source} rays wrong, more than the known ");
+        let name = format!(" {source} rays, more than the known ");
         failures.iter().any(|failure| failure.starts_with("`embree`") && failure.contains(&name))
     };
     assert!(above("primary") && above("edge") && !above("tiny"), "{failures:?}");
-    let [_, embree] = &blind.backends[..] else { panic!("two backends") };
+    let [_, embree] = &leaky.backends[..] else { panic!("two backends") };
     assert_eq!(embree.allowed.len(), embree.sources.len());
-    assert!(blind.backends[0].allowed.is_empty());
+    assert!(leaky.backends[0].allowed.is_empty());
 }
 
 #[test]
-fn known_rates_are_shares() {
+fn known_rates_allow_a_share_and_a_few_more() {
     let [few, many] = [100, 1_000_000].map(|rays| known::most(0.01, rays));
     assert_eq!((few, many), (11, 10_010));
     assert_eq!(known::rate(Backend::default(), "tiny"), None);
@@ -257,17 +257,17 @@ fn a_ray_through_a_crowd_is_not_judged() {
 }
 
 #[test]
-fn the_bound_of_t_is_not_generous() {
-    // A rounding or two pass; a hundred do not.
-    let t = report(Lie::Off(1.2e-7)).backends[1].total;
+fn the_error_bound_of_t_is_tight() {
+    // An error of one or two roundings passes. An error of a hundred fails.
+    let t = report(Fault::ScalesT(1.2e-7)).backends[1].total;
     assert_eq!(t.wrong(), 0, "{t:?}");
-    let t = report(Lie::Off(1e-5)).backends[1].total;
+    let t = report(Fault::ScalesT(1e-5)).backends[1].total;
     assert!(t.wrong_distance > t.rays / 10, "{t:?}");
 }
 
 #[test]
-fn a_saved_finding_is_the_same_case_again() {
-    let report = report(Lie::Blind(0, 0));
+fn a_saved_finding_reproduces_the_case() {
+    let report = report(Fault::Misses(0, 0));
     for finding in &report.findings {
         let text = serde_json::to_string(finding).unwrap();
         let back: Finding = serde_json::from_str(&text).unwrap();
@@ -277,7 +277,8 @@ fn a_saved_finding_is_the_same_case_again() {
         let case = back.case().unwrap();
         let ray = Ray::of(&case.packet.rays, back.lane);
         let truth = Answer::truth(&oracle, &ray, case.shadow);
-        let answer = answers(&Liar(&oracle, Lie::Blind(0, 0)), &case, back.mode)[back.lane];
+        let faulty = Faulty(&oracle, Fault::Misses(0, 0));
+        let answer = answers(&faulty, &case, back.mode)[back.lane];
         assert_eq!((truth, answer), (back.truth, back.answer));
         assert_eq!(judge(&oracle, &ray, truth, answer, 1.0), back.verdict);
     }

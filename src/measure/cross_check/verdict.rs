@@ -1,4 +1,4 @@
-//! One backend's answer to one ray, against the oracle.
+//! Judges one backend's answer to one ray by the oracle.
 
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -7,33 +7,33 @@ use crate::accel::brute::{Brute, Near, near_primitive};
 use crate::accel::lane::{Hit, Ray};
 use crate::ray::{NONE, RayPacket, Rays};
 
-/// What a backend says of a ray.
+/// A backend's answer to the query of one ray.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "says", rename_all = "snake_case")]
 pub enum Answer {
-    /// Nothing is met.
+    /// The ray hits nothing, or is not occluded.
     Miss,
-    /// The closest hit.
+    /// The closest hit of the ray.
     Hit {
-        /// Geometry id.
+        /// Geometry id of the hit.
         geom: u32,
         /// Primitive within its geometry.
         prim: u32,
-        /// Where on the ray; in a file null is infinity.
+        /// Ray parameter of the hit. JSON writes infinity as null.
         #[serde(deserialize_with = "infinite")]
         t: f64,
     },
-    /// Something is in the way.
+    /// The ray is occluded.
     Occluded,
 }
 
-/// A number, or null: how JSON has infinity, and so a t that f32 does not hold.
+/// Reads a number, or null as infinity: a t beyond the range of f32.
 fn infinite<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(value)?.unwrap_or(f64::INFINITY))
 }
 
 impl Answer {
-    /// Lane `i` of a packet traced by `closest`.
+    /// The answer in lane `i` of a packet traced by `closest`.
     pub fn closest(packet: &RayPacket, i: usize) -> Self {
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
         match geom {
@@ -42,12 +42,12 @@ impl Answer {
         }
     }
 
-    /// Lane `i` of rays traced by `occluded`.
+    /// The answer in lane `i` of rays traced by `occluded`.
     pub fn occluded(rays: &Rays, i: usize) -> Self {
         if rays.tfar[i] == f32::NEG_INFINITY { Self::Occluded } else { Self::Miss }
     }
 
-    /// The oracle's own.
+    /// The oracle's answer: occlusion if `shadow`, else the closest hit.
     pub fn truth(oracle: &Brute, ray: &Ray, shadow: bool) -> Self {
         match oracle.closest_hit(ray) {
             None => Self::Miss,
@@ -63,31 +63,33 @@ impl From<Hit> for Answer {
     }
 }
 
-/// How an answer stands to the oracle's.
+/// Result of comparing an answer with the oracle's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The same primitive, at the same t within the backend's own error; the same nothing.
+    /// The same primitive at the same t, within the backend's own error. Or both miss, or both are
+    /// occluded.
     Agree,
-    /// Another primitive at the same t within the errors, both met within the bound.
+    /// A different primitive at the same t, within the errors. The ray hits both within the error
+    /// bound.
     Tie,
-    /// Another depth, because the ray passes an outline within the bound.
+    /// A different depth: the ray passes an outline within the error bound.
     Edge,
-    /// Not to be judged: more than a thousand primitives lie within the bound, because the ray comes
-    /// from far away.
+    /// Not judged: more than a thousand primitives lie within the error bound, because the ray
+    /// comes from far away.
     Crowd,
-    /// Missed what no error within the bound can explain.
+    /// The answer misses a surface, and no error within the bound explains it.
     Leak,
-    /// Hit what the ray does not come near.
+    /// A hit of a primitive that the ray passes by more than the error bound.
     FalseHit,
-    /// The right place, but on a primitive that the ray does not come near.
+    /// The right t, but on a primitive that the ray passes by more than the error bound.
     WrongPrimitive,
     /// The right primitive at a wrong t.
     WrongDistance,
 }
 
 impl Verdict {
-    /// In the order of reports.
+    /// All verdicts, in the order of reports.
     pub const ALL: [Self; 8] = [
         Self::Agree,
         Self::Tie,
@@ -99,7 +101,7 @@ impl Verdict {
         Self::WrongDistance,
     ];
 
-    /// As reports name it.
+    /// Name of the verdict in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Agree => "agree",
@@ -113,18 +115,20 @@ impl Verdict {
         }
     }
 
-    /// Whether no error within the bound explains the answer.
+    /// Returns whether the answer is wrong: no error within the bound explains it.
     pub fn is_wrong(self) -> bool {
         self >= Self::Leak
     }
 }
 
-/// Where more primitives than these lie within the bound, which happens to rays from far away, a
-/// wrong answer cannot be told from a right one.
+/// Largest number of primitives within the error bound for a ray that is judged. A ray from far
+/// away may have more: then right and wrong answers cannot be distinguished.
 pub const MOST_NEAR: usize = 1000;
 
-/// Judges `answer` by `truth`, the oracle's answer to the same query. `factor`: the bound of the
-/// backend's own test, in units of the shear's ([`Brute::near`]).
+/// Judges `answer` by `truth`, the oracle's answer to the same query.
+///
+/// `factor` is the error bound of the backend's own test, in units of the bound of the shear
+/// ([`Brute::near`]).
 pub fn judge(oracle: &Brute, ray: &Ray, truth: Answer, answer: Answer, factor: f64) -> Verdict {
     match (truth, answer) {
         (Answer::Hit { geom, prim, t: exact }, Answer::Hit { geom: g, prim: p, t })
@@ -147,20 +151,21 @@ pub fn judge(oracle: &Brute, ray: &Ray, truth: Answer, answer: Answer, factor: f
     }
 }
 
-/// Whether a t in f32 is the oracle's, rounded; infinite above what f32 holds.
+/// Returns whether `t`, an f32, is `exact` to within rounding. An infinite `t` is, if `exact`
+/// exceeds the range of f32.
 fn same(t: f64, exact: f64) -> bool {
     (t - exact).abs() <= f64::from(f32::EPSILON) * exact.abs() || t == f64::from(exact as f32)
 }
 
 fn explain(near: &[Near], ray: &Ray, truth: Answer, answer: Answer) -> Verdict {
-    // What must be met before `end`, and begins after the ray does.
+    // Whether a certain layer lies between the start of the ray and `end`.
     let passed =
         |end: f64| layers(near).iter().any(|layer| layer.near > ray.tnear && layer.far < end);
     let within =
         |part: &&Near| part.t + part.t_error > ray.tnear && part.t - part.t_error < ray.tfar;
     let at = |geom, prim, t: f64| {
         let of = move |part: &&Near| (part.geom, part.prim) == (geom, prim);
-        // A quad and a sphere have two places.
+        // A quad or sphere may have two entries.
         near.iter()
             .filter(|part| of(part) && within(part))
             .min_by(|a, b| ((a.t - t).abs() - a.t_error).total_cmp(&((b.t - t).abs() - b.t_error)))
@@ -175,7 +180,7 @@ fn explain(near: &[Near], ray: &Ray, truth: Answer, answer: Answer) -> Verdict {
                 Answer::Hit { geom, prim, t } => Some((geom, prim, t)),
                 _ => None,
             };
-            // f32 rounding may lift t onto an end of the segment.
+            // Rounding to f32 may move t onto an end of the segment.
             let in_segment = t >= ray.tnear && t <= ray.tfar;
             let Some(part) = at(geom, prim, t) else {
                 let near_truth = exact.and_then(|(geom, prim, t)| at(geom, prim, t));

@@ -1,33 +1,38 @@
-//! Errors of one list of numbers against another: means over all values of all channels, in f64.
+//! Errors of one list of values against another: means over all values of all channels, in f64.
 
 /// Errors of values x against reference values r, d = x - r.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Errors {
-    /// mean d^2
+    /// Mean squared error: mean d^2.
     pub mse: f64,
-    /// mean |d|
+    /// Mean absolute error: mean |d|.
     pub mae: f64,
-    /// mean d^2 / (r^2 + 0.01): the relMSE of tev and of most papers (Rousselle et al. 2011).
+    /// Relative squared error: mean d^2 / (r^2 + 0.01). The relMSE of tev and most papers
+    /// (Rousselle et al. 2011).
     pub relmse: f64,
-    /// mean (d / (|r| + 0.01))^2: the MRSE of pbrt's `imgtool`, where r is never negative.
+    /// Relative squared error: mean (d / (|r| + 0.01))^2. The MRSE of pbrt's `imgtool`, where r is
+    /// never negative.
     pub mrse: f64,
-    /// mean |d| / (|x| + |r| + 0.01): the SMAPE of the denoising papers (Bako et al. 2017).
+    /// Symmetric absolute error: mean |d| / (|x| + |r| + 0.01). The SMAPE of the denoising papers
+    /// (Bako et al. 2017).
     pub smape: f64,
-    /// mean d
+    /// Bias, the mean signed error: mean d.
     pub bias: f64,
-    /// max |d|
+    /// Largest error: max |d|.
     pub max: f64,
-    /// The smallest |d| that 99% of all |d| do not exceed.
+    /// 99th percentile of |d|: the smallest |d| that 99% of all |d| do not exceed.
     pub p99: f64,
     /// Fraction of values that are not equal.
     pub differ: f64,
 }
 
 impl Errors {
-    /// What keeps a relative error finite where the reference is dark.
+    /// Term in denominators that keeps relative errors finite where the reference is dark.
     pub const EPSILON: f64 = 0.01;
 
-    /// Of two lists of the same length, without NaN and infinities; zero for empty ones.
+    /// Computes all errors of two lists of the same length, without NaN and infinities.
+    ///
+    /// Empty lists have zero errors.
     pub fn of(test: &[f32], reference: &[f32]) -> Self {
         let mut sums = [0.0; 7];
         let mut distances = Vec::with_capacity(test.len());
@@ -56,7 +61,7 @@ impl Errors {
     }
 }
 
-/// The smallest value that `percent` of all values do not exceed; 0 of none.
+/// The smallest value that `percent` percent of all values do not exceed; 0 if there are none.
 fn percentile(values: &mut [f64], percent: usize) -> f64 {
     if values.is_empty() {
         return 0.0;
@@ -74,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn closed_forms() {
+    fn errors_of_known_values_in_closed_form() {
         // d = 0.5, -0.25, 0, 1; all exact in f32.
         let (x, r) = ([1.0, 0.25, 2.0, 1.0], [0.5, 0.5, 2.0, 0.0]);
         let e = Errors::of(&x, &r);
@@ -89,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn black_against_white_and_nothing_against_itself() {
+    fn white_against_black_and_equal_values() {
         let e = Errors::of(&[1.0; 12], &[0.0; 12]);
         for (value, expected) in [(e.mse, 1.0), (e.mae, 1.0), (e.relmse, 100.0), (e.mrse, 1e4)] {
             near(value, expected);
@@ -102,13 +107,13 @@ mod tests {
     }
 
     #[test]
-    fn the_sign_of_the_bias_is_that_of_the_image() {
+    fn the_bias_is_positive_for_a_brighter_picture() {
         near(Errors::of(&[1.5, 1.0], &[1.0, 1.0]).bias, 0.25);
         near(Errors::of(&[0.5, 1.0], &[1.0, 1.0]).bias, -0.25);
     }
 
     #[test]
-    fn one_value_of_a_hundred_is_beyond_p99() {
+    fn p99_ignores_one_value_of_a_hundred() {
         let reference = [0.0; 200];
         let mut x = [0.0; 200];
         x[7] = 5.0;

@@ -1,9 +1,11 @@
-//! How far one picture is from another: every metric under one name, with its formula.
+//! Metrics of the difference between a picture and a reference, each with one name and a formula.
 //!
-//! x is a value of the picture, r of the reference, d = x - r; means run over all pixels and channels.
-//! Names mean different things to different people (the relative error of pbrt and of tev differ by a
-//! factor of 100 where the reference is black), so no number is shown without its formula. Pictures
-//! with NaN or infinities have no error; whoever asks finds out first ([`non_finite`]).
+//! x is a value of the picture, r a value of the reference, and d = x - r. Means run over all
+//! pixels and channels. Names of metrics are ambiguous: the relative errors of pbrt and tev differ
+//! by a factor of 100 where the reference is black. So no number is shown without its formula.
+//!
+//! Errors are undefined for pictures with NaN or infinities. Callers check with [`non_finite`]
+//! first.
 
 mod errors;
 pub mod flip;
@@ -13,26 +15,26 @@ mod ssim;
 pub use errors::Errors;
 pub use ssim::ssim;
 
-/// A metric.
+/// A measure of how far a picture is from a reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Metric {
-    /// Mean squared error.
+    /// Mean squared error over all values.
     Mse,
-    /// Its root.
+    /// Root of the mean squared error.
     Rmse,
-    /// Mean absolute error.
+    /// Mean absolute error over all values.
     Mae,
-    /// Relative squared error, epsilon outside of the square.
+    /// Relative squared error with epsilon outside the square (relMSE).
     Relmse,
-    /// Relative squared error, epsilon inside of the square.
+    /// Relative squared error with epsilon inside the square (MRSE).
     Mrse,
-    /// Symmetric absolute error.
+    /// Symmetric mean absolute error (SMAPE).
     Smape,
-    /// Mean signed difference.
+    /// Mean signed difference; > 0 where the picture is brighter.
     Bias,
-    /// Largest difference.
+    /// Largest absolute difference of a value.
     Max,
-    /// 99th percentile of the differences.
+    /// 99th percentile of the absolute differences.
     P99,
     /// Share of values that are not equal.
     Differ,
@@ -42,12 +44,12 @@ pub enum Metric {
     Ssim,
     /// LDR-FLIP of the 8-bit pictures.
     Flip,
-    /// HDR-FLIP.
+    /// HDR-FLIP of linear light, over several exposures.
     HdrFlip,
 }
 
 impl Metric {
-    /// All of them, in the order of tables.
+    /// All metrics, in the order of tables.
     pub const ALL: [Self; 14] = [
         Self::Mse,
         Self::Rmse,
@@ -65,7 +67,7 @@ impl Metric {
         Self::HdrFlip,
     ];
 
-    /// As flags and JSON have it.
+    /// Name of the metric in flags and JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Mse => "mse",
@@ -85,7 +87,7 @@ impl Metric {
         }
     }
 
-    /// What is computed.
+    /// Formula of the metric, with x, r and d as in the module's documentation.
     pub fn formula(self) -> &'static str {
         match self {
             Self::Mse => "mean d^2",
@@ -109,45 +111,46 @@ impl Metric {
         }
     }
 
-    /// Whether a larger value is a better one.
+    /// Returns whether larger values are better.
     pub fn more_is_better(self) -> bool {
         matches!(self, Self::Psnr | Self::Ssim)
     }
 
-    /// The one of this name.
+    /// Finds the metric with this name.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|metric| metric.name() == name)
     }
 }
 
-/// Metrics with their values; a metric that has no meaning for what is compared is not there.
+/// Metrics with their values. Metrics that have no meaning for the layer are left out.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Values(Vec<(Metric, f64)>);
 
 impl Values {
-    /// The value of one.
+    /// Value of a metric, if it is there.
     pub fn get(&self, metric: Metric) -> Option<f64> {
         self.0.iter().find(|(other, _)| *other == metric).map(|(_, value)| *value)
     }
 
-    /// All, in the order of [`Metric::ALL`]. PSNR is infinite for equal pictures.
+    /// All metrics with values, in the order of [`Metric::ALL`]. PSNR is infinite for equal
+    /// pictures.
     pub fn iter(&self) -> impl Iterator<Item = (Metric, f64)> {
         self.0.iter().copied()
     }
 
-    /// Adds some.
+    /// Appends metrics with their values.
     pub fn extend(&mut self, values: impl IntoIterator<Item = (Metric, f64)>) {
         self.0.extend(values);
     }
 
-    /// The share of values that are not equal, for numbers that mean nothing but themselves (ids).
+    /// Compares ids: the share of values whose bits differ.
     pub fn of_ids(test: &[f32], reference: &[f32]) -> Self {
         let pairs = test.iter().zip(reference);
         let differ = pairs.filter(|(a, b)| a.to_bits() != b.to_bits()).count();
         Self(vec![(Metric::Differ, differ as f64 / test.len().max(1) as f64)])
     }
 
-    /// Errors of data (depths, normals), for which errors relative to light mean nothing.
+    /// Errors of data such as depths and normals, without the relative errors of light.
     pub fn of_data(test: &[f32], reference: &[f32]) -> Self {
         let e = Errors::of(test, reference);
         Self(vec![
@@ -178,7 +181,7 @@ impl Values {
         ])
     }
 
-    /// Errors of 8-bit sRGB pictures, and LDR-FLIP per pixel.
+    /// Errors of 8-bit sRGB pictures, and LDR-FLIP of each pixel.
     pub fn of_pictures(test: &[[u8; 3]], reference: &[[u8; 3]], width: usize) -> (Self, Vec<f64>) {
         let bytes = test.as_flattened().iter().zip(reference.as_flattened());
         let squares = bytes.map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2)).sum::<u64>();
@@ -197,17 +200,18 @@ impl Values {
     }
 }
 
-/// IEC 61966-2-1, for [0, 1].
+/// Converts an sRGB value in [0, 1] to linear light (IEC 61966-2-1).
 pub fn linear_from_srgb(x: f64) -> f64 {
     if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// 0 of none.
+/// The mean of `values`; 0 if there are none.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// How many pixels of `channels` values each hold a NaN or an infinity, and the first of them.
+/// Number of pixels, of `channels` values each, with a NaN or an infinity, and the index of the
+/// first.
 pub fn non_finite(values: &[f32], channels: usize) -> (u64, Option<usize>) {
     let pixels = values.chunks(channels.max(1)).enumerate();
     let mut bad = pixels.filter(|(_, p)| p.iter().any(|v| !v.is_finite())).map(|(i, _)| i);

@@ -2,17 +2,17 @@
 
 use rayon::prelude::*;
 
-/// Values in rows from the top.
+/// One channel of a picture, in rows from the top.
 #[derive(Debug, Clone)]
 pub struct Plane {
-    /// Pixels across, > 0.
+    /// Width in pixels, > 0.
     pub width: usize,
-    /// `width` times the height.
+    /// One value for each pixel.
     pub values: Vec<f64>,
 }
 
 impl Plane {
-    /// A plane of a value per pixel.
+    /// Computes a plane with `value` of each pixel.
     pub fn map<T: Sync>(
         pixels: &[T],
         width: usize,
@@ -21,14 +21,15 @@ impl Plane {
         Self { width, values: pixels.par_iter().map(value).collect() }
     }
 
-    /// Convolves along x with `row`, then along y with `column`; both have an odd length. Beyond the
-    /// border stand the border's values. A kernel is not mirrored: its first weight is that of the
-    /// pixel to the left.
+    /// Convolves along x with `row`, then along y with `column`. Both have an odd length.
+    ///
+    /// Values beyond the border are those of the nearest border pixel. Kernels are not mirrored:
+    /// the first weight belongs to the leftmost or topmost pixel.
     pub fn convolved(&self, row: &[f64], column: &[f64]) -> Self {
         self.along_x(row).along_y(column)
     }
 
-    /// The first half of [`Plane::convolved`].
+    /// Convolves along x: the first half of [`Plane::convolved`].
     pub fn along_x(&self, kernel: &[f64]) -> Self {
         let (width, radius) = (self.width, kernel.len() / 2);
         let mut values = vec![0.0; self.values.len()];
@@ -44,7 +45,7 @@ impl Plane {
         Self { width, values }
     }
 
-    /// The second half.
+    /// Convolves along y: the second half of [`Plane::convolved`].
     pub fn along_y(&self, kernel: &[f64]) -> Self {
         let (width, radius) = (self.width, kernel.len() / 2);
         let bottom = (self.values.len() / width).saturating_sub(1);
@@ -65,7 +66,7 @@ fn add(to: &mut [f64], from: &[f64], weight: f64) {
     }
 }
 
-/// exp(-x^2 / (2 sigma^2)) at the whole numbers from -radius to radius, with sum 1.
+/// Gaussian weights exp(-x^2 / (2 sigma^2)) at the integers from -radius to radius, with sum 1.
 pub fn gaussian(sigma: f64, radius: usize) -> Vec<f64> {
     let weight = |i| (-0.5 * (i as f64 - radius as f64).powi(2) / (sigma * sigma)).exp();
     let weights: Vec<f64> = (0..=2 * radius).map(weight).collect();
@@ -78,11 +79,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_bright_pixel_shows_the_kernel() {
+    fn convolution_of_one_bright_pixel_gives_the_kernel() {
         let mut plane = Plane { width: 5, values: vec![0.0; 25] };
         plane.values[12] = 1.0;
         let done = plane.convolved(&[1.0, 2.0, 4.0], &[10.0, 100.0, 1000.0]);
-        // The pixel to the right of the bright one sees it on its left.
+        // The pixel to the right of the bright one uses the first weight.
         assert_eq!(done.values[13], 100.0);
         assert_eq!(done.values[11], 400.0);
         assert_eq!(done.values[17], 20.0);
@@ -91,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_stays_up_to_the_border() {
+    fn a_constant_is_unchanged_up_to_the_border() {
         let plane = Plane { width: 3, values: vec![2.0; 6] };
         let kernel = gaussian(1.5, 5);
         for value in plane.convolved(&kernel, &kernel).values {

@@ -1,7 +1,7 @@
 //! Structural similarity (Wang, Bovik, Sheikh, Simoncelli 2004) of the luma of two pictures.
 //!
-//! Their window and constants: 11 x 11 Gaussian weights of sigma 1.5, K1 = 0.01, K2 = 0.03, values in
-//! [0, 1]. The mean runs over the windows that lie inside of the picture.
+//! Window and constants are those of the paper: 11 x 11 Gaussian weights of sigma 1.5, K1 = 0.01,
+//! K2 = 0.03, values in [0, 1]. The mean runs over all windows that lie inside the picture.
 
 use super::plane::{Plane, gaussian};
 
@@ -10,7 +10,8 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// Mean SSIM of two 8-bit pictures, 1 for equal ones; `None` where no window fits.
+/// Mean SSIM of two 8-bit pictures, 1 for equal ones. `None` if the pictures are smaller than a
+/// window.
 pub fn ssim(test: &[[u8; 3]], reference: &[[u8; 3]], width: usize) -> Option<f64> {
     let height = test.len() / width.max(1);
     let across = width.checked_sub(2 * RADIUS).filter(|n| *n > 0)?;
@@ -47,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn constants_have_a_closed_form() {
+    fn ssim_of_constant_pictures_in_closed_form() {
         let (a, b) = ([[51; 3]; 144], [[204; 3]; 144]);
         let expected = (2.0 * 0.2 * 0.8 + C1) / (0.2 * 0.2 + 0.8 * 0.8 + C1);
         assert!((ssim(&a, &b, 12).unwrap() - expected).abs() < 1e-12);
@@ -55,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_must_fit() {
+    fn pictures_smaller_than_a_window_have_no_ssim() {
         assert!(ssim(&[[0; 3]; 121], &[[0; 3]; 121], 11).is_some());
         assert_eq!(ssim(&[[0; 3]; 110], &[[0; 3]; 110], 11), None);
         assert_eq!(ssim(&[[0; 3]; 110], &[[0; 3]; 110], 10), None);
@@ -63,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn an_inverted_pattern_is_negative() {
+    fn ssim_of_an_inverted_pattern_is_negative() {
         let board = |odd: usize| -> Vec<[u8; 3]> {
             (0..400).map(|i| [if (i / 20 + i % 20) % 2 == odd { 255 } else { 0 }; 3]).collect()
         };

@@ -1,43 +1,44 @@
-//! Where rows are, and what to say of those that are not there.
+//! Byte ranges of rows, and the errors for missing rows.
 
 use super::header::{Element, Shape};
 use super::job::Job;
 use crate::error::Error;
 
-/// Some rows of an element.
+/// A range of rows of an element that one task reads.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block {
     pub(super) start: usize,
     pub(super) end: usize,
-    /// The number of the first row.
+    /// Index of the first row.
     pub(super) row: u64,
     pub(super) rows: u64,
-    /// Lines of text before the block.
+    /// Number of lines of text before the block.
     pub(super) line: u64,
 }
 
-/// All rows have the same size.
+/// The layout of rows that all have the same size.
 #[derive(Debug, Clone)]
 pub(super) struct Uniform {
     pub(super) start: usize,
     pub(super) stride: usize,
-    /// Where each property starts in a row (a list: its first item).
+    /// Offset of each property in a row; for a list, the offset of its first item.
     pub(super) offsets: Vec<usize>,
-    /// The length of each list (1 for a single number).
+    /// Length of each list; 1 for a single number.
     pub(super) lengths: Vec<u64>,
 }
 
-/// Rows of one element that follow each other.
+/// Consecutive rows of one element.
 #[derive(Debug, Default)]
 pub(super) struct Span {
-    /// The number of the first row.
+    /// Index of the first row.
     pub(super) first: u64,
     pub(super) rows: u64,
     pub(super) uniform: Option<Uniform>,
     pub(super) blocks: Vec<Block>,
 }
 
-/// "the file is cut short": `found` rows of `element` are there.
+/// The error for a file that holds only `found` of the declared rows of `element`. `have` describes
+/// the data that is there.
 pub(super) fn too_short(element: &Element, found: u64, have: &str, job: &Job) -> Error {
     let declared = element.rows(element.count);
     Error::invalid(
@@ -47,7 +48,7 @@ pub(super) fn too_short(element: &Element, found: u64, have: &str, job: &Job) ->
     .help("the file is cut short or its header is wrong: write it again")
 }
 
-/// The values of a row, for messages.
+/// Names the values of a row, for messages.
 pub(super) fn expected(element: &Element) -> String {
     let names = element.properties.iter().map(|p| match p.shape {
         Shape::Single(_) => p.name.clone(),

@@ -1,4 +1,4 @@
-//! What makes a triangle fit for the mesh, and the count of what was not.
+//! Validates triangles and counts the invalid ones.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -7,21 +7,21 @@ use crate::error::{Error, Kind, Problem, Result};
 use crate::mesh::Notes;
 use crate::mesh::normals::{Point, cross, sub};
 
-/// A face by element name and row.
+/// A face, as element name and row.
 type Face = (&'static str, u64);
 
-/// What was found in some faces, in the order of the file.
+/// Counts and first errors of some faces, in file order.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     pub(super) faces: u64,
     pub(super) too_small: u64,
     pub(super) split: u64,
     pub(super) degenerate: u64,
-    /// Those of them that are between three different points.
+    /// The degenerate triangles between three different points.
     pub(super) stitches: Vec<[u32; 3]>,
-    /// Triangles that use a bad index or vertex.
+    /// Number of triangles that use an index out of range or a non-finite vertex.
     pub(super) unusable: u64,
-    /// Triangles of each `texnumber`.
+    /// Number of triangles for each `texnumber`.
     pub(super) textures: BTreeMap<i64, u64>,
     bad_indices: u64,
     first_bad_index: Option<(Face, i64)>,
@@ -31,7 +31,7 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Adds the faces that follow in the file.
+    /// Adds the tally of the next faces of the file.
     pub(super) fn add(&mut self, next: Tally) {
         self.faces += next.faces;
         self.too_small += next.too_small;
@@ -48,10 +48,10 @@ impl Tally {
         self.first_bad_vertex = self.first_bad_vertex.or(next.first_bad_vertex);
     }
 
-    /// The `texnumber` of the most triangles.
+    /// Returns the `texnumber` that most triangles have.
     pub(super) fn main_texture(&self) -> Option<i64> {
-        let most = self.textures.iter().max_by_key(|(number, count)| (**count, Reverse(**number)));
-        most.map(|(number, _)| *number)
+        let main = self.textures.iter().max_by_key(|(number, count)| (**count, Reverse(**number)));
+        main.map(|(number, _)| *number)
     }
 
     pub(super) fn write(&self, notes: &mut Notes) {
@@ -63,7 +63,7 @@ impl Tally {
         notes.repaired_dropped = self.unusable;
     }
 
-    /// An error if a face uses what is not there.
+    /// Returns an error if a face uses an index out of range or a non-finite vertex.
     pub(super) fn verdict<P: Point>(&mut self, positions: &[P], name: &str) -> Result<()> {
         let mut problems = Vec::new();
         let count = positions.len();
@@ -101,7 +101,7 @@ impl Tally {
     }
 }
 
-/// Checks triangles against the vertices.
+/// Checks triangles against the vertices and counts the results.
 pub(super) struct Checker<'a, P> {
     positions: &'a [P],
     element: &'static str,
@@ -113,10 +113,10 @@ impl<'a, P: Point> Checker<'a, P> {
         Self { positions, element, tally: Tally::default() }
     }
 
-    /// The vertex that `value` names in row `row`, if there is one.
+    /// Returns the vertex with index `value` in row `row`, if it exists.
     #[inline]
     pub(super) fn vertex(&mut self, row: u64, value: i64) -> Option<u32> {
-        // A negative index becomes a huge one.
+        // A negative index becomes a huge unsigned one.
         if (value as u64) < self.positions.len() as u64 {
             Some(value as u32)
         } else {
@@ -131,7 +131,7 @@ impl<'a, P: Point> Checker<'a, P> {
         self.tally.first_bad_index.get_or_insert(((self.element, row), value));
     }
 
-    /// The triangle, if nothing at all is wrong with it: what nearly all triangles pass.
+    /// Returns the triangle if it is valid beyond doubt. Nearly all triangles pass this fast test.
     #[inline(always)]
     pub(super) fn good(&self, corners: [i64; 3]) -> Option<[u32; 3]> {
         let count = self.positions.len() as u64;
@@ -141,19 +141,22 @@ impl<'a, P: Point> Checker<'a, P> {
         let triangle = corners.map(|c| c as u32);
         let [a, b, c] = triangle.map(|v| self.positions[v as usize].xyz());
         let normal = cross(sub(b, a), sub(c, a));
-        // Positive unless the corners repeat or line up; NaN or infinite for corners that are.
+        // It is zero if the corners repeat or are collinear, and NaN or infinite if corners are not
+        // finite.
         let size = normal[0].abs() + normal[1].abs() + normal[2].abs();
         (size > 0.0 && size < f64::INFINITY).then_some(triangle)
     }
 
-    /// The triangle that is not [`Self::good`], if it is to be kept all the same.
+    /// Handles a triangle that fails [`Self::good`]: returns it if it is kept all the same, and
+    /// records the reason otherwise.
     #[cold]
     pub(super) fn explain(&mut self, row: u64, corners: [i64; 3]) -> Option<[u32; 3]> {
         let vertices = corners.map(|corner| self.vertex(row, corner));
         self.triangle(row, vertices)
     }
 
-    /// The triangle, if it is to be kept; `corners` come from [`Self::vertex`].
+    /// Returns the triangle if it is kept, and records the reason otherwise. `corners` come from
+    /// [`Self::vertex`].
     #[inline]
     pub(super) fn triangle(&mut self, row: u64, corners: [Option<u32>; 3]) -> Option<[u32; 3]> {
         let [Some(a), Some(b), Some(c)] = corners else {
@@ -173,8 +176,8 @@ impl<'a, P: Point> Checker<'a, P> {
             }
             return None;
         }
-        // A non-finite corner makes it non-finite: infinite or NaN products never cancel out.
-        // Huge finite corners may do so too; looking at the corners decides.
+        // A non-finite corner makes this sum non-finite: infinite or NaN products never cancel out.
+        // Huge finite corners can do so too, so the corners decide.
         if !(normal[0] + normal[1] + normal[2]).is_finite() && !self.all_finite(row, &[a, b, c]) {
             self.tally.unusable += 1;
             return None;
@@ -182,7 +185,7 @@ impl<'a, P: Point> Checker<'a, P> {
         Some([a, b, c])
     }
 
-    /// Whether the vertices are finite; those that are not are noted.
+    /// Returns true if all `vertices` are finite. Records those that are not.
     #[cold]
     pub(super) fn all_finite(&mut self, row: u64, vertices: &[u32]) -> bool {
         let mut all = true;

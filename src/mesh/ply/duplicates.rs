@@ -1,11 +1,12 @@
-//! Triangles that a file has more than once: the first one stays.
+//! Removes duplicate triangles: the first one stays.
 //!
-//! Two triangles over the same three vertices, in whatever order, are the same surface; both sides
-//! of it are shaded. The triangles are dealt out by their lowest vertex, so that each task has its
-//! own stretch of vertices and needs no atomics; as neighbours in a file have neighbouring vertices,
-//! it passes over most blocks of triangles. Every triangle sets one of 16 bits that its lowest
-//! vertex has. Only triangles that share a bit are looked at again, with other bits, and what is
-//! left after some rounds is sorted.
+//! Two triangles with the same three vertices, in any order, are the same surface, because both
+//! sides are shaded. The triangles are distributed by their lowest vertex. So each task owns a
+//! range of vertices and needs no atomics. Neighbouring triangles in a file have neighbouring
+//! vertices, so a task skips most blocks of triangles. Each vertex has 16 bits. Every triangle sets
+//! one bit of its lowest vertex, chosen by a hash of the other two. Only triangles that share a bit
+//! are candidates for the next round, which uses another hash. The candidates left after the last
+//! round are sorted and compared.
 
 use std::ops::RangeInclusive;
 
@@ -16,25 +17,25 @@ use super::job::Job;
 use crate::error::Result;
 use crate::reserve;
 
-/// Triangles of a block, of which the range of lowest vertices is known.
+/// Number of triangles in a block. The range of lowest vertices is stored for each block.
 const BLOCK: usize = 1 << 14;
-/// Of this many triangles one is looked at to find out where the others are. A prime number: where triangles
-/// were split, the file repeats itself every 4th or 16th.
+/// One triangle in this many is sampled to estimate how lowest vertices are distributed. It is
+/// prime, because split faces repeat every 4 or 16 triangles in a file.
 const SAMPLED: usize = 61;
-/// Fewest of these that are worth a task.
+/// Minimum number of samples per task.
 const GRAIN: usize = 1 << 7;
 
-/// Odd multipliers for the second and third vertex: the bits of each round.
+/// Odd multipliers for the second and third vertex: the hash of each round.
 const ROUNDS: [[u32; 2]; 3] =
     [[0x9e37_79b1, 0x85eb_ca77], [0xc2b2_ae3d, 0x27d4_eb2f], [0x1656_67b1, 0xd3a2_646d]];
 
-/// Drops all triangles over the same vertices as an earlier one, and counts them.
+/// Drops every triangle with the same vertices as an earlier one. Returns the number dropped.
 pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &Job) -> Result<u64> {
-    // A scene cannot hold more primitives than that.
+    // A scene cannot hold so many primitives.
     if u32::try_from(faces.triangles.len()).is_err() {
         return Ok(0);
     }
-    // Bits of every vertex.
+    // 16 bits per vertex.
     reserve::probe(2 * vertices as u64, job.name)?;
     let all = Triangles::new(&faces.triangles);
     let stretches = all.stretches(vertices);
@@ -55,7 +56,7 @@ pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &Job) -> Result<u64>
 
 struct Triangles<'a> {
     all: &'a [[u32; 3]],
-    /// The lowest vertices of each block.
+    /// The range of lowest vertices of each block.
     lowest: Vec<RangeInclusive<u32>>,
 }
 
@@ -72,8 +73,8 @@ impl<'a> Triangles<'a> {
         Self { all, lowest: all.par_chunks(BLOCK).map(range).collect() }
     }
 
-    /// The ends of stretches of vertices that are the lowest of about as many triangles each, as many as there
-    /// are threads.
+    /// Splits the vertices into one range per thread, each with about the same number of triangles
+    /// by lowest vertex. Returns the boundaries of the ranges.
     fn stretches(&self, vertices: usize) -> Vec<u32> {
         let mut some: Vec<u32> =
             self.all.iter().step_by(SAMPLED).map(|&triangle| sorted(triangle)[0]).collect();
@@ -86,7 +87,8 @@ impl<'a> Triangles<'a> {
         ends
     }
 
-    /// Those whose lowest vertex is one of `count` from `first` on and that repeat an earlier one.
+    /// Returns the triangles that repeat an earlier one, among those whose lowest vertex is one of
+    /// `count` from `first` on.
     fn repeated(&self, first: u32, count: usize) -> Vec<u32> {
         let mut bits = vec![0u16; count];
         let mut suspects: Option<Vec<u32>> = None;
@@ -127,8 +129,8 @@ impl<'a> Triangles<'a> {
         suspects.windows(2).filter_map(repeats).collect()
     }
 
-    /// Shows `visit` the number and the sorted corners of `some` triangles, or of all whose lowest
-    /// vertex is one of `count` from `first` on.
+    /// Calls `visit` with the index and the sorted corners of each triangle in `some`. If `some` is
+    /// `None`, it visits all triangles whose lowest vertex is one of `count` from `first` on.
     #[inline(always)]
     fn visit(
         &self,
@@ -141,9 +143,9 @@ impl<'a> Triangles<'a> {
             return some.iter().for_each(|&t| visit(t, sorted(self.all[t as usize])));
         }
         for (block, lowest) in self.lowest.iter().enumerate() {
-            let misses =
+            let outside =
                 *lowest.end() < first || (*lowest.start() as usize) >= first as usize + count;
-            if misses {
+            if outside {
                 continue;
             }
             let start = block * BLOCK;
@@ -164,7 +166,7 @@ fn sorted([a, b, c]: [u32; 3]) -> [u32; 3] {
     [low.min(c), low.max(c.min(high)), high.max(c)]
 }
 
-/// Takes out the elements at `places`, which ascend.
+/// Removes the elements at `places`, which are in ascending order.
 fn remove<T>(all: &mut Vec<T>, places: &[u32]) {
     if places.is_empty() {
         return;
@@ -184,7 +186,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exactly_the_repeated_ones_go() {
+    fn drop_removes_exactly_the_repeated_triangles() {
         let job = Job { name: "", monitor: None, room: None };
         let mut seed = 1u64;
         let mut random = move |below: u32| {

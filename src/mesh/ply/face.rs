@@ -1,4 +1,4 @@
-//! Faces and strips into triangles: in bulk where all are triangles, else face by face.
+//! Converts faces and strips to triangles: in bulk if all faces are triangles, else one by one.
 
 use rayon::prelude::*;
 
@@ -15,17 +15,17 @@ use crate::error::Result;
 use crate::mesh::normals::Point;
 use crate::reserve;
 
-/// Triangles that one task copies.
+/// Number of triangles that one task copies.
 const GRAIN: usize = 1 << 14;
 
-/// Marks a dropped triangle in the bulk path: no mesh has this vertex.
+/// Marks a dropped triangle in the bulk path. No mesh has a vertex with this index.
 const DROPPED: [u32; 3] = [u32::MAX; 3];
 
-/// The triangles of one element.
+/// The triangles of one element of faces or strips.
 #[derive(Default)]
 pub(super) struct Faces {
     pub(super) triangles: Vec<[u32; 3]>,
-    /// As many as triangles, if any face has texture coordinates.
+    /// One entry per triangle, if any face has texture coordinates.
     pub(super) uvs: Option<Vec<[[f32; 2]; 3]>>,
     pub(super) tally: Tally,
 }
@@ -40,7 +40,7 @@ pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) ->
     }
     let mut all = Faces::default();
     let read = |reader: &mut Reader| {
-        let mut part = Part::new(plan, positions);
+        let mut part = BlockFaces::new(plan, positions);
         reader.feed(&mut part)?;
         Ok(part.finish())
     };
@@ -49,10 +49,10 @@ pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) ->
 }
 
 impl Faces {
-    /// Adds the triangles that follow in the file; missing texture coordinates are zero.
+    /// Appends the next triangles of the file. Missing texture coordinates become zero.
     ///
     /// # Errors
-    /// Where there is no memory for them.
+    /// If there is not enough memory.
     pub(super) fn append(&mut self, next: Faces, job: &Job) -> Result<()> {
         job.fits(self.bytes().saturating_add(next.bytes()))?;
         if self.uvs.is_some() || next.uvs.is_some() {
@@ -73,14 +73,14 @@ impl Faces {
         Ok(())
     }
 
-    /// Bytes of the arrays.
+    /// Size in bytes of the arrays.
     pub(super) fn bytes(&self) -> u64 {
         let uvs = self.uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]));
         (size_of_val(&self.triangles[..]) + uvs) as u64
     }
 }
 
-/// Every face is a triangle and every row has the same size.
+/// Reads an element in which every face is a triangle and every row has the same size.
 fn all_triangles<P: Point>(
     table: &Table,
     plan: &FacePlan,
@@ -102,7 +102,7 @@ fn all_triangles<P: Point>(
     }
 }
 
-/// Copies and checks rows whose three corners of type `T` start at byte `at`.
+/// Copies and checks rows. Their three corners of type `T` start at byte `at` of the row.
 fn copy<T: Native + Into<i64>, P: Point>(
     table: &Table,
     uniform: &Uniform,
@@ -110,7 +110,7 @@ fn copy<T: Native + Into<i64>, P: Point>(
     big: bool,
     positions: &[P],
 ) -> Result<Faces> {
-    // The rows have been found in the file.
+    // `layout` has found these rows in the file.
     let count = table.span.rows as usize;
     let stride = uniform.stride;
     let rows = &table.data[uniform.start..uniform.start + count * stride];
@@ -148,14 +148,14 @@ fn copy<T: Native + Into<i64>, P: Point>(
     Ok(Faces { triangles, uvs: None, tally })
 }
 
-/// The triangles of one block of rows.
-struct Part<'a, P> {
+/// Reads the faces of one block of rows.
+struct BlockFaces<'a, P> {
     plan: &'a FacePlan,
     checker: Checker<'a, P>,
     triangles: Vec<[u32; 3]>,
     uvs: Vec<[[f32; 2]; 3]>,
     any_uvs: bool,
-    /// The face being read.
+    /// The `texnumber` of the current face. The fields below belong to the current face too.
     texture: Option<i64>,
     corners: Vec<Option<u32>>,
     texcoords: Vec<f32>,
@@ -163,7 +163,7 @@ struct Part<'a, P> {
     split: Vec<[u32; 3]>,
 }
 
-impl<'a, P: Point> Part<'a, P> {
+impl<'a, P: Point> BlockFaces<'a, P> {
     fn new(plan: &'a FacePlan, positions: &'a [P]) -> Self {
         let element = if plan.strips { "tristrips" } else { "face" };
         Self {
@@ -185,7 +185,7 @@ impl<'a, P: Point> Part<'a, P> {
         Faces { triangles: self.triangles, uvs, tally: self.checker.tally }
     }
 
-    /// The face whose corners have been read.
+    /// Adds the current face, after its corners have been read.
     fn face(&mut self, row: u64) -> Values<()> {
         self.checker.tally.faces += 1;
         let count = self.corners.len();
@@ -235,7 +235,7 @@ impl<'a, P: Point> Part<'a, P> {
         Ok(())
     }
 
-    /// Keeps the triangle of three corners of the face, if it is good.
+    /// Adds the triangle of three corners of the face, if it is valid.
     #[inline]
     fn emit(&mut self, row: u64, corners: [u32; 3]) {
         let vertices = corners.map(|c| self.corners[c as usize]);
@@ -259,8 +259,8 @@ impl<'a, P: Point> Part<'a, P> {
         }
     }
 
-    /// The strip whose `count` corners follow: every corner makes a triangle with the two before
-    /// it, every second one turned over; -1 starts anew.
+    /// Reads a strip of `count` corners. Every corner forms a triangle with the two before it.
+    /// Every second triangle is reversed. The index -1 starts a new strip.
     fn strip<R: Row>(&mut self, values: &mut R, count: u64, item: Scalar, row: u64) -> Values<()> {
         let (mut before, mut seen) = ([None; 2], 0u64);
         for _ in 0..count {
@@ -282,7 +282,7 @@ impl<'a, P: Point> Part<'a, P> {
     }
 }
 
-impl<P: Point> Sink for Part<'_, P> {
+impl<P: Point> Sink for BlockFaces<'_, P> {
     fn take<R: Row>(&mut self, values: &mut R, row: u64) -> Values<()> {
         let plan = self.plan;
         self.texcoords.clear();
@@ -297,7 +297,8 @@ impl<P: Point> Sink for Part<'_, P> {
                     self.corners.clear();
                     for _ in 0..count {
                         let value = values.number(item)? as i64;
-                        // The corners of faces that are skipped do not matter.
+                        // A face with fewer than three corners is skipped, so its indices are not
+                        // checked.
                         self.corners.push(match count {
                             0..3 => None,
                             _ => self.checker.vertex(row, value),

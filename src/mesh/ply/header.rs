@@ -1,18 +1,18 @@
-//! The header: every line from `ply` to `end_header`, checked word by word.
+//! Parses the header: every line from `ply` to `end_header`, word by word.
 //!
-//! Nothing is allocated from a declared count; counts stay `u64` until the data has been found.
-//! The header is bytes, not UTF-8: comments may hold anything.
+//! Nothing is allocated by a declared count. Counts stay `u64` until the data has been found. The
+//! header is bytes, not UTF-8: comments may contain any bytes.
 
 use super::scalar::{NAMES, Scalar};
 use crate::error::{Error, Result};
 
-/// The only word that must be on its last line.
+/// The keyword of the last line. Further words on that line are ignored.
 const END: &[u8] = b"end_header";
-/// Longest line of a header, in bytes; longer means that the file is something else.
+/// Maximum length of a header line in bytes. A longer line means that the file is not PLY.
 const MAX_LINE: usize = 1 << 16;
-/// Most lines of a header.
+/// Maximum number of lines in a header.
 const MAX_LINES: usize = 10_000;
-/// Most bytes of a header.
+/// Maximum size of a header in bytes.
 pub(super) const MAX_HEADER: usize = 1 << 24;
 
 /// The encoding of the data after the header.
@@ -34,7 +34,7 @@ impl Format {
 }
 
 impl Format {
-    /// The byte order of a binary format; `None`: text.
+    /// Returns whether a binary format is big-endian; `None` for text.
     pub(super) fn is_big(self) -> Option<bool> {
         match self {
             Self::Ascii => None,
@@ -44,7 +44,7 @@ impl Format {
     }
 }
 
-/// One number or a counted list of numbers.
+/// The type of a property: one number, or a counted list of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Shape {
     Single(Scalar),
@@ -52,7 +52,7 @@ pub(super) enum Shape {
 }
 
 impl Shape {
-    /// Bytes that a value takes at least, in a binary file.
+    /// Returns the minimum size in bytes of a value in a binary file.
     pub(super) fn least_bytes(self) -> u64 {
         match self {
             Self::Single(kind) | Self::List { count: kind, .. } => kind.size() as u64,
@@ -74,12 +74,12 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// The place of a property by name.
+    /// Returns the index of the property called `name`.
     pub(super) fn find(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|p| p.name == name)
     }
 
-    /// "3 faces": the count and name for messages.
+    /// Formats a number of rows for messages, for example "3 faces".
     pub(super) fn rows(&self, count: u64) -> String {
         match self.name.as_str() {
             "vertex" if count == 1 => "1 vertex".into(),
@@ -95,15 +95,15 @@ impl Element {
 pub(super) struct Header {
     pub(super) format: Format,
     pub(super) elements: Vec<Element>,
-    /// Every `comment TextureFile NAME`, in order.
+    /// The name in every `comment TextureFile NAME`, in order.
     pub(super) texture_files: Vec<String>,
-    /// Where the data starts.
+    /// Offset in bytes of the data.
     pub(super) data_start: usize,
-    /// Lines of the header: the data of an ASCII file starts on the next one.
+    /// Number of lines in the header. The data of an ASCII file starts on the next line.
     pub(super) lines: u64,
 }
 
-/// Reads the header of the file called `name` from its first bytes.
+/// Parses the header of the file called `name` from its first bytes.
 pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
     let mut lines = Lines { bytes, at: 0, number: 0, name };
     if !bytes.starts_with(b"ply") || lines.next()? != Some(b"ply") {
@@ -152,19 +152,19 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
     Ok(header)
 }
 
-/// The words of a line.
+/// Splits a line into words.
 fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
-/// Whether the header's last line is among the first bytes of a file: then [`parse`] asks for no
-/// more of them.
+/// Returns true if `bytes`, the first bytes of a file, contain the last line of the header. Then
+/// [`parse`] needs no more bytes.
 pub(super) fn is_complete(bytes: &[u8]) -> bool {
     let mut lines = bytes.split_inclusive(|&byte| byte == b'\n');
     lines.any(|line| line.ends_with(b"\n") && words(line).next() == Some(END))
 }
 
-/// The lines of the header, without their ends (LF or CRLF) and trailing blanks.
+/// The lines of the header, without line ends (LF or CRLF) and trailing blanks.
 struct Lines<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -173,12 +173,12 @@ struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    /// The next complete line; `None` where the file ends first.
+    /// Returns the next complete line, or `None` if the file ends first.
     fn next(&mut self) -> Result<Option<&'a [u8]>> {
         let rest = &self.bytes[self.at..];
         let window = &rest[..rest.len().min(MAX_LINE)];
         let Some(length) = window.iter().position(|&b| b == b'\n') else {
-            // The last line may lack its end only in a file that has no data.
+            // Only in a file without data can the last line lack its line end.
             if window.len() == MAX_LINE {
                 self.number += 1;
                 return Err(self.error(format!("the line is longer than {MAX_LINE} bytes")));
@@ -195,14 +195,14 @@ impl<'a> Lines<'a> {
         Ok(Some(rest[..length].trim_ascii_end()))
     }
 
-    /// The error of a file that ends before its header does.
+    /// The error for a file that ends before its header does.
     fn unfinished(&self) -> Error {
         let message =
             format!("the header has no end_header; the file ends after its line {}", self.number);
         Error::invalid(self.name, message).help("the file may be cut short")
     }
 
-    /// An error on the current line.
+    /// An error about the current line.
     fn error(&self, message: impl Into<String>) -> Error {
         Error::invalid(format!("{}:{}", self.name, self.number), message)
     }
@@ -294,7 +294,7 @@ fn property(words: &[&[u8]], elements: &mut [Element], lines: &Lines) -> Result<
     Ok(())
 }
 
-/// Bytes of the file as text that a terminal can show, at most 40 of them.
+/// Formats bytes of the file as printable text: at most 40 bytes, control characters escaped.
 pub(super) fn show(bytes: &[u8]) -> String {
     let (shown, rest) = bytes.split_at(bytes.len().min(40));
     let dots = if rest.is_empty() { "" } else { "..." };
@@ -304,7 +304,7 @@ pub(super) fn show(bytes: &[u8]) -> String {
     }
 }
 
-/// What the file is instead, where its first bytes tell.
+/// The error for a file that is not PLY. If its first bytes show what it is, the help says so.
 fn not_a_ply(bytes: &[u8], name: &str) -> Error {
     let known: [(&[u8], &str); 10] = [
         (b"\x1f\x8b", "it is gzip data inside of other data: unpack it first (gunzip)"),

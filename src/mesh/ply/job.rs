@@ -1,31 +1,31 @@
-//! What every step of reading one file is told.
+//! The context that every step of reading a file needs.
 
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::reserve::Room;
 
-/// The file's name for messages, who may stop the work, and how much memory it may take.
+/// The name of the file for messages, a monitor that can stop the work, and a memory limit.
 #[derive(Clone, Copy)]
 pub(super) struct Job<'a> {
     pub(super) name: &'a str,
     pub(super) monitor: Option<&'a Monitor>,
-    /// The most that its arrays may take.
+    /// Limit of the memory for the arrays.
     pub(super) room: Option<Room>,
 }
 
 impl Job<'_> {
-    /// Whether a signal asked to stop. Loops that cannot fail then do nothing, and their caller
-    /// finds out by [`Self::check`].
+    /// Returns true once a signal has requested a stop. Loops that cannot return an error then do
+    /// nothing, and their caller detects it with [`Self::check`].
     pub(super) fn stopped(&self) -> bool {
         self.monitor.is_some_and(Monitor::stopped)
     }
 
-    /// An error where arrays of so many bytes are too much.
+    /// Returns an error if arrays of `bytes` bytes exceed the memory limit.
     pub(super) fn fits(&self, bytes: u64) -> Result<()> {
         self.room.map_or(Ok(()), |room| room.check(bytes, self.name))
     }
 
-    /// An error once a signal asked to stop.
+    /// Returns an error once a signal has requested a stop.
     pub(super) fn check(&self) -> Result<()> {
         self.monitor.map_or(Ok(()), Monitor::check)
     }

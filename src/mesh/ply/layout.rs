@@ -1,8 +1,8 @@
-//! Where the rows of every element stand, found before anything is allocated for them.
+//! Locates the rows of every element before anything is allocated for them.
 //!
-//! This is where a header that lies is caught: each declared row must be in the file. Rows whose
-//! lists are all as long as the first row's have one stride and need no walk; other lists are
-//! walked once, from count to count.
+//! This detects a false header: each declared row must be in the file. If the lists of all rows are
+//! as long as those of the first row, the rows have one stride and need no walk. Otherwise the rows
+//! are walked once, from list count to list count.
 
 use rayon::prelude::*;
 
@@ -12,10 +12,10 @@ use super::job::Job;
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 
-/// Rows that one task reads.
-const ROWS: u64 = 1 << 14;
+/// Number of rows that one task reads.
+const ROWS_PER_BLOCK: u64 = 1 << 14;
 
-/// Finds the rows of every element; the second value is the bytes after the last row.
+/// Locates the rows of every element. The second value is the number of bytes after the last row.
 pub(super) fn locate(data: &[u8], header: &Header, job: &Job) -> Result<(Vec<Span>, u64)> {
     if header.format == Format::Ascii {
         return super::lines::locate(data, header, job);
@@ -26,7 +26,7 @@ pub(super) fn locate(data: &[u8], header: &Header, job: &Job) -> Result<(Vec<Spa
     for element in &header.elements {
         let (mut span, mut end) = rows(data, at, element, big, 0, element.count, job)?;
         if span.rows < element.count && !is_fixed(element) {
-            // The rest of the bytes may hold shorter rows.
+            // Later rows may be shorter than the first one.
             (span, end) = walk(data, at, element, big, 0, element.count, job)?;
         }
         if span.rows < element.count {
@@ -47,13 +47,13 @@ pub(super) fn locate(data: &[u8], header: &Header, job: &Job) -> Result<(Vec<Spa
     Ok((spans, (data.len() - at) as u64))
 }
 
-/// Every row has the same size, whatever is in it.
+/// Returns true if the element has no lists, so that all its rows have the same size.
 fn is_fixed(element: &Element) -> bool {
     element.properties.iter().all(|p| matches!(p.shape, Shape::Single(_)))
 }
 
-/// Finds rows of `element` from byte `start` on, where row number `first` begins: at most `wanted`,
-/// fewer where the data ends first; and where they end.
+/// Locates rows of `element` from byte `start` on, where row `first` begins: `wanted` rows, or
+/// fewer if the data ends first. Also returns the offset of their end.
 pub(super) fn rows(
     data: &[u8],
     start: usize,
@@ -71,9 +71,9 @@ pub(super) fn rows(
         let stride = uniform.stride as u64;
         let rows = wanted.min((data.len() - start) as u64 / stride);
         if fixed || rows > 0 && all_alike(data, &uniform, rows, element, big, job) {
-            let blocks = (0..rows.div_ceil(ROWS)).map(|block| {
-                let row = block * ROWS;
-                let rows = ROWS.min(rows - row);
+            let blocks = (0..rows.div_ceil(ROWS_PER_BLOCK)).map(|block| {
+                let row = block * ROWS_PER_BLOCK;
+                let rows = ROWS_PER_BLOCK.min(rows - row);
                 let begin = start + (row * stride) as usize;
                 let end = begin + (rows * stride) as usize;
                 Block { start: begin, end, row: first + row, rows, line: 0 }
@@ -86,7 +86,8 @@ pub(super) fn rows(
     walk(data, start, element, big, first, wanted, job)
 }
 
-/// The layout of the first row, if it is all there.
+/// Returns the layout of the first row if the data holds its list counts. The values of the row may
+/// be incomplete.
 fn first_row(data: &[u8], start: usize, element: &Element, big: bool) -> Option<Uniform> {
     let mut uniform = Uniform { start, stride: 0, offsets: Vec::new(), lengths: Vec::new() };
     let mut at = start;
@@ -104,12 +105,12 @@ fn first_row(data: &[u8], start: usize, element: &Element, big: bool) -> Option<
         let bytes = usize::try_from(length.checked_mul(item.size() as u64)?).ok()?;
         at = at.checked_add(bytes)?;
     }
-    // A single number's row may be cut short: the caller compares sizes.
+    // The caller compares the stride with the size of the data.
     uniform.stride = at - start;
     Some(uniform)
 }
 
-/// The list length at byte `at`, unless the data ends before its end.
+/// Reads the list length at byte `at`. Returns `None` if the data ends before its end.
 #[inline]
 fn count_at(data: &[u8], at: usize, kind: Scalar, big: bool) -> Option<i64> {
     if kind == Scalar::U8 {
@@ -119,8 +120,8 @@ fn count_at(data: &[u8], at: usize, kind: Scalar, big: bool) -> Option<i64> {
     (end <= data.len()).then(|| kind.read(data, at, big) as i64)
 }
 
-/// Whether every row's lists are as long as the first row's. By induction: if rows 0 to n - 1
-/// are, row n starts where the stride says.
+/// Returns true if the lists of every row are as long as those of the first row. By induction: if
+/// they are in rows 0 to n - 1, then row n starts at n times the stride.
 fn all_alike(
     data: &[u8],
     uniform: &Uniform,
@@ -143,11 +144,11 @@ fn all_alike(
         [(at, Scalar::U8, length)] => row[at] as i64 == length,
         _ => lists.iter().all(|&(at, kind, length)| count_at(row, at, kind, big) == Some(length)),
     };
-    rows.par_chunks(uniform.stride * ROWS as usize)
+    rows.par_chunks(uniform.stride * ROWS_PER_BLOCK as usize)
         .all(|rows| !job.stopped() && rows.chunks_exact(uniform.stride).all(alike))
 }
 
-/// Goes through the rows of `element` list by list.
+/// Locates rows of `element` one after the other, list by list.
 fn walk(
     data: &[u8],
     start: usize,
@@ -165,7 +166,7 @@ fn walk(
             break;
         };
         match blocks.last_mut() {
-            Some(block) if block.rows < ROWS => {
+            Some(block) if block.rows < ROWS_PER_BLOCK => {
                 block.rows += 1;
                 block.end = end;
             }
@@ -180,7 +181,7 @@ fn walk(
     Ok((Span { first, rows, uniform: None, blocks }, at))
 }
 
-/// Where the row that starts at `at` ends; `None` if the data ends first.
+/// Returns the end of the row that starts at byte `at`, or `None` if the data ends first.
 #[inline]
 fn walk_row(
     data: &[u8],
@@ -204,8 +205,8 @@ fn walk_row(
     Ok(Some(at))
 }
 
-/// Where the property that starts at `at` ends; `None` behind the end of the data, an error for a
-/// list of negative length.
+/// Returns the end of the property that starts at byte `at`, or `None` if the data ends first. The
+/// error is a negative list length.
 #[inline]
 fn skip(
     data: &[u8],

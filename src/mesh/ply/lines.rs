@@ -1,7 +1,7 @@
-//! ASCII data: which rows stand where, and the numbers of a row.
+//! ASCII data: locates the rows and parses their numbers.
 //!
-//! A row is one line; blank lines do not count. Lines are counted in parallel first, so that
-//! blocks of rows can then be read in parallel, each with its row and line numbers.
+//! A row is one line. Blank lines do not count. Lines are first counted in parallel. Then blocks of
+//! rows can be read in parallel, because the row and line numbers of each block are known.
 
 use rayon::prelude::*;
 
@@ -12,19 +12,19 @@ use super::row::{Fault, Row, Values};
 use super::scalar::Scalar;
 use crate::error::Result;
 
-/// Bytes of text that one task reads.
+/// Number of bytes of text that one task counts.
 const CHUNK: usize = 1 << 19;
 
-/// A stretch of whole lines.
+/// A range of whole lines.
 struct Chunk {
     start: usize,
     end: usize,
-    /// Lines with anything on them.
+    /// Number of lines that are not blank.
     rows: u64,
     lines: u64,
 }
 
-/// Finds the rows of every element; the second value is the bytes after the last row.
+/// Locates the rows of every element. The second value is the number of bytes after the last row.
 pub(super) fn locate(data: &[u8], header: &Header, job: &Job) -> Result<(Vec<Span>, u64)> {
     let mut lines = Lines::new(data, header.lines, job)?;
     let mut spans = Vec::with_capacity(header.elements.len());
@@ -72,35 +72,35 @@ fn count(data: &[u8], start: usize, end: usize) -> Chunk {
     Chunk { start, end, rows, lines }
 }
 
-/// Lines of text, given out in order: the chunks are cut where one element ends and the next
-/// begins.
+/// Distributes lines of text to elements, in order. A chunk is cut where one element ends and the
+/// next begins.
 pub(super) struct Lines<'a> {
     data: &'a [u8],
     chunks: Vec<Chunk>,
-    /// The next chunk to open.
+    /// Index of the next chunk to open.
     chunk: usize,
-    /// What is left of the open chunk.
+    /// The rest of the open chunk.
     block: Option<Block>,
-    /// The line number where the next chunk starts.
+    /// Number of lines before the next chunk.
     line: u64,
-    /// Lines with anything on them.
+    /// Number of all lines that are not blank.
     all: u64,
-    /// Those that have not been taken.
+    /// Number of these that have not been taken.
     left: u64,
 }
 
 impl<'a> Lines<'a> {
-    /// `data` after `line` other lines.
+    /// Counts the lines of `data`, which follows `line` other lines of the file.
     pub(super) fn new(data: &'a [u8], line: u64, job: &Job) -> Result<Self> {
         let chunks = chunks(data, job)?;
         let all = chunks.iter().map(|c| c.rows).sum();
         Ok(Self { data, chunks, chunk: 0, block: None, line, all, left: all })
     }
 
-    /// The next rows of `element`, from row number `first` on: at most `wanted`, fewer where the
-    /// lines end.
+    /// Takes the next rows of `element`, from row `first` on: `wanted` rows, or fewer if the lines
+    /// end first.
     pub(super) fn take(&mut self, element: &Element, first: u64, wanted: u64) -> Span {
-        // An element without properties has nothing to write on its lines.
+        // A row without properties has no line.
         if element.properties.is_empty() {
             return Span { first, rows: wanted, ..Span::default() };
         }
@@ -109,7 +109,7 @@ impl<'a> Lines<'a> {
         Span { first, rows, uniform: None, blocks: self.blocks(first, rows) }
     }
 
-    /// The blocks of the next `rows` rows, which exist.
+    /// Returns the blocks of the next `rows` rows. The caller has checked that they exist.
     fn blocks(&mut self, first: u64, rows: u64) -> Vec<Block> {
         let (mut blocks, mut taken) = (Vec::new(), 0);
         while taken < rows {
@@ -129,7 +129,8 @@ impl<'a> Lines<'a> {
         blocks
     }
 
-    /// Where the next row is looked for, and the lines before it.
+    /// Returns the offset where the search for the next row starts, and the number of lines before
+    /// it.
     pub(super) fn position(&self) -> (usize, u64) {
         match (self.block, self.chunks.get(self.chunk)) {
             (Some(block), _) => (block.start, block.line),
@@ -150,8 +151,8 @@ impl<'a> Lines<'a> {
         self.block
     }
 
-    /// Bytes from the first row that no element takes: from its first word, whatever blank lines a
-    /// chunk or a block begins with.
+    /// Returns the number of bytes after the last row, from the first word on that no element
+    /// takes. Blank lines at the start of a chunk or block do not count.
     fn rest(&mut self) -> u64 {
         while let Some(block) = self.open() {
             if block.rows > 0 {
@@ -165,7 +166,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// The block without its first `rows` rows.
+/// Returns the block without its first `rows` rows.
 fn skip(data: &[u8], block: Block, rows: u64) -> Block {
     let mut reader = Text::new(data, &block);
     for _ in 0..rows {
@@ -181,11 +182,11 @@ fn skip(data: &[u8], block: Block, rows: u64) -> Block {
     }
 }
 
-/// The rows of a block of text.
+/// Reads the rows of a block of text.
 pub(super) struct Text<'a> {
     data: &'a [u8],
     at: usize,
-    /// The number of the line being read.
+    /// Number of the line that is being read, from 1.
     line: u64,
 }
 
@@ -194,7 +195,7 @@ impl<'a> Text<'a> {
         Self { data, at: block.start, line: block.line + 1 }
     }
 
-    /// Moves behind the end of the line.
+    /// Moves past the end of the line.
     fn skip_line(&mut self) {
         let rest = &self.data[self.at..];
         let length = rest.iter().position(|&b| b == b'\n').map_or(rest.len(), |at| at + 1);
@@ -212,7 +213,7 @@ impl<'a> Text<'a> {
         }
     }
 
-    /// The next word of the line.
+    /// Reads the next word of the line.
     fn word(&mut self) -> Values<&'a [u8]> {
         self.skip_blanks();
         let rest = &self.data[self.at..];

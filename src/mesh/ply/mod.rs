@@ -1,10 +1,11 @@
-//! The PLY reader: any PLY file that holds a mesh, at the speed of memory for the common ones.
+//! The PLY reader. It reads any PLY file that holds a mesh, the common ones at memory speed.
 //!
-//! The steps, each a module: [`source`] the bytes, [`header`] what they should be, [`plan`] which
-//! properties are wanted, [`layout`] (and [`lines`] for text) where the rows are, [`vertex`] and
-//! [`face`] the arrays, [`check`] what is wrong with them. No count of the header is believed
-//! before the rows have been found in the file. It refuses point clouds, and leaves placing and
-//! shading to others. Format: Turk, "The PLY Polygon File Format" (1994), and common usage.
+//! Each step is a module. [`source`] provides the bytes and [`header`] parses their declaration.
+//! [`plan`] selects the properties, and [`layout`] (for text [`lines`]) locates the rows.
+//! [`vertex`] and [`face`] fill the arrays, and [`check`] validates triangles. No count in the
+//! header is trusted before the rows have been found in the file. Point clouds are refused.
+//! Placement and shading are done elsewhere. Format: Turk, "The PLY Polygon File Format" (1994),
+//! and common usage.
 
 mod block;
 mod check;
@@ -45,22 +46,23 @@ use crate::reserve::Room;
 pub use scalar::Scalar;
 pub use summary::{ElementSummary, PlySummary, PropertySummary, TriangleCount, inspect};
 
-/// What fits into the caches, and is worth all threads.
+/// Default window in bytes: it fits into the caches and gives every thread enough work.
 const WINDOW: usize = 1 << 23;
 
-/// How to read a mesh file.
+/// Options for reading a mesh file.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct ReadOptions<'a> {
-    /// Drop triangles that use a missing or non-finite vertex instead of failing.
+    /// Drops triangles that use a missing or non-finite vertex. Without it, such a triangle is an
+    /// error.
     pub repair: bool,
-    /// Map the file into memory; off, it is read through a window of fixed size.
+    /// Maps the file into memory. Without it, the file is read through a window of fixed size.
     pub mmap: bool,
-    /// Bytes of an unmapped file that are looked at together; longer rows take more.
+    /// Size in bytes of the window on an unmapped file. The window grows for longer rows.
     pub window: usize,
-    /// Told by others when to stop: reading then ends with `Interrupted`.
+    /// Stops the reader on request: reading then ends with `Interrupted`.
     pub monitor: Option<&'a Monitor>,
-    /// The most that the mesh's arrays may take.
+    /// Limit of the memory for the arrays of the mesh.
     pub room: Option<Room>,
 }
 
@@ -71,33 +73,33 @@ impl Default for ReadOptions<'_> {
 }
 
 impl<'a> ReadOptions<'a> {
-    /// Options with `repair` as given.
+    /// Returns the options with `repair` changed.
     pub fn repair(self, repair: bool) -> Self {
         Self { repair, ..self }
     }
 
-    /// Options with `mmap` as given.
+    /// Returns the options with `mmap` changed.
     pub fn mmap(self, mmap: bool) -> Self {
         Self { mmap, ..self }
     }
 
-    /// Options with `window` as given.
+    /// Returns the options with `window` changed.
     pub fn window(self, window: usize) -> Self {
         Self { window, ..self }
     }
 
-    /// Options with `room` as given.
+    /// Returns the options with `room` changed.
     pub fn room(self, room: Option<Room>) -> Self {
         Self { room, ..self }
     }
 
-    /// Options with `monitor` as given.
+    /// Returns the options with `monitor` changed.
     pub fn monitor(self, monitor: &'a Monitor) -> Self {
         Self { monitor: Some(monitor), ..self }
     }
 }
 
-/// Reads the PLY file at `path`, packed with gzip or zstd or not, in the caller's rayon pool.
+/// Reads the PLY file at `path`, plain or compressed with gzip or zstd, in the caller's rayon pool.
 pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
     let name = path.display().to_string();
     let job = Job { name: &name, monitor: options.monitor, room: options.room };
@@ -117,7 +119,7 @@ pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Reads a PLY file that is in memory, packed or not; messages call it `name`.
+/// Reads a PLY file from memory, plain or compressed. Messages call it `name`.
 pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh> {
     let job = Job { name, monitor: options.monitor, room: options.room };
     match Packing::of(bytes) {
@@ -131,7 +133,7 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
     }
 }
 
-/// Reads a file that is all there.
+/// Reads a mesh from the complete bytes of a file.
 fn whole(bytes: &[u8], job: &Job, options: ReadOptions) -> Result<Mesh> {
     let header = header::parse(bytes, job.name)?;
     let plan = plan::plan(&header, job.name)?;
@@ -144,7 +146,8 @@ fn whole(bytes: &[u8], job: &Job, options: ReadOptions) -> Result<Mesh> {
         element: &header.elements[at],
         job: *job,
     };
-    // Finding rows of text did not look inside them: elements that nobody reads may be cut short.
+    // Locating rows of text does not check their contents. So the elements that are not used are
+    // checked here: their rows may be incomplete.
     let read = |at| at == plan.vertex.element || plan.faces.iter().any(|face| face.element == at);
     let text = header.format == Format::Ascii;
     for table in (0..spans.len()).filter(|at| text && !read(*at)).map(table) {
@@ -152,8 +155,8 @@ fn whole(bytes: &[u8], job: &Job, options: ReadOptions) -> Result<Mesh> {
     }
     let vertices = vertex::read(&table(plan.vertex.element), &plan.vertex)?;
     let rows = |at: usize| spans[at].rows;
-    let least: u64 = plan.faces.iter().filter(|f| !f.strips).map(|f| rows(f.element)).sum();
-    job.fits(vertices.bytes().saturating_add(least.saturating_mul(size_of::<[u32; 3]>() as u64)))?;
+    let total: u64 = plan.faces.iter().filter(|f| !f.strips).map(|f| rows(f.element)).sum();
+    job.fits(vertices.bytes().saturating_add(total.saturating_mul(size_of::<[u32; 3]>() as u64)))?;
     let mut faces = Faces::default();
     for part in &plan.faces {
         let next = match &vertices.positions {
@@ -166,7 +169,7 @@ fn whole(bytes: &[u8], job: &Job, options: ReadOptions) -> Result<Mesh> {
     finish(Found { header, plan, vertices, faces, trailing_bytes }, job, options)
 }
 
-/// All that a file held.
+/// Everything that was read from a file.
 struct Found {
     header: Header,
     plan: Plan,
@@ -175,7 +178,7 @@ struct Found {
     trailing_bytes: u64,
 }
 
-/// The mesh, if nothing is wrong with it.
+/// Makes the mesh: drops duplicates, reports bad vertices and fills in the notes.
 fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
     let Found { header, plan, vertices, mut faces, trailing_bytes } = found;
     let vertex_count = vertices.positions.len();
@@ -224,7 +227,7 @@ fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
     })
 }
 
-/// Reads over the rows of an element.
+/// Checks the rows of an element that is not used, without storing them.
 struct Unread<'a>(&'a Element);
 
 impl Sink for Unread<'_> {

@@ -1,15 +1,17 @@
-//! Numbers as text. The common forms take a short exact way, the rest the standard library's.
+//! Parses numbers in text. Common forms take a short exact path, all others use the standard
+//! library.
 
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
 
-/// A number of at most 18 digits with a small exponent at the start of `text`, up to a blank or
-/// the end; and its length. `None` only says that [`any`] must look.
+/// Parses a number of at most 18 digits with a small exponent at the start of `text`. It must end
+/// at a blank or at the end of `text`. Returns the value and its length in bytes. `None` means only
+/// that [`any`] must parse it.
 ///
-/// Correctly rounded: digits below 2^53 and powers up to 1e22 are exact in `f64`, so the one
-/// multiplication or division rounds once (Clinger 1990).
+/// The result is correctly rounded. Digits below 2^53 and powers up to 1e22 are exact in `f64`, so
+/// the one multiplication or division rounds once (Clinger 1990).
 #[inline]
 pub(super) fn plain(text: &[u8]) -> Option<(f64, usize)> {
     let mut at = 0;
@@ -32,7 +34,7 @@ pub(super) fn plain(text: &[u8]) -> Option<(f64, usize)> {
         count += places;
         scale = -(places as i32);
     }
-    // 18 digits cannot wrap.
+    // 18 digits cannot overflow.
     if count == 0 || count > 18 {
         return None;
     }
@@ -73,8 +75,8 @@ fn small_exponent(text: &[u8]) -> Option<(i32, usize)> {
     (at > signed).then_some((if negative { -value } else { value }, at))
 }
 
-/// `value` rounded to `f32`; `None` where rounding the decimal directly could differ: exactly
-/// between two `f32`, or below the normal range.
+/// Rounds `value` to `f32`. Returns `None` where rounding the decimal number directly could give a
+/// different result: exactly between two `f32`, or below the normal range.
 #[inline]
 pub(super) fn to_f32(value: f64) -> Option<f64> {
     let between = value.to_bits() & 0x1fff_ffff == 0x1000_0000;
@@ -82,7 +84,7 @@ pub(super) fn to_f32(value: f64) -> Option<f64> {
     (!between && !small).then_some(value as f32 as f64)
 }
 
-/// Any number, NaN and infinity in the spellings of C libraries included.
+/// Parses any number, including NaN and infinity as C libraries spell them.
 pub(super) fn any(word: &[u8], single: bool) -> Option<f64> {
     let text = std::str::from_utf8(word).ok()?;
     let parsed = match single {
@@ -90,7 +92,7 @@ pub(super) fn any(word: &[u8], single: bool) -> Option<f64> {
         false => text.parse::<f64>().ok(),
     };
     parsed.or_else(|| {
-        // nan(ind), -nan(0x8...), 1.#QNAN, -1.#IND: not numbers; 1.#INF: infinite.
+        // NaN: nan(ind), -nan(0x8...), 1.#QNAN, -1.#IND. Infinity: 1.#INF.
         let bare = text.trim_start_matches(['-', '+']).to_ascii_lowercase();
         if bare == "1.#inf" {
             Some(if text.starts_with('-') { f64::NEG_INFINITY } else { f64::INFINITY })
@@ -107,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_short_way_agrees_with_the_standard_library() {
+    fn plain_agrees_with_the_standard_library() {
         let mut seed = 1u64;
         let mut taken = 0;
         for _ in 0..200_000 {
@@ -134,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn unusual_spellings() {
+    fn unusual_spellings_are_left_to_any() {
         assert_eq!(plain(b"1.5 2"), Some((1.5, 3)));
         assert_eq!(plain(b"-0"), Some((-0.0, 2)));
         for text in ["", ".", "-", "e5", "1e", "nan", "1x", "+1", "12345678901234567890"] {
@@ -146,7 +148,7 @@ mod tests {
         assert!(any(b"-nan(ind)", false).unwrap().is_nan());
         assert!(any(b"1.#QNAN", true).unwrap().is_nan());
         assert_eq!(any(b"abc", false), None);
-        // Half-way between two floats as f64, but not as written.
+        // This number is half-way between two floats once rounded to f64, but not in decimal.
         let text = b"1.00000005960464477540";
         assert_eq!(any(text, true), Some(f32::from_bits(0x3f80_0001) as f64));
     }

@@ -1,10 +1,10 @@
-//! Which properties of a header become which array, and which are read over.
+//! Decides which properties of a header become which array, and which are skipped.
 
 use super::header::{Element, Header, Property, Shape};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 
-/// Where a vertex value goes: 0-2 position, 3-5 normal, 6-7 texture coordinate, 8-10 colour.
+/// Number of vertex values: 0-2 position, 3-5 normal, 6-7 texture coordinate, 8-10 colour.
 pub(super) const ROLES: usize = 11;
 
 const NORMAL: usize = 3;
@@ -16,7 +16,7 @@ const UV_NAMES: [[&str; 2]; 4] =
 const COLOR_NAMES: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
-/// How colours are stored.
+/// The type of vertex colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ColorType {
     U8,
@@ -24,10 +24,10 @@ pub(super) enum ColorType {
     F32,
 }
 
-/// What to do with one property of a row.
+/// How one property of a row is read.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Step {
-    /// A vertex value for this role.
+    /// A vertex value with this role.
     Value(Scalar, usize),
     /// The corners of a face or strip.
     Corners {
@@ -39,7 +39,7 @@ pub(super) enum Step {
         count: Scalar,
         item: Scalar,
     },
-    /// Which of the file's textures a face has.
+    /// The index of the face's texture among the textures of the file.
     Texnumber(Scalar),
     Skip(Scalar),
     SkipList {
@@ -48,27 +48,27 @@ pub(super) enum Step {
     },
 }
 
-/// How the rows of `vertex` become arrays.
+/// How the rows of `vertex` are converted to arrays.
 #[derive(Debug)]
 pub(super) struct VertexPlan {
-    /// The element's place in the header.
+    /// Index of the element in the header.
     pub(super) element: usize,
     pub(super) steps: Vec<Step>,
-    /// The property of each role.
+    /// Index of the property for each role.
     pub(super) columns: [Option<usize>; ROLES],
-    /// Coordinates need more than `f32`.
+    /// True if `f32` cannot hold the coordinates.
     pub(super) double: bool,
     pub(super) normals: bool,
     pub(super) uvs: bool,
     pub(super) colors: Option<ColorType>,
 }
 
-/// How the rows of `face` or `tristrips` become triangles.
+/// How the rows of `face` or `tristrips` are converted to triangles.
 #[derive(Debug)]
 pub(super) struct FacePlan {
     pub(super) element: usize,
     pub(super) steps: Vec<Step>,
-    /// The property that holds the corners.
+    /// Index of the property that holds the corners.
     pub(super) corners: usize,
     pub(super) texcoords: bool,
     pub(super) strips: bool,
@@ -82,7 +82,7 @@ pub(super) struct Plan {
     pub(super) ignored: Vec<String>,
 }
 
-/// Decides what is read; errors where the file cannot be a mesh.
+/// Decides which properties are read. Returns an error if the file cannot be a mesh.
 pub(super) fn plan(header: &Header, name: &str) -> Result<Plan> {
     let vertex = vertex_plan(header, name)?;
     let mut faces = Vec::new();
@@ -168,13 +168,14 @@ fn skip(shape: Shape) -> Step {
     }
 }
 
-/// The place of a property that is one number.
+/// Returns the index of the property called `name` if it is a single number.
 fn single(element: &Element, name: &str) -> Option<usize> {
     let at = element.find(name)?;
     matches!(element.properties[at].shape, Shape::Single(_)).then_some(at)
 }
 
-/// Fills `columns` with the properties called `names`, if the element has them all.
+/// Fills `columns` with the properties called `names`. Returns false, and changes nothing, if the
+/// element lacks one.
 fn assign(element: &Element, names: &[&str], columns: &mut [Option<usize>]) -> bool {
     let found: Option<Vec<usize>> = names.iter().map(|name| single(element, name)).collect();
     let Some(found) = found else { return false };
@@ -184,7 +185,7 @@ fn assign(element: &Element, names: &[&str], columns: &mut [Option<usize>]) -> b
     true
 }
 
-/// The one type of three colour channels, if it is a type that colours have.
+/// Returns the type of three colour channels. `None` if they differ, or if it is not a colour type.
 fn color_type(element: &Element, names: &[&str; 3]) -> Option<ColorType> {
     let shapes = names.map(|name| element.find(name).map(|at| element.properties[at].shape));
     if shapes.iter().any(|shape| *shape != shapes[0]) {

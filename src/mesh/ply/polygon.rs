@@ -1,16 +1,16 @@
-//! Polygons into triangles.
+//! Splits polygons into triangles.
 //!
-//! Quads are split 0-1-2, 0-2-3 whatever their shape. Larger polygons are projected along the
-//! largest component of their mean (Newell) normal, which keeps convexity and orientation; the
-//! convex ones become a fan from their first vertex, the others lose one ear after the other.
+//! Quads are split into 0-1-2 and 0-2-3, whatever their shape. Larger polygons are projected along
+//! the largest component of their mean (Newell) normal, which keeps convexity and orientation.
+//! Convex polygons become a fan from their first vertex. The others are split by ear clipping.
 
 use crate::mesh::normals::{cross, sub};
 
-/// Most corners of a polygon that is not convex: clipping ears takes quadratic time.
+/// Maximum number of corners of a polygon that is not convex: ear clipping takes quadratic time.
 pub(super) const MAX_CONCAVE: usize = 1 << 14;
 
-/// Splits the polygon `points` into `triangles` of its corner numbers, in order of clipping.
-/// `false`: too many corners for a polygon that is not convex.
+/// Splits the polygon `points` into `triangles` of corner indices, in order of clipping. Returns
+/// false if the polygon is not convex and has too many corners.
 pub(super) fn split(points: &[[f64; 3]], triangles: &mut Vec<[u32; 3]>) -> bool {
     triangles.clear();
     let count = points.len() as u32;
@@ -26,9 +26,9 @@ pub(super) fn split(points: &[[f64; 3]], triangles: &mut Vec<[u32; 3]>) -> bool 
     true
 }
 
-/// The polygon in the plane, counter-clockwise.
+/// Projects the polygon to the plane so that it is counter-clockwise.
 fn flatten(points: &[[f64; 3]]) -> Vec<[f64; 2]> {
-    // Relative to the first corner: map coordinates would swamp the products.
+    // Relative to the first corner: large map coordinates would cancel in the products.
     let Some(&origin) = points.first() else {
         return Vec::new();
     };
@@ -52,18 +52,18 @@ fn flatten(points: &[[f64; 3]]) -> Vec<[f64; 2]> {
     local.iter().map(|p| if flip { [p[v], p[u]] } else { [p[u], p[v]] }).collect()
 }
 
-/// Twice the area of a triangle, positive counter-clockwise.
+/// Returns twice the signed area of a triangle, positive if it is counter-clockwise.
 #[inline]
 fn area([a, b, c]: [[f64; 2]; 3]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// No corner turns right, and the fan from the first corner never turns back (a pentagram's
-/// corners all turn left, its fan does not).
+/// Returns true if no corner turns right and the fan from the first corner never turns back. The
+/// second test is needed: all corners of a pentagram turn left, but its fan turns back.
 fn is_convex(flat: &[[f64; 2]]) -> bool {
     let n = flat.len();
     let corner = |i: usize| [flat[i], flat[(i + 1) % n], flat[(i + 2) % n]];
-    // Written so that NaN is not convex.
+    // Written so that a polygon with NaN is not convex.
     (0..n).all(|i| area(corner(i)) >= 0.0)
         && (1..n - 1).all(|i| area([flat[0], flat[i], flat[i + 1]]) >= 0.0)
 }
@@ -74,17 +74,18 @@ fn clip_ears(flat: &[[f64; 2]], triangles: &mut Vec<[u32; 3]>) {
     while left.len() > 3 {
         let n = left.len();
         let ear = (0..n).map(|step| (at + step) % n).find(|&i| is_ear(flat, &left, i));
-        // A polygon that crosses itself may have no ear: clip anyway, to end.
+        // A polygon that crosses itself may have no ear. Clip one anyway, so that the loop ends.
         let ear = ear.unwrap_or(at % n);
         triangles.push([left[(ear + n - 1) % n], left[ear], left[(ear + 1) % n]]);
         left.remove(ear);
-        // The next corner but one keeps the triangles from becoming a fan of slivers.
+        // Skipping a corner keeps the triangles from becoming a fan of slivers.
         at = (ear + 1) % left.len();
     }
     triangles.push([left[0], left[1], left[2]]);
 }
 
-/// Whether the corner `i` of the polygon `left` turns left and has no other corner inside.
+/// Returns true if corner `i` of the polygon `left` turns left and its triangle contains no other
+/// corner.
 fn is_ear(flat: &[[f64; 2]], left: &[u32], i: usize) -> bool {
     let n = left.len();
     let [a, b, c] = [(i + n - 1) % n, i, (i + 1) % n].map(|k| flat[left[k] as usize]);
@@ -93,7 +94,8 @@ fn is_ear(flat: &[[f64; 2]], left: &[u32], i: usize) -> bool {
     }
     left.iter().all(|&k| {
         let p = flat[k as usize];
-        // Corners that coincide with the ear's do not block it: holes are joined by such seams.
+        // Corners that coincide with a corner of the ear do not block it: seams that join holes
+        // have such corners.
         let outside = area([a, b, p]) < 0.0 || area([b, c, p]) < 0.0 || area([c, a, p]) < 0.0;
         outside || p == a || p == b || p == c
     })
@@ -112,7 +114,7 @@ mod tests {
             let mut flat = flat.to_vec();
             flat.rotate_left(rotate);
             let mut triangles = Vec::new();
-            // In a tilted plane far from the origin.
+            // A tilted plane far from the origin.
             let points: Vec<[f64; 3]> =
                 flat.iter().map(|p| [p[0] + 1e6, p[1] - 2e6, 0.5 * p[0] - p[1]]).collect();
             assert!(split(&points, &mut triangles));
@@ -171,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn hopeless_polygons_end() {
+    fn degenerate_and_self_crossing_polygons_still_give_n_minus_2_triangles() {
         let mut triangles = Vec::new();
         let star: Vec<[f64; 3]> = [0, 2, 4, 1, 3]
             .iter()

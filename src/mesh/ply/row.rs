@@ -1,23 +1,23 @@
-//! One row of numbers, in text or binary: what the general paths read.
+//! Reads a row of numbers value by value, from text or binary data. Used by the general paths.
 
 use std::fmt;
 
 use super::block::Block;
 use super::scalar::{Native, Scalar};
 
-/// What is wrong with a row.
+/// An error in a row.
 #[derive(Debug)]
 pub(super) enum Fault {
-    /// The row ends too early; `at_end`: because the file does.
+    /// The row ends too early. `at_end` is true if the file ends there.
     Short {
         at_end: bool,
     },
-    /// A word too many.
+    /// The row has too many values; this is the first extra word.
     Extra(String),
     NotANumber(String),
     DoesNotFit(String, Scalar),
     NegativeCount(f64),
-    /// The values make no face.
+    /// The values do not form a valid face.
     Bad(String),
 }
 
@@ -34,23 +34,23 @@ impl fmt::Display for Fault {
     }
 }
 
-/// A value of a row, or what is wrong with it.
+/// A value of a row, or an error in the row.
 pub(super) type Values<T> = std::result::Result<T, Fault>;
 
-/// A reader of rows of numbers, one after the other.
+/// Reads rows of numbers one after the other.
 pub(super) trait Row {
     /// Moves to the first value of the next row.
     fn begin(&mut self);
-    /// The next value, which is of type `kind`.
+    /// Reads the next value, which has type `kind`.
     fn number(&mut self, kind: Scalar) -> Values<f64>;
-    /// Reads over `count` values.
+    /// Skips `count` values of type `kind`.
     fn skip(&mut self, kind: Scalar, count: u64) -> Values<()>;
-    /// Ends the row.
+    /// Moves past the end of the row. In text, more values on the line are an error.
     fn end(&mut self) -> Values<()>;
-    /// The line number, in text.
+    /// Returns the line number in text; `None` in binary data.
     fn line(&self) -> Option<u64>;
 
-    /// The length of a list.
+    /// Reads the length of a list.
     #[inline]
     fn count(&mut self, kind: Scalar) -> Values<u64> {
         let count = self.number(kind)?;
@@ -58,7 +58,7 @@ pub(super) trait Row {
     }
 }
 
-/// The rows of a block of binary data. `layout` has checked that they end inside it.
+/// Reads the rows of a block of binary data. `layout` has checked that they end inside the block.
 pub(super) struct Binary<'a> {
     data: &'a [u8],
     at: usize,

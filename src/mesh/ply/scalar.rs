@@ -1,45 +1,46 @@
-//! The eight number types of PLY: their names, sizes, and how their bytes are read.
+//! The eight number types of PLY: names, sizes and how their bytes are read.
 //!
-//! Every value of every type is exact in `f64`, so the general paths carry `f64` only; the bulk
+//! Every value of every type is exact in `f64`. So the general paths carry only `f64`, and the bulk
 //! paths read the native type.
 
 use serde::Serialize;
 
-/// A number type, under its classic name; `int8`, `float32`, ... are aliases.
+/// A number type of PLY. It is written out under its classic name; `int8`, `float32` etc. are
+/// aliases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum Scalar {
-    /// `char`, `int8`
+    /// Signed 8-bit: `char` or `int8`.
     #[serde(rename = "char")]
     I8,
-    /// `uchar`, `uint8`
+    /// Unsigned 8-bit: `uchar` or `uint8`.
     #[serde(rename = "uchar")]
     U8,
-    /// `short`, `int16`
+    /// Signed 16-bit: `short` or `int16`.
     #[serde(rename = "short")]
     I16,
-    /// `ushort`, `uint16`
+    /// Unsigned 16-bit: `ushort` or `uint16`.
     #[serde(rename = "ushort")]
     U16,
-    /// `int`, `int32`
+    /// Signed 32-bit: `int` or `int32`.
     #[serde(rename = "int")]
     I32,
-    /// `uint`, `uint32`
+    /// Unsigned 32-bit: `uint` or `uint32`.
     #[serde(rename = "uint")]
     U32,
-    /// `float`, `float32`
+    /// Single precision: `float` or `float32`.
     #[serde(rename = "float")]
     F32,
-    /// `double`, `float64`
+    /// Double precision: `double` or `float64`.
     #[serde(rename = "double")]
     F64,
 }
 
-/// What an error lists as the valid choices.
+/// The valid type names, for error messages.
 pub(super) const NAMES: &str = "char uchar short ushort int uint float double (or int8 uint8 \
      int16 uint16 int32 uint32 float32 float64)";
 
 impl Scalar {
-    /// The type that `word` names.
+    /// Parses the name of a type.
     pub(super) fn parse(word: &[u8]) -> Option<Self> {
         Some(match word {
             b"char" | b"int8" => Self::I8,
@@ -54,7 +55,7 @@ impl Scalar {
         })
     }
 
-    /// The classic name.
+    /// Returns the classic name of the type, such as `uchar`.
     pub fn name(self) -> &'static str {
         match self {
             Self::I8 => "char",
@@ -68,7 +69,7 @@ impl Scalar {
         }
     }
 
-    /// Bytes of one value in a binary file.
+    /// Returns the size in bytes of one value in a binary file.
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -82,7 +83,7 @@ impl Scalar {
         !matches!(self, Self::F32 | Self::F64)
     }
 
-    /// Whether an ASCII `value` can stand in a property of this type.
+    /// Returns true if this type can represent `value`, a number from an ASCII file.
     pub(super) fn holds(self, value: f64) -> bool {
         let (low, high) = match self {
             Self::I8 => (i8::MIN as f64, i8::MAX as f64),
@@ -93,11 +94,11 @@ impl Scalar {
             Self::U32 => (0.0, u32::MAX as f64),
             Self::F32 | Self::F64 => return true,
         };
-        // NaN fails both comparisons: it does not fit an integer.
+        // NaN fails both comparisons, so no integer type holds it.
         value >= low && value <= high && (value as i64) as f64 == value
     }
 
-    /// The value that starts at byte `at`; the caller has checked that it ends inside `bytes`.
+    /// Reads the value at byte `at`. The caller has checked that it ends inside `bytes`.
     #[inline]
     pub(super) fn read(self, bytes: &[u8], at: usize, big: bool) -> f64 {
         match self {
@@ -113,9 +114,9 @@ impl Scalar {
     }
 }
 
-/// A native number read from bytes in either order.
+/// A native number that can be read from bytes in either byte order.
 pub(super) trait Native: Copy + Send + Sync {
-    /// Panics where the value does not end inside `bytes`.
+    /// Reads the value at byte `at`. Panics if it does not end inside `bytes`.
     fn take(bytes: &[u8], at: usize, big: bool) -> Self;
 }
 

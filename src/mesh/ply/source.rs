@@ -1,10 +1,10 @@
-//! The bytes of a mesh file: a memory map where possible, else a stream.
+//! Opens a mesh file: as a memory map if possible, else as a stream.
 //!
-//! A map costs no memory and lets every thread read its own part. Its price: where another program
-//! cuts the file short, or the disk fails, reading what is gone raises SIGBUS. A handler then puts
-//! pages of zeros there, so that reading goes on, and the file is refused afterwards
-//! ([`Map::intact`]). Compressed files and pipes are streams, and every file that is not to be
-//! mapped.
+//! A map needs no memory, and every thread can read its own part. It has one risk. If another
+//! program truncates the file, or the disk fails, reading a missing page raises SIGBUS. A handler
+//! then maps pages of zeros there, so that reading continues. The file is refused afterwards
+//! ([`Map::intact`]). Streams are used for compressed files, pipes, and files that the options
+//! forbid to map.
 
 use std::fs::File;
 use std::io::{Chain, Cursor, Read};
@@ -16,32 +16,32 @@ use crate::error::{Error, Kind, Problem, Result};
 use crate::files::Stamp;
 use crate::reserve::Room;
 
-/// Bytes in which almost every header ends.
+/// Bytes to read first: almost every header ends within them.
 const FIRST_READ: u64 = 1 << 16;
 
-/// A file to be read.
+/// An open mesh file.
 pub(super) struct Source {
     pub(super) bytes: Bytes,
-    /// None for a pipe.
+    /// Identity and time stamp of the file. `None` for a pipe.
     pub(super) stamp: Option<Stamp>,
 }
 
-/// Its bytes.
+/// The contents of a file, mapped or streamed.
 pub(super) enum Bytes {
     Mapped(Map),
     Stream(Stream),
 }
 
-/// A file to be read from its beginning to its end.
+/// A file that can only be read from beginning to end.
 pub(super) struct Stream {
     pub(super) bytes: Box<dyn Read + Send>,
-    /// Length of the data, if it is known.
+    /// Length of the unpacked data, if it is known.
     pub(super) length: Option<u64>,
     pub(super) packing: Option<Packing>,
 }
 
 impl Source {
-    /// The file at `path`, mapped if it can and shall be.
+    /// Opens the file at `path`. It is mapped if `map` is set and the file can be mapped.
     pub(super) fn open(path: &Path, map: bool, room: Option<Room>) -> Result<Self> {
         let opened = Opened::open(path)?;
         let (stamp, length) = (opened.stamp, opened.length);
@@ -54,15 +54,16 @@ impl Source {
     }
 }
 
-/// The beginning of a file: at least the header, by reading at most `limit` bytes.
+/// The beginning of a file, with the whole header if the header ends within a limit.
 pub(super) struct Head {
     pub(super) bytes: Vec<u8>,
-    /// Size of the file; of a pipe, what was read.
+    /// Size of the file; for a pipe, the number of bytes read.
     pub(super) file_bytes: u64,
     pub(super) packing: Option<Packing>,
 }
 
 impl Head {
+    /// Reads the beginning of the file at `path`: at most `limit` bytes of unpacked data.
     pub(super) fn read(path: &Path, limit: u64) -> Result<Self> {
         let opened = Opened::open(path)?;
         let (packing, length) = (opened.packing, opened.length);
@@ -82,7 +83,7 @@ impl Head {
     }
 }
 
-/// The error of a stream.
+/// Converts an error of a stream to an error about the file.
 pub(super) fn failed(path: &Path, packing: Option<Packing>, error: &std::io::Error) -> Error {
     use std::io::ErrorKind as E;
     let name = path.display().to_string();
@@ -95,11 +96,11 @@ pub(super) fn failed(path: &Path, packing: Option<Packing>, error: &std::io::Err
     }
 }
 
-/// A file, and its first bytes: a pipe gives them only once.
+/// An open file with its first bytes. They are kept because a pipe can be read only once.
 struct Opened {
     file: File,
     start: Vec<u8>,
-    /// Of a regular file.
+    /// Size of a regular file in bytes. `None` for a pipe.
     length: Option<u64>,
     stamp: Option<Stamp>,
     packing: Option<Packing>,
@@ -154,23 +155,23 @@ fn is_pipe(_: &std::fs::Metadata) -> bool {
     false
 }
 
-/// A file in memory, whose loss is noticed.
+/// A memory map of a file that detects whether the file was truncated.
 pub(super) struct Map {
-    // Goes first: its addresses must not outlive the map.
+    // Declared first, so that it is dropped first: its addresses must not outlive the map.
     guard: guard::Guard,
     bytes: memmap2::Mmap,
     file: File,
 }
 
 impl Map {
-    /// Maps all of `file`; `None` where that cannot be done, or not safely.
+    /// Maps the whole `file`. Returns `None` if it cannot be mapped, or not safely.
     fn new(file: &File, length: u64) -> Option<Self> {
         let file = file.try_clone().ok()?;
-        // SAFETY: the map is read only and private to this reader. Another process may still
-        // change the file: every value is read once and then checked as untrusted input. Where it
-        // cuts the file short, the guard keeps the process alive and `intact` tells.
+        // SAFETY: the map is read only and private to this reader. Another process may still change
+        // the file, so every value is read once and then checked as untrusted input. If the file is
+        // truncated, the guard keeps the process alive and `intact` reports it.
         let bytes = unsafe { memmap2::Mmap::map(&file) }.ok()?;
-        // Shorter since its length was looked up.
+        // The size of the file has changed since it was queried.
         if bytes.len() as u64 != length {
             return None;
         }
@@ -182,7 +183,7 @@ impl Map {
         &self.bytes
     }
 
-    /// An error if what was read may not have been the file.
+    /// Returns an error if the bytes that were read may not be the bytes of the file.
     pub(super) fn intact(&self, path: &Path) -> Result<()> {
         let mapped = self.bytes.len() as u64;
         let now = self.file.metadata().map_or(0, |meta| meta.len());
@@ -198,16 +199,16 @@ impl Map {
     }
 }
 
-/// Zeros for pages of a map that have gone, as in systemd's `sigbus.c`.
+/// Maps zeros in place of the missing pages of a map, as systemd's `sigbus.c` does.
 #[cfg(unix)]
 mod guard {
     use std::sync::OnceLock;
     use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::SeqCst};
 
-    /// Files that can be mapped at the same time; more are streamed.
-    const MOST: usize = 64;
+    /// Maximum number of files that are mapped at the same time. Further files are streamed.
+    const MAX_MAPS: usize = 64;
 
-    /// A range of addresses whose faults are ours.
+    /// A range of addresses whose page faults the handler repairs.
     struct Range {
         taken: AtomicBool,
         start: AtomicUsize,
@@ -215,16 +216,17 @@ mod guard {
         hit: AtomicBool,
     }
 
-    static RANGES: [Range; MOST] = [const {
+    static RANGES: [Range; MAX_MAPS] = [const {
         Range {
             taken: AtomicBool::new(false),
             start: AtomicUsize::new(0),
             end: AtomicUsize::new(0),
             hit: AtomicBool::new(false),
         }
-    }; MOST];
+    }; MAX_MAPS];
 
-    /// What the handler needs: it may not ask for either.
+    /// Page size and previous handler. They are stored because the signal handler may not query
+    /// them.
     struct Installed {
         page: usize,
         before: libc::sigaction,
@@ -232,11 +234,12 @@ mod guard {
 
     static INSTALLED: OnceLock<Option<Installed>> = OnceLock::new();
 
-    /// Guards a range of addresses as long as it lives.
+    /// Guards a range of addresses while it exists.
     pub(super) struct Guard(&'static Range);
 
     impl Guard {
-        /// `None` where the handler cannot be installed, or guards enough already.
+        /// Guards the addresses of `bytes`. Returns `None` if the handler cannot be installed, or
+        /// if too many ranges are guarded already.
         pub(super) fn new(bytes: &[u8]) -> Option<Self> {
             INSTALLED.get_or_init(install).as_ref()?;
             let free = |r: &&Range| !r.taken.swap(true, SeqCst);
@@ -247,7 +250,7 @@ mod guard {
             Some(Self(range))
         }
 
-        /// Whether a page was missing.
+        /// Returns true if a page was missing.
         pub(super) fn hit(&self) -> bool {
             self.0.hit.load(SeqCst)
         }
@@ -261,9 +264,9 @@ mod guard {
     }
 
     fn install() -> Option<Installed> {
-        // SAFETY: plain calls with valid pointers; an all-zero `sigaction` is a valid value, and the
-        // handler has the signature that SA_SIGINFO asks for. SA_ONSTACK because the other cause of
-        // this signal is a stack that ran out.
+        // SAFETY: plain calls with valid pointers. An all-zero `sigaction` is a valid value, and
+        // the handler has the signature that SA_SIGINFO requires. SA_ONSTACK because SIGBUS is also
+        // raised by a stack overflow.
         unsafe {
             let page = usize::try_from(libc::sysconf(libc::_SC_PAGESIZE)).ok()?;
             let mut action: libc::sigaction = std::mem::zeroed();
@@ -276,7 +279,7 @@ mod guard {
         }
     }
 
-    /// Async-signal-safe: atomics, `mmap` and `sigaction` only.
+    /// The signal handler. It is async-signal-safe: it uses only atomics, `mmap` and `sigaction`.
     extern "C" fn on_fault(signal: libc::c_int, info: *mut libc::siginfo_t, _: *mut libc::c_void) {
         let Some(Some(installed)) = INSTALLED.get() else { return };
         // SAFETY: the kernel passes a valid siginfo with SA_SIGINFO.
@@ -286,8 +289,8 @@ mod guard {
             let start = at & !(installed.page - 1);
             let length = range.end.load(SeqCst) - start;
             let flags = libc::MAP_FIXED | libc::MAP_PRIVATE | libc::MAP_ANONYMOUS;
-            // SAFETY: replaces only pages of a read-only map that is alive: its reader is the
-            // thread that faulted. From the fault on the file is gone, so nothing is lost.
+            // SAFETY: this replaces only pages of a read-only map that is alive: the thread that
+            // faulted is reading it. These pages of the file are gone, so nothing is lost.
             let zeros = unsafe {
                 libc::mmap(start as *mut libc::c_void, length, libc::PROT_READ, flags, -1, 0)
             };
@@ -296,13 +299,13 @@ mod guard {
                 return;
             }
         }
-        // Not ours: the instruction runs again, under the handler that was there before.
+        // The address is not in a guarded range: the instruction runs again, with the old handler.
         // SAFETY: `before` came from `sigaction`.
         unsafe { libc::sigaction(signal, &raw const installed.before, std::ptr::null_mut()) };
     }
 }
 
-/// Without a handler for missing pages nothing is mapped.
+/// There is no handler for missing pages here, so no file is mapped.
 #[cfg(not(unix))]
 mod guard {
     pub(super) struct Guard;

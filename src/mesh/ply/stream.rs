@@ -1,9 +1,9 @@
-//! Files that can only be read from beginning to end, in memory of a fixed size beside the arrays:
-//! compressed ones, pipes, and those that shall not be mapped.
+//! Reads files from beginning to end, in a fixed amount of memory in addition to the arrays. For
+//! compressed files, pipes, and files that the options forbid to map.
 //!
-//! A thread of its own reads (and unpacks) ahead; a window of the data moves over the file, and the
-//! complete rows in it are found and read as those of a whole file are. Only a file whose faces
-//! come before its vertices is read to its end first.
+//! A separate thread reads and unpacks ahead. A window moves over the data. The complete rows in
+//! the window are located and read by the same code as in a whole file. A file whose faces come
+//! before its vertices is an exception: it is loaded completely first.
 
 use std::io::Read;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -22,19 +22,19 @@ use crate::error::{Error, Result};
 use crate::mesh::{Mesh, Positions};
 use crate::reserve;
 
-/// Bytes that are read at once.
+/// Number of bytes in one chunk.
 const CHUNK: usize = 1 << 21;
-/// Chunks that wait to be taken.
+/// Number of chunks that the thread may read ahead.
 const AHEAD: usize = 2;
-/// How often a stream that brings nothing is asked whether to stop.
-const PATIENCE: Duration = Duration::from_millis(100);
-/// Most rows that are believed in before they have been seen.
-const UNSEEN: u64 = 1 << 16;
+/// Interval at which a waiting reader checks for a stop request.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
+/// Maximum number of rows to reserve memory for if the length of the file is unknown.
+const MAX_UNVERIFIED_ROWS: u64 = 1 << 16;
 
-/// Why a stream ended early.
+/// Converts an I/O error of the stream to an error about the file.
 type Failed<'a> = &'a dyn Fn(&std::io::Error) -> Error;
 
-/// Reads a mesh from a file, of which there are `length` bytes if that is known.
+/// Reads a mesh from a stream of `length` bytes, if that is known.
 pub(super) fn read(
     mut bytes: Box<dyn Read + Send>,
     length: Option<u64>,
@@ -44,13 +44,13 @@ pub(super) fn read(
 ) -> Result<Mesh> {
     let (sender, chunks) = sync_channel(AHEAD);
     let size = options.window.min(CHUNK);
-    // Ends when the receiver is dropped. Nobody waits for it: a pipe may never say anything.
+    // The thread ends when the receiver is dropped. It is not joined: a pipe may block forever.
     let thread = std::thread::Builder::new().name("ply".into());
     thread.spawn(move || pump(&mut bytes, size, &sender)).map_err(|error| failed(&error))?;
     Window::new(Chunks::Ahead(chunks), options, failed).mesh(length, job, options)
 }
 
-/// The same of bytes that are in memory, packed.
+/// Reads a mesh from compressed data in memory, without a second thread.
 pub(super) fn read_here<'a>(
     bytes: Box<dyn Read + Send + 'a>,
     failed: Failed<'a>,
@@ -62,7 +62,7 @@ pub(super) fn read_here<'a>(
 
 type Chunk = std::io::Result<Vec<u8>>;
 
-/// The next `size` bytes, fewer only at the end.
+/// Reads the next `size` bytes, fewer only at the end.
 fn chunk(bytes: &mut dyn Read, size: usize) -> Chunk {
     let mut chunk = Vec::new();
     chunk.try_reserve_exact(size)?;
@@ -70,7 +70,7 @@ fn chunk(bytes: &mut dyn Read, size: usize) -> Chunk {
     Ok(chunk)
 }
 
-/// Sends all of `bytes`, then an empty chunk.
+/// Sends all of `bytes` in chunks, then an empty chunk.
 fn pump(bytes: &mut dyn Read, size: usize, sender: &SyncSender<Chunk>) {
     loop {
         let next = chunk(bytes, size);
@@ -81,7 +81,7 @@ fn pump(bytes: &mut dyn Read, size: usize, sender: &SyncSender<Chunk>) {
     }
 }
 
-/// Where the window's bytes come from.
+/// The source of the window's bytes: a thread that reads ahead, or a reader on this thread.
 enum Chunks<'a> {
     Ahead(Receiver<Chunk>),
     Here(Box<dyn Read + Send + 'a>),
@@ -95,10 +95,10 @@ impl Chunks<'_> {
         };
         loop {
             job.check()?;
-            match receiver.recv_timeout(PATIENCE) {
+            match receiver.recv_timeout(POLL_INTERVAL) {
                 Ok(chunk) => return Ok(chunk),
                 Err(RecvTimeoutError::Timeout) => {}
-                // It sends an empty chunk or an error before it ends.
+                // The thread sends an empty chunk or an error before it ends.
                 Err(RecvTimeoutError::Disconnected) => return Ok(Ok(Vec::new())),
             }
         }
@@ -108,14 +108,14 @@ impl Chunks<'_> {
 /// The part of the file that is in memory.
 struct Window<'a> {
     bytes: Vec<u8>,
-    /// Where the data begins that has not been taken.
+    /// Offset of the first byte that has not been consumed.
     at: usize,
-    /// Bytes taken so far.
+    /// Number of bytes consumed so far.
     taken: u64,
     chunks: Chunks<'a>,
     ended: bool,
     failed: Failed<'a>,
-    /// Bytes in which rows are looked for at first; longer rows make it grow.
+    /// Initial size of the window in bytes. It grows for longer rows.
     size: usize,
 }
 
@@ -134,7 +134,7 @@ impl<'a> Window<'a> {
         self.taken += bytes as u64;
     }
 
-    /// Reads on until there are at least `bytes`, or the file ends.
+    /// Reads until the window holds at least `bytes` unconsumed bytes, or the file ends.
     fn fill(&mut self, bytes: usize, job: &Job) -> Result<()> {
         if !self.ended && self.data().len() < bytes {
             self.bytes.drain(..self.at);
@@ -155,7 +155,7 @@ impl<'a> Window<'a> {
         Ok(())
     }
 
-    /// Reads everything.
+    /// Reads the header and all rows, and makes the mesh.
     fn mesh(mut self, length: Option<u64>, job: &Job, options: ReadOptions) -> Result<Mesh> {
         self.fill(1, job)?;
         while !header::is_complete(self.data()) && !self.ended && self.data().len() <= MAX_HEADER {
@@ -164,12 +164,13 @@ impl<'a> Window<'a> {
         let header = header::parse(self.data(), job.name)?;
         let plan = plan::plan(&header, job.name)?;
         if plan.faces.iter().any(|face| face.element < plan.vertex.element) {
-            // Faces are checked against the vertices.
+            // Faces can only be checked after the vertices are read.
             self.fill(usize::MAX, job)?;
             return whole(self.data(), job, options);
         }
         self.take(header.data_start);
-        let mut parts = Parts { vertices: none(&header, &plan, job)?, faces: Faces::default() };
+        let mut partial =
+            PartialMesh { vertices: empty_vertices(&header, &plan, job)?, faces: Faces::default() };
         let mut line = header.lines;
         for (index, element) in header.elements.iter().enumerate() {
             let mut row = 0;
@@ -182,7 +183,7 @@ impl<'a> Window<'a> {
                 let rows = span.rows;
                 let big = header.format.is_big();
                 let table = Table { data, big, span: &span, element, job: *job };
-                parts.read(&table, index, &plan, &header, length)?;
+                partial.read(&table, index, &plan, &header, length)?;
                 row += rows;
                 self.take(end);
                 if rows == 0 && row < element.count {
@@ -190,17 +191,18 @@ impl<'a> Window<'a> {
                         let have = format!("the data ends after {} bytes", self.taken);
                         return Err(too_short(element, row, &have, job));
                     }
-                    // A row that is longer than the self.
+                    // The row is longer than the window.
                     need = 2 * self.data().len().max(self.size);
                 }
             }
         }
         let trailing_bytes = self.trailing(header.format, job)?;
-        let Parts { vertices, faces } = parts;
+        let PartialMesh { vertices, faces } = partial;
         finish(Found { header, plan, vertices, faces, trailing_bytes }, job, options)
     }
 
-    /// Bytes after the last row; blank lines of text do not count.
+    /// Consumes the rest of the file. Returns the number of bytes after the last row; blank lines
+    /// of text do not count.
     fn trailing(&mut self, format: Format, job: &Job) -> Result<u64> {
         let mut trailing = 0u64;
         loop {
@@ -219,8 +221,8 @@ impl<'a> Window<'a> {
     }
 }
 
-/// The complete rows of `element` from the beginning of `data`, from row number `row` on, and where
-/// they end.
+/// Locates the complete rows of `element` at the beginning of `data`, from row `row` on. Also
+/// returns the offset of their end.
 fn next_rows(
     data: &[u8],
     ended: bool,
@@ -245,14 +247,14 @@ fn next_rows(
     Ok((span, end))
 }
 
-/// What has been read so far.
-struct Parts {
+/// The arrays read so far.
+struct PartialMesh {
     vertices: Vertices,
     faces: Faces,
 }
 
-impl Parts {
-    /// Adds the rows of `table`, which belong to element number `index`.
+impl PartialMesh {
+    /// Appends the rows of `table`, which belong to the element `index`.
     fn read(
         &mut self,
         table: &Table,
@@ -263,7 +265,7 @@ impl Parts {
     ) -> Result<()> {
         if index == plan.vertex.element {
             let job = &table.job;
-            self.vertices.reserve(believable(table.element, length), job)?;
+            self.vertices.reserve(plausible_rows(table.element, length), job)?;
             self.vertices.append(vertex::read(table, &plan.vertex)?, job)?;
         } else if let Some(part) = plan.faces.iter().find(|face| face.element == index) {
             let next = match &self.vertices.positions {
@@ -271,9 +273,9 @@ impl Parts {
                 Positions::F64(positions) => face::read(table, part, positions)?,
             };
             if self.faces.triangles.is_empty() && !part.strips {
-                // A triangle has three items of at least a byte.
+                // A triangle has three items of at least one byte each.
                 let length = length.map(|length| length / 2);
-                let count = believable(table.element, length);
+                let count = plausible_rows(table.element, length);
                 reserve::exact(&mut self.faces.triangles, count, table.job.name)?;
             }
             self.faces.append(next, &table.job)?;
@@ -285,16 +287,16 @@ impl Parts {
     }
 }
 
-/// Rows of `element` to make room for: what is declared, as far as a file of `length` bytes can
-/// hold it.
-fn believable(element: &Element, length: Option<u64>) -> usize {
+/// Returns the number of rows of `element` to reserve memory for: the declared count, limited by
+/// what a file of `length` bytes can hold.
+fn plausible_rows(element: &Element, length: Option<u64>) -> usize {
     let row: u64 = element.properties.iter().map(|p| p.shape.least_bytes()).sum();
-    let most = length.map_or(UNSEEN, |length| length / row.max(1));
-    element.count.min(most) as usize
+    let limit = length.map_or(MAX_UNVERIFIED_ROWS, |length| length / row.max(1));
+    element.count.min(limit) as usize
 }
 
-/// The arrays of the plan, empty.
-fn none(header: &Header, plan: &Plan, job: &Job) -> Result<Vertices> {
+/// The arrays that the plan selects, empty.
+fn empty_vertices(header: &Header, plan: &Plan, job: &Job) -> Result<Vertices> {
     let element = &header.elements[plan.vertex.element];
     let big = header.format.is_big();
     let table = Table { data: &[], big, span: &Span::default(), element, job: *job };

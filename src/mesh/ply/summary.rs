@@ -1,4 +1,4 @@
-//! What a PLY file holds, from its header alone: for `info`, and for planning memory.
+//! Summarises a PLY file from its header alone, for `info` and for memory predictions.
 
 use std::path::Path;
 
@@ -11,79 +11,81 @@ use super::source::Head;
 use super::unpack::Packing;
 use crate::error::Result;
 
-/// How sure a number of triangles is.
+/// How reliable a number of triangles is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TriangleCount {
-    /// Computed from the sizes; dropped triangles not subtracted.
+    /// Computed from the sizes. Triangles that the reader will drop are not subtracted.
     Exact,
-    /// At most so many.
+    /// An upper bound of the number.
     AtMost,
-    /// Taking every face for a triangle.
+    /// An estimate that takes every face for one triangle.
     Estimate,
 }
 
 /// A property as the header declares it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct PropertySummary {
-    /// Its name.
+    /// Name of the property, such as `vertex_indices`.
     pub name: String,
-    /// Its type, of a list the type of the items.
+    /// Type of the value; for a list, the type of its items.
     pub kind: Scalar,
-    /// Of a list the type of the count.
+    /// Type of the count of a list; `None` for a single number.
     pub list_count: Option<Scalar>,
 }
 
 /// An element as the header declares it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ElementSummary {
-    /// Its name.
+    /// Name of the element, such as `vertex`.
     pub name: String,
-    /// Declared rows.
+    /// Number of declared rows.
     pub count: u64,
-    /// Its properties, in the order of the file.
+    /// Properties of a row, in file order.
     pub properties: Vec<PropertySummary>,
 }
 
-/// What the header says and what reading the file would give.
+/// The contents of a header, and the mesh that reading the file would give.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct PlySummary {
-    /// `ascii`, `binary_little_endian`, `binary_big_endian`.
+    /// The encoding: `ascii`, `binary_little_endian` or `binary_big_endian`.
     pub format: &'static str,
-    /// Size of the file.
+    /// Size of the file in bytes.
     pub file_bytes: u64,
-    /// `gzip` or `zstd`, if it is packed.
+    /// The compression, `gzip` or `zstd`, if the file is compressed.
     pub packed: Option<&'static str>,
-    /// All elements, in the order of the file.
+    /// All elements, in file order.
     pub elements: Vec<ElementSummary>,
-    /// `element.property` names that would be used.
+    /// Names `element.property` of the properties that would be used.
     pub used: Vec<String>,
-    /// `element.property` names that would be read over.
+    /// Names `element.property` of the properties that would be skipped.
     pub ignored: Vec<String>,
-    /// Vertices.
+    /// Number of declared vertices.
     pub vertices: u64,
-    /// Triangles after splitting, as sure as `triangles_are` says.
+    /// Number of triangles after polygons are split. `triangles_are` states how reliable it is.
     pub triangles: u64,
-    /// How sure `triangles` is.
+    /// How reliable `triangles` is.
     pub triangles_are: TriangleCount,
-    /// `float` or `double`.
+    /// Type of the position arrays: `float` or `double`.
     pub positions: &'static str,
-    /// Whether there are vertex normals.
+    /// True if there are vertex normals.
     pub normals: bool,
-    /// `vertex` or `corner`, if there are texture coordinates.
+    /// Where texture coordinates are stored, `vertex` or `corner`, if there are any.
     pub uvs: Option<&'static str>,
-    /// `uchar`, `ushort` or `float`, if there are vertex colours.
+    /// Type of the vertex colours, `uchar`, `ushort` or `float`, if there are any.
     pub colors: Option<&'static str>,
-    /// What a mesh could have and this one has not: `normals`, `texture coordinates`, `colours`.
+    /// Optional data that the file lacks: `normals`, `texture coordinates`, `colours`.
     pub missing: Vec<&'static str>,
-    /// `comment TextureFile NAME`, all of them.
+    /// The name in every `comment TextureFile NAME`.
     pub texture_files: Vec<String>,
-    /// Bytes of the arrays of the mesh, by the numbers above.
+    /// Size in bytes of the arrays of the mesh, computed from the numbers above.
     pub array_bytes: u64,
 }
 
-/// Reads the header of the file at `path`; errors where [`super::read`] could not read a mesh
-/// for reasons that the header shows.
+/// Summarises the file at `path` from its header.
+///
+/// # Errors
+/// If [`super::read`] cannot read a mesh for a reason that the header shows.
 pub fn inspect(path: &Path) -> Result<PlySummary> {
     let name = path.display().to_string();
     let Head { bytes, file_bytes, packing } = Head::read(path, MAX_HEADER as u64)?;
@@ -145,7 +147,7 @@ fn property(property: &header::Property) -> PropertySummary {
     PropertySummary { name: property.name.clone(), kind, list_count }
 }
 
-/// Bytes per vertex in the arrays.
+/// Size in bytes of one vertex, summed over all arrays.
 fn vertex_bytes(plan: &Plan, corner_uvs: bool) -> u64 {
     let vertex = &plan.vertex;
     let position = if vertex.double { 24 } else { 12 };
@@ -159,14 +161,14 @@ fn vertex_bytes(plan: &Plan, corner_uvs: bool) -> u64 {
     position + normal + uv + color
 }
 
-/// Declared faces and strips.
+/// Number of declared faces and strips.
 fn faces(header: &Header, plan: &Plan) -> u64 {
     let counts = plan.faces.iter().map(|f| header.elements[f.element].count);
     counts.fold(0, u64::saturating_add)
 }
 
-/// The number of triangles: where one element has the only list of a binary file, the bytes
-/// that are not of fixed size are its corners.
+/// Returns the number of triangles. If a binary file has one list only, in its one element of
+/// faces, all bytes beyond the minimum size of the rows are corners.
 fn triangles(header: &Header, plan: &Plan, data_bytes: u64) -> (u64, TriangleCount) {
     let faces = faces(header, plan);
     let rows = || header.elements.iter().flat_map(|e| e.properties.iter().map(|p| (e.count, p)));
@@ -185,7 +187,7 @@ fn triangles(header: &Header, plan: &Plan, data_bytes: u64) -> (u64, TriangleCou
     });
     let corners = data_bytes.saturating_sub(fixed) / item.size() as u64;
     let triangles = corners.saturating_sub(faces.saturating_mul(2));
-    // Restarts of strips, and faces of fewer than three corners, are not seen here.
+    // The sizes show neither restarts of strips nor faces with fewer than three corners.
     let exact = !face.strips && triangles >= faces;
     (triangles, if exact { TriangleCount::Exact } else { TriangleCount::AtMost })
 }

@@ -1,4 +1,4 @@
-//! The rows of one element, read block by block in parallel.
+//! Reads the rows of one element block by block, in parallel.
 
 use rayon::prelude::*;
 
@@ -9,14 +9,14 @@ use super::lines::Text;
 use super::row::{Binary, Fault, Row, Values};
 use crate::error::{Error, Result};
 
-/// Blocks that are in memory twice at the same time, in their own arrays and joined: some
-/// megabytes.
-const LEAST_BATCH: usize = 32;
+/// Minimum number of blocks per batch. The blocks of a batch are in memory twice, separate and
+/// joined: some megabytes.
+const MIN_BATCH: usize = 32;
 
-/// Where the rows of one element are, for reading and for messages.
+/// The rows of one element, with what is needed to read them and to report errors.
 pub(super) struct Table<'a> {
     pub(super) data: &'a [u8],
-    /// `None`: text.
+    /// True for big-endian data, false for little-endian, `None` for text.
     pub(super) big: Option<bool>,
     pub(super) span: &'a Span,
     pub(super) element: &'a Element,
@@ -24,15 +24,14 @@ pub(super) struct Table<'a> {
 }
 
 impl Table<'_> {
-    /// Runs `read` over all blocks in parallel and gives the results to `take` in order, some
-    /// blocks at a time; stops at the first error in the order of the file, whatever the threads
-    /// do.
+    /// Calls `read` for all blocks in parallel, one batch at a time. The results go to `take` in
+    /// file order. Returns the first error in file order, independent of the threads.
     pub(super) fn blocks<T: Send>(
         &self,
         read: impl Fn(&mut Reader<'_, '_>) -> Result<T> + Sync,
         mut take: impl FnMut(T) -> Result<()>,
     ) -> Result<()> {
-        let batch = LEAST_BATCH.max(8 * rayon::current_num_threads());
+        let batch = MIN_BATCH.max(8 * rayon::current_num_threads());
         for blocks in self.span.blocks.chunks(batch) {
             self.job.check()?;
             let read = |block| read(&mut Reader { table: self, block });
@@ -44,7 +43,7 @@ impl Table<'_> {
         Ok(())
     }
 
-    /// An error in row `row`.
+    /// Makes the error for a fault in row `row`.
     pub(super) fn fault(&self, row: u64, line: Option<u64>, fault: Fault) -> Error {
         let (name, element) = (self.job.name, &self.element.name);
         match (fault, line) {
@@ -62,25 +61,25 @@ impl Table<'_> {
     }
 }
 
-/// One block of a table.
+/// Reads one block of a table.
 pub(super) struct Reader<'a, 'b> {
     table: &'a Table<'b>,
     block: &'a Block,
 }
 
-/// Something that takes the rows of a block one by one.
+/// A consumer of the rows of a block.
 pub(super) trait Sink {
     /// Reads the values of row number `row`.
     fn take<R: Row>(&mut self, values: &mut R, row: u64) -> Values<()>;
 }
 
 impl Reader<'_, '_> {
-    /// Rows of the block.
+    /// Number of rows in the block.
     pub(super) fn rows(&self) -> u64 {
         self.block.rows
     }
 
-    /// Feeds every row to `sink`.
+    /// Passes every row to `sink`.
     pub(super) fn feed(&self, sink: &mut impl Sink) -> Result<()> {
         let Table { data, big, .. } = *self.table;
         match big {

@@ -1,5 +1,5 @@
-//! Compressed files: gzip and zstd, known by their first bytes whatever the file is called, and
-//! unpacked while they are read.
+//! Compressed files: gzip and zstd. They are recognised by their first bytes, not by their name,
+//! and unpacked while they are read.
 
 use std::io::{BufReader, Error, ErrorKind, Read, Result};
 
@@ -7,17 +7,17 @@ use crate::reserve::Room;
 use flate2::bufread::MultiGzDecoder;
 use zstd::stream::read::Decoder;
 
-/// log2 of the window that any zstd frame may ask for, as for the program `zstd`: all of its levels and
-/// `--long` stay within. The memory is touched as data fills it.
+/// log2 of the window that any zstd frame may use. It is the limit of the program `zstd`: all its
+/// levels and `--long` stay within it. Memory pages are touched only as data fills them.
 const WINDOW_LOG: u32 = 27;
 
-/// The least of the format.
-const LEAST_WINDOW_LOG: u32 = 10;
+/// log2 of the smallest window of the format.
+const MIN_WINDOW_LOG: u32 = 10;
 
-/// The largest of the format.
-const MOST_WINDOW_LOG: u32 = 31;
+/// log2 of the largest window of the format.
+const MAX_WINDOW_LOG: u32 = 31;
 
-/// How a file is packed.
+/// The compression of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Packing {
     Gzip,
@@ -25,7 +25,7 @@ pub(super) enum Packing {
 }
 
 impl Packing {
-    /// The packing of the data that starts with `bytes`.
+    /// Detects the compression of data from its first bytes. `None` if it is not compressed.
     pub(super) fn of(bytes: &[u8]) -> Option<Self> {
         match bytes {
             [0x1f, 0x8b, ..] => Some(Self::Gzip),
@@ -41,11 +41,11 @@ impl Packing {
         }
     }
 
-    /// The unpacked bytes of `packed`, of which there are `length` if that is known. Unpacking takes no more than
-    /// `room`.
+    /// Returns a reader of the unpacked bytes of `packed`, which has `length` bytes if that is
+    /// known. The window takes at most `room`.
     ///
     /// # Errors
-    /// Where memory ran out.
+    /// If there is no memory for the decoder.
     pub(super) fn open<'a>(
         self,
         packed: impl Read + Send + 'a,
@@ -54,29 +54,29 @@ impl Packing {
     ) -> Result<Box<dyn Read + Send + 'a>> {
         let packed = BufReader::with_capacity(1 << 16, packed);
         Ok(match self {
-            // All members, as `gunzip` and parallel writers have it.
+            // Reads all members, as `gunzip` does; parallel compressors write several.
             Self::Gzip => Box::new(MultiGzDecoder::new(packed)),
             Self::Zstd => {
                 let mut frames = Decoder::with_buffer(packed)?;
-                // A large file may ask for a window of up to twice its size.
+                // The window may be up to twice the size of the file.
                 let double = length.unwrap_or(0).saturating_mul(2).max(1).ilog2();
-                let most = double.clamp(WINDOW_LOG, MOST_WINDOW_LOG);
-                // What is unpacked stands beside the arrays.
-                let room = room.map_or(most, |room| room.bytes.max(1).ilog2());
-                frames.window_log_max(most.min(room).max(LEAST_WINDOW_LOG))?;
+                let max_log = double.clamp(WINDOW_LOG, MAX_WINDOW_LOG);
+                // The window is held in addition to the arrays.
+                let room = room.map_or(max_log, |room| room.bytes.max(1).ilog2());
+                frames.window_log_max(max_log.min(room).max(MIN_WINDOW_LOG))?;
                 Box::new(Frames(frames))
             }
         })
     }
 }
 
-/// All frames of a zstd file.
+/// Reads all frames of a zstd file.
 struct Frames<'a, R: Read>(Decoder<'a, BufReader<R>>);
 
 impl<R: Read> Read for Frames<'_, R> {
     fn read(&mut self, out: &mut [u8]) -> Result<usize> {
         self.0.read(out).map_err(|error| match error.kind() {
-            // What the library says of the data.
+            // The library reports damaged data with this kind.
             ErrorKind::Other => Error::new(ErrorKind::InvalidData, error.to_string()),
             _ => error,
         })
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_or_changed_is_an_error() {
+    fn truncated_or_changed_data_is_an_error() {
         let data: Vec<u8> = (0..1000u32).flat_map(|i| (i * i).to_le_bytes()).collect();
         for packed in [gzip(&data), zstd(&data)] {
             assert_eq!(unpacked(&packed).unwrap(), data);
@@ -132,22 +132,23 @@ mod tests {
             for at in packed.len() / 2..packed.len() - 4 {
                 let mut changed = packed.clone();
                 changed[at] ^= 1;
-                // A bit may be one that means nothing.
+                // Some bits have no effect.
                 let harmless = unpacked(&changed).is_ok_and(|found| found == data);
                 assert!(harmless || unpacked(&changed).is_err(), "at {at} of {}", packed.len());
             }
         }
     }
 
-    /// A frame with a window as RFC 8878 writes it, of one block: `count` times one byte.
+    /// A zstd frame with the window descriptor `window` of RFC 8878. Its one block is `count` times
+    /// the same byte.
     fn frame(window: u8, count: u32) -> Vec<u8> {
         let block = (count << 3 | 0b11).to_le_bytes();
         [&[0x28, 0xb5, 0x2f, 0xfd, 0, window][..], &block[..3], b"a"].concat()
     }
 
     #[test]
-    fn a_window_is_held_against_the_file() {
-        let of = |window, length| {
+    fn the_window_is_limited_by_the_size_of_the_file() {
+        let read = |window, length| {
             let mut out = String::new();
             let packed = frame(window, 100);
             let read =
@@ -155,22 +156,23 @@ mod tests {
             read.map(|_| out).map_err(|error| error.to_string())
         };
         let refused = Err("Frame requires too much memory for decoding".to_owned());
-        // 1 KiB, 128 MiB, a little more, 512 MiB, 2 GiB, and what 8 bits can say.
+        // Windows of 1 KiB and 128 MiB, then a little more, 512 MiB, 2 GiB and the largest that 8
+        // bits can express.
         for window in [0x00, 0x88] {
-            assert_eq!(of(window, None), Ok("a".repeat(100)));
+            assert_eq!(read(window, None), Ok("a".repeat(100)));
         }
         for window in [0x89, 0x98, 0xa8, 0xff] {
-            assert_eq!(of(window, None), refused);
-            assert_eq!(of(window, Some(10)), refused);
+            assert_eq!(read(window, None), refused);
+            assert_eq!(read(window, Some(10)), refused);
         }
-        assert_eq!(of(0x98, Some((256 << 20) - 1)), refused);
-        assert_eq!(of(0x98, Some(256 << 20)), Ok("a".repeat(100)));
-        assert_eq!(of(0xa9, Some(u64::MAX)), refused);
+        assert_eq!(read(0x98, Some((256 << 20) - 1)), refused);
+        assert_eq!(read(0x98, Some(256 << 20)), Ok("a".repeat(100)));
+        assert_eq!(read(0xa9, Some(u64::MAX)), refused);
     }
 
     #[test]
-    fn a_block_is_held_to_its_limit() {
-        // 128 KiB is what the format allows.
+    fn a_block_larger_than_the_format_allows_is_an_error() {
+        // The format allows 128 KiB.
         for (count, read) in [(1 << 17, true), ((1 << 17) + 1, false), ((1 << 21) - 1, false)] {
             assert_eq!(unpacked(&frame(0x88, count)).is_ok(), read, "{count}");
         }

@@ -1,4 +1,4 @@
-//! Vertex rows into arrays: in bulk from records of one size, else row by row.
+//! Converts vertex rows into arrays: in bulk if all records have one size, else row by row.
 
 use rayon::prelude::*;
 
@@ -13,10 +13,10 @@ use crate::error::Result;
 use crate::mesh::{Colors, Positions};
 use crate::reserve;
 
-/// Fewest vertices that are worth a task.
+/// Minimum number of vertices per task.
 const GRAIN: usize = 1 << 13;
 
-/// Room for the unused vertex that accelerators want behind the last one.
+/// Number of unused vertices after the last one. Embree reads 16 bytes from every vertex.
 const SPARE: usize = 1;
 
 /// The arrays of element `vertex`.
@@ -28,7 +28,7 @@ pub(super) struct Vertices {
 }
 
 impl Vertices {
-    /// Bytes of a vertex in all arrays.
+    /// Size in bytes of one vertex, summed over all arrays.
     fn each(&self) -> u64 {
         let position = match &self.positions {
             Positions::F32(_) => 12,
@@ -45,49 +45,49 @@ impl Vertices {
         position + normal + uv + colour
     }
 
-    /// Bytes of all arrays.
+    /// Size in bytes of all arrays.
     pub(super) fn bytes(&self) -> u64 {
         self.each() * self.positions.len() as u64
     }
 
-    /// Makes room for `count` vertices in all.
+    /// Reserves memory for `count` vertices in total.
     ///
     /// # Errors
-    /// Where there is none.
+    /// If there is not enough memory.
     pub(super) fn reserve(&mut self, count: usize, job: &Job) -> Result<()> {
         job.fits(self.each().saturating_mul(count as u64))?;
         let spare = count.saturating_add(SPARE);
-        self.all(&Ask::Exactly(spare), job)
+        self.reserve_all(&Capacity::Total(spare), job)
     }
 
-    /// Makes room in every array.
-    fn all(&mut self, ask: &Ask, job: &Job) -> Result<()> {
+    /// Reserves memory in every array.
+    fn reserve_all(&mut self, capacity: &Capacity, job: &Job) -> Result<()> {
         match &mut self.positions {
-            Positions::F32(all) => ask.of(all, job)?,
-            Positions::F64(all) => ask.of(all, job)?,
+            Positions::F32(all) => capacity.reserve(all, job)?,
+            Positions::F64(all) => capacity.reserve(all, job)?,
         }
         if let Some(all) = &mut self.normals {
-            ask.of(all, job)?;
+            capacity.reserve(all, job)?;
         }
         if let Some(all) = &mut self.uvs {
-            ask.of(all, job)?;
+            capacity.reserve(all, job)?;
         }
         match &mut self.colors {
-            Some(Colors::U8(all)) => ask.of(all, job),
-            Some(Colors::U16(all)) => ask.of(all, job),
-            Some(Colors::F32(all)) => ask.of(all, job),
+            Some(Colors::U8(all)) => capacity.reserve(all, job),
+            Some(Colors::U16(all)) => capacity.reserve(all, job),
+            Some(Colors::F32(all)) => capacity.reserve(all, job),
             None => Ok(()),
         }
     }
 
-    /// Adds vertices that follow in the file, read by the same plan.
+    /// Appends the next vertices of the file, which were read with the same plan.
     ///
     /// # Errors
-    /// Where there is no memory for them.
+    /// If there is not enough memory.
     pub(super) fn append(&mut self, next: Vertices, job: &Job) -> Result<()> {
         let count = next.positions.len();
         job.fits(self.bytes().saturating_add(next.bytes()))?;
-        self.all(&Ask::More(count), job)?;
+        self.reserve_all(&Capacity::Additional(count), job)?;
         match (&mut self.positions, next.positions) {
             (Positions::F32(all), Positions::F32(next)) => all.extend(next),
             (Positions::F64(all), Positions::F64(next)) => all.extend(next),
@@ -109,24 +109,24 @@ impl Vertices {
     }
 }
 
-/// Room in an array.
-enum Ask {
-    /// For so many elements in all.
-    Exactly(usize),
-    /// For so many more.
-    More(usize),
+/// A number of elements to reserve in an array.
+enum Capacity {
+    /// This many elements in total.
+    Total(usize),
+    /// This many elements more than there are.
+    Additional(usize),
 }
 
-impl Ask {
-    fn of<T>(&self, all: &mut Vec<T>, job: &Job) -> Result<()> {
+impl Capacity {
+    fn reserve<T>(&self, all: &mut Vec<T>, job: &Job) -> Result<()> {
         match *self {
-            Self::Exactly(count) => reserve::exact(all, count.saturating_sub(all.len()), job.name),
-            Self::More(count) => reserve::growing(all, count, job.name),
+            Self::Total(count) => reserve::exact(all, count.saturating_sub(all.len()), job.name),
+            Self::Additional(count) => reserve::growing(all, count, job.name),
         }
     }
 }
 
-/// Reads the arrays that `plan` asks for.
+/// Reads the arrays that `plan` selects.
 pub(super) fn read(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     match (&table.span.uniform, table.big) {
         (Some(uniform), Some(big)) => {
@@ -137,7 +137,7 @@ pub(super) fn read(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     }
 }
 
-/// Rows of one size.
+/// Rows that all have the same size.
 struct Records<'a> {
     rows: &'a [u8],
     stride: usize,
@@ -180,7 +180,7 @@ fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Re
     Ok(all)
 }
 
-/// The arrays of a plan without any vertex.
+/// The arrays that `plan` selects, without a vertex.
 fn empty(plan: &VertexPlan) -> Vertices {
     Vertices {
         positions: match plan.double {
@@ -198,8 +198,8 @@ fn empty(plan: &VertexPlan) -> Vertices {
 }
 
 impl Records<'_> {
-    /// `N` roles from `first` on into an array that has room for them: copied where they are stored as `T`, whose name is
-    /// `native`, else converted one by one.
+    /// Reads `N` roles, from `first` on, into an array with enough capacity. Values that are stored
+    /// as type `T`, called `native`, are copied. All others are converted one by one.
     fn columns<const N: usize, T: Native>(
         &self,
         all: &mut Vec<[T; N]>,
@@ -224,8 +224,8 @@ fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     let mut all = Arrays(empty(plan));
     all.0.reserve(table.span.rows as usize, &table.job)?;
     let read = |reader: &mut Reader| {
-        let mut part = Part { plan, points: Vec::new(), others: Vec::new() };
-        // The rows are in the file: as many as its bytes allow.
+        let mut part = BlockVertices { plan, points: Vec::new(), others: Vec::new() };
+        // The rows are known to be in the file, so their number is limited by its size.
         let rows = reader.rows() as usize;
         part.points.reserve_exact(rows);
         if plan.normals || plan.uvs || plan.colors.is_some() {
@@ -242,11 +242,11 @@ fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     Ok(all.0)
 }
 
-/// The arrays that blocks are added to.
+/// The arrays to which blocks are appended.
 struct Arrays(Vertices);
 
 impl Arrays {
-    fn append(&mut self, part: &Part) {
+    fn append(&mut self, part: &BlockVertices) {
         let Vertices { positions, normals, uvs, colors } = &mut self.0;
         match positions {
             Positions::F32(all) => all.extend(part.points.iter().map(|p| p.map(|c| c as f32))),
@@ -270,14 +270,14 @@ impl Arrays {
 }
 
 /// The vertices of one block of rows.
-struct Part<'a> {
+struct BlockVertices<'a> {
     plan: &'a VertexPlan,
     points: Vec<[f64; 3]>,
-    /// Normal, texture coordinate, colour (integers up to 16 bits are exact).
+    /// Normal, texture coordinate, colour. Integers of up to 16 bits are exact in `f32`.
     others: Vec<[f32; ROLES - 3]>,
 }
 
-impl Sink for Part<'_> {
+impl Sink for BlockVertices<'_> {
     fn take<R: Row>(&mut self, values: &mut R, _: u64) -> Values<()> {
         let mut roles = [0.0; ROLES];
         for step in &self.plan.steps {

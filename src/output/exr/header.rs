@@ -1,4 +1,4 @@
-//! The header of a part in the terms of the `exr` crate.
+//! Makes the header of a part for the `exr` crate.
 
 use exr::{
     compression::Compression as Method,
@@ -21,7 +21,7 @@ use super::{
     text,
 };
 
-/// Rec. ITU-R BT.709 primaries and D65, as OpenEXR's own default states them.
+/// Rec. ITU-R BT.709 primaries and D65, with the values of OpenEXR's own default.
 const BT709: Chromaticities = Chromaticities {
     red: Vec2(0.64, 0.33),
     green: Vec2(0.30, 0.60),
@@ -29,8 +29,8 @@ const BT709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// `None` where the format cannot hold it. Every part says what is known of the picture, whichever of them a
-/// reader looks at.
+/// Returns the header of a part, or `None` if the format cannot hold it. The metadata of the
+/// picture is in every part, because a reader may look at any of them.
 pub fn header(film: &Film, options: &Options, part: &Part) -> Option<Header> {
     let window = film.window;
     let [left, top] = film.origin();
@@ -49,8 +49,8 @@ pub fn header(film: &Film, options: &Options, part: &Part) -> Option<Header> {
         own.world_to_normalized_device = Some(view.world_to_ndc);
         own.screen_window_width = view.screen_window_width;
     }
-    let said = options.attributes.iter().filter(|(name, _)| concerns(name, part, options));
-    for (name, value) in said {
+    let selected = options.attributes.iter().filter(|(name, _)| belongs_to(name, part, options));
+    for (name, value) in selected {
         let name = Text::new_or_none(name)?;
         own.other.insert(name, AttributeValue::Text(text::encode(value)));
     }
@@ -88,9 +88,10 @@ pub fn header(film: &Film, options: &Options, part: &Part) -> Option<Header> {
     Some(header)
 }
 
-/// Whether a part has an attribute. Those of a cryptomatte stand beside its channels, for readers of single
-/// parts, and in the first part, which is all that some readers look at; a manifest may be long.
-fn concerns(name: &str, part: &Part, options: &Options) -> bool {
+/// Returns true if a part has the attribute `name`. The attributes of a cryptomatte are in the part
+/// with its channels, for readers of single parts. They are also in the first part, the only one
+/// that some readers look at. They are not in the other parts, because a manifest can be long.
+fn belongs_to(name: &str, part: &Part, options: &Options) -> bool {
     let matte = name.strip_prefix("cryptomatte/").and_then(|rest| rest.split_once('/'));
     let Some((key, _)) = matte.filter(|_| part.name != FIRST) else { return true };
     let kind = format!("cryptomatte/{key}/name");

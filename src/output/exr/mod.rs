@@ -1,12 +1,13 @@
-//! The EXR: linear BT.709 radiance as compositors expect it, and the layers beside it.
+//! Writes the EXR: linear BT.709 radiance for compositing, and the layers.
 //!
-//! Scanlines, ZIP, unnamed half `R G B A` premultiplied, display window = the whole frame, data
-//! window = what was rendered. The same film and options give the same bytes: the encoding is stated
-//! (the `exr` crate's default order depends on threads) and the header's attributes are sorted
-//! afterwards (the crate keeps them in a hash map).
+//! By default it has scanlines, ZIP compression, and unnamed half channels `R G B A`,
+//! premultiplied. The display window is the whole frame, the data window is the rendered part. The
+//! same film and options give the same bytes. Therefore the line order is set explicitly: the
+//! default of the `exr` crate depends on threads. The header's attributes are sorted afterwards:
+//! the crate keeps them in a hash map.
 //!
-//! Blocks are compressed on the caller's rayon pool while those before them are written, a few ahead, so that
-//! nothing of the size of the film stands beside it.
+//! Blocks are compressed on the caller's rayon pool, a few ahead of the block that is being
+//! written. So there is no second buffer of the size of the film.
 
 mod header;
 mod ordered;
@@ -48,30 +49,30 @@ use self::{
     zip::Zip,
 };
 
-/// How blocks are compressed.
+/// Compression of the blocks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Compression {
-    /// zlib over 16 lines.
+    /// zlib over blocks of 16 lines.
     #[default]
     Zip,
     /// zlib over single lines.
     Zips,
-    /// Wavelets.
+    /// Wavelet compression, OpenEXR's PIZ.
     Piz,
-    /// Run lengths.
+    /// Run lengths of bytes.
     Rle,
-    /// Not at all.
+    /// No compression at all.
     None,
-    /// Lossy: DCT over 32 lines, of R, G, B, A.
+    /// Lossy: DCT over 32 lines, for R, G, B, A.
     Dwaa,
 }
 
 impl Compression {
-    /// All of them.
+    /// All compressions that can be written.
     pub const ALL: &[Self] = &[Self::Zip, Self::Zips, Self::Piz, Self::Rle, Self::None, Self::Dwaa];
 
-    /// What users call it.
+    /// Returns the name for users.
     pub fn name(self) -> &'static str {
         match self {
             Self::Zip => "zip",
@@ -84,18 +85,18 @@ impl Compression {
     }
 }
 
-/// Where the picture was taken from, in OpenEXR's convention: row vectors times matrices.
+/// The camera in OpenEXR's convention: row vectors times matrices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// World to camera space: x right, y up, z forward.
     pub world_to_camera: [f32; 16],
-    /// World to (0, 0) top left, (1, 1) bottom right of the frame.
+    /// World to normalised device coordinates: (0, 0) top left, (1, 1) bottom right of the frame.
     pub world_to_ndc: [f32; 16],
     /// Width of the frame at distance 1.
     pub screen_window_width: f32,
 }
 
-/// Where a picture stands in a sequence.
+/// The position of a picture in a sequence.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Sequence {
     /// Number of the frame: `imageCounter`.
@@ -104,30 +105,30 @@ pub struct Sequence {
     pub per_second: Option<(i32, u32)>,
 }
 
-/// What an EXR says and how it is stored.
+/// Metadata and encoding of an EXR.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Options<'a> {
-    /// Custom strings by name.
+    /// Custom text attributes: name and value.
     pub attributes: &'a [(String, String)],
-    /// The camera.
+    /// The camera, for the standard attributes.
     pub view: Option<View>,
-    /// Which frame it is.
+    /// The position of the picture in a sequence.
     pub sequence: Sequence,
-    /// How long the render took: `renderTimeSeconds`. Differs from run to run.
+    /// Render time in seconds: `renderTimeSeconds`. It differs from run to run.
     pub render_seconds: Option<f32>,
-    /// 32-bit floats in place of halves.
+    /// True for 32-bit floats in place of halves.
     pub float: bool,
-    /// How blocks are compressed.
+    /// Compression of the blocks.
     pub compression: Compression,
-    /// A part for every layer.
+    /// True for a separate part for every layer.
     pub multipart: bool,
 }
 
-/// Writes the film at the start of an empty `file`; `path` is for messages. NaN and infinities are
-/// never written ([`super::Oddities`] counts them).
+/// Writes the film to an empty `file`; `path` is for messages. NaN and infinities are never written
+/// ([`super::Oddities`] counts them).
 ///
 /// # Errors
-/// `Retry` where the disk is full; `Limit` for more than 2^31 pixels a side or attributes that the
+/// `Retry` if the disk is full. `Limit` for more than 2^31 pixels per side, or attributes that the
 /// format cannot hold.
 pub fn write<F: Read + Write + Seek + Send>(
     film: &Film,
@@ -145,7 +146,7 @@ pub fn write<F: Read + Write + Seek + Send>(
         blocks.stream(writer)
     });
     written.map_err(|error| exr_error(path, error))?;
-    // Dropping a BufWriter would hide a full disk.
+    // Dropping a BufWriter would ignore the error of a full disk.
     let flushed = buffered.flush();
     drop(buffered);
     let finished = flushed.and_then(|()| finish_header(file, long_names));
@@ -158,7 +159,7 @@ fn long_names(parts: &[Part]) -> bool {
     names.any(|name| name.len() > SHORT_NAME_BYTES)
 }
 
-/// What blocks are made from.
+/// The data from which blocks are made.
 struct Blocks<'a> {
     film: &'a Film,
     parts: &'a [Part<'a>],
@@ -167,7 +168,7 @@ struct Blocks<'a> {
 }
 
 impl Blocks<'_> {
-    /// Writes all blocks in the order of the file.
+    /// Writes all blocks in file order.
     fn stream(&self, writer: &mut (impl ChunksWriter + Send)) -> ExrResult<()> {
         let blocks: Vec<(usize, BlockIndex)> =
             exr::block::enumerate_ordered_header_block_indices(self.headers).collect();
@@ -180,7 +181,7 @@ impl Blocks<'_> {
         )
     }
 
-    /// A block as it stands in the file.
+    /// Encodes one block for the file.
     fn chunk(&self, zip: &mut Zip, isa: Isa, index: &BlockIndex) -> ExrResult<Chunk> {
         let (header, sources) = (&self.headers[index.layer], &self.parts[index.layer].sources);
         let top = index.pixel_position.y();
@@ -205,8 +206,8 @@ impl Blocks<'_> {
     }
 }
 
-/// Sorts the attributes of the header in place; its length and the offsets behind it stay. Sets the flag of
-/// long names: the `exr` crate sets it for names of attributes only.
+/// Sorts the attributes of the header in place. Its length, and the offsets after it, do not
+/// change. Also sets the flag of long names: the `exr` crate sets it only for names of attributes.
 fn finish_header<F: Read + Write + Seek>(file: &mut F, long_names: bool) -> std::io::Result<()> {
     file.seek(SeekFrom::Start(0))?;
     let mut header = read_sorted(file)?;

@@ -1,4 +1,4 @@
-//! Things that are made on all threads and taken in their order.
+//! Produces items on all threads and consumes them in order.
 
 use std::{
     collections::BTreeMap,
@@ -8,21 +8,21 @@ use std::{
     },
 };
 
-/// How many things may be ready before their turn, for each thread.
+/// Number of items per thread that may be ready before their turn.
 const AHEAD: usize = 2;
 
-/// What is ready, and who takes it.
+/// Items that are ready, and the consumer.
 struct Queue<T, W, E> {
-    /// The next to be taken.
+    /// Number of the next item to consume.
     next: usize,
     ready: BTreeMap<usize, T>,
     take: W,
     failed: Option<E>,
-    /// Something failed or panicked.
+    /// True after an error or a panic.
     over: bool,
 }
 
-/// A thread that panics keeps no other waiting.
+/// Wakes up all waiting threads if a thread panics.
 struct Guard<'a, T, W, E>(&'a Mutex<Queue<T, W, E>>, &'a Condvar);
 
 impl<T, W, E> Drop for Guard<'_, T, W, E> {
@@ -34,15 +34,15 @@ impl<T, W, E> Drop for Guard<'_, T, W, E> {
     }
 }
 
-/// Makes things 0 to `count` - 1 on the threads of the caller's rayon pool, each with a `room` of its own, and
-/// gives them to `take` in their order, never two at a time. A thread that is too far ahead waits; the one
-/// whose thing is the next never does.
+/// Produces items 0 to `count` - 1 on the threads of the caller's rayon pool. The items go to
+/// `take` in order, one at a time. Each thread has its own `scratch`. A thread that is too far
+/// ahead waits. The thread with the next item never waits.
 ///
 /// # Errors
-/// The first that is met; then nothing more is made.
+/// The first error that occurs. Nothing more is produced then.
 pub fn make<R, T: Send, E: Send>(
     count: usize,
-    room: impl Fn() -> R + Sync,
+    scratch: impl Fn() -> R + Sync,
     make: impl Fn(&mut R, usize) -> Result<T, E> + Sync,
     take: impl FnMut(usize, T) -> Result<(), E> + Send,
 ) -> Result<(), E> {
@@ -53,16 +53,16 @@ pub fn make<R, T: Send, E: Send>(
     let changed = Condvar::new();
     let work = || {
         let _guard = Guard(&queue, &changed);
-        let mut room = room();
+        let mut scratch = scratch();
         loop {
             let number = started.fetch_add(1, Relaxed);
             if number >= count {
                 return;
             }
-            let made = make(&mut room, number);
+            let result = make(&mut scratch, number);
             let queue = queue.lock().unwrap_or_else(PoisonError::into_inner);
             let early = |q: &mut Queue<_, _, _>| {
-                !q.over && made.is_ok() && number > q.next + AHEAD * threads
+                !q.over && result.is_ok() && number > q.next + AHEAD * threads
             };
             let mut guard =
                 changed.wait_while(queue, early).unwrap_or_else(PoisonError::into_inner);
@@ -70,7 +70,7 @@ pub fn make<R, T: Send, E: Send>(
             if queue.over {
                 return;
             }
-            let taken = made.and_then(|thing| {
+            let taken = result.and_then(|thing| {
                 queue.ready.insert(number, thing);
                 while let Some(thing) = queue.ready.remove(&queue.next) {
                     (queue.take)(queue.next, thing)?;
@@ -102,13 +102,13 @@ pub fn make<R, T: Send, E: Send>(
 mod tests {
     use super::*;
 
-    /// Takes the numbers that are made, on some threads; `slow` takes longer, `wrong` fails.
+    /// Consumes the numbers that the threads produce. Item `slow` takes longer, item `wrong` fails.
     fn run(threads: usize, count: usize, slow: usize, wrong: usize) -> (Vec<usize>, Option<usize>) {
         let mut taken = Vec::new();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let made = pool.install(|| {
-            let one = |made: &mut usize, number: usize| {
-                *made += 1;
+        let result = pool.install(|| {
+            let one = |result: &mut usize, number: usize| {
+                *result += 1;
                 if number == slow {
                     std::thread::sleep(std::time::Duration::from_millis(30));
                 }
@@ -125,11 +125,11 @@ mod tests {
                 },
             )
         });
-        (taken, made.err())
+        (taken, result.err())
     }
 
     #[test]
-    fn things_come_in_their_order() {
+    fn items_are_consumed_in_order() {
         for threads in [1, 2, 7] {
             for (count, slow) in [(0, 0), (1, 0), (200, 0), (200, 50), (200, 199)] {
                 let expected: Vec<usize> = (0..count).collect();
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_ends_it() {
+    fn a_panic_ends_all_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
         let run = || {
             let one = |_: &mut (), number| match number {
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_ends_it() {
+    fn an_error_ends_all_threads() {
         for threads in [1, 2, 7] {
             let (taken, error) = run(threads, 1000, 3, 20);
             assert_eq!(error, Some(20));

@@ -1,42 +1,43 @@
-//! Which channels a file has, in which parts.
+//! Decides which channels a file has, and in which parts.
 
 use crate::film::{ChannelKind, Film};
 
 use super::Options;
 
-/// The part of the beauty; of everything, where there is one part.
+/// Name of the part with the beauty. With a single part, it holds all channels.
 pub const FIRST: &str = "rgba";
 
-/// A channel of the file and where its values are.
+/// A channel of the file and the source of its values.
 #[derive(Debug)]
 pub struct Source<'a> {
-    /// As in the file.
+    /// Name of the channel in the file.
     pub name: &'a str,
-    /// As in the file.
+    /// Type of the channel in the file.
     pub kind: ChannelKind,
-    /// Where its values are.
+    /// Where its values are in the film.
     pub from: From,
 }
 
-/// Where values are in a film.
+/// The location of a channel's values in a film.
 #[derive(Debug, Clone, Copy)]
 pub enum From {
     /// Index into R, G, B, A.
     Beauty(usize),
-    /// Index into a pixel's words.
+    /// Index into the words of a pixel.
     Words(usize),
 }
 
-/// A part of a file, whose name matters where there are several.
+/// A part of a file. Its name is written only if there are several.
 #[derive(Debug)]
 pub struct Part<'a> {
-    /// [`FIRST`], or the layer's name.
+    /// [`FIRST`], or the name of the layer.
     pub name: &'a str,
-    /// Its channels in the order of the file: by name.
+    /// Its channels in file order: sorted by name.
     pub sources: Vec<Source<'a>>,
 }
 
-/// The parts of a film's file: one of all channels, or one for each layer, the beauty first.
+/// Returns the parts of a film's file: one with all channels, or one per layer with the beauty
+/// first.
 pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<Part<'a>> {
     let kind = |kind| match kind {
         ChannelKind::Half if options.float => ChannelKind::Float,
@@ -63,8 +64,8 @@ pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<Part<'a>> {
     parts
 }
 
-/// The layer of a channel; one without a layer is a layer of its own. The ranks of a cryptomatte
-/// (`CryptoObject00.R`) belong together.
+/// Returns the layer of a channel. A channel without a layer is its own layer. The ranks of a
+/// cryptomatte (`CryptoObject00.R`) belong to one layer.
 fn layer_of(channel: &str) -> &str {
     match channel.rsplit_once('.') {
         Some((layer, _)) if layer.starts_with("Crypto") => {

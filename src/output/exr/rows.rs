@@ -1,4 +1,4 @@
-//! The values of some rows as the file has them, before compression.
+//! Converts rows of the film to the values of the file, before compression.
 
 use std::ops::Range;
 
@@ -12,8 +12,8 @@ use crate::{
 
 use super::parts::{From, Source};
 
-/// Pixels that are looked at together: their words stay in the nearest cache, channel after channel.
-const SOME: usize = 256;
+/// Number of pixels that are processed together. Their words stay in the L1 cache for all channels.
+const BATCH: usize = 256;
 
 /// Fills `bytes` row by row (of the film's window), channel by channel, in native byte order.
 pub struct Fill<'a, 'b> {
@@ -34,8 +34,8 @@ impl Kernel for Fill<'_, '_> {
         let row_bytes = width * sources.iter().map(|source| size(source.kind)).sum::<usize>();
         bytes.resize(rows.len() * row_bytes, 0);
         for (y, row) in rows.zip(bytes.chunks_exact_mut(row_bytes)) {
-            for x in (0..width).step_by(SOME) {
-                let count = SOME.min(width - x);
+            for x in (0..width).step_by(BATCH) {
+                let count = BATCH.min(width - x);
                 let first = y * width + x;
                 let pixels = &film.pixels[first..first + count];
                 let words = &film.planes.words[first * stride..(first + count) * stride];
@@ -44,7 +44,7 @@ impl Kernel for Fill<'_, '_> {
                     let size = size(source.kind);
                     let to = &mut row[begin + x * size..][..count * size];
                     begin += width * size;
-                    let mut floats = [0.0; SOME];
+                    let mut floats = [0.0; BATCH];
                     match source.from {
                         From::Beauty(axis) => {
                             for (float, pixel) in floats.iter_mut().zip(pixels) {
@@ -72,13 +72,13 @@ impl Kernel for Fill<'_, '_> {
     }
 }
 
-/// Bytes of a value.
+/// Returns the size of a value in bytes.
 #[inline(always)]
 fn size(kind: ChannelKind) -> usize {
     if kind == ChannelKind::Half { 2 } else { 4 }
 }
 
-/// Writes at most [`SOME`] values as the file has them.
+/// Writes at most [`BATCH`] values in the type of the file.
 #[inline(always)]
 fn store(kind: ChannelKind, floats: &mut [f32], to: &mut [u8]) {
     if kind != ChannelKind::Half {
@@ -90,7 +90,7 @@ fn store(kind: ChannelKind, floats: &mut [f32], to: &mut [u8]) {
     for float in floats.iter_mut() {
         *float = within_half(*float);
     }
-    let mut halves = [f16::ZERO; SOME];
+    let mut halves = [f16::ZERO; BATCH];
     let halves = &mut halves[..floats.len()];
     halves.convert_from_f32_slice(floats);
     for (to, half) in to.chunks_exact_mut(2).zip(halves) {
@@ -98,10 +98,10 @@ fn store(kind: ChannelKind, floats: &mut [f32], to: &mut [u8]) {
     }
 }
 
-/// What a half can hold; finite for every input.
+/// Clamps a value to the range of a half. The result is finite for every input.
 #[inline(always)]
 fn within_half(value: f32) -> f32 {
-    // Without branches: what NaN fails becomes 0.
+    // Without branches. NaN becomes 0.
     let within = value.clamp(-HALF_MAX, HALF_MAX);
     if within.is_nan() { 0.0 } else { within }
 }

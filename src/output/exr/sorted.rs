@@ -1,30 +1,29 @@
-//! The bytes of an EXR header, attributes in the order of their names.
+//! Sorts the attributes in the bytes of an EXR header by name.
 //!
 //! The `exr` crate writes custom attributes in the order of a hash map, which differs from run to
-//! run. OpenEXR's own library sorts them; so do we, on the bytes: an attribute is
-//! `name NUL type NUL size:i32 data`, the list ends with an empty name, and nothing in the file
-//! depends on their order.
+//! run. OpenEXR's own library sorts them, and so does this module. An attribute is `name NUL type
+//! NUL size:i32 data`. The list ends with an empty name. Nothing in the file depends on the order.
 
 use std::io::{BufReader, Error, ErrorKind, Read, Result};
 
-/// Magic number and version field.
+/// Size in bytes of the magic number and the version field.
 const PREAMBLE_BYTES: usize = 8;
 
-/// The byte of the version field that holds its flags.
+/// Offset in the file of the byte that holds the flags of the version field.
 pub const FLAGS: usize = 5;
 
-/// Flag: there are several headers.
+/// Flag: the file has several headers.
 const MULTI_PART: u8 = 0x10;
 
-/// Flag: a name of a channel or an attribute, or the name of its type, has 32 to 255 bytes (0x400 of the
-/// version field).
+/// Flag: the name of a channel, an attribute or a type has 32 to 255 bytes (0x400 of the version
+/// field).
 pub const LONG_NAMES: u8 = 0x04;
 
-/// The longest name without [`LONG_NAMES`].
+/// Maximum length of a name in bytes without [`LONG_NAMES`].
 pub const SHORT_NAME_BYTES: usize = 31;
 
-/// Reads all headers from the first byte of the file and returns them sorted: as many bytes as they
-/// take in the file.
+/// Reads all headers from the first byte of the file on. Returns them sorted, with the same number
+/// of bytes as in the file.
 pub fn read_sorted(file: &mut impl Read) -> Result<Vec<u8>> {
     let mut file = BufReader::new(file);
     let mut sorted = vec![0; PREAMBLE_BYTES];
@@ -41,14 +40,14 @@ pub fn read_sorted(file: &mut impl Read) -> Result<Vec<u8>> {
             sorted.extend([name.as_slice(), &[0], &rest].concat());
         }
         sorted.push(0);
-        // Several headers end with an empty one.
+        // A list of several headers ends with an empty one.
         if none || !multi_part {
             return Ok(sorted);
         }
     }
 }
 
-/// The attributes of one header: names, and what stands behind them.
+/// Reads the attributes of one header: names, and the bytes after each name.
 fn attributes(file: &mut impl Read) -> Result<Vec<(Vec<u8>, Vec<u8>)>> {
     let mut attributes = Vec::new();
     loop {
@@ -70,7 +69,7 @@ fn attributes(file: &mut impl Read) -> Result<Vec<(Vec<u8>, Vec<u8>)>> {
     }
 }
 
-/// Bytes up to a NUL, without it; at most 255, the format's longest name.
+/// Reads bytes up to a NUL, which is dropped. At most 255 bytes: the longest name of the format.
 fn read_text(file: &mut impl Read) -> Result<Vec<u8>> {
     let mut text = Vec::new();
     let mut byte = [0];

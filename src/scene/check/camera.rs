@@ -1,4 +1,4 @@
-//! The camera: one view direction, an `up` that is not parallel to it, a picture that fits memory.
+//! Checks the camera: one view direction, an `up` that is not parallel to it, a bounded size.
 
 use glam::DVec3;
 
@@ -9,29 +9,29 @@ use crate::scene::{
 
 use super::Check;
 
-/// Most pixels of a frame: 32768 x 32768.
+/// Maximum number of pixels of a frame: 32768 x 32768.
 pub const MAX_PIXELS: u64 = 1 << 30;
-/// Bytes of a pixel in the film: R, G, B, A in f32.
+/// Size in bytes of a pixel in the film: R, G, B, A in f32.
 const FILM_BYTES: u64 = 16;
-/// Least |Z x up| / |up|, from docs/scene-format.md.
-const PARALLEL: f64 = 1e-6;
+/// Minimum |Z x up| / |up|, from docs/scene-format.md.
+const MIN_SINE: f64 = 1e-6;
 
 impl Check<'_, '_> {
-    /// Checks `/camera`.
+    /// Checks `/camera` and makes the checked camera.
     pub(super) fn camera(&mut self) -> Option<Camera> {
         let camera: description::Camera = self.part("/camera")?;
         self.picture_size(&camera);
         let lens = self.lens(&camera);
         let lookat = self.view_direction(&camera);
-        let up = tamed(camera.up);
+        let up = scaled_to_range(camera.up);
         if up == DVec3::ZERO {
             self.problems.error("/camera/up", "found a zero vector, expected a direction", None);
         } else if let Some(lookat) = lookat {
             let sine = lookat.normalize().cross(up.normalize()).length();
-            if sine < PARALLEL {
+            if sine < MIN_SINE {
                 let help = "choose an up that is at an angle to the view, for example [0, 0, 1] or [0, 1, 0]";
                 let message = format!(
-                    "found an up parallel to the view (|Z x up| / |up| = {sine:.1e}), expected at least {PARALLEL:e}"
+                    "found an up parallel to the view (|Z x up| / |up| = {sine:.1e}), expected at least {MIN_SINE:e}"
                 );
                 self.problems.error("/camera/up", message, Some(help.into()));
             }
@@ -59,7 +59,7 @@ impl Check<'_, '_> {
         }
     }
 
-    /// `None` for a pinhole, also for a lens of diameter 0, which is one.
+    /// Returns the lens; `None` for a pinhole and for a lens of diameter 0.
     fn lens(&mut self, camera: &description::Camera) -> Option<Lens> {
         let keys = [("aperture", camera.aperture), ("focaldistance", camera.focaldistance)];
         for (key, value) in keys {
@@ -96,7 +96,7 @@ impl Check<'_, '_> {
                 None
             }
             (Some(lookat), None) => {
-                let lookat = tamed(lookat);
+                let lookat = scaled_to_range(lookat);
                 if lookat == DVec3::ZERO {
                     let help =
                         "lookat is the view direction, not a point; use `target` for a point";
@@ -116,20 +116,20 @@ impl Check<'_, '_> {
                     self.problems.error("/camera/target", message, None);
                     return None;
                 }
-                Some(tamed(Direction(lookat.to_array())))
+                Some(scaled_to_range(Direction(lookat.to_array())))
             }
         }
     }
 }
 
-/// The direction as it is, or scaled where its square would leave f64.
-fn tamed(direction: Direction) -> DVec3 {
+/// Returns the direction unchanged, or scaled if its square would overflow or underflow f64.
+fn scaled_to_range(direction: Direction) -> DVec3 {
     let direction = DVec3::from(direction.0);
     let largest = direction.abs().max_element();
     if largest == 0.0 || (1e-100..=1e100).contains(&largest) {
         return direction;
     }
-    // Twice, because the reciprocal of a denormal is infinite.
+    // In two steps, because the reciprocal of a denormal is infinite.
     let scaled = if largest < 1.0 { direction * 1e150 } else { direction };
     scaled / scaled.abs().max_element()
 }

@@ -1,4 +1,4 @@
-//! Files that a scene names: they must exist. What is in them is the reader's business.
+//! Checks that the files that a scene names exist. Their readers check the contents.
 
 use std::{
     fs::File,
@@ -10,14 +10,14 @@ use crate::scene::nearest::did_you_mean;
 
 use super::Check;
 
-/// The way out where a mesh is not PLY.
+/// Help for a mesh that is not PLY.
 pub const CONVERT: &str = "convert other formats to PLY first, for example with MeshLab or Blender";
 
-/// Most names of a folder to compare a misspelt one with.
+/// Maximum number of names in a folder that are compared with a misspelt one.
 const MAX_LISTED: usize = 10_000;
 
 impl Check<'_, '_> {
-    /// The path of a mesh, relative to the working folder.
+    /// Checks the path of a mesh and returns it relative to the working folder.
     pub(super) fn mesh_file(&mut self, pointer: &str, written: &str) -> PathBuf {
         let lower = written.to_ascii_lowercase();
         if [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| lower.ends_with(end)) {
@@ -32,7 +32,7 @@ impl Check<'_, '_> {
         path
     }
 
-    /// The path of a file that must exist, relative to the working folder.
+    /// Checks that a file exists and returns its path relative to the working folder.
     pub(super) fn file(&mut self, pointer: &str, written: &str, what: &str) -> PathBuf {
         let path = self.folder.join(written);
         let message = match std::fs::metadata(&path) {
@@ -53,9 +53,9 @@ impl Check<'_, '_> {
     }
 }
 
-/// Whether a regular file begins as PLY files do, whatever it is called.
+/// Returns true if a regular file begins as PLY files do, whatever its name is.
 pub fn begins_as_ply(path: &Path) -> bool {
-    // Reading from a pipe would take what its reader needs.
+    // A pipe is not read: its reader needs those bytes.
     if !std::fs::metadata(path).is_ok_and(|data| data.is_file()) {
         return false;
     }
@@ -64,7 +64,7 @@ pub fn begins_as_ply(path: &Path) -> bool {
     read.is_ok() && matches!(&start, b"ply\n" | b"ply\r")
 }
 
-/// The nearest existing file name in the folder of `path`, or the part of it that is missing.
+/// Returns a help text for a missing file: the nearest name in its folder, or the missing folder.
 pub fn near_file(path: &Path) -> Option<String> {
     let folder = match path.parent()? {
         here if here.as_os_str().is_empty() => Path::new("."),

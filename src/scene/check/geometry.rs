@@ -1,35 +1,36 @@
-//! When points span an area. Tolerances are relative to the longest edge, so that scenes in
-//! millimetres and in kilometres are judged alike. Corners are finite: the ranges see to that.
+//! Tests whether points span an area. Tolerances are relative to the longest edge, so that scenes
+//! in millimetres and in kilometres get the same result. Range checks have ensured that corners are
+//! finite.
 
 use glam::DVec3;
 
-/// Area / longest edge^2 below which an area is rounding noise of f64 subtraction.
+/// Area / longest edge^2 up to which an area is rounding noise of f64 subtraction.
 const NO_AREA: f64 = 1e-14;
-/// How far corners may lie out of the mean plane, in longest edges; from docs/scene-format.md.
+/// Maximum distance of a corner from the mean plane, in longest edges; from docs/scene-format.md.
 const OUT_OF_PLANE: f64 = 1e-4;
 /// Turn / longest edge^2 that counts as straight: rounding, not a concave corner.
 const STRAIGHT: f64 = 1e-9;
 
-/// What is wrong with a quad.
+/// A reason why a quad is invalid.
 #[derive(Debug, PartialEq)]
 pub enum QuadFault {
-    /// Nothing is spanned (or the halves of a bow tie cancel).
+    /// The area is zero, or the halves of a bow tie cancel.
     NoArea,
-    /// This corner equals the next.
+    /// This corner equals the next one.
     Coincident(usize),
-    /// This corner is that many longest edges out of plane.
+    /// This corner is out of the plane by the given number of longest edges.
     OutOfPlane(usize, f64),
     /// The outline turns back at this corner.
     Concave(usize),
 }
 
-/// True if `a x b` is no area.
+/// Returns true if the vectors `a` and `b` span no area.
 pub fn is_flat(a: DVec3, b: DVec3) -> bool {
     let longest = a.length_squared().max(b.length_squared()).max((a - b).length_squared());
     a.cross(b).length() <= NO_AREA * longest
 }
 
-/// The first fault of the quad, if it has one.
+/// Returns the first fault of the quad, or `None` for a valid quad.
 pub fn quad_fault(corners: &[DVec3; 4]) -> Option<QuadFault> {
     let [v0, v1, v2, v3] = *corners;
     let edges = [v1 - v0, v2 - v1, v3 - v2, v0 - v3];

@@ -1,4 +1,4 @@
-//! Layers: known names, light groups that can be told apart.
+//! Checks the layers: names must be known, and the names of light groups must differ.
 
 use crate::scene::{
     checked::Light,
@@ -9,7 +9,7 @@ use crate::scene::{
 use super::Check;
 
 impl Check<'_, '_> {
-    /// Checks `/output/layers`.
+    /// Checks `/output/layers`. Returns the layers and the light groups.
     pub(super) fn layers(&mut self, lights: &[Light]) -> (Vec<Layer>, LightGroups) {
         let called = lights.iter().map(|light| (light.group.as_deref(), light.name.as_deref()));
         let (groups, collisions) = LightGroups::new(called);

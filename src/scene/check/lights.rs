@@ -1,4 +1,4 @@
-//! Lights: an area light is the rectangle of docs/scene-format.md and must have an area.
+//! Checks the lights. An area light is the rectangle of docs/scene-format.md and must have an area.
 
 use crate::scene::{
     checked::{Light, LightKind},
@@ -8,7 +8,7 @@ use crate::scene::{
 use super::{Check, geometry::is_flat};
 
 impl Check<'_, '_> {
-    /// Checks `/scene/lightsources`.
+    /// Checks `/scene/lightsources` and makes the checked lights.
     pub(super) fn lights(&mut self) -> Vec<Light> {
         let mut lights: Vec<Light> = Vec::new();
         for i in 0..self.count("/scene/lightsources") {

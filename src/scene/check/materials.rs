@@ -1,4 +1,4 @@
-//! Materials: names resolved, textures present.
+//! Checks the materials: resolves names, checks that textures exist.
 
 use std::collections::BTreeMap;
 
@@ -13,16 +13,16 @@ use crate::scene::{
 
 use super::Check;
 
-/// All materials of a scene.
+/// All materials of a scene, with their names.
 pub(super) struct Materials {
-    /// Named ones first, in file order, then inline ones.
+    /// Named materials in file order, then inline ones.
     pub all: Vec<Material>,
-    /// Index of each name, and whether a shape uses it.
+    /// Index of each named material, and whether a shape uses it.
     names: BTreeMap<String, (usize, bool)>,
 }
 
 impl Check<'_, '_> {
-    /// Checks `/scene/materials`.
+    /// Checks `/scene/materials` and makes the named materials.
     pub(super) fn named_materials(&mut self) -> Materials {
         let mut materials = Materials { all: Vec::new(), names: BTreeMap::new() };
         let document = self.document;
@@ -32,7 +32,7 @@ impl Check<'_, '_> {
         };
         for member in members.iter().filter(|m| m.key != "comment") {
             let pointer = join("/scene/materials", &member.key);
-            // A broken material keeps its name, or every use of it would be an error too.
+            // An invalid material keeps its name. Otherwise every use of it would be an error too.
             let written = self.part(&pointer).unwrap_or_default();
             let material = self.material(&pointer, Some(&member.key), &written);
             materials.names.insert(member.key.clone(), (materials.all.len(), false));
@@ -41,7 +41,7 @@ impl Check<'_, '_> {
         materials
     }
 
-    /// Warns of materials that no shape uses.
+    /// Warns about materials that no shape uses.
     pub(super) fn unused(&mut self, materials: &Materials) {
         for (name, (_, used)) in &materials.names {
             if !used {
@@ -51,7 +51,7 @@ impl Check<'_, '_> {
         }
     }
 
-    /// The index of the material of a shape.
+    /// Returns the index of the material of a shape.
     pub(super) fn material_of(&mut self, shape: &str, materials: &mut Materials) -> Option<usize> {
         let pointer = format!("{shape}/material");
         match self.part::<MaterialUse>(&pointer)? {

@@ -1,6 +1,8 @@
-//! Description -> [`Scene`]: what the types cannot say. Every problem is collected; a part whose
-//! structure is broken is skipped and the others are still checked, so one run reports all.
-//! Opens no file but looks whether those that are named exist.
+//! Converts a description to a [`Scene`] and checks what the types cannot express.
+//!
+//! Every problem is collected. Parts with structural errors are skipped, the others are still
+//! checked, so one run reports everything. No file is opened except to recognise a PLY mesh; named
+//! files must exist.
 
 mod camera;
 mod files;
@@ -26,11 +28,12 @@ use super::{
     problems::Problems,
 };
 
-/// Longest name in characters: EXR headers hold 255 bytes, prefixes and suffixes included.
+/// Maximum length of a name in characters. EXR headers hold 255 bytes, including prefixes and
+/// suffixes.
 const MAX_NAME_CHARS: usize = 200;
 
-/// Checks the meaning of `problems.document`. `broken` are the pointers that the structural check
-/// could not read; `folder` is what paths are relative to.
+/// Checks the meaning of `problems.document`. `broken` holds the pointers with structural errors.
+/// Paths are relative to `folder`.
 pub fn check(
     problems: &mut Problems,
     broken: Vec<String>,
@@ -102,7 +105,7 @@ struct Check<'d, 'p> {
 }
 
 impl Check<'_, '_> {
-    /// The value at `pointer`, unless it is absent or its structure is broken.
+    /// Returns the value at `pointer`, unless it is absent or has structural errors.
     fn part<T: DeserializeOwned>(&mut self, pointer: &str) -> Option<T> {
         let below = format!("{pointer}/");
         let next = self.broken.range(below.clone()..).next();
@@ -113,14 +116,14 @@ impl Check<'_, '_> {
         match serde_json::from_value(value) {
             Ok(part) => Some(part),
             Err(error) => {
-                // The schema is made from the types, so this is not expected to happen.
+                // Not expected: the schema is generated from the types.
                 self.problems.error(pointer, error.to_string(), None);
                 None
             }
         }
     }
 
-    /// Items of the array at `pointer`.
+    /// Returns the number of items of the array at `pointer`.
     fn count(&self, pointer: &str) -> usize {
         match self.document.get(pointer).map(|node| &node.kind) {
             Some(NodeKind::List(items)) => items.len(),
@@ -128,7 +131,7 @@ impl Check<'_, '_> {
         }
     }
 
-    /// A name that can stand in an EXR header.
+    /// Checks that a name can be written to an EXR header, and returns it.
     fn name(&mut self, pointer: &str, name: &Option<Name>) -> Option<String> {
         let Name(name) = name.as_ref()?;
         if name.chars().any(char::is_control) || name.trim().is_empty() {

@@ -1,4 +1,4 @@
-//! What is valid but surely not meant, seen from the scene as a whole: warnings only.
+//! Warns about valid values that are most likely mistakes in the scene as a whole.
 
 use glam::DVec3;
 
@@ -7,8 +7,8 @@ use crate::scene::checked::{FIRST_SHADOW_POINTS, LightKind, Scene, ShapeKind};
 use super::Check;
 
 impl Check<'_, '_> {
-    /// Warns of a camera or a light that a sphere swallows, of mirrors that never mirror, and of adaptive shadows that
-    /// leave no ray out.
+    /// Warns about a camera or a light inside a sphere, mirrors without bounces, and adaptive
+    /// shadows that cannot skip a ray.
     pub(super) fn look_over(&mut self, scene: &Scene) {
         let spheres: Vec<(usize, DVec3, f64)> = scene
             .shapes
@@ -23,8 +23,8 @@ impl Check<'_, '_> {
             let holds = move |sphere: &&(usize, DVec3, f64)| point.distance(sphere.1) < sphere.2;
             spheres.iter().filter(holds).map(|(i, ..)| *i)
         };
-        let swallowed: Vec<usize> = around(scene.camera.position).collect();
-        for i in &swallowed {
+        let enclosing: Vec<usize> = around(scene.camera.position).collect();
+        for i in &enclosing {
             let message = format!(
                 "found the camera inside the sphere /scene/shapes/{i}; it sees only the inner side"
             );
@@ -35,15 +35,15 @@ impl Check<'_, '_> {
                 LightKind::Point { position } => position,
                 LightKind::Area { corner, edge, height, .. } => corner + (edge + height) / 2.0,
             };
-            if let Some(i) = around(point).find(|i| !swallowed.contains(i)) {
+            if let Some(i) = around(point).find(|i| !enclosing.contains(i)) {
                 let message = format!(
-                    "found the light inside the sphere /scene/shapes/{i}, which shadows all else from it"
+                    "found the light inside the sphere /scene/shapes/{i}, so everything outside the sphere is in its shadow"
                 );
                 self.problems.warn(&format!("/scene/lightsources/{l}"), message, None);
             }
         }
         if scene.nbounces == 0 && scene.materials.iter().any(|m| m.kr > 0.0) {
-            let message = "found 0 although a material has `kr` > 0; no mirror will mirror";
+            let message = "found 0 although a material has `kr` > 0; mirrors do not reflect";
             self.problems.warn("/nbounces", message, Some("set `nbounces` to 1 or more".into()));
         }
         if scene.adaptive_shadows && !scene.spares_shadow_rays() {

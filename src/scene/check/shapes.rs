@@ -1,4 +1,4 @@
-//! Shapes: areas, convexity, files, materials.
+//! Checks the shapes: area, convexity, mesh files, materials.
 
 use glam::DVec3;
 
@@ -14,7 +14,7 @@ use super::{
 };
 
 impl Check<'_, '_> {
-    /// Checks `/scene/shapes`.
+    /// Checks `/scene/shapes` and makes the checked shapes.
     pub(super) fn shapes(&mut self, materials: &mut Materials) -> Vec<Shape> {
         let mut shapes = Vec::new();
         for i in 0..self.count("/scene/shapes") {

@@ -1,34 +1,34 @@
-//! Lights as written.
+//! Light sources as a scene file writes them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Color, Name, Point};
 
-/// A light.
+/// A light source of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
 pub enum Light {
-    /// A point that shines in every direction.
+    /// A point that emits light in every direction.
     PointLight(PointLight),
-    /// A rectangle that shines; not seen by rays, casts no shadow.
+    /// A rectangle that emits light. Rays do not see it, and it casts no shadow.
     AreaLight(AreaLight),
 }
 
-/// A point that shines in every direction.
+/// A point that emits light in every direction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PointLight {
-    /// Its own name, in the EXR.
+    /// Name of the light in the EXR.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
-    /// Its EXR light group.
+    /// Light group of the light in the EXR.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<Name>,
-    /// Where it is.
+    /// Position in world units.
     pub position: Point,
-    /// Diffuse colour.
+    /// Colour of its diffuse light.
     pub id: Color,
-    /// Specular colour; default: `id`.
+    /// Colour of its specular light; default: `id`.
     #[serde(rename = "is", skip_serializing_if = "Option::is_none")]
     pub specular: Option<Color>,
 }
@@ -36,10 +36,10 @@ pub struct PointLight {
 /// A rectangle with base `v0 v1` whose opposite side passes through `v2`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AreaLight {
-    /// Its own name, in the EXR.
+    /// Name of the light in the EXR.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
-    /// Its EXR light group.
+    /// Light group of the light in the EXR.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<Name>,
     /// First corner of the base.
@@ -48,25 +48,25 @@ pub struct AreaLight {
     pub v1: Point,
     /// A point on the side opposite to the base.
     pub v2: Point,
-    /// Diffuse colour of the whole light.
+    /// Colour of the diffuse light of the whole rectangle.
     pub id: Color,
-    /// Specular colour of the whole light; default: `id`.
+    /// Colour of the specular light of the whole rectangle; default: `id`.
     #[serde(rename = "is", skip_serializing_if = "Option::is_none")]
     pub specular: Option<Color>,
-    /// Points on this light, for each shading point of each camera sample.
+    /// Number of points on this light, for each shading point of each camera sample.
     #[serde(default = "sixteen")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub samples: u32,
-    /// Which way it shines.
+    /// Directions in which it emits light.
     #[serde(default)]
     pub emission: Emission,
 }
 
-/// Which way an area light shines.
+/// Directions in which an area light emits light.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Emission {
-    /// both sides, every direction alike
+    /// both sides, the same in every direction
     #[default]
     Uniform,
     /// a diffuse emitter: one-sided, with the cosine

@@ -1,65 +1,67 @@
-//! Materials as written.
+//! Materials as a scene file writes them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Color, Name};
 
-/// An inline material, or the name of one in `materials`. Untagged, because the format is: the
-/// structural check, which knows places, tells the two apart before serde does.
+/// An inline material, or the name of one in `materials`. The format has no tag here, so the type
+/// is untagged. The structural check reports errors with places before serde reads the value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum MaterialUse {
-    /// The name of one of the scene's `materials`.
+    /// The name of a material in `materials`.
     Named(Name),
-    /// A material of its own.
+    /// A material that belongs to this shape alone.
     Inline(Box<Material>),
 }
 
-/// Blinn-Phong.
+/// A Blinn-Phong material with an optional mirror.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Material {
-    /// The only kind.
+    /// Kind of material; there is only one.
     #[serde(rename = "type")]
     pub kind: MaterialType,
-    /// Diffuse coefficient.
+    /// Coefficient of diffuse reflection.
     #[schemars(range(min = 0.0, max = 1e18))]
     pub kd: f64,
-    /// Specular coefficient.
+    /// Coefficient of specular reflection.
     #[schemars(range(min = 0.0, max = 1e18))]
     pub ks: f64,
-    /// Ambient coefficient.
+    /// Coefficient of ambient light.
     #[schemars(range(min = 0.0, max = 1e18))]
     pub ka: f64,
-    /// Mirror coefficient.
+    /// Coefficient of mirror reflection.
     #[schemars(range(min = 0.0, max = 1e18))]
     pub kr: f64,
-    /// Sharpness of highlights; 0^0 = 1.
+    /// Exponent of the specular highlight; 0^0 = 1.
     #[schemars(range(min = 0.0, max = 1e18))]
     pub specularexponent: f64,
     /// Base colour without a texture.
     pub diffusecolor: Color,
-    /// Texture image, relative to the scene file; its alpha is ignored.
+    /// Texture image, relative to the scene file. Its alpha is ignored.
     #[serde(rename = "tPath", skip_serializing_if = "Option::is_none")]
     pub texture_path: Option<Name>,
-    /// Accepted for old files; the image's own size is used.
+    /// Accepted for old files and ignored: the image's own size is used.
     #[serde(rename = "tWidth", skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub texture_width: Option<u32>,
-    /// Accepted for old files; the image's own size is used.
+    /// Accepted for old files and ignored: the image's own size is used.
     #[serde(rename = "tHeight", skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub texture_height: Option<u32>,
-    /// Texture filter.
+    /// How texels are filtered.
     pub filter: Filter,
-    /// Outside the image; default: spheres repeat in u and clamp in v, meshes repeat, others clamp.
+    /// Texture lookup outside the image. Default: spheres repeat in u and clamp in v, meshes
+    /// repeat, others clamp.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wrap: Option<Wrap>,
-    /// Default: `srgb` for integer images of any format, `linear` for float images.
+    /// Encoding of the image. Default: `srgb` for integer images of any format, `linear` for float
+    /// images.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub colorspace: Option<ColorSpace>,
-    /// u, v are multiplied by it after any flip.
+    /// Factors of u and v, applied after any flip.
     #[serde(rename = "tScale")]
     #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub texture_scale: [f64; 2],
@@ -86,7 +88,7 @@ impl Default for Material {
     }
 }
 
-/// Kind of material.
+/// Kind of a material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum MaterialType {
@@ -94,32 +96,32 @@ pub enum MaterialType {
     BlinnPhong,
 }
 
-/// Texture filter.
+/// Filter of a texture lookup.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Filter {
-    /// four texels
+    /// interpolates between four texels
     Bilinear,
-    /// one texel
+    /// takes the nearest texel
     Nearest,
 }
 
-/// What texel indices outside the image mean.
+/// Lookup of texels outside the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Wrap {
-    /// modulo the size
+    /// indices modulo the size
     Repeat,
-    /// the border texel
+    /// the nearest border texel
     Clamp,
 }
 
-/// How stored colour values become linear light.
+/// Encoding of stored colour values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ColorSpace {
-    /// sRGB-encoded
+    /// values are encoded as sRGB
     Srgb,
-    /// linear
+    /// values are linear light
     Linear,
 }

@@ -1,9 +1,9 @@
-//! A scene exactly as the file writes it: the one table of keys, types, ranges and defaults.
+//! A scene exactly as the file writes it: the only table of keys, types, ranges and defaults.
 //!
-//! The JSON Schema is generated from these types, the structural checks walk that schema, and
-//! the doc comments below are what an editor shows. What a type cannot say (a direction of length
-//! zero, a file that is missing) is checked in `check`. `comment`, allowed in every object, is
-//! added by `schema` and never gets here; unknown keys are refused there too, with places.
+//! The JSON Schema is generated from these types, and the structural checks walk that schema. An
+//! editor shows the doc comments below. `check` tests what a type cannot express, such as a zero
+//! direction or a missing file. `schema` adds the key `comment` to every object; it is dropped
+//! before these types are read. The structural checks refuse unknown keys, with places.
 
 mod light;
 mod material;
@@ -28,45 +28,45 @@ pub struct Description {
     #[serde(default = "one_u32")]
     #[schemars(range(max = 4294967295u32))]
     pub nbounces: u32,
-    /// Area lights: trace a quarter of the shadow rays (4 at least) first and the others only where these
-    /// disagree, or a point drawn by chance does. The same mean; fewer rays.
+    /// Area lights: trace a quarter of the shadow rays (at least 4) first. Trace the others only
+    /// where these disagree, or where a point drawn at random does. Same mean, fewer rays.
     #[serde(default)]
     pub adaptiveshadows: bool,
     /// Camera samples per pixel, box-filtered (their mean); 1 = one ray through the pixel centre.
     #[serde(default = "one_u32")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub spp: u32,
-    /// Seed of every random choice.
+    /// Seed of all random numbers.
     #[serde(default)]
     #[schemars(range(min = -9223372036854775808i64, max = 9223372036854775807i64))]
     pub seed: i64,
-    /// How sample points are chosen.
+    /// Sampler that chooses the sample points.
     #[serde(default)]
     pub sampler: Sampler,
-    /// Where the picture is taken from.
+    /// The camera that takes the picture.
     pub camera: Camera,
-    /// Lights, shapes, materials.
+    /// Lights, shapes and materials.
     pub scene: Contents,
-    /// How radiance becomes 8-bit pixels; touches the PNG only, never the EXR.
+    /// How radiance becomes 8-bit pixels. It affects only the PNG, never the EXR.
     #[serde(default)]
     pub tonemap: Tonemap,
-    /// What is written.
+    /// Contents of the output files.
     #[serde(default)]
     pub output: Output,
 }
 
-/// How the points are chosen that pixels, the lens and area lights are sampled at.
+/// Sampler that chooses the points on pixels, the lens and area lights.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampler {
-    /// Owen-scrambled Sobol: stratified
+    /// Owen-scrambled Sobol points: stratified
     #[default]
     Sobol,
-    /// uniform and independent, as in the coursework: the baseline
+    /// uniform and independent points, as in the coursework: the baseline
     Random,
 }
 
-/// The camera; exactly one of `lookat` and `target`.
+/// The camera. It has exactly one of `lookat` and `target`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(extend(
     "oneOf" = [{ "required": ["lookat"] }, { "required": ["target"] }],
@@ -75,7 +75,7 @@ pub enum Sampler {
     "else" = { "properties": { "aperture": false, "focaldistance": false } }
 ))]
 pub struct Camera {
-    /// Pinhole or thin lens.
+    /// Type of camera: pinhole or thin lens.
     #[serde(rename = "type")]
     pub kind: CameraType,
     /// Picture width in pixels.
@@ -84,30 +84,30 @@ pub struct Camera {
     /// Picture height in pixels.
     #[schemars(range(min = 1, max = 2147483647))]
     pub height: u32,
-    /// The full vertical angle in degrees.
+    /// Full vertical angle of view in degrees.
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 180))]
     pub fov: f64,
     /// Position in world units.
     pub position: Point,
-    /// The view DIRECTION, not a point; any length.
+    /// The view DIRECTION, not a point; of any length.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lookat: Option<Direction>,
     /// A point to look at, other than `position`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<Point>,
-    /// Up; any length, not parallel to the view.
+    /// Up direction, of any length, not parallel to the view.
     pub up: Direction,
-    /// `thinlens` only: lens diameter in world units; 0 equals `pinhole`.
+    /// `thinlens` only: diameter of the lens in world units; 0 is the same as `pinhole`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e18))]
     pub aperture: Option<f64>,
-    /// `thinlens` only: distance in focus along the view direction, world units.
+    /// `thinlens` only: distance of the plane in focus, along the view direction, in world units.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
     pub focaldistance: Option<f64>,
 }
 
-/// Kind of camera.
+/// Type of the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum CameraType {
@@ -117,27 +117,27 @@ pub enum CameraType {
     Thinlens,
 }
 
-/// What the camera sees.
+/// Lights, shapes and materials of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Contents {
-    /// Radiance of every ray that leaves the scene, reflected ones too.
+    /// Radiance of every ray that misses, including reflected rays.
     #[serde(default = "black")]
     pub backgroundcolor: Color,
-    /// Ambient light, used with a material's `ka`.
+    /// Ambient light. A material's `ka` multiplies it.
     #[serde(default = "black")]
     pub ambient: Color,
     /// How light falls off with distance.
     #[serde(default)]
     pub attenuation: Attenuation,
-    /// What finds the hits; `--backend` overrides it.
+    /// Backend that finds the hits; `--backend` overrides it.
     #[serde(default)]
     pub accelerator: Accelerator,
-    /// The lights.
+    /// The lights of the scene.
     #[serde(default)]
     pub lightsources: Vec<Light>,
-    /// The shapes.
+    /// The shapes of the scene.
     pub shapes: Vec<Shape>,
-    /// Named materials, so that a shape may say `"material": "gold"`.
+    /// Named materials. A shape refers to one by name: `"material": "gold"`.
     #[serde(default)]
     pub materials: BTreeMap<String, Material>,
 }
@@ -146,51 +146,52 @@ pub struct Contents {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Attenuation {
-    /// 1
+    /// divide by 1: no falloff
     None,
-    /// d, the coursework's choice
+    /// divide by d, as the coursework does
     #[default]
     Linear,
-    /// d^2
+    /// divide by the square of d
     Quadratic,
 }
 
-/// What finds the hits.
+/// Backend that finds the hits.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Accelerator {
     /// lightpath's own watertight BVH
     #[default]
     Bvh,
-    /// Intel Embree 4
+    /// the library Intel Embree 4
     Embree,
-    /// the coursework's BVH
+    /// the BVH of the coursework
     Coursework,
-    /// every primitive: slow, the oracle
+    /// tests every primitive: slow, the oracle
     Brute,
 }
 
-/// Radiance to 8-bit pixels.
+/// Conversion of radiance to 8-bit pixels.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Tonemap {
-    /// The tone curve.
+    /// Tone curve that is applied.
     pub operator: Operator,
-    /// Stops: x * 2^exposure, after `max`'s division, before the others.
+    /// Exposure in stops: x * 2^exposure. Applied after the division of `max`, and before the other
+    /// operators.
     #[schemars(range(min = -100.0, max = 100.0))]
     pub exposure: f64,
-    /// How pixel values are encoded.
+    /// Encoding of the pixel values.
     pub transfer: Transfer,
 }
 
-/// Tone curve.
+/// Tone curve of the PNG.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Operator {
     /// divide by the largest channel value of the whole frame
     #[default]
     Max,
-    /// clip at 1
+    /// clip values at 1
     Clamp,
     /// x / (1 + x) per channel
     Reinhard,
@@ -200,24 +201,24 @@ pub enum Operator {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Transfer {
-    /// the sRGB curve
+    /// the sRGB transfer curve
     #[default]
     Srgb,
     /// linear values (gAMA 1.0)
     Linear,
 }
 
-/// The largest `cryptoranks`.
+/// Maximum value of `cryptoranks`.
 pub const MAX_CRYPTO_RANKS: u32 = 16;
 
-/// What is written.
+/// Contents of the output files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Output {
-    /// EXR layers by name, as `--aov` takes them.
+    /// Names of EXR layers, as for `--aov`.
     pub layers: Vec<Name>,
-    /// How many things a pixel of a cryptomatte can hold, those that cover most: two in each of its layers
-    /// `CryptoObject00`, `CryptoObject01`...
+    /// Number of entries in a pixel of a cryptomatte, those with the most coverage. Each of the
+    /// layers `CryptoObject00`, `CryptoObject01`... holds two.
     #[schemars(range(min = 2, max = MAX_CRYPTO_RANKS), extend("multipleOf" = 2))]
     pub cryptoranks: u32,
     /// Alpha is the fraction of camera samples that hit, instead of 1.

@@ -1,26 +1,26 @@
-//! Shapes as written.
+//! Shapes as a scene file writes them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Angles, ColorSpace, MaterialUse, Name, Point};
 
-/// A shape.
+/// A shape of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
 pub enum Shape {
-    /// A sphere.
+    /// A sphere with centre and radius.
     Sphere(Sphere),
     /// A bounded planar convex quad.
     Plane(Plane),
-    /// A triangle.
+    /// A triangle with three corners.
     Triangle(Triangle),
     /// A mesh from a PLY file.
     TriMesh(TriMesh),
 }
 
 impl Shape {
-    /// Its name and material.
+    /// Returns the name and the material of the shape.
     pub fn common(&self) -> (&Option<Name>, &MaterialUse) {
         match self {
             Self::Sphere(s) => (&s.name, &s.material),
@@ -30,7 +30,7 @@ impl Shape {
         }
     }
 
-    /// Its material, to change it.
+    /// Returns a mutable reference to the material of the shape.
     pub fn material_mut(&mut self) -> &mut MaterialUse {
         match self {
             Self::Sphere(s) => &mut s.material,
@@ -41,17 +41,17 @@ impl Shape {
     }
 }
 
-/// A sphere.
+/// A sphere with centre and radius.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Sphere {
-    /// Used for object IDs in the EXR.
+    /// Name for object IDs in the EXR.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
     /// World position of the centre.
     pub center: Point,
-    /// World units.
+    /// Radius in world units.
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
     pub radius: f64,
     /// Axis of the texture's poles.
@@ -63,106 +63,108 @@ pub struct Sphere {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Pole {
-    /// poles on x
+    /// poles on the x axis
     X,
-    /// poles on y
+    /// poles on the y axis
     Y,
-    /// poles on z
+    /// poles on the z axis
     #[default]
     Z,
 }
 
-/// A bounded planar convex quad, corners in order around it.
+/// A bounded planar convex quad. Its corners are in order around it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plane {
-    /// Used for object IDs in the EXR.
+    /// Name for object IDs in the EXR.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
-    /// Corner 0.
+    /// Corner 0 in world units.
     pub v0: Point,
-    /// Corner 1.
+    /// Corner 1 in world units.
     pub v1: Point,
-    /// Corner 2.
+    /// Corner 2 in world units.
     pub v2: Point,
-    /// Corner 3.
+    /// Corner 3 in world units.
     pub v3: Point,
 }
 
-/// A triangle, not of zero area.
+/// A triangle. Its area must not be zero.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Triangle {
-    /// Used for object IDs in the EXR.
+    /// Name for object IDs in the EXR.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
-    /// Corner 0.
+    /// Corner 0 in world units.
     pub v0: Point,
-    /// Corner 1.
+    /// Corner 1 in world units.
     pub v1: Point,
-    /// Corner 2.
+    /// Corner 2 in world units.
     pub v2: Point,
 }
 
 /// A mesh from a PLY file, placed by `fit`, then `rotate`, then `size` and `center`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TriMesh {
-    /// Used for object IDs in the EXR.
+    /// Name for object IDs in the EXR.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
     /// A `.ply` file, relative to the scene file.
     pub path: Name,
-    /// Centre the mesh's box on the origin and scale its longest side to this.
+    /// Moves the centre of the mesh's bounding box to the origin and scales its longest side to
+    /// this length.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
     pub fit: Option<f64>,
-    /// Degrees about the x, then y, then z axis; [-90, 0, 0] stands a z-up scan upright.
+    /// Rotation in degrees about the x, then y, then z axis. [-90, 0, 0] turns a z-up scan upright.
     #[serde(default = "no_angles")]
     pub rotate: Angles,
-    /// Vertices become `center + size * p`.
+    /// Scale factor: a vertex p becomes `center + size * p`.
     #[serde(default = "one")]
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
     pub size: f64,
-    /// Vertices become `center + size * p`.
+    /// Offset: a vertex p becomes `center + size * p`.
     #[serde(default = "origin")]
     pub center: Point,
-    /// Shade with interpolated vertex normals: true, false, or across edges below an angle. Normals of the
-    /// file are taken as they are.
+    /// Interpolates vertex normals: true, false, or only across edges below an angle. Normals of
+    /// the file are used unchanged.
     #[serde(default)]
     pub smooth: Smooth,
-    /// false makes the `coursework` backend loop over the mesh's triangles; others ignore it.
+    /// false: the `coursework` backend loops over the triangles of the mesh. Other backends ignore
+    /// it.
     #[serde(default = "yes")]
     pub bvh: bool,
-    /// Multiply `diffusecolor` by the file's vertex colours.
+    /// Multiplies `diffusecolor` by the vertex colours of the file.
     #[serde(default = "yes")]
     pub vertexcolors: bool,
-    /// Overrides what the file's colour type implies.
+    /// Encoding of the vertex colours. Default: implied by the colour type of the file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertexcolorspace: Option<ColorSpace>,
 }
 
-/// Where the normals of a mesh are interpolated.
+/// Edges across which the normals of a mesh are interpolated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Smooth {
-    /// Across every edge, or nowhere.
+    /// Across every edge (true) or no edge (false).
     Everywhere(bool),
-    /// Across edges below an angle.
+    /// Only across edges below an angle.
     Below(Crease),
 }
 
-/// Edges that are no creases, by the angle in degrees between the normals of their two faces.
+/// Maximum angle of a smooth edge: the angle in degrees between the normals of its two faces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Crease {
-    /// The largest angle of a smooth edge.
+    /// Maximum angle of a smooth edge in general.
     #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
     pub angle: f64,
-    /// The largest one between flat parts: at vertices where such creases make at most three parts, all of whose
-    /// faces lie within 5 degrees. Default: `angle`.
+    /// Maximum angle of a smooth edge between flat parts. It applies at a vertex where its creases
+    /// form at most three parts, and all faces of each part lie within 5 degrees. Default: `angle`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
     pub flat: Option<f64>,

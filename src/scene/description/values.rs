@@ -1,5 +1,5 @@
-//! The values that scene files are made of. The bounds keep every later product finite:
-//! coordinates squared in f32, colours times coefficients.
+//! The value types of scene files. Their bounds keep every later product finite: coordinates
+//! squared in f32, colours times coefficients.
 
 use std::borrow::Cow;
 
@@ -7,12 +7,12 @@ use glam::{DVec3, Vec3};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
-/// Largest coordinate, in world units: its square still fits f32.
+/// Maximum absolute value of a coordinate in world units. Its square still fits f32.
 pub const MAX_COORDINATE: f64 = 1e18;
-/// Largest colour component.
+/// Maximum absolute value of a colour component.
 pub const MAX_COLOR: f64 = 1e18;
 
-/// Linear RGB, may exceed 1.
+/// A colour in linear RGB. Components may exceed 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Color(pub [f64; 3]);
@@ -27,25 +27,25 @@ pub struct Point(pub [f64; 3]);
 #[serde(transparent)]
 pub struct Direction(pub [f64; 3]);
 
-/// Degrees about the x, then y, then z axis.
+/// Rotation angles in degrees about the x, then y, then z axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Angles(pub [f64; 3]);
 
-/// A word that is not empty.
+/// A text that is not empty.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Name(pub String);
 
 impl Color {
-    /// As the renderer has it.
+    /// Converts to the vector type of the renderer.
     pub fn vec(self) -> Vec3 {
         DVec3::from(self.0).as_vec3()
     }
 }
 
 impl Point {
-    /// As the renderer has it.
+    /// Converts to the vector type of the renderer.
     pub fn vec(self) -> DVec3 {
         self.0.into()
     }
@@ -66,7 +66,7 @@ fn three(limit: Option<f64>, description: &str) -> Schema {
     })
 }
 
-/// A schema by hand, inlined where it is used.
+/// Implements `JsonSchema` with a hand-written schema that is inlined where it is used.
 macro_rules! inline_schema {
     ($type:ident, $schema:expr) => {
         impl JsonSchema for $type {

@@ -1,8 +1,8 @@
-//! The colour spaces of FLIP. D65, sRGB primaries as exact fractions.
+//! Colour spaces of FLIP: D65 white, sRGB primaries as exact fractions.
 
 use glam::{DMat3, DVec3, dvec3};
 
-/// Linear BT.709 RGB in [0, 1] -> CIE XYZ.
+/// Matrix from linear BT.709 RGB in [0, 1] to CIE XYZ.
 fn xyz_from_rgb() -> DMat3 {
     let rows = [
         dvec3(10_135_552.0, 8_788_810.0, 4_435_075.0) / 24_577_794.0,
@@ -12,7 +12,7 @@ fn xyz_from_rgb() -> DMat3 {
     DMat3::from_cols(rows[0], rows[1], rows[2]).transpose()
 }
 
-/// The conversions, with what they share.
+/// Conversions between colour spaces, with their matrices and white point.
 #[derive(Debug, Clone, Copy)]
 pub struct Spaces {
     xyz_from_rgb: DMat3,
@@ -27,20 +27,20 @@ impl Spaces {
         Self { xyz_from_rgb, rgb_from_xyz: xyz_from_rgb.inverse(), white }
     }
 
-    /// Linear RGB -> YCxCz: opponent colours that are linear in light.
+    /// Converts linear RGB to YCxCz: opponent colours that are linear in light.
     pub fn opponent(&self, rgb: DVec3) -> DVec3 {
         let p = self.xyz_from_rgb * rgb / self.white;
         dvec3(116.0 * p.y - 16.0, 500.0 * (p.x - p.y), 200.0 * (p.y - p.z))
     }
 
-    /// Back, into the unit cube.
+    /// Converts YCxCz back to linear RGB, clamped to the unit cube.
     pub fn clamped_rgb(&self, opponent: DVec3) -> DVec3 {
         let y = (opponent.x + 16.0) / 116.0;
         let p = dvec3(y + opponent.y / 500.0, y, y - opponent.z / 200.0);
         (self.rgb_from_xyz * (p * self.white)).clamp(DVec3::ZERO, DVec3::ONE)
     }
 
-    /// Linear RGB -> CIELAB whose a and b grow with L (Hunt effect): a * L / 100.
+    /// Converts linear RGB to CIELAB with the Hunt effect: a and b are multiplied by L / 100.
     pub fn hunt_lab(&self, rgb: DVec3) -> DVec3 {
         let p = self.xyz_from_rgb * rgb / self.white;
         let [x, y, z] = p.to_array().map(lab_curve);
@@ -57,7 +57,7 @@ fn lab_curve(t: f64) -> f64 {
     }
 }
 
-/// Distance of large colour differences (Abasi, Amani Tehran, Fairchild 2020).
+/// HyAB distance of two colours, for large differences (Abasi, Amani Tehran, Fairchild 2020).
 pub fn hyab(a: DVec3, b: DVec3) -> f64 {
     let d = a - b;
     d.x.abs() + d.y.hypot(d.z)
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn white_black_and_back() {
+    fn white_and_black_are_known_and_conversions_invert() {
         let spaces = Spaces::new();
         assert!((spaces.white - dvec3(0.950428545, 1.0, 1.088900371)).abs().max_element() < 1e-8);
         assert!((spaces.hunt_lab(DVec3::ONE) - dvec3(100.0, 0.0, 0.0)).length() < 1e-10);

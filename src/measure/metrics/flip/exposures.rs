@@ -1,21 +1,22 @@
-//! The exposures at which HDR-FLIP looks.
+//! The exposures at which HDR-FLIP compares two pictures.
 
 use glam::DVec3;
 
-/// What the tone curve maps to this is bright, not yet white.
+/// Tone mapped value of a bright pixel that is not yet white.
 const BRIGHT: f64 = 0.85;
 
-/// Of the ACES curve (a x^2 + b x) / (c x^2 + d x + e), Narkowicz 2016 with his exposure of 0.6 undone.
+/// Coefficients of the ACES curve (a x^2 + b x) / (c x^2 + d x + e) of Narkowicz 2016, without its
+/// exposure of 0.6.
 const ACES: [f64; 5] = [0.36 * 2.51, 0.6 * 0.03, 0.36 * 2.43, 0.6 * 0.59, 0.14];
 
-/// Tone mapped and clamped to [0, 1]; negative light is none.
+/// Tone maps light by the ACES curve, clamped to [0, 1]. Negative light counts as 0.
 pub fn aces(light: DVec3) -> DVec3 {
     let [a, b, c, d, e] = ACES;
     let x = light.max(DVec3::ZERO);
     ((x * x * a + x * b) / (x * x * c + x * d + DVec3::splat(e))).clamp(DVec3::ZERO, DVec3::ONE)
 }
 
-/// Stops, from the one that makes the brightest pixel bright to the one that does so with the median.
+/// A range of exposures in stops. The first makes the brightest pixel bright, the last the median.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposures {
     start: f64,
@@ -24,8 +25,11 @@ pub struct Exposures {
 }
 
 impl Exposures {
-    /// For a reference in linear RGB. Where half of it or more is black, the median is that of the rest;
-    /// an all black one is looked at as it is. (The authors' code has no answer there.)
+    /// Exposures for a reference in linear RGB.
+    ///
+    /// If half of it or more is black, the median is taken over the other pixels. A reference
+    /// without light gets one exposure of 0 stops. The authors' code does not handle these two
+    /// cases.
     pub fn of(reference: &[[f32; 3]]) -> Self {
         let luminance = |[r, g, b]: &[f32; 3]| {
             0.2126 * f64::from(*r) + 0.7152 * f64::from(*g) + 0.0722 * f64::from(*b)
@@ -42,14 +46,14 @@ impl Exposures {
         Self { start, stop, count: (stop - start).ceil().max(2.0) as u32 }
     }
 
-    /// Factors on the light.
+    /// Factors on the light, one for each exposure.
     pub fn gains(self) -> impl Iterator<Item = f64> {
         let step = (self.stop - self.start) / f64::from(self.count.max(2) - 1);
         (0..self.count).map(move |i| (self.start + f64::from(i) * step).exp2())
     }
 }
 
-/// The largest and the middle one, if that is above 0.
+/// Maximum and median of the luminances; `None` if the median is not above 0.
 fn extremes(luminances: &mut [f64]) -> Option<(f64, f64)> {
     let most = luminances.iter().copied().fold(0.0, f64::max);
     let middle = luminances.len() / 2;
@@ -60,7 +64,7 @@ fn extremes(luminances: &mut [f64]) -> Option<(f64, f64)> {
     (median > 0.0).then_some((most, median))
 }
 
-/// The light that the curve maps to `t`.
+/// The light that the ACES curve maps to `t`.
 fn inverse_aces(t: f64) -> f64 {
     let [a, b, c, d, e] = ACES;
     let (a, b, c) = (a - t * c, b - t * d, -t * e);
@@ -73,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_curve_and_its_inverse() {
+    fn the_inverse_inverts_the_curve() {
         let x = inverse_aces(BRIGHT);
         assert!((aces(DVec3::splat(x)).x - BRIGHT).abs() < 1e-12);
         assert_eq!(aces(DVec3::splat(-1.0)), DVec3::ZERO);
@@ -81,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn from_the_brightest_to_the_median() {
+    fn exposures_run_from_the_brightest_pixel_to_the_median() {
         let gray = |v: f32| [v; 3];
         let exposures = Exposures::of(&[gray(16.0), gray(1.0), gray(0.25)]);
         let gains: Vec<f64> = exposures.gains().collect();
@@ -91,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn black_references_have_exposures_too() {
+    fn references_with_black_pixels_have_exposures() {
         let half = [[0.0; 3], [0.0; 3], [0.0; 3], [4.0; 3], [1.0; 3]];
         let gains: Vec<f64> = Exposures::of(&half).gains().collect();
         assert!(gains.iter().all(|g| g.is_finite() && *g > 0.0), "{gains:?}");

@@ -1,10 +1,12 @@
-//! FLIP: how different two pictures look when one flips to the other at the same place.
+//! FLIP: the visible difference between two pictures that alternate at the same place.
 //!
-//! LDR-FLIP is Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images", with the
-//! separable filters of the authors' version 1.2 and later; HDR-FLIP is Andersson et al. 2021,
-//! "Visualizing Errors in Rendered High Dynamic Range Images". Constants are the papers' and those of
-//! the authors' code (github.com/NVlabs/flip); tests hold the results against their package.
-//! The viewer: 0.7 m before a screen 0.7 m wide of 3840 pixels.
+//! - LDR-FLIP: Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images", with
+//!   the separable filters of the authors' version 1.2 and later.
+//! - HDR-FLIP: Andersson et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images".
+//!
+//! Constants are taken from the papers and the authors' code (github.com/NVlabs/flip). Tests
+//! compare the results with the authors' package. The viewer sits 0.7 m from a screen that is 0.7 m
+//! wide and has 3840 pixels across.
 
 mod color;
 mod exposures;
@@ -20,29 +22,34 @@ use exposures::Exposures;
 const PIXELS_PER_DEGREE: f64 = 0.7 * (3840.0 / 0.7) * std::f64::consts::PI / 180.0;
 /// Exponent of a colour difference.
 const QC: f64 = 0.7;
-/// Of the largest colour difference: up to here a difference is mapped to [0, PT].
+/// Share of the largest colour difference up to which errors lie between 0 and [`PT`].
 const PC: f64 = 0.4;
+/// Error of a colour difference at the share [`PC`].
 const PT: f64 = 0.95;
 /// Width of an edge or point in degrees.
 const FEATURE: f64 = 0.082;
 /// Exponent of a feature difference.
 const QF: f64 = 0.5;
 
-/// Contrast sensitivity as sums of Gaussians a sqrt(pi / b) exp(-pi^2 x^2 / b), x in degrees: (a, b) of
-/// the achromatic, the red-green and the blue-yellow channel.
+/// Parameters (a, b) of the contrast sensitivity of the achromatic, the red-green and the
+/// blue-yellow channel.
+///
+/// The sensitivity is a sum of Gaussians a sqrt(pi / b) exp(-pi^2 x^2 / b), x in degrees.
 const ACHROMATIC: (f64, f64) = (1.0, 0.0047);
 const RED_GREEN: (f64, f64) = (1.0, 0.0053);
 const BLUE_YELLOW: [(f64, f64); 2] = [(34.1, 0.04), (13.5, 0.025)];
 
-/// LDR-FLIP per pixel, in [0, 1], of two pictures in linear RGB; what is outside of [0, 1] is clamped.
+/// LDR-FLIP of each pixel, in [0, 1], for two pictures in linear RGB. Values are clamped to [0, 1].
 pub fn ldr(test: &[[f32; 3]], reference: &[[f32; 3]], width: usize) -> Vec<f64> {
     let linear = |p: &[f32; 3]| DVec3::from(p.map(f64::from)).clamp(DVec3::ZERO, DVec3::ONE);
     let planes = |pixels: &[[f32; 3]]| Filtered::new(pixels, width, linear);
     difference(&planes(test), &planes(reference))
 }
 
-/// HDR-FLIP per pixel: the largest LDR-FLIP over exposures from where the reference begins to clip to
-/// where its median does, tone mapped by ACES. Negative values count as 0.
+/// HDR-FLIP of each pixel: the largest LDR-FLIP over several exposures, tone mapped by ACES.
+///
+/// At the first exposure the brightest pixel of the reference begins to clip, at the last its
+/// median. Negative values count as 0.
 pub fn hdr(test: &[[f32; 3]], reference: &[[f32; 3]], width: usize) -> Vec<f64> {
     let mut worst = vec![0.0; test.len()];
     for gain in Exposures::of(reference).gains() {
@@ -54,11 +61,11 @@ pub fn hdr(test: &[[f32; 3]], reference: &[[f32; 3]], width: usize) -> Vec<f64> 
     worst
 }
 
-/// What is compared of a picture.
+/// Filtered colours and features of a picture, which FLIP compares.
 struct Filtered {
-    /// Colours after the eye's contrast sensitivity, in CIELAB with the Hunt effect.
+    /// Colours filtered by contrast sensitivity, in CIELAB with the Hunt effect.
     colors: Vec<DVec3>,
-    /// Strength of edges and of points.
+    /// Strength of edges and of points in each pixel.
     features: Vec<[f64; 2]>,
 }
 
@@ -91,7 +98,8 @@ fn radius() -> usize {
     (3.0 * deviation * PIXELS_PER_DEGREE).ceil() as usize
 }
 
-/// exp(-pi^2 x^2 / b) times the root of a sqrt(pi / b): its product with itself is the filter in 2D.
+/// One-dimensional weights exp(-pi^2 x^2 / b) times the root of a sqrt(pi / b). Their product along
+/// x and y is the filter in 2D.
 fn sensitivity(a: f64, b: f64) -> Vec<f64> {
     let pi = std::f64::consts::PI;
     let radius = radius() as i32;
@@ -107,7 +115,8 @@ fn normalised(weights: Vec<f64>) -> Vec<f64> {
     weights.into_iter().map(|w| w / sum).collect()
 }
 
-/// The sum of two Gaussians is not separable, but each of them is.
+/// Filters the blue-yellow channel by a sum of two Gaussians. The sum is not separable, but each
+/// Gaussian is.
 fn blue_yellow(plane: &Plane) -> Vec<f64> {
     let kernels = BLUE_YELLOW.map(|(a, b)| sensitivity(a, b));
     let sums = kernels.each_ref().map(|kernel| kernel.iter().sum::<f64>());
@@ -119,7 +128,7 @@ fn blue_yellow(plane: &Plane) -> Vec<f64> {
     one.iter().zip(two).map(|(a, b)| a + b).collect()
 }
 
-/// First and second derivatives of the lightness, as lengths over x and y.
+/// Lengths of the first and second derivatives of the lightness along x and y, for each pixel.
 fn features(lightness: &Plane) -> Vec<[f64; 2]> {
     let gray = Plane::map(&lightness.values, lightness.width, |y| (y + 16.0) / 116.0);
     let deviation = 0.5 * FEATURE * PIXELS_PER_DEGREE;
@@ -140,14 +149,14 @@ fn features(lightness: &Plane) -> Vec<[f64; 2]> {
     lengths.collect()
 }
 
-/// Positive weights with sum 1, negative ones with sum -1.
+/// Scales positive weights to the sum 1 and negative weights to the sum -1.
 fn balanced(weights: Vec<f64>) -> Vec<f64> {
     let sum = |sign: f64| weights.iter().map(|w| (sign * w).max(0.0)).sum::<f64>();
     let (above, below) = (sum(1.0), sum(-1.0));
     weights.iter().map(|w| w / if *w > 0.0 { above } else { below }).collect()
 }
 
-/// The FLIP error per pixel.
+/// The FLIP error of each pixel.
 fn difference(test: &Filtered, reference: &Filtered) -> Vec<f64> {
     let spaces = Spaces::new();
     let (green, blue) = (spaces.hunt_lab(DVec3::Y), spaces.hunt_lab(DVec3::Z));
@@ -171,15 +180,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_pictures_have_none() {
+    fn equal_pictures_have_no_error() {
         let picture: Vec<[f32; 3]> = (0..100).map(|i| [i as f32 / 50.0, 0.3, 0.9]).collect();
         assert_eq!(ldr(&picture, &picture, 10), [0.0; 100]);
         assert_eq!(hdr(&picture, &picture, 10), [0.0; 100]);
     }
 
     #[test]
-    fn black_and_white_are_as_far_as_lightness_goes() {
-        // No edges: the colour difference alone, 100 in L.
+    fn black_against_white_has_the_error_of_their_lightness() {
+        // Without edges only the colour difference counts: 100 in L.
         let (black, white) = ([[0.0; 3]; 64], [[1.0; 3]; 64]);
         let spaces = Spaces::new();
         let largest = hyab(spaces.hunt_lab(DVec3::Y), spaces.hunt_lab(DVec3::Z)).powf(QC);
@@ -191,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn the_filters_have_the_authors_widths() {
+    fn filters_have_the_widths_of_the_authors_code() {
         assert_eq!((radius(), (1.5 * FEATURE * PIXELS_PER_DEGREE).ceil()), (10, 9.0));
         assert!((PIXELS_PER_DEGREE - 67.02).abs() < 0.01);
     }
