@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
 """Measures the time of a frame by triangles, pixels, samples and threads, fits a model, and predicts a farm.
 
-    scripts/scaling.py [--program target/release/lightpath] [--rounds 3] > docs/scaling.md
+    scripts/scaling.py [--program target/release/lightpath] [--rounds 3] > entry.md
 
 Renders generated meshes with `lightpath render --stats` on an otherwise idle machine, takes the minimum over the
-rounds for each phase, fits one line per phase by least squares of relative errors, and prints docs/scaling.md.
-Needs only Python's standard library.
+rounds for each phase, fits one line per phase by least squares of relative errors, and prints an entry for
+docs/notebook/scaling.md. Needs only Python's standard library.
 """
 
 import argparse
 import array
+import datetime
 import json
 import math
 import os
@@ -127,10 +128,9 @@ def main():
     render, render_error = fit(samples, [m[3]["seconds"]["render"] for m in measured])
     write, write_error = fit([(1, m[1]) for m in measured], [m[3]["seconds"]["write"] for m in measured])
 
-    say("# What a frame costs, and a farm of them\n")
-    say("`scripts/scaling.py > docs/scaling.md` measures, fits and writes this page.\n")
-    say(f"{cpu}, backend `{args.backend}`, the built-in studio; the least of {args.rounds} rounds; one thread unless")
-    say("said otherwise. Seconds by phase:\n")
+    say(f"## {datetime.date.today()}: what does a frame cost?\n")
+    say(f"**Method.** `scripts/scaling.py --backend {args.backend}` measures, fits and writes this entry. {cpu}, the built-in studio;")
+    say(f"the least of {args.rounds} rounds; one thread unless a table says otherwise. Seconds by phase:\n")
     say("| triangles | pixels | samples | rays | load | build | render | write |")
     say("|---|---|---|---|---|---|---|---|")
     for triangles, pixels, spp, stats in measured:
@@ -139,8 +139,8 @@ def main():
             f"| {triangles:,} | {pixels:,} | {spp} | {rays(stats):,} | {s['load']:.3f} | {s['build']:.3f} "
             f"| {s['render']:.3f} | {s['write']:.3f} |"
         )
-    say("\n## Fits\n")
-    say("T triangles, P pixels, S samples a pixel; seconds of one thread. The error is the largest of any run.\n")
+    say("\n### Fits\n")
+    say("T triangles, P pixels, S samples a pixel; seconds of one thread. The error is the largest relative one of any run.\n")
     say("| phase | seconds | error |")
     say("|---|---|---|")
     line = lambda c, x: f"{c[0]:.4f} + {c[1] * 1e9:.1f}e-9 {x}"
@@ -148,10 +148,10 @@ def main():
     say(f"| build | {line(build, 'T')} | {100 * build_error:.0f}% |")
     say(f"| render | P S ({render[0] * 1e9:.0f} + {render[1] * 1e9:.0f} log2 T) e-9 | {100 * render_error:.0f}% |")
     say(f"| write | {line(write, 'P')} | {100 * write_error:.0f}% |")
-    say("\nThe render depends on T by the depth of the tree and, from some 10^5 triangles on, by caches that no longer hold it;")
-    say("load and build are linear and come once a mesh.")
+    say("\nLoad and build are linear in T and happen once a mesh. The render depends on T by the depth of the tree. From some 10^5")
+    say("triangles on, caches no longer hold the tree.")
 
-    say("\n## Threads\n")
+    say("\n### Threads\n")
     say(f"{largest:,} triangles, 320 x 240, 4 samples. The serial fraction f is Amdahl's: T(n) = T(1) (f + (1 - f) / n).\n")
     say("| threads | load | build | render | write | f of the render | f of all |")
     say("|---|---|---|---|---|---|---|")
@@ -167,8 +167,8 @@ def main():
         if n > 1:
             serial = max(0.0, (n * whole(s) / whole(one) - 1) / (n - 1))
             serial_render = max(0.0, (n * s["render"] / one["render"] - 1) / (n - 1))
-    say(f"\nMeasured on {threads} processors; more than these are an extrapolation. In a batch the next mesh loads while")
-    say("this one renders, and small frames render side by side, so what counts there is f of the render.")
+    say(f"\nMeasured on {threads} processors; more threads are an extrapolation. In a batch the next mesh loads while this one renders,")
+    say("and small frames render side by side. So f of the render is what counts there.")
 
     triangles, width, height, spp = 1_000_000, 1920, 1080, 16
     pixels = width * height
@@ -178,7 +178,7 @@ def main():
     speed = lambda f: 1 / (f + (1 - f) / args.cores)
     hours = lambda seconds: f"{seconds / 3600:,.0f} h" if seconds < 72 * 3600 else f"{seconds / 86400:,.1f} days"
     mesh_bytes = bytes_per_triangle * triangles
-    say(f"\n## {MESHES:,} meshes x {FRAMES} frames on {NODES} nodes\n")
+    say(f"\n### {MESHES:,} meshes x {FRAMES} frames on {NODES} nodes\n")
     say(f"Meshes of {triangles:,} triangles ({mesh_bytes / 1e6:.0f} MB), {width} x {height}, {spp} samples:\n")
     say("| | |")
     say("|---|---|")
@@ -190,20 +190,27 @@ def main():
     say(f"| on {NODES} nodes of {args.cores} cores, nothing lost | {hours(ideal)} |")
     real = core_seconds / NODES / speed(serial_render)
     say(f"| the same, one task of {args.cores} threads a node, f of the render as above | {hours(real)} |")
-    say("\n## What limits\n")
+    say("\n### Limits\n")
     per_task = 10 * 60 * args.cores / per_frame
     tasks_of_mesh = max(1, math.ceil(FRAMES / per_task))
     duration = real
-    say(f"- **Reading meshes.** Frames are numbered mesh by mesh, and tasks end where meshes do: a task of ten minutes on")
-    say(f"  {args.cores} cores has {per_task:.0f} frames, so a mesh is read by {tasks_of_mesh} task(s), {MESHES * mesh_bytes * tasks_of_mesh / 1e12:.1f} TB in all, {MESHES * mesh_bytes * tasks_of_mesh / duration / 1e6:.1f} MB/s on")
-    say(f"  average from the shared file system. Numbered frame by frame, every task would read its own mesh for each frame:")
-    say(f"  {MESHES * mesh_bytes * FRAMES / 1e12:.0f} TB, {MESHES * mesh_bytes * FRAMES / duration / 1e6:.0f} MB/s, and {MESHES * FRAMES * per_mesh / 3600:,.0f} core hours of building in place of {MESHES * per_mesh / 3600:,.0f}.")
-    say("- **Memory.** A node holds the mesh that renders and the next one. `lightpath info FILE.ply` predicts the peak;")
-    say("  `submit slurm` asks for twice the largest and a quarter more. Several tasks a node multiply that, threads do not.")
-    say("- **Number of tasks.** Slurm's arrays have at most `MaxArraySize` - 1 tasks (1000 by default): of so many frames,")
-    say(f"  {math.ceil(MESHES * FRAMES / 1000 / FRAMES) * FRAMES:,} to a task. What a lost node loses is one frame, not one task: `--resume` keeps the finished ones.")
-    say("- **Threads.** f above is what keeps one frame from filling many cores. Two tasks of half the cores each lose half of it.")
-    say("- **Writing.** Every frame is its own two files and an fsync each; folders hold the frames of one mesh.")
+    say("**Reading meshes.** Frames are numbered mesh by mesh, and tasks end where meshes do.")
+    say(f"A task of ten minutes on {args.cores} cores has {per_task:.0f} frames. Numbered frame by frame, every task would read its own mesh for each frame.\n")
+    say("| frames numbered | tasks that read a mesh | read from the shared file system | on average | building |")
+    say("|---|---|---|---|---|")
+    for name, tasks, builds in (("mesh by mesh", tasks_of_mesh, 1), ("frame by frame", FRAMES, FRAMES)):
+        size = MESHES * mesh_bytes * tasks
+        say(
+            f"| {name} | {tasks} | {size / 1e12:.1f} TB | {size / duration / 1e6:.1f} MB/s "
+            f"| {MESHES * builds * per_mesh / 3600:,.0f} core hours |"
+        )
+    say("")
+    say("- **Memory.** A node holds the mesh that renders and the next one. `lightpath info FILE.ply` predicts the peak.")
+    say("  `submit slurm` requests 2.5 times the largest prediction. Several tasks a node multiply that, threads do not.")
+    say("- **Number of tasks.** A Slurm array has at most `MaxArraySize` - 1 tasks (1000 by default). For so many frames that is")
+    say(f"  {math.ceil(MESHES * FRAMES / 1000 / FRAMES) * FRAMES:,} frames a task. A lost node loses one frame, not one task: `--resume` keeps the finished ones.")
+    say("- **Threads.** The serial fraction f keeps one frame from using many cores. Two tasks of half the cores each lose half of it.")
+    say("- **Writing.** Every frame is two files of its own, with an fsync each. A folder holds the frames of one mesh.")
     print("\n".join(out))
 
 

@@ -58,9 +58,10 @@ fn the_quick_catalogue_holds_and_is_documented() {
         assert!(row["entries"][coursework]["failed"].as_u64().unwrap() > 0, "{name}");
     }
 
-    // docs/accuracy.md has the same rows.
+    // docs/notebook/accuracy-catalogue.md has the same rows.
     let text = |path: &str| std::fs::read_to_string(path).unwrap();
-    let committed = text(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/accuracy.md"));
+    let committed =
+        text(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/notebook/accuracy-catalogue.md"));
     let made = String::from_utf8(scratch.read("a.md")).unwrap();
     let listed = |page: &str| -> BTreeSet<String> {
         let lines = page.lines().filter_map(|line| line.strip_prefix("- **"));
@@ -68,16 +69,20 @@ fn the_quick_catalogue_holds_and_is_documented() {
     };
     let expected: BTreeSet<String> = names(&report, "rows").into_iter().collect();
     assert_eq!(listed(&made), expected);
-    assert_eq!(listed(&committed), expected, "docs/accuracy.md: run `accuracy --markdown`");
+    assert_eq!(
+        listed(&committed),
+        expected,
+        "docs/notebook/accuracy-catalogue.md: run `accuracy --markdown`"
+    );
 
-    // The columns of docs/accuracy.md are existing backends. They need not include this machine's
-    // instruction sets.
+    // The columns of docs/notebook/accuracy-catalogue.md are existing backends. They need not
+    // include this machine's instruction sets.
     let named = committed.lines().filter_map(|line| line.strip_prefix("| `")?.split_once('`'));
     let named: Vec<&str> = named.map(|(name, _)| name).collect();
     assert!(named.contains(&"embree") && named.contains(&"bvh:portable"), "{named:?}");
     for name in named {
         let known = ["embree-fast", "embree", "coursework", "brute"].contains(&name);
-        assert!(known || name.starts_with("bvh:"), "docs/accuracy.md: {name}");
+        assert!(known || name.starts_with("bvh:"), "docs/notebook/accuracy-catalogue.md: {name}");
     }
 
     // The HTML page is complete and refers to nothing outside it.

@@ -1,5 +1,5 @@
-//! The sampling dimensions of docs/sampling.md: which of them are stratified together, and that the
-//! renderer uses them so.
+//! The sampling dimensions of docs/guide/sampling.md: which of them are stratified together, and
+//! that the renderer uses them so.
 
 use std::path::Path;
 

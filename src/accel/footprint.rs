@@ -46,7 +46,7 @@ impl Footprint {
                 };
                 measure(build)
             }
-            // The maxima over the scans of docs/bvh.md, rounded up.
+            // The maxima over the scans of docs/notebook/bvh.md, rounded up.
             Backend::Bvh(_) => Ok(Self::constant(34.0, 68.0)),
             // Measured on scans, rounded up.
             Backend::Coursework => Ok(Self::constant(136.0, 300.0)),

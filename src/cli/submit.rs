@@ -96,7 +96,7 @@ fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Rays per second of one thread, and triangles per second that it reads and builds.
-/// docs/scaling.md has the measurements. They only decide how many frames a task gets.
+/// docs/notebook/scaling.md has the measurements. They only decide how many frames a task gets.
 const RAYS_PER_SECOND: f64 = 5e6;
 const TRIANGLES_PER_SECOND: f64 = 1.8e6;
 

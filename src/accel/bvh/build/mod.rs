@@ -21,7 +21,7 @@ use crate::ray::NONE;
 use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
-/// Trees of more bytes are prefetched: docs/bvh.md has what that gave.
+/// Trees of more bytes are prefetched: docs/notebook/bvh.md has what that gave.
 const LARGE: u64 = 64 << 20;
 
 /// Builds the tree on the current rayon pool; also returns the most bytes that the build held.
