@@ -1,4 +1,4 @@
-//! The camera: rays from pixels and samples, exactly as docs/scene-format.md defines them.
+//! The camera: rays from pixels and samples, exactly as docs/guide/scene-format.md defines them.
 
 use glam::{DVec3, Vec3};
 

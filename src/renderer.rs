@@ -138,7 +138,7 @@ impl Renderer {
 }
 
 impl Scene {
-    /// Reads a scene from its JSON text (docs/scene-format.md). Paths are relative to the working
+    /// Reads a scene from its JSON text (docs/guide/scene-format.md). Paths are relative to the working
     /// folder.
     ///
     /// # Errors

@@ -383,7 +383,7 @@ fn incomparable_files_are_refused() {
         (&["a.exr", "a.exr", "--fail-below", "ssim=1"], "no layer that was compared has a `ssim`"),
         (&["a.exr", "a.exr", "--layer", "beauti"], "did you mean `beauty`?"),
         (&["a.exr", "a.exr", "--exposure", "inf"], "finite number of stops"),
-        (&["a.exr", "cut.png", "--out", "cut.png"], "would be written over"),
+        (&["a.exr", "cut.png", "--out", "cut.png"], "would overwrite"),
         (&["a.exr", "a.exr", "--out", "no/map.png"], "there is no such folder"),
         (&["a.exr", "a.exr", "--out", "map.jpg"], "expected a name that ends in .png"),
         (&["z.exr", "a.exr", "--layer", "Z"], "found `Z`, which a.exr has not: it has `beauty`"),

@@ -155,7 +155,7 @@ fn bad_use_exits_2_before_the_work() {
         (&["crosscheck", "s.json", "--rays", "0"], "--rays"),
         (&["crosscheck", "s.json", "--isa", "sse9"], "possible values"),
         (&["crosscheck", "s.json", "--save", "missing/x.json"], "no such folder"),
-        (&["crosscheck", "s.json", "--save", "pyramid.ply"], "written over"),
+        (&["crosscheck", "s.json", "--save", "pyramid.ply"], "would overwrite"),
         (&["crosscheck", "s.json", "--replay", "x.json"], "cannot be used with"),
         (&["crosscheck", "--replay", "x.json"], "x.json"),
         (&["crosscheck", "--replay", "s.json"], "crosscheck --save"),

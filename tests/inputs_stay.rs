@@ -50,7 +50,7 @@ const SCENE: &str = r#"{
 fn refused(done: &Done) {
     assert_eq!(done.code(), 2, "{}", done.stderr());
     let said = done.stderr();
-    assert!(said.contains("would be written over") && !said.contains("panicked"), "{said}");
+    assert!(said.contains("would overwrite") && !said.contains("panicked"), "{said}");
 }
 
 fn render(scratch: &Scratch, args: &[&str]) -> Done {

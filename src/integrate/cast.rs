@@ -1,5 +1,5 @@
 //! The Whitted integrator for one packet: light, shadows and mirror bounces from its first hits on.
-//! Implements `cast` of docs/scene-format.md.
+//! Implements `cast` of docs/guide/scene-format.md.
 
 use glam::Vec3;
 

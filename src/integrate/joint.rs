@@ -1,4 +1,4 @@
-//! Decides which light shares one stratified sequence with the pixel offsets; docs/sampling.md
+//! Decides which light shares one stratified sequence with the pixel offsets; docs/notebook/sampling.md
 //! explains why.
 
 use crate::shading::Emitter;

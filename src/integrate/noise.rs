@@ -72,7 +72,7 @@ pub struct Goal {
 }
 
 /// Exponent r of the expected variance of a pixel's mean, samples^-r. For stratified points, from
-/// the slopes in docs/sampling.md.
+/// the slopes in docs/notebook/sampling.md.
 pub fn rate(kind: Kind) -> f64 {
     match kind {
         Kind::Sobol => 1.75,

@@ -76,7 +76,7 @@ impl Lit {
 /// Creates shadow rays from `points` to the light points `q`, and the light that arrives if nothing
 /// occludes them. Returns the lanes that can receive light (N.L > 0). `glossy`: whether any ks > 0.
 ///
-/// docs/scene-format.md defines the terms. A ray's parameter is 0 at its origin and 1 at the light.
+/// docs/guide/scene-format.md defines the terms. A ray's parameter is 0 at its origin and 1 at the light.
 /// The ray ends before 1 by the relative rounding error of its end points, so that a surface at the
 /// light itself does not occlude it.
 #[inline(always)]
