@@ -13,7 +13,7 @@ use lightpath::math::pow;
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use lightpath::sampler::Sampler;
-use lightpath::shading::{Falloff, Lit, ShadowPoints, light_rays};
+use lightpath::shading::{Falloff, LightWeights, ShadowPoints, light_rays};
 use lightpath::simd::{Isa, Kernel, dispatch};
 
 fn main() {
@@ -46,7 +46,7 @@ kernel!(Refine<'a>(geometry: &'a Geometry, packet: &'a RayPacket, out: &'a mut S
 });
 
 kernel!(Light<'a>(
-    points: &'a ShadowPoints, glossy: bool, rays: &'a mut Rays, lit: &'a mut Lit
+    points: &'a ShadowPoints, glossy: bool, rays: &'a mut Rays, lit: &'a mut LightWeights
 ) -> Mask {
     let q = [[3.0; LANES], [6.0; LANES], [5.0; LANES]];
     light_rays(points, &q, None, Falloff::Quadratic, glossy, rays, lit)
@@ -92,7 +92,7 @@ fn light_16_points<const GLOSSY: bool>(bencher: Bencher, isa: Isa) {
     points.view = [lanes(|_| 0.6), lanes(|_| 0.8), lanes(|_| 0.0)];
     points.position = [lanes(|i| i), lanes(|_| 0.0), lanes(|i| -i)];
     (points.kd, points.ks, points.exponent) = ([0.8; LANES], [0.2; LANES], [50.0; LANES]);
-    let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
+    let (mut rays, mut lit) = (Rays::EMPTY, LightWeights::EMPTY);
     bencher.bench_local(|| {
         let (points, rays, lit) = (black_box(&points), black_box(&mut rays), black_box(&mut lit));
         dispatch(isa, Light { points, glossy: GLOSSY, rays, lit })

@@ -136,11 +136,11 @@ mod with_embree {
         fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
             self.0.closest(active, packet, coherence);
         }
-        fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-            self.0.closest_candidates(active, packet, coherence);
+        fn closest_unfiltered(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+            self.0.closest_unfiltered(active, packet, coherence);
         }
         fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
-            self.0.occluded_candidates(active, rays, coherence);
+            self.0.occluded_unfiltered(active, rays, coherence);
         }
     }
 
@@ -279,7 +279,7 @@ mod with_embree {
                             }
                             packet.rays.tfar[i] = f32::INFINITY;
                         }
-                        self.embree.closest_candidates(&all, &mut packet, Coherence::Coherent);
+                        self.embree.closest_unfiltered(&all, &mut packet, Coherence::Coherent);
                         found[0] += hits(&packet);
                     }
                     Query::Shadow(shadow) => {
@@ -291,7 +291,7 @@ mod with_embree {
                         }
                         rays.tfar = shadow.tfar;
                         rays.leaving = shadow.leaving;
-                        self.embree.occluded_candidates(
+                        self.embree.occluded_unfiltered(
                             &shadow.active,
                             &mut rays,
                             Coherence::Coherent,

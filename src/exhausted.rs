@@ -17,9 +17,9 @@ thread_local! {
 }
 
 /// The system's allocator, which records failed allocations.
-pub struct Noting;
+pub struct FailureRecordingAllocator;
 
-impl Noting {
+impl FailureRecordingAllocator {
     #[inline]
     fn note(pointer: *mut u8) -> *mut u8 {
         if pointer.is_null() {
@@ -31,7 +31,7 @@ impl Noting {
 
 // SAFETY: every call goes to the system's allocator under the caller's contract. A cell without a
 // destructor neither allocates nor unwinds.
-unsafe impl GlobalAlloc for Noting {
+unsafe impl GlobalAlloc for FailureRecordingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: the caller upholds the contract of `alloc`.
         Self::note(unsafe { System.alloc(layout) })
@@ -56,7 +56,7 @@ unsafe impl GlobalAlloc for Noting {
 /// Installs the handler that ends the process with exit code 3 if an abort follows a failed
 /// allocation.
 #[cfg(unix)]
-pub fn exit_in_place_of_abort() {
+pub fn exit_instead_of_abort() {
     // SAFETY: plain calls with valid pointers; an all-zero `sigaction` is a valid value.
     unsafe {
         let mut action: libc::sigaction = std::mem::zeroed();
@@ -68,7 +68,7 @@ pub fn exit_in_place_of_abort() {
 
 /// Does nothing: this system has no SIGABRT handlers.
 #[cfg(not(unix))]
-pub fn exit_in_place_of_abort() {}
+pub fn exit_instead_of_abort() {}
 
 /// Runs in the thread that aborts, outside any allocator call. The abort proceeds if it returns.
 #[cfg(unix)]

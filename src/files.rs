@@ -101,7 +101,7 @@ impl<P: AsRef<Path>> FromIterator<P> for Files {
 ///
 /// # Errors
 /// `Invalid`, with `help` as the next step.
-pub fn not_over<P: AsRef<Path>, Q: AsRef<Path>>(
+pub fn refuse_overwrites<P: AsRef<Path>, Q: AsRef<Path>>(
     inputs: impl IntoIterator<Item = P>,
     outputs: impl IntoIterator<Item = Q>,
     help: &str,

@@ -7,10 +7,10 @@ use std::process::ExitCode;
 use clap::Parser;
 
 #[global_allocator]
-static ALLOCATOR: exhausted::Noting = exhausted::Noting;
+static ALLOCATOR: exhausted::FailureRecordingAllocator = exhausted::FailureRecordingAllocator;
 
 fn main() -> ExitCode {
-    exhausted::exit_in_place_of_abort();
+    exhausted::exit_instead_of_abort();
     let arguments = match lightpath::cli::Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {

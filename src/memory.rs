@@ -10,14 +10,14 @@ use crate::{
     accel::Footprint,
     error::{Error, Kind, Problem, Result},
     film::Window,
-    layers::Plan,
+    layers::LayerPlan,
     mesh,
     output::tonemap::Depth,
     scene::{Backend, Scene, ShapeKind, Smooth},
     shading::Texture,
 };
 
-use crate::{reserve::Room, units};
+use crate::{reserve::MemoryLimit, units};
 
 mod available;
 mod freed;
@@ -54,7 +54,7 @@ pub struct Prediction {
 
 /// The sizes that a mesh header declares, if the size of the file allows them.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Promise {
+pub struct DeclaredSizes {
     /// Bytes of the vertex and index arrays.
     pub array_bytes: u64,
     /// Bytes of the vertex normals, if the file has none.
@@ -68,7 +68,7 @@ pub struct Promise {
 const MAX_PACKING_RATIO: u64 = 1032;
 
 /// Reads the sizes from the header of a PLY file.
-pub fn promise(path: &Path) -> Result<Promise> {
+pub fn promise(path: &Path) -> Result<DeclaredSizes> {
     let summary = mesh::inspect_ply(path)?;
     // The reader refuses a header that declares more rows than the file has bytes. The prediction
     // must not fail on such a header before that.
@@ -78,8 +78,8 @@ pub fn promise(path: &Path) -> Result<Promise> {
     };
     let implausible = summary.triangles.max(summary.vertices) > maximum;
     Ok(match implausible {
-        true => Promise::default(),
-        false => Promise {
+        true => DeclaredSizes::default(),
+        false => DeclaredSizes {
             array_bytes: summary.array_bytes,
             missing_normal_bytes: if summary.normals { 0 } else { 12 * summary.vertices },
             triangles: summary.triangles,
@@ -102,7 +102,7 @@ pub fn deeper_png_bytes(window: Window, depth: Depth) -> u64 {
 /// # Errors
 /// Headers that cannot be read.
 pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
-    predict_words(scene, window, Plan::new(scene).recipe.channels.len())
+    predict_words(scene, window, LayerPlan::new(scene).recipe.channels.len())
 }
 
 /// Returns the bytes of film and PNG with `words` channels in addition to R, G, B, A.
@@ -185,7 +185,7 @@ impl Prediction {
     }
 
     /// Returns the prediction with additional bytes that exist as long as the film.
-    pub fn beside_film(self, bytes: u64) -> Self {
+    pub fn with_film_bytes(self, bytes: u64) -> Self {
         Self { film_bytes: self.film_bytes.saturating_add(bytes), ..self }.with_peak()
     }
 
@@ -241,16 +241,16 @@ impl Budget {
         (window, words, beside): (Window, usize, u64),
         threads: usize,
     ) -> Result<Self> {
-        let prediction = predict_words(scene, window, words)?.beside_film(beside);
+        let prediction = predict_words(scene, window, words)?.with_film_bytes(beside);
         prediction.check(limit)?;
-        Self::of(limit, prediction.with(&Footprint::of(scene.backend, threads)?))
+        Self::new(limit, prediction.with(&Footprint::of(scene.backend, threads)?))
     }
 
     /// Returns an error if the prediction does not fit into the limit.
     ///
     /// # Errors
     /// `Limit`, with the numbers.
-    pub fn of(limit: u64, prediction: Prediction) -> Result<Self> {
+    pub fn new(limit: u64, prediction: Prediction) -> Result<Self> {
         prediction.check(limit)?;
         Ok(Self { limit, prediction })
     }
@@ -261,7 +261,7 @@ impl Budget {
     }
 
     /// Returns the memory left for meshes.
-    pub fn for_meshes(&self) -> Room {
+    pub fn for_meshes(&self) -> MemoryLimit {
         room(self.limit)
     }
 
@@ -313,8 +313,8 @@ impl std::fmt::Display for Prediction {
 }
 
 /// Returns the memory that a user's limit leaves for meshes.
-pub fn room(limit: u64) -> Room {
-    Room { bytes: limit.saturating_sub(BASE_BYTES), asked: true }
+pub fn room(limit: u64) -> MemoryLimit {
+    MemoryLimit { bytes: limit.saturating_sub(BASE_BYTES), asked: true }
 }
 
 /// Returns the largest resident set of this process so far, in bytes.
@@ -324,22 +324,22 @@ pub fn peak_bytes() -> u64 {
 
 /// Returns the memory for meshes or textures if the user sets no limit: all that the machine can
 /// still provide, including swap.
-pub fn machine() -> Option<Room> {
-    available_bytes_and_swap().map(|bytes| Room { bytes, asked: false })
+pub fn machine() -> Option<MemoryLimit> {
+    available_bytes_and_swap().map(|bytes| MemoryLimit { bytes, asked: false })
 }
 
 /// Returns the same as [`machine`] before `bytes` are needed. If they are not available, freed
 /// memory is returned to the system first.
-pub fn machine_for(bytes: u64) -> Option<Room> {
+pub fn machine_limit_for(bytes: u64) -> Option<MemoryLimit> {
     if available_bytes().is_some_and(|available| available < bytes) {
-        freed::give_back();
+        freed::release();
     }
     machine()
 }
 
 /// Returns the memory of a whole run, beyond which the system kills the process.
-pub fn before_a_kill() -> Option<Room> {
-    bytes_before_a_kill().map(|bytes| Room { bytes, asked: false })
+pub fn kill_limit() -> Option<MemoryLimit> {
+    bytes_before_a_kill().map(|bytes| MemoryLimit { bytes, asked: false })
 }
 
 /// Upper bound of the bytes per primitive for any accelerator at any time.
@@ -350,16 +350,16 @@ const MAX_BYTES_PER_PRIMITIVE: u64 = 512;
 ///
 /// # Errors
 /// `Retry`, with the numbers.
-pub fn check_build(
+pub fn ensure_build_fits(
     backend: Backend,
     threads: usize,
     primitives: u64,
     film_bytes: u64,
 ) -> Result<()> {
     let maximum = primitives.saturating_mul(MAX_BYTES_PER_PRIMITIVE).saturating_add(film_bytes);
-    let short = || before_a_kill().filter(|room| room.bytes < maximum);
+    let short = || kill_limit().filter(|room| room.bytes < maximum);
     if short().is_some() {
-        freed::give_back();
+        freed::release();
     }
     let Some(room) = short() else { return Ok(()) };
     let footprint = Footprint::of(backend, threads)?;

@@ -7,9 +7,9 @@ use crate::{
     camera,
     error::{Error, Problem, Result},
     film::{Dropped, Film},
-    layers::{Mattes, Plan},
+    layers::{LayerPlan, Mattes},
     monitor::Monitor,
-    output::{Oddities, Outputs, WriteOptions, atomic::Part, exr, tonemap::Depth},
+    output::{Outputs, ValueCounts, WriteOptions, atomic::Part, exr, tonemap::Depth},
     scene::{Backend, Camera, Layer, Scene, written::MAX_CRYPTO_RANKS},
 };
 
@@ -48,7 +48,7 @@ struct Manifest {
 
 impl Files {
     /// Paths of the files, the EXR and the PNG first.
-    pub fn names(prefix: &Path, plan: &Plan, storage: Storage) -> Vec<PathBuf> {
+    pub fn names(prefix: &Path, plan: &LayerPlan, storage: Storage) -> Vec<PathBuf> {
         let manifests = plan.mattes.iter().filter(|_| storage.crypto_sidecar);
         let manifests = manifests.map(|mattes| manifest_path(prefix, mattes.kind));
         Outputs::names(prefix).into_iter().chain(manifests).collect()
@@ -58,7 +58,7 @@ impl Files {
     ///
     /// # Errors
     /// As [`Part::create`]; a name that no EXR attribute can hold.
-    pub fn create(prefix: &Path, plan: &Plan, storage: Storage) -> Result<Self> {
+    pub fn create(prefix: &Path, plan: &LayerPlan, storage: Storage) -> Result<Self> {
         let outputs = Outputs::create(prefix)?;
         let create = |mattes: &Mattes| {
             let path = manifest_path(prefix, mattes.kind);
@@ -98,9 +98,9 @@ pub fn file_name(path: &Path) -> Result<String> {
 
 /// The information that a picture's files hold beside the pixels.
 #[derive(Debug, Clone, Copy)]
-pub struct Says<'a> {
+pub struct PictureHeader<'a> {
     /// Layers of the picture and their meaning.
-    pub plan: &'a Plan,
+    pub plan: &'a LayerPlan,
     /// Additional header attributes: names and values.
     pub more: &'a [(String, String)],
     /// Backend that found the hits.
@@ -126,10 +126,10 @@ pub fn write(
     files: Files,
     film: &Film,
     scene: &Scene,
-    says: Says,
+    says: PictureHeader,
     storage: Storage,
     monitor: &Monitor,
-) -> Result<(Vec<PathBuf>, Oddities)> {
+) -> Result<(Vec<PathBuf>, ValueCounts)> {
     let Files { mut outputs, manifests } = files;
     let mut attributes = origin(scene, &says);
     attributes.extend(layer_attributes(says.plan, &manifests));
@@ -163,7 +163,7 @@ pub fn write(
 ///
 /// # Errors
 /// The first contradiction.
-pub fn suits(scene: &Scene, storage: Storage) -> Result<()> {
+pub fn check_storage(scene: &Scene, storage: Storage) -> Result<()> {
     let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
     let lossy = storage.compression == exr::Compression::Dwaa;
     if lossy && scene.layers.iter().any(mattes) {
@@ -176,7 +176,7 @@ pub fn suits(scene: &Scene, storage: Storage) -> Result<()> {
 
 /// Header attributes of the EXR's origin. They are equal for equal pictures, so they do not hold
 /// the instruction set.
-fn origin(scene: &Scene, says: &Says) -> Vec<(String, String)> {
+fn origin(scene: &Scene, says: &PictureHeader) -> Vec<(String, String)> {
     let mode = match scene.backend {
         Backend::Embree(mode) => format!(", {mode:?}").to_lowercase(),
         _ => String::new(),
@@ -195,7 +195,7 @@ fn origin(scene: &Scene, says: &Says) -> Vec<(String, String)> {
 }
 
 /// Header attributes that describe the layers.
-fn layer_attributes(plan: &Plan, manifests: &[Manifest]) -> Vec<(String, String)> {
+fn layer_attributes(plan: &LayerPlan, manifests: &[Manifest]) -> Vec<(String, String)> {
     let mut attributes = Vec::new();
     for mattes in &plan.mattes {
         let beside = manifests.iter().find(|manifest| manifest.kind == mattes.kind);
@@ -227,7 +227,7 @@ fn view(camera: &Camera) -> exr::View {
 }
 
 /// Warnings about values that the files could not hold.
-pub fn odd(oddities: &Oddities) -> Vec<Problem> {
+pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
     let mut warnings = Vec::new();
     if let Some(spot) = &oddities.first_non_finite {
         let message = format!(

@@ -8,13 +8,13 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use rayon::prelude::*;
 
-pub use self::adaptive::{Adaptive, Taken, render_adaptive};
+pub use self::adaptive::{Adaptive, SampleCounts, render_adaptive};
 use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::film::{Dropped, Film, Planes, Window};
 pub use crate::integrate::RayCounts;
-use crate::integrate::{Beauty, Integrator, Layers, Record, TILE, TileKernel};
-use crate::layers::{Plan, Raw};
+use crate::integrate::{Beauty, Layers, Record, RenderContext, TILE, TileKernel};
+use crate::layers::{LayerPlan, RawLayout};
 use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
 use crate::world::World;
@@ -45,7 +45,7 @@ pub fn render_layers(
     accelerator: &dyn Accelerator,
     isa: Isa,
     film: &mut Film,
-    plan: &Plan,
+    plan: &LayerPlan,
     monitor: &Monitor,
 ) -> Result<RayCounts> {
     if plan.is_empty() {
@@ -66,8 +66,8 @@ pub fn render_samples(
     accelerator: &dyn Accelerator,
     isa: Isa,
     film: &mut Film,
-    plan: &Plan,
-    raw: &Raw,
+    plan: &LayerPlan,
+    raw: &RawLayout,
     monitor: &Monitor,
 ) -> Result<RayCounts> {
     let samples = raw.samples();
@@ -89,7 +89,7 @@ fn render_with<R: Record>(
     monitor: &Monitor,
 ) -> Result<RayCounts> {
     monitor.begin(Phase::Render, pixels(film.window));
-    let integrator = Integrator { world, accelerator, monitor };
+    let integrator = RenderContext { world, accelerator, monitor };
     let (counts, dropped) = tiles(film, world.frame_end())
         .into_par_iter()
         .map(|mut tile| {

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 
 use crate::accel::{self, Accelerator, BuildOptions};
 use crate::error::{Error, Problem, Result};
-use crate::film::{Blank, Film, Window};
-use crate::layers::Plan;
+use crate::film::{Film, ReservedFilm, Window};
+use crate::layers::LayerPlan;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::output::Outputs;
 use crate::output::exr::Sequence;
-use crate::picture::{self, Says, Storage};
+use crate::picture::{self, PictureHeader, Storage};
 use crate::render;
 use crate::scene::{self, Scene, Shape, ShapeKind, Smooth, Source, Trimesh};
 use crate::world::{LoadOptions, World};
@@ -25,7 +25,7 @@ use crate::world::{LoadOptions, World};
 pub struct Renderer {
     scene: Scene,
     world: World,
-    plan: Plan,
+    plan: LayerPlan,
     warnings: Vec<Problem>,
     monitor: Monitor,
 }
@@ -75,7 +75,7 @@ impl Renderer {
         let monitor = Monitor::default();
         let options = LoadOptions { ready, ..LoadOptions::default() };
         let (world, warnings) = World::load(&scene, options, &monitor)?;
-        let plan = Plan::new(&scene);
+        let plan = LayerPlan::new(&scene);
         Ok(Self { scene, world, plan, warnings, monitor })
     }
 
@@ -102,7 +102,7 @@ impl Renderer {
         let [width, height] = self.world.frame;
         let window = Window::full(width, height);
         let mut film =
-            Blank::new([width, height], window, self.plan.recipe.channels.clone())?.film();
+            ReservedFilm::new([width, height], window, self.plan.recipe.channels.clone())?.film();
         let (isa, plan) = (self.scene.backend.isa(), &self.plan);
         render::render_layers(&self.world, accelerator, isa, &mut film, plan, &self.monitor)?;
         Ok(film)
@@ -120,7 +120,7 @@ impl Renderer {
         accelerator: &dyn Accelerator,
         prefix: &Path,
     ) -> Result<[PathBuf; 2]> {
-        let says = Says {
+        let says = PictureHeader {
             plan: &self.plan,
             more: &[],
             info: &accelerator.info(),
@@ -138,8 +138,8 @@ impl Renderer {
 }
 
 impl Scene {
-    /// Reads a scene from its JSON text (docs/guide/scene-format.md). Paths are relative to the working
-    /// folder.
+    /// Reads a scene from its JSON text (docs/guide/scene-format.md). Paths are relative to the
+    /// working folder.
     ///
     /// # Errors
     /// All problems of the text, each with line and column.

@@ -8,14 +8,14 @@ use crate::{
 
 /// A limit of memory, and whether the user set it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Room {
+pub struct MemoryLimit {
     /// The limit in bytes.
     pub bytes: u64,
     /// True if the user set it (`--max-memory`); otherwise it is what the machine has.
     pub asked: bool,
 }
 
-impl Room {
+impl MemoryLimit {
     /// Returns an error if `bytes` exceeds the limit. `what` names the object that needs them.
     ///
     /// # Errors
@@ -108,12 +108,12 @@ mod tests {
 
     #[test]
     fn the_error_of_a_room_depends_on_who_set_it() {
-        let room = Room { bytes: 100, asked: true };
+        let room = MemoryLimit { bytes: 100, asked: true };
         assert_eq!(room.check(100, "x"), Ok(()));
         let error = room.less(40).check(61, "m.ply").unwrap_err();
         assert_eq!(error.kind, Kind::Limit);
         assert!(error.to_string().contains("--max-memory leaves 60 B"), "{error}");
-        let machine = Room { asked: false, ..room };
+        let machine = MemoryLimit { asked: false, ..room };
         assert_eq!(machine.check(101, "x").unwrap_err().kind, Kind::Retry);
     }
 }

@@ -54,11 +54,11 @@ pub struct Sampler {
 impl Sampler {
     /// A Sobol sampler for the scene's seed.
     pub fn new(seed: i64) -> Self {
-        Self::of(Kind::Sobol, seed)
+        Self::with_kind(Kind::Sobol, seed)
     }
 
     /// A sampler of this kind for the scene's seed.
-    pub fn of(kind: Kind, seed: i64) -> Self {
+    pub fn with_kind(kind: Kind, seed: i64) -> Self {
         // Only the bits matter; a negative seed is valid.
         Self { seed: u64::from_ne_bytes(seed.to_ne_bytes()), kind }
     }
@@ -325,7 +325,7 @@ fn product(matrix: &[u32; 16], index: u32) -> u32 {
 
 /// A seed whose points are independent of the points of `seed`, for decisions that must not depend
 /// on the picture's own samples.
-pub fn other_seed(seed: i64) -> i64 {
+pub fn independent_seed(seed: i64) -> i64 {
     mix(!u64::from_ne_bytes(seed.to_ne_bytes())) as i64
 }
 
@@ -376,7 +376,7 @@ mod tests {
     fn lanes_have_the_bits_of_the_crate() {
         for seed in 0..40 {
             for kind in Kind::ALL {
-                let sampler = Sampler::of(kind, seed);
+                let sampler = Sampler::with_kind(kind, seed);
                 // All seeds together cover every index and begin two more sequences.
                 for first in (seed as u32 * 37..3 * SEQUENCE).step_by(80) {
                     // Alternately one pixel and several pixels.
@@ -406,7 +406,7 @@ mod tests {
         let n = 1 << 16;
         for i in 0..n {
             // Over pixels and samples.
-            let sampler = Sampler::of(Kind::Random, 5);
+            let sampler = Sampler::with_kind(Kind::Random, 5);
             let pixel = [i >> 8, 3];
             let [x, y, s, t] = sampler.camera(pixel, i & 255);
             let [u, v] = sampler.light(pixel, i & 255, 0, 0);
@@ -431,7 +431,7 @@ mod tests {
     #[test]
     fn independent_points_differ_by_all_their_keys() {
         let of = |seed, pixel, index, light, bounce| {
-            Sampler::of(Kind::Random, seed).light(pixel, index, light, bounce)
+            Sampler::with_kind(Kind::Random, seed).light(pixel, index, light, bounce)
         };
         let one = of(7, [3, 4], 5, 0, 0);
         assert_eq!(one, of(7, [3, 4], 5, 0, 0));

@@ -153,18 +153,19 @@ mod sealed {
 
 /// `rows[index[i]]` of 16 lanes i, one array for each component.
 ///
-/// In AVX-512 each component is one instruction. Rows that are copied number by number and then read as
-/// vectors wait for the cache.
+/// In AVX-512 each component is one instruction. Rows that are copied number by number and then
+/// read as vectors wait for the cache.
 ///
 /// # Panics
 /// If an index is not below `rows.len()`.
 #[inline(always)]
 pub fn gather<T: Word>(rows: &[[T; 3]], index: &[u32; 16]) -> [[T; 16]; 3] {
     #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
-    if Isa::detect() == Isa::Avx512 && rows.len() <= MOST_ROWS {
+    if Isa::detect() == Isa::Avx512 && rows.len() <= MAX_ROWS {
         let last = (0..16).fold(0, |last, i| if index[i] > last { index[i] } else { last });
         assert!((last as usize) < rows.len(), "row {last} of {}", rows.len());
-        // SAFETY: `detect` has found AVX-512; all indices are those of rows, of which there are few enough.
+        // SAFETY: `detect` has found AVX-512; all indices are those of rows, of which there are few
+        // enough.
         return unsafe { gather_avx512(rows, index) };
     }
     gather_portable(rows, index)
@@ -184,10 +185,10 @@ fn gather_portable<T: Word>(rows: &[[T; 3]], index: &[u32; 16]) -> [[T; 16]; 3] 
 
 /// So many rows begin at offsets that are positive numbers of 32 bits.
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
-const MOST_ROWS: usize = i32::MAX as usize / 3;
+const MAX_ROWS: usize = i32::MAX as usize / 3;
 
 /// # Safety
-/// AVX-512 F; every index is below `rows.len()`, which is at most [`MOST_ROWS`].
+/// AVX-512 F; every index is below `rows.len()`, which is at most [`MAX_ROWS`].
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
 #[allow(clippy::incompatible_msrv)] // Compiled only where build.rs finds a compiler that has them.
 #[inline(always)]
@@ -196,7 +197,8 @@ unsafe fn gather_avx512<T: Word>(rows: &[[T; 3]], index: &[u32; 16]) -> [[T; 16]
         _mm512_add_epi32, _mm512_i32gather_epi32, _mm512_loadu_si512, _mm512_storeu_si512,
     };
     let mut gathered = [[T::default(); 16]; 3];
-    // SAFETY: a `Word` has 32 bits, so component k of a row is at 3 times its index, plus k; the caller's promise.
+    // SAFETY: a `Word` has 32 bits, so component k of a row is at 3 times its index, plus k; the
+    // caller's promise.
     unsafe {
         let index = _mm512_loadu_si512(index.as_ptr().cast());
         let offsets = _mm512_add_epi32(index, _mm512_add_epi32(index, index));

@@ -1,5 +1,6 @@
 //! Bad input to the program gives one clear message and the right exit code, without a panic, an
-//! output or a part file, and with little memory. The tables here are those of docs/notebook/bad-input.md.
+//! output or a part file, and with little memory. The tables here are those of
+//! docs/notebook/bad-input.md.
 #![cfg(unix)]
 
 mod program;

@@ -365,7 +365,7 @@ fn flags_are_checked() {
 #[test]
 fn irreproducible_parts_are_refused() {
     use lightpath::film::{Film, Window};
-    use lightpath::merge::{Files, Part, part};
+    use lightpath::merge::{PictureFormat, PictureTile, part};
     use lightpath::output::exr;
 
     let scratch = scratch();
@@ -373,7 +373,7 @@ fn irreproducible_parts_are_refused() {
     refused(&merge(&scratch, &["timed.exr"], &[]), &["timed.exr", "cannot be reproduced"]);
     let scene = lightpath::Scene::from_json(SCENE).unwrap();
     let film = Film::new([4, 4], Window::full(4, 4)).unwrap();
-    let part = Part {
+    let part = PictureTile {
         fingerprint: None,
         isa: None,
         whole: [0, 0, 4, 4],
@@ -381,10 +381,10 @@ fn irreproducible_parts_are_refused() {
         samples: [0, 1],
         of: 1,
         exact: true,
-        files: Files::new(&scene.tonemap),
+        files: PictureFormat::new(&scene.tonemap),
         recipe: Default::default(),
     };
-    let write = |name: &str, part: &Part, reproducible: &str| {
+    let write = |name: &str, part: &PictureTile, reproducible: &str| {
         let said = serde_json::to_string(part).unwrap();
         let attributes =
             [(part::ATTRIBUTE, said.as_str()), ("lightpath:reproducible", reproducible)];
@@ -408,7 +408,7 @@ fn irreproducible_parts_are_refused() {
     }
     // Only Embree's last bits may depend on its instruction set.
     for (name, isa) in [("sse.exr", "SSE"), ("avx.exr", "AVX-512")] {
-        write(name, &Part { isa: Some(isa.to_string()), ..part.clone() }, "yes");
+        write(name, &PictureTile { isa: Some(isa.to_string()), ..part.clone() }, "yes");
     }
     let said = ["avx.exr", "another instruction set of Embree: AVX-512, expected SSE"];
     refused(&merge(&scratch, &["sse.exr", "avx.exr"], &[]), &said);

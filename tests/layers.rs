@@ -8,8 +8,8 @@ use backends::on_both;
 use lightpath::{
     accel::{self, BuildOptions},
     camera,
-    film::{Blank, Film, Window},
-    layers::{FAR, Plan},
+    film::{Film, ReservedFilm, Window},
+    layers::{LayerPlan, MISS_DEPTH},
     monitor::Monitor,
     render,
     scene::{self, Backend, Scene, Source},
@@ -58,7 +58,7 @@ fn checked(scene: &Value) -> Scene {
 
 struct Rendered {
     film: Film,
-    plan: Plan,
+    plan: LayerPlan,
 }
 
 fn rendered(scene: &Value, window: Option<Window>, threads: usize, isa: Isa) -> Rendered {
@@ -84,10 +84,10 @@ fn with_margin(
             other => other,
         };
         let accelerator = accel::build(&world.geometry, backend, &options, &monitor).unwrap();
-        let plan = Plan::new(&scene);
+        let plan = LayerPlan::new(&scene);
         let [width, height] = world.frame;
         let window = window.unwrap_or(Window::full(width, height));
-        let blank = Blank::new(world.frame, window, plan.recipe.channels.clone());
+        let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone());
         let mut film = blank.unwrap().film();
         render::render_layers(&world, &*accelerator, isa, &mut film, &plan, &monitor).unwrap();
         Rendered { film, plan }
@@ -220,7 +220,7 @@ on_both! {
             // Points in the margin project into their pixels, too.
             let to_ndc = camera::world_to_ndc(&checked(&scene).camera);
             let mut beside = 0;
-            for pixel in (0..wide.pixels()).filter(|&pixel| wide.float("Z", pixel) < FAR) {
+            for pixel in (0..wide.pixels()).filter(|&pixel| wide.float("Z", pixel) < MISS_DEPTH) {
                 let p = ["P.X", "P.Y", "P.Z"].map(|c| f64::from(wide.float(c, pixel)));
                 let p = [p[0], p[1], p[2], 1.0];
                 let [x, y, _, w]: [f64; 4] =
@@ -247,7 +247,7 @@ fn points_project_into_their_pixels() {
     let mut hits = 0;
     for pixel in 0..all.pixels() {
         let z = all.float("Z", pixel);
-        if z == FAR {
+        if z == MISS_DEPTH {
             assert_eq!(["P.X", "P.Y", "P.Z"].map(|c| all.float(c, pixel)), [0.0; 3]);
             assert_eq!((all.uint("primid.id", pixel), all.uint("objectid.id", pixel)), (0, 0));
             continue;

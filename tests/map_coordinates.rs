@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use glam::DVec3;
-use lightpath::film::{Blank, Window};
+use lightpath::film::{ReservedFilm, Window};
 use lightpath::monitor::Monitor;
 use lightpath::scene::{self, Backend, Source};
 use lightpath::simd::Isa;
@@ -104,7 +104,8 @@ fn render(world: &World, backend: Backend) -> Vec<[u32; 4]> {
     let (monitor, isa) = (Monitor::default(), Isa::detect());
     let accelerator = program::backends::build(&world.geometry, backend);
     let [width, height] = world.frame;
-    let mut film = Blank::new(world.frame, Window::full(width, height), Vec::new()).unwrap().film();
+    let mut film =
+        ReservedFilm::new(world.frame, Window::full(width, height), Vec::new()).unwrap().film();
     lightpath::render::render(world, accelerator.as_ref(), isa, &mut film, &monitor).unwrap();
     film.pixels.iter().map(|p| p.map(f32::to_bits)).collect()
 }

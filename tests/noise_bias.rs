@@ -7,7 +7,7 @@ use lightpath::{
     accel::{self, Accelerator, BuildOptions},
     film::{Film, Window},
     integrate::Relative,
-    layers::Plan,
+    layers::LayerPlan,
     monitor::Monitor,
     render::{self, Adaptive},
     scene::{self, Source},
@@ -127,7 +127,7 @@ fn adaptive(
     seeds: Range<i64>,
 ) -> ([f64; 2], f64) {
     let adaptive = Adaptive { first: 16, most: 1024, noise: Some(noise), relative, time: None };
-    let (plan, mut film) = (Plan::default(), film(world));
+    let (plan, mut film) = (LayerPlan::default(), film(world));
     world.spp = adaptive.most;
     let (isa, monitor) = (Isa::detect(), Monitor::default());
     let mut samples = 0.0;

@@ -5,11 +5,11 @@ use std::{fs, io::Cursor, path::Path};
 
 use lightpath::{
     error::Kind,
-    film::{Blank, Channel, ChannelKind, Dropped, Film, Window},
+    film::{Channel, ChannelKind, Dropped, Film, ReservedFilm, Window},
     monitor::Monitor,
     output::{
-        Oddities, Outputs, Spot, WriteOptions, atomic::Part, atomic::TextFile, exr, exr_read, png,
-        tonemap::Depth,
+        Outputs, ValueCounts, ValueLocation, WriteOptions, atomic::Part, atomic::TextFile, exr,
+        exr_read, png, tonemap::Depth,
     },
     scene::{ToneOperator, Tonemap},
 };
@@ -141,19 +141,19 @@ fn values_beyond_half_floats_are_clamped_and_counted() {
     assert_eq!(row[1], [65504.0, 0.0, -65504.0, 1.0]);
     assert_eq!(row[2], [0.0, 65504.0, -65504.0, 1.0]);
     assert_eq!(row[4], [65504.0, 0.0, 0.0, 1.0]);
-    let spot = |pixel, channel: &str| Some(Spot { pixel, channel: channel.to_string() });
-    let expected = Oddities {
+    let spot = |pixel, channel: &str| Some(ValueLocation { pixel, channel: channel.to_string() });
+    let expected = ValueCounts {
         dropped: Dropped::default(),
         non_finite: 2,
         first_non_finite: spot([5, 3], "R"),
         clamped: 1,
         first_clamped: spot([4, 3], "R"),
     };
-    assert_eq!(Oddities::of(&film, false), expected);
-    let as_float = Oddities { clamped: 0, first_clamped: None, ..expected };
-    assert_eq!(Oddities::of(&film, true), as_float);
+    assert_eq!(ValueCounts::count(&film, false), expected);
+    let as_float = ValueCounts { clamped: 0, first_clamped: None, ..expected };
+    assert_eq!(ValueCounts::count(&film, true), as_float);
     film.pixels.fill([65504.0, 0.0, 1.0, 1.0]);
-    assert_eq!(Oddities::of(&film, false), Oddities::default());
+    assert_eq!(ValueCounts::count(&film, false), ValueCounts::default());
 }
 
 fn read_png(bytes: &[u8]) -> (::png::Info<'static>, Vec<u8>) {
@@ -235,7 +235,7 @@ fn layered() -> Film {
         [("N.X", ChannelKind::Half), ("Z", ChannelKind::Float), ("id.id", ChannelKind::Uint)];
     let channels = channels.map(|(name, kind)| Channel { name: name.to_string(), kind });
     let window = Window { x0: 1, y0: 2, x1: 12, y1: 35 };
-    let mut film = Blank::new([20, 40], window, channels.to_vec()).unwrap().film();
+    let mut film = ReservedFilm::new([20, 40], window, channels.to_vec()).unwrap().film();
     for (i, pixel) in film.pixels.iter_mut().enumerate() {
         *pixel = [i as f32 / 7.0, (i as f32).sin(), 1e-3, 1.0];
     }
@@ -303,7 +303,7 @@ fn long_names_of_channels_and_attributes_are_announced() {
     let flag = |channel: usize, attribute: usize, multipart: bool| {
         let channels = [Channel { name: "c".repeat(channel), kind: ChannelKind::Half }];
         let window = Window { x0: 0, y0: 0, x1: 4, y1: 3 };
-        let film = Blank::new([4, 3], window, channels.to_vec()).unwrap().film();
+        let film = ReservedFilm::new([4, 3], window, channels.to_vec()).unwrap().film();
         let attributes = [("a".repeat(attribute), "value".repeat(20))];
         let options = exr::Options { attributes: &attributes, multipart, ..Default::default() };
         let folder = tempfile::tempdir().unwrap();
@@ -343,7 +343,7 @@ fn both_files_appear_and_nothing_else() {
         exr,
     };
     let (paths, odd) = outputs.write(&film(), &options, &Monitor::default()).unwrap();
-    assert_eq!(odd, Oddities::default());
+    assert_eq!(odd, ValueCounts::default());
     assert_eq!(names_in(folder.path()), ["frame.0001.exr", "frame.0001.png"]);
     assert_eq!(fs::read(&paths[0]).unwrap(), exr_bytes(&film()));
     assert_eq!(fs::read(&paths[1]).unwrap(), png_bytes(&film(), &CLAMP, false));

@@ -1,5 +1,5 @@
-//! Every invalid PLY file gets its message, the messages are those of docs/notebook/bad-input.md, and no
-//! sequence of bytes makes the reader panic.
+//! Every invalid PLY file gets its message, the messages are those of docs/notebook/bad-input.md,
+//! and no sequence of bytes makes the reader panic.
 
 mod ply_writer;
 mod program;

@@ -56,8 +56,8 @@ impl Accelerator for Telling<'_> {
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         self.tree.occluded(active, rays, coherence);
     }
-    fn nothing_between(&self, active: &Mask, rays: &Rays) -> Option<bool> {
-        let told = self.tells.then(|| self.tree.nothing_between(active, rays)).flatten();
+    fn is_cone_empty(&self, active: &Mask, rays: &Rays) -> Option<bool> {
+        let told = self.tells.then(|| self.tree.is_cone_empty(active, rays)).flatten();
         self.told.fetch_add(u64::from(told == Some(true)), Relaxed);
         told
     }

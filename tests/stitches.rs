@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use lightpath::film::{Blank, Window};
+use lightpath::film::{ReservedFilm, Window};
 use lightpath::geometry::{Surfaces, refine};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket};
@@ -234,7 +234,7 @@ on_both! {
                 let (world, _) = load(folder.path(), &place);
                 let accelerator = program::backends::build(&world.geometry, backend);
                 let window = Window::full(64, 48);
-                let mut film = Blank::new(world.frame, window, Vec::new()).unwrap().film();
+                let mut film = ReservedFilm::new(world.frame, window, Vec::new()).unwrap().film();
                 let monitor = Monitor::default();
                 render::render(&world, &*accelerator, backend.isa(), &mut film, &monitor).unwrap();
                 film.pixels
@@ -279,7 +279,7 @@ fn a_hit_on_a_stitch_counts_as_its_neighbour() {
     let mut surfaces = Surfaces::EMPTY;
     let mut seen = 0;
     for (hit, mut packet) in on_stitches {
-        world.geometry.beside_stitches(&hit, &mut packet);
+        world.geometry.replace_stitch_hits(&hit, &mut packet);
         refine(&world.geometry, &hit, &packet, &mut surfaces);
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             let prim = packet.hits.prim[i];

@@ -13,7 +13,7 @@ use lightpath::geometry::{NONE, Surfaces, refine};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use lightpath::scene::{self, Backend, Source};
-use lightpath::shading::{Falloff, Lit, Points, lane, light_rays, reflect, set_lane};
+use lightpath::shading::{Falloff, LightWeights, Points, lane, light_rays, reflect, set_lane};
 use lightpath::world::{LoadOptions, World};
 use serde_json::json;
 
@@ -157,7 +157,7 @@ fn lit(
     }
     let mut q = [[0.0; LANES]; 3];
     (0..LANES).for_each(|i| set_lane(&mut q, i, light.as_vec3()));
-    let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
+    let (mut rays, mut lit) = (Rays::EMPTY, LightWeights::EMPTY);
     let on = light_rays(&points.at, &q, None, Falloff::None, false, &mut rays, &mut lit);
     accelerator.occluded(&on, &mut rays, Coherence::Coherent);
     std::array::from_fn(|i| {

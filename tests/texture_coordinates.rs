@@ -9,8 +9,8 @@ use std::path::Path;
 use backends::on_both;
 use glam::{DVec2, DVec3};
 use image::{Rgb, RgbImage};
-use lightpath::film::{Blank, Film, Window};
-use lightpath::layers::Plan;
+use lightpath::film::{Film, ReservedFilm, Window};
+use lightpath::layers::LayerPlan;
 use lightpath::monitor::Monitor;
 use lightpath::render;
 use lightpath::scene::{self, Backend, Source};
@@ -34,7 +34,7 @@ struct Ray {
 }
 
 /// (u, v) of the shape where the ray hits it, with v down, before `tScale`; `None` for a miss.
-type Truth = dyn Fn(&Ray) -> Option<DVec2>;
+type HitValidator = dyn Fn(&Ray) -> Option<DVec2>;
 
 /// A scene with the shape, lit only by ambient light.
 fn scene(shape: Value, scale: DVec2, camera: &Value) -> Value {
@@ -54,11 +54,11 @@ fn camera(position: [f64; 3], lookat: [f64; 3], fov: f64) -> Value {
             "position": position, "lookat": lookat, "up": [0.03, 1, 0.01] })
 }
 
-fn render(world: &World, plan: &Plan, backend: Backend) -> Film {
+fn render(world: &World, plan: &LayerPlan, backend: Backend) -> Film {
     let (monitor, isa) = (Monitor::default(), Isa::detect());
     let accelerator = backends::build(&world.geometry, backend);
     let window = Window::full(WIDTH, HEIGHT);
-    let blank = Blank::new(world.frame, window, plan.recipe.channels.clone());
+    let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone());
     let mut film = blank.unwrap().film();
     render::render_layers(world, &*accelerator, isa, &mut film, plan, &monitor).unwrap();
     film
@@ -66,7 +66,7 @@ fn render(world: &World, plan: &Plan, backend: Backend) -> Film {
 
 /// Renders the scene and compares texels and the layer `uv` with the truth; then compares the layer
 /// alone for the same shape without a texture.
-fn judge(backend: Backend, folder: &Path, scene: &Value, scale: DVec2, truth: &Truth) {
+fn judge(backend: Backend, folder: &Path, scene: &Value, scale: DVec2, truth: &HitValidator) {
     let texels = RgbImage::from_fn(TEXELS, TEXELS, |i, j| Rgb([20 * i as u8, 20 * j as u8, 0]));
     texels.save(folder.join("texels.png")).unwrap();
     let mut plain = scene.clone();
@@ -76,12 +76,12 @@ fn judge(backend: Backend, folder: &Path, scene: &Value, scale: DVec2, truth: &T
         let source = Source::Text { name: "test", text: text.as_bytes(), folder };
         let scene = scene::load(source, &[]).unwrap().scene;
         let (world, _) = World::load(&scene, LoadOptions::default(), &Monitor::default()).unwrap();
-        let film = render(&world, &Plan::new(&scene), backend);
+        let film = render(&world, &LayerPlan::new(&scene), backend);
         compare(&world, &film, textured.then_some(scale), truth, &format!("textured: {textured}"));
     }
 }
 
-fn compare(world: &World, film: &Film, scale: Option<DVec2>, truth: &Truth, case: &str) {
+fn compare(world: &World, film: &Film, scale: Option<DVec2>, truth: &HitValidator, case: &str) {
     let [u, v, a] = ["uv.U", "uv.V", "uv.A"].map(|name| film.planes.index(name).unwrap());
     let (mut hits, mut compared, mut missed) = (0, 0, 0);
     let (mut wrong, mut off) = (Vec::new(), Vec::new());

@@ -1,5 +1,5 @@
-//! Bytes -> the PLY reader: an error or a mesh that keeps its promises, and the same one whether the
-//! bytes are all there or come through a small window.
+//! Bytes -> the PLY reader: an error or a mesh that keeps its promises, and the same one whether
+//! the bytes are all there or come through a small window.
 #![no_main]
 
 use std::io::Write;

@@ -70,7 +70,7 @@ pub trait Accelerator: Send + Sync {
     /// query is for callers that refine their hits anyhow. They trace the rays that
     /// [`crate::geometry::refine`] marks as doubtful again, by [`Accelerator::closest`] with the
     /// original `tfar`.
-    fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+    fn closest_unfiltered(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         self.closest(active, packet, coherence);
     }
 
@@ -85,7 +85,7 @@ pub trait Accelerator: Send + Sync {
 
     /// Like [`Accelerator::occluded`], but false hits of the backend's own test may occlude a ray.
     /// It measures the cost of the bare backend.
-    fn occluded_candidates(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+    fn occluded_unfiltered(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         self.occluded(active, rays, coherence);
     }
 
@@ -95,7 +95,7 @@ pub trait Accelerator: Send + Sync {
     /// All active rays share one origin; their `tnear` is 0 and their `tfar` infinite. A direction
     /// of the cone is a sum of theirs with factors >= 0, rounded once. Conservative: may return
     /// `Some(false)` for an empty cone. Returns `None` if the backend has no such query.
-    fn nothing_between(&self, _: &Mask, _: &Rays) -> Option<bool> {
+    fn is_cone_empty(&self, _: &Mask, _: &Rays) -> Option<bool> {
         None
     }
 

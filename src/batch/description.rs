@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::{
     output::exr::Compression,
     scene::written::{Angles, Name, Point, Smooth},
-    studio::{Axis, Fixed, Turning},
+    studio::{Axis, LightsFollow, Turning},
 };
 
 /// A lightpath batch: the inputs, how they are shown, and where the pictures go. Paths are relative
@@ -117,7 +117,7 @@ pub struct TurntableKeys {
     /// Whether the lights stay with the camera or with the object. Default: with the camera if the
     /// object turns, with the object if the camera turns.
     #[serde(default)]
-    pub lights: Option<Fixed>,
+    pub lights: Option<LightsFollow>,
     /// Angle of the first frame in degrees.
     #[serde(default)]
     #[schemars(range(min = -360.0, max = 360.0))]

@@ -14,7 +14,7 @@ use crate::{
     paths,
     picture::Storage,
     scene::{Overrides, written::Name},
-    studio::{Axis, Fixed, Looks, MARGIN, Template, Turning, Turntable},
+    studio::{Appearance, Axis, LightsFollow, MARGIN, Template, Turning, Turntable},
     units,
 };
 
@@ -38,7 +38,7 @@ pub struct Job {
     /// Free space around a mesh at each border, as a fraction of the picture.
     pub margin: f64,
     /// Smoothing, texture and ground of the meshes.
-    pub looks: Looks,
+    pub looks: Appearance,
     /// Turntable of each input. `None`: one frame per input.
     pub turntable: Option<Turntable>,
     /// A point on the turntable's axis, if the job file sets it.
@@ -151,7 +151,7 @@ impl Job {
             inputs: found,
             template,
             margin: file.margin.unwrap_or(MARGIN),
-            looks: Looks {
+            looks: Appearance {
                 smooth: file.smooth,
                 texture: file.texture.as_ref().map(|path| base.join(&path.0)),
                 no_ground: file.ground == Some(false),
@@ -261,8 +261,8 @@ fn patches(camera: &BTreeMap<String, Value>, set: &BTreeMap<String, Value>) -> O
 
 fn turntable(keys: &TurntableKeys) -> Turntable {
     let lights = keys.lights.unwrap_or(match keys.turn {
-        Turning::Object => Fixed::Camera,
-        Turning::Camera => Fixed::Object,
+        Turning::Object => LightsFollow::Camera,
+        Turning::Camera => LightsFollow::Object,
     });
     Turntable { frames: keys.frames, turn: keys.turn, lights, start_deg: keys.start }
 }

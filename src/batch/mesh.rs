@@ -13,10 +13,10 @@ use std::{
 use crate::{
     accel::{self, Accelerator, BuildInfo, BuildOptions},
     error::{Error, Result},
-    film::{Blank, Film, Window},
-    layers::Plan,
+    film::{Film, ReservedFilm, Window},
+    layers::LayerPlan,
     memory::{self, Budget, Prediction},
-    picture::{self, Files, Says, Storage},
+    picture::{self, Files, PictureHeader, Storage},
     render::{RayCounts, render_layers},
     world::{Contents, LoadOptions, World},
 };
@@ -57,7 +57,7 @@ impl Run<'_> {
         let began = Instant::now();
         let job = self.job;
         let monitor = self.monitor.part();
-        let machine = || memory::machine_for(prediction.peak_bytes);
+        let machine = || memory::machine_limit_for(prediction.peak_bytes);
         let room = self.options.max_memory.map(|_| memory::room(share)).or_else(machine);
         let reading = || scene::read(job, &job.inputs[task.input], room, &monitor);
         let ready = self.loading.install(reading)?;
@@ -68,9 +68,9 @@ impl Run<'_> {
         };
         let looking = || ready.frames(job, task, resume, &self.settings, &mut contents);
         let (frames, kept) = self.loading.install(looking)?;
-        let plan = Plan::new(&ready.loaded.scene);
+        let plan = LayerPlan::new(&ready.loaded.scene);
         for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
-            self.tidy(&Files::names(&prefix, &plan, job.storage));
+            self.sweep_frame(&Files::names(&prefix, &plan, job.storage));
         }
         self.kept(input, kept).inspect_err(|error| self.end(error.clone()))?;
         if frames.is_empty() {
@@ -82,7 +82,7 @@ impl Run<'_> {
             (self.tell)(Event::Framed { input, camera: &camera });
         }
         let mut messages = self.warn(input, &warnings);
-        let budget = self.options.max_memory.map(|_| Budget::of(share, prediction)).transpose()?;
+        let budget = self.options.max_memory.map(|_| Budget::new(share, prediction)).transpose()?;
         let budget = budget.as_ref();
         let options = LoadOptions {
             repair: job.repair,
@@ -95,7 +95,7 @@ impl Run<'_> {
         let scene = &loaded.scene;
         let loading = || World::load(scene, options, &monitor);
         let (world, warnings) = self.loading.install(loading)?;
-        self.is_no_output(&world.read)?;
+        self.refuse_if_output(&world.read)?;
         if frames.iter().all(|frame| frame.hash.is_some()) {
             world.read.check(&contents)?;
         }
@@ -147,7 +147,7 @@ impl Run<'_> {
 
     fn frame(&self, built: &Built, frame: &Frame, film: &mut Option<Film>) -> Result<()> {
         let scene = &frame.loaded.scene;
-        let plan = Plan::new(scene);
+        let plan = LayerPlan::new(scene);
         let world = built.world.frame_of(scene);
         let monitor = Arc::new(self.monitor.part());
         let turn = self.turns.take(built.number);
@@ -158,12 +158,12 @@ impl Run<'_> {
             (self.tell)(Event::Again { reason });
         }
         let files =
-            create(frame, &plan, self.job.storage).inspect_err(|error| self.end_if_full(error))?;
+            create(frame, &plan, self.job.storage).inspect_err(|error| self.end_if_retry(error))?;
         let film = match film {
             Some(film) => film,
             None => {
                 let window = Window::full(world.frame[0], world.frame[1]);
-                let blank = Blank::new(world.frame, window, plan.recipe.channels.clone())?;
+                let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone())?;
                 film.insert(self.pool.install(|| blank.film()))
             }
         };
@@ -175,7 +175,7 @@ impl Run<'_> {
         let render_s = began.elapsed().as_secs_f64();
         drop(turn);
         let written = counts.map(|counts| {
-            let says = Says {
+            let says = PictureHeader {
                 plan: &plan,
                 more: &[],
                 info: &built.info,
@@ -193,13 +193,13 @@ impl Run<'_> {
         let (counts, written) = written?;
         let (paths, oddities) = match written {
             Err(error) => {
-                self.end_if_full(&error);
+                self.end_if_retry(&error);
                 return Err(error);
             }
             Ok(written) => written,
         };
         let write_s = began.elapsed().as_secs_f64() - render_s;
-        let warnings = self.warn(built.input, &picture::odd(&oddities));
+        let warnings = self.warn(built.input, &picture::oddity_warnings(&oddities));
         self.finished(&counts);
         let record = FrameRecord {
             index: frame.index,
@@ -226,7 +226,7 @@ impl Run<'_> {
 }
 
 /// Creates the part files of a frame and their folder.
-fn create(frame: &Frame, plan: &Plan, storage: Storage) -> Result<Files> {
+fn create(frame: &Frame, plan: &LayerPlan, storage: Storage) -> Result<Files> {
     if let Some(folder) = frame.prefix.parent() {
         std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, "create", &error))?;
     }

@@ -96,7 +96,7 @@ impl Pattern {
     }
 
     /// Returns true if the frames of one input have different names.
-    pub fn tells_frames(&self) -> bool {
+    pub fn has_frame_number(&self) -> bool {
         self.0.iter().any(|piece| matches!(piece, Piece::Frame(_)))
     }
 
@@ -168,8 +168,8 @@ mod tests {
         assert_eq!(of("{stem}/{stem}.{frame:04}.exr"), "a/a.0012");
         assert_eq!(of("{parent}-{input:03}_{frame}"), "red-007_12");
         assert_eq!(of(Pattern::STILL), "a");
-        assert!(Pattern::parse("", Pattern::FRAMES).unwrap().tells_frames());
-        assert!(!Pattern::parse("", Pattern::STILL).unwrap().tells_frames());
+        assert!(Pattern::parse("", Pattern::FRAMES).unwrap().has_frame_number());
+        assert!(!Pattern::parse("", Pattern::STILL).unwrap().has_frame_number());
     }
 
     #[test]

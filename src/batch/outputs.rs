@@ -32,7 +32,7 @@ pub fn inputs(job: &Job) -> Files {
 /// Returns an input's path and the paths of the files that it names, as far as these can be found
 /// out.
 fn named(job: &Job, input: &Input) -> Vec<PathBuf> {
-    let named = match scene::unframed(job, input) {
+    let named = match scene::with_default_placement(job, input) {
         Ok(scene) => world::sources(&scene),
         // A mesh header names its texture even if the scene around it is invalid.
         Err(_) => world::mesh_sources(&input.path),
@@ -87,7 +87,7 @@ type HashedName = (u64, u32, u32);
 /// # Errors
 /// The first such pair in the order of the job.
 pub fn distinct(name: &Pattern, inputs: &[Input], frames: u32, text: &str) -> Result<()> {
-    if frames > 1 && !name.tells_frames() {
+    if frames > 1 && !name.has_frame_number() {
         let message = format!("found {text:?} for {frames} frames, expected {{frame}} in it");
         return Err(Error::invalid("output name", message).help("{stem}/{stem}.{frame:04}"));
     }

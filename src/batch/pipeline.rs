@@ -23,7 +23,7 @@ use crate::{
     monitor::Monitor,
     output::atomic::Sweep,
     render::RayCounts,
-    reserve::Room,
+    reserve::MemoryLimit,
     scene::Backend,
     world::Read,
 };
@@ -70,7 +70,7 @@ pub struct Run<'a> {
     pub jobs: usize,
     memory: Memory,
     /// Memory of the machine when the run began.
-    room: Option<Room>,
+    room: Option<MemoryLimit>,
     next: AtomicUsize,
     footprints: Mutex<Vec<(Backend, Footprint)>>,
     stop: AtomicBool,
@@ -112,7 +112,7 @@ pub fn run(
         turns: Turns::new(jobs),
         jobs,
         memory: Memory::new(limit),
-        room: memory::before_a_kill(),
+        room: memory::kill_limit(),
         next: AtomicUsize::new(0),
         footprints: Mutex::default(),
         stop: AtomicBool::new(false),
@@ -234,7 +234,7 @@ impl Run<'_> {
     ///
     /// Checks only files that were unknown at the start: a mesh from a pipe names its texture only
     /// when it is read.
-    pub fn is_no_output(&self, read: &Read) -> Result<()> {
+    pub fn refuse_if_output(&self, read: &Read) -> Result<()> {
         let new: Files = read.paths().filter(|path| !self.inputs.has(path)).collect();
         match new.is_empty() {
             true => Ok(()),
@@ -285,7 +285,7 @@ impl Run<'_> {
     }
 
     /// Ends the batch if a disk is full or another resource is exhausted (`Retry`).
-    pub fn end_if_full(&self, error: &Error) {
+    pub fn end_if_retry(&self, error: &Error) {
         if error.kind == Kind::Retry {
             self.end(error.clone());
         }
@@ -300,7 +300,7 @@ impl Run<'_> {
     }
 
     /// Removes part files that killed runs left beside the files of a frame.
-    pub fn tidy(&self, targets: &[impl AsRef<Path>]) {
+    pub fn sweep_frame(&self, targets: &[impl AsRef<Path>]) {
         for target in targets {
             self.sweep.target(target.as_ref());
         }

@@ -2,7 +2,7 @@
 
 use std::{ffi::OsStr, path::PathBuf};
 
-use crate::output::finished::{self, Finished};
+use crate::output::finished::{self, FileState};
 
 use super::{fingerprint::difference, sums::Sums};
 
@@ -34,23 +34,23 @@ pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&Sums>) -> Verdic
         Some("exr") => (path, finished::exr(path)),
         Some("png") => (path, finished::png(path)),
         // A manifest is renamed before its EXR. The EXR's fingerprint covers both.
-        _ if path.is_file() => (path, Finished::Whole(Some(fingerprint.to_string()))),
-        _ => (path, Finished::Missing),
+        _ if path.is_file() => (path, FileState::Whole(Some(fingerprint.to_string()))),
+        _ => (path, FileState::Missing),
     });
-    let found: Vec<(&PathBuf, Finished)> = found.collect();
-    if found.iter().all(|(_, state)| *state == Finished::Missing) {
+    let found: Vec<(&PathBuf, FileState)> = found.collect();
+    if found.iter().all(|(_, state)| *state == FileState::Missing) {
         return Verdict::Render;
     }
     for (path, state) in found {
         let name = path.display();
         return Verdict::Again(match state {
-            Finished::Whole(Some(there)) if there == fingerprint => continue,
-            Finished::Whole(Some(there)) => {
+            FileState::Whole(Some(there)) if there == fingerprint => continue,
+            FileState::Whole(Some(there)) => {
                 format!("{name}: {}", difference(&there, fingerprint))
             }
-            Finished::Whole(None) => format!("{name} has no fingerprint"),
-            Finished::Broken => format!("{name} is not whole"),
-            Finished::Missing => format!("{name} is missing"),
+            FileState::Whole(None) => format!("{name} has no fingerprint"),
+            FileState::Broken => format!("{name} is not whole"),
+            FileState::Missing => format!("{name} is missing"),
         });
     }
     let doubt = sums.and_then(|sums| files.iter().find_map(|path| sums.doubt(path)));

@@ -8,14 +8,14 @@ use rayon::prelude::*;
 use crate::{
     error::{Error, Problem, Result},
     film::Window,
-    layers::Plan,
+    layers::LayerPlan,
     memory::{self, Prediction},
     mesh::Mesh,
     monitor::Monitor,
     picture::{self, Files},
-    reserve::Room,
+    reserve::MemoryLimit,
     scene::{self, Loaded, Scene, Source},
-    studio::{self, Shown, Subject},
+    studio::{self, MeshScene, Subject},
     world::{self, Contents},
 };
 
@@ -68,11 +68,11 @@ pub struct Frame {
 /// # Errors
 /// Errors of the scene and of the headers.
 pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
-    let scene = unframed(job, input)?;
-    picture::suits(&scene, job.storage)?;
+    let scene = with_default_placement(job, input)?;
+    picture::check_storage(&scene, job.storage)?;
     let window = Window::full(scene.camera.width, scene.camera.height);
     let deeper = memory::deeper_png_bytes(window, job.storage.depth);
-    let prediction = memory::predict(&scene, window)?.beside_film(deeper);
+    let prediction = memory::predict(&scene, window)?.with_film_bytes(deeper);
     Ok((scene, prediction))
 }
 
@@ -80,9 +80,9 @@ pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
 ///
 /// # Errors
 /// Errors of the scene.
-pub fn unframed(job: &Job, input: &Input) -> Result<Scene> {
+pub fn with_default_placement(job: &Job, input: &Input) -> Result<Scene> {
     let loaded = match studio::is_mesh(&input.path) {
-        true => studio::unframed(&input.path, &job.template, &input.overrides)?,
+        true => studio::with_default_placement(&input.path, &job.template, &input.overrides)?,
         false => {
             let source = Source::File(&input.path);
             studio::load(source, input.overrides.clone(), job.light_samples, &mut Vec::new())?
@@ -95,7 +95,12 @@ pub fn unframed(job: &Job, input: &Input) -> Result<Scene> {
 ///
 /// # Errors
 /// All problems of the input.
-pub fn read(job: &Job, input: &Input, room: Option<Room>, monitor: &Monitor) -> Result<Ready> {
+pub fn read(
+    job: &Job,
+    input: &Input,
+    room: Option<MemoryLimit>,
+    monitor: &Monitor,
+) -> Result<Ready> {
     let path = &input.path;
     let (overrides, samples) = (input.overrides.clone(), job.light_samples);
     if studio::is_mesh(path) {
@@ -110,7 +115,7 @@ pub fn read(job: &Job, input: &Input, room: Option<Room>, monitor: &Monitor) -> 
             room,
             ..Subject::new(path)
         };
-        let Shown { loaded, warnings, mesh, middle } =
+        let MeshScene { loaded, warnings, mesh, middle } =
             studio::show(&subject, &job.template, overrides, samples, monitor)?;
         let folder = job.template.folder.clone();
         let pivot = job.pivot.unwrap_or(middle);
@@ -149,7 +154,7 @@ impl Ready {
         settings: &Settings,
         contents: &mut Contents,
     ) -> Result<(Vec<Frame>, Vec<u32>)> {
-        let plan = Plan::new(&self.loaded.scene);
+        let plan = LayerPlan::new(&self.loaded.scene);
         let (mut frames, mut kept) = (Vec::new(), Vec::new());
         let numbers: Vec<u32> = task.frames.clone().collect();
         for some in numbers.chunks(FRAMES_PER_CHECK) {

@@ -102,7 +102,7 @@ fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
 fn not_twice(args: &AccuracyArgs) -> Result<()> {
     let outputs = [&args.json, &args.html, &args.markdown].into_iter().flatten();
     let help = "choose another name: --json FILE, --html FILE, --markdown FILE";
-    files::not_over([""; 0], outputs, help)
+    files::refuse_overwrites([""; 0], outputs, help)
 }
 
 /// Output files, created before the long work so that a bad output folder is found at once.

@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueHint};
 
 use crate::{
     scene::written::Accelerator,
-    studio::{Looks, Subject, smooth},
+    studio::{Appearance, Subject, smooth},
     units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth},
 };
 
@@ -279,9 +279,9 @@ pub struct LookArgs {
 }
 
 impl LookArgs {
-    /// Converts the flags to [`Looks`].
-    pub fn of(&self) -> Looks {
-        Looks {
+    /// Converts the flags to [`Appearance`].
+    pub fn of(&self) -> Appearance {
+        Appearance {
             smooth: self.smooth.map(smooth),
             texture: self.texture.clone(),
             no_ground: self.no_ground,

@@ -19,7 +19,7 @@ use crate::{
         self, Document,
         written::{Angles, Name, Point},
     },
-    studio::{Fixed, Looks, Template, Turning},
+    studio::{Appearance, LightsFollow, Template, Turning},
     units,
 };
 
@@ -174,7 +174,7 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
     flags(args, &mut file)?;
     let limits = file.limits.clone();
     let flags = Flags {
-        overrides: overrides::with(&args.scene, &args.machine)?,
+        overrides: overrides::from_flags(&args.scene, &args.machine)?,
         light_samples: args.scene.light_samples,
         repair: args.mesh.repair,
         no_mmap: args.mesh.no_mmap,
@@ -225,7 +225,7 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         file.rotate = mesh.rotate.map(Angles);
     }
     file.margin = mesh.margin.or(file.margin);
-    let Looks { smooth, texture, no_ground } = mesh.looks.of();
+    let Appearance { smooth, texture, no_ground } = mesh.looks.of();
     file.smooth = smooth.or(file.smooth.take());
     if let Some(texture) = &texture {
         file.texture = Some(from_here(texture)?);
@@ -258,7 +258,7 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
             },
             lights: match frames.lights {
                 Some(lights) => Some(lights.studio()),
-                None => written.and_then(|t| t.lights) as Option<Fixed>,
+                None => written.and_then(|t| t.lights) as Option<LightsFollow>,
             },
             start: frames.start.unwrap_or(written.map_or(0.0, |t| t.start)),
             pivot: frames.pivot.map(Point).or(written.and_then(|t| t.pivot)),

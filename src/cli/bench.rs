@@ -46,7 +46,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let then = args.baseline.as_deref().map(read_baseline).transpose()?;
     let command = std::env::args_os().skip(1).map(|part| part.to_string_lossy().into_owned());
     let run = Run { unix_seconds: unix_seconds(), command: command.collect() };
-    not_over(&args.inputs, args)?;
+    refuse_overwrites(&args.inputs, args)?;
     check_inputs(&args.inputs)?;
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
@@ -109,7 +109,7 @@ fn measure_scene(
         ..RenderArgs::default()
     };
     let job = job::load_in(&render, SCENE)?;
-    not_over(&job.inputs(input), args)?;
+    refuse_overwrites(&job.inputs(input), args)?;
     let Job { loaded, warnings, ready, .. } = job;
     let options = LoadOptions { ready, ..LoadOptions::default() };
     let (world, more) = World::load(&loaded.scene, options, monitor)?;
@@ -258,10 +258,10 @@ fn read_baseline(path: &Path) -> Result<Report> {
 }
 
 /// Refuses outputs that would overwrite inputs or each other.
-fn not_over(inputs: &[PathBuf], args: &BenchArgs) -> Result<()> {
+fn refuse_overwrites(inputs: &[PathBuf], args: &BenchArgs) -> Result<()> {
     let outputs = [&args.json, &args.html, &args.save_baseline].into_iter().flatten();
     let help = "choose another name: --json FILE, --html FILE, --save-baseline FILE";
-    files::not_over(inputs.iter().chain(&args.baseline), outputs, help)
+    files::refuse_overwrites(inputs.iter().chain(&args.baseline), outputs, help)
 }
 
 /// Output files, created before the long work so that a bad output folder is found at once.

@@ -168,7 +168,7 @@ fn not_over_inputs(args: &CompareArgs) -> Result<()> {
     }
     let outputs = [&args.out, &args.html].into_iter().flatten();
     let help = "choose another name: --out FILE.png, --html FILE";
-    files::not_over([&args.test, &args.reference], outputs, help)
+    files::refuse_overwrites([&args.test, &args.reference], outputs, help)
 }
 
 /// Output files, created before the work so that a bad output folder is found at once.

@@ -194,7 +194,7 @@ fn not_over_inputs(args: &ConvergeArgs, job: &Job) -> Result<()> {
     let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
     let outputs = [&args.json, &args.csv, &args.html].into_iter().flatten();
     let help = "choose another name: --json FILE, --csv FILE, --html FILE";
-    files::not_over(inputs, outputs, help)
+    files::refuse_overwrites(inputs, outputs, help)
 }
 
 /// Output files, created before the long work so that a bad output folder is found at once.

@@ -172,7 +172,11 @@ fn check(
 ) -> Result<()> {
     let flags = as_render(args, input);
     let mut job = job::load(&flags)?;
-    files::not_over(job.inputs(input), &args.save, "choose another name: --save FILE.json")?;
+    files::refuse_overwrites(
+        job.inputs(input),
+        &args.save,
+        "choose another name: --save FILE.json",
+    )?;
     signals::watch(monitor)?;
     let progress = Progress::start(ProgressMode::Auto, render_progress::meter(monitor));
     let save = args.save.as_ref().map(|path| TextFile::create(path)).transpose()?;

@@ -135,7 +135,7 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
         ),
     };
     report.add("stitches", json!(mesh.stitches.len()), line);
-    let points = Points::of(&mesh);
+    let points = Points::new(&mesh);
     let unused = points.unused();
     let line = match unused {
         0 => String::new(),
@@ -163,7 +163,8 @@ fn resolution(mesh: &mesh::Mesh, bounds: Bounds, report: &mut Report) {
 
 /// Predicts the memory of a render in the built-in studio from the header alone.
 fn prediction(path: &Path, args: &InfoArgs) -> Option<Prediction> {
-    let loaded = studio::unframed(path, &Template::studio(), &Overrides::default()).ok()?;
+    let loaded =
+        studio::with_default_placement(path, &Template::studio(), &Overrides::default()).ok()?;
     let camera = &loaded.scene.camera;
     let window = Window::full(camera.width, camera.height);
     let prediction = memory::predict(&loaded.scene, window).ok()?;

@@ -11,7 +11,7 @@ use crate::{
     paths::seen_from,
     picture,
     scene::{Description, Loaded, MAX_PIXELS, Overrides, Scene, Source, written},
-    studio::{self, Shown, Subject, Template},
+    studio::{self, MeshScene, Subject, Template},
     world::{own_texture, sources},
 };
 
@@ -56,7 +56,7 @@ pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
     if !is_mesh {
         refuse_mesh_flags(args)?;
     }
-    let mut overrides = overrides::with(&args.scene, &args.machine)?;
+    let mut overrides = overrides::from_flags(&args.scene, &args.machine)?;
     if args.scene.spp.is_none() {
         let mut count = Overrides::default();
         count.flag("--of", "/spp", args.split.of);
@@ -91,7 +91,7 @@ fn in_template(args: &RenderArgs, builtin: &str, overrides: Overrides) -> Result
     let monitor = Monitor::default();
     let samples = args.scene.light_samples;
     let shown = studio::show(&subject, &template, overrides, samples, &monitor)?;
-    let Shown { loaded, warnings, mesh, .. } = shown;
+    let MeshScene { loaded, warnings, mesh, .. } = shown;
     check_storage(args, Job { loaded, folder: template.folder, warnings, ready: vec![mesh] })
 }
 
@@ -117,7 +117,7 @@ fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
 
 /// Refuses storage flags that contradict the scene.
 fn check_storage(args: &RenderArgs, job: Job) -> Result<Job> {
-    picture::suits(&job.loaded.scene, args.files.storage())?;
+    picture::check_storage(&job.loaded.scene, args.files.storage())?;
     Ok(job)
 }
 

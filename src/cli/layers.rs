@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::{
     error::{Error, Result},
     film::Film,
-    layers::Recipe,
+    layers::PixelLayout,
     output::{Outputs, atomic::Part, png, preview as pictures, tonemap::Depth},
     picture::{file_name, manifest_path},
     scene::{Layer, Scene},
@@ -24,7 +24,7 @@ pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Pa
         scene.layers.iter().map(|layer| layer.name(&scene.light_groups)).collect();
     let mut shown = Vec::new();
     for name in &args.files.png_layer {
-        let named = match Layer::named(name, &scene.light_groups) {
+        let named = match Layer::from_word(name, &scene.light_groups) {
             Some(_) if name == "all" => written.clone(),
             Some(layers) => layers.iter().map(|layer| layer.name(&scene.light_groups)).collect(),
             None => {
@@ -53,7 +53,7 @@ pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Pa
 /// Layers that the parts do not have.
 pub fn named_previews(
     names: &[String],
-    recipe: &Recipe,
+    recipe: &PixelLayout,
     prefix: &Path,
 ) -> Result<Vec<(String, PathBuf)>> {
     let mut written: Vec<String> = Vec::new();

@@ -71,7 +71,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let outputs = Outputs::names(&prefix).into_iter();
     let outputs = outputs.chain(manifests.iter().map(|m| m.path.clone()));
     let outputs: Vec<PathBuf> = outputs.chain(previews.iter().map(|(_, p)| p.clone())).collect();
-    files::not_over(&args.parts, &outputs, "choose another name: -o PREFIX")?;
+    files::refuse_overwrites(&args.parts, &outputs, "choose another name: -o PREFIX")?;
     signals::watch(&monitor)?;
     let mut files = Outputs::create(&prefix)?;
     let manifests = manifests.into_iter().map(Manifest::create).collect::<Result<Vec<_>>>()?;
@@ -107,7 +107,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         Ok(([&paths[..], &beside].concat(), oddities))
     })?;
     if !args.quiet {
-        for warning in picture::odd(&oddities) {
+        for warning in picture::oddity_warnings(&oddities) {
             progress.message(&format!("warning: {warning}"));
         }
         if !parts.exact() {

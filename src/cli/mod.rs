@@ -119,7 +119,7 @@ fn with_hint(mut error: clap::Error) -> clap::Error {
 /// # Errors
 /// The errors of the command. Their kind decides the exit code.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    signals::outlive_size_limits();
+    signals::ignore_size_limit_signal();
     if arguments.version {
         return print(&version::text(arguments.verbose));
     }

@@ -176,10 +176,10 @@ impl TurningName {
 
 impl FixedName {
     /// Converts to the studio's type.
-    pub fn studio(self) -> studio::Fixed {
+    pub fn studio(self) -> studio::LightsFollow {
         match self {
-            Self::Camera => studio::Fixed::Camera,
-            Self::Object => studio::Fixed::Object,
+            Self::Camera => studio::LightsFollow::Camera,
+            Self::Object => studio::LightsFollow::Object,
         }
     }
 }

@@ -17,7 +17,7 @@ use super::{
 ///
 /// # Errors
 /// An instruction set that this machine or this build lacks.
-pub fn with(args: &SceneArgs, machine: &MachineArgs) -> Result<Overrides> {
+pub fn from_flags(args: &SceneArgs, machine: &MachineArgs) -> Result<Overrides> {
     let mut all = scene_overrides(args);
     let isa = machine.isa.map(|name| machine::tier("--isa", name)).transpose()?;
     all.backend(BackendFlags { fast: machine.fast, isa });

@@ -8,16 +8,16 @@ use crate::{
     accel::{self, BuildInfo, BuildOptions},
     error::{Error, Kind, Problem, Result},
     files,
-    film::{Blank, Film},
-    layers::Plan,
+    film::{Film, ReservedFilm},
+    layers::LayerPlan,
     mesh::Mesh,
     monitor::Monitor,
     output::{
-        Oddities,
+        ValueCounts,
         atomic::{Part, TextFile},
     },
-    picture::{self, Says, Storage},
-    render::{self as renderer, Adaptive, Taken},
+    picture::{self, PictureHeader, Storage},
+    render::{self as renderer, Adaptive, SampleCounts},
     world::{Contents, LoadOptions, World, fingerprint},
 };
 
@@ -29,7 +29,7 @@ use super::{
     paths,
     progress::Progress,
     render_progress, sampling, signals,
-    split::Piece,
+    split::PicturePart,
     stats::{self, Memory, Rays, Samples, Seconds, Stats},
     version,
 };
@@ -46,7 +46,7 @@ struct Files {
 }
 
 impl Files {
-    fn create(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Self> {
+    fn create(args: &RenderArgs, job: &Job, plan: &LayerPlan) -> Result<Self> {
         let prefix = paths::prefix(args.output.as_deref(), &args.input);
         let text = |path: &PathBuf| TextFile::create(path);
         let scene = args.mesh.write_scene.as_ref();
@@ -67,8 +67,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let threads = pool.current_num_threads();
     let mut job = pool.install(|| job::load(args))?;
     let ready = std::mem::take(&mut job.ready);
-    let plan = Plan::new(&job.loaded.scene);
-    let piece = Piece::new(args, &job, &plan)?;
+    let plan = LayerPlan::new(&job.loaded.scene);
+    let piece = PicturePart::new(args, &job, &plan)?;
     let words = piece.channels().len();
     let adaptive = sampling::adaptive(&args.sampling, &job.loaded.scene)?;
     piece.suits(adaptive.is_some())?;
@@ -86,7 +86,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let budget = budget.transpose()?;
     let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
     let outputs = outputs(args, &job, &plan)?;
-    files::not_over(inputs, &outputs, OTHER_NAME)?;
+    files::refuse_overwrites(inputs, &outputs, OTHER_NAME)?;
     // No signal handler before this point: a signal ends the program at once, and no file exists
     // yet.
     signals::watch(&monitor)?;
@@ -121,7 +121,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 }
 
 /// Returns the paths of all files that will be written.
-fn outputs(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Vec<PathBuf>> {
+fn outputs(args: &RenderArgs, job: &Job, plan: &LayerPlan) -> Result<Vec<PathBuf>> {
     let prefix = paths::prefix(args.output.as_deref(), &args.input);
     let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
     let previews =
@@ -134,8 +134,8 @@ fn outputs(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Vec<PathBuf>> {
 struct Run<'a> {
     args: &'a RenderArgs,
     job: &'a Job,
-    plan: Plan,
-    piece: Piece,
+    plan: LayerPlan,
+    piece: PicturePart,
     adaptive: Option<Adaptive>,
     budget: Option<Budget>,
     threads: usize,
@@ -152,12 +152,12 @@ impl Run<'_> {
         self,
         files: Files,
         ready: Vec<(PathBuf, Mesh)>,
-    ) -> Result<(Stats, Vec<PathBuf>, Oddities)> {
+    ) -> Result<(Stats, Vec<PathBuf>, ValueCounts)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
         let (plan, piece) = (&self.plan, &self.piece);
         let frame = [scene.camera.width, scene.camera.height];
-        let blank = Blank::new(frame, piece.window, piece.channels())?;
+        let blank = ReservedFilm::new(frame, piece.window, piece.channels())?;
         let budget = self.budget.as_ref();
         let options = LoadOptions {
             repair: self.args.mesh.repair,
@@ -179,7 +179,7 @@ impl Run<'_> {
             world.read.check(&contents)?;
         }
         // A mesh from a pipe names its texture only when it is read.
-        files::not_over(world.read.paths(), &self.outputs, OTHER_NAME)?;
+        files::refuse_overwrites(world.read.paths(), &self.outputs, OTHER_NAME)?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
 
@@ -187,7 +187,7 @@ impl Run<'_> {
         let isa = scene.backend.isa();
         if budget.is_none() {
             let film = memory::film_bytes(piece.window, piece.channels().len());
-            memory::check_build(scene.backend, self.threads, world.primitives(), film)?;
+            memory::ensure_build_fits(scene.backend, self.threads, world.primitives(), film)?;
         }
         let options = BuildOptions {
             threads: self.threads,
@@ -239,7 +239,8 @@ impl Run<'_> {
             reflection: counts.reflection,
             false_hits: accelerator.false_hits(),
         };
-        stats.samples = taken.map(|Taken { least, most, mean }| Samples { least, most, mean });
+        stats.samples =
+            taken.map(|SampleCounts { least, most, mean }| Samples { least, most, mean });
         stats.seconds = Seconds {
             load: loaded,
             build: built - loaded,
@@ -275,18 +276,18 @@ impl Run<'_> {
         &self,
         files: Files,
         film: &Film,
-        plan: &Plan,
+        plan: &LayerPlan,
         info: &BuildInfo,
         hash: Option<&str>,
         stats: &mut Stats,
-    ) -> Result<(Vec<PathBuf>, Oddities)> {
+    ) -> Result<(Vec<PathBuf>, ValueCounts)> {
         let started = Instant::now();
         let (args, scene) = (self.args, &self.job.loaded.scene);
         let mut more: Vec<(String, String)> =
             self.piece.attribute(args, scene, info, hash)?.into_iter().collect();
         more.extend(self.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
         let spp = sampling::spp(self.adaptive.as_ref(), scene);
-        let says = Says {
+        let says = PictureHeader {
             plan,
             more: &more,
             info,
@@ -307,7 +308,7 @@ impl Run<'_> {
         let previews = layers::write_previews(film, previews, |part| picture.add(part))?;
         let (mut paths, oddities) =
             picture::write(picture, film, scene, says, storage, self.monitor)?;
-        self.warn(&picture::odd(&oddities));
+        self.warn(&picture::oddity_warnings(&oddities));
         paths.extend(previews);
         if let Some((target, file)) = scene_file {
             paths.push(file.finish(&job::saved(self.job, &target)?)?);

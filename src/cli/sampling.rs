@@ -5,8 +5,8 @@ use std::time::Duration;
 use crate::{
     error::{Error, Problem, Result},
     film::Window,
-    integrate::{LEAST, Relative},
-    layers::Plan,
+    integrate::{MIN_PASS_SAMPLES, Relative},
+    layers::LayerPlan,
     render::Adaptive,
     scene::Scene,
 };
@@ -44,7 +44,7 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
                 .help("--spp N takes N samples of every pixel")),
         };
     }
-    let first = scene.spp.checked_next_power_of_two().unwrap_or(u32::MAX).max(LEAST);
+    let first = scene.spp.checked_next_power_of_two().unwrap_or(u32::MAX).max(MIN_PASS_SAMPLES);
     let most = args.max_spp.unwrap_or(match noise {
         Some(_) => DEFAULT_MAX_SPP.max(first.saturating_mul(16)).min(MAX_SAMPLES),
         None => MAX_SAMPLES,
@@ -62,7 +62,7 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
         let place = if args.max_spp.is_some() { "--max-spp" } else { "--spp" };
         let message = format!(
             "there is no room for more samples: every pixel gets {first} (spp {}, rounded up to a \
-             power of two, at least {LEAST}), and none more than {most}",
+             power of two, at least {MIN_PASS_SAMPLES}), and none more than {most}",
             scene.spp
         );
         let help = match first < MAX_SAMPLES {
@@ -77,7 +77,7 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
 
 /// Returns the bytes that adaptive sampling keeps in addition to the film.
 pub fn bytes(adaptive: &Adaptive, scene: &Scene, window: Window) -> u64 {
-    let each = adaptive.bytes_per_pixel(Plan::new(scene).recipe.channels.len());
+    let each = adaptive.bytes_per_pixel(LayerPlan::new(scene).recipe.channels.len());
     u64::from(window.width()) * u64::from(window.height()) * each
 }
 

@@ -64,7 +64,7 @@ fn spawn(mut act: impl FnMut(i32) + Send + 'static) -> Result<()> {
 }
 
 /// Turns a write beyond `ulimit -f` into an ordinary error instead of the end of the process.
-pub fn outlive_size_limits() {
+pub fn ignore_size_limit_signal() {
     // If the system refuses the handler, the default action stays.
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }

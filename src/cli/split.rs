@@ -9,8 +9,8 @@ use crate::{
     error::{Error, Result},
     film::{Channel, Window},
     integrate::Pattern,
-    layers::{Plan, Raw, Recipe},
-    merge::{Files, Part, part},
+    layers::{LayerPlan, PixelLayout, RawLayout},
+    merge::{PictureFormat, PictureTile, part},
     scene::{Backend, Scene},
 };
 
@@ -63,7 +63,7 @@ pub fn parse_range(text: &str) -> std::result::Result<[u32; 2], String> {
 
 /// The part of the picture that this render makes.
 #[derive(Debug)]
-pub struct Piece {
+pub struct PicturePart {
     /// Pixels of the whole picture that the parts form.
     whole: Window,
     /// Pixels of this part.
@@ -73,17 +73,17 @@ pub struct Piece {
     pub margin: u32,
     samples: Range<u32>,
     /// Recipe for the layers of the merged picture.
-    recipe: Recipe,
+    recipe: PixelLayout,
     /// Storage of partial sums; `None` if all samples are rendered.
-    pub raw: Option<Raw>,
+    pub raw: Option<RawLayout>,
 }
 
-impl Piece {
+impl PicturePart {
     /// Reads the part from the flags.
     ///
     /// # Errors
     /// Tiles and samples that the picture does not have; flags that only work for a whole picture.
-    pub fn new(args: &RenderArgs, job: &Job, plan: &Plan) -> Result<Self> {
+    pub fn new(args: &RenderArgs, job: &Job, plan: &LayerPlan) -> Result<Self> {
         let (scene, split) = (&job.loaded.scene, &args.split);
         let (margin, whole) = match args.scene.overscan {
             0 => (0, job::window(args.scene.crop.as_deref(), scene)?),
@@ -114,7 +114,7 @@ impl Piece {
         };
         refuse_cut_packets(&samples, scene)?;
         let recipe = plan.recipe.clone();
-        let raw = (samples != (0..spp)).then(|| Raw::new(&recipe, samples.clone()));
+        let raw = (samples != (0..spp)).then(|| RawLayout::new(&recipe, samples.clone()));
         let piece = Self { whole, window, margin, samples, recipe, raw };
         let frame = Window::full(scene.camera.width, scene.camera.height);
         // A crop is a part of the frame. Tiles and samples of a crop are parts of the crop.
@@ -156,7 +156,7 @@ impl Piece {
 
     /// Returns the channels of the film besides R, G, B, A.
     pub fn channels(&self) -> Vec<Channel> {
-        self.raw.as_ref().map_or_else(|| self.recipe.channels.clone(), Raw::channels)
+        self.raw.as_ref().map_or_else(|| self.recipe.channels.clone(), RawLayout::channels)
     }
 
     /// Returns true if the EXR must keep every bit.
@@ -180,16 +180,16 @@ impl Piece {
             return Ok(None);
         }
         let (split, storage) = (&args.split, args.files.storage());
-        let files = Files {
+        let files = PictureFormat {
             float: storage.float,
             compression: storage.compression,
             multipart: storage.multipart,
             depth: storage.depth,
             transparent: scene.transparent,
-            ..Files::new(&scene.tonemap)
+            ..PictureFormat::new(&scene.tonemap)
         };
         let Window { x0, y0, x1, y1 } = self.whole;
-        let part = Part {
+        let part = PictureTile {
             fingerprint: fingerprint.map(str::to_string),
             isa: matches!(scene.backend, Backend::Embree(_)).then(|| info.isa.clone()),
             whole: [x0, y0, x1, y1],
@@ -215,7 +215,7 @@ fn refuse_cut_packets(samples: &Range<u32>, scene: &Scene) -> Result<()> {
     let packet = Pattern::for_spp(scene.spp).samples;
     let cut = |at: u32| at % packet != 0 && at != scene.spp;
     let Range { start, end } = *samples;
-    if !scene.spares_shadow_rays() || !(cut(start) || cut(end)) {
+    if !scene.can_skip_shadow_rays() || !(cut(start) || cut(end)) {
         return Ok(());
     }
     let message = format!(

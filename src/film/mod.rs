@@ -72,21 +72,21 @@ impl Film {
     /// # Errors
     /// `Retry` if memory is short.
     pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
-        Ok(Blank::new(frame, window, Vec::new())?.film())
+        Ok(ReservedFilm::new(frame, window, Vec::new())?.film())
     }
 }
 
 /// A film with reserved addresses but without memory behind them. So the picture takes no memory
 /// while the accelerator is built.
 #[derive(Debug)]
-pub struct Blank {
+pub struct ReservedFilm {
     frame: [u32; 2],
     window: Window,
     pixels: Vec<[f32; 4]>,
     planes: Planes,
 }
 
-impl Blank {
+impl ReservedFilm {
     /// Reserves addresses for R, G, B, A and `channels`.
     ///
     /// # Errors

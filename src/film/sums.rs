@@ -15,7 +15,7 @@ pub struct Node {
 
 impl Node {
     /// Splits a run of samples into as few nodes as possible, from first to last.
-    pub fn of(samples: Range<u32>) -> Vec<Self> {
+    pub fn cover(samples: Range<u32>) -> Vec<Self> {
         let mut nodes = Vec::new();
         let mut first = samples.start;
         while first < samples.end {
@@ -144,7 +144,7 @@ mod tests {
                     let mut merged = Sums::new(2);
                     for part in [0..a, a..b, b..n] {
                         let sums = sums_of(part.clone());
-                        let nodes = Node::of(part);
+                        let nodes = Node::cover(part);
                         assert_eq!(sums.nodes, nodes);
                         for (i, node) in nodes.iter().enumerate() {
                             merged.push(*node, &[sums.value(i, 0), sums.value(i, 1)]);
@@ -174,11 +174,11 @@ mod tests {
 
     #[test]
     fn a_run_of_samples_has_few_nodes() {
-        assert_eq!(Node::of(0..64), [Node { first: 0, level: 6 }]);
-        assert_eq!(Node::of(64..96), [Node { first: 64, level: 5 }]);
-        let levels = |range| Node::of(range).into_iter().map(|n| n.level).collect::<Vec<_>>();
+        assert_eq!(Node::cover(0..64), [Node { first: 0, level: 6 }]);
+        assert_eq!(Node::cover(64..96), [Node { first: 64, level: 5 }]);
+        let levels = |range| Node::cover(range).into_iter().map(|n| n.level).collect::<Vec<_>>();
         assert_eq!(levels(3..13), [0, 2, 2, 0]);
         assert!(levels(0..0).is_empty());
-        assert!(Node::of(1..u32::MAX).len() <= 62);
+        assert!(Node::cover(1..u32::MAX).len() <= 62);
     }
 }

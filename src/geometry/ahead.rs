@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-use super::twofold::Twofold3;
+use super::double_double::DoubleDouble3;
 
 /// A hit nearer than this fraction of the triangle's farthest coordinate may lie at the ray's
 /// origin.
@@ -36,14 +36,14 @@ pub fn is_after_start(corners: [DVec3; 3], origin: DVec3, direction: DVec3, t: f
 #[cold]
 #[inline(never)]
 fn is_ahead([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3, t: f64) -> bool {
-    let (e1, e2) = (Twofold3::between(v0, v1), Twofold3::between(v0, v2));
+    let (e1, e2) = (DoubleDouble3::between(v0, v1), DoubleDouble3::between(v0, v2));
     let normal = e1.cross(&e2);
-    let way = Twofold3::between(DVec3::ZERO, direction);
+    let way = DoubleDouble3::between(DVec3::ZERO, direction);
     let towards = normal.dot(&way).value();
     if towards == 0.0 {
         return t > 0.0;
     }
-    let above = normal.dot(&Twofold3::between(origin, v0)).value();
+    let above = normal.dot(&DoubleDouble3::between(origin, v0)).value();
     // Products of differences of f32 fit into 106 bits unless their exponents are far apart: 0 is
     // exact.
     above != 0.0 && (above > 0.0) == (towards > 0.0)

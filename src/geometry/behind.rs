@@ -10,7 +10,7 @@ impl Geometry {
     /// other face of a convex edge, for instance. Returns false for a ray that starts on the other
     /// side of the plane or runs along it. A quad need not be flat, so the triangle must lie behind
     /// the planes of both halves. Points are relative to [`Geometry::origin`].
-    pub fn is_left_behind(
+    pub fn is_behind_leaving(
         &self,
         leaving: u32,
         origin: DVec3,
@@ -33,8 +33,8 @@ impl Geometry {
     }
 }
 
-/// [`Geometry::is_left_behind`] for one plane through three points. The tolerance is one ulp of the
-/// largest coordinate.
+/// [`Geometry::is_behind_leaving`] for one plane through three points. The tolerance is one ulp of
+/// the largest coordinate.
 fn is_behind(plane: [[f32; 3]; 3], origin: DVec3, direction: DVec3, corners: [DVec3; 3]) -> bool {
     let [a, b, c] = plane.map(|v| DVec3::from(v.map(f64::from)));
     let normal = (b - a).cross(c - a).normalize_or_zero();
@@ -67,7 +67,7 @@ mod tests {
         let (roof, other) = roof();
         let origin = DVec3::new(-1e-8, 0.5, 1e-9);
         let behind =
-            |leaving, origin, direction| roof.is_left_behind(leaving, origin, direction, other);
+            |leaving, origin, direction| roof.is_behind_leaving(leaving, origin, direction, other);
         assert!(behind(0, origin, DVec3::new(1.0, 0.0, 0.01)));
         // Downwards the ray may hit the other side of the roof: it is in front then.
         assert!(!behind(0, -origin, DVec3::new(1.0, 0.0, -0.01)));
@@ -78,7 +78,7 @@ mod tests {
         assert!(!behind(0, origin - DVec3::Z, DVec3::new(1.0, 0.0, 0.01)));
         // One corner rises above the plane.
         let rises = [other[0], other[1], DVec3::new(1.0, 0.0, 1e-6)];
-        assert!(!roof.is_left_behind(0, origin, DVec3::new(1.0, 0.0, 0.01), rises));
+        assert!(!roof.is_behind_leaving(0, origin, DVec3::new(1.0, 0.0, 0.01), rises));
     }
 
     #[test]
@@ -88,7 +88,7 @@ mod tests {
         let geometry = Geometry::new(DVec3::ZERO, vec![], vec![quad], vec![]).unwrap();
         let behind = |z: f64| {
             let corners = [[0.2, 0.2], [0.2, 0.3], [0.3, 0.2]].map(|[x, y]| DVec3::new(x, y, z));
-            geometry.is_left_behind(0, DVec3::new(0.7, 0.7, 4.1e-4), DVec3::Z, corners)
+            geometry.is_behind_leaving(0, DVec3::new(0.7, 0.7, 4.1e-4), DVec3::Z, corners)
         };
         // Behind both planes, and between them.
         assert!(behind(-1e-3));

@@ -4,6 +4,7 @@
 mod ahead;
 mod behind;
 mod crevice;
+mod double_double;
 mod exact;
 mod gather;
 mod passing;
@@ -11,7 +12,6 @@ mod sphere;
 mod stitches;
 mod surface;
 mod triangle;
-mod twofold;
 
 use glam::DVec3;
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::twofold::Twofold;
+use super::double_double::DoubleDouble;
 
 /// A sphere, relative to the scene's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,12 +96,12 @@ impl Sphere {
         tfar: f64,
         leaving: bool,
     ) -> f64 {
-        let d = direction.to_array().map(|x| Twofold::sum(x, 0.0));
-        let [fx, fy, fz] = [0, 1, 2].map(|k| Twofold::sum(origin[k], -self.center[k]));
+        let d = direction.to_array().map(|x| DoubleDouble::sum(x, 0.0));
+        let [fx, fy, fz] = [0, 1, 2].map(|k| DoubleDouble::sum(origin[k], -self.center[k]));
         let [dx, dy, dz] = d;
         let a = dx * dx + dy * dy + dz * dz;
         let minus_b = fx * dx + fy * dy + fz * dz;
-        let c = fx * fx + fy * fy + fz * fz - Twofold::product(self.radius, self.radius);
+        let c = fx * fx + fy * fy + fz * fz - DoubleDouble::product(self.radius, self.radius);
         let discriminant = minus_b * minus_b - a * c;
         let abc = [direction.length_squared(), -minus_b.value(), c.value()];
         root(abc, discriminant.value(), tnear, tfar, leaving)

@@ -126,7 +126,7 @@ impl Geometry {
     /// rounding of coordinates. Call it before [`super::refine`]; it costs nothing in a scene
     /// without stitches.
     #[inline(always)]
-    pub fn beside_stitches(&self, hit: &Mask, packet: &mut RayPacket) {
+    pub fn replace_stitch_hits(&self, hit: &Mask, packet: &mut RayPacket) {
         if self.stitched {
             self.move_beside(hit, packet);
         }

@@ -40,7 +40,7 @@ pub struct Surfaces {
     /// False hits of triangles and quads. The nearest hit of these lanes must be found again. A hit
     /// is false if the ray's distance from the triangle, or the error of the reported t, exceeds
     /// the error of an f32 test ([`passing`]). It is also false if the triangle lies behind the
-    /// primitive that the ray leaves ([`Geometry::is_left_behind`]).
+    /// primitive that the ray leaves ([`Geometry::is_behind_leaving`]).
     pub doubtful: Mask,
 }
 
@@ -221,7 +221,7 @@ fn doubt(
             .filter(|passing| is_after_start(triangle, origin, direction, passing.t))
             // If the reported t is far from f64's t, something else may be nearer.
             .filter(|passing| (passing.t - reported).abs() <= passing.t.abs() * T_COARSE)
-            .filter(|_| !geometry.is_left_behind(leaving, origin, direction, triangle));
+            .filter(|_| !geometry.is_behind_leaving(leaving, origin, direction, triangle));
         match passing {
             Some(passing) => out.t[i] = passing.t as f32,
             None => out.doubtful.0[i] = -1,

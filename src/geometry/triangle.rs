@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::crevice::REACH;
-use super::twofold::Twofold3;
+use super::double_double::DoubleDouble3;
 
 /// A point on a triangle.
 #[derive(Debug, Clone, Copy)]
@@ -121,9 +121,12 @@ pub fn sharpen_triangle(
     direction: DVec3,
     (u, v): (f64, f64),
 ) -> TrianglePoint {
-    let (e1, e2, to_v0) =
-        (Twofold3::between(v0, v1), Twofold3::between(v0, v2), Twofold3::between(origin, v0));
-    let way = Twofold3::between(DVec3::ZERO, direction);
+    let (e1, e2, to_v0) = (
+        DoubleDouble3::between(v0, v1),
+        DoubleDouble3::between(v0, v2),
+        DoubleDouble3::between(origin, v0),
+    );
+    let way = DoubleDouble3::between(DVec3::ZERO, direction);
     let normal = e1.cross(&e2);
     let det = normal.dot(&way).value();
     let r = to_v0.cross(&way);
@@ -141,8 +144,8 @@ pub fn sharpen_triangle(
 
 /// Triple product of two sides and the direction, with some 106 bits.
 fn volume([v0, v1, v2]: [DVec3; 3], direction: DVec3) -> f64 {
-    let normal = Twofold3::between(v0, v1).cross(&Twofold3::between(v0, v2));
-    normal.dot(&Twofold3::between(DVec3::ZERO, direction)).value()
+    let normal = DoubleDouble3::between(v0, v1).cross(&DoubleDouble3::between(v0, v2));
+    normal.dot(&DoubleDouble3::between(DVec3::ZERO, direction)).value()
 }
 
 /// Sum of the magnitudes of the coordinates.

@@ -6,8 +6,8 @@ use crate::film::{Node, Sums};
 use crate::ray::LANES;
 use crate::shading::Lanes;
 
+use super::camera_packet::Pattern;
 use super::quarters::{PACKETS, packet};
-use super::slot::Pattern;
 
 /// One quantity's values, by lane of a packet.
 #[derive(Debug, Clone, Copy)]

@@ -1,5 +1,5 @@
-//! Decides which light shares one stratified sequence with the pixel offsets; docs/notebook/sampling.md
-//! explains why.
+//! Decides which light shares one stratified sequence with the pixel offsets;
+//! docs/notebook/sampling.md explains why.
 
 use crate::shading::Emitter;
 use crate::world::World;

@@ -3,22 +3,22 @@
 //! Packets lie on the frame's absolute grid of pixels and samples and are traced whole. So a crop
 //! of the render equals the render of the crop, whatever a backend does inside a packet.
 
+mod adaptive_shadows;
 mod block;
-mod cast;
+mod camera_packet;
 mod crevices;
+mod empty_blocks;
 mod joint;
-mod lamp;
 mod noise;
 mod passes;
 mod pipeline;
 mod plan;
 mod quarters;
 mod record;
-mod roulette;
+mod sampled_light;
 mod shadows;
-mod sky;
-mod slot;
 mod split;
+mod whitted;
 
 use std::ops::Range;
 
@@ -30,17 +30,17 @@ use crate::simd::Kernel;
 use crate::world::World;
 
 use self::block::{BlockSums, Values};
-use self::cast::Cast;
+pub use self::camera_packet::Pattern;
 pub use self::crevices::Crevices;
-pub use self::noise::{Goal, Relative, Tally, rate};
-pub use self::passes::{LEAST, PassKernel, Passes};
-use self::pipeline::{Finish, pipeline};
+pub use self::noise::{Goal, PixelSamples, Relative, rate};
+pub use self::passes::{MIN_PASS_SAMPLES, PassKernel, Passes};
+use self::pipeline::{ShadePacket, pipeline};
 pub use self::record::{Beauty, Layers, Record};
-pub use self::shadows::{OWN, ShadowRays};
-pub use self::slot::Pattern;
+pub use self::shadows::{OWN_LANES, ShadowRays};
+use self::whitted::WhittedIntegrator;
 
-use self::sky::Sky;
-use self::slot::Slot;
+use self::camera_packet::CameraPacket;
+use self::empty_blocks::EmptyBlocks;
 
 /// Side of a tile in pixels; a multiple of every packet's block.
 pub const TILE: u32 = 32;
@@ -49,7 +49,7 @@ pub const TILE: u32 = 32;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RayCounts {
     /// Camera rays, including the rays of empty blocks, which are not traced one by one: see
-    /// [`Accelerator::nothing_between`].
+    /// [`Accelerator::is_cone_empty`].
     pub primary: u64,
     /// Shadow rays, from surfaces to lights.
     pub shadow: u64,
@@ -70,7 +70,7 @@ impl std::ops::Add for RayCounts {
 
 /// The parts of a render that are the same for all tiles.
 #[derive(Clone, Copy)]
-pub struct Integrator<'a> {
+pub struct RenderContext<'a> {
     /// The scene that is rendered.
     pub world: &'a World,
     /// Backend that finds the hits.
@@ -82,7 +82,7 @@ pub struct Integrator<'a> {
 /// Renders one tile into its rows.
 pub struct TileKernel<'a, 'r, 'f, R> {
     /// Scene, backend and monitor.
-    pub integrator: Integrator<'a>,
+    pub integrator: RenderContext<'a>,
     /// The kept pixels of this tile, all within one square of the frame's tile grid.
     pub window: Window,
     /// R, G, B, A of the kept pixels, row by row.
@@ -98,7 +98,7 @@ pub struct TileKernel<'a, 'r, 'f, R> {
 impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty<'static>> {
     /// A kernel without layers, for all samples of the world.
     pub fn beauty(
-        integrator: Integrator<'a>,
+        integrator: RenderContext<'a>,
         window: Window,
         rows: &'r mut [&'f mut [[f32; 4]]],
     ) -> Self {
@@ -135,16 +135,16 @@ struct Tile<'a, 'r, 'f, R> {
     sums: BlockSums,
 }
 
-impl<R: Record> Finish for Tile<'_, '_, '_, R> {
+impl<R: Record> ShadePacket for Tile<'_, '_, '_, R> {
     // A record keeps the first of equally near samples, so its samples must come in order.
     const ANY_ORDER: bool = !R::ON;
 
     #[inline(always)]
     fn finish(
         &mut self,
-        slot: &mut Slot,
+        slot: &mut CameraPacket,
         pattern: &Pattern,
-        cast: &mut Cast,
+        cast: &mut WhittedIntegrator,
         counts: &mut RayCounts,
     ) {
         self.kernel.finish(slot, pattern, cast, &mut self.sums, counts);
@@ -160,7 +160,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         let (world, count) = (self.integrator.world, self.samples.end - self.samples.start);
         // Layers and sums to be merged need every sample of a pixel.
         let mut sky = (!self.record.has_words())
-            .then(|| Sky::new(world, self.integrator.accelerator, count, pattern.block));
+            .then(|| EmptyBlocks::new(world, self.integrator.accelerator, count, pattern.block));
         let mut background_rays = 0;
         let mut blocks = Vec::with_capacity((TILE * TILE) as usize / pattern.pixels());
         for corner in corners(pattern, self.window) {
@@ -179,9 +179,9 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
     #[inline(always)]
     fn finish(
         &mut self,
-        slot: &mut Slot,
+        slot: &mut CameraPacket,
         pattern: &Pattern,
-        cast: &mut Cast,
+        cast: &mut WhittedIntegrator,
         sums: &mut BlockSums,
         counts: &mut RayCounts,
     ) {

@@ -15,7 +15,7 @@ use crate::sampler::Kind;
 
 /// Sums and numbers of samples of one pixel.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Tally {
+pub struct PixelSamples {
     /// Sum of R, G, B, A over all samples.
     pub sum: [f64; 4],
     /// Sum of R, G, B, A over the second half of the samples.
@@ -51,7 +51,7 @@ const NOMINAL_SAMPLES: f64 = 16.0;
 
 /// Upper limit of errors, as squared error over squared target. An error this large needs all
 /// samples that a pixel may have.
-pub const LARGEST: f32 = (1u32 << 28) as f32;
+pub const MAX_ERROR: f32 = (1u32 << 28) as f32;
 
 /// The error that a pixel may have, and how its variance falls.
 #[derive(Debug, Clone, Copy)]
@@ -129,7 +129,7 @@ impl Goal {
     }
 }
 
-impl Tally {
+impl PixelSamples {
     /// Squared standard error of the mean over the goal's squared target, at most 2^28. The larger
     /// of two errors: R, G, B together, relative to the goal's level, and alpha, relative to 1.
     /// Returns 0 if a sample is not finite, because more samples would not help.
@@ -141,7 +141,7 @@ impl Tally {
         let level = goal.level([0, 1, 2].map(|c| self.sum[c] / n));
         let error = ((r + g + b) / level).max(alpha);
         let error = if error.is_finite() { error / goal.noise.powi(2) } else { 0.0 };
-        (error as f32).min(LARGEST)
+        (error as f32).min(MAX_ERROR)
     }
 }
 
@@ -149,9 +149,9 @@ impl Tally {
 mod tests {
     use super::*;
 
-    fn tally(first: f64, second: f64) -> Tally {
+    fn tally(first: f64, second: f64) -> PixelSamples {
         let sum = [first + second; 4];
-        Tally { sum, half: [second; 4], taken: 16, wanted: 16, aim: 16, plan: 16 }
+        PixelSamples { sum, half: [second; 4], taken: 16, wanted: 16, aim: 16, plan: 16 }
     }
 
     fn goal(relative: Relative, mean: f64) -> Goal {
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn the_error_is_half_the_difference_of_the_halves() {
-        let close = |tally: Tally, goal: &Goal, error: f64| {
+        let close = |tally: PixelSamples, goal: &Goal, error: f64| {
             let found = f64::from(tally.error(goal)) * goal.noise.powi(2);
             assert!((found - error).abs() < 1e-7, "{found} {error}");
         };
@@ -183,7 +183,7 @@ mod tests {
             }
         }
         let tiny = Goal { noise: 1e-300, ..plain };
-        assert_eq!(one.error(&tiny), LARGEST);
+        assert_eq!(one.error(&tiny), MAX_ERROR);
     }
 
     #[test]

@@ -12,16 +12,16 @@ use crate::ray::LANES;
 use crate::simd::Kernel;
 
 use super::block::{BlockSums, Values};
-use super::cast::Cast;
-use super::noise::{Goal, Tally};
-use super::pipeline::{Finish, pipeline};
-use super::plan::{Errors, Plan};
+use super::camera_packet::{CameraPacket, Pattern};
+use super::noise::{Goal, PixelSamples};
+use super::pipeline::{ShadePacket, pipeline};
+use super::plan::{Errors, SamplePlan};
 use super::record::Record;
-use super::slot::{Pattern, Slot};
-use super::{Integrator, RayCounts, alpha, limit, morton};
+use super::whitted::WhittedIntegrator;
+use super::{RayCounts, RenderContext, alpha, limit, morton};
 
 /// Fewest samples that a pass takes of a pixel; a pass takes a multiple of it.
-pub const LEAST: u32 = LANES as u32;
+pub const MIN_PASS_SAMPLES: u32 = LANES as u32;
 
 /// Passes take whole packets, so no sample number is excluded.
 const ALL: Range<u32> = 0..u32::MAX;
@@ -31,7 +31,7 @@ const ALL: Range<u32> = 0..u32::MAX;
 pub struct Passes<H> {
     window: Window,
     /// Tallies of the pixels, row by row.
-    pub tallies: Vec<Tally>,
+    pub tallies: Vec<PixelSamples>,
     held: Vec<H>,
     errors: Errors,
     decided: Decided,
@@ -43,7 +43,7 @@ enum Decided {
     /// Only the first pass, which has the same number for all pixels.
     Nothing,
     /// The first plan; the second is not made yet.
-    First(Plan),
+    First(SamplePlan),
     /// Both plans: nothing is left to decide.
     All,
 }
@@ -52,7 +52,8 @@ impl<H> Passes<H> {
     /// Creates pixels without samples; the first pass takes `first` of each.
     pub fn new(window: Window, first: u32, held: impl Fn() -> H) -> Self {
         let count = (window.width() * window.height()) as usize;
-        let tally = Tally { wanted: first, aim: first, plan: first, ..Tally::default() };
+        let tally =
+            PixelSamples { wanted: first, aim: first, plan: first, ..PixelSamples::default() };
         let held = (0..count).map(|_| held()).collect();
         let errors = Errors::new(window.width() as usize, first);
         Self { window, tallies: vec![tally; count], held, errors, decided: Decided::Nothing }
@@ -88,7 +89,7 @@ impl<H> Passes<H> {
             Decided::First(plan) => Some(plan),
             Decided::All => return false,
         };
-        let set = |tallies: &mut [Tally], plan: &[u32]| {
+        let set = |tallies: &mut [PixelSamples], plan: &[u32]| {
             tallies.iter_mut().zip(plan).for_each(|(tally, &plan)| tally.plan = plan);
         };
         match first {
@@ -120,7 +121,7 @@ impl<H> Passes<H> {
     pub fn want(&mut self, shift: u32) {
         for tally in &mut self.tallies {
             let step = (tally.aim / 2).checked_shr(shift).unwrap_or(0);
-            let more = tally.taken < tally.aim && step >= LEAST;
+            let more = tally.taken < tally.aim && step >= MIN_PASS_SAMPLES;
             tally.wanted = if more { tally.aim.min(tally.taken + step) } else { tally.taken };
         }
     }
@@ -144,11 +145,11 @@ impl<H> Passes<H> {
         words: &mut [&mut [u32]],
         record: &mut R,
     ) {
-        let none = BlockSums::new(&Pattern::for_spp(LEAST), 0, 0);
+        let none = BlockSums::new(&Pattern::for_spp(MIN_PASS_SAMPLES), 0, 0);
         for (row, y) in (kept.y0..kept.y1).enumerate() {
             for (column, x) in (kept.x0..kept.x1).enumerate() {
                 let index = self.index([x, y]);
-                let Tally { sum, taken, .. } = self.tallies[index];
+                let PixelSamples { sum, taken, .. } = self.tallies[index];
                 rows[row][column] = sum.map(|sum| (sum / f64::from(taken)) as f32);
                 if record.has_words() {
                     record.exchange(&mut self.held[index]);
@@ -163,7 +164,7 @@ impl<H> Passes<H> {
 /// Runs one pass: takes the wanted samples of every pixel.
 pub struct PassKernel<'a, 'p, R: Record> {
     /// Scene, backend and monitor.
-    pub integrator: Integrator<'a>,
+    pub integrator: RenderContext<'a>,
     /// The pixels to sample.
     pub passes: &'p mut Passes<R::Held>,
     /// Records the layers of the pixels.
@@ -175,7 +176,7 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
 
     #[inline(always)]
     fn run(self) -> RayCounts {
-        let pattern = Pattern::for_spp(LEAST);
+        let pattern = Pattern::for_spp(MIN_PASS_SAMPLES);
         let passes = &self.passes;
         let w = passes.window;
         let limit = limit(self.integrator.world, w);
@@ -190,7 +191,7 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
             })
             .collect();
         let units = todo.into_iter().flat_map(|(corner, samples)| {
-            samples.step_by(LEAST as usize).map(move |first| (corner, first))
+            samples.step_by(MIN_PASS_SAMPLES as usize).map(move |first| (corner, first))
         });
         let mut pass = Pass {
             passes: self.passes,
@@ -210,15 +211,15 @@ struct Pass<'p, R: Record> {
     sums: BlockSums,
 }
 
-impl<R: Record> Finish for Pass<'_, R> {
+impl<R: Record> ShadePacket for Pass<'_, R> {
     const ANY_ORDER: bool = false;
 
     #[inline(always)]
     fn finish(
         &mut self,
-        slot: &mut Slot,
+        slot: &mut CameraPacket,
         pattern: &Pattern,
-        cast: &mut Cast,
+        cast: &mut WhittedIntegrator,
         counts: &mut RayCounts,
     ) {
         let index = self.passes.index(slot.corner);
@@ -243,7 +244,7 @@ impl<R: Record> Finish for Pass<'_, R> {
                 *half += if second { f64::from(lanes[i]) } else { 0.0 };
             }
         }
-        if slot.first + LEAST >= tally.wanted {
+        if slot.first + MIN_PASS_SAMPLES >= tally.wanted {
             for (channel, sum) in tally.sum.iter_mut().enumerate() {
                 *sum += self.sums.total(0, channel);
             }

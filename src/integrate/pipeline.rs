@@ -6,23 +6,23 @@ use crate::geometry::{prefetch_indices, prefetch_vertices};
 use crate::ray::{Coherence, LANES};
 use crate::sampler::Sampler;
 
-use super::cast::Cast;
+use super::camera_packet::{CameraPacket, Pattern};
 use super::joint::joint_light;
 use super::quarters::Quarters;
-use super::slot::{Pattern, Slot};
-use super::{Integrator, RayCounts};
+use super::whitted::WhittedIntegrator;
+use super::{RayCounts, RenderContext};
 
 /// Shades the packets whose camera rays are traced.
-pub trait Finish {
+pub trait ShadePacket {
     /// Whether the samples of a pixel may come in the order of [`Quarters`].
     const ANY_ORDER: bool;
 
     /// Shades a packet and adds it to its pixels. Packets come in the order of their units.
     fn finish(
         &mut self,
-        slot: &mut Slot,
+        slot: &mut CameraPacket,
         pattern: &Pattern,
-        cast: &mut Cast,
+        cast: &mut WhittedIntegrator,
         counts: &mut RayCounts,
     );
 }
@@ -31,22 +31,22 @@ pub trait Finish {
 /// prefetches load the memory that shading of the other needs. A unit is the corner of a block and
 /// the first sample of a packet. Lanes are active left of and above `limit`.
 #[inline(always)]
-pub fn pipeline<F: Finish>(
-    integrator: Integrator,
+pub fn pipeline<F: ShadePacket>(
+    integrator: RenderContext,
     pattern: &Pattern,
     samples: &Range<u32>,
     limit: [u32; 2],
     units: impl Iterator<Item = ([u32; 2], u32)>,
     work: &mut F,
 ) -> RayCounts {
-    let Integrator { world, accelerator, monitor } = integrator;
-    let sampler = Sampler::of(world.sampler, world.seed);
+    let RenderContext { world, accelerator, monitor } = integrator;
+    let sampler = Sampler::with_kind(world.sampler, world.seed);
     let mut counts = RayCounts::default();
     let joint = joint_light(world);
-    let mut cast = Cast::new(world, accelerator, sampler, monitor, joint);
+    let mut cast = WhittedIntegrator::new(world, accelerator, sampler, monitor, joint);
     let by_quarters = F::ANY_ORDER && pattern.samples as usize == LANES;
     let mut quarters = Quarters::new(world);
-    let [even, odd] = &mut [Slot::EMPTY; 2];
+    let [even, odd] = &mut [CameraPacket::EMPTY; 2];
     let (mut slot, mut before) = (even, odd);
     for (traced, unit) in units.map(Some).chain([None]).enumerate() {
         if let Some(unit) = unit {
@@ -64,7 +64,7 @@ pub fn pipeline<F: Finish>(
             counts.primary += u64::from(rays);
             prefetch_vertices(&world.geometry, &before.packet, LANES / 2..LANES);
             let (active, packet) = (&slot.active, &mut slot.packet);
-            accelerator.closest_candidates(active, packet, Coherence::Coherent);
+            accelerator.closest_unfiltered(active, packet, Coherence::Coherent);
             prefetch_indices(&world.geometry, &slot.packet);
         }
         if traced > 0 {

@@ -14,7 +14,7 @@
 //! and no error is negative. So the samples that the second plan reads have been taken. The sums of
 //! the first plan are integers, so that subtracting a pixel leaves no rounding error.
 
-use super::noise::{Goal, LARGEST};
+use super::noise::{Goal, MAX_ERROR};
 
 /// Binomial weights of the windows over which errors are averaged, from the middle outwards: 5 x 5
 /// and 9 x 9 pixels. The small window is sharper; the large one also sees features that few samples
@@ -34,13 +34,13 @@ pub struct Errors {
     /// Samples per pixel of the first pass.
     first: u32,
     /// Error by pixel, after `first`, 2 `first`, 4 `first` ... samples:
-    /// [`super::noise::Tally::error`].
+    /// [`super::noise::PixelSamples::error`].
     levels: Vec<Vec<f32>>,
 }
 
 /// Result of the first plan.
 #[derive(Debug)]
-pub struct Plan {
+pub struct SamplePlan {
     /// Number of samples, by pixel.
     pub samples: Vec<u32>,
     /// Sums over the neighbours of each pixel.
@@ -64,7 +64,7 @@ impl Sum {
 }
 
 fn steps(error: f32) -> u64 {
-    (error.min(LARGEST) * STEPS) as u64
+    (error.min(MAX_ERROR) * STEPS) as u64
 }
 
 /// Weight in each window of a pixel at this distance, across and down.
@@ -92,7 +92,7 @@ impl Errors {
     }
 
     /// Computes the first plan: numbers of samples from the errors after the first pass.
-    pub fn first_plan(&self, goal: &Goal) -> Plan {
+    pub fn first_plan(&self, goal: &Goal) -> SamplePlan {
         let errors: Vec<u64> = self.levels[0].iter().map(|&error| steps(error)).collect();
         let mut sums = vec![Sums::default(); errors.len()];
         for (window, weights) in WINDOWS.into_iter().enumerate() {
@@ -112,16 +112,16 @@ impl Errors {
             }
         }
         let samples = sums.iter().map(|sums| self.by(goal, self.first, sums)).collect();
-        Plan { samples, sums }
+        SamplePlan { samples, sums }
     }
 
     /// Computes the second plan: numbers of samples from the errors after the samples of the first
     /// plan.
-    pub fn second_plan(&self, goal: &Goal, first: &Plan) -> Vec<u32> {
+    pub fn second_plan(&self, goal: &Goal, first: &SamplePlan) -> Vec<u32> {
         (0..first.samples.len()).map(|at| self.second(goal, first, at)).collect()
     }
 
-    fn second(&self, goal: &Goal, first: &Plan, at: usize) -> u32 {
+    fn second(&self, goal: &Goal, first: &SamplePlan, at: usize) -> u32 {
         let (width, height) = (self.width, first.samples.len() / self.width);
         let (x, y, taken) = (at % width, at / width, first.samples[at]);
         let (left, right) = (x.saturating_sub(REACH), (x + REACH + 1).min(width));
@@ -152,7 +152,7 @@ impl Errors {
     fn without(
         &self,
         goal: &Goal,
-        plan: &Plan,
+        plan: &SamplePlan,
         (at, out): (usize, usize),
         weights: [u64; WINDOWS.len()],
     ) -> u32 {

@@ -106,7 +106,7 @@ pub fn packet(first: u32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::super::block::{BlockSums, Values};
-    use super::super::slot::Pattern;
+    use super::super::camera_packet::Pattern;
     use super::*;
 
     fn quarters() -> Quarters {

@@ -6,15 +6,15 @@ use std::ops::Range;
 
 use crate::film::Dropped;
 use crate::geometry::Surfaces;
-use crate::layers::{BEAUTY, Nearest, Plan, Raw, count};
+use crate::layers::{BEAUTY, LayerPlan, NearestHit, RawLayout, count};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::shading::{Lanes, Lanes3, Points, lane};
 use crate::world::World;
 
 use super::block::{BlockSums, Values};
-use super::lamp::Lamp;
-use super::slot::{Pattern, Slot};
-use super::split::Split;
+use super::camera_packet::{CameraPacket, Pattern};
+use super::sampled_light::SampledLight;
+use super::split::LightParts;
 
 /// Receives the light of packets while it is gathered.
 pub trait Record {
@@ -33,13 +33,13 @@ pub trait Record {
     /// Records the first hits of a packet's camera rays.
     fn surface(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, points: &Points);
     /// Records the light of one source, to be multiplied by base colours and throughputs.
-    fn light(&mut self, lamp: &Lamp, base: &Lanes3, throughput: &Lanes, split: &Split);
+    fn light(&mut self, lamp: &SampledLight, base: &Lanes3, throughput: &Lanes, split: &LightParts);
     /// Records ambient light, by lane.
     fn ambient(&mut self, bounce: u32, sent: &Lanes3);
     /// Records background radiance, by lane.
     fn background(&mut self, bounce: u32, sent: &Lanes3);
     /// Ends the packet and adds its samples within `samples`.
-    fn packet(&mut self, slot: &Slot, samples: &Range<u32>, radiance: &Lanes3);
+    fn packet(&mut self, slot: &CameraPacket, samples: &Range<u32>, radiance: &Lanes3);
     /// Writes the words of one pixel of the block, with `n` samples, into a row at pixel `column`.
     /// `beauty` holds R, G, B, A.
     fn write(&mut self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]);
@@ -51,7 +51,7 @@ pub trait Record {
 
 /// Records no layers. For a part of the samples, writes the sums of the beauty as words.
 #[derive(Debug, Clone, Copy)]
-pub struct Beauty<'a>(pub Option<&'a Raw>);
+pub struct Beauty<'a>(pub Option<&'a RawLayout>);
 
 impl Record for Beauty<'_> {
     const ON: bool = false;
@@ -66,17 +66,17 @@ impl Record for Beauty<'_> {
     #[inline(always)]
     fn begin(&mut self) {}
     fn surface(&mut self, _: &World, _: &RayPacket, _: &Surfaces, _: &Points) {}
-    fn light(&mut self, _: &Lamp, _: &Lanes3, _: &Lanes, _: &Split) {}
+    fn light(&mut self, _: &SampledLight, _: &Lanes3, _: &Lanes, _: &LightParts) {}
     fn ambient(&mut self, _: u32, _: &Lanes3) {}
     fn background(&mut self, _: u32, _: &Lanes3) {}
-    fn packet(&mut self, _: &Slot, _: &Range<u32>, _: &Lanes3) {}
+    fn packet(&mut self, _: &CameraPacket, _: &Range<u32>, _: &Lanes3) {}
 
     fn write(&mut self, pixel: usize, _: u32, beauty: &BlockSums, column: usize, row: &mut [u32]) {
         let Some(raw) = self.0 else { return };
         let stride = raw.words();
         let words = &mut row[column * stride..(column + 1) * stride];
         let sum = |node: usize, quantity: usize| beauty.value(node, pixel, quantity);
-        raw.encode(sum, &Nearest::NONE, &[], words);
+        raw.encode(sum, &NearestHit::NONE, &[], words);
     }
 }
 
@@ -84,16 +84,16 @@ impl Record for Beauty<'_> {
 #[derive(Debug)]
 pub struct Held {
     sums: BlockSums,
-    nearest: Nearest,
+    nearest: NearestHit,
     mattes: Vec<Vec<(u32, u32)>>,
 }
 
 /// Records the layers of a plan, for one block of pixels at a time.
 #[derive(Debug)]
 pub struct Layers<'a> {
-    plan: &'a Plan,
+    plan: &'a LayerPlan,
     /// Encoding of a part of the samples; `None` for all samples, which are written as channels.
-    raw: Option<&'a Raw>,
+    raw: Option<&'a RawLayout>,
     pattern: Pattern,
     /// One packet's values by quantity: the filtered channels, then R, G, B for the variance.
     lanes: Vec<Values>,
@@ -102,7 +102,7 @@ pub struct Layers<'a> {
     /// Sums of all quantities over the packets of the block.
     sums: BlockSums,
     /// Nearest sample, by pixel of the block.
-    nearest: [Nearest; LANES],
+    nearest: [NearestHit; LANES],
     /// Ids and hit counts, by pixel of the block and by kind of mattes.
     mattes: [Vec<Vec<(u32, u32)>>; LANES],
     /// Buffer for the sums of one pixel.
@@ -113,7 +113,7 @@ pub struct Layers<'a> {
 
 impl<'a> Layers<'a> {
     /// Allocates the layers of `plan`, for a world of `spp` samples per pixel.
-    pub fn new(plan: &'a Plan, raw: Option<&'a Raw>, spp: u32) -> Self {
+    pub fn new(plan: &'a LayerPlan, raw: Option<&'a RawLayout>, spp: u32) -> Self {
         let pattern = Pattern::for_spp(spp);
         let (values, squares) = quantities(plan);
         Self {
@@ -123,7 +123,7 @@ impl<'a> Layers<'a> {
             lanes: vec![Values([0.0; LANES]); values],
             filled: vec![false; values],
             sums: BlockSums::new(&pattern, values, squares),
-            nearest: [Nearest::NONE; LANES],
+            nearest: [NearestHit::NONE; LANES],
             mattes: std::array::from_fn(|_| vec![Vec::new(); plan.mattes.len()]),
             totals: Vec::new(),
             dropped: Dropped::default(),
@@ -187,7 +187,7 @@ impl<'a> Layers<'a> {
             }
             let i = first % LANES;
             let local = lane(&surfaces.position, i).as_dvec3();
-            *nearest = Nearest {
+            *nearest = NearestHit {
                 depth: depths[i],
                 position: (local + world.geometry.origin).as_vec3().to_array(),
                 primitive: surfaces.primitive[i] + 1,
@@ -245,7 +245,14 @@ impl<'a> Layers<'a> {
 
     /// Encodes the sums of one pixel for a part of the samples.
     #[inline(never)]
-    fn encode(&self, raw: &Raw, pixel: usize, beauty: &BlockSums, column: usize, row: &mut [u32]) {
+    fn encode(
+        &self,
+        raw: &RawLayout,
+        pixel: usize,
+        beauty: &BlockSums,
+        column: usize,
+        row: &mut [u32],
+    ) {
         let stride = raw.words();
         let words = &mut row[column * stride..(column + 1) * stride];
         let sum = |node: usize, quantity: usize| match quantity.checked_sub(BEAUTY) {
@@ -257,7 +264,7 @@ impl<'a> Layers<'a> {
 }
 
 /// Number of summed values, and number of squares beside them.
-fn quantities(plan: &Plan) -> (usize, usize) {
+fn quantities(plan: &LayerPlan) -> (usize, usize) {
     let squares = if plan.recipe.variance.is_some() { 3 } else { 0 };
     (plan.recipe.summed() - squares, squares)
 }
@@ -275,7 +282,7 @@ impl Record for Layers<'_> {
         let (values, squares) = quantities(self.plan);
         Held {
             sums: BlockSums::new(&self.pattern, values, squares),
-            nearest: Nearest::NONE,
+            nearest: NearestHit::NONE,
             mattes: vec![Vec::new(); self.plan.mattes.len()],
         }
     }
@@ -290,7 +297,7 @@ impl Record for Layers<'_> {
     fn begin(&mut self) {
         self.sums.clear();
         let pixels = self.pattern.pixels();
-        self.nearest[..pixels].fill(Nearest::NONE);
+        self.nearest[..pixels].fill(NearestHit::NONE);
         self.mattes[..pixels].iter_mut().flatten().for_each(Vec::clear);
     }
 
@@ -310,7 +317,13 @@ impl Record for Layers<'_> {
     }
 
     #[inline(always)]
-    fn light(&mut self, lamp: &Lamp, base: &Lanes3, throughput: &Lanes, split: &Split) {
+    fn light(
+        &mut self,
+        lamp: &SampledLight,
+        base: &Lanes3,
+        throughput: &Lanes,
+        split: &LightParts,
+    ) {
         let (plan, light) = (self.plan, lamp.index as usize);
         if let (0, Some((channel, share))) = (lamp.bounce, plan.shadows[light]) {
             let mut visible = split.visible;
@@ -355,7 +368,7 @@ impl Record for Layers<'_> {
     }
 
     #[inline(always)]
-    fn packet(&mut self, slot: &Slot, samples: &Range<u32>, radiance: &Lanes3) {
+    fn packet(&mut self, slot: &CameraPacket, samples: &Range<u32>, radiance: &Lanes3) {
         let filtered = self.plan.recipe.filtered;
         self.add3(self.plan.recipe.variance.map(|_| filtered), radiance);
         self.sums.add(&self.pattern, slot.first, samples, &self.lanes, &self.filled);

@@ -5,7 +5,7 @@ use crate::accel::Accelerator;
 use crate::geometry::Geometry;
 use crate::ray::{Coherence, LANES, Mask, Rays};
 use crate::scene::Falloff;
-use crate::shading::{Area, Lanes3, Lit, ShadowPoints, light_rays};
+use crate::shading::{Area, Lanes3, LightWeights, ShadowPoints, light_rays};
 
 /// The shadow rays of a packet of shading points to one light.
 #[derive(Clone, Copy)]
@@ -28,7 +28,7 @@ impl<'a> ShadowRays<'a> {
         falloff: Falloff,
         glossy: bool,
         rays: &mut Rays,
-        lit: &mut Lit,
+        lit: &mut LightWeights,
     ) -> Self {
         let normal = area.and_then(|area| area.normal);
         let mut active = light_rays(points, q, normal, falloff, glossy, rays, lit);
@@ -62,7 +62,7 @@ impl<'a> ShadowRays<'a> {
 }
 
 /// Lane numbers for rays that start at the point of their own lane.
-pub const OWN: [usize; LANES] = {
+pub const OWN_LANES: [usize; LANES] = {
     let mut own = [0; LANES];
     let mut i = 0;
     while i < LANES {

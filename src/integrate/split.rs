@@ -1,11 +1,11 @@
 //! The diffuse and specular light of one light source, separated for layers.
 
 use crate::ray::{LANES, Mask};
-use crate::shading::{Lanes, Lanes3, Light, Lit};
+use crate::shading::{Lanes, Lanes3, Light, LightWeights};
 
 /// Light of one source in each lane, before the base colour, as diffuse and specular parts.
 #[derive(Debug, Clone)]
-pub struct Split {
+pub struct LightParts {
     /// Diffuse light, by axis and lane.
     pub diffuse: Lanes3,
     /// Specular light, by axis and lane.
@@ -14,14 +14,14 @@ pub struct Split {
     pub visible: Lanes,
 }
 
-impl Split {
+impl LightParts {
     const NONE: Self =
         Self { diffuse: [[0.0; LANES]; 3], specular: [[0.0; LANES]; 3], visible: [0.0; LANES] };
 
-    /// Light of one point per lane, with the weights of [`Lit`]. Lanes outside of `visible` receive
-    /// none.
+    /// Light of one point per lane, with the weights of [`LightWeights`]. Lanes outside of
+    /// `visible` receive none.
     #[inline(always)]
-    pub fn of(light: &Light, lit: &Lit, visible: &Mask) -> Self {
+    pub fn from_weights(light: &Light, lit: &LightWeights, visible: &Mask) -> Self {
         let mut split = Self::NONE;
         for axis in 0..3 {
             let (diffuse, specular) = (light.diffuse[axis], light.specular[axis]);
@@ -41,18 +41,18 @@ impl Split {
 
 /// Sums over the points of a light, in f64, because there may be many.
 #[derive(Debug, Clone)]
-pub struct SplitSums {
+pub struct LightPartSums {
     diffuse: [[f64; LANES]; 3],
     specular: [[f64; LANES]; 3],
     visible: [f64; LANES],
 }
 
-impl SplitSums {
+impl LightPartSums {
     /// Sums before the first point.
     pub const NONE: Self =
         Self { diffuse: [[0.0; LANES]; 3], specular: [[0.0; LANES]; 3], visible: [0.0; LANES] };
 
-    /// Adds a visible light point to lane `i`, with the weights of [`Lit`].
+    /// Adds a visible light point to lane `i`, with the weights of [`LightWeights`].
     #[inline(always)]
     pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32) {
         for axis in 0..3 {
@@ -81,8 +81,8 @@ impl SplitSums {
 
     /// Mean over the points; `share` is 1 over their number.
     #[inline(always)]
-    pub fn mean(&self, share: f64) -> Split {
-        let mut split = Split::NONE;
+    pub fn mean(&self, share: f64) -> LightParts {
+        let mut split = LightParts::NONE;
         for i in 0..LANES {
             for axis in 0..3 {
                 split.diffuse[axis][i] = (self.diffuse[axis][i] * share) as f32;

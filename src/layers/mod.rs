@@ -7,23 +7,23 @@ mod raw;
 mod recipe;
 
 pub use self::mattes::Mattes;
-pub use self::raw::{BEAUTY, Pixel, Raw};
-pub use self::recipe::{Nearest, Ranks, Recipe, count};
+pub use self::raw::{BEAUTY, Pixel, RawLayout};
+pub use self::recipe::{MatteLayout, NearestHit, PixelLayout, count};
 
 use crate::film::{Channel, ChannelKind};
 use crate::scene::{Layer, Scene};
 
 /// Depth of a camera ray that misses.
-pub const FAR: f32 = 1e30;
+pub const MISS_DEPTH: f32 = 1e30;
 
 /// The position of each layer among the words of a pixel: the index of its first channel.
 ///
-/// The first [`Recipe::filtered`] words are means over the camera samples (box filter, as the
+/// The first [`PixelLayout::filtered`] words are means over the camera samples (box filter, as the
 /// beauty). The others are never blended.
 #[derive(Debug, Clone, Default)]
-pub struct Plan {
+pub struct LayerPlan {
     /// All channels, and the positions of those that need no scene.
-    pub recipe: Recipe,
+    pub recipe: PixelLayout,
     /// Shading normal: 3 channels.
     pub normal: Option<usize>,
     /// Geometric normal: 3 channels.
@@ -54,7 +54,7 @@ pub struct Plan {
     pub mattes: Vec<Mattes>,
 }
 
-impl Plan {
+impl LayerPlan {
     /// Makes the plan for the layers that a scene selects.
     pub fn new(scene: &Scene) -> Self {
         let groups = &scene.light_groups;
@@ -110,7 +110,7 @@ impl Plan {
         }
         for mattes in &plan.mattes {
             let (first, ranks) = (plan.recipe.channels.len(), scene.crypto_ranks as usize);
-            plan.recipe.mattes.push(Ranks { first, ranks, ids: mattes.ids() });
+            plan.recipe.mattes.push(MatteLayout { first, ranks, ids: mattes.ids() });
             plan.recipe.channels.extend(mattes.channels(ranks));
         }
         plan

@@ -4,16 +4,16 @@ use std::ops::Range;
 
 use crate::film::{Channel, ChannelKind, Dropped, Node, Sums};
 
-use super::recipe::{Nearest, Recipe, count};
+use super::recipe::{NearestHit, PixelLayout, count};
 
 /// Number of beauty channels: R, G, B, A.
 pub const BEAUTY: usize = 4;
 
 /// The layout of the sums of a range of samples in the words of a pixel. First, node by node, R, G,
-/// B, A and the quantities of [`Recipe::summed`], each an f64 in two words. Then the nearest hit,
-/// then ids and counts.
+/// B, A and the quantities of [`PixelLayout::summed`], each an f64 in two words. Then the nearest
+/// hit, then ids and counts.
 #[derive(Debug, Clone)]
-pub struct Raw {
+pub struct RawLayout {
     samples: Range<u32>,
     nodes: Vec<Node>,
     summed: usize,
@@ -25,20 +25,20 @@ pub struct Raw {
 /// The state of a pixel after the first n samples.
 #[derive(Debug, Clone)]
 pub struct Pixel {
-    /// R, G, B, A, then the quantities of [`Recipe::summed`].
+    /// R, G, B, A, then the quantities of [`PixelLayout::summed`].
     pub sums: Sums,
     /// The nearest hit so far.
-    pub nearest: Nearest,
+    pub nearest: NearestHit,
     /// For each kind of mattes, the ids with their numbers of hits.
     pub mattes: Vec<Vec<(u32, u32)>>,
 }
 
 impl Pixel {
     /// Makes the state before the first sample.
-    pub fn new(recipe: &Recipe) -> Self {
+    pub fn new(recipe: &PixelLayout) -> Self {
         Self {
             sums: Sums::new(BEAUTY + recipe.summed()),
-            nearest: Nearest::NONE,
+            nearest: NearestHit::NONE,
             mattes: vec![Vec::new(); recipe.mattes.len()],
         }
     }
@@ -46,13 +46,13 @@ impl Pixel {
     /// Resets the state, for another pixel.
     pub fn clear(&mut self) {
         self.sums.clear();
-        self.nearest = Nearest::NONE;
+        self.nearest = NearestHit::NONE;
         self.mattes.iter_mut().for_each(Vec::clear);
     }
 
     /// Returns R, G, B, A of `n` samples and writes the other channels to `words`. Also returns the
     /// coverage that the mattes cannot hold.
-    pub fn finish(&self, recipe: &Recipe, n: u32, words: &mut [u32]) -> ([f32; 4], Dropped) {
+    pub fn finish(&self, recipe: &PixelLayout, n: u32, words: &mut [u32]) -> ([f32; 4], Dropped) {
         let mut totals = Vec::new();
         self.sums.totals(0..BEAUTY + recipe.summed(), &mut totals);
         let dropped = recipe.fill(n, &totals[BEAUTY..], &self.nearest, &self.mattes, words);
@@ -61,12 +61,12 @@ impl Pixel {
     }
 }
 
-impl Raw {
+impl RawLayout {
     /// Makes the layout of the samples `samples` for a recipe.
-    pub fn new(recipe: &Recipe, samples: Range<u32>) -> Self {
+    pub fn new(recipe: &PixelLayout, samples: Range<u32>) -> Self {
         let capacity = samples.len();
         Self {
-            nodes: Node::of(samples.clone()),
+            nodes: Node::cover(samples.clone()),
             samples,
             summed: recipe.summed(),
             has_nearest: recipe.has_nearest(),
@@ -98,7 +98,7 @@ impl Raw {
     pub fn encode(
         &self,
         sum: impl Fn(usize, usize) -> f64,
-        nearest: &Nearest,
+        nearest: &NearestHit,
         mattes: &[Vec<(u32, u32)>],
         words: &mut [u32],
     ) {
@@ -140,7 +140,7 @@ impl Raw {
             let depth = f32::from_bits(depth);
             if depth < pixel.nearest.depth {
                 let position = [x, y, z].map(f32::from_bits);
-                pixel.nearest = Nearest { depth, position, primitive, object };
+                pixel.nearest = NearestHit { depth, position, primitive, object };
             }
         }
         for (capacity, known) in self.mattes.iter().zip(&mut pixel.mattes) {

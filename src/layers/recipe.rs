@@ -5,12 +5,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::film::{Channel, Dropped};
 
-use super::FAR;
+use super::MISS_DEPTH;
 use super::mattes::rank;
 
 /// The nearest hit of all camera samples. Of equally near samples, the first wins.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Nearest {
+pub struct NearestHit {
     /// Depth in camera space.
     pub depth: f32,
     /// Position in world space.
@@ -21,15 +21,16 @@ pub struct Nearest {
     pub object: u32,
 }
 
-impl Nearest {
+impl NearestHit {
     /// The value of a pixel without a hit.
-    pub const NONE: Self = Self { depth: FAR, position: [0.0; 3], primitive: 0, object: 0 };
+    pub const NONE: Self = Self { depth: MISS_DEPTH, position: [0.0; 3], primitive: 0, object: 0 };
 }
 
-/// The position of each channel of a [`super::Plan`] among the words of a pixel, without the scene.
+/// The position of each channel of a [`super::LayerPlan`] among the words of a pixel, without the
+/// scene.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Recipe {
+pub struct PixelLayout {
     /// All channels, in the order of a pixel's words.
     pub channels: Vec<Channel>,
     /// Number of channels, from the first on, that are means over samples.
@@ -47,13 +48,13 @@ pub struct Recipe {
     /// Position of the number of samples: 1 word.
     pub samples: Option<usize>,
     /// Positions of each kind of mattes.
-    pub mattes: Vec<Ranks>,
+    pub mattes: Vec<MatteLayout>,
 }
 
 /// Position of the ranks of one kind of mattes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Ranks {
+pub struct MatteLayout {
     /// Index of the first of `2 * ranks` words.
     pub first: usize,
     /// Number of ids that a pixel can hold.
@@ -62,7 +63,7 @@ pub struct Ranks {
     pub ids: usize,
 }
 
-impl Recipe {
+impl PixelLayout {
     /// Returns the number of quantities that are summed over samples, in addition to R, G, B, A.
     /// These are the filtered channels and, for the variance, R, G, B and their squares.
     pub fn summed(&self) -> usize {
@@ -87,14 +88,14 @@ impl Recipe {
     }
 
     /// Fills the words of a pixel from its `n` samples. `sums` holds the sum of each quantity of
-    /// [`Recipe::summed`]. For each kind, `mattes` holds the number of samples that hit each id, in
-    /// the order of the hits. Returns the coverage that the mattes cannot hold.
+    /// [`PixelLayout::summed`]. For each kind, `mattes` holds the number of samples that hit each
+    /// id, in the order of the hits. Returns the coverage that the mattes cannot hold.
     #[inline(always)]
     pub fn fill(
         &self,
         n: u32,
         sums: &[f64],
-        nearest: &Nearest,
+        nearest: &NearestHit,
         mattes: &[Vec<(u32, u32)>],
         words: &mut [u32],
     ) -> Dropped {

@@ -35,12 +35,12 @@ fn ids_match_the_examples_of_the_specification() {
 
 #[test]
 fn a_scene_without_layers_has_an_empty_plan() {
-    assert!(Plan::new(&scene("[]")).is_empty());
+    assert!(LayerPlan::new(&scene("[]")).is_empty());
 }
 
 #[test]
 fn channels_have_conventional_names_and_types() {
-    let plan = Plan::new(&scene(r#"["Z", "N", "P", "objectid", "light", "uv"]"#));
+    let plan = LayerPlan::new(&scene(r#"["Z", "N", "P", "objectid", "light", "uv"]"#));
     let names: Vec<&str> = plan.recipe.channels.iter().map(|c| c.name.as_str()).collect();
     let expected = [
         "N.X",
@@ -78,7 +78,7 @@ fn channels_have_conventional_names_and_types() {
 
 #[test]
 fn repeated_layers_are_planned_once() {
-    let plan = Plan::new(&scene(r#"["all", "Z"]"#));
+    let plan = LayerPlan::new(&scene(r#"["all", "Z"]"#));
     let mut names: Vec<&str> = plan.recipe.channels.iter().map(|c| c.name.as_str()).collect();
     let count = names.len();
     names.sort_unstable();

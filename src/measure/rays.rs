@@ -12,7 +12,7 @@ use crate::accel::{Accelerator, BuildInfo};
 use crate::error::Result;
 use crate::film::Window;
 use crate::geometry::{Geometry, Nearby, Surfaces, refine};
-use crate::integrate::{Integrator, Pattern, TILE, TileKernel};
+use crate::integrate::{Pattern, RenderContext, TILE, TileKernel};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 use crate::sampler::{Sampler, disk};
@@ -133,7 +133,7 @@ pub fn record(
         let width = window.width() as usize;
         let mut pixels = vec![[0.0; 4]; width * window.height() as usize];
         let mut rows: Vec<_> = pixels.chunks_mut(width).collect();
-        let integrator = Integrator { world, accelerator: &recorder, monitor };
+        let integrator = RenderContext { world, accelerator: &recorder, monitor };
         simd::dispatch(Isa::detect(), TileKernel::beauty(integrator, window, &mut rows));
     }
     monitor.check()?;

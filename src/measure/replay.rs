@@ -80,7 +80,7 @@ impl Replay<'_> {
     /// divided by the number of threads.
     ///
     /// The copies of the rays are not included. Neither is the refinement that a renderer adds to
-    /// the backend's own answer ([`Accelerator::closest_candidates`]).
+    /// the backend's own answer ([`Accelerator::closest_unfiltered`]).
     pub fn seconds(&self, accelerator: &dyn Accelerator) -> f64 {
         let coherence = self.coherence();
         let spent: Duration = match self.class.is_shadow() {
@@ -95,7 +95,7 @@ impl Replay<'_> {
                         }
                         let started = Instant::now();
                         for (rays, packet) in scratch.iter_mut().zip(batch) {
-                            accelerator.occluded_candidates(&packet.active, rays, coherence);
+                            accelerator.occluded_unfiltered(&packet.active, rays, coherence);
                         }
                         let spent = started.elapsed();
                         black_box(&scratch);
@@ -115,7 +115,7 @@ impl Replay<'_> {
                         }
                         let started = Instant::now();
                         for (to, packet) in scratch.iter_mut().zip(batch) {
-                            accelerator.closest_candidates(&packet.active, to, coherence);
+                            accelerator.closest_unfiltered(&packet.active, to, coherence);
                         }
                         let spent = started.elapsed();
                         black_box(&scratch);

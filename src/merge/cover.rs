@@ -6,7 +6,7 @@ use crate::film::Window;
 
 /// Pixels and samples of one part.
 #[derive(Debug, Clone)]
-pub struct Piece {
+pub struct CoveredRegion {
     pub window: Window,
     pub samples: Range<u32>,
 }
@@ -23,14 +23,14 @@ pub struct Fault {
 
 /// Returns everything in `whole` and `0..of` that the pieces do not cover exactly once, from top to
 /// bottom.
-pub fn faults(pieces: &[Piece], whole: Window, of: u32) -> Vec<Fault> {
+pub fn faults(pieces: &[CoveredRegion], whole: Window, of: u32) -> Vec<Fault> {
     let mut rows: Vec<u32> = pieces.iter().flat_map(|p| [p.window.y0, p.window.y1]).collect();
     rows.extend([whole.y0, whole.y1]);
     let rows = cuts(rows, whole.y0, whole.y1);
     let mut faults: Vec<Fault> = Vec::new();
     for two in rows.windows(2) {
         let (y0, y1) = (two[0], two[1]);
-        let here = |p: &Piece| p.window.y0 <= y0 && p.window.y1 > y0;
+        let here = |p: &CoveredRegion| p.window.y0 <= y0 && p.window.y1 > y0;
         let here: Vec<usize> = (0..pieces.len()).filter(|&i| here(&pieces[i])).collect();
         let sides = here.iter().flat_map(|&i| [pieces[i].window.x0, pieces[i].window.x1]);
         let columns = cuts(sides.chain([whole.x0, whole.x1]).collect(), whole.x0, whole.x1);
@@ -97,8 +97,8 @@ mod tests {
         Window { x0, y0, x1, y1 }
     }
 
-    fn piece(window: Window, samples: Range<u32>) -> Piece {
-        Piece { window, samples }
+    fn piece(window: Window, samples: Range<u32>) -> CoveredRegion {
+        CoveredRegion { window, samples }
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Merges the parts of a picture into the [`Film`] that one render would have made, bit for bit.
 //!
 //! A part is an EXR with the attribute [`part::ATTRIBUTE`]. A part with all samples holds its
-//! channels as they are. A part with some of the samples holds sums (see [`crate::layers::Raw`]).
+//! channels as they are. A part with some of the samples holds sums (see
+//! [`crate::layers::RawLayout`]).
 
 mod cover;
 pub mod part;
@@ -11,14 +12,14 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use crate::error::{Error, Failures, Kind, Problem, Result};
-use crate::film::{Blank, Channel, ChannelKind, Dropped, Film, Window};
-use crate::layers::{BEAUTY, Pixel, Raw};
+use crate::film::{Channel, ChannelKind, Dropped, Film, ReservedFilm, Window};
+use crate::layers::{BEAUTY, Pixel, RawLayout};
 use crate::monitor::Monitor;
 use crate::output::exr::{Sequence, View};
 use crate::output::exr_read::{Reader, Rows};
 
-use self::cover::{Fault, Piece};
-pub use self::part::{Files, Part};
+use self::cover::{CoveredRegion, Fault};
+pub use self::part::{PictureFormat, PictureTile};
 
 /// Approximate number of bytes of the parts' rows that are held at a time.
 const BAND_BYTES: usize = 128 << 20;
@@ -34,7 +35,7 @@ const MAX_NAMED_FAULTS: usize = 20;
 pub struct Parts {
     open: Vec<Open>,
     /// Description that all parts share.
-    pub part: Part,
+    pub part: PictureTile,
 }
 
 /// A part whose file is open.
@@ -42,11 +43,12 @@ pub struct Parts {
 struct Open {
     name: String,
     reader: Reader,
-    part: Part,
-    raw: Option<Raw>,
+    part: PictureTile,
+    raw: Option<RawLayout>,
     /// Indices of R, G, B, A among the file's channels.
     beauty: [usize; 4],
-    /// Indices of the words of [`Raw`], or of the recipe's channels, among the file's channels.
+    /// Indices of the words of [`RawLayout`], or of the recipe's channels, among the file's
+    /// channels.
     words: Vec<usize>,
 }
 
@@ -70,8 +72,9 @@ impl Parts {
             return Err(Error { kind: Kind::Invalid, problems });
         }
         let part = first.part.clone();
-        let pieces =
-            open.iter().map(|o| Piece { window: o.reader.window, samples: o.part.samples() });
+        let pieces = open
+            .iter()
+            .map(|o| CoveredRegion { window: o.reader.window, samples: o.part.samples() });
         let faults = cover::faults(&pieces.collect::<Vec<_>>(), part.whole(), part.of);
         if !faults.is_empty() {
             let named =
@@ -115,7 +118,7 @@ impl Parts {
     pub fn film(&self, monitor: &Monitor) -> Result<Film> {
         let (part, whole) = (&self.part, self.part.whole());
         let frame = self.open.first().map_or([0; 2], |open| open.reader.frame);
-        let mut film = Blank::new(frame, whole, part.recipe.channels.clone())?.film();
+        let mut film = ReservedFilm::new(frame, whole, part.recipe.channels.clone())?.film();
         let width = whole.width() as usize;
         let stride = part.recipe.channels.len();
         let row_bytes =
@@ -226,7 +229,7 @@ impl Open {
                 "parts are made by `lightpath render` with --tile, --samples, --part or --crop",
             ));
         };
-        let part: Part = serde_json::from_str(text).map_err(|error| {
+        let part: PictureTile = serde_json::from_str(text).map_err(|error| {
             let message =
                 format!("found a {} that this version cannot read: {error}", part::ATTRIBUTE);
             Error::invalid(&name, message)
@@ -295,7 +298,7 @@ impl Open {
                 format!("{:?}", a.files),
             ),
         ];
-        let isa = |part: &Part| part.isa.clone().unwrap_or_else(|| "none".into());
+        let isa = |part: &PictureTile| part.isa.clone().unwrap_or_else(|| "none".into());
         facts.push((INSTRUCTIONS.to_string(), isa(b), isa(a)));
         let (theirs, ours) = (texts(other), texts(self));
         for (name, value) in &theirs {
@@ -312,7 +315,7 @@ impl Open {
         facts.push(("camera".to_string(), view(other), view(self)));
         let sequence = |open: &Self| format!("{:?}", open.reader.sequence);
         facts.push(("frame of a sequence".to_string(), sequence(other), sequence(self)));
-        let layers = |part: &Part| format!("{:?}", part.recipe);
+        let layers = |part: &PictureTile| format!("{:?}", part.recipe);
         facts.push(("layers".to_string(), layers(b), layers(a)));
         let (what, found, expected) = facts.into_iter().find(|(_, found, known)| found != known)?;
         let message =
@@ -328,7 +331,7 @@ impl Open {
     }
 }
 
-fn describe(fault: &Fault, open: &[Open], part: &Part) -> Problem {
+fn describe(fault: &Fault, open: &[Open], part: &PictureTile) -> Problem {
     let Window { x0, y0, x1, y1 } = fault.window;
     let samples = match fault.samples.clone() {
         all if all == (0..part.of) => String::new(),

@@ -5,7 +5,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use crate::film::Window;
-use crate::layers::{Raw, Recipe};
+use crate::layers::{PixelLayout, RawLayout};
 use crate::output::{exr::Compression, tonemap::Depth};
 use crate::scene::{ToneOperator, Tonemap};
 
@@ -15,7 +15,7 @@ pub const ATTRIBUTE: &str = "lightpath:part";
 /// A part of a picture: some of its pixels, some of its samples, or both.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Part {
+pub struct PictureTile {
     /// SHA-256 of scene and files; `None` if a mesh came through a pipe.
     pub fingerprint: Option<String>,
     /// Instruction set of Embree, whose last bits may depend on it. `None` for a backend with the
@@ -33,15 +33,15 @@ pub struct Part {
     /// True if the file holds full precision, false if it is rounded to 16-bit floats.
     pub exact: bool,
     /// Format of the merged picture's files.
-    pub files: Files,
+    pub files: PictureFormat,
     /// Layers of the merged picture.
-    pub recipe: Recipe,
+    pub recipe: PixelLayout,
 }
 
 /// Format of a picture's files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Files {
+pub struct PictureFormat {
     /// Store 32-bit floats instead of 16-bit floats.
     pub float: bool,
     /// Compression method of the EXR.
@@ -60,7 +60,7 @@ pub struct Files {
     pub srgb: bool,
 }
 
-impl Files {
+impl PictureFormat {
     /// Returns the default format with this tone curve.
     pub fn new(tonemap: &Tonemap) -> Self {
         let operator = match tonemap.operator {
@@ -92,16 +92,16 @@ impl Files {
     }
 }
 
-impl Part {
+impl PictureTile {
     /// Returns the range of samples.
     pub fn samples(&self) -> Range<u32> {
         self.samples[0]..self.samples[1]
     }
 
     /// Returns the layout of the sums, or `None` if the part has all samples.
-    pub fn raw(&self) -> Option<Raw> {
+    pub fn raw(&self) -> Option<RawLayout> {
         let samples = self.samples();
-        (samples != (0..self.of)).then(|| Raw::new(&self.recipe, samples))
+        (samples != (0..self.of)).then(|| RawLayout::new(&self.recipe, samples))
     }
 
     /// Returns the window of the merged picture.

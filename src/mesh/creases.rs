@@ -9,7 +9,7 @@
 
 use rayon::prelude::*;
 
-use super::normals::{FacesOf, Point, add_face, cross, dot, sub, unit, vertex_normals};
+use super::normals::{Point, VertexFaces, add_face, cross, dot, sub, unit, vertex_normals};
 use crate::error::Result;
 use crate::reserve;
 
@@ -99,7 +99,7 @@ pub fn creased_normals<P: Point>(
     if triangles.len() > u32::MAX as usize {
         return Ok(vertex_normals(positions, triangles).into());
     }
-    let faces = FacesOf::new(positions.len(), triangles);
+    let faces = VertexFaces::new(positions.len(), triangles);
     let mut all = Vec::new();
     reserve::exact(&mut all, positions.len(), name)?;
     all.resize(positions.len(), [0.0f32; 3]);

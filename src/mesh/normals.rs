@@ -44,13 +44,13 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// A table of the faces around each vertex.
-pub(super) struct FacesOf {
+pub(super) struct VertexFaces {
     /// The faces of vertex v are `faces[starts[v]..starts[v + 1]]`, in any order.
     starts: Vec<usize>,
     faces: Vec<AtomicU32>,
 }
 
-impl FacesOf {
+impl VertexFaces {
     /// Builds the table: 12 bytes per triangle and 8 per vertex. Panics if a triangle has an index
     /// beyond `vertices`.
     pub(super) fn new(vertices: usize, triangles: &[[u32; 3]]) -> Self {
@@ -94,7 +94,7 @@ pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<
     if triangles.len() > u32::MAX as usize {
         return one_by_one(positions, triangles);
     }
-    let faces = FacesOf::new(positions.len(), triangles);
+    let faces = VertexFaces::new(positions.len(), triangles);
     (0..positions.len())
         .into_par_iter()
         .with_min_len(1024)

@@ -12,7 +12,7 @@ use super::{FINGERPRINT, exr::read_sorted};
 
 /// The state of an output file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Finished {
+pub enum FileState {
     /// There is no file.
     Missing,
     /// The file is truncated, or it has another format.
@@ -22,7 +22,7 @@ pub enum Finished {
 }
 
 /// Checks an EXR file: every block in its table must be there.
-pub fn exr(path: &Path) -> Finished {
+pub fn exr(path: &Path) -> FileState {
     inspect(path, |file| {
         let meta = MetaData::read_from_buffered(BufReader::new(&mut *file), false).ok()?;
         let header = meta.headers.first()?;
@@ -60,7 +60,7 @@ pub fn exr(path: &Path) -> Finished {
 }
 
 /// Checks a PNG file: it must have its last chunk.
-pub fn png(path: &Path) -> Finished {
+pub fn png(path: &Path) -> FileState {
     /// Length, name and checksum of the last chunk of a PNG.
     const END: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82];
     inspect(path, |file| {
@@ -76,10 +76,10 @@ pub fn png(path: &Path) -> Finished {
     })
 }
 
-fn inspect(path: &Path, read: impl FnOnce(&mut File) -> Option<Option<String>>) -> Finished {
+fn inspect(path: &Path, read: impl FnOnce(&mut File) -> Option<Option<String>>) -> FileState {
     match File::open(path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Finished::Missing,
-        Err(_) => Finished::Broken,
-        Ok(mut file) => read(&mut file).map_or(Finished::Broken, Finished::Whole),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => FileState::Missing,
+        Err(_) => FileState::Broken,
+        Ok(mut file) => read(&mut file).map_or(FileState::Broken, FileState::Whole),
     }
 }

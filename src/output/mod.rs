@@ -36,14 +36,14 @@ pub const FINGERPRINT: &str = "lightpath:fingerprint";
 
 /// The location of a value in a film.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Spot {
+pub struct ValueLocation {
     /// Pixel of the frame, `[x, y]` from the top left.
     pub pixel: [i32; 2],
     /// Name of the channel.
     pub channel: String,
 }
 
-impl std::fmt::Display for Spot {
+impl std::fmt::Display for ValueLocation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let [x, y] = self.pixel;
         write!(f, "x {x}, y {y} in {}", self.channel)
@@ -52,24 +52,24 @@ impl std::fmt::Display for Spot {
 
 /// Counts of values that the files cannot hold.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Oddities {
+pub struct ValueCounts {
     /// Number of pixels with a NaN or infinite channel. NaN becomes 0, infinities the largest half.
     pub non_finite: u64,
     /// Location of the first such value.
-    pub first_non_finite: Option<Spot>,
+    pub first_non_finite: Option<ValueLocation>,
     /// Number of pixels whose values are all finite, but some beyond the range of the half that is
     /// written.
     pub clamped: u64,
     /// Location of the first such value.
-    pub first_clamped: Option<Spot>,
+    pub first_clamped: Option<ValueLocation>,
     /// Coverage that the mattes cannot hold.
     pub dropped: Dropped,
 }
 
-impl Oddities {
+impl ValueCounts {
     /// Counts the values in all pixels of a film, on the threads of the caller's rayon pool. With
     /// `float`, no value is written as half.
-    pub fn of(film: &Film, float: bool) -> Self {
+    pub fn count(film: &Film, float: bool) -> Self {
         let width = film.window.width().max(1) as usize;
         let rows = film.pixels.par_chunks(width).enumerate().with_min_len(16);
         let largest = |kind| match kind {
@@ -112,7 +112,7 @@ impl Oddities {
         pixel: [i32; 2],
         values: impl Iterator<Item = ((&'a str, f32), f32)> + Clone,
     ) {
-        let spot = |name: &str| Spot { pixel, channel: name.to_string() };
+        let spot = |name: &str| ValueLocation { pixel, channel: name.to_string() };
         let infinite = values.clone().find(|((_, value), _)| !value.is_finite());
         if let Some(((name, _), _)) = infinite {
             self.non_finite += 1;
@@ -208,7 +208,7 @@ impl Outputs {
         film: &Film,
         options: &WriteOptions,
         monitor: &Monitor,
-    ) -> Result<([PathBuf; 2], Oddities)> {
+    ) -> Result<([PathBuf; 2], ValueCounts)> {
         monitor.begin(Phase::Write, 1);
         let (exr, png) = rayon::join(
             || {
@@ -233,6 +233,6 @@ impl Outputs {
         // Renamed before the EXR, which may refer to them.
         self.beside.into_iter().try_for_each(|part| part.commit().map(drop))?;
         let paths = [self.exr.commit()?, self.png.commit()?];
-        Ok((paths, Oddities::of(film, options.exr.float)))
+        Ok((paths, ValueCounts::count(film, options.exr.float)))
     }
 }

@@ -1,5 +1,5 @@
-//! Converts radiance to 8-bit or 16-bit values, for the PNG only. docs/guide/scene-format.md, `tonemap`,
-//! specifies it.
+//! Converts radiance to 8-bit or 16-bit values, for the PNG only. docs/guide/scene-format.md,
+//! `tonemap`, specifies it.
 //!
 //! A transparent picture has straight alpha: colour is divided by alpha first, also for the maximum
 //! of the operator `max`. NaN and infinities are replaced as by `finite`.

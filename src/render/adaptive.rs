@@ -16,12 +16,12 @@ use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::film::{Dropped, Film, Planes, Window};
 use crate::integrate::{
-    Beauty, Goal, Integrator, LEAST, Layers, PassKernel, Passes, RayCounts, Record, Relative, TILE,
-    Tally, limit, rate,
+    Beauty, Goal, Layers, MIN_PASS_SAMPLES, PassKernel, Passes, PixelSamples, RayCounts, Record,
+    Relative, RenderContext, TILE, limit, rate,
 };
-use crate::layers::Plan;
+use crate::layers::LayerPlan;
 use crate::monitor::{Monitor, Phase};
-use crate::sampler::other_seed;
+use crate::sampler::independent_seed;
 use crate::simd::{self, Isa};
 use crate::world::World;
 
@@ -39,7 +39,7 @@ const PLAN_BYTES: usize = 36;
 /// Settings of adaptive sampling. The world's `spp` must equal `most`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Adaptive {
-    /// Samples of every pixel in the first pass: a power of two, at least [`LEAST`].
+    /// Samples of every pixel in the first pass: a power of two, at least [`MIN_PASS_SAMPLES`].
     pub first: u32,
     /// Largest number of samples of a pixel: a power of two.
     pub most: u32,
@@ -58,13 +58,13 @@ impl Adaptive {
         let held = if words > 0 { HELD_BYTES + 2 * words * size_of::<f64>() } else { 0 };
         let levels = 1 + (self.most / self.first.max(1)).max(1).ilog2() as usize;
         let errors = if self.noise.is_some() { levels * size_of::<f32>() + PLAN_BYTES } else { 0 };
-        if self.time.is_some() { (size_of::<Tally>() + errors + held) as u64 } else { 0 }
+        if self.time.is_some() { (size_of::<PixelSamples>() + errors + held) as u64 } else { 0 }
     }
 }
 
 /// Number of camera samples of a film's pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Taken {
+pub struct SampleCounts {
     /// Fewest samples of a pixel.
     pub least: u32,
     /// Most samples of a pixel.
@@ -74,12 +74,12 @@ pub struct Taken {
 }
 
 /// Ray counts, sample counts and lost matte coverage of some tiles.
-type Rendered = (RayCounts, Taken, Dropped);
+type Rendered = (RayCounts, SampleCounts, Dropped);
 
 /// Settings that all tiles share.
 #[derive(Clone, Copy)]
 struct Job<'a> {
-    integrator: Integrator<'a>,
+    integrator: RenderContext<'a>,
     isa: Isa,
     adaptive: Adaptive,
     goal: Option<Goal>,
@@ -94,13 +94,13 @@ pub fn render_adaptive(
     accelerator: &dyn Accelerator,
     isa: Isa,
     film: &mut Film,
-    plan: &Plan,
+    plan: &LayerPlan,
     adaptive: Adaptive,
     monitor: &Monitor,
-) -> Result<(RayCounts, Taken)> {
+) -> Result<(RayCounts, SampleCounts)> {
     debug_assert_eq!(world.spp, adaptive.most);
     monitor.begin(Phase::Render, pixels(film.window));
-    let integrator = Integrator { world, accelerator, monitor };
+    let integrator = RenderContext { world, accelerator, monitor };
     let mut job = Job { integrator, isa, adaptive, goal: None };
     let mut counts = RayCounts::default();
     if let Some(noise) = adaptive.noise {
@@ -124,7 +124,7 @@ impl Job<'_> {
         &self,
         film: &mut Film,
         record: impl Fn() -> R + Sync,
-    ) -> (RayCounts, Taken) {
+    ) -> (RayCounts, SampleCounts) {
         let all = pixels(film.window);
         let tiles = tiles(film, self.integrator.world.frame_end());
         let done = match self.adaptive.time {
@@ -209,8 +209,8 @@ impl Job<'_> {
     /// are independent of the picture's, because the picture's sample counts depend on it.
     fn brightness(&self) -> (f64, RayCounts) {
         let world = self.integrator.world;
-        let other = World { seed: other_seed(world.seed), ..world.clone() };
-        let job = Job { integrator: Integrator { world: &other, ..self.integrator }, ..*self };
+        let other = World { seed: independent_seed(world.seed), ..world.clone() };
+        let job = Job { integrator: RenderContext { world: &other, ..self.integrator }, ..*self };
         let [width, height] = world.frame.map(|side| side - 2 * world.margin);
         let area = f64::from(width) * f64::from(height);
         let distance = ((area / PROBES).sqrt().ceil() as u32).max(PROBE_DISTANCE);
@@ -226,10 +226,10 @@ impl Job<'_> {
             .map(|&[x, y]| {
                 let [x0, y0] = [x, y].map(|at| at + world.margin);
                 let pixel = Window { x0, y0, x1: x0 + 1, y1: y0 + 1 };
-                let mut passes = Passes::new(pixel, LEAST, || ());
+                let mut passes = Passes::new(pixel, MIN_PASS_SAMPLES, || ());
                 let rays = job.pass(&mut passes, &mut Beauty(None));
                 let [r, g, b, _] = passes.tallies[0].sum;
-                ((r + g + b) / (3.0 * f64::from(LEAST)), rays)
+                ((r + g + b) / (3.0 * f64::from(MIN_PASS_SAMPLES)), rays)
             })
             .collect();
         // Summed in the order of the pixels, for the same bits with any number of threads.
@@ -285,14 +285,14 @@ impl<'f, R: Record> Work<'f, R> {
 
     /// Writes the pixels. Writes nothing if the job was stopped, because pixels may have no samples
     /// then.
-    fn finish(mut self, monitor: &Monitor) -> (Taken, Dropped) {
+    fn finish(mut self, monitor: &Monitor) -> (SampleCounts, Dropped) {
         if monitor.stopped() {
             return Default::default();
         }
         let Tile { window, rows, words } = &mut self.tile;
         self.passes.write(*window, rows, words, &mut self.record);
         let kept = self.passes.taken(*window);
-        let taken = Taken {
+        let taken = SampleCounts {
             least: kept.clone().min().unwrap_or(0),
             most: kept.clone().max().unwrap_or(0),
             mean: kept.map(f64::from).sum(),
@@ -327,6 +327,6 @@ fn whole(part: Window, world: &World) -> Window {
 
 fn join((rays, a, lost): Rendered, (more_rays, b, more): Rendered) -> Rendered {
     let mean = a.mean + b.mean;
-    let taken = Taken { least: a.least.min(b.least), most: a.most.max(b.most), mean };
+    let taken = SampleCounts { least: a.least.min(b.least), most: a.most.max(b.most), mean };
     (rays + more_rays, taken, lost.and(more))
 }

@@ -59,7 +59,7 @@ pub struct Scene {
 impl Scene {
     /// Returns true if adaptive shadows can skip any shadow ray: an area light has more points than
     /// are always traced.
-    pub fn spares_shadow_rays(&self) -> bool {
+    pub fn can_skip_shadow_rays(&self) -> bool {
         let spares = |light: &Light| matches!(light.kind, LightKind::Area { samples, .. } if samples > FIRST_SHADOW_POINTS);
         self.adaptive_shadows && self.lights.iter().any(spares)
     }

@@ -147,7 +147,7 @@ impl Layer {
     }
 
     /// Returns the layers that a word selects; `None` for an unknown word.
-    pub fn named(word: &str, groups: &LightGroups) -> Option<Vec<Self>> {
+    pub fn from_word(word: &str, groups: &LightGroups) -> Option<Vec<Self>> {
         let all = Self::all(groups);
         let pick = |wanted: fn(&Self) -> bool| Some(all.iter().copied().filter(wanted).collect());
         match word {
@@ -161,7 +161,7 @@ impl Layer {
     }
 
     /// Returns true if the layer needs the light of each group separately.
-    pub fn of_lights(self) -> bool {
+    pub fn is_per_light(self) -> bool {
         matches!(self, Self::Light(_) | Self::Shadow(_))
     }
 

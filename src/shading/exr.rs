@@ -42,7 +42,7 @@ impl Layout {
     ///
     /// # Errors
     /// `Invalid` for a file that is no EXR or has no channels R, G and B.
-    pub fn of(file: &mut BufReader<File>, path: &Path) -> Result<Self> {
+    pub fn read_header(file: &mut BufReader<File>, path: &Path) -> Result<Self> {
         exr_check::check(path)?;
         rewind(file, path)?;
         let meta = MetaData::read_from_buffered(&mut *file, false);

@@ -112,7 +112,7 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
     }
     if format == ImageFormat::OpenExr {
         let mut file = reader.into_inner();
-        let source = Source::Exr(Layout::of(&mut file, path)?, file);
+        let source = Source::Exr(Layout::read_header(&mut file, path)?, file);
         return Ok(Opened { source, stamp });
     }
     reader.limits(limits(max_bytes));

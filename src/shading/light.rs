@@ -61,14 +61,14 @@ impl Area {
 
 /// Weights of a light's diffuse and specular colours at 16 points, including falloff.
 #[derive(Debug, Clone)]
-pub struct Lit {
+pub struct LightWeights {
     /// kd (N.L) emission / falloff
     pub diffuse: Lanes,
     /// ks max(0, N.H)^exponent emission / falloff
     pub specular: Lanes,
 }
 
-impl Lit {
+impl LightWeights {
     /// Weights of zero: no light.
     pub const EMPTY: Self = Self { diffuse: [0.0; LANES], specular: [0.0; LANES] };
 }
@@ -76,9 +76,9 @@ impl Lit {
 /// Creates shadow rays from `points` to the light points `q`, and the light that arrives if nothing
 /// occludes them. Returns the lanes that can receive light (N.L > 0). `glossy`: whether any ks > 0.
 ///
-/// docs/guide/scene-format.md defines the terms. A ray's parameter is 0 at its origin and 1 at the light.
-/// The ray ends before 1 by the relative rounding error of its end points, so that a surface at the
-/// light itself does not occlude it.
+/// docs/guide/scene-format.md defines the terms. A ray's parameter is 0 at its origin and 1 at the
+/// light. The ray ends before 1 by the relative rounding error of its end points, so that a surface
+/// at the light itself does not occlude it.
 #[inline(always)]
 pub fn light_rays(
     points: &ShadowPoints,
@@ -87,7 +87,7 @@ pub fn light_rays(
     falloff: Falloff,
     glossy: bool,
     rays: &mut Rays,
-    lit: &mut Lit,
+    lit: &mut LightWeights,
 ) -> Mask {
     let mut active = Mask::NONE;
     let (linear, quadratic) = (falloff == Falloff::Linear, falloff == Falloff::Quadratic);
@@ -133,7 +133,7 @@ pub fn light_rays(
 
 /// Multiplies the specular weights by max(0, N.H)^exponent; H is the unit half vector.
 #[inline(always)]
-fn specular(points: &ShadowPoints, q: &Lanes3, lit: &mut Lit) {
+fn specular(points: &ShadowPoints, q: &Lanes3, lit: &mut LightWeights) {
     for i in 0..LANES {
         let to_light = lane(q, i) - lane(&points.position, i);
         let l = to_light * (1.0 / to_light.dot(to_light).sqrt());
@@ -157,8 +157,8 @@ mod tests {
         p
     }
 
-    fn at(q: Vec3, falloff: Falloff, normal: Option<Vec3>) -> (Mask, Rays, Lit) {
-        let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
+    fn at(q: Vec3, falloff: Falloff, normal: Option<Vec3>) -> (Mask, Rays, LightWeights) {
+        let (mut rays, mut lit) = (Rays::EMPTY, LightWeights::EMPTY);
         let mut lanes = [[0.0; LANES]; 3];
         set_lane(&mut lanes, 0, q);
         let active = light_rays(&one_point(), &lanes, normal, falloff, true, &mut rays, &mut lit);
@@ -198,7 +198,7 @@ mod tests {
         set_lane(&mut points.origin, 0, at);
         let mut q = [[0.0; LANES]; 3];
         set_lane(&mut q, 0, at + Vec3::Y * 1e-4);
-        let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
+        let (mut rays, mut lit) = (Rays::EMPTY, LightWeights::EMPTY);
         let active = light_rays(&points, &q, None, Falloff::None, false, &mut rays, &mut lit);
         assert!(active.count() == 1 && rays.tfar[0] >= 0.0, "{}", rays.tfar[0]);
     }

@@ -2,9 +2,9 @@
 //! Independent of the accelerators.
 
 mod exr;
-mod flush;
 mod image_file;
 mod light;
+mod light_plane;
 mod look;
 mod pnm;
 mod points;
@@ -12,7 +12,7 @@ mod texture;
 mod uv;
 
 pub use image_file::TextureSize;
-pub use light::{Area, Emitter, Falloff, Light, Lit, light_rays};
+pub use light::{Area, Emitter, Falloff, Light, LightWeights, light_rays};
 pub use look::{Material, Owner, Shape, Shapes, VertexColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
 pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture};

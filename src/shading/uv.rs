@@ -45,11 +45,11 @@ impl UvSource {
             (Self::Linear(frame), _) => Some(frame.at(position())),
             (Self::Corners, GeometryKind::Quads) => {
                 let corners = geometry.quads[prim as usize].map(exact);
-                Some(UvFrame::of_quad(&corners).at(position()))
+                Some(UvFrame::from_quad(&corners).at(position()))
             }
             (Self::Corners, GeometryKind::Mesh(mesh)) => {
                 let corners = geometry.meshes[mesh].corners(prim).map(exact);
-                Some(UvFrame::of_triangle(&corners).at(position()))
+                Some(UvFrame::from_triangle(&corners).at(position()))
             }
             (Self::PerVertex(uv), GeometryKind::Mesh(mesh)) => {
                 let corners = geometry.meshes[mesh].triangles()[prim as usize];
@@ -106,7 +106,7 @@ pub struct UvFrame {
 impl UvFrame {
     /// The frame of a quad. With a = v2 - v3, b = v0 - v3: u = (P - v3).a/|a|^2, v = 1 - (P -
     /// v3).b/|b|^2. Corners are relative to the scene's origin.
-    pub fn of_quad(&[v0, _, v2, v3]: &[DVec3; 4]) -> Self {
+    pub fn from_quad(&[v0, _, v2, v3]: &[DVec3; 4]) -> Self {
         let (a, b) = (v2 - v3, v0 - v3);
         Self { corner: v3, start: DVec2::Y, u: a / a.dot(a), v: -b / b.dot(b) }
     }
@@ -114,7 +114,7 @@ impl UvFrame {
     /// The frame of a triangle. With e = v1 - v0, h the part of v2 - v0 perpendicular to e, and [m,
     /// M] the range of the corners along e: u = 1 - ((P - v0).e/|e| - m)/(M - m), v = (P -
     /// v0).h/|h|^2. Corners are relative to the scene's origin.
-    pub fn of_triangle(corners: &[DVec3; 3]) -> Self {
+    pub fn from_triangle(corners: &[DVec3; 3]) -> Self {
         let [v0, v1, v2] = *corners;
         let e = (v1 - v0).normalize();
         let h = (v2 - v0) - e * (v2 - v0).dot(e);
@@ -167,14 +167,14 @@ mod tests {
     #[test]
     fn a_plane_maps_v3_to_the_bottom_left() {
         let corners = [DVec3::Y, DVec3::new(2.0, 1.0, 0.0), DVec3::X * 2.0, DVec3::ZERO];
-        let [v0, v1, v2, v3] = corners.map(|p| UvFrame::of_quad(&corners).at(p));
+        let [v0, v1, v2, v3] = corners.map(|p| UvFrame::from_quad(&corners).at(p));
         assert_eq!([v3, v2, v0, v1], [DVec2::Y, DVec2::ONE, DVec2::ZERO, DVec2::X]);
     }
 
     #[test]
     fn a_triangle_maps_into_its_bounding_rectangle() {
         let at_corners =
-            |corners: [DVec3; 3]| corners.map(|p| UvFrame::of_triangle(&corners).at(p));
+            |corners: [DVec3; 3]| corners.map(|p| UvFrame::from_triangle(&corners).at(p));
         let corners = [DVec3::ZERO, DVec3::X * 4.0, DVec3::new(1.0, 2.0, 0.0)];
         assert_eq!(at_corners(corners), [DVec2::X, DVec2::ZERO, DVec2::new(0.75, 1.0)]);
         // A third corner outside of the first edge's range widens the range.

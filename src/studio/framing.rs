@@ -8,7 +8,7 @@ use glam::DVec3;
 
 /// The field of view of the camera, and the margin to keep free.
 #[derive(Debug, Clone, Copy)]
-pub struct Lens {
+pub struct FieldOfView {
     /// Full vertical angle of view in degrees.
     pub fov_deg: f64,
     /// Width / height of the picture.
@@ -28,7 +28,7 @@ pub fn frame(
     points: impl Iterator<Item = DVec3>,
     direction: DVec3,
     up: DVec3,
-    lens: Lens,
+    lens: FieldOfView,
 ) -> Option<DVec3> {
     let view = View::new(direction, up, lens);
     let mut extent = Extent::EMPTY;
@@ -46,7 +46,7 @@ pub fn frame_turning(
     (pivot, axis): (DVec3, DVec3),
     direction: DVec3,
     up: DVec3,
-    lens: Lens,
+    lens: FieldOfView,
 ) -> Option<DVec3> {
     let view = View::new(direction, up, lens);
     // A circle of radius r around c reaches n.c + r |n across the axis| along n.
@@ -95,7 +95,7 @@ impl Extent {
 }
 
 impl View {
-    fn new(direction: DVec3, up: DVec3, lens: Lens) -> Self {
+    fn new(direction: DVec3, up: DVec3, lens: FieldOfView) -> Self {
         let z = direction.normalize();
         let x = z.cross(up).normalize();
         let y = x.cross(z);
@@ -138,8 +138,8 @@ impl View {
 mod tests {
     use super::*;
 
-    fn lens(fov_deg: f64, aspect: f64) -> Lens {
-        Lens { fov_deg, aspect, margin: 0.08 }
+    fn lens(fov_deg: f64, aspect: f64) -> FieldOfView {
+        FieldOfView { fov_deg, aspect, margin: 0.08 }
     }
 
     /// An asymmetric cloud of points, without randomness.

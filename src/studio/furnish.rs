@@ -10,12 +10,12 @@ use crate::{
     mesh::Mesh,
     paths::{named, seen_from},
     scene::{Camera, Document, Loaded, NodeKind, Overrides, ShapeKind, Trimesh, escaped},
-    world::{Bounds, one_of_several, placement},
+    world::{Bounds, placement, several_textures_warning},
 };
 
 use super::{
     Axis, GROUND, Subject,
-    framing::{Lens, frame, frame_turning},
+    framing::{FieldOfView, frame, frame_turning},
     points::Points,
     template::Template,
 };
@@ -26,7 +26,7 @@ const GROUND_GAP: f64 = 1e-4;
 
 /// A template fitted to a mesh.
 #[derive(Debug)]
-pub struct Furnished {
+pub struct FittedTemplate {
     /// Overrides that turn the template into a scene of this mesh.
     pub overrides: Overrides,
     /// The mesh, with the path that the scene names.
@@ -42,7 +42,7 @@ pub fn furnish(
     template: &Template,
     user: &Overrides,
     warnings: &mut Vec<Problem>,
-) -> Result<Furnished> {
+) -> Result<FittedTemplate> {
     let shape = first_trimesh(template)?;
     let mut ours = Overrides::default();
     ours.flag("FILE.ply", &format!("{shape}/path"), Some(within(template, subject.path)?));
@@ -63,12 +63,16 @@ pub fn furnish(
     }
     let middle = place(subject, &mesh, &loaded, &shape, &mut ours)?;
     let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
-    Ok(Furnished { overrides: ours, mesh: (path, mesh), middle })
+    Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle })
 }
 
 /// Loads the template with the mesh at its default position. The memory of that scene can be
 /// predicted before the mesh is read.
-pub fn unframed(path: &Path, template: &Template, user: &Overrides) -> Result<Loaded> {
+pub fn with_default_placement(
+    path: &Path,
+    template: &Template,
+    user: &Overrides,
+) -> Result<Loaded> {
     let mut ours = Overrides::default();
     let path = within(template, path)?;
     ours.flag("FILE.ply", &format!("{}/path", first_trimesh(template)?), Some(path));
@@ -165,7 +169,7 @@ fn notes(subject: &Subject, mesh: &Mesh, template: &Template) -> Vec<Problem> {
             Problem::new(place(), message)
         };
         notes.extend(match (&mesh.texture_file, missing) {
-            (Some(_), None) if mesh.uvs.is_some() => one_of_several(mesh, subject.path),
+            (Some(_), None) if mesh.uvs.is_some() => several_textures_warning(mesh, subject.path),
             (None, _) if mesh.uvs.is_some() => {
                 let message = "found texture coordinates and no texture";
                 Some(Problem::new(place(), message).help("show an image on it: --texture FILE"))
@@ -199,7 +203,7 @@ const MAX_HEIGHT_RATIO: f64 = 0.4;
 
 /// Returns the size of the bounding box of the used vertices.
 fn size(mesh: &Mesh) -> Option<[f64; 3]> {
-    let Bounds { min, max } = Points::of(mesh).bounds(|p| p);
+    let Bounds { min, max } = Points::new(mesh).bounds(|p| p);
     Some((max - min).to_array()).filter(|sides| sides.iter().all(|side| side.is_finite()))
 }
 
@@ -212,7 +216,7 @@ fn place(
     shape: &str,
     ours: &mut Overrides,
 ) -> Result<DVec3> {
-    let points = Points::of(mesh);
+    let points = Points::new(mesh);
     let empty = || Error::invalid(subject.path.display().to_string(), "found no triangle to show");
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
     let (linear, middle) = placement(spec, points.bounds(|p| p));
@@ -231,7 +235,7 @@ fn place(
     let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
     let placed = points.iter().map(|p| turned(p) + center);
     let middle = center + (low + high) / 2.0;
-    let lens = Lens { fov_deg: fov, aspect, margin: subject.margin };
+    let lens = FieldOfView { fov_deg: fov, aspect, margin: subject.margin };
     let position = match subject.turning {
         false => frame(placed, camera.lookat, camera.up, lens),
         true => {

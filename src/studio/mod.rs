@@ -13,11 +13,11 @@ mod points;
 mod template;
 mod turntable;
 
-pub use framing::{Lens, frame, frame_turning};
-pub use furnish::unframed;
+pub use framing::{FieldOfView, frame, frame_turning};
+pub use furnish::with_default_placement;
 pub use points::{Points, is_mesh, read};
 pub use template::Template;
-pub use turntable::{Fixed, Turning, Turntable};
+pub use turntable::{LightsFollow, Turning, Turntable};
 
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,7 @@ use crate::{
     error::{Problem, Result},
     mesh::Mesh,
     monitor::Monitor,
-    reserve::Room,
+    reserve::MemoryLimit,
     scene::{self, Loaded, Overrides, ShapeKind, Source, written},
 };
 
@@ -53,7 +53,7 @@ pub enum Axis {
 
 /// Choices for the look of a mesh and its surroundings that override the template.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Looks {
+pub struct Appearance {
     /// Edges across which normals are interpolated.
     pub smooth: Option<written::Smooth>,
     /// Texture image, in place of the one that the file or the template names.
@@ -84,7 +84,7 @@ pub struct Subject<'a> {
     /// 0.5).
     pub margin: f64,
     /// Choices for the look of the mesh.
-    pub looks: Looks,
+    pub looks: Appearance,
     /// True to frame the mesh so that the camera sees every vertex in all frames of a turntable.
     pub turning: bool,
     /// True to drop triangles with missing or non-finite vertices.
@@ -92,7 +92,7 @@ pub struct Subject<'a> {
     /// True to read the file instead of mapping it.
     pub no_mmap: bool,
     /// Limit of the memory for the arrays of the mesh.
-    pub room: Option<Room>,
+    pub room: Option<MemoryLimit>,
 }
 
 impl<'a> Subject<'a> {
@@ -100,14 +100,14 @@ impl<'a> Subject<'a> {
     pub fn new(path: &'a Path) -> Self {
         let (up, rotate, margin) = (None, None, MARGIN);
         let (turning, repair, no_mmap, room) = (false, false, false, None);
-        let looks = Looks::default();
+        let looks = Appearance::default();
         Self { path, up, rotate, margin, looks, turning, repair, no_mmap, room }
     }
 }
 
 /// A scene made from a mesh.
 #[derive(Debug)]
-pub struct Shown {
+pub struct MeshScene {
     /// The scene with all overrides applied.
     pub loaded: Loaded,
     /// Warnings that were collected so far.
@@ -130,7 +130,7 @@ pub fn show(
     mut user: Overrides,
     light_samples: Option<u32>,
     monitor: &Monitor,
-) -> Result<Shown> {
+) -> Result<MeshScene> {
     let mut warnings = Vec::new();
     let read = points::read(subject, monitor)?;
     let furnished = furnish::furnish(subject, read, template, &user, &mut warnings)?;
@@ -150,7 +150,12 @@ pub fn show(
             }
         }
     }
-    Ok(Shown { loaded, warnings, mesh: (subject.path.to_owned(), mesh), middle: furnished.middle })
+    Ok(MeshScene {
+        loaded,
+        warnings,
+        mesh: (subject.path.to_owned(), mesh),
+        middle: furnished.middle,
+    })
 }
 
 /// Returns the scene without the plane named `ground`.

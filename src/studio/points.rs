@@ -35,7 +35,7 @@ pub struct Points<'m> {
 
 impl<'m> Points<'m> {
     /// Finds the vertices that triangles use.
-    pub fn of(mesh: &'m Mesh) -> Self {
+    pub fn new(mesh: &'m Mesh) -> Self {
         Self { mesh, used: mesh.used_vertices() }
     }
 
@@ -54,6 +54,6 @@ impl<'m> Points<'m> {
     /// there are none.
     pub fn bounds(&self, place: impl Fn(DVec3) -> DVec3 + Sync) -> Bounds {
         let point = |i: usize| self.used[i].then(|| place(self.mesh.positions.get(i)));
-        Bounds::of_points(self.used.len(), point)
+        Bounds::from_points(self.used.len(), point)
     }
 }

@@ -27,7 +27,7 @@ pub enum Turning {
 /// The object that lights stay with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Fixed {
+pub enum LightsFollow {
     /// the camera: light falls from the same side in every frame
     Camera,
     /// the object: its lit side turns with it
@@ -42,7 +42,7 @@ pub struct Turntable {
     /// The object that turns.
     pub turn: Turning,
     /// The object that lights stay with.
-    pub lights: Fixed,
+    pub lights: LightsFollow,
     /// Angle of the first frame in degrees.
     pub start_deg: f64,
 }
@@ -50,7 +50,7 @@ pub struct Turntable {
 impl Turntable {
     /// Makes a turntable of `frames` frames: the object turns, and the lights stay with the camera.
     pub fn new(frames: u32) -> Self {
-        Self { frames, turn: Turning::Object, lights: Fixed::Camera, start_deg: 0.0 }
+        Self { frames, turn: Turning::Object, lights: LightsFollow::Camera, start_deg: 0.0 }
     }
 
     /// Returns the scene of one frame, turned about the vertical axis (the main axis of the
@@ -77,7 +77,7 @@ impl Turntable {
         camera.lookat.iter_mut().for_each(|v| direction(&mut v.0));
         camera.target.iter_mut().for_each(|p| point(&mut p.0));
         direction(&mut camera.up.0);
-        if self.lights == Fixed::Camera {
+        if self.lights == LightsFollow::Camera {
             for light in &mut scene.scene.lightsources {
                 match light {
                     Light::PointLight(light) => point(&mut light.position.0),
@@ -132,7 +132,7 @@ mod tests {
         assert!(
             matches!(&seen.scene.lightsources[0], Light::PointLight(l) if l.position.0 == [-2.0, 7.0, 0.0])
         );
-        let camera = Turntable { turn: Turning::Camera, lights: Fixed::Object, ..object };
+        let camera = Turntable { turn: Turning::Camera, lights: LightsFollow::Object, ..object };
         let seen = camera.frame(&scene, pivot, 1);
         assert_eq!(seen.camera.position.0, [6.0, 2.0, 0.0]);
         assert_eq!(seen.scene.lightsources, scene.scene.lightsources);

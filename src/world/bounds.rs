@@ -21,7 +21,7 @@ impl Bounds {
 
     /// The smallest box around the `n` points that `point` computes, in parallel. `None` is
     /// skipped.
-    pub fn of_points(n: usize, point: impl Fn(usize) -> Option<DVec3> + Sync) -> Self {
+    pub fn from_points(n: usize, point: impl Fn(usize) -> Option<DVec3> + Sync) -> Self {
         const CHUNK: usize = 1 << 16;
         (0..n.div_ceil(CHUNK))
             .into_par_iter()
@@ -33,7 +33,7 @@ impl Bounds {
     }
 
     /// Bounding box of a shape; empty for a mesh.
-    pub fn of_shape(shape: &ShapeKind) -> Self {
+    pub fn from_shape(shape: &ShapeKind) -> Self {
         match shape {
             ShapeKind::Sphere { center, radius, .. } => {
                 Self { min: *center - *radius, max: *center + *radius }

@@ -19,11 +19,11 @@ use crate::error::{Error, Failures, Kind, Problem, Result};
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
-use crate::reserve::Room;
+use crate::reserve::MemoryLimit;
 use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind};
 use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvFrame, UvSource};
 
-use self::place::{LARGEST, PlacedMesh};
+use self::place::{MAX_COORDINATE, PlacedMesh};
 
 pub use self::bounds::Bounds;
 pub use self::fingerprint::{Contents, fingerprint};
@@ -31,7 +31,7 @@ pub use self::origin::Origin;
 pub use self::place::placement;
 pub use self::resolution::{Resolution, ulp};
 pub use self::sources::{Read, mesh_sources, own_texture, sources};
-pub use self::textures::one_of_several;
+pub use self::textures::several_textures_warning;
 
 /// Options for reading the scene's files.
 #[derive(Debug, Default)]
@@ -43,7 +43,7 @@ pub struct LoadOptions {
     /// Meshes that are in memory already, by the path that the scene uses for them.
     pub ready: Vec<(PathBuf, Mesh)>,
     /// Memory limit of the arrays of all meshes.
-    pub room: Option<Room>,
+    pub room: Option<MemoryLimit>,
     /// Memory limit of all textures, decoding included. Without it the limit is 4 GiB for each
     /// texture.
     pub texture_bytes: Option<u64>,
@@ -64,7 +64,7 @@ impl LoadOptions {
                 mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))?
             }
         };
-        let left = |room: Room| if counts { room.less(mesh.bytes()) } else { room };
+        let left = |room: MemoryLimit| if counts { room.less(mesh.bytes()) } else { room };
         self.room = self.room.map(left);
         Ok(mesh)
     }
@@ -127,14 +127,14 @@ impl World {
         let mut warnings = Vec::new();
         let mut failures = Failures::default();
         let mut read = Read::default();
-        let asked = options.texture_bytes.map(|bytes| Room { bytes, asked: true });
+        let asked = options.texture_bytes.map(|bytes| MemoryLimit { bytes, asked: true });
         let left = asked.or(options.room);
         let looks = failures.keep(textures::load(scene, left, &mut read, &mut warnings));
         let mut bounds = Vec::with_capacity(scene.shapes.len());
         let mut meshes = Vec::new();
         let mut own_textures = Vec::new();
         for (index, shape) in scene.shapes.iter().enumerate() {
-            let mut own = Bounds::of_shape(&shape.kind);
+            let mut own = Bounds::from_shape(&shape.kind);
             if let ShapeKind::Trimesh(spec) = &shape.kind {
                 let textured = scene.materials[shape.material].texture.is_some();
                 let mesh = options.mesh(&spec.path, monitor);
@@ -271,9 +271,9 @@ impl World {
 /// overflow or underflow: `tests/properties.rs` finds right answers from 1e-12 to 1e12.
 fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
     let size = bounds.longest_side();
-    if size / 2.0 >= LARGEST {
+    if size / 2.0 >= MAX_COORDINATE {
         let message =
-            format!("found shapes {size:e} apart, expected less than {:e}", 2.0 * LARGEST);
+            format!("found shapes {size:e} apart, expected less than {:e}", 2.0 * MAX_COORDINATE);
         return Err(Error::invalid("scene", message));
     }
     if size > 1e12 || (0.0..1e-12).contains(&size) {
@@ -292,7 +292,7 @@ fn recentre(light: &crate::scene::Light, geometry: &Geometry) -> Light {
         LightKind::Area { corner, edge, height, samples, lambertian } => {
             let corner = (*corner - origin).as_vec3();
             let mut area = Area::new(corner, *edge, *height, *lambertian, *samples);
-            area.set_flush(geometry);
+            area.set_plane_gap(geometry);
             Emitter::Area(area)
         }
     };
@@ -323,12 +323,12 @@ fn gather(
             ShapeKind::Plane { corners } => {
                 quads.push(corners.map(local));
                 quad_shapes.push(index);
-                linear(textured, || UvFrame::of_quad(&corners.map(|p| p - origin)))
+                linear(textured, || UvFrame::from_quad(&corners.map(|p| p - origin)))
             }
             ShapeKind::Triangle { corners: triangle } => {
                 corners.extend(triangle.map(local));
                 triangle_shapes.push(index);
-                linear(textured, || UvFrame::of_triangle(&triangle.map(|p| p - origin)))
+                linear(textured, || UvFrame::from_triangle(&triangle.map(|p| p - origin)))
             }
             ShapeKind::Trimesh(_) => UvSource::None,
         };

@@ -117,7 +117,7 @@ mod tests {
     }
 
     fn choose(position: DVec3, shapes: &[ShapeKind]) -> Origin {
-        Origin::choose(&camera(position), shapes.iter().map(|s| (s, Bounds::of_shape(s))))
+        Origin::choose(&camera(position), shapes.iter().map(|s| (s, Bounds::from_shape(s))))
     }
 
     #[test]

@@ -7,17 +7,17 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::bounds::Bounds;
-use super::resolution::{Doubt, Resolution, ulp};
+use super::resolution::{CollapseSuspect, Resolution, ulp};
 use crate::error::{Error, Problem, Result};
 use crate::geometry::TriangleMesh;
 use crate::mesh::{self, Colors, Mesh, Positions, Uvs};
-use crate::reserve::{self, Room};
+use crate::reserve::{self, MemoryLimit};
 use crate::scene::{ColorSpace, Smooth, Trimesh};
 use crate::shading::{Shape, UvSource, VertexColors};
 
 /// Largest coordinate. Embree silently drops primitives beyond it (its `FLT_LARGE`), and its square
 /// in f32 would overflow.
-pub(super) const LARGEST: f64 = 1.844e18;
+pub(super) const MAX_COORDINATE: f64 = 1.844e18;
 
 /// A mesh with its transform: `linear (p - middle) + center`.
 pub struct PlacedMesh {
@@ -56,11 +56,11 @@ impl PlacedMesh {
         let offset = spec.center - linear * middle;
         let bounds = bounds(&mesh, &used, |p| linear * p + offset);
         let furthest = bounds.min.abs().max(bounds.max.abs()).max_element();
-        if !(furthest < LARGEST) {
+        if !(furthest < MAX_COORDINATE) {
             return Err(Error::invalid(
                 &spec.place,
                 format!(
-                    "a coordinate of {} is {furthest:e}, expected below {LARGEST:e}",
+                    "a coordinate of {} is {furthest:e}, expected below {MAX_COORDINATE:e}",
                     spec.path.display()
                 ),
             ));
@@ -119,7 +119,7 @@ impl PlacedMesh {
 
     /// Decides from the box alone whether edges may collapse around `origin`. They may if the file
     /// has doubles, or if f32 around `origin` is more than two bits coarser than the file's own.
-    pub fn doubt(&self, origin: DVec3) -> Option<Doubt> {
+    pub fn doubt(&self, origin: DVec3) -> Option<CollapseSuspect> {
         let Trimesh { place, path, center, .. } = &self.spec;
         let scale = self.linear.x_axis.length();
         // The file's largest coordinate, in world units.
@@ -129,7 +129,11 @@ impl PlacedMesh {
             Positions::F64(_) => true,
             Positions::F32(_) => ulp_there > 4.0 * scale * ulp(own / scale),
         };
-        doubtful.then(|| Doubt { place: place.clone(), path: path.clone(), ulp: ulp_there })
+        doubtful.then(|| CollapseSuspect {
+            place: place.clone(),
+            path: path.clone(),
+            ulp: ulp_there,
+        })
     }
 
     /// The triangles without area, for warnings once the mesh is placed. `None` if there are none.
@@ -143,8 +147,8 @@ impl PlacedMesh {
     /// after it.
     ///
     /// # Errors
-    /// As [`Room::check`].
-    pub fn fits(&self, room: Room) -> Result<Room> {
+    /// As [`MemoryLimit::check`].
+    pub fn fits(&self, room: MemoryLimit) -> Result<MemoryLimit> {
         room.check(self.finish_bytes(), &self.spec.path.display().to_string())?;
         let made = self.spec.smooth != Smooth::Off && self.mesh.normals.is_none();
         Ok(room.less(if made { 12 * self.mesh.positions.len() as u64 } else { 0 }))
@@ -259,7 +263,7 @@ pub fn placement(spec: &Trimesh, own: Bounds) -> (DMat3, DVec3) {
 }
 
 fn bounds(mesh: &Mesh, used: &[bool], place: impl Fn(DVec3) -> DVec3 + Sync) -> Bounds {
-    Bounds::of_points(used.len(), |i: usize| used[i].then(|| place(mesh.positions.get(i))))
+    Bounds::from_points(used.len(), |i: usize| used[i].then(|| place(mesh.positions.get(i))))
 }
 
 fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {

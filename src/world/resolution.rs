@@ -57,7 +57,7 @@ impl Resolution {
 
 /// A mesh whose edges may have collapsed.
 #[derive(Debug)]
-pub struct Doubt {
+pub struct CollapseSuspect {
     /// Position of the mesh in the scene file.
     pub place: String,
     /// Path of the mesh file.
@@ -66,7 +66,7 @@ pub struct Doubt {
     pub ulp: f64,
 }
 
-impl Doubt {
+impl CollapseSuspect {
     /// Counts the collapsed edges; returns a warning if there are any.
     pub fn settle(&self, mesh: &TriangleMesh) -> Option<Problem> {
         warning(&self.place, &self.path, self.ulp, collapsed_edges(mesh))

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Failures, Problem, Result};
 use crate::mesh::Mesh;
-use crate::reserve::Room;
+use crate::reserve::MemoryLimit;
 use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
 use crate::shading::{DEFAULT_MAX_BYTES, Material, Negative, Texture};
 
@@ -14,7 +14,7 @@ use super::sources::{Read, beside};
 /// Loads the textures of the materials that shapes use, within `budget`.
 pub fn load(
     scene: &Scene,
-    budget: Option<Room>,
+    budget: Option<MemoryLimit>,
     read: &mut Read,
     warnings: &mut Vec<Problem>,
 ) -> Result<(Vec<Texture>, Vec<Material>)> {
@@ -66,7 +66,7 @@ pub fn load(
 }
 
 /// Loads one image within the memory that is left.
-fn one(path: &Path, space: Option<ColorSpace>, left: Option<Room>) -> Result<Texture> {
+fn one(path: &Path, space: Option<ColorSpace>, left: Option<MemoryLimit>) -> Result<Texture> {
     let most = match left {
         Some(left) if left.asked => left.bytes.min(DEFAULT_MAX_BYTES),
         // Too little free memory here: the file may be fine on another machine, so this error is
@@ -87,7 +87,7 @@ fn one(path: &Path, space: Option<ColorSpace>, left: Option<Room>) -> Result<Tex
 pub type Own = (usize, PathBuf);
 
 /// A warning if a mesh names several images, because only one of them is used.
-pub fn one_of_several(mesh: &Mesh, path: &Path) -> Option<Problem> {
+pub fn several_textures_warning(mesh: &Mesh, path: &Path) -> Option<Problem> {
     let (count, shown) = (mesh.notes.texture_files, mesh.texture_file.as_ref()?);
     let message = format!("found {count} texture files; only {shown:?} is used");
     (count > 1).then(|| Problem::new(path.display().to_string(), message))
@@ -99,7 +99,7 @@ pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) 
     let name = mesh.texture_file.as_ref().filter(|_| mesh.uvs.is_some())?;
     let image = beside(path, name);
     if image.is_file() {
-        warnings.extend(one_of_several(mesh, path));
+        warnings.extend(several_textures_warning(mesh, path));
         return Some((shape, image));
     }
     let place = path.display().to_string();
@@ -114,7 +114,7 @@ pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) 
 pub fn load_own(
     own: &[Own],
     scene: &Scene,
-    budget: Option<Room>,
+    budget: Option<MemoryLimit>,
     looks: &mut (Vec<Texture>, Vec<Material>),
     (read, warnings): (&mut Read, &mut Vec<Problem>),
 ) -> Result<Vec<(usize, u32)>> {

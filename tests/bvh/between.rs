@@ -59,7 +59,7 @@ fn no_ray_in_an_empty_cone_hits() {
                 let origin = origin.as_vec3().as_dvec3();
                 let (rays, corners) = square(&mut random, origin, width);
                 asked += 1;
-                if tiers.telling_nothing_between(&FOUR, &rays) == 0 {
+                if tiers.reporting_empty(&FOUR, &rays) == 0 {
                     continue;
                 }
                 said += 1;
@@ -96,7 +96,7 @@ fn every_tier_distinguishes_the_sky_from_a_wall() {
         for (i, [x, y]) in [[x0, -0.5], [x1, -0.5], [x0, 0.5], [x1, 0.5]].into_iter().enumerate() {
             put(&mut rays, i, [0.0; 3], [x, y, z]);
         }
-        tiers.telling_nothing_between(&FOUR, &rays)
+        tiers.reporting_empty(&FOUR, &rays)
     };
     // Beside the wall; behind the eye; the wall's edge inside the cone; the whole wall inside.
     assert_eq!(asks(1.01, 2.0, 5.0), all);

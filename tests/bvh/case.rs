@@ -83,7 +83,7 @@ fn between(bytes: &mut Bytes, geometry: &Geometry, tiers: &Tiers, rays: &Rays) {
         put(&mut cone, i, rays.org.map(|o| o[0]), rays.dir.map(|d| d[i]));
     }
     let asked = Mask(std::array::from_fn(|i| -i32::from(i < corners)));
-    if cone.possible(&asked) != asked || tiers.telling_nothing_between(&asked, &cone) == 0 {
+    if cone.possible(&asked) != asked || tiers.reporting_empty(&asked, &cone) == 0 {
         return;
     }
     let mut mixed = Rays::EMPTY;

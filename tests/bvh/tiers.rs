@@ -49,11 +49,8 @@ impl<'g> Tiers<'g> {
     }
 
     /// Returns the number of instruction sets that report the cone of the active rays as empty.
-    pub fn telling_nothing_between(&self, active: &Mask, rays: &Rays) -> usize {
-        self.trees
-            .iter()
-            .filter(|(_, tree)| tree.nothing_between(active, rays) == Some(true))
-            .count()
+    pub fn reporting_empty(&self, active: &Mask, rays: &Rays) -> usize {
+        self.trees.iter().filter(|(_, tree)| tree.is_cone_empty(active, rays) == Some(true)).count()
     }
 
     /// Returns the hits of the active rays.

@@ -13,7 +13,7 @@ use lightpath::accel::Accelerator;
 use lightpath::error::Result;
 use lightpath::geometry::{Geometry, NONE, Sphere, Surfaces, TriangleMesh, refine};
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
-use lightpath::shading::{Falloff, Lit, Points, lane, light_rays, reflect, set_lane};
+use lightpath::shading::{Falloff, LightWeights, Points, lane, light_rays, reflect, set_lane};
 use lightpath::world::ulp;
 
 /// Origin of rays that leave a surface.
@@ -487,7 +487,7 @@ impl Start {
         for i in 0..LANES {
             set_lane(&mut q, i, lights[i].as_vec3());
         }
-        let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
+        let (mut rays, mut lit) = (Rays::EMPTY, LightWeights::EMPTY);
         let on = light_rays(&self.points.at, &q, None, Falloff::None, false, &mut rays, &mut lit);
         (rays, on)
     }

@@ -172,8 +172,8 @@ fn vertex_colors(vertex: &Element, shape: &Value) -> Option<Vec<DVec3>> {
     Some(raw.iter().map(|c| DVec3::from_array(c.to_array().map(decode))).collect())
 }
 
-/// Texture coordinates per vertex (`s t`, `u v`, `texture_u texture_v` or `texture_s texture_t`), or
-/// per corner (the list `texcoord` of the faces).
+/// Texture coordinates per vertex (`s t`, `u v`, `texture_u texture_v` or `texture_s texture_t`),
+/// or per corner (the list `texcoord` of the faces).
 fn coordinates(
     vertex: &Element,
     face: &Element,

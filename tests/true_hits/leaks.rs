@@ -72,7 +72,7 @@ fn leaks(backend: Backend, stretch: DVec3, packets: usize) -> [u64; 3] {
         let how = [Coherence::Incoherent, Coherence::Single, Coherence::Coherent][k % 3];
         let (mut native, mut closest): (RayPacket, RayPacket) = (traced.clone(), traced.clone());
         let mut shadow = traced.rays;
-        accelerator.closest_candidates(&ALL, &mut native, how);
+        accelerator.closest_unfiltered(&ALL, &mut native, how);
         accelerator.closest(&ALL, &mut closest, how);
         accelerator.occluded(&ALL, &mut shadow, how);
         for i in 0..LANES {

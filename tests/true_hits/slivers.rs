@@ -91,7 +91,7 @@ fn wrong(oracle: &Brute, embree: &dyn Accelerator, rays: &Rays, how: Coherence) 
     let mut wrong = [Wrong::default(); 3];
     let traced = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
     let (mut native, mut closest, mut shadow) = (traced.clone(), traced, rays.clone());
-    embree.closest_candidates(&ALL, &mut native, how);
+    embree.closest_unfiltered(&ALL, &mut native, how);
     embree.closest(&ALL, &mut closest, how);
     embree.occluded(&ALL, &mut shadow, how);
     for i in 0..LANES {

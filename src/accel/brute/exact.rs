@@ -45,14 +45,14 @@ pub fn determinant(a: &Integers, b: &Integers, c: &Integers) -> BigInt {
 
 /// A determinant in f64 with a bound on its error.
 #[derive(Debug, Clone, Copy)]
-pub struct Estimate {
+pub struct BoundedDeterminant {
     /// Value of the determinant, rounded.
     pub value: f64,
     /// Bound on the distance between `value` and the exact determinant.
     pub error: f64,
 }
 
-impl Estimate {
+impl BoundedDeterminant {
     /// Computes `a . (b x c)`. Each coordinate is an f32 or the rounded difference of two f32.
     ///
     /// The differences, products and sums of one term round seven times in all. Shewchuk 1997,
@@ -177,7 +177,7 @@ mod tests {
             [a, b, c] in prop_oneof![near_plane(), prop::array::uniform3(any_vector())], o in any_vector(),
         ) {
             for o in [DVec3::ZERO, o] {
-                let estimate = Estimate::of(a, b - o, c - o);
+                let estimate = BoundedDeterminant::of(a, b - o, c - o);
                 let o = integers(o);
                 let (b, c) = (difference(&integers(b), &o), difference(&integers(c), &o));
                 let exact = determinant(&integers(a), &b, &c);

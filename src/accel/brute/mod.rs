@@ -37,7 +37,7 @@ pub struct Brute<'g> {
 }
 
 /// A hit with what the exact comparison of two hits needs.
-struct Candidate {
+struct ExactHit {
     hit: Hit,
     /// Bound on the error of `hit.t`.
     t_error: f64,
@@ -87,7 +87,7 @@ impl<'g> Brute<'g> {
 
     /// The closest hit of the ray: the first of [`Brute::all_hits`].
     pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
-        let mut best: Option<Candidate> = None;
+        let mut best: Option<ExactHit> = None;
         self.each_hit(ray, |candidate| {
             let nearer = |best| self.order(ray, &candidate, best) == Ordering::Less;
             if best.as_ref().is_none_or(nearer) {
@@ -97,7 +97,7 @@ impl<'g> Brute<'g> {
         best.map(|candidate| candidate.hit)
     }
 
-    fn each_hit(&self, ray: &Ray, mut found: impl FnMut(Candidate)) {
+    fn each_hit(&self, ray: &Ray, mut found: impl FnMut(ExactHit)) {
         self.blocks.each(ray, ROUNDING, [ray.tnear, ray.tfar], |primitive| {
             if let Some(candidate) = self.test(ray, primitive) {
                 found(candidate);
@@ -105,14 +105,14 @@ impl<'g> Brute<'g> {
         });
     }
 
-    fn test(&self, ray: &Ray, primitive: u32) -> Option<Candidate> {
+    fn test(&self, ray: &Ray, primitive: u32) -> Option<ExactHit> {
         let (geom, prim) = self.geometry.place(primitive);
         let leaving = primitive == ray.leaving;
         let on_triangle = |corners: [DVec3; 3], turned: bool| {
             let at = crossing(ray, &corners)?;
             let (u, v) = if turned { (1.0 - at.u, 1.0 - at.v) } else { (at.u, at.v) };
             let hit = Hit { geom, prim, t: at.t, u, v, ng: at.ng };
-            Some(Candidate { hit, t_error: at.t_error(), corners: Some(corners) })
+            Some(ExactHit { hit, t_error: at.t_error(), corners: Some(corners) })
         };
         match self.geometry.kind(geom) {
             GeometryKind::Spheres => {
@@ -121,7 +121,7 @@ impl<'g> Brute<'g> {
                 let t = sphere.intersect(origin, direction, tnear, tfar, leaving);
                 let ng = origin + direction * t - sphere.center;
                 let hit = Hit { geom, prim, t, u: 0.0, v: 0.0, ng };
-                (!t.is_nan()).then_some(Candidate { hit, t_error: 0.0, corners: None })
+                (!t.is_nan()).then_some(ExactHit { hit, t_error: 0.0, corners: None })
             }
             _ if leaving => None,
             GeometryKind::Mesh(mesh) => {
@@ -138,14 +138,14 @@ impl<'g> Brute<'g> {
         }
     }
 
-    fn order(&self, ray: &Ray, a: &Candidate, b: &Candidate) -> Ordering {
+    fn order(&self, ray: &Ray, a: &ExactHit, b: &ExactHit) -> Ordering {
         let by_t = match (&a.corners, &b.corners) {
             (Some(first), Some(second)) if (a.hit.t - b.hit.t).abs() <= a.t_error + b.t_error => {
                 compare(ray, first, second)
             }
             _ => a.hit.t.total_cmp(&b.hit.t),
         };
-        let number = |c: &Candidate| self.geometry.primitive(c.hit.geom, c.hit.prim);
+        let number = |c: &ExactHit| self.geometry.primitive(c.hit.geom, c.hit.prim);
         by_t.then(number(a).cmp(&number(b)))
     }
 }

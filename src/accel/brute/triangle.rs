@@ -4,7 +4,9 @@ use std::cmp::Ordering::{self, Equal, Greater, Less};
 
 use glam::DVec3;
 
-use super::exact::{Estimate, Fraction, Integers, determinant, difference, integers, sign};
+use super::exact::{
+    BoundedDeterminant, Fraction, Integers, determinant, difference, integers, sign,
+};
 use crate::accel::lane::Ray;
 
 /// Largest relative error of [`Crossing::t`]. Integers take over where f64 cannot guarantee it.
@@ -44,7 +46,11 @@ impl Crossing {
 pub fn crossing(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
     let [a, b, c] = corners.map(|corner| corner - ray.origin);
     let d = ray.direction;
-    let edges = [Estimate::of(d, b, c), Estimate::of(d, c, a), Estimate::of(d, a, b)];
+    let edges = [
+        BoundedDeterminant::of(d, b, c),
+        BoundedDeterminant::of(d, c, a),
+        BoundedDeterminant::of(d, a, b),
+    ];
     let [bc, ca, ab] = edges.map(|edge| edge.sign());
     let differ = |x, y| matches!((x, y), (Some(Less), Some(Greater)) | (Some(Greater), Some(Less)));
     if differ(bc, ca) || differ(ca, ab) || differ(ab, bc) {
@@ -56,11 +62,11 @@ pub fn crossing(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
 /// [`crossing`] without its f64 filter: integers decide.
 #[cfg(test)]
 pub fn integers_only(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
-    decide(ray, corners, [Estimate { value: f64::NAN, error: f64::NAN }; 3])
+    decide(ray, corners, [BoundedDeterminant { value: f64::NAN, error: f64::NAN }; 3])
 }
 
 #[inline(never)]
-fn decide(ray: &Ray, corners: &[DVec3; 3], edges: [Estimate; 3]) -> Option<Crossing> {
+fn decide(ray: &Ray, corners: &[DVec3; 3], edges: [BoundedDeterminant; 3]) -> Option<Crossing> {
     let exact = Exact::new(ray, corners);
     let mut signs = [Equal; 3];
     for (i, edge) in edges.iter().enumerate() {
@@ -74,7 +80,8 @@ fn decide(ray: &Ray, corners: &[DVec3; 3], edges: [Estimate; 3]) -> Option<Cross
     let [a, b, c] = *corners;
     let (e1, e2, to_a) = (b - a, c - a, a - ray.origin);
     let ng = e1.cross(e2);
-    let (n, d) = (Estimate::of(to_a, e1, e2), Estimate::of(ray.direction, e1, e2));
+    let (n, d) =
+        (BoundedDeterminant::of(to_a, e1, e2), BoundedDeterminant::of(ray.direction, e1, e2));
     let t = n.value / d.value;
     let error = (n.error + t.abs() * d.error) / (d.value.abs() - d.error) + f64::EPSILON * t.abs();
     // `sound` is false for a NaN, and if the sign of the denominator is unknown.

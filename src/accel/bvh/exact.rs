@@ -5,25 +5,27 @@
 //! taken relative to the ray's origin and sheared along its dominant axis in f32, which moves
 //! coordinate k of a vertex by at most u(2|A_k| + 4|S_k||A_z|) <= 6u max|v - o| (u = 2^-24), the
 //! same way in every triangle that shares it. The three edge functions of the sheared points are
-//! decided exactly: in f64 the product of two f32 is exact, and the difference of two exact products
-//! has the exact sign.
+//! decided exactly: in f64 the product of two f32 is exact, and the difference of two exact
+//! products has the exact sign.
 
 use super::node::Block;
 use super::query::Lane;
 use crate::geometry::is_after_start;
 use crate::ray::Rays;
 
-/// How far, relatively, a depth may lie outside of the corners' depths: u = 2^-24, which is what rounding does to
-/// these; it takes a plane across the dominant axis out of them.
+/// How far, relatively, a depth may lie outside of the corners' depths: u = 2^-24, which is what
+/// rounding does to these; it takes a plane across the dominant axis out of them.
 pub const DEPTH_SLACK: f64 = 0.5 * f32::EPSILON as f64;
 
-/// How far, relative to max|v - o| of its corners, a hit may lie outside of a triangle's box: 64u (u = 2^-24), less
-/// than boxes are widened by. The least normal f32 comes on top, for what underflows.
+/// How far, relative to max|v - o| of its corners, a hit may lie outside of a triangle's box: 64u
+/// (u = 2^-24), less than boxes are widened by. The least normal f32 comes on top, for what
+/// underflows.
 ///
-/// The shear moves a vertex by e, at most 6u max|v - o| in each coordinate, so at the depth where the line passes the
-/// sheared triangle it is within that of the triangle. To the plane, of normal n, it goes on by e.n / d.n along the
-/// dominant axis: by at most 6u max|v - o| times [`STEEP`], unless |d.n| is less than a part of |n| (its sum of
-/// magnitudes) that large. Together 60u, and only what is less steep has to be kept in the box.
+/// The shear moves a vertex by e, at most 6u max|v - o| in each coordinate, so at the depth where
+/// the line passes the sheared triangle it is within that of the triangle. To the plane, of normal
+/// n, it goes on by e.n / d.n along the dominant axis: by at most 6u max|v - o| times [`STEEP`],
+/// unless |d.n| is less than a part of |n| (its sum of magnitudes) that large. Together 60u, and
+/// only what is less steep has to be kept in the box.
 pub const BOX_SLACK: f64 = 32.0 * f32::EPSILON as f64;
 
 /// See [`BOX_SLACK`].
@@ -148,8 +150,8 @@ impl Sheared {
         Self { edges, depths: [a[2], b[2], c[2]] }
     }
 
-    /// Whether the ray's line meets the triangle, edges and corners included; not if the shear leaves
-    /// it without area. NaN, of a vertex too far away for f32, is outside.
+    /// Whether the ray's line meets the triangle, edges and corners included; not if the shear
+    /// leaves it without area. NaN, of a vertex too far away for f32, is outside.
     #[inline(always)]
     pub fn inside(&self) -> bool {
         let [u, v, w] = self.edges;
@@ -160,8 +162,9 @@ impl Sheared {
 
     /// The ray parameter of a triangle that the line meets: that of the triangle's plane in f64
     /// (error of some 1e-15 of the coordinates over the sine of the angle between ray and plane),
-    /// kept within the corners' depths and within the triangle's box, which a ray almost in the plane would leave:
-    /// so a hit lies in every box around the triangle, and the order of boxes cannot change an answer.
+    /// kept within the corners' depths and within the triangle's box, which a ray almost in the
+    /// plane would leave: so a hit lies in every box around the triangle, and the order of boxes
+    /// cannot change an answer.
     #[inline(always)]
     pub fn t(&self, ray: &Ray64, corners: [[f32; 3]; 3]) -> f64 {
         let plane = Plane::new(corners);
@@ -169,7 +172,8 @@ impl Sheared {
         let (least, most) = self.ends();
         let depth = t * ray.along;
         let slack = depth.abs() * DEPTH_SLACK;
-        // On this side of the comparisons: beside an infinite depth, of a ray along the plane, it makes a NaN.
+        // On this side of the comparisons: beside an infinite depth, of a ray along the plane, it
+        // makes a NaN.
         let within = (depth + slack >= least) & (depth - slack <= most);
         let steep = STEEP * towards.abs() >= plane.steep() * ray.along.abs();
         if within & (steep || self.passes(depth)) { t } else { self.kept(ray, t, within, corners) }
@@ -182,8 +186,8 @@ impl Sheared {
         if ray.along < 0.0 { most < 0.0 } else { least > 0.0 }
     }
 
-    /// Whether the line passes the sheared triangle, which is within 6u of the box, so close to a depth that this is
-    /// within the box as well.
+    /// Whether the line passes the sheared triangle, which is within 6u of the box, so close to a
+    /// depth that this is within the box as well.
     #[inline(always)]
     fn passes(&self, depth: f64) -> bool {
         let ([u, v, w], [a, b, c]) = (self.edges, self.depths.map(f64::from));
@@ -192,7 +196,8 @@ impl Sheared {
         (depth * weight - (u * a + v * b + w * c)).abs() <= 0.5 * BOX_SLACK * reach * weight.abs()
     }
 
-    /// `t`, kept within the triangle's box, and within the corners' depths unless it is `within` them.
+    /// `t`, kept within the triangle's box, and within the corners' depths unless it is `within`
+    /// them.
     #[inline(never)]
     fn kept(&self, ray: &Ray64, t: f64, within: bool, corners: [[f32; 3]; 3]) -> f64 {
         let Around { lower, upper } = Around::new(corners, ray.origin);
@@ -214,7 +219,8 @@ impl Sheared {
                 (first, last) = (first.max(lower.min(upper)), last.min(lower.max(upper)));
             }
         }
-        // Of a ray along the plane, which tells nothing, where its line passes the sheared triangle.
+        // Of a ray along the plane, which tells nothing, where its line passes the sheared
+        // triangle.
         let [u, v, w] = self.edges;
         let [a, b, c] = self.depths.map(f64::from);
         let passing = || (u * a + v * b + w * c) / (u + v + w) / ray.along;

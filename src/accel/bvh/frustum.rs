@@ -39,10 +39,10 @@ pub struct Side {
 /// linear functions is, and lies above its chord; the greatest lies below its own. So four planes
 /// bound the rays, tightly so where they leave from or run to a common point.
 ///
-/// The planes are moved outwards by 1.5 times the largest [`Query::margin`], 99u max|v - o| + 6u|o|: a hit may lie
-/// 64u max|v - o| outside of its box, 13u pay for the rounding of the ends (8u max|v - o| + u|o|), of
-/// `a` (3u(max|v - o| + |o|)), and of `a + b z` where it is used. Whatever `b` is, `a` is such that
-/// the plane is outside of all rays at both ends.
+/// The planes are moved outwards by 1.5 times the largest [`Query::margin`], 99u max|v - o| +
+/// 6u|o|: a hit may lie 64u max|v - o| outside of its box, 13u pay for the rounding of the ends (8u
+/// max|v - o| + u|o|), of `a` (3u(max|v - o| + |o|)), and of `a + b z` where it is used. Whatever
+/// `b` is, `a` is such that the plane is outside of all rays at both ends.
 #[derive(Debug, Clone, Copy)]
 pub struct Frustum {
     /// The two axes after the dominant one, then the dominant one.
@@ -108,7 +108,8 @@ impl Frustum {
         };
         let end = frustum.end(tier, query, tfar);
         let (z0, z1) = (forward * frustum.start, forward * max(end, frustum.start));
-        // Where the rays are at z0 and at z1, and the same negated for the high sides: the least of each.
+        // Where the rays are at z0 and at z1, and the same negated for the high sides: the least of
+        // each.
         let mut ends = [[f32::INFINITY; LANES]; 8];
         for axis in 0..2 {
             for i in 0..LANES {
@@ -160,7 +161,8 @@ impl Frustum {
         let mut minus = [0.0; LANES];
         for i in 0..LANES {
             let end = self.forward * query.origin[2][i] + tfar[i] * query.along[i].abs();
-            // A lane without a ray may hold anything. (A condition that asks for `tfar` alone becomes 16 jumps.)
+            // A lane without a ray may hold anything. (A condition that asks for `tfar` alone
+            // becomes 16 jumps.)
             minus[i] = if end > f32::NEG_INFINITY { -end } else { f32::INFINITY };
         }
         min(self.slack - tier.least(&minus), self.scene_end)
@@ -173,8 +175,8 @@ fn slope(b: f32) -> f32 {
     if b.abs() <= 1.5 { b } else { 0.0 }
 }
 
-/// The values of the active lanes, infinite for the others. (A loop of its own: where it computes the values,
-/// too, it becomes 16 jumps.)
+/// The values of the active lanes, infinite for the others. (A loop of its own: where it computes
+/// the values, too, it becomes 16 jumps.)
 #[inline(always)]
 fn select(active: &Mask, v: &[f32; LANES]) -> [f32; LANES] {
     let mut selected = [f32::INFINITY; LANES];

@@ -64,7 +64,8 @@ pub struct Bvh<'g> {
 }
 
 impl<'g> Bvh<'g> {
-    /// Builds the tree, for the kernels of `isa`, or of the best set below it that this machine runs.
+    /// Builds the tree, for the kernels of `isa`, or of the best set below it that this machine
+    /// runs.
     ///
     /// # Errors
     /// See [`super::build`].
@@ -118,7 +119,7 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
 }
 
 /// Fewer coherent rays are traced one by one.
-const LEAST_TOGETHER: u32 = 4;
+const MIN_TOGETHER: u32 = 4;
 
 /// The active rays together, those of one octant and one dominant axis each time; which are left.
 struct PacketClosest<'a, T> {
@@ -141,7 +142,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
         while rest.any() {
             let part = query.coherent(&rest);
             rest = rest.without(&part);
-            if part.count() < LEAST_TOGETHER {
+            if part.count() < MIN_TOGETHER {
                 alone = alone.with(&part);
                 continue;
             }
@@ -197,7 +198,7 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
         while rest.any() {
             let part = query.aligned(&rest);
             rest = rest.without(&part);
-            if part.count() < LEAST_TOGETHER {
+            if part.count() < MIN_TOGETHER {
                 alone = alone.with(&part);
                 continue;
             }
@@ -288,7 +289,7 @@ impl Accelerator for Bvh<'_> {
         with_tier!(self.isa, tier => self.occluded_with(tier, active, rays, coherence));
     }
 
-    fn nothing_between(&self, active: &Mask, rays: &Rays) -> Option<bool> {
+    fn is_cone_empty(&self, active: &Mask, rays: &Rays) -> Option<bool> {
         let bvh = self;
         with_tier!(self.isa, tier => Some(!tier.run(Reaches { tier, bvh, active, rays })));
     }

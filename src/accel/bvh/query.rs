@@ -9,10 +9,10 @@ const U: f32 = f32::EPSILON / 2.0;
 
 /// Smallest magnitude of a direction component, relative to the largest: keeps 1/d and o/d
 /// finite, so that no 0 * inf arises.
-pub const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
+pub const MIN_DIRECTION: f32 = 1.0 / (1u64 << 60) as f32;
 
-/// By the dominant axis: the two after it in cyclic order, then itself. A static: a table in the code is
-/// written to the stack for every ray.
+/// By the dominant axis: the two after it in cyclic order, then itself. A static: a table in the
+/// code is written to the stack for every ray.
 static AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 
 /// 16 rays against boxes and against triangles.
@@ -23,17 +23,17 @@ static AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 /// Boxes. A slab is `t = plane * inverse - offset` in one fused operation or two. Every box is
 /// widened by `margin`, folded into the offsets, and every distance by 4u, folded into the
 /// inverses, so that no rounding prunes what [`super::exact`] would hit:
-/// - The triangle test moves a vertex in the plane normal to the dominant axis by at most
-///   6u max|v - o| (see there), so where it reports a hit the ray passes within that distance of
-///   the triangle, hence of its box, and it keeps the hit within 64u max|v - o| of that box: `margin` >=
-///   64u max|v - o| over the scene's box.
+/// - The triangle test moves a vertex in the plane normal to the dominant axis by at most 6u max|v
+///   - o| (see there), so where it reports a hit the ray passes within that distance of the
+///   triangle, hence of its box, and it keeps the hit within 64u max|v - o| of that box: `margin`
+///   >= 64u max|v - o| over the scene's box.
 /// - Rounding of `o + margin`, of the product with the inverse, and of the fused operation's
 ///   second operand move a plane by at most 4u|o|: part of `margin`.
 /// - The inverse and the last rounding are relative errors of at most 3.5u: 4u taken off the near
 ///   distance and added to the far one (Ize 2013, JCGT 2(2)). Near distances below zero do not
 ///   matter, as t starts at `tnear` >= 0.
-/// - A component below `LEAST` is lifted to it: the ray strays by at most LEAST times the scene,
-///   2^-60 against 2^-22 in `margin`.
+/// - A component below `MIN_DIRECTION` is lifted to it: the ray strays by at most MIN_DIRECTION
+///   times the scene, 2^-60 against 2^-22 in `margin`.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct Query {
@@ -95,7 +95,7 @@ impl Query {
             }
             // Coordinates beyond 2^62 would overflow with 1/LEAST: a larger least, and its strays
             // in the margin.
-            let lift = max(LEAST, (reach + origin) * (16.0 / f32::MAX));
+            let lift = max(MIN_DIRECTION, (reach + origin) * (16.0 / f32::MAX));
             least[i] = lift;
             margin[i] =
                 (66.0 * U + 2.0 * lift) * reach + 4.0 * U * origin + 4.0 * f32::MIN_POSITIVE;
@@ -161,7 +161,8 @@ impl Query {
         }
     }
 
-    /// Those of the rays that are coherent with the first of them: of its octant and its dominant axis.
+    /// Those of the rays that are coherent with the first of them: of its octant and its dominant
+    /// axis.
     #[inline(always)]
     pub fn coherent(&self, rays: &Mask) -> Mask {
         let first = rays.first();
@@ -174,8 +175,8 @@ impl Query {
         part
     }
 
-    /// Those of the rays that are aligned with the first of them: of its dominant axis, and of its direction along
-    /// that.
+    /// Those of the rays that are aligned with the first of them: of its dominant axis, and of its
+    /// direction along that.
     #[inline(always)]
     pub fn aligned(&self, rays: &Mask) -> Mask {
         let first = rays.first();
@@ -189,26 +190,27 @@ impl Query {
         part
     }
 
-    /// What a hit of ray `i` at `t` makes of its end as the boxes see it: scaled, and never less for what underflows.
+    /// What a hit of ray `i` at `t` makes of its end as the boxes see it: scaled, and never less
+    /// for what underflows.
     #[inline(always)]
     pub fn end(&self, i: usize, t: f64) -> f32 {
         (t as f32 + f32::MIN_POSITIVE) * self.scale[i] + f32::MIN_POSITIVE
     }
 
-    /// How far along the dominant axis ray `i` is at a scaled parameter, or a bit farther: what lies
-    /// beyond is farther than the parameter.
+    /// How far along the dominant axis ray `i` is at a scaled parameter, or a bit farther: what
+    /// lies beyond is farther than the parameter.
     #[inline(always)]
     pub fn depth(&self, i: usize, t: f32) -> f32 {
         t * self.along[i].abs() * (1.0 + 8.0 * U)
     }
 
-    /// Whether all of ray `i` between two distances along the dominant axis lies within its open segment
-    /// for sure.
+    /// Whether all of ray `i` between two distances along the dominant axis lies within its open
+    /// segment for sure.
     #[inline(always)]
     pub fn within(&self, i: usize, first: f32, last: f32) -> bool {
         let along = self.along[i].abs();
-        // 16u are more than the ends were moved by and all roundings here; the least normal numbers pay for
-        // what underflows.
+        // 16u are more than the ends were moved by and all roundings here; the least normal numbers
+        // pay for what underflows.
         (first > self.tnear[i] * along * (1.0 + 16.0 * U) + 4.0 * f32::MIN_POSITIVE)
             & (last < self.tfar[i] * along * (1.0 - 16.0 * U) - 4.0 * f32::MIN_POSITIVE)
     }

@@ -229,7 +229,8 @@ impl<'a, T: Tier> Single<'a, T> {
             }
             let sure = (found.sure >> i) & 1 != 0;
             let (first, last) = depths(&self.lane, block, slot);
-            // t is kept within the depths of the corners: where these are clear of the ends, it is not asked for.
+            // t is kept within the depths of the corners: where these are clear of the ends, it is
+            // not asked for.
             let within = self.lane.within(first, last);
             if sure && within {
                 return true;

@@ -6,12 +6,12 @@ use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
-use super::fixed::Fixed;
+use super::fixed::PinnedBox;
 use crate::error::{Error, Kind, Problem, Result};
 
 /// Memory counters and errors of a device. Embree's callbacks write them, the wrapper reads them.
 #[derive(Debug)]
-pub struct Watch {
+pub struct DeviceMonitor {
     /// Bytes that Embree holds now.
     pub bytes: AtomicI64,
     /// Largest number of bytes held so far.
@@ -25,7 +25,7 @@ pub struct Watch {
 pub struct Device {
     raw: Raw,
     threads: usize,
-    watch: Fixed<Watch>,
+    watch: PinnedBox<DeviceMonitor>,
     version: [u8; 3],
 }
 
@@ -117,11 +117,11 @@ impl Raw {
         Ok(raw)
     }
 
-    /// Sets the [`Watch`] that receives errors and memory figures; a null pointer stops the
+    /// Sets the [`DeviceMonitor`] that receives errors and memory figures; a null pointer stops the
     /// reports.
     ///
     /// # Safety
-    /// `watch` points to a [`Watch`] that outlives the device or the next call.
+    /// `watch` points to a [`DeviceMonitor`] that outlives the device or the next call.
     unsafe fn report_to(&self, watch: *mut c_void) {
         let on_error = (!watch.is_null()).then_some(on_error as ffi::ErrorFunction);
         let on_memory = (!watch.is_null()).then_some(on_memory as ffi::MemoryFunction);
@@ -143,7 +143,7 @@ impl Device {
     /// memory ran out.
     pub fn new(api: Arc<Api>, threads: usize, max_bytes: Option<u64>) -> Result<Self> {
         let raw = if threads == 1 { Raw::single_threaded(&api)? } else { Raw::new(api, threads)? };
-        let watch = Fixed::new(Watch {
+        let watch = PinnedBox::new(DeviceMonitor {
             bytes: AtomicI64::new(0),
             peak_bytes: AtomicI64::new(0),
             limit_bytes: max_bytes.and_then(|n| i64::try_from(n).ok()).unwrap_or(i64::MAX),
@@ -177,7 +177,7 @@ impl Device {
     }
 
     /// Memory counters, errors and the limit.
-    pub fn watch(&self) -> &Watch {
+    pub fn watch(&self) -> &DeviceMonitor {
         &self.watch
     }
 
@@ -261,7 +261,7 @@ fn error_name(code: Enum) -> &'static str {
 
 unsafe extern "C" fn on_error(watch: *mut c_void, code: Enum, text: *const c_char) {
     // SAFETY: `report_to` registered this `watch` for the calling device, and it is still alive.
-    let watch = unsafe { &*watch.cast::<Watch>() };
+    let watch = unsafe { &*watch.cast::<DeviceMonitor>() };
     let text = if text.is_null() {
         String::new()
     } else {
@@ -275,7 +275,7 @@ unsafe extern "C" fn on_error(watch: *mut c_void, code: Enum, text: *const c_cha
 
 unsafe extern "C" fn on_memory(watch: *mut c_void, bytes: isize, _post: bool) -> bool {
     // SAFETY: `report_to` registered this `watch` for the calling device, and it is still alive.
-    let watch = unsafe { &*watch.cast::<Watch>() };
+    let watch = unsafe { &*watch.cast::<DeviceMonitor>() };
     let bytes = bytes as i64;
     let now = watch.bytes.fetch_add(bytes, Relaxed) + bytes;
     watch.peak_bytes.fetch_max(now, Relaxed);

@@ -19,7 +19,7 @@ use super::ffi::FilterArguments;
 use crate::geometry::{Geometry, GeometryKind, Passing, is_after_start, passing, refine_triangle};
 
 /// Decides which candidates are true hits, and counts the false ones.
-pub struct Truth<'g> {
+pub struct HitValidator<'g> {
     pub geometry: &'g Geometry,
     /// One for each mesh, by geometry id.
     extents: Vec<Extent>,
@@ -33,10 +33,10 @@ pub enum Filter<'a> {
     /// All but hits of the primitive that the ray leaves.
     Leaving,
     /// As [`Filter::Leaving`], and only true hits.
-    True(&'a Truth<'a>),
-    /// None: Embree visits all candidates along the ray, in any order, and `Look` keeps the closest
-    /// true one.
-    Look(&'a Look<'a>),
+    True(&'a HitValidator<'a>),
+    /// None: Embree visits all candidates along the ray, in any order, and `ClosestTrueHit` keeps
+    /// the closest true one.
+    ClosestTrueHit(&'a ClosestTrueHit<'a>),
 }
 
 impl Filter<'_> {
@@ -45,7 +45,7 @@ impl Filter<'_> {
         match self {
             Self::Leaving => reject_leaving,
             Self::True(_) => reject_false,
-            Self::Look(_) => note,
+            Self::ClosestTrueHit(_) => note,
         }
     }
 
@@ -54,12 +54,12 @@ impl Filter<'_> {
         match *self {
             Self::Leaving => std::ptr::null(),
             Self::True(truth) => std::ptr::from_ref(truth).cast(),
-            Self::Look(look) => std::ptr::from_ref(look).cast(),
+            Self::ClosestTrueHit(look) => std::ptr::from_ref(look).cast(),
         }
     }
 }
 
-impl<'g> Truth<'g> {
+impl<'g> HitValidator<'g> {
     pub fn new(geometry: &'g Geometry) -> Self {
         let extents = geometry.meshes.iter().map(Extent::new).collect();
         Self { geometry, extents, false_hits: AtomicU64::new(0) }
@@ -76,11 +76,11 @@ impl<'g> Truth<'g> {
     /// if the triangle lies behind the surface that the ray leaves. False hits are counted. For a
     /// quad, the half that the ray passes first is returned.
     #[cold]
-    pub fn passing(&self, candidate: &Candidate) -> Option<Found> {
+    pub fn passing(&self, candidate: &Candidate) -> Option<PassedTriangle> {
         let at = |corners: [[f32; 3]; 3], turned: bool| {
             let corners = corners.map(|v| DVec3::from(v.map(f64::from)));
             let passing = passing(corners, candidate.origin, candidate.direction)?;
-            Some(Found { passing, corners, turned })
+            Some(PassedTriangle { passing, corners, turned })
         };
         let found = match self.geometry.kind(candidate.geom) {
             GeometryKind::Mesh(mesh) => {
@@ -97,8 +97,9 @@ impl<'g> Truth<'g> {
             GeometryKind::Spheres => None,
         };
         let Candidate { leaving, origin, direction, .. } = *candidate;
-        let behind =
-            |f: &Found| self.geometry.is_left_behind(leaving, origin, direction, f.corners);
+        let behind = |f: &PassedTriangle| {
+            self.geometry.is_behind_leaving(leaving, origin, direction, f.corners)
+        };
         let found = found.filter(|found| !behind(found));
         if found.is_none() {
             self.false_hits.fetch_add(1, Ordering::Relaxed);
@@ -113,7 +114,7 @@ impl<'g> Truth<'g> {
         extent.is_some_and(|extent| extent.sure(candidate)) || self.confirms(candidate)
     }
 
-    /// As [`Truth::holds`], by reading the triangle. The test in f64 confirms nearly all
+    /// As [`HitValidator::holds`], by reading the triangle. The test in f64 confirms nearly all
     /// candidates.
     fn confirms(&self, candidate: &Candidate) -> bool {
         let triangle = match self.geometry.kind(candidate.geom) {
@@ -136,7 +137,7 @@ impl<'g> Truth<'g> {
 
 /// The place where a ray passes a triangle.
 #[derive(Debug, Clone, Copy)]
-pub struct Found {
+pub struct PassedTriangle {
     pub passing: Passing,
     /// Corners of the triangle that was tested, in f64.
     pub corners: [DVec3; 3],
@@ -145,19 +146,19 @@ pub struct Found {
 }
 
 /// Keeps the closest true candidate of one ray.
-pub struct Look<'a> {
-    truth: &'a Truth<'a>,
-    best: Cell<Option<(Found, Candidate)>>,
+pub struct ClosestTrueHit<'a> {
+    truth: &'a HitValidator<'a>,
+    best: Cell<Option<(PassedTriangle, Candidate)>>,
 }
 
-impl<'a> Look<'a> {
+impl<'a> ClosestTrueHit<'a> {
     /// A record for one ray, without a candidate.
-    pub fn new(truth: &'a Truth<'a>) -> Self {
+    pub fn new(truth: &'a HitValidator<'a>) -> Self {
         Self { truth, best: Cell::new(None) }
     }
 
     /// The closest true candidate so far.
-    pub fn best(&self) -> Option<(Found, Candidate)> {
+    pub fn best(&self) -> Option<(PassedTriangle, Candidate)> {
         self.best.get()
     }
 
@@ -238,17 +239,17 @@ unsafe extern "C" fn reject_leaving(args: *const FilterArguments) {
 }
 
 unsafe extern "C" fn reject_false(args: *const FilterArguments) {
-    // SAFETY: as above; the context's filter is the `Truth` of `Filter::True`.
+    // SAFETY: as above; the context's filter is the `HitValidator` of `Filter::True`.
     unsafe {
-        let truth = &*(*(*args).context).filter.cast::<Truth>();
+        let truth = &*(*(*args).context).filter.cast::<HitValidator>();
         reject(&*args, |candidate| truth.holds(&candidate));
     }
 }
 
 unsafe extern "C" fn note(args: *const FilterArguments) {
-    // SAFETY: as above; the context's filter is the `Look` of `Filter::Look`.
+    // SAFETY: as above; the context's filter is the `ClosestTrueHit` of `Filter::ClosestTrueHit`.
     unsafe {
-        let look = &*(*(*args).context).filter.cast::<Look>();
+        let look = &*(*(*args).context).filter.cast::<ClosestTrueHit>();
         reject(&*args, |candidate| {
             look.note(&candidate);
             false

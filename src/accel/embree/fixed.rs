@@ -9,9 +9,9 @@ use std::ptr::NonNull;
 /// It is not a `Box`: moving a box asserts that nobody else holds a pointer to its content, but
 /// Embree's callbacks do.
 #[derive(Debug)]
-pub struct Fixed<T>(NonNull<T>);
+pub struct PinnedBox<T>(NonNull<T>);
 
-impl<T> Fixed<T> {
+impl<T> PinnedBox<T> {
     /// Moves `value` to the heap, where it stays.
     pub fn new(value: T) -> Self {
         Self(NonNull::from(Box::leak(Box::new(value))))
@@ -23,7 +23,7 @@ impl<T> Fixed<T> {
     }
 }
 
-impl<T> Deref for Fixed<T> {
+impl<T> Deref for PinnedBox<T> {
     type Target = T;
     fn deref(&self) -> &T {
         // SAFETY: made from a box in `new`, freed in `drop` alone, and never borrowed mutably.
@@ -31,7 +31,7 @@ impl<T> Deref for Fixed<T> {
     }
 }
 
-impl<T> Drop for Fixed<T> {
+impl<T> Drop for PinnedBox<T> {
     fn drop(&mut self) {
         // SAFETY: the box that `new` leaked, freed once.
         drop(unsafe { Box::from_raw(self.0.as_ptr()) });

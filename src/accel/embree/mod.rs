@@ -7,15 +7,15 @@ mod ffi;
 mod filter;
 mod fixed;
 mod near;
+mod retrace;
 mod scene;
-mod second_look;
 mod sphere;
 
 pub use self::ffi::{LAYOUTS, Layout};
 
 use self::device::Device;
 use self::ffi::{QueryArguments, QueryContext};
-use self::filter::{Filter, Truth};
+use self::filter::{Filter, HitValidator};
 use super::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE, Nearby};
@@ -30,7 +30,7 @@ const SINGLE_BELOW: u32 = 4;
 /// The accelerator of the backend `embree`: a scene that uses the geometry's arrays without copies.
 pub struct Embree<'g> {
     scene: scene::Scene<'g>,
-    truth: Truth<'g>,
+    truth: HitValidator<'g>,
 }
 
 impl<'g> Embree<'g> {
@@ -46,7 +46,7 @@ impl<'g> Embree<'g> {
     ) -> Result<Self> {
         let device = Device::new(device::load_library()?, options.threads, options.max_bytes)?;
         let scene = scene::Scene::build(device, geometry, mode, monitor)?;
-        Ok(Self { scene, truth: Truth::new(geometry) })
+        Ok(Self { scene, truth: HitValidator::new(geometry) })
     }
 
     /// Runs `query` with Embree's arguments for this coherence and filter.
@@ -168,15 +168,15 @@ impl Accelerator for Embree<'_> {
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         let tfar = packet.rays.tfar;
-        self.closest_candidates(active, packet, coherence);
-        self.look_again(active, packet, &tfar);
+        self.closest_unfiltered(active, packet, coherence);
+        self.retrace_rejected(active, packet, &tfar);
     }
 
     fn false_hits(&self) -> u64 {
         self.truth.false_hits()
     }
 
-    fn closest_candidates(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+    fn closest_unfiltered(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         let (lanes, leaving) =
             simd::dispatch(Isa::detect(), PreparePacket { active, rays: &mut packet.rays });
         let filter = leaving.then_some(Filter::Leaving);
@@ -214,7 +214,7 @@ impl Accelerator for Embree<'_> {
         near::near(&self.scene, nearby, &mut |geom, prim| found(geometry.primitive(geom, prim)));
     }
 
-    fn occluded_candidates(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+    fn occluded_unfiltered(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         let (lanes, leaving) =
             simd::dispatch(Isa::detect(), PreparePacket { active, rays: &mut *rays });
         self.any_hit(active, rays, coherence, lanes, leaving.then_some(Filter::Leaving));

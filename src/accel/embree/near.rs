@@ -10,12 +10,12 @@ use crate::ray::NONE;
 /// Factor on the radius that exceeds its rounding.
 const WIDER: f32 = 1.0 + 16.0 * f32::EPSILON;
 
-type Found<'f> = &'f mut dyn FnMut(u32, u32);
+type PassedTriangle<'f> = &'f mut dyn FnMut(u32, u32);
 
 /// Calls `found` with geometry id and primitive id of every primitive whose box overlaps `nearby`.
 ///
 /// May also call it for others: the query is the sphere around the box.
-pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: Found) {
+pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: PassedTriangle) {
     let point = [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k]);
     let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
     let radius = 0.5 * diagonal * WIDER;
@@ -37,7 +37,7 @@ pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: Found) {
 
 unsafe extern "C" fn on_found(args: *const PointQueryArguments) -> bool {
     // SAFETY: Embree passes valid arguments with the user data of `near`.
-    let (args, found) = unsafe { (&*args, &mut *(*args).user.cast::<Found>()) };
+    let (args, found) = unsafe { (&*args, &mut *(*args).user.cast::<PassedTriangle>()) };
     found(args.geom_id, args.prim_id);
     // False: the query's radius has not changed.
     false

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 
 use super::device::Device;
 use super::ffi::{self, Enum, GeometryHandle, SceneHandle};
-use super::fixed::Fixed;
+use super::fixed::PinnedBox;
 use super::sphere::{self, SphereSet};
 use crate::accel::BuildInfo;
 use crate::error::Result;
@@ -18,7 +18,7 @@ use crate::scene::EmbreeMode;
 pub struct Scene<'g> {
     handle: NonNull<SceneHandle>,
     /// User data of the sphere geometry.
-    spheres: Fixed<SphereSet<'g>>,
+    spheres: PinnedBox<SphereSet<'g>>,
     // Dropped after the scene is released.
     device: Device,
 }
@@ -65,7 +65,7 @@ impl<'g> Scene<'g> {
             device.check()?;
             return Err(crate::error::Error::invalid("Embree", "no scene was created"));
         };
-        let scene = Self { handle, spheres: Fixed::new(spheres), device };
+        let scene = Self { handle, spheres: PinnedBox::new(spheres), device };
         // SAFETY: live handles.
         unsafe {
             (scene.api().set_scene_flags)(scene.handle(), flags);

@@ -14,7 +14,7 @@ use crate::{
     },
     output::{
         Outputs,
-        finished::{self, Finished},
+        finished::{self, FileState},
     },
 };
 
@@ -39,8 +39,8 @@ pub struct Entry {
 fn is_whole(job: &Job, input: usize, frame: u32, record: Option<&FrameRecord>) -> bool {
     let [exr, png] = Outputs::names(&job.prefix(input, frame));
     let is_there = |path: &PathBuf| job.folder.join(path).is_file();
-    matches!(finished::exr(&exr), Finished::Whole(_))
-        && matches!(finished::png(&png), Finished::Whole(_))
+    matches!(finished::exr(&exr), FileState::Whole(_))
+        && matches!(finished::png(&png), FileState::Whole(_))
         && record.is_none_or(|record| record.outputs.iter().all(is_there))
 }
 

@@ -245,7 +245,7 @@ fn flush(side: Side, what: &str) -> Case {
                 let (edge, height) = (DVec3::new(1.0, 0.0, 0.0), DVec3::new(0.0, 0.7, 0.0));
                 let [edge, height] = [edge, height].map(|v| turn * v * scale);
                 let mut area = Area::new(place(corner).as_vec3(), edge, height, false, 1);
-                area.set_flush(&geometry);
+                area.set_plane_gap(&geometry);
                 check(
                     run,
                     &geometry,

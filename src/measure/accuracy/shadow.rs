@@ -6,10 +6,12 @@ use glam::{DVec3, Vec3};
 use crate::accel::Accelerator;
 use crate::accel::lane::lanes;
 use crate::geometry::{Geometry, NONE, Surfaces, refine};
-use crate::integrate::{Crevices, OWN, ShadowRays};
+use crate::integrate::{Crevices, OWN_LANES, ShadowRays};
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::scene::Backend;
-use crate::shading::{self, Area, Falloff, Lanes3, Lit, ShadowPoints, lane, reflect, set_lane};
+use crate::shading::{
+    self, Area, Falloff, Lanes3, LightWeights, ShadowPoints, lane, reflect, set_lane,
+};
 
 /// Distance by which the coursework moved origins of secondary rays along the normal, in world
 /// units.
@@ -67,7 +69,7 @@ impl Points {
         backend: Backend,
         light: (&Lanes3, Option<&'a Area>),
     ) -> (ShadowRays<'a>, Rays) {
-        let (mut rays, mut lit) = (Rays::EMPTY, Lit::EMPTY);
+        let (mut rays, mut lit) = (Rays::EMPTY, LightWeights::EMPTY);
         let aimed = ShadowRays::aim(&self.points, light, Falloff::None, false, &mut rays, &mut lit);
         if backend == Backend::Coursework {
             for i in lanes(&aimed.active) {
@@ -92,7 +94,7 @@ impl Points {
     ) {
         match backend {
             Backend::Coursework => scene.1.occluded(&aimed.active, rays, coherence),
-            _ => aimed.trace(scene, &self.crevices, &OWN, rays, coherence),
+            _ => aimed.trace(scene, &self.crevices, &OWN_LANES, rays, coherence),
         }
     }
 

@@ -1,6 +1,7 @@
 //! Known rates of wrong answers of backends that need not be right.
 //!
-//! The rates were measured; docs/notebook/crosscheck.md has the figures. A higher rate means that something broke.
+//! The rates were measured; docs/notebook/crosscheck.md has the figures. A higher rate means that
+//! something broke.
 
 use crate::scene::Backend;
 

@@ -13,7 +13,7 @@ use crate::accel::{Accelerator, BuildInfo};
 use crate::error::Result;
 use crate::film::{Film, Window};
 use crate::geometry::{Geometry, Nearby};
-use crate::integrate::{Integrator, TileKernel};
+use crate::integrate::{RenderContext, TileKernel};
 use crate::measure::rays::Recorded;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
@@ -158,7 +158,7 @@ fn explain(
     let witness = Witness { oracle, contenders: [*first, *other], reason };
     let mut pixel = [[0.0; 4]];
     let mut rows = [&mut pixel[..]];
-    let integrator = Integrator { world, accelerator: &witness, monitor };
+    let integrator = RenderContext { world, accelerator: &witness, monitor };
     let window = Window { x0: x, y0: y, x1: x + 1, y1: y + 1 };
     simd::dispatch(isa, TileKernel::beauty(integrator, window, &mut rows));
     witness.reason.into_inner().unwrap_or_default()

@@ -1,7 +1,7 @@
 //! Byte ranges of rows, and the errors for missing rows.
 
-use super::header::{Element, Shape};
-use super::job::Job;
+use super::context::ReadContext;
+use super::header::{Element, PropertyType};
 use crate::error::Error;
 
 /// A range of rows of an element that one task reads.
@@ -39,7 +39,7 @@ pub(super) struct Span {
 
 /// The error for a file that holds only `found` of the declared rows of `element`. `have` describes
 /// the data that is there.
-pub(super) fn too_short(element: &Element, found: u64, have: &str, job: &Job) -> Error {
+pub(super) fn too_short(element: &Element, found: u64, have: &str, job: &ReadContext) -> Error {
     let declared = element.rows(element.count);
     Error::invalid(
         job.name,
@@ -51,8 +51,8 @@ pub(super) fn too_short(element: &Element, found: u64, have: &str, job: &Job) ->
 /// Names the values of a row, for messages.
 pub(super) fn expected(element: &Element) -> String {
     let names = element.properties.iter().map(|p| match p.shape {
-        Shape::Single(_) => p.name.clone(),
-        Shape::List { .. } => format!("COUNT {}...", p.name),
+        PropertyType::Single(_) => p.name.clone(),
+        PropertyType::List { .. } => format!("COUNT {}...", p.name),
     });
     names.collect::<Vec<_>>().join(" ")
 }

@@ -12,8 +12,8 @@ use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
+use super::context::ReadContext;
 use super::face::Faces;
-use super::job::Job;
 use crate::error::Result;
 use crate::reserve;
 
@@ -30,7 +30,7 @@ const ROUNDS: [[u32; 2]; 3] =
     [[0x9e37_79b1, 0x85eb_ca77], [0xc2b2_ae3d, 0x27d4_eb2f], [0x1656_67b1, 0xd3a2_646d]];
 
 /// Drops every triangle with the same vertices as an earlier one. Returns the number dropped.
-pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &Job) -> Result<u64> {
+pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &ReadContext) -> Result<u64> {
     // A scene cannot hold so many primitives.
     if u32::try_from(faces.triangles.len()).is_err() {
         return Ok(0);
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn drop_removes_exactly_the_repeated_triangles() {
-        let job = Job { name: "", monitor: None, room: None };
+        let job = ReadContext { name: "", monitor: None, room: None };
         let mut seed = 1u64;
         let mut random = move |below: u32| {
             seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

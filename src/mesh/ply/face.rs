@@ -4,13 +4,13 @@ use rayon::prelude::*;
 
 use super::block::Uniform;
 use super::check::{Checker, Tally};
-use super::header::Shape;
-use super::job::Job;
+use super::context::ReadContext;
+use super::header::PropertyType;
 use super::plan::{FacePlan, Step};
 use super::polygon;
-use super::row::{Fault, Row, Values};
+use super::row::{Fault, Row, RowResult};
 use super::scalar::{Native, Scalar};
-use super::table::{Reader, Sink, Table};
+use super::table::{Reader, RowConsumer, Table};
 use crate::error::Result;
 use crate::mesh::normals::Point;
 use crate::reserve;
@@ -53,7 +53,7 @@ impl Faces {
     ///
     /// # Errors
     /// If there is not enough memory.
-    pub(super) fn append(&mut self, next: Faces, job: &Job) -> Result<()> {
+    pub(super) fn append(&mut self, next: Faces, job: &ReadContext) -> Result<()> {
         job.fits(self.bytes().saturating_add(next.bytes()))?;
         if self.uvs.is_some() || next.uvs.is_some() {
             let uvs = self.uvs.get_or_insert_default();
@@ -89,7 +89,7 @@ fn all_triangles<P: Point>(
     positions: &[P],
 ) -> Result<Faces> {
     let item = match table.element.properties[plan.corners].shape {
-        Shape::List { item, .. } | Shape::Single(item) => item,
+        PropertyType::List { item, .. } | PropertyType::Single(item) => item,
     };
     let at = uniform.offsets[plan.corners];
     match item {
@@ -186,7 +186,7 @@ impl<'a, P: Point> BlockFaces<'a, P> {
     }
 
     /// Adds the current face, after its corners have been read.
-    fn face(&mut self, row: u64) -> Values<()> {
+    fn face(&mut self, row: u64) -> RowResult<()> {
         self.checker.tally.faces += 1;
         let count = self.corners.len();
         if count < 3 {
@@ -211,7 +211,7 @@ impl<'a, P: Point> BlockFaces<'a, P> {
         Ok(())
     }
 
-    fn polygon(&mut self, row: u64) -> Values<()> {
+    fn polygon(&mut self, row: u64) -> RowResult<()> {
         let count = self.corners.len();
         let vertices: Vec<u32> = self.corners.iter().flatten().copied().collect();
         let finite = self.checker.all_finite(row, &vertices);
@@ -261,7 +261,13 @@ impl<'a, P: Point> BlockFaces<'a, P> {
 
     /// Reads a strip of `count` corners. Every corner forms a triangle with the two before it.
     /// Every second triangle is reversed. The index -1 starts a new strip.
-    fn strip<R: Row>(&mut self, values: &mut R, count: u64, item: Scalar, row: u64) -> Values<()> {
+    fn strip<R: Row>(
+        &mut self,
+        values: &mut R,
+        count: u64,
+        item: Scalar,
+        row: u64,
+    ) -> RowResult<()> {
         let (mut before, mut seen) = ([None; 2], 0u64);
         for _ in 0..count {
             let value = values.number(item)? as i64;
@@ -282,8 +288,8 @@ impl<'a, P: Point> BlockFaces<'a, P> {
     }
 }
 
-impl<P: Point> Sink for BlockFaces<'_, P> {
-    fn take<R: Row>(&mut self, values: &mut R, row: u64) -> Values<()> {
+impl<P: Point> RowConsumer for BlockFaces<'_, P> {
+    fn take<R: Row>(&mut self, values: &mut R, row: u64) -> RowResult<()> {
         let plan = self.plan;
         self.texcoords.clear();
         for step in &plan.steps {

@@ -46,14 +46,14 @@ impl Format {
 
 /// The type of a property: one number, or a counted list of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Shape {
+pub(super) enum PropertyType {
     Single(Scalar),
     List { count: Scalar, item: Scalar },
 }
 
-impl Shape {
+impl PropertyType {
     /// Returns the minimum size in bytes of a value in a binary file.
-    pub(super) fn least_bytes(self) -> u64 {
+    pub(super) fn min_bytes(self) -> u64 {
         match self {
             Self::Single(kind) | Self::List { count: kind, .. } => kind.size() as u64,
         }
@@ -63,7 +63,7 @@ impl Shape {
 #[derive(Debug, Clone)]
 pub(super) struct Property {
     pub(super) name: String,
-    pub(super) shape: Shape,
+    pub(super) shape: PropertyType,
 }
 
 #[derive(Debug, Clone)]
@@ -265,10 +265,10 @@ fn property(words: &[&[u8]], elements: &mut [Element], lines: &Lines) -> Result<
     };
     let (name, shape) = match *words {
         [b"list", count, item, name] => {
-            let shape = Shape::List { count: scalar(count)?, item: scalar(item)? };
+            let shape = PropertyType::List { count: scalar(count)?, item: scalar(item)? };
             (name, shape)
         }
-        [kind, name] => (name, Shape::Single(scalar(kind)?)),
+        [kind, name] => (name, PropertyType::Single(scalar(kind)?)),
         _ => {
             return Err(lines.error(
                 "expected `property TYPE NAME` or `property list COUNT_TYPE ITEM_TYPE NAME`",
@@ -276,7 +276,7 @@ fn property(words: &[&[u8]], elements: &mut [Element], lines: &Lines) -> Result<
         }
     };
     let name = String::from_utf8_lossy(name).into_owned();
-    if let Shape::List { count, .. } = shape {
+    if let PropertyType::List { count, .. } = shape {
         if !count.is_integer() {
             let message =
                 format!("the list '{name}' is counted in {}: not an integer type", count.name());

@@ -7,8 +7,8 @@
 use rayon::prelude::*;
 
 use super::block::{Block, Span, Uniform, too_short};
-use super::header::{Element, Format, Header, Shape};
-use super::job::Job;
+use super::context::ReadContext;
+use super::header::{Element, Format, Header, PropertyType};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 
@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 const ROWS_PER_BLOCK: u64 = 1 << 14;
 
 /// Locates the rows of every element. The second value is the number of bytes after the last row.
-pub(super) fn locate(data: &[u8], header: &Header, job: &Job) -> Result<(Vec<Span>, u64)> {
+pub(super) fn locate(data: &[u8], header: &Header, job: &ReadContext) -> Result<(Vec<Span>, u64)> {
     if header.format == Format::Ascii {
         return super::lines::locate(data, header, job);
     }
@@ -49,7 +49,7 @@ pub(super) fn locate(data: &[u8], header: &Header, job: &Job) -> Result<(Vec<Spa
 
 /// Returns true if the element has no lists, so that all its rows have the same size.
 fn is_fixed(element: &Element) -> bool {
-    element.properties.iter().all(|p| matches!(p.shape, Shape::Single(_)))
+    element.properties.iter().all(|p| matches!(p.shape, PropertyType::Single(_)))
 }
 
 /// Locates rows of `element` from byte `start` on, where row `first` begins: `wanted` rows, or
@@ -61,7 +61,7 @@ pub(super) fn rows(
     big: bool,
     first: u64,
     wanted: u64,
-    job: &Job,
+    job: &ReadContext,
 ) -> Result<(Span, usize)> {
     if wanted == 0 || element.properties.is_empty() {
         return Ok((Span { first, rows: wanted, ..Span::default() }, start));
@@ -93,8 +93,8 @@ fn first_row(data: &[u8], start: usize, element: &Element, big: bool) -> Option<
     let mut at = start;
     for property in &element.properties {
         let (item, length) = match property.shape {
-            Shape::Single(kind) => (kind, 1),
-            Shape::List { count, item } => {
+            PropertyType::Single(kind) => (kind, 1),
+            PropertyType::List { count, item } => {
                 let length = count_at(data, at, count, big)?;
                 at += count.size();
                 (item, u64::try_from(length).ok()?)
@@ -128,15 +128,17 @@ fn all_alike(
     rows: u64,
     element: &Element,
     big: bool,
-    job: &Job,
+    job: &ReadContext,
 ) -> bool {
     let lists: Vec<(usize, Scalar, i64)> = element
         .properties
         .iter()
         .zip(uniform.offsets.iter().zip(&uniform.lengths))
         .filter_map(|(property, (offset, length))| match property.shape {
-            Shape::List { count, .. } => Some((offset - count.size(), count, *length as i64)),
-            Shape::Single(_) => None,
+            PropertyType::List { count, .. } => {
+                Some((offset - count.size(), count, *length as i64))
+            }
+            PropertyType::Single(_) => None,
         })
         .collect();
     let rows = &data[uniform.start..uniform.start + rows as usize * uniform.stride];
@@ -156,7 +158,7 @@ fn walk(
     big: bool,
     first: u64,
     wanted: u64,
-    job: &Job,
+    job: &ReadContext,
 ) -> Result<(Span, usize)> {
     let mut blocks: Vec<Block> = Vec::new();
     let mut at = start;
@@ -189,7 +191,7 @@ fn walk_row(
     element: &Element,
     big: bool,
     row: u64,
-    job: &Job,
+    job: &ReadContext,
 ) -> Result<Option<usize>> {
     for property in &element.properties {
         match skip(data, at, property.shape, big) {
@@ -211,12 +213,12 @@ fn walk_row(
 fn skip(
     data: &[u8],
     at: usize,
-    shape: Shape,
+    shape: PropertyType,
     big: bool,
 ) -> std::result::Result<Option<usize>, i64> {
     let (at, bytes) = match shape {
-        Shape::Single(kind) => (at, kind.size() as u64),
-        Shape::List { count, item } => match count_at(data, at, count, big) {
+        PropertyType::Single(kind) => (at, kind.size() as u64),
+        PropertyType::List { count, item } => match count_at(data, at, count, big) {
             None => return Ok(None),
             Some(length) if length < 0 => return Err(length),
             Some(length) => (at + count.size(), length as u64 * item.size() as u64),

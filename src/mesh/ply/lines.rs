@@ -6,9 +6,9 @@
 use rayon::prelude::*;
 
 use super::block::{Block, Span, too_short};
+use super::context::ReadContext;
 use super::header::{Element, Header, show};
-use super::job::Job;
-use super::row::{Fault, Row, Values};
+use super::row::{Fault, Row, RowResult};
 use super::scalar::Scalar;
 use crate::error::Result;
 
@@ -25,7 +25,7 @@ struct Chunk {
 }
 
 /// Locates the rows of every element. The second value is the number of bytes after the last row.
-pub(super) fn locate(data: &[u8], header: &Header, job: &Job) -> Result<(Vec<Span>, u64)> {
+pub(super) fn locate(data: &[u8], header: &Header, job: &ReadContext) -> Result<(Vec<Span>, u64)> {
     let mut lines = Lines::new(data, header.lines, job)?;
     let mut spans = Vec::with_capacity(header.elements.len());
     for element in &header.elements {
@@ -40,7 +40,7 @@ pub(super) fn locate(data: &[u8], header: &Header, job: &Job) -> Result<(Vec<Spa
     Ok((spans, lines.rest()))
 }
 
-fn chunks(data: &[u8], job: &Job) -> Result<Vec<Chunk>> {
+fn chunks(data: &[u8], job: &ReadContext) -> Result<Vec<Chunk>> {
     let mut bounds = vec![0];
     let mut at = CHUNK;
     while at < data.len() {
@@ -91,7 +91,7 @@ pub(super) struct Lines<'a> {
 
 impl<'a> Lines<'a> {
     /// Counts the lines of `data`, which follows `line` other lines of the file.
-    pub(super) fn new(data: &'a [u8], line: u64, job: &Job) -> Result<Self> {
+    pub(super) fn new(data: &'a [u8], line: u64, job: &ReadContext) -> Result<Self> {
         let chunks = chunks(data, job)?;
         let all = chunks.iter().map(|c| c.rows).sum();
         Ok(Self { data, chunks, chunk: 0, block: None, line, all, left: all })
@@ -214,7 +214,7 @@ impl<'a> Text<'a> {
     }
 
     /// Reads the next word of the line.
-    fn word(&mut self) -> Values<&'a [u8]> {
+    fn word(&mut self) -> RowResult<&'a [u8]> {
         self.skip_blanks();
         let rest = &self.data[self.at..];
         let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
@@ -238,7 +238,7 @@ impl Row for Text<'_> {
     }
 
     #[inline]
-    fn number(&mut self, kind: Scalar) -> Values<f64> {
+    fn number(&mut self, kind: Scalar) -> RowResult<f64> {
         self.skip_blanks();
         let rest = &self.data[self.at..];
         if let Some((value, length)) = super::number::plain(rest) {
@@ -257,14 +257,14 @@ impl Row for Text<'_> {
         if kind.holds(value) { Ok(value) } else { Err(Fault::DoesNotFit(show(word), kind)) }
     }
 
-    fn skip(&mut self, _: Scalar, count: u64) -> Values<()> {
+    fn skip(&mut self, _: Scalar, count: u64) -> RowResult<()> {
         for _ in 0..count {
             self.word()?;
         }
         Ok(())
     }
 
-    fn end(&mut self) -> Values<()> {
+    fn end(&mut self) -> RowResult<()> {
         self.skip_blanks();
         match self.data.get(self.at) {
             None => Ok(()),

@@ -9,10 +9,10 @@
 
 mod block;
 mod check;
+mod context;
 mod duplicates;
 mod face;
 mod header;
-mod job;
 mod layout;
 mod lines;
 mod number;
@@ -29,19 +29,19 @@ mod vertex;
 
 use std::path::Path;
 
+use self::context::ReadContext;
 use self::face::Faces;
-use self::header::{Element, Format, Header, Shape};
-use self::job::Job;
-use self::plan::Plan;
-use self::row::{Row, Values};
+use self::header::{Element, Format, Header, PropertyType};
+use self::plan::MeshPlan;
+use self::row::{Row, RowResult};
 use self::source::{Bytes, Source, Stream};
-use self::table::{Sink, Table};
+use self::table::{RowConsumer, Table};
 use self::unpack::Packing;
 use self::vertex::Vertices;
 use super::{Mesh, Notes, Positions, Uvs};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
-use crate::reserve::Room;
+use crate::reserve::MemoryLimit;
 
 pub use scalar::Scalar;
 pub use summary::{ElementSummary, PlySummary, PropertySummary, TriangleCount, inspect};
@@ -63,7 +63,7 @@ pub struct ReadOptions<'a> {
     /// Stops the reader on request: reading then ends with `Interrupted`.
     pub monitor: Option<&'a Monitor>,
     /// Limit of the memory for the arrays of the mesh.
-    pub room: Option<Room>,
+    pub room: Option<MemoryLimit>,
 }
 
 impl Default for ReadOptions<'_> {
@@ -89,7 +89,7 @@ impl<'a> ReadOptions<'a> {
     }
 
     /// Returns the options with `room` changed.
-    pub fn room(self, room: Option<Room>) -> Self {
+    pub fn room(self, room: Option<MemoryLimit>) -> Self {
         Self { room, ..self }
     }
 
@@ -102,7 +102,7 @@ impl<'a> ReadOptions<'a> {
 /// Reads the PLY file at `path`, plain or compressed with gzip or zstd, in the caller's rayon pool.
 pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
     let name = path.display().to_string();
-    let job = Job { name: &name, monitor: options.monitor, room: options.room };
+    let job = ReadContext { name: &name, monitor: options.monitor, room: options.room };
     let Source { bytes, stamp } = Source::open(path, options.mmap, options.room)?;
     let mut mesh = match bytes {
         Bytes::Mapped(map) => {
@@ -121,8 +121,8 @@ pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
 
 /// Reads a PLY file from memory, plain or compressed. Messages call it `name`.
 pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh> {
-    let job = Job { name, monitor: options.monitor, room: options.room };
-    match Packing::of(bytes) {
+    let job = ReadContext { name, monitor: options.monitor, room: options.room };
+    match Packing::detect(bytes) {
         None => whole(bytes, &job, options),
         Some(packing) => {
             let failed = |e: &std::io::Error| source::failed(name.as_ref(), Some(packing), e);
@@ -134,7 +134,7 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
 }
 
 /// Reads a mesh from the complete bytes of a file.
-fn whole(bytes: &[u8], job: &Job, options: ReadOptions) -> Result<Mesh> {
+fn whole(bytes: &[u8], job: &ReadContext, options: ReadOptions) -> Result<Mesh> {
     let header = header::parse(bytes, job.name)?;
     let plan = plan::plan(&header, job.name)?;
     let data = &bytes[header.data_start..];
@@ -151,7 +151,7 @@ fn whole(bytes: &[u8], job: &Job, options: ReadOptions) -> Result<Mesh> {
     let read = |at| at == plan.vertex.element || plan.faces.iter().any(|face| face.element == at);
     let text = header.format == Format::Ascii;
     for table in (0..spans.len()).filter(|at| text && !read(*at)).map(table) {
-        table.blocks(|reader| reader.feed(&mut Unread(table.element)), Ok)?;
+        table.blocks(|reader| reader.feed(&mut UnusedElement(table.element)), Ok)?;
     }
     let vertices = vertex::read(&table(plan.vertex.element), &plan.vertex)?;
     let rows = |at: usize| spans[at].rows;
@@ -166,21 +166,21 @@ fn whole(bytes: &[u8], job: &Job, options: ReadOptions) -> Result<Mesh> {
         faces.append(next, job)?;
         job.fits(vertices.bytes().saturating_add(faces.bytes()))?;
     }
-    finish(Found { header, plan, vertices, faces, trailing_bytes }, job, options)
+    finish(ParsedFile { header, plan, vertices, faces, trailing_bytes }, job, options)
 }
 
 /// Everything that was read from a file.
-struct Found {
+struct ParsedFile {
     header: Header,
-    plan: Plan,
+    plan: MeshPlan,
     vertices: Vertices,
     faces: Faces,
     trailing_bytes: u64,
 }
 
 /// Makes the mesh: drops duplicates, reports bad vertices and fills in the notes.
-fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
-    let Found { header, plan, vertices, mut faces, trailing_bytes } = found;
+fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<Mesh> {
+    let ParsedFile { header, plan, vertices, mut faces, trailing_bytes } = found;
     let vertex_count = vertices.positions.len();
     let duplicates = duplicates::drop(&mut faces, vertex_count, job)?;
     let Faces { triangles, uvs, mut tally } = faces;
@@ -228,14 +228,14 @@ fn finish(found: Found, job: &Job, options: ReadOptions) -> Result<Mesh> {
 }
 
 /// Checks the rows of an element that is not used, without storing them.
-struct Unread<'a>(&'a Element);
+struct UnusedElement<'a>(&'a Element);
 
-impl Sink for Unread<'_> {
-    fn take<R: Row>(&mut self, values: &mut R, _: u64) -> Values<()> {
+impl RowConsumer for UnusedElement<'_> {
+    fn take<R: Row>(&mut self, values: &mut R, _: u64) -> RowResult<()> {
         for property in &self.0.properties {
             match property.shape {
-                Shape::Single(kind) => values.skip(kind, 1)?,
-                Shape::List { count, item } => {
+                PropertyType::Single(kind) => values.skip(kind, 1)?,
+                PropertyType::List { count, item } => {
                     let count = values.count(count)?;
                     values.skip(item, count)?;
                 }

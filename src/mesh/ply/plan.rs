@@ -1,6 +1,6 @@
 //! Decides which properties of a header become which array, and which are skipped.
 
-use super::header::{Element, Header, Property, Shape};
+use super::header::{Element, Header, Property, PropertyType};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 
@@ -75,7 +75,7 @@ pub(super) struct FacePlan {
 }
 
 #[derive(Debug)]
-pub(super) struct Plan {
+pub(super) struct MeshPlan {
     pub(super) vertex: VertexPlan,
     pub(super) faces: Vec<FacePlan>,
     pub(super) used: Vec<String>,
@@ -83,7 +83,7 @@ pub(super) struct Plan {
 }
 
 /// Decides which properties are read. Returns an error if the file cannot be a mesh.
-pub(super) fn plan(header: &Header, name: &str) -> Result<Plan> {
+pub(super) fn plan(header: &Header, name: &str) -> Result<MeshPlan> {
     let vertex = vertex_plan(header, name)?;
     let mut faces = Vec::new();
     for (element, strips) in [("face", false), ("tristrips", true)] {
@@ -107,7 +107,7 @@ pub(super) fn plan(header: &Header, name: &str) -> Result<Plan> {
             list.push(format!("{}.{}", element.name, property.name));
         }
     }
-    Ok(Plan { vertex, faces, used, ignored })
+    Ok(MeshPlan { vertex, faces, used, ignored })
 }
 
 fn no_faces(header: &Header, vertex: &VertexPlan, name: &str) -> Error {
@@ -141,12 +141,12 @@ fn vertex_plan(header: &Header, name: &str) -> Result<VertexPlan> {
     });
     let double = columns[..NORMAL].iter().flatten().any(|&at| {
         use Scalar as S;
-        matches!(element.properties[at].shape, Shape::Single(S::F64 | S::I32 | S::U32))
+        matches!(element.properties[at].shape, PropertyType::Single(S::F64 | S::I32 | S::U32))
     });
     let steps = (0..element.properties.len()).map(|at| {
         let shape = element.properties[at].shape;
         match (shape, columns.iter().position(|c| *c == Some(at))) {
-            (Shape::Single(kind), Some(role)) => Step::Value(kind, role),
+            (PropertyType::Single(kind), Some(role)) => Step::Value(kind, role),
             (shape, _) => skip(shape),
         }
     });
@@ -161,17 +161,17 @@ fn vertex_plan(header: &Header, name: &str) -> Result<VertexPlan> {
     })
 }
 
-fn skip(shape: Shape) -> Step {
+fn skip(shape: PropertyType) -> Step {
     match shape {
-        Shape::Single(kind) => Step::Skip(kind),
-        Shape::List { count, item } => Step::SkipList { count, item },
+        PropertyType::Single(kind) => Step::Skip(kind),
+        PropertyType::List { count, item } => Step::SkipList { count, item },
     }
 }
 
 /// Returns the index of the property called `name` if it is a single number.
 fn single(element: &Element, name: &str) -> Option<usize> {
     let at = element.find(name)?;
-    matches!(element.properties[at].shape, Shape::Single(_)).then_some(at)
+    matches!(element.properties[at].shape, PropertyType::Single(_)).then_some(at)
 }
 
 /// Fills `columns` with the properties called `names`. Returns false, and changes nothing, if the
@@ -192,9 +192,9 @@ fn color_type(element: &Element, names: &[&str; 3]) -> Option<ColorType> {
         return None;
     }
     match shapes[0]? {
-        Shape::Single(Scalar::U8) => Some(ColorType::U8),
-        Shape::Single(Scalar::U16) => Some(ColorType::U16),
-        Shape::Single(Scalar::F32 | Scalar::F64) => Some(ColorType::F32),
+        PropertyType::Single(Scalar::U8) => Some(ColorType::U8),
+        PropertyType::Single(Scalar::U16) => Some(ColorType::U16),
+        PropertyType::Single(Scalar::F32 | Scalar::F64) => Some(ColorType::F32),
         _ => None,
     }
 }
@@ -206,8 +206,8 @@ fn face_plan(header: &Header, which: &str, strips: bool, name: &str) -> Result<O
     let element = &header.elements[place];
     let corners = element.find("vertex_indices").or_else(|| element.find("vertex_index"));
     let integers = |at: usize| match element.properties[at].shape {
-        Shape::List { item, .. } => item.is_integer(),
-        Shape::Single(_) => false,
+        PropertyType::List { item, .. } => item.is_integer(),
+        PropertyType::Single(_) => false,
     };
     let Some(corners) = corners.filter(|&at| integers(at)) else {
         if element.count == 0 {
@@ -218,14 +218,16 @@ fn face_plan(header: &Header, which: &str, strips: bool, name: &str) -> Result<O
             format!("element {which} has no list of integers 'vertex_indices' or 'vertex_index'"),
         ));
     };
-    let has_texcoords = |p: &Property| matches!(p.shape, Shape::List { item, .. } if p.name == "texcoord" && !item.is_integer());
+    let has_texcoords = |p: &Property| matches!(p.shape, PropertyType::List { item, .. } if p.name == "texcoord" && !item.is_integer());
     let texcoords = !strips && element.properties.iter().any(has_texcoords);
     let steps = element.properties.iter().enumerate().map(|(at, property)| match property.shape {
-        Shape::List { count, item } if at == corners => Step::Corners { count, item },
-        Shape::List { count, item } if texcoords && has_texcoords(property) => {
+        PropertyType::List { count, item } if at == corners => Step::Corners { count, item },
+        PropertyType::List { count, item } if texcoords && has_texcoords(property) => {
             Step::Texcoords { count, item }
         }
-        Shape::Single(kind) if texcoords && property.name == "texnumber" && kind.is_integer() => {
+        PropertyType::Single(kind)
+            if texcoords && property.name == "texnumber" && kind.is_integer() =>
+        {
             Step::Texnumber(kind)
         }
         shape => skip(shape),

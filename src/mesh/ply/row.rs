@@ -35,24 +35,24 @@ impl fmt::Display for Fault {
 }
 
 /// A value of a row, or an error in the row.
-pub(super) type Values<T> = std::result::Result<T, Fault>;
+pub(super) type RowResult<T> = std::result::Result<T, Fault>;
 
 /// Reads rows of numbers one after the other.
 pub(super) trait Row {
     /// Moves to the first value of the next row.
     fn begin(&mut self);
     /// Reads the next value, which has type `kind`.
-    fn number(&mut self, kind: Scalar) -> Values<f64>;
+    fn number(&mut self, kind: Scalar) -> RowResult<f64>;
     /// Skips `count` values of type `kind`.
-    fn skip(&mut self, kind: Scalar, count: u64) -> Values<()>;
+    fn skip(&mut self, kind: Scalar, count: u64) -> RowResult<()>;
     /// Moves past the end of the row. In text, more values on the line are an error.
-    fn end(&mut self) -> Values<()>;
+    fn end(&mut self) -> RowResult<()>;
     /// Returns the line number in text; `None` in binary data.
     fn line(&self) -> Option<u64>;
 
     /// Reads the length of a list.
     #[inline]
-    fn count(&mut self, kind: Scalar) -> Values<u64> {
+    fn count(&mut self, kind: Scalar) -> RowResult<u64> {
         let count = self.number(kind)?;
         if count < 0.0 { Err(Fault::NegativeCount(count)) } else { Ok(count as u64) }
     }
@@ -70,7 +70,7 @@ impl<'a> Binary<'a> {
         Self { data, at: block.start, big }
     }
 
-    fn need(&self, bytes: u64) -> Values<usize> {
+    fn need(&self, bytes: u64) -> RowResult<usize> {
         let left = self.data.len() - self.at;
         usize::try_from(bytes).ok().filter(|b| *b <= left).ok_or(Fault::Short { at_end: true })
     }
@@ -80,7 +80,7 @@ impl Row for Binary<'_> {
     fn begin(&mut self) {}
 
     #[inline]
-    fn number(&mut self, kind: Scalar) -> Values<f64> {
+    fn number(&mut self, kind: Scalar) -> RowResult<f64> {
         if kind == Scalar::I32 && self.data.len() - self.at >= 4 {
             let value = i32::take(self.data, self.at, self.big);
             self.at += 4;
@@ -93,12 +93,12 @@ impl Row for Binary<'_> {
     }
 
     #[inline]
-    fn skip(&mut self, kind: Scalar, count: u64) -> Values<()> {
+    fn skip(&mut self, kind: Scalar, count: u64) -> RowResult<()> {
         self.at += self.need(count.saturating_mul(kind.size() as u64))?;
         Ok(())
     }
 
-    fn end(&mut self) -> Values<()> {
+    fn end(&mut self) -> RowResult<()> {
         Ok(())
     }
 

@@ -14,7 +14,7 @@ use super::header;
 use super::unpack::Packing;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::files::Stamp;
-use crate::reserve::Room;
+use crate::reserve::MemoryLimit;
 
 /// Bytes to read first: almost every header ends within them.
 const FIRST_READ: u64 = 1 << 16;
@@ -42,7 +42,7 @@ pub(super) struct Stream {
 
 impl Source {
     /// Opens the file at `path`. It is mapped if `map` is set and the file can be mapped.
-    pub(super) fn open(path: &Path, map: bool, room: Option<Room>) -> Result<Self> {
+    pub(super) fn open(path: &Path, map: bool, room: Option<MemoryLimit>) -> Result<Self> {
         let opened = Opened::open(path)?;
         let (stamp, length) = (opened.stamp, opened.length);
         let length = length.filter(|_| map && opened.packing.is_none());
@@ -126,12 +126,12 @@ impl Opened {
             return Err(Error::invalid(name, "is empty (0 bytes)")
                 .help("the program that wrote it may have failed"));
         }
-        let packing = Packing::of(&start);
+        let packing = Packing::detect(&start);
         let length = meta.is_file().then_some(meta.len());
         Ok(Self { file, start, length, stamp: Stamp::of(&meta), packing })
     }
 
-    fn stream(self, path: &Path, room: Option<Room>) -> Result<Stream> {
+    fn stream(self, path: &Path, room: Option<MemoryLimit>) -> Result<Stream> {
         let bytes: Chain<Cursor<Vec<u8>>, File> = Cursor::new(self.start).chain(self.file);
         Ok(match self.packing {
             None => Stream { bytes: Box::new(bytes), length: self.length, packing: None },

@@ -10,14 +10,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
 use super::block::{Span, too_short};
+use super::context::ReadContext;
 use super::face::{self, Faces};
 use super::header::{self, Element, Format, Header, MAX_HEADER};
-use super::job::Job;
 use super::lines::Lines;
-use super::plan::{self, Plan};
+use super::plan::{self, MeshPlan};
 use super::table::Table;
 use super::vertex::{self, Vertices};
-use super::{Found, ReadOptions, Unread, finish, layout, whole};
+use super::{ParsedFile, ReadOptions, UnusedElement, finish, layout, whole};
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, Positions};
 use crate::reserve;
@@ -39,7 +39,7 @@ pub(super) fn read(
     mut bytes: Box<dyn Read + Send>,
     length: Option<u64>,
     failed: Failed,
-    job: &Job,
+    job: &ReadContext,
     options: ReadOptions,
 ) -> Result<Mesh> {
     let (sender, chunks) = sync_channel(AHEAD);
@@ -54,7 +54,7 @@ pub(super) fn read(
 pub(super) fn read_here<'a>(
     bytes: Box<dyn Read + Send + 'a>,
     failed: Failed<'a>,
-    job: &Job,
+    job: &ReadContext,
     options: ReadOptions,
 ) -> Result<Mesh> {
     Window::new(Chunks::Here(bytes), options, failed).mesh(None, job, options)
@@ -88,7 +88,7 @@ enum Chunks<'a> {
 }
 
 impl Chunks<'_> {
-    fn next(&mut self, size: usize, job: &Job) -> Result<Chunk> {
+    fn next(&mut self, size: usize, job: &ReadContext) -> Result<Chunk> {
         let receiver = match self {
             Self::Ahead(receiver) => receiver,
             Self::Here(bytes) => return job.check().map(|()| chunk(bytes, size)),
@@ -135,7 +135,7 @@ impl<'a> Window<'a> {
     }
 
     /// Reads until the window holds at least `bytes` unconsumed bytes, or the file ends.
-    fn fill(&mut self, bytes: usize, job: &Job) -> Result<()> {
+    fn fill(&mut self, bytes: usize, job: &ReadContext) -> Result<()> {
         if !self.ended && self.data().len() < bytes {
             self.bytes.drain(..self.at);
             self.at = 0;
@@ -156,7 +156,12 @@ impl<'a> Window<'a> {
     }
 
     /// Reads the header and all rows, and makes the mesh.
-    fn mesh(mut self, length: Option<u64>, job: &Job, options: ReadOptions) -> Result<Mesh> {
+    fn mesh(
+        mut self,
+        length: Option<u64>,
+        job: &ReadContext,
+        options: ReadOptions,
+    ) -> Result<Mesh> {
         self.fill(1, job)?;
         while !header::is_complete(self.data()) && !self.ended && self.data().len() <= MAX_HEADER {
             self.fill(2 * self.data().len(), job)?;
@@ -198,12 +203,12 @@ impl<'a> Window<'a> {
         }
         let trailing_bytes = self.trailing(header.format, job)?;
         let PartialMesh { vertices, faces } = partial;
-        finish(Found { header, plan, vertices, faces, trailing_bytes }, job, options)
+        finish(ParsedFile { header, plan, vertices, faces, trailing_bytes }, job, options)
     }
 
     /// Consumes the rest of the file. Returns the number of bytes after the last row; blank lines
     /// of text do not count.
-    fn trailing(&mut self, format: Format, job: &Job) -> Result<u64> {
+    fn trailing(&mut self, format: Format, job: &ReadContext) -> Result<u64> {
         let mut trailing = 0u64;
         loop {
             let data = self.data();
@@ -230,7 +235,7 @@ fn next_rows(
     element: &Element,
     row: u64,
     line: &mut u64,
-    job: &Job,
+    job: &ReadContext,
 ) -> Result<(Span, usize)> {
     let wanted = element.count - row;
     if header.format != Format::Ascii {
@@ -259,7 +264,7 @@ impl PartialMesh {
         &mut self,
         table: &Table,
         index: usize,
-        plan: &Plan,
+        plan: &MeshPlan,
         header: &Header,
         length: Option<u64>,
     ) -> Result<()> {
@@ -281,7 +286,7 @@ impl PartialMesh {
             self.faces.append(next, &table.job)?;
             table.job.fits(self.vertices.bytes().saturating_add(self.faces.bytes()))?;
         } else if header.format == Format::Ascii {
-            table.blocks(|reader| reader.feed(&mut Unread(table.element)), Ok)?;
+            table.blocks(|reader| reader.feed(&mut UnusedElement(table.element)), Ok)?;
         }
         Ok(())
     }
@@ -290,13 +295,13 @@ impl PartialMesh {
 /// Returns the number of rows of `element` to reserve memory for: the declared count, limited by
 /// what a file of `length` bytes can hold.
 fn plausible_rows(element: &Element, length: Option<u64>) -> usize {
-    let row: u64 = element.properties.iter().map(|p| p.shape.least_bytes()).sum();
+    let row: u64 = element.properties.iter().map(|p| p.shape.min_bytes()).sum();
     let limit = length.map_or(MAX_UNVERIFIED_ROWS, |length| length / row.max(1));
     element.count.min(limit) as usize
 }
 
 /// The arrays that the plan selects, empty.
-fn empty_vertices(header: &Header, plan: &Plan, job: &Job) -> Result<Vertices> {
+fn empty_vertices(header: &Header, plan: &MeshPlan, job: &ReadContext) -> Result<Vertices> {
     let element = &header.elements[plan.vertex.element];
     let big = header.format.is_big();
     let table = Table { data: &[], big, span: &Span::default(), element, job: *job };

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::header::{self, Format, Header, MAX_HEADER, Shape};
-use super::plan::{self, ColorType, Plan, VertexPlan};
+use super::header::{self, Format, Header, MAX_HEADER, PropertyType};
+use super::plan::{self, ColorType, MeshPlan, VertexPlan};
 use super::scalar::Scalar;
 use super::source::Head;
 use super::unpack::Packing;
@@ -141,14 +141,14 @@ fn missing(vertex: &VertexPlan, corner_uvs: bool) -> Vec<&'static str> {
 
 fn property(property: &header::Property) -> PropertySummary {
     let (kind, list_count) = match property.shape {
-        Shape::Single(kind) => (kind, None),
-        Shape::List { count, item } => (item, Some(count)),
+        PropertyType::Single(kind) => (kind, None),
+        PropertyType::List { count, item } => (item, Some(count)),
     };
     PropertySummary { name: property.name.clone(), kind, list_count }
 }
 
 /// Size in bytes of one vertex, summed over all arrays.
-fn vertex_bytes(plan: &Plan, corner_uvs: bool) -> u64 {
+fn vertex_bytes(plan: &MeshPlan, corner_uvs: bool) -> u64 {
     let vertex = &plan.vertex;
     let position = if vertex.double { 24 } else { 12 };
     let normal = if vertex.normals { 12 } else { 0 };
@@ -162,19 +162,19 @@ fn vertex_bytes(plan: &Plan, corner_uvs: bool) -> u64 {
 }
 
 /// Number of declared faces and strips.
-fn faces(header: &Header, plan: &Plan) -> u64 {
+fn faces(header: &Header, plan: &MeshPlan) -> u64 {
     let counts = plan.faces.iter().map(|f| header.elements[f.element].count);
     counts.fold(0, u64::saturating_add)
 }
 
 /// Returns the number of triangles. If a binary file has one list only, in its one element of
 /// faces, all bytes beyond the minimum size of the rows are corners.
-fn triangles(header: &Header, plan: &Plan, data_bytes: u64) -> (u64, TriangleCount) {
+fn triangles(header: &Header, plan: &MeshPlan, data_bytes: u64) -> (u64, TriangleCount) {
     let faces = faces(header, plan);
     let rows = || header.elements.iter().flat_map(|e| e.properties.iter().map(|p| (e.count, p)));
     let lists: Vec<_> = rows()
         .filter_map(|(count, property)| match property.shape {
-            Shape::List { item, .. } if count > 0 => Some(item),
+            PropertyType::List { item, .. } if count > 0 => Some(item),
             _ => None,
         })
         .collect();
@@ -183,7 +183,7 @@ fn triangles(header: &Header, plan: &Plan, data_bytes: u64) -> (u64, TriangleCou
         return (faces, TriangleCount::Estimate);
     };
     let fixed = rows().fold(0u64, |sum, (count, property)| {
-        sum.saturating_add(count.saturating_mul(property.shape.least_bytes()))
+        sum.saturating_add(count.saturating_mul(property.shape.min_bytes()))
     });
     let corners = data_bytes.saturating_sub(fixed) / item.size() as u64;
     let triangles = corners.saturating_sub(faces.saturating_mul(2));

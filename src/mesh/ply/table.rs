@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 
 use super::block::{Block, Span, expected, too_short};
+use super::context::ReadContext;
 use super::header::Element;
-use super::job::Job;
 use super::lines::Text;
-use super::row::{Binary, Fault, Row, Values};
+use super::row::{Binary, Fault, Row, RowResult};
 use crate::error::{Error, Result};
 
 /// Minimum number of blocks per batch. The blocks of a batch are in memory twice, separate and
@@ -20,7 +20,7 @@ pub(super) struct Table<'a> {
     pub(super) big: Option<bool>,
     pub(super) span: &'a Span,
     pub(super) element: &'a Element,
-    pub(super) job: Job<'a>,
+    pub(super) job: ReadContext<'a>,
 }
 
 impl Table<'_> {
@@ -68,9 +68,9 @@ pub(super) struct Reader<'a, 'b> {
 }
 
 /// A consumer of the rows of a block.
-pub(super) trait Sink {
+pub(super) trait RowConsumer {
     /// Reads the values of row number `row`.
-    fn take<R: Row>(&mut self, values: &mut R, row: u64) -> Values<()>;
+    fn take<R: Row>(&mut self, values: &mut R, row: u64) -> RowResult<()>;
 }
 
 impl Reader<'_, '_> {
@@ -80,7 +80,7 @@ impl Reader<'_, '_> {
     }
 
     /// Passes every row to `sink`.
-    pub(super) fn feed(&self, sink: &mut impl Sink) -> Result<()> {
+    pub(super) fn feed(&self, sink: &mut impl RowConsumer) -> Result<()> {
         let Table { data, big, .. } = *self.table;
         match big {
             None => self.run(Text::new(data, self.block), sink),
@@ -88,7 +88,7 @@ impl Reader<'_, '_> {
         }
     }
 
-    fn run<R: Row>(&self, mut values: R, sink: &mut impl Sink) -> Result<()> {
+    fn run<R: Row>(&self, mut values: R, sink: &mut impl RowConsumer) -> Result<()> {
         for row in self.block.row..self.block.row + self.block.rows {
             values.begin();
             let line = values.line();

@@ -3,7 +3,7 @@
 
 use std::io::{BufReader, Error, ErrorKind, Read, Result};
 
-use crate::reserve::Room;
+use crate::reserve::MemoryLimit;
 use flate2::bufread::MultiGzDecoder;
 use zstd::stream::read::Decoder;
 
@@ -26,7 +26,7 @@ pub(super) enum Packing {
 
 impl Packing {
     /// Detects the compression of data from its first bytes. `None` if it is not compressed.
-    pub(super) fn of(bytes: &[u8]) -> Option<Self> {
+    pub(super) fn detect(bytes: &[u8]) -> Option<Self> {
         match bytes {
             [0x1f, 0x8b, ..] => Some(Self::Gzip),
             [0x28, 0xb5, 0x2f, 0xfd, ..] => Some(Self::Zstd),
@@ -50,7 +50,7 @@ impl Packing {
         self,
         packed: impl Read + Send + 'a,
         length: Option<u64>,
-        room: Option<Room>,
+        room: Option<MemoryLimit>,
     ) -> Result<Box<dyn Read + Send + 'a>> {
         let packed = BufReader::with_capacity(1 << 16, packed);
         Ok(match self {
@@ -107,7 +107,7 @@ mod tests {
     fn unpacked(packed: &[u8]) -> Result<Vec<u8>> {
         let mut out = Vec::new();
         let length = Some(packed.len() as u64);
-        Packing::of(packed).unwrap().open(packed, length, None)?.read_to_end(&mut out)?;
+        Packing::detect(packed).unwrap().open(packed, length, None)?.read_to_end(&mut out)?;
         Ok(out)
     }
 

@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use super::block::Uniform;
-use super::header::Shape;
-use super::job::Job;
+use super::context::ReadContext;
+use super::header::PropertyType;
 use super::plan::{ColorType, ROLES, Step, VertexPlan};
-use super::row::{Row, Values};
+use super::row::{Row, RowResult};
 use super::scalar::{Native, Scalar};
-use super::table::{Reader, Sink, Table};
+use super::table::{Reader, RowConsumer, Table};
 use crate::error::Result;
 use crate::mesh::{Colors, Positions};
 use crate::reserve;
@@ -54,14 +54,14 @@ impl Vertices {
     ///
     /// # Errors
     /// If there is not enough memory.
-    pub(super) fn reserve(&mut self, count: usize, job: &Job) -> Result<()> {
+    pub(super) fn reserve(&mut self, count: usize, job: &ReadContext) -> Result<()> {
         job.fits(self.each().saturating_mul(count as u64))?;
         let spare = count.saturating_add(SPARE);
         self.reserve_all(&Capacity::Total(spare), job)
     }
 
     /// Reserves memory in every array.
-    fn reserve_all(&mut self, capacity: &Capacity, job: &Job) -> Result<()> {
+    fn reserve_all(&mut self, capacity: &Capacity, job: &ReadContext) -> Result<()> {
         match &mut self.positions {
             Positions::F32(all) => capacity.reserve(all, job)?,
             Positions::F64(all) => capacity.reserve(all, job)?,
@@ -84,7 +84,7 @@ impl Vertices {
     ///
     /// # Errors
     /// If there is not enough memory.
-    pub(super) fn append(&mut self, next: Vertices, job: &Job) -> Result<()> {
+    pub(super) fn append(&mut self, next: Vertices, job: &ReadContext) -> Result<()> {
         let count = next.positions.len();
         job.fits(self.bytes().saturating_add(next.bytes()))?;
         self.reserve_all(&Capacity::Additional(count), job)?;
@@ -118,7 +118,7 @@ enum Capacity {
 }
 
 impl Capacity {
-    fn reserve<T>(&self, all: &mut Vec<T>, job: &Job) -> Result<()> {
+    fn reserve<T>(&self, all: &mut Vec<T>, job: &ReadContext) -> Result<()> {
         match *self {
             Self::Total(count) => reserve::exact(all, count.saturating_sub(all.len()), job.name),
             Self::Additional(count) => reserve::growing(all, count, job.name),
@@ -153,8 +153,8 @@ fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Re
             return (Scalar::U8, 0);
         };
         match table.element.properties[at].shape {
-            Shape::Single(kind) => (kind, uniform.offsets[at]),
-            Shape::List { item, .. } => (item, uniform.offsets[at]),
+            PropertyType::Single(kind) => (kind, uniform.offsets[at]),
+            PropertyType::List { item, .. } => (item, uniform.offsets[at]),
         }
     });
     let rows = &table.data[uniform.start..uniform.start + length];
@@ -277,8 +277,8 @@ struct BlockVertices<'a> {
     others: Vec<[f32; ROLES - 3]>,
 }
 
-impl Sink for BlockVertices<'_> {
-    fn take<R: Row>(&mut self, values: &mut R, _: u64) -> Values<()> {
+impl RowConsumer for BlockVertices<'_> {
+    fn take<R: Row>(&mut self, values: &mut R, _: u64) -> RowResult<()> {
         let mut roles = [0.0; ROLES];
         for step in &self.plan.steps {
             match *step {

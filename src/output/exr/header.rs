@@ -17,7 +17,7 @@ use crate::film::{ChannelKind, Film};
 
 use super::{
     Compression, Options,
-    parts::{FIRST, Part},
+    parts::{ExrPart, FIRST},
     text,
 };
 
@@ -31,7 +31,7 @@ const BT709: Chromaticities = Chromaticities {
 
 /// Returns the header of a part, or `None` if the format cannot hold it. The metadata of the
 /// picture is in every part, because a reader may look at any of them.
-pub fn header(film: &Film, options: &Options, part: &Part) -> Option<Header> {
+pub fn header(film: &Film, options: &Options, part: &ExrPart) -> Option<Header> {
     let window = film.window;
     let [left, top] = film.origin();
     let size = Vec2(window.width() as usize, window.height() as usize);
@@ -91,7 +91,7 @@ pub fn header(film: &Film, options: &Options, part: &Part) -> Option<Header> {
 /// Returns true if a part has the attribute `name`. The attributes of a cryptomatte are in the part
 /// with its channels, for readers of single parts. They are also in the first part, the only one
 /// that some readers look at. They are not in the other parts, because a manifest can be long.
-fn belongs_to(name: &str, part: &Part, options: &Options) -> bool {
+fn belongs_to(name: &str, part: &ExrPart, options: &Options) -> bool {
     let matte = name.strip_prefix("cryptomatte/").and_then(|rest| rest.split_once('/'));
     let Some((key, _)) = matte.filter(|_| part.name != FIRST) else { return true };
     let kind = format!("cryptomatte/{key}/name");

@@ -43,7 +43,7 @@ use crate::{
 pub use self::sorted::read_sorted;
 
 use self::{
-    parts::Part,
+    parts::ExrPart,
     rows::Fill,
     sorted::{FLAGS, LONG_NAMES, SHORT_NAME_BYTES},
     zip::Zip,
@@ -125,7 +125,7 @@ pub struct Options<'a> {
 }
 
 /// Writes the film to an empty `file`; `path` is for messages. NaN and infinities are never written
-/// ([`super::Oddities`] counts them).
+/// ([`super::ValueCounts`] counts them).
 ///
 /// # Errors
 /// `Retry` if the disk is full. `Limit` for more than 2^31 pixels per side, or attributes that the
@@ -154,7 +154,7 @@ pub fn write<F: Read + Write + Seek + Send>(
 }
 
 /// Returns true if a channel's name is longer than readers without the flag [`LONG_NAMES`] expect.
-fn long_names(parts: &[Part]) -> bool {
+fn long_names(parts: &[ExrPart]) -> bool {
     let mut names = parts.iter().flat_map(|part| &part.sources).map(|source| source.name);
     names.any(|name| name.len() > SHORT_NAME_BYTES)
 }
@@ -162,7 +162,7 @@ fn long_names(parts: &[Part]) -> bool {
 /// The data from which blocks are made.
 struct Blocks<'a> {
     film: &'a Film,
-    parts: &'a [Part<'a>],
+    parts: &'a [ExrPart<'a>],
     options: &'a Options<'a>,
     headers: &'a [Header],
 }

@@ -15,12 +15,12 @@ pub struct Source<'a> {
     /// Type of the channel in the file.
     pub kind: ChannelKind,
     /// Where its values are in the film.
-    pub from: From,
+    pub from: ChannelSource,
 }
 
 /// The location of a channel's values in a film.
 #[derive(Debug, Clone, Copy)]
-pub enum From {
+pub enum ChannelSource {
     /// Index into R, G, B, A.
     Beauty(usize),
     /// Index into the words of a pixel.
@@ -29,7 +29,7 @@ pub enum From {
 
 /// A part of a file. Its name is written only if there are several.
 #[derive(Debug)]
-pub struct Part<'a> {
+pub struct ExrPart<'a> {
     /// [`FIRST`], or the name of the layer.
     pub name: &'a str,
     /// Its channels in file order: sorted by name.
@@ -38,7 +38,7 @@ pub struct Part<'a> {
 
 /// Returns the parts of a film's file: one with all channels, or one per layer with the beauty
 /// first.
-pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<Part<'a>> {
+pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<ExrPart<'a>> {
     let kind = |kind| match kind {
         ChannelKind::Half if options.float => ChannelKind::Float,
         kind => kind,
@@ -46,16 +46,16 @@ pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<Part<'a>> {
     let beauty = ["R", "G", "B", "A"].into_iter().enumerate().map(|(i, name)| Source {
         name,
         kind: kind(ChannelKind::Half),
-        from: From::Beauty(i),
+        from: ChannelSource::Beauty(i),
     });
-    let mut parts = vec![Part { name: FIRST, sources: beauty.collect() }];
+    let mut parts = vec![ExrPart { name: FIRST, sources: beauty.collect() }];
     for (i, channel) in film.planes.channels.iter().enumerate() {
         let name = channel.name.as_str();
-        let source = Source { name, kind: kind(channel.kind), from: From::Words(i) };
+        let source = Source { name, kind: kind(channel.kind), from: ChannelSource::Words(i) };
         let layer = if options.multipart { layer_of(name) } else { FIRST };
         match parts.iter_mut().find(|part| part.name == layer) {
             Some(part) => part.sources.push(source),
-            None => parts.push(Part { name: layer, sources: vec![source] }),
+            None => parts.push(ExrPart { name: layer, sources: vec![source] }),
         }
     }
     for part in &mut parts {

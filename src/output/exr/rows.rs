@@ -10,7 +10,7 @@ use crate::{
     simd::Kernel,
 };
 
-use super::parts::{From, Source};
+use super::parts::{ChannelSource, Source};
 
 /// Number of pixels that are processed together. Their words stay in the L1 cache for all channels.
 const BATCH: usize = 256;
@@ -46,19 +46,19 @@ impl Kernel for Fill<'_, '_> {
                     begin += width * size;
                     let mut floats = [0.0; BATCH];
                     match source.from {
-                        From::Beauty(axis) => {
+                        ChannelSource::Beauty(axis) => {
                             for (float, pixel) in floats.iter_mut().zip(pixels) {
                                 *float = pixel[axis];
                             }
                         }
-                        From::Words(channel) if source.kind == ChannelKind::Uint => {
+                        ChannelSource::Words(channel) if source.kind == ChannelKind::Uint => {
                             let words = words.chunks_exact(stride);
                             for (to, words) in to.chunks_exact_mut(4).zip(words) {
                                 to.copy_from_slice(&words[channel].to_ne_bytes());
                             }
                             continue;
                         }
-                        From::Words(channel) => {
+                        ChannelSource::Words(channel) => {
                             for (float, words) in floats.iter_mut().zip(words.chunks_exact(stride))
                             {
                                 *float = f32::from_bits(words[channel]);

@@ -6,7 +6,8 @@ use glam::DVec3;
 
 /// Area / longest edge^2 up to which an area is rounding noise of f64 subtraction.
 const NO_AREA: f64 = 1e-14;
-/// Maximum distance of a corner from the mean plane, in longest edges; from docs/guide/scene-format.md.
+/// Maximum distance of a corner from the mean plane, in longest edges; from
+/// docs/guide/scene-format.md.
 const OUT_OF_PLANE: f64 = 1e-4;
 /// Turn / longest edge^2 that counts as straight: rounding, not a concave corner.
 const STRAIGHT: f64 = 1e-9;

@@ -21,7 +21,7 @@ impl Check<'_, '_> {
                 let message = format!("found the layer {word:?} a second time; it is written once");
                 self.problems.warn(&pointer, message, None);
             }
-            match Layer::named(word, &groups) {
+            match Layer::from_word(word, &groups) {
                 Some(named) => layers.extend(named),
                 None => {
                     let message = format!("found the unknown layer {word:?}");
@@ -31,7 +31,7 @@ impl Check<'_, '_> {
         }
         layers.sort();
         layers.dedup();
-        if layers.iter().any(|layer| layer.of_lights()) {
+        if layers.iter().any(|layer| layer.is_per_light()) {
             for (light, label) in collisions {
                 let pointer = format!("/scene/lightsources/{light}");
                 let message = format!("found a second layer `light_{label}`");

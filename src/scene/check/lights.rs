@@ -1,4 +1,5 @@
-//! Checks the lights. An area light is the rectangle of docs/guide/scene-format.md and must have an area.
+//! Checks the lights. An area light is the rectangle of docs/guide/scene-format.md and must have an
+//! area.
 
 use crate::scene::{
     checked::{Light, LightKind},

@@ -80,7 +80,7 @@ pub fn check(
         light_groups,
         transparent: description.output.transparent,
     };
-    check.look_over(&scene);
+    check.warn_about_mistakes(&scene);
     check.problems.is_empty().then_some((description, scene))
 }
 

@@ -9,7 +9,7 @@ use super::Check;
 impl Check<'_, '_> {
     /// Warns about a camera or a light inside a sphere, mirrors without bounces, and adaptive
     /// shadows that cannot skip a ray.
-    pub(super) fn look_over(&mut self, scene: &Scene) {
+    pub(super) fn warn_about_mistakes(&mut self, scene: &Scene) {
         let spheres: Vec<(usize, DVec3, f64)> = scene
             .shapes
             .iter()
@@ -46,7 +46,7 @@ impl Check<'_, '_> {
             let message = "found 0 although a material has `kr` > 0; mirrors do not reflect";
             self.problems.warn("/nbounces", message, Some("set `nbounces` to 1 or more".into()));
         }
-        if scene.adaptive_shadows && !scene.spares_shadow_rays() {
+        if scene.adaptive_shadows && !scene.can_skip_shadow_rays() {
             let message = format!(
                 "found true, but no area light has more than {FIRST_SHADOW_POINTS} `samples`; every shadow ray is traced"
             );

@@ -1,5 +1,5 @@
-//! The binary tree, top down: each set of references is split where the surface area heuristic says,
-//! until it fits into one leaf.
+//! The binary tree, top down: each set of references is split where the surface area heuristic
+//! says, until it fits into one leaf.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 

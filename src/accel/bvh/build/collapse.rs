@@ -1,8 +1,9 @@
 //! The binary tree -> wide nodes, with the least expected number of nodes that a ray visits.
 //!
 //! A ray visits a node with a probability proportional to its box's area; which binary nodes become
-//! wide ones is chosen by dynamic programming over the number of slots that a subtree may fill (Wald,
-//! Benthin and Boulos 2008, "Getting Rid of Packets"; Ylitie, Karras and Laine 2017, section 3.1).
+//! wide ones is chosen by dynamic programming over the number of slots that a subtree may fill
+//! (Wald, Benthin and Boulos 2008, "Getting Rid of Packets"; Ylitie, Karras and Laine 2017, section
+//! 3.1).
 
 use rayon::prelude::*;
 
@@ -84,9 +85,9 @@ pub fn scratch_bytes(binary: &[Binary]) -> u64 {
     (size_of_val(binary) + size_of::<Plan>() * binary.len()) as u64
 }
 
-/// How a subtree fills k slots of a wide node, k = 2 ..= 16, at index k - 1: its left side gets that
-/// many of them; 0: it takes only one. At index 0: the left side's share of 16 when it becomes a wide
-/// node of its own.
+/// How a subtree fills k slots of a wide node, k = 2 ..= 16, at index k - 1: its left side gets
+/// that many of them; 0: it takes only one. At index 0: the left side's share of 16 when it becomes
+/// a wide node of its own.
 type Plan = [u8; WIDTH];
 
 /// Plans the subtree whose root is the first of `binary`; the least sum of the areas of its wide

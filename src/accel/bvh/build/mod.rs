@@ -27,8 +27,8 @@ const LARGE: u64 = 64 << 20;
 /// Builds the tree on the current rayon pool; also returns the most bytes that the build held.
 ///
 /// # Errors
-/// `Interrupted` after a signal; `Limit` above `max_bytes`, or where the tree would have more leaves
-/// than it can name; `Retry` where there is no memory.
+/// `Interrupted` after a signal; `Limit` above `max_bytes`, or where the tree would have more
+/// leaves than it can name; `Retry` where there is no memory.
 pub fn build(
     geometry: &Geometry,
     isa: Isa,

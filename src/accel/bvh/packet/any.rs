@@ -71,7 +71,8 @@ impl<T: Tier> Packet<'_, T> {
         self.tier.at_most(&self.query.tnear, &self.tfar)
     }
 
-    /// The distances at which the rays enter and leave the box of a node's child: the rays may be of several octants.
+    /// The distances at which the rays enter and leave the box of a node's child: the rays may be
+    /// of several octants.
     #[inline(always)]
     fn slabs_of_any_octant(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
         let q = self.query;
@@ -139,7 +140,8 @@ impl<T: Tier> Packet<'_, T> {
             let Some(mut edges) = self.edges(block, slot, &entering) else { continue };
             let mut rest = 0;
             for i in 0..LANES {
-                // t is kept within the depths of the corners: where these are clear of the ends, it is not asked for.
+                // t is kept within the depths of the corners: where these are clear of the ends, it
+                // is not asked for.
                 let within = self.query.within(i, edges.first[i], edges.last[i]);
                 let sure = edges.maybe[i] & !edges.unsure[i] & -i32::from(within);
                 stopped[i] |= sure;

@@ -89,7 +89,8 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// The distances at which the rays, which are of one octant, enter and leave the box of a node's child.
+    /// The distances at which the rays, which are of one octant, enter and leave the box of a
+    /// node's child.
     #[inline(always)]
     fn slabs(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
         let (q, octant) = (self.query, self.frustum.octant);

@@ -5,11 +5,13 @@ use crate::accel::bvh::node::{Child, Kind};
 use crate::accel::bvh::simd::{Stack, Tier};
 
 impl<T: Tier> Packet<'_, T> {
-    /// Whether a leaf may have something within the frustum; of triangles only if not all corners are on one side of it.
+    /// Whether a leaf may have something within the frustum; of triangles only if not all corners
+    /// are on one side of it.
     ///
-    /// That holds for every ray between those of the packet if they leave one point: its slope is between theirs, as
-    /// a quotient of linear functions of the factors has its extremes at the corners, and rounding moves either by 3u
-    /// at most: 6u max|v - o| together, of some 20u that the frustum's slack has left.
+    /// That holds for every ray between those of the packet if they leave one point: its slope is
+    /// between theirs, as a quotient of linear functions of the factors has its extremes at the
+    /// corners, and rounding moves either by 3u at most: 6u max|v - o| together, of some 20u that
+    /// the frustum's slack has left.
     #[inline(always)]
     pub fn reaches(&self) -> bool {
         let mut stack = Stack::new();

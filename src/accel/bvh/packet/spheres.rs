@@ -31,8 +31,8 @@ impl<T: Tier> Packet<'_, T> {
         )
     }
 
-    /// A sphere of a leaf, the number of its primitive, and of the rays that enter the leaf's box those that may hit
-    /// it, by bit; none if no ray may, and at the end of a leaf.
+    /// A sphere of a leaf, the number of its primitive, and of the rays that enter the leaf's box
+    /// those that may hit it, by bit; none if no ray may, and at the end of a leaf.
     #[inline(always)]
     fn candidate(&self, id: u32, entering: u32) -> Option<(Sphere, u32, u32)> {
         let sphere = *self.geometry.spheres.get(id as usize)?;
@@ -50,7 +50,8 @@ impl<T: Tier> Packet<'_, T> {
         (maybe != 0).then_some((sphere, primitive, maybe))
     }
 
-    /// Where `rays` hit a sphere between `tnear` and `tfar`; NaN for those that do not. The others' may be anything.
+    /// Where `rays` hit a sphere between `tnear` and `tfar`; NaN for those that do not. The others'
+    /// may be anything.
     #[inline(always)]
     fn sphere_hits(
         &self,

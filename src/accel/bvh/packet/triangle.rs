@@ -1,5 +1,5 @@
-//! A triangle of a leaf against a packet: the decisions of [`exact`](crate::accel::bvh::exact), taken
-//! over lanes.
+//! A triangle of a leaf against a packet: the decisions of [`exact`](crate::accel::bvh::exact),
+//! taken over lanes.
 
 use super::Packet;
 use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, STEEP, Sheared};
@@ -33,7 +33,8 @@ pub struct Test {
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// The lines of the rays that enter a leaf's box against one of its triangles; none if no ray may hit it.
+    /// The lines of the rays that enter a leaf's box against one of its triangles; none if no ray
+    /// may hit it.
     #[inline(always)]
     pub fn edges(&self, block: &Block, slot: usize, entering: &[i32; LANES]) -> Option<Edges> {
         let primitive = block.primitives[slot];
@@ -131,8 +132,9 @@ impl<T: Tier> Packet<'_, T> {
         Test { hit: maybe, t, weights }
     }
 
-    /// Lanes that may be outside of a triangle's box at `t`, as [`exact`](crate::accel::bvh::exact) has it: all bits
-    /// set. The slack here, 32u of what is farthest, and what rounds here, 4u of it, are less than the 64u there.
+    /// Lanes that may be outside of a triangle's box at `t`, as [`exact`](crate::accel::bvh::exact)
+    /// has it: all bits set. The slack here, 32u of what is farthest, and what rounds here, 4u of
+    /// it, are less than the 64u there.
     #[inline(always)]
     fn outside(&self, block: &Block, slot: usize, t: &[f64; LANES]) -> [i32; LANES] {
         let mut outside = [0i32; LANES];

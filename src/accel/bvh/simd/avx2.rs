@@ -143,8 +143,8 @@ unsafe fn plane(node: &Node, (row, half): (usize, usize), inverse: f32, offset: 
     }
 }
 
-/// Distances at which the ray enters half of the children's boxes, and the lanes that it meets. `max`
-/// and `min` return their second operand if either is NaN: a NaN prunes nothing.
+/// Distances at which the ray enters half of the children's boxes, and the lanes that it meets.
+/// `max` and `min` return their second operand if either is NaN: a NaN prunes nothing.
 ///
 /// # Safety
 /// AVX2, FMA; `half < 2`.
@@ -355,8 +355,8 @@ unsafe fn corner(block: &Block, (k, half): (usize, usize), x: Pair, y: Pair) -> 
     }
 }
 
-/// Half of the triangles by the signs of their edge functions: those that the ray's line may meet and
-/// those that it certainly meets.
+/// Half of the triangles by the signs of their edge functions: those that the ray's line may meet
+/// and those that it certainly meets.
 ///
 /// # Safety
 /// AVX2, FMA; `half < 2`.
@@ -434,7 +434,8 @@ impl Least for Avx2 {
 
     #[inline(always)]
     fn least_of_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
-        // SAFETY: `self` proves AVX2; 8 f32 from each half of a row on; 8 f32 are what the result holds.
+        // SAFETY: `self` proves AVX2; 8 f32 from each half of a row on; 8 f32 are what the result
+        // holds.
         unsafe {
             // 4 values of row i, 4 of row i + 4; these are transposed on the way.
             let (a, b) = (quarters(&rows[0], &rows[4]), quarters(&rows[1], &rows[5]));

@@ -71,8 +71,8 @@ unsafe fn corners(block: &Block) -> [__m512i; 3] {
     }
 }
 
-/// A value of the vertices at the corners of the triangles; a permutation reads the low 4 bits of each
-/// index only.
+/// A value of the vertices at the corners of the triangles; a permutation reads the low 4 bits of
+/// each index only.
 ///
 /// # Safety
 /// AVX-512 F.
@@ -175,8 +175,8 @@ unsafe fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> (__m512, __m512) {
     }
 }
 
-/// The children of the ray's octant from far to near; a permutation reads the low 4 bits of each lane
-/// only.
+/// The children of the ray's octant from far to near; a permutation reads the low 4 bits of each
+/// lane only.
 ///
 /// # Safety
 /// AVX-512 F.

@@ -23,8 +23,8 @@ use crate::simd::Kernel;
 /// difference is off by at most 3u max(|p|, |q|) where p and q cancel, and by 2^-149 where they
 /// underflow. In units of max |q|.
 pub const EDGE_SLACK: f32 = 4.0 * f32::EPSILON;
-/// See [`EDGE_SLACK`]. No denormal number: with one of those Intel's processors take some 150 cycles for a
-/// sum.
+/// See [`EDGE_SLACK`]. No denormal number: with one of those Intel's processors take some 150
+/// cycles for a sum.
 pub const EDGE_FLOOR: f32 = f32::MIN_POSITIVE;
 
 /// The triangles of a leaf that a ray's line may meet, by bit.
@@ -48,12 +48,12 @@ pub trait Tier: Least {
         if Self::FUSED { a.mul_add(b, -c) } else { a * b - c }
     }
 
-    /// Runs a kernel compiled for this tier. Elsewhere the tier's own kernels work, but slowly: every
-    /// instruction of them is a call.
+    /// Runs a kernel compiled for this tier. Elsewhere the tier's own kernels work, but slowly:
+    /// every instruction of them is a call.
     fn run<K: Kernel>(self, kernel: K) -> K::Output;
 
-    /// The nearest of the children whose boxes the ray meets before `tfar`, or [`Child::EMPTY`]; pushes the others,
-    /// the nearest of these last.
+    /// The nearest of the children whose boxes the ray meets before `tfar`, or [`Child::EMPTY`];
+    /// pushes the others, the nearest of these last.
     fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child;
 
     /// The children whose boxes the ray meets before `tfar`, by bit.

@@ -170,8 +170,8 @@ fn no_tier_misses_a_box_and_all_keep_the_order() {
     assert!(met > 1000 && missed > 1000, "{met} {missed}");
 }
 
-/// Whether a ray misses a triangle beyond all doubt: its line by more than rounding, or all of it lies
-/// behind the ray's origin.
+/// Whether a ray misses a triangle beyond all doubt: its line by more than rounding, or all of it
+/// lies behind the ray's origin.
 fn misses_by_far(lane: &Lane, block: &Block, slot: usize) -> bool {
     let corners = [0, 1, 2].map(|k| {
         let v = block.corner(k, slot);

@@ -4,23 +4,23 @@
 use glam::Vec3;
 
 use super::RayCounts;
+use super::adaptive_shadows::{AdaptiveShadows, LightPoint, Sum};
+use super::camera_packet::CameraPacket;
 use super::crevices::Crevices;
-use super::lamp::Lamp;
 use super::record::Record;
-use super::roulette::{LightPoint, Sparing, Sum};
-use super::shadows::{OWN, ShadowRays};
-use super::slot::Slot;
-use super::split::{Split, SplitSums};
+use super::sampled_light::SampledLight;
+use super::shadows::{OWN_LANES, ShadowRays};
+use super::split::{LightPartSums, LightParts};
 use crate::accel::Accelerator;
 use crate::geometry::{Surfaces, refine};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::sampler::Sampler;
-use crate::shading::{Area, Emitter, Lanes3, Lit, Points, ShadowPoints, lane, reflect};
+use crate::shading::{Area, Emitter, Lanes3, LightWeights, Points, ShadowPoints, lane, reflect};
 use crate::world::World;
 
 /// State and buffers for the shading of one packet; reused from packet to packet.
-pub struct Cast<'a> {
+pub struct WhittedIntegrator<'a> {
     world: &'a World,
     accelerator: &'a dyn Accelerator,
     sampler: Sampler,
@@ -34,14 +34,14 @@ pub struct Cast<'a> {
     certain: Mask,
     points: Points,
     shadow: Rays,
-    lit: Lit,
+    lit: LightWeights,
     gathered: ShadowPoints,
     throughput: [f32; LANES],
-    /// Radiance of the packet's lanes: the result of [`Cast::run`].
+    /// Radiance of the packet's lanes: the result of [`WhittedIntegrator::run`].
     pub radiance: Lanes3,
 }
 
-impl<'a> Cast<'a> {
+impl<'a> WhittedIntegrator<'a> {
     /// Allocates the buffers for packets of `world`.
     #[inline(always)]
     pub fn new(
@@ -62,7 +62,7 @@ impl<'a> Cast<'a> {
             certain: Mask::NONE,
             points: Points::EMPTY,
             shadow: Rays::EMPTY,
-            lit: Lit::EMPTY,
+            lit: LightWeights::EMPTY,
             gathered: ShadowPoints::EMPTY,
             throughput: [1.0; LANES],
             radiance: [[0.0; LANES]; 3],
@@ -73,7 +73,7 @@ impl<'a> Cast<'a> {
     #[inline(always)]
     pub fn run<R: Record>(
         &mut self,
-        slot: &mut Slot,
+        slot: &mut CameraPacket,
         counts: &mut RayCounts,
         record: &mut R,
     ) -> Mask {
@@ -119,7 +119,7 @@ impl<'a> Cast<'a> {
 
     /// Computes the surface points of a traced packet. Returns the lanes that hit.
     #[inline(always)]
-    fn refine(&mut self, slot: &mut Slot, active: &Mask) -> Mask {
+    fn refine(&mut self, slot: &mut CameraPacket, active: &Mask) -> Mask {
         let hit = slot.packet.hit(active);
         if !hit.any() {
             return hit;
@@ -136,16 +136,16 @@ impl<'a> Cast<'a> {
     }
 
     #[inline(always)]
-    fn refine_hits(&mut self, slot: &mut Slot, hit: &Mask) {
+    fn refine_hits(&mut self, slot: &mut CameraPacket, hit: &Mask) {
         let geometry = &self.world.geometry;
-        geometry.beside_stitches(hit, &mut slot.packet);
+        geometry.replace_stitch_hits(hit, &mut slot.packet);
         refine(geometry, hit, &slot.packet, &mut self.surfaces);
     }
 
     /// Traces the lanes with doubtful hits again.
     #[cold]
     #[inline(never)]
-    fn retrace_doubtful(&mut self, slot: &mut Slot, doubtful: &Mask) {
+    fn retrace_doubtful(&mut self, slot: &mut CameraPacket, doubtful: &Mask) {
         for i in (0..LANES).filter(|&i| doubtful.0[i] != 0) {
             // Camera rays and mirrored rays have no end.
             slot.packet.rays.tfar[i] = f32::INFINITY;
@@ -156,7 +156,7 @@ impl<'a> Cast<'a> {
 
     /// Finds the walls beside points near an edge, if any secondary ray leaves them.
     #[inline(always)]
-    fn find_crevices(&mut self, slot: &mut Slot, hit: &Mask, bounce: u32) {
+    fn find_crevices(&mut self, slot: &mut CameraPacket, hit: &Mask, bounce: u32) {
         self.crevices.clear();
         let world = self.world;
         let mut at_edge = Mask::NONE;
@@ -171,7 +171,7 @@ impl<'a> Cast<'a> {
 
     /// Traces the mirrored rays of the last points. Returns the lanes that have one.
     #[inline(always)]
-    fn mirror(&mut self, slot: &mut Slot, counts: &mut RayCounts) -> Mask {
+    fn mirror(&mut self, slot: &mut CameraPacket, counts: &mut RayCounts) -> Mask {
         let rays = &mut slot.packet.rays;
         let active = reflect(&self.points, &self.surfaces.outside, rays);
         if active.any() {
@@ -191,7 +191,7 @@ impl<'a> Cast<'a> {
             } else {
                 self.certain = Mask::NONE;
             }
-            self.accelerator.closest_candidates(&rest, &mut slot.packet, coherence);
+            self.accelerator.closest_unfiltered(&rest, &mut slot.packet, coherence);
         }
         active
     }
@@ -199,7 +199,7 @@ impl<'a> Cast<'a> {
     #[inline(always)]
     fn lights<R: Record>(
         &mut self,
-        slot: &Slot,
+        slot: &CameraPacket,
         bounce: u32,
         counts: &mut RayCounts,
         record: &mut R,
@@ -207,7 +207,7 @@ impl<'a> Cast<'a> {
         let at = &self.points.at;
         let glossy = (0..LANES).fold(false, |any, i| any | ((at.hit.0[i] != 0) & (at.ks[i] > 0.0)));
         for (index, light) in self.world.lights.iter().enumerate() {
-            let lamp = Lamp { light, index: index as u32, bounce, glossy };
+            let lamp = SampledLight { light, index: index as u32, bounce, glossy };
             match light.emitter {
                 Emitter::Point(q) => {
                     let q = q.to_array().map(|x| [x; LANES]);
@@ -231,7 +231,7 @@ impl<'a> Cast<'a> {
     #[inline(always)]
     fn one_point<R: Record>(
         &mut self,
-        lamp: &Lamp,
+        lamp: &SampledLight,
         q: &Lanes3,
         area: Option<&Area>,
         counts: &mut RayCounts,
@@ -247,14 +247,14 @@ impl<'a> Cast<'a> {
         }
         counts.shadow += u64::from(active.count());
         let scene = (&*world.geometry, self.accelerator);
-        aimed.trace(scene, &self.crevices, &OWN, rays, Coherence::Coherent);
+        aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
         if R::ON {
             let mut seen = Mask::NONE;
             for i in 0..LANES {
                 seen.0[i] = active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
             }
-            let split = Split::of(light, lit, &seen);
+            let split = LightParts::from_weights(light, lit, &seen);
             let (base, throughput) = (&self.points.base, &self.throughput);
             record.light(lamp, base, throughput, &split);
         }
@@ -268,21 +268,21 @@ impl<'a> Cast<'a> {
         }
     }
 
-    /// Adds one area light to all lanes. Traces all of its points, or the points that [`Sparing`]
-    /// selects.
+    /// Adds one area light to all lanes. Traces all of its points, or the points that
+    /// [`AdaptiveShadows`] selects.
     #[inline(always)]
     fn area_light<R: Record>(
         &mut self,
-        lamp: &Lamp,
+        lamp: &SampledLight,
         area: Area,
-        slot: &Slot,
+        slot: &CameraPacket,
         counts: &mut RayCounts,
         record: &mut R,
     ) {
         let samples = area.samples;
         let hit = self.points.at.hit;
         let mut sums = Sums::NONE;
-        if self.world.adaptive_shadows && Sparing::first(samples) < samples {
+        if self.world.adaptive_shadows && AdaptiveShadows::first(samples) < samples {
             self.sparing_light::<R>(lamp, area, slot, counts, &mut sums);
         } else {
             let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
@@ -307,19 +307,19 @@ impl<'a> Cast<'a> {
         }
     }
 
-    /// Adaptive shadows: [`Sparing`] selects the points to trace, in several steps.
+    /// Adaptive shadows: [`AdaptiveShadows`] selects the points to trace, in several steps.
     #[inline(always)]
     fn sparing_light<R: Record>(
         &mut self,
-        lamp: &Lamp,
+        lamp: &SampledLight,
         area: Area,
-        slot: &Slot,
+        slot: &CameraPacket,
         counts: &mut RayCounts,
         sums: &mut Sums,
     ) {
         let sampler = self.sampler;
         let hit = self.points.at.hit;
-        let mut sparing = Sparing::new(area.samples, |lane| {
+        let mut sparing = AdaptiveShadows::new(area.samples, |lane| {
             sampler.choices(slot.pixel(lane), slot.sample[lane], lamp.index, lamp.bounce)
         });
         let mut part = Sums::NONE;
@@ -352,14 +352,14 @@ impl<'a> Cast<'a> {
     #[inline(always)]
     fn light_points(
         &mut self,
-        lamp: &Lamp,
+        lamp: &SampledLight,
         area: Area,
-        slot: &Slot,
+        slot: &CameraPacket,
         mut pairs: impl Iterator<Item = (usize, u32)>,
         mut counts: Option<&mut RayCounts>,
         mut each: impl FnMut(LightPoint),
     ) {
-        let Lamp { index, bounce, glossy, .. } = *lamp;
+        let SampledLight { index, bounce, glossy, .. } = *lamp;
         loop {
             let (mut from, mut samples) = ([0; LANES], [0; LANES]);
             let (mut x, mut y, mut number) = ([0; LANES], [0; LANES], [0; LANES]);
@@ -445,14 +445,14 @@ impl<'a> Cast<'a> {
 struct Sums {
     light: [[f64; 3]; LANES],
     /// The same light, separated for the layers.
-    split: SplitSums,
+    split: LightPartSums,
 }
 
 impl Sums {
-    const NONE: Self = Self { light: [[0.0; 3]; LANES], split: SplitSums::NONE };
+    const NONE: Self = Self { light: [[0.0; 3]; LANES], split: LightPartSums::NONE };
 
     #[inline(always)]
-    fn add<R: Record>(&mut self, lamp: &Lamp, point: &LightPoint) {
+    fn add<R: Record>(&mut self, lamp: &SampledLight, point: &LightPoint) {
         let LightPoint { lane, diffuse, specular, .. } = *point;
         let light = lamp.light;
         let sent = light.diffuse * diffuse + light.specular * specular;

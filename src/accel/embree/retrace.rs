@@ -4,7 +4,7 @@
 //! candidates along the ray, and neither a false hit nor a wrong t hides a hit behind it.
 
 use super::candidate::Candidate;
-use super::filter::{Filter, Found, Look};
+use super::filter::{ClosestTrueHit, Filter, PassedTriangle};
 use super::{Embree, NO_HIT, ffi, ray};
 use crate::geometry::{GeometryKind, NONE, Surfaces, refine, refine_triangle};
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
@@ -13,7 +13,12 @@ impl Embree<'_> {
     /// Replaces every false hit by the closest true hit, and t by its value in f64.
     ///
     /// `tfar` holds the ends of the rays before the query.
-    pub(super) fn look_again(&self, active: &Mask, packet: &mut RayPacket, tfar: &[f32; LANES]) {
+    pub(super) fn retrace_rejected(
+        &self,
+        active: &Mask,
+        packet: &mut RayPacket,
+        tfar: &[f32; LANES],
+    ) {
         let hit = packet.hit(active);
         if !hit.any() {
             return;
@@ -34,10 +39,10 @@ impl Embree<'_> {
 
     #[cold]
     fn look_again_at(&self, packet: &mut RayPacket, i: usize) {
-        let look = Look::new(&self.truth);
+        let look = ClosestTrueHit::new(&self.truth);
         let mut single = ffi::RayHit { ray: ray(&packet.rays, i), hit: NO_HIT };
         // SAFETY: aligned to 16 bytes and laid out as Embree's.
-        self.query(Coherence::Single, Some(Filter::Look(&look)), |args| unsafe {
+        self.query(Coherence::Single, Some(Filter::ClosestTrueHit(&look)), |args| unsafe {
             (self.scene.api().intersect1)(self.scene.handle(), &mut single, args);
         });
         // Spheres call no filter, so `single` holds the closest sphere.
@@ -60,7 +65,7 @@ impl Embree<'_> {
 }
 
 /// Returns u and v as Embree defines them, and a unit normal, computed in f64.
-fn weights(found: &Found, candidate: &Candidate) -> (f32, f32, [f32; 3]) {
+fn weights(found: &PassedTriangle, candidate: &Candidate) -> (f32, f32, [f32; 3]) {
     let turn = |u: f64| if found.turned { 1.0 - u } else { u };
     let reported = (turn(candidate.u.into()), turn(candidate.v.into()));
     let Candidate { origin, direction, .. } = *candidate;

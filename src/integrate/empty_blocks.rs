@@ -14,7 +14,7 @@ const MIN_RAYS: u64 = 1024;
 const LEVELS: usize = TILE.ilog2() as usize + 1;
 
 /// Empty squares of the picture. Keeps the result of the last query for each square size.
-pub struct Sky<'a> {
+pub struct EmptyBlocks<'a> {
     world: &'a World,
     accelerator: &'a dyn Accelerator,
     /// Number of square sizes, from the largest, that are worth a query.
@@ -29,7 +29,7 @@ struct Square {
     empty: bool,
 }
 
-impl<'a> Sky<'a> {
+impl<'a> EmptyBlocks<'a> {
     /// Creates an empty cache for blocks of at least `block` pixels, with `samples` samples per
     /// pixel.
     pub fn new(
@@ -81,6 +81,6 @@ impl<'a> Sky<'a> {
             set_lane(&mut rays.dir, i, direction);
             active.0[i] = -1;
         }
-        self.accelerator.nothing_between(&active, &rays)
+        self.accelerator.is_cone_empty(&active, &rays)
     }
 }

@@ -10,12 +10,12 @@ use glam::DVec3;
 
 /// The unevaluated sum `hi + lo`, with |lo| <= ulp(hi) / 2.
 #[derive(Debug, Clone, Copy)]
-pub struct Twofold {
+pub struct DoubleDouble {
     hi: f64,
     lo: f64,
 }
 
-impl Twofold {
+impl DoubleDouble {
     /// a + b, exactly (Knuth's TwoSum).
     pub fn sum(a: f64, b: f64) -> Self {
         let hi = a + b;
@@ -35,7 +35,7 @@ impl Twofold {
     }
 }
 
-impl Add for Twofold {
+impl Add for DoubleDouble {
     type Output = Self;
     /// Relative error below 3 * 2^-106 (AccurateDWPlusDW).
     fn add(self, other: Self) -> Self {
@@ -45,14 +45,14 @@ impl Add for Twofold {
     }
 }
 
-impl Sub for Twofold {
+impl Sub for DoubleDouble {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
         self + Self { hi: -other.hi, lo: -other.lo }
     }
 }
 
-impl Mul for Twofold {
+impl Mul for DoubleDouble {
     type Output = Self;
     /// Relative error below 8 * 2^-106 (DWTimesDW).
     fn mul(self, other: Self) -> Self {
@@ -62,19 +62,19 @@ impl Mul for Twofold {
 }
 
 /// a + b, exactly for |a| >= |b|.
-fn quick(a: f64, b: f64) -> Twofold {
+fn quick(a: f64, b: f64) -> DoubleDouble {
     let hi = a + b;
-    Twofold { hi, lo: b - (hi - a) }
+    DoubleDouble { hi, lo: b - (hi - a) }
 }
 
-/// A vector of three [`Twofold`] coordinates.
+/// A vector of three [`DoubleDouble`] coordinates.
 #[derive(Debug, Clone, Copy)]
-pub struct Twofold3([Twofold; 3]);
+pub struct DoubleDouble3([DoubleDouble; 3]);
 
-impl Twofold3 {
+impl DoubleDouble3 {
     /// `to - from`, exactly.
     pub fn between(from: DVec3, to: DVec3) -> Self {
-        Self([0, 1, 2].map(|axis| Twofold::sum(to[axis], -from[axis])))
+        Self([0, 1, 2].map(|axis| DoubleDouble::sum(to[axis], -from[axis])))
     }
 
     /// Vector (cross) product, with some 106 bits.
@@ -84,14 +84,14 @@ impl Twofold3 {
     }
 
     /// Scalar (dot) product, with some 106 bits.
-    pub fn dot(&self, other: &Self) -> Twofold {
+    pub fn dot(&self, other: &Self) -> DoubleDouble {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
         a * x + b * y + c * z
     }
 
     /// The coordinates rounded to f64, almost to nearest.
     pub fn value(&self) -> DVec3 {
-        DVec3::from(self.0.map(Twofold::value))
+        DVec3::from(self.0.map(DoubleDouble::value))
     }
 }
 
@@ -101,11 +101,11 @@ mod tests {
 
     #[test]
     fn small_terms_survive_beside_large_ones() {
-        let big = Twofold::sum(1e16, 0.25);
-        assert_eq!((big - Twofold::sum(1e16, 0.0)).value(), 0.25);
+        let big = DoubleDouble::sum(1e16, 0.25);
+        assert_eq!((big - DoubleDouble::sum(1e16, 0.0)).value(), 0.25);
         // (1 + 2^-40)^2 - 1 - 2^-39 = 2^-80
         let x = 1.0 + 2f64.powi(-40);
-        let square = Twofold::sum(x, 0.0) * Twofold::sum(x, 0.0);
-        assert_eq!((square - Twofold::sum(1.0, 2f64.powi(-39))).value(), 2f64.powi(-80));
+        let square = DoubleDouble::sum(x, 0.0) * DoubleDouble::sum(x, 0.0);
+        assert_eq!((square - DoubleDouble::sum(1.0, 2f64.powi(-39))).value(), 2f64.powi(-80));
     }
 }

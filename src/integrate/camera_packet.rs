@@ -81,7 +81,7 @@ impl Pattern {
 
 /// A packet between its camera rays and its pixels.
 #[derive(Clone)]
-pub struct Slot {
+pub struct CameraPacket {
     /// The camera rays and their hits.
     pub packet: RayPacket,
     /// Lanes whose pixel and sample are part of the render.
@@ -103,11 +103,11 @@ pub struct Slot {
     /// Whether this is a packet of [`Quarters`](quarters::Quarters).
     pub quarter: bool,
     /// Points in the unit square, stratified together with the pixel offsets. The caller of
-    /// [`Slot::aim`] may use them for a light.
+    /// [`CameraPacket::aim`] may use them for a light.
     pub spare: [Lanes; 2],
 }
 
-impl Slot {
+impl CameraPacket {
     /// A packet without rays.
     pub const EMPTY: Self = Self {
         packet: RayPacket::EMPTY,
@@ -128,9 +128,9 @@ impl Slot {
     }
 
     /// Creates the camera rays of the block at `corner` and returns how many are active. A lane is
-    /// active if its [`Slot::sample`] is in `samples` and its pixel lies left of and above the
-    /// limit `[width, height]`. With `spare`, also draws [`Slot::spare`], unless a lens uses these
-    /// dimensions.
+    /// active if its [`CameraPacket::sample`] is in `samples` and its pixel lies left of and above
+    /// the limit `[width, height]`. With `spare`, also draws [`CameraPacket::spare`], unless a lens
+    /// uses these dimensions.
     #[inline(always)]
     pub fn aim(
         &mut self,

@@ -4,7 +4,7 @@ use crate::shading::Light;
 
 /// A light, and the bounce at which its light is gathered.
 #[derive(Clone, Copy)]
-pub struct Lamp<'a> {
+pub struct SampledLight<'a> {
     /// The light to sample.
     pub light: &'a Light,
     /// Index of the light in the world.

@@ -64,7 +64,7 @@ impl Area {
     }
 
     /// Sets [`Area::flush`] from the triangles and quads that the light lies in.
-    pub fn set_flush(&mut self, geometry: &Geometry) {
+    pub fn set_plane_gap(&mut self, geometry: &Geometry) {
         let [a, b] = [self.corner, self.corner + self.edge + self.height].map(|v| v.as_dvec3());
         let [c, d] = [self.corner + self.edge, self.corner + self.height].map(|v| v.as_dvec3());
         let (low, high) = (a.min(b).min(c).min(d), a.max(b).max(c).max(d));

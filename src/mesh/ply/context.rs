@@ -2,18 +2,18 @@
 
 use crate::error::Result;
 use crate::monitor::Monitor;
-use crate::reserve::Room;
+use crate::reserve::MemoryLimit;
 
 /// The name of the file for messages, a monitor that can stop the work, and a memory limit.
 #[derive(Clone, Copy)]
-pub(super) struct Job<'a> {
+pub(super) struct ReadContext<'a> {
     pub(super) name: &'a str,
     pub(super) monitor: Option<&'a Monitor>,
     /// Limit of the memory for the arrays.
-    pub(super) room: Option<Room>,
+    pub(super) room: Option<MemoryLimit>,
 }
 
-impl Job<'_> {
+impl ReadContext<'_> {
     /// Returns true once a signal has requested a stop. Loops that cannot return an error then do
     /// nothing, and their caller detects it with [`Self::check`].
     pub(super) fn stopped(&self) -> bool {

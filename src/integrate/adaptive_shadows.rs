@@ -31,9 +31,9 @@ pub struct LightPoint {
     pub sample: u32,
     /// Whether the point is not hidden, or was not traced.
     pub visible: bool,
-    /// Diffuse weight, as in [`crate::shading::Lit`].
+    /// Diffuse weight, as in [`crate::shading::LightWeights`].
     pub diffuse: f32,
-    /// Specular weight, as in [`crate::shading::Lit`].
+    /// Specular weight, as in [`crate::shading::LightWeights`].
     pub specular: f32,
 }
 
@@ -42,7 +42,7 @@ pub struct LightPoint {
 pub enum Sum {
     /// The sum that counts in full.
     Whole,
-    /// The sum that is multiplied by [`Sparing::factor`].
+    /// The sum that is multiplied by [`AdaptiveShadows::factor`].
     Part,
 }
 
@@ -83,7 +83,7 @@ impl Draw {
 
 /// Adaptive shadows of one light for one packet: selects the points of each step.
 #[derive(Debug, Clone)]
-pub struct Sparing {
+pub struct AdaptiveShadows {
     points: u32,
     first: u32,
     step: Step,
@@ -98,7 +98,7 @@ pub struct Sparing {
     others: [[f64; 2]; LANES],
 }
 
-impl Sparing {
+impl AdaptiveShadows {
     /// Number of points of a light that are always traced.
     #[inline(always)]
     pub fn first(points: u32) -> u32 {
@@ -259,7 +259,8 @@ mod tests {
         gloss: bool,
         visible: &dyn Fn(usize, u32) -> bool,
     ) -> [[f64; 3]; 2] {
-        let mut sparing = Sparing::new(points, |lane| *uniform.get(lane).unwrap_or(&[0.5; 2]));
+        let mut sparing =
+            AdaptiveShadows::new(points, |lane| *uniform.get(lane).unwrap_or(&[0.5; 2]));
         let (mut whole, mut part) = ([[0.0; 3]; 2], [[0.0; 3]; 2]);
         loop {
             for lane in 0..2 {
@@ -343,6 +344,6 @@ mod tests {
 
     #[test]
     fn a_light_of_few_points_is_always_traced_whole() {
-        assert_eq!([1, 4, 8, 64].map(Sparing::first), [1, 4, 4, 16]);
+        assert_eq!([1, 4, 8, 64].map(AdaptiveShadows::first), [1, 4, 4, 16]);
     }
 }
