@@ -1,27 +1,27 @@
-//! The closest hits of 16 rays, and their way into the caller's packet.
+//! The closest hits of 16 rays, and how they are written to the caller's packet.
 
 use crate::geometry::Geometry;
 use crate::ray::{LANES, NONE, RayPacket, Rays};
 
-/// Up to so many geometries are counted through.
+/// Up to this many geometries, a loop over all of them finds the geometry of a hit.
 const FEW: usize = 16;
 
-/// The closest hits so far.
+/// The closest hits so far of 16 rays, by lane.
 #[repr(C, align(64))]
 pub struct Found {
-    /// Ray parameters; the ends of the segments until there is a hit.
+    /// Ray parameters. Without a hit, the end of the segment.
     pub t: [f64; LANES],
-    /// Numbers of the primitives in the whole scene, or [`NONE`].
+    /// Primitive numbers in the whole scene, or [`NONE`].
     pub primitive: [u32; LANES],
-    /// Weights of the second and third corner and their sum with the first's; not normalised, 0 0 1
-    /// for a sphere.
+    /// Barycentric weights of the second and third corner, and the sum of all three weights. Not
+    /// normalised. 0, 0, 1 for a sphere.
     pub weights: [[f32; LANES]; 3],
-    /// Bits set: these are weights of the second half of a quad.
+    /// All bits set if the weights are those of the second half of a quad, else 0.
     pub second_half: [i32; LANES],
 }
 
 impl Found {
-    /// No hits.
+    /// Returns 16 lanes without a hit.
     #[inline(always)]
     pub fn nothing(rays: &Rays) -> Self {
         let mut t = [0.0; LANES];
@@ -36,7 +36,7 @@ impl Found {
         }
     }
 
-    /// Writes the hits; weights of a quad as Embree has them.
+    /// Writes the hits to `packet`. The weights of a quad are Embree's.
     #[inline(always)]
     pub fn store(&self, geometry: &Geometry, packet: &mut RayPacket) {
         let first = geometry.bases()[1];
@@ -72,7 +72,7 @@ impl Found {
         }
     }
 
-    /// Finds each primitive's geometry where there are many.
+    /// Looks up the geometry of each hit. For scenes of more than [`FEW`] geometries.
     #[inline(never)]
     fn place(&self, geometry: &Geometry, packet: &mut RayPacket) {
         for i in (0..LANES).filter(|&i| self.primitive[i] != NONE) {
@@ -81,6 +81,7 @@ impl Found {
     }
 }
 
+/// Clamps to [0, 1]; 0 for NaN.
 #[inline(always)]
 fn unit(x: f32) -> f32 {
     let x = if x > 0.0 { x } else { 0.0 };
