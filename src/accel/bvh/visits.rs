@@ -1,4 +1,5 @@
-//! What traversal looks at, counted by a tier that passes everything on to another one.
+//! Counts the visits of a traversal, with an instruction set that forwards every call to another
+//! one.
 
 use std::cell::Cell;
 
@@ -9,8 +10,11 @@ use super::simd::{Candidates, Stack, Tier};
 use crate::accel::Visits;
 use crate::simd::Kernel;
 
-/// What was looked at: nodes and leaves once for each ray that is traced alone and once for a whole
-/// packet, spheres once for each ray; of a leaf all triangles, as they are tested together.
+/// Numbers of visits.
+///
+/// A node or leaf counts once for each ray that is traced alone, and once for a whole packet. A
+/// leaf counts all its triangles, because they are tested together. A sphere counts once for each
+/// ray.
 #[derive(Debug, Default)]
 pub struct Counts {
     nodes: Cell<u64>,
@@ -18,7 +22,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// The sums.
+    /// Returns the counts so far.
     pub fn visits(&self) -> Visits {
         Visits { nodes: self.nodes.get(), primitives: self.primitives.get() }
     }
@@ -32,12 +36,10 @@ impl Counts {
     }
 }
 
-/// A tier that counts.
+/// A [`Tier`] that counts the calls of another one.
 #[derive(Clone, Copy)]
 pub struct Counting<'c, T> {
-    /// The tier that works.
     pub tier: T,
-    /// What it did.
     pub counts: &'c Counts,
 }
 
