@@ -5,23 +5,23 @@ use super::reference::Reference;
 use crate::geometry::Geometry;
 use crate::simd::{Kernel, prefetch};
 
-/// The distinct vertices of a leaf, compared by their bits: meshes that repeat a vertex for every
-/// face share them here all the same.
+/// The distinct vertices of a leaf, compared by their bits. So a mesh that repeats a vertex for
+/// every face shares it in the tree.
 struct Vertices {
     x: [u32; WIDTH],
     y: [u32; WIDTH],
     z: [u32; WIDTH],
-    /// Geometry and index of each, as first seen.
+    /// Geometry and index of each vertex, as first added.
     names: [u64; WIDTH],
-    /// Places by a hash of the name: most corners are found there, without a look at coordinates.
+    /// Cache of slots by a hash of the name. It finds most corners without comparing coordinates.
     places: [u8; HASHES],
     len: usize,
 }
 
-/// Room for a leaf's vertices with few collisions.
+/// Size of the cache: large enough for few collisions.
 const HASHES: usize = 64;
 
-/// Bits of a coordinate that is not finite: no vertex has it.
+/// Bits of an unused coordinate. They are those of a NaN, so no vertex has them.
 const NO_COORDINATE: u32 = u32::MAX;
 
 impl Vertices {
@@ -34,12 +34,13 @@ impl Vertices {
         len: 0,
     };
 
-    /// Places of a triangle's corners, which are added if they are new; none if there is no room.
+    /// Returns the slots of a triangle's corners. Adds new vertices. Returns `None` if there is no
+    /// room.
     #[inline(always)]
     fn triangle(&mut self, geometry: &Geometry, reference: &Reference) -> Option<[u8; 3]> {
         let mut places = [0; 3];
         let (geom, prim) = (reference.geometry(), reference.primitive());
-        // Loops, not closures: those would be compiled for the portable tier.
+        // Loops, because closures would be compiled for the portable instruction set.
         if let Some(mesh) = geometry.meshes.get(geom as usize) {
             let corners = mesh.triangles()[prim as usize];
             for k in 0..3 {
@@ -63,7 +64,7 @@ impl Vertices {
         Some(places)
     }
 
-    /// The place of a vertex by its coordinates.
+    /// Returns the slot of a vertex with these coordinates. Adds it if it is new.
     #[inline(always)]
     fn place(&mut self, vertex: [f32; 3], name: u64) -> Option<u8> {
         let [x, y, z] = vertex.map(f32::to_bits);
@@ -88,7 +89,7 @@ impl Vertices {
     }
 }
 
-/// Asks for the vertex indices of triangles that [`fits`] or [`MakeBlock`] will look at.
+/// Prefetches the vertex indices that [`fits`] or [`MakeBlock`] will read.
 #[inline(always)]
 pub fn prefetch_indices(geometry: &Geometry, references: &[Reference]) {
     for reference in references {
@@ -98,7 +99,7 @@ pub fn prefetch_indices(geometry: &Geometry, references: &[Reference]) {
     }
 }
 
-/// Asks for their vertices, when the indices are there.
+/// Prefetches the vertices. Their indices should be in the cache.
 #[inline(always)]
 fn prefetch_vertices(geometry: &Geometry, references: &[Reference]) {
     for reference in references {
@@ -110,7 +111,7 @@ fn prefetch_vertices(geometry: &Geometry, references: &[Reference]) {
     }
 }
 
-/// Whether triangles fit into one leaf: at most 16, over at most 16 vertices.
+/// Whether triangles fit into one leaf: at most 16, with at most 16 vertices.
 #[inline(always)]
 pub fn fits(geometry: &Geometry, references: &[Reference]) -> bool {
     if references.len() > WIDTH {
@@ -126,13 +127,12 @@ pub fn fits(geometry: &Geometry, references: &[Reference]) -> bool {
     true
 }
 
-/// The leaf of references that [`fits`] let through. Unused vertices repeat the last one.
+/// Makes the leaf of references that [`fits`] accepts. Unused vertices repeat the last one.
 pub struct MakeBlock<'a> {
-    /// What the references name.
     pub geometry: &'a Geometry,
-    /// Of triangles.
+    /// References of triangles.
     pub references: &'a [Reference],
-    /// Of the leaf to come, and the one after it.
+    /// References of the next two leaves, for prefetching.
     pub next: [&'a [Reference]; 2],
 }
 

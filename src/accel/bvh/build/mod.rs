@@ -1,4 +1,4 @@
-//! From primitives to the tree: references, a binary tree by binned SAH, wide nodes, leaves.
+//! Builds the tree: primitives -> references -> binary tree by binned SAH -> wide nodes and leaves.
 
 mod binary;
 mod block;
@@ -21,14 +21,17 @@ use crate::ray::NONE;
 use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
-/// Trees of more bytes are prefetched: docs/notebook/bvh.md has what that gave.
+/// Trees of more bytes are prefetched during traversal. The effect is in docs/notebook/bvh.md.
 const LARGE: u64 = 64 << 20;
 
-/// Builds the tree on the current rayon pool; also returns the most bytes that the build held.
+/// Builds the tree on the current rayon pool. Also returns the most bytes that the build held at a
+/// time.
 ///
 /// # Errors
-/// `Interrupted` after a signal; `Limit` above `max_bytes`, or where the tree would have more
-/// leaves than it can name; `Retry` where there is no memory.
+/// - `Interrupted` after a signal.
+/// - `Limit` if the build needs more than `max_bytes`, or the tree has more leaves than an index
+///   can address.
+/// - `Retry` if there is too little memory.
 pub fn build(
     geometry: &Geometry,
     isa: Isa,
@@ -46,7 +49,8 @@ pub fn build(
     within((reference::count(geometry) * size_of::<reference::Reference>()) as u64)?;
     let count = reference::count(geometry);
     let mut references = simd::dispatch(isa, References(geometry))?;
-    // Nodes come about in many small pieces.
+    // The nodes are allocated in many small pieces, so the memory for all of them is probed in
+    // advance.
     reserve::probe(binary::SCRATCH * count as u64, "bvh")?;
     monitor.check()?;
     let mut nodes = binary::build(geometry, &mut references, isa, monitor)?;
