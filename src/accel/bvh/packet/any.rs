@@ -1,4 +1,4 @@
-//! What stops the rays of a packet.
+//! Occlusion of the rays of a packet: any hit within the segment.
 
 use std::cell::Cell;
 use std::thread::LocalKey;
@@ -8,10 +8,10 @@ use crate::accel::bvh::node::{Child, Kind, Node};
 use crate::accel::bvh::simd::{Path, Tier};
 use crate::ray::LANES;
 
-/// So many rays are traced on alone.
+/// Up to this many remaining rays are traced alone.
 const FEW: u32 = 4;
 
-/// A child yet to visit and the rays that meet it, by bit.
+/// A child that is still to be visited, and the rays that enter its box, as bits.
 #[derive(Clone, Copy)]
 pub struct Entry {
     child: Child,
@@ -34,7 +34,7 @@ impl Waiting for Entry {
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// The rays that anything stops: all bits set.
+    /// Returns the occluded rays: all bits of their lanes are set.
     #[inline(always)]
     pub fn occluded(mut self, stacks: &mut Stacks<Entry>) -> [i32; LANES] {
         let mut stopped = [0; LANES];
@@ -65,14 +65,15 @@ impl<T: Tier> Packet<'_, T> {
         stopped
     }
 
-    /// The rays that nothing has stopped so far, by bit. (Without those whose segment is empty.)
+    /// Returns the rays that are not occluded so far, as bits. A ray with an empty segment is not
+    /// among them.
     #[inline(always)]
     fn left(&self) -> u32 {
         self.tier.at_most(&self.query.tnear, &self.tfar)
     }
 
-    /// The distances at which the rays enter and leave the box of a node's child: the rays may be
-    /// of several octants.
+    /// Returns the distances at which the rays enter and leave the box of a node's child. The rays
+    /// may have several octants.
     #[inline(always)]
     fn slabs_of_any_octant(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
         let q = self.query;
@@ -91,7 +92,7 @@ impl<T: Tier> Packet<'_, T> {
         (near, far)
     }
 
-    /// Pushes the children that any ray meets, in the order of the first ray's octant.
+    /// Pushes the children that any ray enters, in the order of the first ray's octant.
     #[inline(always)]
     fn push_any(&self, node: &Node, stack: &mut Vec<Entry>) {
         for place in Bits(self.tier.overlaps(node, &self.frustum, self.end)) {
@@ -104,7 +105,7 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Adds the rays that anything in a leaf stops, of those that enter its box.
+    /// Tests the rays that enter the box of a leaf. Adds the occluded ones to `stopped`.
     #[inline(always)]
     pub fn any_in_leaf(&mut self, leaf: Child, entering: u32, stopped: &mut [i32; LANES]) {
         match leaf.kind() {
@@ -115,7 +116,7 @@ impl<T: Tier> Packet<'_, T> {
         self.stop(stopped);
     }
 
-    /// Ends stopped rays.
+    /// Marks occluded rays as finished.
     #[inline(always)]
     fn stop(&mut self, stopped: &[i32; LANES]) {
         for i in 0..LANES {
@@ -140,8 +141,8 @@ impl<T: Tier> Packet<'_, T> {
             let Some(mut edges) = self.edges(block, slot, &entering) else { continue };
             let mut rest = 0;
             for i in 0..LANES {
-                // t is kept within the depths of the corners: where these are clear of the ends, it
-                // is not asked for.
+                // t lies between the depths of the corners. If these lie inside the segment, t need
+                // not be computed.
                 let within = self.query.within(i, edges.first[i], edges.last[i]);
                 let sure = edges.maybe[i] & !edges.unsure[i] & -i32::from(within);
                 stopped[i] |= sure;

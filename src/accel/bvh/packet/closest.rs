@@ -1,4 +1,4 @@
-//! The closest hits of a packet.
+//! Closest hits of the rays of a packet.
 
 use std::cell::Cell;
 use std::thread::LocalKey;
@@ -10,10 +10,11 @@ use crate::accel::bvh::simd::{Stack, Tier};
 use crate::accel::bvh::single::Best;
 use crate::ray::{LANES, NONE};
 
-/// So many rays are traced on alone.
+/// Up to this many remaining rays are traced alone.
 const FEW: u32 = 3;
 
-/// A child yet to visit and the distances at which the rays enter it, infinite for those that miss.
+/// A child that is still to be visited, and the distances at which the rays enter its box. The
+/// distance is infinite for a ray that misses it.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub struct Entry {
@@ -37,11 +38,12 @@ impl Waiting for Entry {
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// Updates the closest hits.
+    /// Updates the closest hits with the whole tree.
     #[inline(always)]
     pub fn closest(mut self, stacks: &mut Stacks<Entry>, best: &mut Found) {
         stacks.packet.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
-        // Whether rays end nearer than the frustum knows: mostly nothing that is left asks for it.
+        // Whether rays have become shorter than the frustum. It is shortened only before the packet
+        // visits another child, because often none is left.
         let mut shorter = false;
         while let Some(entry) = stacks.packet.pop() {
             let entering = self.tier.at_most(&entry.near, &self.tfar);
@@ -70,7 +72,7 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Updates the closest hits of the rays that enter a leaf's box.
+    /// Updates the closest hits of the rays that enter the box of a leaf.
     #[inline(always)]
     pub fn closest_in_leaf(&mut self, leaf: Child, entering: u32, best: &mut Found) {
         match leaf.kind() {
@@ -80,7 +82,7 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Takes over what a ray alone has found, if it has found anything.
+    /// Takes over the hit of a ray that was traced alone, if it found one.
     #[inline(always)]
     fn take(&mut self, i: usize, one: &Best, best: &mut Found) {
         if one.t != best.t[i] || one.primitive != best.primitive[i] {
@@ -89,8 +91,8 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// The distances at which the rays, which are of one octant, enter and leave the box of a
-    /// node's child.
+    /// Returns the distances at which the rays enter and leave the box of a node's child. All rays
+    /// have the same octant.
     #[inline(always)]
     fn slabs(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
         let (q, octant) = (self.query, self.frustum.octant);
@@ -110,7 +112,7 @@ impl<T: Tier> Packet<'_, T> {
         (near, far)
     }
 
-    /// Pushes the children that any ray meets, the nearest last.
+    /// Pushes the children that any ray enters, the nearest last.
     #[inline(always)]
     fn push(&self, node: &Node, stack: &mut Vec<Entry>) {
         for place in Bits(self.tier.overlaps(node, &self.frustum, self.end)) {

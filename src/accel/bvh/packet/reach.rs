@@ -1,17 +1,20 @@
-//! Whether the hull of a packet reaches anything.
+//! Conservative test whether the convex hull of a packet hits anything.
 
 use super::{Bits, Packet};
 use crate::accel::bvh::node::{Child, Kind};
 use crate::accel::bvh::simd::{Stack, Tier};
 
 impl<T: Tier> Packet<'_, T> {
-    /// Whether a leaf may have something within the frustum; of triangles only if not all corners
-    /// are on one side of it.
+    /// Returns whether any leaf may contain something inside the frustum. A triangle counts only if
+    /// its corners do not all lie outside the same plane of the frustum.
     ///
-    /// That holds for every ray between those of the packet if they leave one point: its slope is
-    /// between theirs, as a quotient of linear functions of the factors has its extremes at the
-    /// corners, and rounding moves either by 3u at most: 6u max|v - o| together, of some 20u that
-    /// the frustum's slack has left.
+    /// The result also holds for every ray inside the cone that the rays of the packet span, if all
+    /// rays share one origin:
+    ///
+    /// - The slope of such a ray lies between the slopes of the packet's rays. It is a quotient of
+    ///   linear functions of the factors, so its extremes are at the corners.
+    /// - Rounding moves each of the two slopes by at most 3u. Together this is 6u max|v - o|. The
+    ///   frustum's slack has some 20u left for it.
     #[inline(always)]
     pub fn reaches(&self) -> bool {
         let mut stack = Stack::new();

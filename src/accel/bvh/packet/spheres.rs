@@ -1,4 +1,5 @@
-//! A leaf of spheres against a packet, in kernels of their own: most scenes have none.
+//! Tests of a leaf of spheres against a packet. They are separate kernels, because most scenes have
+//! no spheres.
 
 use super::{Bits, Packet};
 use crate::accel::bvh::found::Found;
@@ -9,19 +10,19 @@ use crate::ray::{LANES, NONE};
 use crate::simd::Kernel;
 
 impl<T: Tier> Packet<'_, T> {
-    /// Updates the closest hits of the rays that enter a leaf's box.
+    /// Updates the closest hits of the rays that enter the box of a leaf.
     #[inline(never)]
     pub fn closest_in_spheres(&mut self, index: usize, entering: u32, best: &mut Found) {
         self.tier.run(Closest { packet: self, index, entering, best });
     }
 
-    /// Adds the rays that a sphere stops, of those that enter a leaf's box.
+    /// Tests the rays that enter the box of a leaf. Adds the occluded ones to `stopped`.
     #[inline(never)]
     pub fn any_in_spheres(&mut self, index: usize, entering: u32, stopped: &mut [i32; LANES]) {
         self.tier.run(Any { packet: self, index, entering, stopped });
     }
 
-    /// Origin and direction of a ray, as the caller gave it.
+    /// Returns origin and direction of a ray in f64, unscaled.
     #[inline(always)]
     fn ray64(&self, i: usize) -> ([f64; 3], [f64; 3]) {
         let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
@@ -31,8 +32,10 @@ impl<T: Tier> Packet<'_, T> {
         )
     }
 
-    /// A sphere of a leaf, the number of its primitive, and of the rays that enter the leaf's box
-    /// those that may hit it, by bit; none if no ray may, and at the end of a leaf.
+    /// Returns a sphere of a leaf, its primitive number, and the rays that may hit it, as bits.
+    ///
+    /// `entering` are the rays that enter the box of the leaf. Returns `None` if no ray may hit the
+    /// sphere, and for an unused slot.
     #[inline(always)]
     fn candidate(&self, id: u32, entering: u32) -> Option<(Sphere, u32, u32)> {
         let sphere = *self.geometry.spheres.get(id as usize)?;
@@ -50,8 +53,8 @@ impl<T: Tier> Packet<'_, T> {
         (maybe != 0).then_some((sphere, primitive, maybe))
     }
 
-    /// Where `rays` hit a sphere between `tnear` and `tfar`; NaN for those that do not. The others'
-    /// may be anything.
+    /// Returns t of the hits of `rays` with a sphere between `tnear` and `tfar`; NaN for a miss.
+    /// Lanes outside `rays` hold any value.
     #[inline(always)]
     fn sphere_hits(
         &self,
