@@ -1,4 +1,5 @@
-//! Plain loops: what every target runs, and what the other tiers are held against.
+//! The portable kernels: plain loops, which every target supports. The tests compare the other
+//! instruction sets with them.
 
 use super::super::frustum::{Frustum, Least, Side};
 use super::super::node::{Block, Child, Node, WIDTH};
@@ -6,11 +7,11 @@ use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::Kernel;
 
-/// The tier that needs nothing.
+/// The [`Tier`] that needs no particular instruction set.
 #[derive(Debug, Clone, Copy)]
 pub struct Portable;
 
-/// Distances at which the ray enters and leaves the children's boxes.
+/// Returns the distances at which the ray enters and leaves the children's boxes.
 #[inline(always)]
 fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
     let (mut near, mut far) = ([ray.tnear; WIDTH], [tfar; WIDTH]);
@@ -19,7 +20,7 @@ fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
         for i in 0..WIDTH {
             let t0 = enter[i] * ray.near_inverse[axis] - ray.near_offset[axis];
             let t1 = leave[i] * ray.far_inverse[axis] - ray.far_offset[axis];
-            // A NaN loses every comparison: it prunes nothing.
+            // A comparison with NaN is false, so NaN prunes nothing.
             near[i] = if t0 > near[i] { t0 } else { near[i] };
             far[i] = if t1 < far[i] { t1 } else { far[i] };
         }
@@ -72,7 +73,7 @@ impl Tier for Portable {
     fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         let (planes, low, high) = (&node.planes, frustum.low(), frustum.high());
         let at = |side: &Side, i: usize| side.a + side.b * planes[side.row][i];
-        // A NaN loses every comparison: it prunes nothing.
+        // A comparison with NaN is false, so NaN prunes nothing.
         let outside = |i: usize| {
             let beside = (0..2).any(|axis| {
                 let k = frustum.axes[axis];

@@ -1,4 +1,5 @@
-//! Every tier against the exact decisions, against f64 boxes, and against the other tiers.
+//! Compares every instruction set with the exact decisions, with box tests in f64, and with the
+//! other instruction sets.
 
 mod cases;
 mod traversals;
@@ -13,7 +14,7 @@ use super::*;
 use crate::ray::{LANES, Mask, Rays};
 use crate::simd::Isa;
 
-/// What a tier says of one ray, a node and a leaf.
+/// The results of the kernels for one ray, one node and one leaf.
 #[derive(Debug)]
 struct Answers {
     nearest: Child,
@@ -43,14 +44,15 @@ impl<T: Tier> Kernel for Ask<'_, T> {
     }
 }
 
-/// All entries of a stack, the first pushed first.
+/// Returns all entries of a stack in the order in which they were pushed.
 fn drain(stack: &mut Stack) -> Vec<(Child, f32)> {
     let mut entries: Vec<_> = std::iter::from_fn(|| stack.pop()).collect();
     entries.reverse();
     entries
 }
 
-/// What a frustum around the active rays meets: children by place, and triangles.
+/// Returns what a frustum around the active rays overlaps: children by place in the order, and
+/// triangles.
 struct AskFrustum<'a, T> {
     tier: T,
     node: &'a Node,
@@ -86,7 +88,7 @@ impl<T: Tier> Kernel for AskLeast<'_, T> {
         let mut rows = [[0.0; WIDTH]; 8];
         for (r, row) in rows.iter_mut().enumerate() {
             for (i, value) in self.values.iter().enumerate() {
-                // Another place in every row, and another value.
+                // In every row, the minimum has another lane and another value.
                 row[(i + 3 * r) % WIDTH] = value + r as f32;
             }
         }
@@ -94,7 +96,8 @@ impl<T: Tier> Kernel for AskLeast<'_, T> {
     }
 }
 
-/// What each tier of this machine answers, by name; the first is the portable one.
+/// Returns the result of every instruction set of this machine. The first is that of the portable
+/// one.
 macro_rules! every_tier {
     ($tier:ident => $ask:expr) => {{
         let mut answers = Vec::new();
@@ -115,7 +118,8 @@ macro_rules! every_tier {
     }};
 }
 
-/// Where the ray's line enters a child's box, in f64; none if it misses it or does so after `tfar`.
+/// Returns where the ray's line enters the box of a child, in f64. Returns `None` if it misses the
+/// box or enters it after `tfar`.
 fn entry(node: &Node, i: usize, rays: &Rays, ray: usize, tfar: f64) -> Option<f64> {
     let (mut near, mut far) = (f64::from(rays.tnear[ray]), tfar);
     for axis in 0..3 {
@@ -134,7 +138,7 @@ fn entry(node: &Node, i: usize, rays: &Rays, ray: usize, tfar: f64) -> Option<f6
 }
 
 #[test]
-fn no_tier_misses_a_box_and_all_keep_the_order() {
+fn every_tier_finds_every_box_and_keeps_the_order() {
     let (mut met, mut missed) = (0, 0);
     cases(600, |_, node, block, rays, query| {
         for i in 0..LANES {
@@ -142,7 +146,7 @@ fn no_tier_misses_a_box_and_all_keep_the_order() {
             let tfar = query.tfar[i];
             for (isa, answers) in every_tier!(tier => Ask { tier, node, block, lane, tfar }) {
                 let order = (0..WIDTH).map(|j| node.children[node.ordered(lane.octant, j)]);
-                // From far to near: what was pushed, then the nearest.
+                // From far to near: first the pushed children, then the nearest one.
                 let mut found: Vec<Child> = answers.others.iter().map(|entry| entry.0).collect();
                 found.extend(Some(answers.nearest).filter(|child| *child != Child::EMPTY));
                 let expected: Vec<Child> = order.filter(|child| found.contains(child)).collect();
@@ -170,8 +174,8 @@ fn no_tier_misses_a_box_and_all_keep_the_order() {
     assert!(met > 1000 && missed > 1000, "{met} {missed}");
 }
 
-/// Whether a ray misses a triangle beyond all doubt: its line by more than rounding, or all of it
-/// lies behind the ray's origin.
+/// Whether a ray certainly misses a triangle: its line misses it by more than rounding errors, or
+/// the whole triangle lies behind the ray's origin.
 fn misses_by_far(lane: &Lane, block: &Block, slot: usize) -> bool {
     let corners = [0, 1, 2].map(|k| {
         let v = block.corner(k, slot);
@@ -189,7 +193,7 @@ fn misses_by_far(lane: &Lane, block: &Block, slot: usize) -> bool {
 }
 
 #[test]
-fn candidates_miss_nothing_and_are_sure_of_hits_only() {
+fn candidates_include_every_hit_and_sure_ones_are_hits() {
     let (mut hits, mut sure, mut ruled_out) = (0, 0, 0);
     cases(1500, |random, node, block, rays, query| {
         for i in 0..LANES {
@@ -202,7 +206,8 @@ fn candidates_miss_nothing_and_are_sure_of_hits_only() {
                     (present && seen.inside()).then(|| seen.t(&ray, block.triangle(slot)))
                 })
                 .collect();
-            // The end of the segment, or a hit: one of the same distance is a candidate still.
+            // The segment ends at its own end or at a hit. Another hit at the same distance must
+            // still be a candidate.
             let end = met[random.below(WIDTH)].filter(|t| *t >= 0.0);
             let tfar = end.map_or(query.tfar[i], |t| query.end(i, t));
             let end = end.unwrap_or(ray.tfar);
@@ -228,12 +233,13 @@ fn candidates_miss_nothing_and_are_sure_of_hits_only() {
 }
 
 #[test]
-fn a_frustum_drops_nothing_that_any_of_its_rays_meets() {
+fn a_frustum_culls_nothing_that_its_rays_hit() {
     let (mut met, mut dropped) = ([0; 2], [0; 2]);
     cases(3000, |random, node, block, rays, query| {
         let lane = query.lane(random.below(LANES));
         let (few, mixed) = (random.below(2) == 0, random.below(2) == 0);
-        // Of several octants, too, as long as all go the same way along the dominant axis.
+        // The active rays may have several octants, but all have the same sign along the dominant
+        // axis.
         let octants = if mixed { 1 << lane.axes[2] } else { 7 };
         let active = &Mask(std::array::from_fn(|i| {
             let other = query.lane(i);
@@ -277,7 +283,7 @@ fn a_frustum_drops_nothing_that_any_of_its_rays_meets() {
     assert!(met.iter().chain(&dropped).all(|n| *n > 1000), "{met:?} {dropped:?}");
 }
 
-/// The box around a node's children and a leaf's vertices.
+/// Returns the box around a node's children and a leaf's vertices.
 fn scene(node: &Node, block: &Block) -> Bounds3 {
     let corner = |row: usize, i: usize| [0, 1, 2].map(|axis| node.planes[row + axis][i]);
     let children = (0..WIDTH).filter(|&i| node.children[i] != Child::EMPTY);
@@ -288,7 +294,7 @@ fn scene(node: &Node, block: &Block) -> Bounds3 {
 }
 
 #[test]
-fn the_least_of_16_numbers_is_found_in_every_place() {
+fn the_minimum_of_16_numbers_is_found_in_every_lane() {
     let mut random = Random(3);
     for place in 0..WIDTH {
         for least in [-2.0, f32::NEG_INFINITY] {
