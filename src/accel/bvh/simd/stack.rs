@@ -83,7 +83,8 @@ impl Stack {
     }
 }
 
-/// The nodes from the root to the current one, each with its children that are still to be visited.
+/// The nodes on the path to the current one that have children still to be visited, with these
+/// children.
 pub struct Path {
     steps: [MaybeUninit<(u32, u32)>; MAX_DEPTH],
     /// Number of steps. All of them are initialised.
