@@ -20,7 +20,7 @@ impl Bounds3 {
 
     /// Returns the smallest box around points.
     #[inline(always)]
-    pub fn of(points: &[[f32; 3]]) -> Self {
+    pub fn from_points(points: &[[f32; 3]]) -> Self {
         points.iter().fold(Self::EMPTY, |b, &p| b.union(Self::new(p, p)))
     }
 
@@ -62,10 +62,10 @@ impl Bounds3 {
     #[inline(always)]
     #[must_use]
     pub fn or_empty(self, keep: bool) -> Self {
-        let least = [f32::INFINITY, f32::NEG_INFINITY][usize::from(keep)];
+        let limit = [f32::INFINITY, f32::NEG_INFINITY][usize::from(keep)];
         let mut kept = self;
         for x in &mut kept.0 {
-            *x = if *x > least { *x } else { least };
+            *x = if *x > limit { *x } else { limit };
         }
         kept
     }

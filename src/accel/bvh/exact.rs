@@ -62,10 +62,10 @@ impl Ray64 {
     /// Converts ray `i` of a packet, whose dominant axis is `axis`.
     #[inline(always)]
     pub fn new(rays: &Rays, i: usize, axis: usize) -> Self {
-        let of = |v: &[[f32; crate::ray::LANES]; 3]| [0, 1, 2].map(|k| f64::from(v[k][i]));
-        let direction = of(&rays.dir);
+        let vector = |v: &[[f32; crate::ray::LANES]; 3]| [0, 1, 2].map(|k| f64::from(v[k][i]));
+        let direction = vector(&rays.dir);
         Self {
-            origin: of(&rays.org),
+            origin: vector(&rays.org),
             direction,
             along: direction[axis],
             tnear: rays.tnear[i].into(),
@@ -76,7 +76,7 @@ impl Ray64 {
     /// Whether a hit at `t` lies after the start of the ray: see [`is_after_start`]. Not inlined,
     /// because few rays start beside a triangle that they hit.
     #[inline(never)]
-    pub fn is_started(&self, t: f64, corners: [[f32; 3]; 3]) -> bool {
+    pub fn starts_before(&self, t: f64, corners: [[f32; 3]; 3]) -> bool {
         let corners = corners.map(|corner| corner.map(f64::from).into());
         is_after_start(corners, self.origin.into(), self.direction.into(), t)
     }
@@ -101,7 +101,7 @@ impl Plane {
     /// Returns t and d.n of a ray's hit with the plane. t is NaN or infinite if the ray is parallel
     /// to the plane.
     #[inline(always)]
-    pub fn meet(&self, [ox, oy, oz]: [f64; 3], [dx, dy, dz]: [f64; 3]) -> (f64, f64) {
+    pub fn intersect(&self, [ox, oy, oz]: [f64; 3], [dx, dy, dz]: [f64; 3]) -> (f64, f64) {
         let ([px, py, pz], [nx, ny, nz]) = (self.point, self.normal);
         let above = nx * (px - ox) + ny * (py - oy) + nz * (pz - oz);
         let towards = nx * dx + ny * dy + nz * dz;
@@ -111,14 +111,14 @@ impl Plane {
     /// Returns the sum of the magnitudes of the normal. A ray of direction 1 along its dominant
     /// axis is steep if [`STEEP`] |d.n| is at least that.
     #[inline(always)]
-    pub fn steep(&self) -> f64 {
+    pub fn normal_l1(&self) -> f64 {
         let [nx, ny, nz] = self.normal;
         nx.abs() + ny.abs() + nz.abs()
     }
 }
 
 /// A triangle relative to a ray's origin, sheared so that the ray runs along its dominant axis.
-pub struct Sheared {
+pub struct ShearedTriangle {
     /// Edge functions opposite the first, second and third corner. Only the last operation rounds,
     /// so the signs are exact.
     pub edges: [f64; 3],
@@ -141,14 +141,14 @@ fn max3<T: PartialOrd>(a: T, b: T, c: T) -> T {
 /// Returns the smallest and the largest depth of a leaf's triangle along the ray's dominant axis,
 /// in the direction of the ray.
 #[inline(always)]
-pub fn depths(lane: &Lane, block: &Block, i: usize) -> (f32, f32) {
+pub fn depth_range(lane: &Lane, block: &Block, i: usize) -> (f32, f32) {
     let depth = |k: usize| lane.depth_of(block.vertices[lane.axes[2]][block.corner(k, i)]);
     let (a, b, c) = (depth(0), depth(1), depth(2));
-    let (least, most) = (min3(a, b, c), max3(a, b, c));
-    if lane.octant >> lane.axes[2] & 1 != 0 { (-most, -least) } else { (least, most) }
+    let (lowest, highest) = (min3(a, b, c), max3(a, b, c));
+    if lane.octant >> lane.axes[2] & 1 != 0 { (-highest, -lowest) } else { (lowest, highest) }
 }
 
-impl Sheared {
+impl ShearedTriangle {
     /// Shears triangle `i` of a leaf.
     #[inline(always)]
     pub fn new(lane: &Lane, block: &Block, i: usize) -> Self {
@@ -186,22 +186,26 @@ impl Sheared {
     #[inline(always)]
     pub fn t(&self, ray: &Ray64, corners: [[f32; 3]; 3]) -> f64 {
         let plane = Plane::new(corners);
-        let (t, towards) = plane.meet(ray.origin, ray.direction);
-        let (least, most) = self.ends();
+        let (t, towards) = plane.intersect(ray.origin, ray.direction);
+        let (lowest, highest) = self.depth_range();
         let depth = t * ray.along;
         let slack = depth.abs() * DEPTH_SLACK;
         // The slack is added to the depth, not to the bounds. If the ray runs along the plane, the
         // depth is infinite. One of the sums is then NaN, so `within` is false.
-        let within = (depth + slack >= least) & (depth - slack <= most);
-        let steep = STEEP * towards.abs() >= plane.steep() * ray.along.abs();
-        if within & (steep || self.passes(depth)) { t } else { self.kept(ray, t, within, corners) }
+        let within = (depth + slack >= lowest) & (depth - slack <= highest);
+        let steep = STEEP * towards.abs() >= plane.normal_l1() * ray.along.abs();
+        if within & (steep || self.passes_near(depth)) {
+            t
+        } else {
+            self.clamped(ray, t, within, corners)
+        }
     }
 
     /// Whether all corners, and so every hit, lie beyond the ray's origin along the dominant axis.
     #[inline(always)]
     pub fn is_ahead(&self, ray: &Ray64) -> bool {
-        let (least, most) = self.ends();
-        if ray.along < 0.0 { most < 0.0 } else { least > 0.0 }
+        let (lowest, highest) = self.depth_range();
+        if ray.along < 0.0 { highest < 0.0 } else { lowest > 0.0 }
     }
 
     /// Whether the line passes through the sheared triangle at a depth close to `depth`.
@@ -209,18 +213,18 @@ impl Sheared {
     /// There the line is within 6u of the box. `depth` is close enough if the hit at `depth` is
     /// certainly within [`BOX_SLACK`] of the box.
     #[inline(always)]
-    fn passes(&self, depth: f64) -> bool {
+    fn passes_near(&self, depth: f64) -> bool {
         let ([u, v, w], [a, b, c]) = (self.edges, self.depths.map(f64::from));
-        let ((least, most), weight) = (self.ends(), u + v + w);
-        let reach = if -least > most { -least } else { most };
+        let ((lowest, highest), weight) = (self.depth_range(), u + v + w);
+        let reach = if -lowest > highest { -lowest } else { highest };
         (depth * weight - (u * a + v * b + w * c)).abs() <= 0.5 * BOX_SLACK * reach * weight.abs()
     }
 
     /// Returns `t` clamped to the triangle's box and, unless `within`, to the depths of the
     /// corners.
     #[inline(never)]
-    fn kept(&self, ray: &Ray64, t: f64, within: bool, corners: [[f32; 3]; 3]) -> f64 {
-        let Around { lower, upper } = Around::new(corners, ray.origin);
+    fn clamped(&self, ray: &Ray64, t: f64, within: bool, corners: [[f32; 3]; 3]) -> f64 {
+        let WidenedBox { lower, upper } = WidenedBox::new(corners, ray.origin);
         let mut inside = within;
         for axis in 0..3 {
             let at = t * ray.direction[axis];
@@ -229,8 +233,8 @@ impl Sheared {
         if inside {
             return t;
         }
-        let (least, most) = self.ends();
-        let (first, last) = (least / ray.along, most / ray.along);
+        let (lowest, highest) = self.depth_range();
+        let (first, last) = (lowest / ray.along, highest / ray.along);
         let (mut first, mut last) = (first.min(last), first.max(last));
         for axis in 0..3 {
             let d = ray.direction[axis];
@@ -250,7 +254,7 @@ impl Sheared {
 
     /// Returns the smallest and the largest depth of the corners.
     #[inline(always)]
-    fn ends(&self) -> (f64, f64) {
+    fn depth_range(&self) -> (f64, f64) {
         let [a, b, c] = self.depths;
         (min3(a, b, c).into(), max3(a, b, c).into())
     }
@@ -258,12 +262,12 @@ impl Sheared {
 
 /// A triangle's box relative to a ray's origin, widened by [`BOX_SLACK`] and the smallest normal
 /// f32.
-struct Around {
+struct WidenedBox {
     lower: [f64; 3],
     upper: [f64; 3],
 }
 
-impl Around {
+impl WidenedBox {
     #[inline(always)]
     fn new([p, q, r]: [[f32; 3]; 3], origin: [f64; 3]) -> Self {
         let (mut lower, mut upper, mut reach) = ([0.0; 3], [0.0; 3], 0.0);

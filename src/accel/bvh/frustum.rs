@@ -6,18 +6,18 @@ use super::Bounds3;
 use super::query::{Query, max, min};
 
 /// The minimum of 16 numbers without NaN.
-pub trait Least: Copy {
+pub trait HorizontalMin: Copy {
     /// Returns the minimum.
-    fn least(self, v: &[f32; LANES]) -> f32;
+    fn horizontal_min(self, v: &[f32; LANES]) -> f32;
 
     /// Returns the minimum of each row.
     #[inline(always)]
-    fn least_of_rows(self, rows: &[[f32; LANES]; 8]) -> [f32; 8] {
-        let mut least = [0.0; 8];
-        for (least, row) in least.iter_mut().zip(rows) {
-            *least = self.least(row);
+    fn horizontal_min_rows(self, rows: &[[f32; LANES]; 8]) -> [f32; 8] {
+        let mut minima = [0.0; 8];
+        for (minimum, row) in minima.iter_mut().zip(rows) {
+            *minimum = self.horizontal_min(row);
         }
-        least
+        minima
     }
 }
 
@@ -43,7 +43,7 @@ pub struct Side {
 /// its chord. Therefore four planes through the chords bound the rays. They are tight if the rays
 /// share an origin or an end point.
 ///
-/// The planes are moved outwards by 1.5 times the largest [`Query::margin`], which is 99u
+/// The planes are moved outwards by 1.5 times the largest [`Query::box_slack`], which is 99u
 /// max|v - o| + 6u|o|:
 ///
 /// - A hit may lie 64u max|v - o| outside its box.
@@ -86,7 +86,7 @@ impl Frustum {
     /// scaled like [`Query::tfar`].
     #[inline(always)]
     pub fn new(
-        tier: impl Least,
+        tier: impl HorizontalMin,
         query: &Query,
         active: &Mask,
         tfar: &[f32; LANES],
@@ -95,15 +95,15 @@ impl Frustum {
         let lane = query.lane(active.first());
         let axes = lane.axes;
         let k = axes[2];
-        let (mut starts, mut margins) = ([0.0; LANES], [0.0; LANES]);
+        let (mut starts, mut box_slacks) = ([0.0; LANES], [0.0; LANES]);
         let negative = (lane.octant >> k) & 1 != 0;
         let (forward, scene_end) =
             if negative { (-1.0, -scene.lower()[k]) } else { (1.0, scene.upper()[k]) };
         for i in 0..LANES {
             starts[i] = forward * query.origin[2][i];
-            margins[i] = -query.margin[i];
+            box_slacks[i] = -query.box_slack[i];
         }
-        let slack = -1.5 * tier.least(&select(active, &margins));
+        let slack = -1.5 * tier.horizontal_min(&select(active, &box_slacks));
         let mut frustum = Self {
             axes,
             octant: lane.octant,
@@ -111,7 +111,7 @@ impl Frustum {
             b: [0.0; 4],
             rows: [0; 4],
             forward,
-            start: tier.least(&select(active, &starts)) - slack,
+            start: tier.horizontal_min(&select(active, &starts)) - slack,
             enter: k + 3 * usize::from(negative),
             leave: k + 3 - 3 * usize::from(negative),
             slack,
@@ -133,10 +133,10 @@ impl Frustum {
                 ends[6 + axis][i] = if is_active { -x1 } else { f32::INFINITY };
             }
         }
-        let least = tier.least_of_rows(&ends);
+        let minima = tier.horizontal_min_rows(&ends);
         let inverse = 1.0 / (z1 - z0);
         for side in 0..4 {
-            let (x0, x1) = (least[side], least[4 + side]);
+            let (x0, x1) = (minima[side], minima[4 + side]);
             let b = slope((x1 - x0) * inverse);
             let a = min(x0 - b * z0, x1 - b * z1) - slack;
             let high = side >= 2;
@@ -169,7 +169,7 @@ impl Frustum {
     /// Returns the `forward` z where the last ray or the scene ends, moved outwards by `slack`;
     /// -inf if all `tfar` are -inf.
     #[inline(always)]
-    pub fn end(&self, tier: impl Least, query: &Query, tfar: &[f32; LANES]) -> f32 {
+    pub fn end(&self, tier: impl HorizontalMin, query: &Query, tfar: &[f32; LANES]) -> f32 {
         let mut minus = [0.0; LANES];
         for i in 0..LANES {
             let end = self.forward * query.origin[2][i] + tfar[i] * query.along[i].abs();
@@ -177,7 +177,7 @@ impl Frustum {
             // jumps.)
             minus[i] = if end > f32::NEG_INFINITY { -end } else { f32::INFINITY };
         }
-        min(self.slack - tier.least(&minus), self.scene_end)
+        min(self.slack - tier.horizontal_min(&minus), self.scene_end)
     }
 }
 

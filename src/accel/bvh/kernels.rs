@@ -1,7 +1,7 @@
 //! Access to single kernels of the tree, for `benches/kernels.rs`.
 
 use super::Bvh;
-use super::exact::{Ray64, Sheared};
+use super::exact::{Ray64, ShearedTriangle};
 use super::query::{Lane, Query};
 use super::simd::{Stack, Tier, portable::Portable};
 use crate::ray::Rays;
@@ -92,7 +92,7 @@ impl<T: Tier> Run<'_, T> {
         let ray = Ray64::new(self.rays, 0, lane.axes[2]);
         let mut sum = 0.0;
         for block in blocks.iter().cycle().take(COUNT) {
-            let seen = Sheared::new(lane, block, 0);
+            let seen = ShearedTriangle::new(lane, block, 0);
             let t = seen.t(&ray, block.triangle(0));
             sum += if seen.inside() { t } else { 0.0 };
         }

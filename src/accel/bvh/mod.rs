@@ -23,8 +23,8 @@ macro_rules! with_tier {
 mod bounds;
 mod build;
 mod exact;
-mod found;
 mod frustum;
+mod hits;
 #[doc(hidden)]
 pub mod kernels;
 mod near;
@@ -42,7 +42,7 @@ pub use self::validate::Stats;
 
 use self::bounds::Bounds3;
 use self::build::Tree;
-use self::found::Found;
+use self::hits::ClosestHits;
 use self::packet::{Packet, Stacks};
 use self::query::Query;
 use self::simd::{Path, Stack, Tier};
@@ -106,7 +106,7 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
     fn run(self) {
         let Self { tier, bvh, active, packet } = self;
         let query = Query::new(&packet.rays, &bvh.tree.bounds);
-        let mut found = Found::nothing(&packet.rays);
+        let mut found = ClosestHits::new(&packet.rays);
         let mut stack = Stack::new();
         for i in 0..LANES {
             if active.0[i] != 0 {
@@ -137,7 +137,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
         let Self { tier, bvh, active, packet } = self;
         let query = Query::new(&packet.rays, &bvh.tree.bounds);
         let scene = (&bvh.tree, bvh.geometry);
-        let mut found = Found::nothing(&packet.rays);
+        let mut found = ClosestHits::new(&packet.rays);
         let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (*active, Mask::NONE);
         while rest.any() {
@@ -205,9 +205,9 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
                 continue;
             }
             let packet = Packet::new(tier, scene, (&query, rays), &part);
-            let stopped = packet.occluded(&mut stacks);
+            let occluded = packet.occluded(&mut stacks);
             for i in 0..LANES {
-                rays.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { rays.tfar[i] };
+                rays.tfar[i] = if occluded[i] != 0 { f32::NEG_INFINITY } else { rays.tfar[i] };
             }
         }
         stacks.keep();

@@ -23,33 +23,33 @@ static AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 /// # Boxes
 ///
 /// A slab is `t = plane * inverse - offset`, in one fused operation or two. Every box is widened by
-/// `margin`, which the offsets include. Every distance is widened by 4u, which the inverses
+/// `box_slack`, which the offsets include. Every distance is widened by 4u, which the inverses
 /// include. So no rounding prunes a hit of [`super::exact`]:
 ///
 /// - The triangle test moves a vertex by at most 6u max|v - o| in the plane normal to the dominant
 ///   axis (see there). So a ray that hits passes within that distance of the triangle, and hence of
-///   its box. The test keeps the hit within 64u max|v - o| of that box. Therefore `margin` >= 64u
-///   max|v - o| over the scene's box.
-/// - Three roundings move a plane by at most 4u|o|: of `o + margin`, of its product with the
-///   inverse, and of the second operand of the fused operation. They are part of `margin`.
+///   its box. The test keeps the hit within 64u max|v - o| of that box. Therefore `box_slack` >=
+///   64u max|v - o| over the scene's box.
+/// - Three roundings move a plane by at most 4u|o|: of `o + box_slack`, of its product with the
+///   inverse, and of the second operand of the fused operation. They are part of `box_slack`.
 /// - The inverse and the last rounding have relative errors of at most 3.5u together. So 4u are
 ///   subtracted from the near distance and added to the far one (Ize 2013, JCGT 2(2)). Near
 ///   distances below zero do not matter, because t starts at `tnear` >= 0.
-/// - A component below `MIN_DIRECTION` is raised to it. The ray strays by at most MIN_DIRECTION
-///   times the scene's size: 2^-60, compared with 2^-22 in `margin`.
+/// - A component below `MIN_DIRECTION` is raised to it. The ray strays by at most `MIN_DIRECTION`
+///   times the scene's size: 2^-60, compared with 2^-22 in `box_slack`.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct Query {
     /// Inverse direction, reduced by 4u.
     pub near_inverse: [[f32; LANES]; 3],
-    /// (origin + margin) * near_inverse; the margin has the sign of the direction.
+    /// `(origin + box_slack) * near_inverse`; `box_slack` has the sign of the direction.
     pub near_offset: [[f32; LANES]; 3],
     /// Inverse direction, enlarged by 4u.
     pub far_inverse: [[f32; LANES]; 3],
-    /// (origin - margin) * far_inverse; the margin has the sign of the direction.
+    /// `(origin - box_slack) * far_inverse`; `box_slack` has the sign of the direction.
     pub far_offset: [[f32; LANES]; 3],
     /// How far boxes are widened in each direction.
-    pub margin: [f32; LANES],
+    pub box_slack: [f32; LANES],
     /// Start of the segment, scaled and reduced by 4u.
     pub tnear: [f32; LANES],
     /// End of the segment, scaled and enlarged by 4u.
@@ -90,7 +90,7 @@ impl Query {
             (direction[0][i], direction[1][i], direction[2][i]) = (x * down, y * down, z * down);
         }
         let (lower, upper) = (scene.lower(), scene.upper());
-        let (mut margin, mut least) = ([0.0f32; LANES], [0.0f32; LANES]);
+        let (mut box_slack, mut min_component) = ([0.0f32; LANES], [0.0f32; LANES]);
         for i in 0..LANES {
             let (mut reach, mut origin) = (0.0f32, 0.0f32);
             for axis in 0..3 {
@@ -99,11 +99,11 @@ impl Query {
                 origin = max(origin, o.abs());
             }
             // Coordinates beyond 2^62 would overflow when multiplied by 1 / MIN_DIRECTION. There
-            // the smallest component is larger, and the margin includes how far the ray strays by
+            // the smallest component is larger, and `box_slack` includes how far the ray strays by
             // that.
             let lift = max(MIN_DIRECTION, (reach + origin) * (16.0 / f32::MAX));
-            least[i] = lift;
-            margin[i] =
+            min_component[i] = lift;
+            box_slack[i] =
                 (66.0 * U + 2.0 * lift) * reach + 4.0 * U * origin + 4.0 * f32::MIN_POSITIVE;
         }
         let mut octant = [0u32; LANES];
@@ -112,9 +112,9 @@ impl Query {
         for axis in 0..3 {
             for i in 0..LANES {
                 let d = direction[axis][i];
-                let d = max(d.abs(), least[i]).copysign(d);
+                let d = max(d.abs(), min_component[i]).copysign(d);
                 let inverse = 1.0 / d;
-                let out = margin[i].copysign(d);
+                let out = box_slack[i].copysign(d);
                 let (near, far) = (inverse * (1.0 - 4.0 * U), inverse * (1.0 + 4.0 * U));
                 let o = rays.org[axis][i];
                 near_inverse[axis][i] = near;
@@ -155,7 +155,7 @@ impl Query {
             near_offset,
             far_inverse,
             far_offset,
-            margin,
+            box_slack,
             tnear,
             tfar,
             scale,
@@ -198,7 +198,7 @@ impl Query {
     /// Converts the parameter `t` of a hit of ray `i` to a new `tfar`: scaled, and enlarged to
     /// compensate underflow.
     #[inline(always)]
-    pub fn end(&self, i: usize, t: f64) -> f32 {
+    pub fn scaled_end(&self, i: usize, t: f64) -> f32 {
         (t as f32 + f32::MIN_POSITIVE) * self.scale[i] + f32::MIN_POSITIVE
     }
 
@@ -284,14 +284,15 @@ impl Lane<'_> {
     /// Returns the values for tests of boxes.
     #[inline(always)]
     pub fn slabs(&self) -> Slabs {
-        let (q, of) =
-            (self.query, |m: &[[f32; LANES]; 3]| [self.of(&m[0]), self.of(&m[1]), self.of(&m[2])]);
+        let (q, axes) = (self.query, |m: &[[f32; LANES]; 3]| {
+            [self.value(&m[0]), self.value(&m[1]), self.value(&m[2])]
+        });
         Slabs {
-            near_inverse: of(&q.near_inverse),
-            near_offset: of(&q.near_offset),
-            far_inverse: of(&q.far_inverse),
-            far_offset: of(&q.far_offset),
-            tnear: self.of(&q.tnear),
+            near_inverse: axes(&q.near_inverse),
+            near_offset: axes(&q.near_offset),
+            far_inverse: axes(&q.far_inverse),
+            far_offset: axes(&q.far_offset),
+            tnear: self.value(&q.tnear),
             enter: self.enter,
             leave: self.leave,
         }
@@ -299,7 +300,7 @@ impl Lane<'_> {
 
     /// Returns this ray's value of an array of [`Query`].
     #[inline(always)]
-    pub fn of(&self, member: &[f32; LANES]) -> f32 {
+    pub fn value(&self, member: &[f32; LANES]) -> f32 {
         member[self.i % LANES]
     }
 
@@ -313,13 +314,13 @@ impl Lane<'_> {
     /// ray.
     #[inline(always)]
     pub fn depth_of(&self, z: f32) -> f32 {
-        z - self.of(&self.query.origin[2])
+        z - self.value(&self.query.origin[2])
     }
 
-    /// See [`Query::end`].
+    /// See [`Query::scaled_end`].
     #[inline(always)]
-    pub fn end(&self, t: f64) -> f32 {
-        self.query.end(self.i % LANES, t)
+    pub fn scaled_end(&self, t: f64) -> f32 {
+        self.query.scaled_end(self.i % LANES, t)
     }
 
     /// See [`Query::within`].
@@ -336,8 +337,8 @@ impl Lane<'_> {
         let (origin, shear) = (&self.query.origin, &self.query.shear);
         let depth = self.depth_of(z);
         [
-            (x - self.of(&origin[0])) - self.of(&shear[0]) * depth,
-            (y - self.of(&origin[1])) - self.of(&shear[1]) * depth,
+            (x - self.value(&origin[0])) - self.value(&shear[0]) * depth,
+            (y - self.value(&origin[1])) - self.value(&shear[1]) * depth,
             depth,
         ]
     }

@@ -1,8 +1,8 @@
 //! Traversal of the tree by one ray.
 
 use super::build::Tree;
-use super::exact::{Ray64, Sheared, depths};
-use super::found::Found;
+use super::exact::{Ray64, ShearedTriangle, depth_range};
+use super::hits::ClosestHits;
 use super::node::{Child, Kind};
 use super::query::Lane;
 use super::simd::{Path, Stack, Tier};
@@ -11,10 +11,10 @@ use crate::ray::{LANES, NONE, Rays};
 
 /// The closest hit of a ray so far.
 #[derive(Debug, Clone, Copy)]
-pub struct Best {
+pub struct ClosestHit {
     /// Ray parameter. Without a hit, the end of the segment.
     pub t: f64,
-    /// `t` scaled for tests of boxes: see [`super::query::Query::end`].
+    /// `t` scaled for tests of boxes: see [`super::query::Query::scaled_end`].
     pub tfar: f32,
     /// Primitive number in the whole scene, or [`NONE`].
     pub primitive: u32,
@@ -24,7 +24,7 @@ pub struct Best {
     second_half: bool,
 }
 
-impl Best {
+impl ClosestHit {
     /// Returns the hit of a sphere.
     fn sphere(t: f64, tfar: f32, primitive: u32) -> Self {
         Self { t, tfar, primitive, edges: [1.0, 0.0, 0.0], second_half: false }
@@ -32,13 +32,13 @@ impl Best {
 
     /// Returns a lane of a packet's closest hits.
     #[inline(always)]
-    pub fn of(found: &Found, i: usize, tfar: f32) -> Self {
+    pub fn from_lane(found: &ClosestHits, i: usize, tfar: f32) -> Self {
         Self::sphere(found.t[i], tfar, found.primitive[i])
     }
 
     /// Writes the hit to a lane of a packet's closest hits.
     #[inline(always)]
-    pub fn store(&self, found: &mut Found, i: usize) {
+    pub fn store(&self, found: &mut ClosestHits, i: usize) {
         // Converted to f32 only after normalisation: edge functions of large coordinates may exceed
         // f32.
         let [u, v, w] = self.edges;
@@ -53,7 +53,7 @@ impl Best {
     /// Whether a hit at `t` replaces this one: it is closer, or equally far with a lower primitive
     /// number.
     #[inline(always)]
-    fn gives_way(&self, t: f64, primitive: u32) -> bool {
+    fn is_replaced_by(&self, t: f64, primitive: u32) -> bool {
         t < self.t || (t == self.t && primitive < self.primitive && self.primitive != NONE)
     }
 }
@@ -89,21 +89,21 @@ impl<'a, T: Tier> Single<'a, T> {
 
     /// Returns the state without a hit.
     #[inline(always)]
-    pub fn nothing(&self) -> Best {
-        Best::sphere(self.ray().tfar, self.lane.of(&self.lane.query.tfar), NONE)
+    pub fn no_hit(&self) -> ClosestHit {
+        ClosestHit::sphere(self.ray().tfar, self.lane.value(&self.lane.query.tfar), NONE)
     }
 
     /// Returns the closest hit.
     #[inline(always)]
-    pub fn closest(&self, stack: &mut Stack) -> Best {
-        let mut best = self.nothing();
+    pub fn closest(&self, stack: &mut Stack) -> ClosestHit {
+        let mut best = self.no_hit();
         self.closest_below(Child::node(0), stack, &mut best);
         best
     }
 
     /// Updates the closest hit with the subtree below `child`.
     #[inline(always)]
-    pub fn closest_below(&self, child: Child, stack: &mut Stack, best: &mut Best) {
+    pub fn closest_below(&self, child: Child, stack: &mut Stack, best: &mut ClosestHit) {
         let mut child = child;
         loop {
             if let Kind::Node(index) = child.kind() {
@@ -138,8 +138,8 @@ impl<'a, T: Tier> Single<'a, T> {
     #[inline(always)]
     pub fn occluded_below(&self, child: Child, path: &mut Path) -> bool {
         let Kind::Node(mut index) = child.kind() else { return self.any_in_leaf(child) };
-        let tfar = self.lane.of(&self.lane.query.tfar);
-        let mut left = self.tier.met(&self.tree.nodes[index], &self.lane, tfar);
+        let tfar = self.lane.value(&self.lane.query.tfar);
+        let mut left = self.tier.hit_children(&self.tree.nodes[index], &self.lane, tfar);
         loop {
             while left == 0 {
                 let Some(step) = path.pop() else { return false };
@@ -154,7 +154,7 @@ impl<'a, T: Tier> Single<'a, T> {
                     self.tree.prefetch(node.first(left));
                 }
                 index = below;
-                left = self.tier.met(&self.tree.nodes[index], &self.lane, tfar);
+                left = self.tier.hit_children(&self.tree.nodes[index], &self.lane, tfar);
             } else if self.any_in_leaf(child) {
                 path.clear();
                 return true;
@@ -164,7 +164,7 @@ impl<'a, T: Tier> Single<'a, T> {
 
     /// Updates the closest hit with a leaf.
     #[inline(always)]
-    pub fn closest_in_leaf(&self, leaf: Child, best: &mut Best) {
+    pub fn closest_in_leaf(&self, leaf: Child, best: &mut ClosestHit) {
         match leaf.kind() {
             Kind::Triangles(index) => self.closest_in_block(index, best),
             Kind::Spheres(index) => self.closest_in_spheres(index, best),
@@ -184,7 +184,7 @@ impl<'a, T: Tier> Single<'a, T> {
 
     /// Updates the closest hit with a leaf of triangles.
     #[inline(always)]
-    pub fn closest_in_block(&self, index: usize, best: &mut Best) {
+    pub fn closest_in_block(&self, index: usize, best: &mut ClosestHit) {
         let block = &self.tree.blocks[index];
         let found = self.tier.candidates(block, &self.lane, best.tfar);
         let mut left = found.maybe;
@@ -196,17 +196,17 @@ impl<'a, T: Tier> Single<'a, T> {
             if primitive == self.leaving {
                 continue;
             }
-            let seen = Sheared::new(&self.lane, block, slot);
+            let seen = ShearedTriangle::new(&self.lane, block, slot);
             if (found.sure >> i) & 1 == 0 && !seen.inside() {
                 continue;
             }
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
-            let closer = t > ray.tnear && best.gives_way(t, primitive);
-            if closer && (seen.is_ahead(&ray) || ray.is_started(t, block.triangle(slot))) {
-                let tfar = self.lane.end(t);
+            let closer = t > ray.tnear && best.is_replaced_by(t, primitive);
+            if closer && (seen.is_ahead(&ray) || ray.starts_before(t, block.triangle(slot))) {
+                let tfar = self.lane.scaled_end(t);
                 let second_half = block.is_second_half(slot);
-                *best = Best { t, tfar, primitive, edges: seen.edges, second_half };
+                *best = ClosestHit { t, tfar, primitive, edges: seen.edges, second_half };
             }
         }
     }
@@ -215,7 +215,7 @@ impl<'a, T: Tier> Single<'a, T> {
     #[inline(always)]
     pub fn any_in_block(&self, index: usize) -> bool {
         let block = &self.tree.blocks[index];
-        let found = self.tier.candidates(block, &self.lane, self.lane.of(&self.lane.query.tfar));
+        let found = self.tier.candidates(block, &self.lane, self.lane.value(&self.lane.query.tfar));
         let mut left = found.maybe;
         while left != 0 {
             let i = left.trailing_zeros();
@@ -225,14 +225,14 @@ impl<'a, T: Tier> Single<'a, T> {
                 continue;
             }
             let sure = (found.sure >> i) & 1 != 0;
-            let (first, last) = depths(&self.lane, block, slot);
+            let (first, last) = depth_range(&self.lane, block, slot);
             // t lies between the depths of the corners. If these lie inside the segment, t need not
             // be computed.
             let within = self.lane.within(first, last);
             if sure && within {
                 return true;
             }
-            let seen = Sheared::new(&self.lane, block, slot);
+            let seen = ShearedTriangle::new(&self.lane, block, slot);
             if !sure && !seen.inside() {
                 continue;
             }
@@ -242,7 +242,7 @@ impl<'a, T: Tier> Single<'a, T> {
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
             let within = t > ray.tnear && t < ray.tfar;
-            if within && (seen.is_ahead(&ray) || ray.is_started(t, block.triangle(slot))) {
+            if within && (seen.is_ahead(&ray) || ray.starts_before(t, block.triangle(slot))) {
                 return true;
             }
         }
@@ -251,12 +251,12 @@ impl<'a, T: Tier> Single<'a, T> {
 
     /// Updates the closest hit with a leaf of spheres.
     #[inline(never)]
-    pub fn closest_in_spheres(&self, index: usize, best: &mut Best) {
+    pub fn closest_in_spheres(&self, index: usize, best: &mut ClosestHit) {
         for id in self.tree.spheres[index].0 {
             let Some((t, primitive)) = self.sphere_hit(id, best.t) else { continue };
-            if best.gives_way(t, primitive) {
-                let tfar = self.lane.end(t);
-                *best = Best::sphere(t, tfar, primitive);
+            if best.is_replaced_by(t, primitive) {
+                let tfar = self.lane.scaled_end(t);
+                *best = ClosestHit::sphere(t, tfar, primitive);
             }
         }
     }
@@ -272,7 +272,7 @@ impl<'a, T: Tier> Single<'a, T> {
     #[inline(always)]
     fn sphere_hit(&self, id: u32, tfar: f64) -> Option<(f64, u32)> {
         let sphere = self.geometry.spheres.get(id as usize)?;
-        self.tier.meets_sphere();
+        self.tier.count_sphere_test();
         let ray = self.ray();
         let (origin, direction) = (ray.origin.into(), ray.direction.into());
         if sphere.surely_missed(origin, direction) {

@@ -74,15 +74,15 @@ impl Bvh<'_> {
     /// Describes the first violation.
     pub fn validate(&self) -> Result<Stats, String> {
         let total = self.geometry.bases().last().map_or(0, |&n| n as usize);
-        let mut walk = Walk { bvh: self, seen: vec![0; total], stats: Stats::default() };
-        let bounds = walk.node(0, 1)?;
+        let mut validator = Validator { bvh: self, seen: vec![0; total], stats: Stats::default() };
+        let bounds = validator.node(0, 1)?;
         same(&bounds, &self.tree.bounds).map_err(|e| format!("the scene's box: {e}"))?;
-        walk.finish()
+        validator.finish()
     }
 }
 
 /// State of a validation.
-struct Walk<'a> {
+struct Validator<'a> {
     bvh: &'a Bvh<'a>,
     /// Parts seen of each primitive: bit 0 for the first half or the whole, bit 1 for the second
     /// half.
@@ -90,7 +90,7 @@ struct Walk<'a> {
     stats: Stats,
 }
 
-impl Walk<'_> {
+impl Validator<'_> {
     /// Checks a subtree whose root is on the given level. Returns its box.
     fn node(&mut self, index: usize, level: usize) -> Result<Bounds3, String> {
         let tree = &self.bvh.tree;
@@ -158,7 +158,7 @@ impl Walk<'_> {
             }
             self.see(primitive, if second { 2 } else { 1 }).map_err(place)?;
             self.stats.triangles += 1;
-            bounds = bounds.union(Bounds3::of(&kept));
+            bounds = bounds.union(Bounds3::from_points(&kept));
         }
         if block.present == 0 {
             return Err(place("is empty".into()));

@@ -3,7 +3,7 @@
 
 use std::cell::Cell;
 
-use super::frustum::{Frustum, Least};
+use super::frustum::{Frustum, HorizontalMin};
 use super::node::{Block, Child, Node, WIDTH};
 use super::query::Lane;
 use super::simd::{Candidates, Stack, Tier};
@@ -43,9 +43,9 @@ pub struct Counting<'c, T> {
     pub counts: &'c Counts,
 }
 
-impl<T: Tier> Least for Counting<'_, T> {
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
-        self.tier.least(v)
+impl<T: Tier> HorizontalMin for Counting<'_, T> {
+    fn horizontal_min(self, v: &[f32; WIDTH]) -> f32 {
+        self.tier.horizontal_min(v)
     }
 }
 
@@ -61,19 +61,19 @@ impl<T: Tier> Tier for Counting<'_, T> {
         self.tier.nearest(node, lane, tfar, stack)
     }
 
-    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+    fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
         self.counts.node();
-        self.tier.met(node, lane, tfar)
+        self.tier.hit_children(node, lane, tfar)
     }
 
-    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
+    fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         self.counts.node();
-        self.tier.overlaps(node, frustum, end)
+        self.tier.children_in_frustum(node, frustum, end)
     }
 
-    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
+    fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         self.counts.primitives(block.present.count_ones());
-        self.tier.overlapping(block, frustum, end)
+        self.tier.triangles_in_frustum(block, frustum, end)
     }
 
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32 {
@@ -85,7 +85,7 @@ impl<T: Tier> Tier for Counting<'_, T> {
         self.tier.candidates(block, lane, tfar)
     }
 
-    fn meets_sphere(self) {
+    fn count_sphere_test(self) {
         self.counts.primitives(1);
     }
 }

@@ -18,13 +18,13 @@ use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
 /// From this many references on, the two subtrees are built in parallel.
-const PARALLEL: usize = 4096;
+const MIN_PARALLEL: usize = 4096;
 
 /// From this many references on, bins are filled in parallel.
-const PARALLEL_BINS: usize = 1 << 16;
+const MIN_PARALLEL_BINS: usize = 1 << 16;
 
 /// Below this level sets are halved by number. That ends after at most 32 more levels.
-const SAH_LEVELS: usize = MAX_DEPTH - 33;
+const MAX_SAH_LEVELS: usize = MAX_DEPTH - 33;
 
 /// A node of the binary tree. The left child is the next node in the array.
 #[derive(Debug, Clone, Copy)]
@@ -67,7 +67,7 @@ impl Leaf {
 }
 
 /// Bytes per reference that [`build`] holds besides the references, approximately.
-pub const SCRATCH: u64 = 24;
+pub const SCRATCH_BYTES: u64 = 24;
 
 /// Builds the tree. Sorts `references` so that those of a leaf are contiguous.
 ///
@@ -168,7 +168,7 @@ impl Builder<'_> {
             return Pieces::one(vec![Binary { first: set.first, ..Binary::UNFINISHED }]);
         }
         let n = set.references.len();
-        if n < PARALLEL {
+        if n < MIN_PARALLEL {
             let bins = &mut Bins::EMPTY.clone();
             // Enough for scans: leaves of 11 references, and the nodes above them.
             let mut out = Vec::with_capacity(n / 4);
@@ -177,7 +177,7 @@ impl Builder<'_> {
             self.monitor.set_done(done * 900 / self.total);
             return Pieces::one(out);
         }
-        let (left, right) = divide(self.isa, set);
+        let (left, right) = split(self.isa, set);
         let (left, right) = rayon::join(|| self.subtree(left), || self.subtree(right));
         Pieces::join(left, right)
     }
@@ -198,7 +198,7 @@ impl Builder<'_> {
         }
         let node = out.len();
         out.push(Binary::UNFINISHED);
-        let (left, right) = divide_serial(set, bins);
+        let (left, right) = split_serial(set, bins);
         self.recurse(left, bins, out);
         let behind = out.len();
         self.recurse(right, bins, out);
@@ -250,37 +250,37 @@ fn fits(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
 
 /// Splits a set into a left and a right part. Neither is empty.
 #[inline(always)]
-fn divide_serial<'r>(set: Set<'r>, bins: &mut Bins) -> (Set<'r>, Set<'r>) {
-    if set.depth >= SAH_LEVELS {
+fn split_serial<'r>(set: Set<'r>, bins: &mut Bins) -> (Set<'r>, Set<'r>) {
+    if set.depth >= MAX_SAH_LEVELS {
         return halve(set);
     }
     let grid = Grid::new(&set.centroids);
     *bins = Bins::EMPTY;
     bins.add(&grid, set.references);
-    part(set, &grid, bins)
+    split_by_bins(set, &grid, bins)
 }
 
-/// Splits a set like [`divide_serial`], but fills the bins of a large set in parallel.
-fn divide(isa: Isa, set: Set) -> (Set, Set) {
-    if set.references.len() < PARALLEL_BINS || set.depth >= SAH_LEVELS {
-        return simd::dispatch(isa, DivideSerial(set));
+/// Splits a set like [`split_serial`], but fills the bins of a large set in parallel.
+fn split(isa: Isa, set: Set) -> (Set, Set) {
+    if set.references.len() < MIN_PARALLEL_BINS || set.depth >= MAX_SAH_LEVELS {
+        return simd::dispatch(isa, SplitSerial(set));
     }
     let grid = Grid::new(&set.centroids);
     let bins = set
         .references
-        .par_chunks(PARALLEL_BINS / 4)
+        .par_chunks(MIN_PARALLEL_BINS / 4)
         .map(|part| simd::dispatch(isa, Fill { grid: &grid, part }))
         .reduce(|| Bins::EMPTY, |a, b| a.merge(&b));
-    simd::dispatch(isa, PartBy { set, grid: &grid, bins: &bins })
+    simd::dispatch(isa, SplitByBins { set, grid: &grid, bins: &bins })
 }
 
-struct DivideSerial<'r>(Set<'r>);
+struct SplitSerial<'r>(Set<'r>);
 
-impl<'r> Kernel for DivideSerial<'r> {
+impl<'r> Kernel for SplitSerial<'r> {
     type Output = (Set<'r>, Set<'r>);
     #[inline(always)]
     fn run(self) -> Self::Output {
-        divide_serial(self.0, &mut Bins::EMPTY.clone())
+        split_serial(self.0, &mut Bins::EMPTY.clone())
     }
 }
 
@@ -299,23 +299,23 @@ impl Kernel for Fill<'_> {
     }
 }
 
-struct PartBy<'r, 'b> {
+struct SplitByBins<'r, 'b> {
     set: Set<'r>,
     grid: &'b Grid,
     bins: &'b Bins,
 }
 
-impl<'r> Kernel for PartBy<'r, '_> {
+impl<'r> Kernel for SplitByBins<'r, '_> {
     type Output = (Set<'r>, Set<'r>);
     #[inline(always)]
     fn run(self) -> Self::Output {
-        part(self.set, self.grid, self.bins)
+        split_by_bins(self.set, self.grid, self.bins)
     }
 }
 
 /// Splits a set at the best plane of its bins, or by number if there is none.
 #[inline(always)]
-fn part<'r>(set: Set<'r>, grid: &Grid, bins: &Bins) -> (Set<'r>, Set<'r>) {
+fn split_by_bins<'r>(set: Set<'r>, grid: &Grid, bins: &Bins) -> (Set<'r>, Set<'r>) {
     let Some(split) = bins.best(grid) else { return halve(set) };
     let (middle, sides) = partition(set.references, grid, &split);
     if middle == 0 || middle == set.references.len() {
@@ -338,7 +338,7 @@ fn split_at(set: Set, middle: usize, [left, right]: [Bounds3; 2]) -> (Set, Set) 
 fn centroids_of(references: &[Reference]) -> Bounds3 {
     references
         .par_iter()
-        .with_min_len(PARALLEL)
+        .with_min_len(MIN_PARALLEL)
         .map(|reference| reference.bounds.center2_point())
         .reduce(|| Bounds3::EMPTY, Bounds3::union)
 }

@@ -14,12 +14,12 @@ struct Vertices {
     /// Geometry and index of each vertex, as first added.
     names: [u64; WIDTH],
     /// Cache of slots by a hash of the name. It finds most corners without comparing coordinates.
-    places: [u8; HASHES],
+    slots: [u8; HASH_SLOTS],
     len: usize,
 }
 
 /// Size of the cache: large enough for few collisions.
-const HASHES: usize = 64;
+const HASH_SLOTS: usize = 64;
 
 /// Bits of an unused coordinate. They are those of a NaN, so no vertex has them.
 const NO_COORDINATE: u32 = u32::MAX;
@@ -30,7 +30,7 @@ impl Vertices {
         y: [NO_COORDINATE; WIDTH],
         z: [NO_COORDINATE; WIDTH],
         names: [u64::MAX; WIDTH],
-        places: [0; HASHES],
+        slots: [0; HASH_SLOTS],
         len: 0,
     };
 
@@ -38,41 +38,41 @@ impl Vertices {
     /// room.
     #[inline(always)]
     fn triangle(&mut self, geometry: &Geometry, reference: &Reference) -> Option<[u8; 3]> {
-        let mut places = [0; 3];
+        let mut slots = [0; 3];
         let (geom, prim) = (reference.geometry(), reference.primitive());
         // Loops, because closures would be compiled for the portable instruction set.
         if let Some(mesh) = geometry.meshes.get(geom as usize) {
             let corners = mesh.triangles()[prim as usize];
             for k in 0..3 {
                 let name = u64::from(geom) << 32 | u64::from(corners[k]);
-                let hash = (corners[k].wrapping_mul(0x9e37_79b1) >> 26) as usize % HASHES;
-                let place = self.places[hash];
-                places[k] = if self.names[usize::from(place) % WIDTH] == name {
-                    place
+                let hash = (corners[k].wrapping_mul(0x9e37_79b1) >> 26) as usize % HASH_SLOTS;
+                let slot = self.slots[hash];
+                slots[k] = if self.names[usize::from(slot) % WIDTH] == name {
+                    slot
                 } else {
-                    let place = self.place(mesh.padded_vertices()[corners[k] as usize], name)?;
-                    self.places[hash] = place;
-                    place
+                    let slot = self.slot(mesh.padded_vertices()[corners[k] as usize], name)?;
+                    self.slots[hash] = slot;
+                    slot
                 };
             }
         } else {
             let corners = reference.corners(geometry)?;
             for k in 0..3 {
-                places[k] = self.place(corners[k], u64::MAX)?;
+                slots[k] = self.slot(corners[k], u64::MAX)?;
             }
         }
-        Some(places)
+        Some(slots)
     }
 
     /// Returns the slot of a vertex with these coordinates. Adds it if it is new.
     #[inline(always)]
-    fn place(&mut self, vertex: [f32; 3], name: u64) -> Option<u8> {
+    fn slot(&mut self, vertex: [f32; 3], name: u64) -> Option<u8> {
         let [x, y, z] = vertex.map(f32::to_bits);
-        let mut maybe = false;
+        let mut may_exist = false;
         for i in 0..WIDTH {
-            maybe |= self.x[i] == x;
+            may_exist |= self.x[i] == x;
         }
-        if maybe {
+        if may_exist {
             for i in 0..self.len {
                 if (self.x[i], self.y[i], self.z[i]) == (x, y, z) {
                     return Some(i as u8);

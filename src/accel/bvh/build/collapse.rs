@@ -50,7 +50,7 @@ impl Tree {
 }
 
 /// From this many binary nodes on, two subtrees are processed in parallel.
-const PARALLEL: usize = 1 << 14;
+const MIN_PARALLEL: usize = 1 << 14;
 
 /// Collapses a binary tree. An empty one becomes a root without children. Wide nodes refer to
 /// leaves by number; the leaves themselves are not made here.
@@ -99,7 +99,7 @@ fn slots(binary: &[Binary], plan: &mut [Plan]) -> [f32; WIDTH] {
     }
     let (own, below) = plan.split_at_mut(1);
     let (below_left, below_right) = below.split_at_mut(right - 1);
-    let (a, b) = if binary.len() >= PARALLEL {
+    let (a, b) = if binary.len() >= MIN_PARALLEL {
         rayon::join(
             || slots(&binary[1..right], below_left),
             || slots(&binary[right..], below_right),
@@ -130,10 +130,10 @@ fn slots(binary: &[Binary], plan: &mut [Plan]) -> [f32; WIDTH] {
 
 /// Returns the wide tree below a binary node, its root first, and the number of its levels.
 fn wide(binary: &[Binary], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
-    let children = Children::of(binary, plan, root);
+    let children = Children::new(binary, plan, root);
     let inner = children.indices().iter().filter(|&&i| binary[i].right != 0).count();
     let size = |&i: &usize| binary[i].right as usize;
-    if inner == 0 || children.indices().iter().map(size).sum::<usize>() < PARALLEL {
+    if inner == 0 || children.indices().iter().map(size).sum::<usize>() < MIN_PARALLEL {
         let mut nodes = Vec::new();
         let depth = append(binary, plan, root, &mut nodes);
         return (nodes, depth);
@@ -167,7 +167,7 @@ fn wide(binary: &[Binary], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
 
 /// Appends the wide tree below a binary node. Returns the number of its levels.
 fn append(binary: &[Binary], plan: &[Plan], root: usize, nodes: &mut Vec<Node>) -> usize {
-    let children = Children::of(binary, plan, root);
+    let children = Children::new(binary, plan, root);
     let place = nodes.len();
     nodes.push(Node::EMPTY);
     let mut starts = [0; WIDTH];
@@ -189,7 +189,7 @@ struct Children {
 }
 
 impl Children {
-    fn of(binary: &[Binary], plan: &[Plan], root: usize) -> Self {
+    fn new(binary: &[Binary], plan: &[Plan], root: usize) -> Self {
         let mut children = Self { index: [0; WIDTH], len: 0 };
         let right = binary[root].right as usize;
         if right == 0 {

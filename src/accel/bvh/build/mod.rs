@@ -22,7 +22,7 @@ use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
 /// Trees of more bytes are prefetched during traversal. The effect is in docs/notebook/bvh.md.
-const LARGE: u64 = 64 << 20;
+const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 
 /// Builds the tree on the current rayon pool. Also returns the most bytes that the build held at a
 /// time.
@@ -51,7 +51,7 @@ pub fn build(
     let mut references = simd::dispatch(isa, References(geometry))?;
     // The nodes are allocated in many small pieces, so the memory for all of them is probed in
     // advance.
-    reserve::probe(binary::SCRATCH * count as u64, "bvh")?;
+    reserve::probe(binary::SCRATCH_BYTES * count as u64, "bvh")?;
     monitor.check()?;
     let mut nodes = binary::build(geometry, &mut references, isa, monitor)?;
     monitor.check()?;
@@ -75,11 +75,12 @@ pub fn build(
         + tree.bytes()
         + (triangles.len() * size_of::<Block>() + leaves.len() * size_of::<&Leaf>()) as u64;
     let peak = within(collapsing.max(filling))?;
-    let of = |i: usize| triangles.get(i).map_or(&[][..], |leaf| &references[leaf.range()]);
+    let leaf_references =
+        |i: usize| triangles.get(i).map_or(&[][..], |leaf| &references[leaf.range()]);
     reserve::exact(&mut tree.blocks, triangles.len(), "bvh")?;
     let block = |i: usize| {
-        let next = [of(i + 1), of(i + 2)];
-        simd::dispatch(isa, MakeBlock { geometry, references: of(i), next })
+        let next = [leaf_references(i + 1), leaf_references(i + 2)];
+        simd::dispatch(isa, MakeBlock { geometry, references: leaf_references(i), next })
     };
     (0..triangles.len()).into_par_iter().map(block).collect_into_vec(&mut tree.blocks);
     reserve::exact(&mut tree.spheres, spheres.len(), "bvh")?;
@@ -91,7 +92,7 @@ pub fn build(
         SphereLeaf(ids)
     }));
     tree.bounds = references.par_iter().map(|r| r.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
-    tree.is_large = tree.bytes() > LARGE;
+    tree.is_large = tree.bytes() > MAX_UNPREFETCHED_BYTES;
     Ok((tree, peak))
 }
 

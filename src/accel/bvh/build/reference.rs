@@ -72,13 +72,13 @@ pub fn references(geometry: &Geometry) -> Result<Vec<Reference>> {
     reserve::exact(&mut references, count(geometry), "bvh")?;
     for (geom, mesh) in geometry.meshes.iter().enumerate() {
         references.par_extend((0..mesh.triangles().len() as u32).into_par_iter().map(|prim| {
-            Reference::new(Bounds3::of(&mesh.corners(prim)), geom as u32, prim, false)
+            Reference::new(Bounds3::from_points(&mesh.corners(prim)), geom as u32, prim, false)
         }));
     }
     for (prim, &[v0, v1, v2, v3]) in geometry.quads.iter().enumerate() {
         for (half, corners) in [[v0, v1, v3], [v2, v3, v1]].iter().enumerate() {
             let (geom, prim) = (geometry.quads_id(), prim as u32);
-            references.push(Reference::new(Bounds3::of(corners), geom, prim, half == 1));
+            references.push(Reference::new(Bounds3::from_points(corners), geom, prim, half == 1));
         }
     }
     for (prim, sphere) in geometry.spheres.iter().enumerate() {

@@ -9,11 +9,11 @@ pub const BINS: usize = 16;
 
 /// Sets of at least this many references are subsampled: only every third reference is binned. The
 /// splits are about as good.
-const SAMPLED: usize = 1024;
+const MIN_SUBSAMPLED: usize = 1024;
 
 /// Distance of the binned references of a subsampled set. Odd, because scans list triangles in
 /// pairs.
-const STRIDE: usize = 3;
+const SUBSAMPLE_STRIDE: usize = 3;
 
 /// Number and box of the references in each bin, for three axes. The centroid decides the bin.
 #[derive(Clone)]
@@ -87,7 +87,7 @@ impl Bins {
     /// Adds references.
     #[inline(always)]
     pub fn add(&mut self, grid: &Grid, references: &[Reference]) {
-        let stride = if references.len() >= SAMPLED { STRIDE } else { 1 };
+        let stride = if references.len() >= MIN_SUBSAMPLED { SUBSAMPLE_STRIDE } else { 1 };
         for reference in references.iter().step_by(stride) {
             let bins = grid.bin(reference);
             for axis in 0..3 {
@@ -124,7 +124,7 @@ impl Bins {
                 right_cost[bin][axis] = right[axis].half_area() * f64::from(n[axis]);
             }
         }
-        let mut least = [f64::INFINITY; 3];
+        let mut min_cost = [f64::INFINITY; 3];
         let mut at = [0; 3];
         let (mut left, mut n) = ([Bounds3::EMPTY; 3], [0; 3]);
         for bin in 1..BINS {
@@ -132,15 +132,15 @@ impl Bins {
                 left[axis] = left[axis].union(self.bounds[bin - 1][axis]);
                 n[axis] += self.counts[bin - 1][axis];
                 let cost = left[axis].half_area() * f64::from(n[axis]) + right_cost[bin][axis];
-                let better = cost < least[axis];
-                least[axis] = if better { cost } else { least[axis] };
+                let better = cost < min_cost[axis];
+                min_cost[axis] = if better { cost } else { min_cost[axis] };
                 at[axis] = if better { bin as u32 } else { at[axis] };
             }
         }
         let mut best: Option<(f64, Split)> = None;
         for axis in 0..3 {
-            if grid.scale[axis] != 0.0 && best.is_none_or(|(cost, _)| least[axis] < cost) {
-                best = Some((least[axis], Split { axis, bin: at[axis] }));
+            if grid.scale[axis] != 0.0 && best.is_none_or(|(cost, _)| min_cost[axis] < cost) {
+                best = Some((min_cost[axis], Split { axis, bin: at[axis] }));
             }
         }
         best.map(|(_, split)| split)

@@ -21,29 +21,29 @@ use crate::geometry::Geometry;
 use crate::ray::{LANES, Mask, Rays};
 
 /// A stack entry of a packet traversal.
-pub trait Waiting: Sized + 'static {
+pub trait StackEntry: Sized + 'static {
     /// The stack for tracing one ray alone.
-    type Alone;
+    type SingleStack;
     /// Returns an empty stack for one ray.
-    fn alone() -> Self::Alone;
+    fn single_stack() -> Self::SingleStack;
     /// Returns the packet stack of this thread. It is kept, so that its memory is reused.
-    fn kept() -> &'static LocalKey<Cell<Vec<Self>>>;
+    fn thread_stack() -> &'static LocalKey<Cell<Vec<Self>>>;
 }
 
 /// The stacks of a packet traversal.
-pub struct Stacks<E: Waiting> {
+pub struct Stacks<E: StackEntry> {
     /// Stack of the packet. Its memory belongs to the thread.
     packet: Vec<E>,
     /// Stack for tracing one ray alone.
-    single: E::Alone,
+    single: E::SingleStack,
 }
 
-impl<E: Waiting> Stacks<E> {
+impl<E: StackEntry> Stacks<E> {
     /// Takes the empty stacks of this thread. (Not through a closure: that would be compiled for
     /// the portable instruction set.)
     #[inline(always)]
     pub fn take() -> Self {
-        Self { packet: E::kept().take(), single: E::alone() }
+        Self { packet: E::thread_stack().take(), single: E::single_stack() }
     }
 
     /// Gives the stack back to the thread, for its next packet.
@@ -51,7 +51,7 @@ impl<E: Waiting> Stacks<E> {
     pub fn keep(self) {
         let mut stack = self.packet;
         stack.clear();
-        E::kept().set(stack);
+        E::thread_stack().set(stack);
     }
 }
 

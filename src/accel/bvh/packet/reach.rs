@@ -23,13 +23,14 @@ impl<T: Tier> Packet<'_, T> {
             match child.kind() {
                 Kind::Node(index) => {
                     let node = &self.tree.nodes[index];
-                    for place in Bits(self.tier.overlaps(node, &self.frustum, self.end)) {
+                    for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end))
+                    {
                         stack.push(node.children[node.ordered(self.frustum.octant, place)], 0.0);
                     }
                 }
                 Kind::Triangles(index) => {
                     let block = &self.tree.blocks[index];
-                    if self.tier.overlapping(block, &self.frustum, self.end) != 0 {
+                    if self.tier.triangles_in_frustum(block, &self.frustum, self.end) != 0 {
                         return true;
                     }
                 }

@@ -2,7 +2,7 @@
 //! no spheres.
 
 use super::{Bits, Packet};
-use crate::accel::bvh::found::Found;
+use crate::accel::bvh::hits::ClosestHits;
 use crate::accel::bvh::simd::Tier;
 use crate::accel::bvh::single::just_beyond;
 use crate::geometry::Sphere;
@@ -12,14 +12,14 @@ use crate::simd::Kernel;
 impl<T: Tier> Packet<'_, T> {
     /// Updates the closest hits of the rays that enter the box of a leaf.
     #[inline(never)]
-    pub fn closest_in_spheres(&mut self, index: usize, entering: u32, best: &mut Found) {
+    pub fn closest_in_spheres(&mut self, index: usize, entering: u32, best: &mut ClosestHits) {
         self.tier.run(Closest { packet: self, index, entering, best });
     }
 
-    /// Tests the rays that enter the box of a leaf. Adds the occluded ones to `stopped`.
+    /// Tests the rays that enter the box of a leaf. Adds the occluded ones to `occluded`.
     #[inline(never)]
-    pub fn any_in_spheres(&mut self, index: usize, entering: u32, stopped: &mut [i32; LANES]) {
-        self.tier.run(Any { packet: self, index, entering, stopped });
+    pub fn any_in_spheres(&mut self, index: usize, entering: u32, occluded: &mut [i32; LANES]) {
+        self.tier.run(Any { packet: self, index, entering, occluded });
     }
 
     /// Returns origin and direction of a ray in f64, unscaled.
@@ -46,7 +46,7 @@ impl<T: Tier> Packet<'_, T> {
             missed[i] = if misses { 1.0 } else { 0.0 };
         }
         for _ in 0..entering.count_ones() {
-            self.tier.meets_sphere();
+            self.tier.count_sphere_test();
         }
         let maybe = entering & self.tier.at_most(&missed, &[0.0; LANES]);
         let primitive = self.geometry.primitive(self.geometry.spheres_id(), id);
@@ -86,7 +86,7 @@ struct Closest<'s, 'a, T> {
     packet: &'s mut Packet<'a, T>,
     index: usize,
     entering: u32,
-    best: &'s mut Found,
+    best: &'s mut ClosestHits,
 }
 
 impl<T: Tier> Kernel for Closest<'_, '_, T> {
@@ -108,7 +108,7 @@ impl<T: Tier> Kernel for Closest<'_, '_, T> {
                     (best.t[i], best.primitive[i]) = (t[i], primitive);
                     (best.weights[0][i], best.weights[1][i], best.weights[2][i]) = (0.0, 0.0, 1.0);
                     best.second_half[i] = 0;
-                    packet.tfar[i] = packet.query.end(i, t[i]);
+                    packet.tfar[i] = packet.query.scaled_end(i, t[i]);
                 }
             }
         }
@@ -119,14 +119,14 @@ struct Any<'s, 'a, T> {
     packet: &'s mut Packet<'a, T>,
     index: usize,
     entering: u32,
-    stopped: &'s mut [i32; LANES],
+    occluded: &'s mut [i32; LANES],
 }
 
 impl<T: Tier> Kernel for Any<'_, '_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { packet, index, entering, stopped } = self;
+        let Self { packet, index, entering, occluded } = self;
         for id in packet.tree.spheres[index].0 {
             let Some((sphere, primitive, maybe)) = packet.candidate(id, entering) else { continue };
             let mut tfar = [0.0; LANES];
@@ -136,7 +136,7 @@ impl<T: Tier> Kernel for Any<'_, '_, T> {
             let t = packet.sphere_hits((&sphere, primitive), maybe, &tfar);
             for i in Bits(maybe) {
                 if t[i] < tfar[i] {
-                    stopped[i] = -1;
+                    occluded[i] = -1;
                 }
             }
         }

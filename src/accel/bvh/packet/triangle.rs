@@ -2,7 +2,7 @@
 //! [`exact`](crate::accel::bvh::exact), computed for 16 lanes.
 
 use super::Packet;
-use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, STEEP, Sheared};
+use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, STEEP, ShearedTriangle};
 use crate::accel::bvh::node::Block;
 use crate::accel::bvh::query::{max, min};
 use crate::accel::bvh::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
@@ -19,7 +19,7 @@ pub struct Edges {
     pub first: [f32; LANES],
     /// Largest depth.
     pub last: [f32; LANES],
-    /// See [`Found::weights`](crate::accel::bvh::found::Found::weights).
+    /// See [`ClosestHits::weights`](crate::accel::bvh::hits::ClosestHits::weights).
     pub weights: [[f32; LANES]; 3],
 }
 
@@ -74,11 +74,11 @@ impl<T: Tier> Packet<'_, T> {
             let (u, v, w) = (cx * by - q0, ax * cy - q1, bx * ay - q2);
             (weights[0][i], weights[1][i], weights[2][i]) = (v, w, u + v + w);
             let slack = max(max(q0.abs(), q1.abs()), q2.abs()) * EDGE_SLACK + EDGE_FLOOR;
-            let (least, most) = (min(min(u, v), w), max(max(u, v), w));
-            let misses = (least < -slack) & (most > slack);
-            let sure = (least > slack) | (most < -slack);
-            let (least, most) = (min(min(az, bz), cz), max(max(az, bz), cz));
-            (first[i], last[i]) = if backward { (-most, -least) } else { (least, most) };
+            let (lowest, highest) = (min(min(u, v), w), max(max(u, v), w));
+            let misses = (lowest < -slack) & (highest > slack);
+            let sure = (lowest > slack) | (highest < -slack);
+            let (lowest, highest) = (min(min(az, bz), cz), max(max(az, bz), cz));
+            (first[i], last[i]) = if backward { (-highest, -lowest) } else { (lowest, highest) };
             maybe[i] &= -i32::from(!misses);
             unsure[i] = maybe[i] & -i32::from(!sure);
         }
@@ -99,18 +99,18 @@ impl<T: Tier> Packet<'_, T> {
         let Edges { mut maybe, mut unsure, first, last, weights } = edges;
         let plane = Plane::new(block.triangle(slot));
         let (mut t, towards) = self.distances(&plane);
-        let least = plane.steep();
+        let normal_l1 = plane.normal_l1();
         // In one loop: a value that is stored in two halves of a register stalls when it is read as
         // a whole.
         let (mut doubt, mut any_flat, mut flat) = (0, 0, [0i32; LANES]);
         for i in 0..LANES {
             let along = self.along(i).abs();
             let depth = t[i] * along;
-            // As in `Sheared::t`: false for an infinite depth.
+            // As in `ShearedTriangle::t`: false for an infinite depth.
             let slack = depth.abs() * DEPTH_SLACK;
             let within =
                 (depth + slack >= f64::from(first[i])) & (depth - slack <= f64::from(last[i]));
-            let steep = STEEP * towards[i].abs() >= least * along;
+            let steep = STEEP * towards[i].abs() >= normal_l1 * along;
             let far = max(-first[i], last[i]);
             // A hit behind the origin is a miss and needs no exact decision.
             let at_start = (depth > 0.0) & (depth <= NEAR_START * f64::from(far));
@@ -174,7 +174,7 @@ impl<T: Tier> Packet<'_, T> {
         f64::from(self.query.along[i]) * f64::from(self.query.scale[i])
     }
 
-    /// Intersects 16 rays with a plane: see [`Plane::meet`].
+    /// Intersects 16 rays with a plane: see [`Plane::intersect`].
     #[inline(always)]
     fn distances(&self, plane: &Plane) -> ([f64; LANES], [f64; LANES]) {
         let (mut t, mut towards) = ([0.0; LANES], [0.0; LANES]);
@@ -182,7 +182,7 @@ impl<T: Tier> Packet<'_, T> {
         for i in 0..LANES {
             let origin = [f64::from(ox[i]), f64::from(oy[i]), f64::from(oz[i])];
             let direction = [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])];
-            (t[i], towards[i]) = plane.meet(origin, direction);
+            (t[i], towards[i]) = plane.intersect(origin, direction);
         }
         (t, towards)
     }
@@ -199,11 +199,11 @@ impl<T: Tier> Packet<'_, T> {
     ) {
         for i in (0..LANES).filter(|&i| unsure[i] != 0) {
             let lane = self.query.lane(i);
-            let seen = Sheared::new(&lane, block, slot);
+            let seen = ShearedTriangle::new(&lane, block, slot);
             if seen.inside() {
                 let ray = Ray64::new(self.rays, i, lane.axes[2]);
                 t[i] = seen.t(&ray, block.triangle(slot));
-                let started = t[i] > 0.0 && ray.is_started(t[i], block.triangle(slot));
+                let started = t[i] > 0.0 && ray.starts_before(t[i], block.triangle(slot));
                 hit[i] = -i32::from(started);
             } else {
                 hit[i] = 0;

@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::super::frustum::{Frustum, Least, Side};
+use super::super::frustum::{Frustum, HorizontalMin, Side};
 use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
@@ -27,9 +27,9 @@ type Pair = [__m256; 2];
 
 /// For each mask of 8 lanes, the indices of the lanes that are set, one byte each. A byte shuffle
 /// reads the filler 0x80 as zero.
-static LANES_OF: [u64; 256] = lanes_of();
+static SET_LANES: [u64; 256] = set_lanes();
 
-const fn lanes_of() -> [u64; 256] {
+const fn set_lanes() -> [u64; 256] {
     let mut table = [u64::from_le_bytes([0x80; HALF]); 256];
     let mut mask = 0;
     while mask < table.len() {
@@ -54,7 +54,7 @@ const fn lanes_of() -> [u64; 256] {
 #[inline(always)]
 unsafe fn lanes(mask: u32) -> __m128i {
     // SAFETY: reads 8 bytes; the caller guarantees the rest.
-    unsafe { _mm_loadl_epi64(LANES_OF.as_ptr().add(mask as usize % LANES_OF.len()).cast()) }
+    unsafe { _mm_loadl_epi64(SET_LANES.as_ptr().add(mask as usize % SET_LANES.len()).cast()) }
 }
 
 /// Returns one ray's value in all lanes.
@@ -64,7 +64,7 @@ unsafe fn lanes(mask: u32) -> __m128i {
 #[inline(always)]
 unsafe fn all(lane: &Lane, member: &[f32; WIDTH]) -> __m256 {
     // SAFETY: guaranteed by the caller.
-    unsafe { _mm256_set1_ps(lane.of(member)) }
+    unsafe { _mm256_set1_ps(lane.value(member)) }
 }
 
 /// # Safety
@@ -385,14 +385,14 @@ unsafe fn edges(block: &Block, x: Pair, y: Pair, half: usize) -> (u32, u32) {
         let (scale, floor) = (_mm256_set1_ps(EDGE_SLACK), _mm256_set1_ps(EDGE_FLOOR));
         let slack = _mm256_fmadd_ps(largest, scale, floor);
         let minus = _mm256_xor_ps(slack, sign);
-        let (least, most) = (min3(u, v, w), max3(u, v, w));
+        let (lowest, highest) = (min3(u, v, w), max3(u, v, w));
         let misses = _mm256_and_ps(
-            _mm256_cmp_ps::<_CMP_LT_OQ>(least, minus),
-            _mm256_cmp_ps::<_CMP_GT_OQ>(most, slack),
+            _mm256_cmp_ps::<_CMP_LT_OQ>(lowest, minus),
+            _mm256_cmp_ps::<_CMP_GT_OQ>(highest, slack),
         );
         let sure = _mm256_or_ps(
-            _mm256_cmp_ps::<_CMP_GT_OQ>(least, slack),
-            _mm256_cmp_ps::<_CMP_LT_OQ>(most, minus),
+            _mm256_cmp_ps::<_CMP_GT_OQ>(lowest, slack),
+            _mm256_cmp_ps::<_CMP_LT_OQ>(highest, minus),
         );
         (!_mm256_movemask_ps(misses) as u32 & 0xff, _mm256_movemask_ps(sure) as u32)
     }
@@ -423,9 +423,9 @@ unsafe fn quarters(a: &[f32; WIDTH], b: &[f32; WIDTH]) -> __m256 {
     }
 }
 
-impl Least for Avx2 {
+impl HorizontalMin for Avx2 {
     #[inline(always)]
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
+    fn horizontal_min(self, v: &[f32; WIDTH]) -> f32 {
         // SAFETY: `self` proves AVX2; reads 16 f32.
         unsafe {
             let low = _mm256_loadu_ps(v.as_ptr());
@@ -437,7 +437,7 @@ impl Least for Avx2 {
     }
 
     #[inline(always)]
-    fn least_of_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
+    fn horizontal_min_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
         // SAFETY: `self` proves AVX2; reads 8 f32 at the start of each half of a row; writes the
         // 8 f32 of the result.
         unsafe {
@@ -449,9 +449,9 @@ impl Least for Avx2 {
             let c = _mm256_min_ps(_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
             let low = _mm256_shuffle_ps::<0b01_00_01_00>(a, c);
             let found = _mm256_min_ps(low, _mm256_shuffle_ps::<0b11_10_11_10>(a, c));
-            let mut least = [0.0; 8];
-            _mm256_storeu_ps(least.as_mut_ptr(), found);
-            least
+            let mut lowest = [0.0; 8];
+            _mm256_storeu_ps(lowest.as_mut_ptr(), found);
+            lowest
         }
     }
 }
@@ -473,10 +473,10 @@ impl Tier for Avx2 {
             let (n0, m0) = slabs(node, &lane.slabs(), tfar, 0);
             let (n1, m1) = slabs(node, &lane.slabs(), tfar, 1);
             let (near, order) = ([n0, n1], order(node, lane.octant));
-            let met = _mm_movemask_epi8(_mm_shuffle_epi8(bytes([m0, m1]), order)) as u32;
-            let Some(place) = met.checked_ilog2() else { return Child::EMPTY };
+            let hits = _mm_movemask_epi8(_mm_shuffle_epi8(bytes([m0, m1]), order)) as u32;
+            let Some(place) = hits.checked_ilog2() else { return Child::EMPTY };
             let nearest = node.children[node.ordered(lane.octant, place as usize)];
-            let others = met ^ (1 << place);
+            let others = hits ^ (1 << place);
             if others == 0 {
                 return nearest;
             }
@@ -496,7 +496,7 @@ impl Tier for Avx2 {
     }
 
     #[inline(always)]
-    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+    fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
         // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
             let (_, m0) = slabs(node, &lane.slabs(), tfar, 0);
@@ -506,7 +506,7 @@ impl Tier for Avx2 {
     }
 
     #[inline(always)]
-    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
+    fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
             let outside = [outside(node, frustum, end, 0), outside(node, frustum, end, 1)];
@@ -516,7 +516,7 @@ impl Tier for Avx2 {
     }
 
     #[inline(always)]
-    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
+    fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
             let sides = [sides_of(block, frustum, end, 0), sides_of(block, frustum, end, 1)];
@@ -532,8 +532,8 @@ impl Tier for Avx2 {
             unsafe {
                 let x = _mm256_loadu_ps(a.as_ptr().add(HALF * half));
                 let y = _mm256_loadu_ps(b.as_ptr().add(HALF * half));
-                let met = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(x, y));
-                lanes |= (met as u32) << (HALF * half);
+                let hits = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(x, y));
+                lanes |= (hits as u32) << (HALF * half);
             }
         }
         lanes

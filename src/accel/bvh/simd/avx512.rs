@@ -5,7 +5,7 @@
 
 use std::arch::x86_64::*;
 
-use super::super::frustum::{Frustum, Least, Side};
+use super::super::frustum::{Frustum, HorizontalMin, Side};
 use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
@@ -29,7 +29,7 @@ impl Avx512 {
 #[inline(always)]
 unsafe fn all(lane: &Lane, member: &[f32; WIDTH]) -> __m512 {
     // SAFETY: guaranteed by the caller.
-    unsafe { _mm512_set1_ps(lane.of(member)) }
+    unsafe { _mm512_set1_ps(lane.value(member)) }
 }
 
 /// Returns the distances of one plane of every child.
@@ -232,15 +232,15 @@ unsafe fn quarters(a: __m512, b: __m512) -> __m512 {
     }
 }
 
-impl Least for Avx512 {
+impl HorizontalMin for Avx512 {
     #[inline(always)]
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
+    fn horizontal_min(self, v: &[f32; WIDTH]) -> f32 {
         // SAFETY: `self` proves AVX-512; reads 16 f32.
         unsafe { _mm512_reduce_min_ps(_mm512_loadu_ps(v.as_ptr())) }
     }
 
     #[inline(always)]
-    fn least_of_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
+    fn horizontal_min_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
         // SAFETY: `self` proves AVX-512; reads 16 f32 of each row; writes the 8 f32 of the result.
         unsafe {
             let a = quarters(halves(&rows[0], &rows[1]), halves(&rows[2], &rows[3]));
@@ -248,10 +248,10 @@ impl Least for Avx512 {
             let both = _mm512_min_ps(_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
             let both = _mm512_min_ps(both, _mm512_shuffle_ps::<0b01_00_11_10>(both, both));
             let order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 0, 0, 0, 0, 0, 0, 0, 0);
-            let mut least = [0.0; 8];
+            let mut lowest = [0.0; 8];
             let found = _mm512_castps512_ps256(_mm512_permutexvar_ps(order, both));
-            _mm256_storeu_ps(least.as_mut_ptr(), found);
-            least
+            _mm256_storeu_ps(lowest.as_mut_ptr(), found);
+            lowest
         }
     }
 }
@@ -284,7 +284,7 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
-    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+    fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
         // SAFETY: `self` proves AVX-512.
         unsafe {
             let (near, far) = slabs(node, &lane.slabs(), tfar);
@@ -293,7 +293,7 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
-    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
+    fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         let ([kx, ky, _], [low_x, low_y], [high_x, high_y]) =
             (frustum.axes, frustum.low(), frustum.high());
         // SAFETY: `self` proves AVX-512; axes are below 3, rows below 6.
@@ -326,7 +326,7 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
-    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
+    fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         let ([kx, ky, kz], [low_x, low_y], [high_x, high_y]) =
             (frustum.axes, frustum.low(), frustum.high());
         // SAFETY: `self` proves AVX-512; axes are below 3; reads rows of 16 aligned bytes.
@@ -381,9 +381,9 @@ impl Tier for Avx512 {
             let (scale, floor) = (_mm512_set1_ps(EDGE_SLACK), _mm512_set1_ps(EDGE_FLOOR));
             let slack = _mm512_fmadd_ps(largest, scale, floor);
             let minus = _mm512_fnmsub_ps(largest, scale, floor);
-            let (least, most) = (min3([u, v, w]), max3([u, v, w]));
-            let negative = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(least, minus);
-            let misses = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(negative, most, slack);
+            let (lowest, highest) = (min3([u, v, w]), max3([u, v, w]));
+            let negative = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(lowest, minus);
+            let misses = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(negative, highest, slack);
             let maybe = !misses & block.present;
             if maybe == 0 {
                 return Candidates { maybe: 0, sure: 0 };
@@ -395,8 +395,8 @@ impl Tier for Avx512 {
             let end = _mm512_set1_ps(lane.depth(tfar));
             let ahead = _mm512_mask_cmp_ps_mask::<_CMP_NLT_UQ>(maybe, last, _mm512_setzero_ps());
             let maybe = _mm512_mask_cmp_ps_mask::<_CMP_NGT_UQ>(ahead, first, end);
-            let sure = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(least, slack)
-                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(most, minus);
+            let sure = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(lowest, slack)
+                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(highest, minus);
             Candidates { maybe: maybe.into(), sure: (maybe & sure).into() }
         }
     }

@@ -15,7 +15,7 @@ mod tests;
 
 pub use self::stack::{MAX_DEPTH, Path, Stack};
 
-use super::frustum::{Frustum, Least};
+use super::frustum::{Frustum, HorizontalMin};
 use super::node::{Block, Child, Node, WIDTH};
 use super::query::Lane;
 use crate::simd::Kernel;
@@ -40,7 +40,7 @@ pub struct Candidates {
 }
 
 /// The kernels of one instruction set.
-pub trait Tier: Least {
+pub trait Tier: HorizontalMin {
     /// Whether the instruction set has fused multiply-add.
     const FUSED: bool;
 
@@ -59,15 +59,15 @@ pub trait Tier: Least {
     fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child;
 
     /// Returns the children whose boxes the ray enters before `tfar`, as bits.
-    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32;
+    fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32;
 
     /// Returns the children whose boxes a frustum overlaps before `end`. Bit j is the child at
     /// place j of the order of the octant.
-    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32;
+    fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32;
 
     /// Returns the triangles of a leaf that a frustum may contain before `end`, as bits: those
     /// whose corners do not all lie outside the same plane.
-    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32;
+    fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32;
 
     /// Returns the lanes in which `a` is at most `b`, as bits.
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32;
@@ -77,7 +77,7 @@ pub trait Tier: Least {
 
     /// Called for each test of a sphere. [`super::visits`] counts the calls.
     #[inline(always)]
-    fn meets_sphere(self) {}
+    fn count_sphere_test(self) {}
 }
 
 /// Returns the smaller number of each pair; the second if one is NaN.
@@ -90,12 +90,12 @@ pub fn min8(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
     // SAFETY: SSE is part of x86-64; all addresses are within the arrays.
     unsafe {
         use std::arch::x86_64::{_mm_loadu_ps, _mm_min_ps, _mm_storeu_ps};
-        let mut least = a;
+        let mut smaller = a;
         for half in [0, 4] {
             let (a, b) = (_mm_loadu_ps(a.as_ptr().add(half)), _mm_loadu_ps(b.as_ptr().add(half)));
-            _mm_storeu_ps(least.as_mut_ptr().add(half), _mm_min_ps(a, b));
+            _mm_storeu_ps(smaller.as_mut_ptr().add(half), _mm_min_ps(a, b));
         }
-        least
+        smaller
     }
     #[cfg(not(target_arch = "x86_64"))]
     std::array::from_fn(|i| if a[i] < b[i] { a[i] } else { b[i] })

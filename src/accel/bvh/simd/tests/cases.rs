@@ -121,7 +121,7 @@ pub fn cases(n: usize, mut look: impl FnMut(&mut Random, &Node, &Block, &Rays, &
         let points = points(&mut random);
         let (node, block) = (node(&mut random, &points), block(&mut random, &points));
         let rays = rays(&mut random, &points);
-        let query = Query::new(&rays, &Bounds3::of(&points));
+        let query = Query::new(&rays, &Bounds3::from_points(&points));
         look(&mut random, &node, &block, &rays, &query);
     }
 }

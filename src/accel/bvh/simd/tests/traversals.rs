@@ -96,8 +96,8 @@ fn hits(geometry: &Geometry, packets: &[RayPacket], how: Coherence) -> Vec<(Isa,
                 bvh.occluded(&ALL, &mut shadow, how);
                 let hit = packet.hit(&ALL);
                 for i in 0..LANES {
-                    let stopped = shadow.tfar[i] == f32::NEG_INFINITY;
-                    assert_eq!(stopped, hit.0[i] != 0, "{isa}: {i} {packet:?}");
+                    let occluded = shadow.tfar[i] == f32::NEG_INFINITY;
+                    assert_eq!(occluded, hit.0[i] != 0, "{isa}: {i} {packet:?}");
                 }
             }
             (isa, packets)
