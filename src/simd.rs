@@ -11,9 +11,9 @@ use std::{fmt, sync::OnceLock};
 pub enum Isa {
     /// What the target guarantees: SSE2 on x86-64.
     Portable,
-    /// AVX2 and FMA.
+    /// AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
     Avx2,
-    /// AVX-512 F, BW, DQ, VL. Compiled in only by rustc >= 1.89.
+    /// AVX-512 F, BW, DQ, VL, and all of [`Isa::Avx2`]. Compiled in only by rustc >= 1.89.
     Avx512,
 }
 
@@ -83,9 +83,9 @@ impl fmt::Display for Isa {
 /// `run` and everything it calls in the hot path must be `#[inline(always)]`. Otherwise they are
 /// compiled for the portable instruction set only.
 pub trait Kernel {
-    /// What `run` returns.
+    /// The type that `run` returns.
     type Output;
-    /// Does the work.
+    /// Does the work and returns the result.
     fn run(self) -> Self::Output;
 }
 

@@ -48,7 +48,7 @@ pub const STEEP: f64 = 9.0;
 pub struct Ray64 {
     /// Relative to the scene's origin.
     pub origin: [f64; 3],
-    /// Any length.
+    /// Not necessarily of unit length.
     pub direction: [f64; 3],
     /// Component of the direction along the ray's dominant axis.
     along: f64,

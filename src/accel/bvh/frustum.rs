@@ -5,12 +5,12 @@ use crate::ray::{LANES, Mask};
 use super::Bounds3;
 use super::query::{Query, max, min};
 
-/// The minimum of 16 numbers without NaN.
+/// Computes the minimum of 16 numbers. None of them may be NaN.
 pub trait HorizontalMin: Copy {
-    /// Returns the minimum.
+    /// Returns the minimum of 16 lanes.
     fn horizontal_min(self, v: &[f32; LANES]) -> f32;
 
-    /// Returns the minimum of each row.
+    /// Returns the minimum of each of 8 rows.
     #[inline(always)]
     fn horizontal_min_rows(self, rows: &[[f32; LANES]; 8]) -> [f32; 8] {
         let mut minima = [0.0; 8];

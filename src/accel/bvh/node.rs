@@ -15,7 +15,7 @@ pub const SPHERES: usize = 4;
 #[repr(transparent)]
 pub struct Child(pub u32);
 
-/// A decoded [`Child`].
+/// A [`Child`] decoded into kind and index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Index of a [`Node`].
@@ -52,7 +52,7 @@ impl Child {
         Self(index as u32 | Self::LEAF | Self::SPHERES)
     }
 
-    /// Decodes the reference.
+    /// Decodes the reference into kind and index.
     #[inline(always)]
     pub fn kind(self) -> Kind {
         let index = (self.0 & Self::MAX_INDEX as u32) as usize;

@@ -234,18 +234,14 @@ impl Query {
     }
 }
 
-/// The values of one ray that a test of boxes needs.
+/// The values of one ray that a test of boxes needs. The fields without description are those of
+/// [`Query`].
 #[derive(Debug, Clone, Copy)]
 pub struct Slabs {
-    /// See [`Query::near_inverse`].
     pub near_inverse: [f32; 3],
-    /// See [`Query::near_offset`].
     pub near_offset: [f32; 3],
-    /// See [`Query::far_inverse`].
     pub far_inverse: [f32; 3],
-    /// See [`Query::far_offset`].
     pub far_offset: [f32; 3],
-    /// See [`Query::tnear`].
     pub tnear: f32,
     /// For each axis the row of [`super::node::Node::planes`] through which the ray enters a box.
     pub enter: [usize; 3],
@@ -270,7 +266,6 @@ pub fn max(a: f32, b: f32) -> f32 {
 pub struct Lane<'a> {
     pub query: &'a Query,
     pub i: usize,
-    /// See [`Query::octant`].
     pub octant: usize,
     /// The two axes after the dominant one, then the dominant one.
     pub axes: [usize; 3],
@@ -304,7 +299,7 @@ impl Lane<'_> {
         member[self.i % LANES]
     }
 
-    /// See [`Query::depth`].
+    /// Applies [`Query::depth`] to this ray.
     #[inline(always)]
     pub fn depth(&self, t: f32) -> f32 {
         self.query.depth(self.i % LANES, t)
@@ -317,13 +312,13 @@ impl Lane<'_> {
         z - self.value(&self.query.origin[2])
     }
 
-    /// See [`Query::scaled_end`].
+    /// Applies [`Query::scaled_end`] to this ray.
     #[inline(always)]
     pub fn scaled_end(&self, t: f64) -> f32 {
         self.query.scaled_end(self.i % LANES, t)
     }
 
-    /// See [`Query::within`].
+    /// Applies [`Query::within`] to this ray.
     #[inline(always)]
     pub fn within(&self, first: f32, last: f32) -> bool {
         self.query.within(self.i % LANES, first, last)

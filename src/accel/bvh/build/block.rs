@@ -130,7 +130,7 @@ pub fn fits(geometry: &Geometry, references: &[Reference]) -> bool {
 /// Makes the leaf of references that [`fits`] accepts. Unused vertices repeat the last one.
 pub struct MakeBlock<'a> {
     pub geometry: &'a Geometry,
-    /// References of triangles.
+    /// References of the triangles of the leaf.
     pub references: &'a [Reference],
     /// References of the next two leaves, for prefetching.
     pub next: [&'a [Reference]; 2],

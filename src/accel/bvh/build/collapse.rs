@@ -23,7 +23,7 @@ pub struct Tree {
     pub bounds: Bounds3,
     /// Number of levels of inner nodes.
     pub depth: usize,
-    /// Whether traversal prefetches.
+    /// Whether the tree is large enough for prefetching to pay.
     pub is_large: bool,
 }
 

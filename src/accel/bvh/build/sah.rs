@@ -25,7 +25,7 @@ pub struct Bins {
 /// The mapping from centroids to bins.
 #[derive(Debug, Clone, Copy)]
 pub struct Grid {
-    /// Smallest doubled centroid.
+    /// Smallest doubled centroid along each axis.
     origin: [f32; 4],
     /// Bins per unit; 0 along an axis without extent.
     scale: [f32; 4],
@@ -84,7 +84,7 @@ fn bin(center2: f32, origin: f32, scale: f32) -> u32 {
 impl Bins {
     pub const EMPTY: Self = Self { bounds: [[Bounds3::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
 
-    /// Adds references.
+    /// Adds the references to their bins.
     #[inline(always)]
     pub fn add(&mut self, grid: &Grid, references: &[Reference]) {
         let stride = if references.len() >= MIN_SUBSAMPLED { SUBSAMPLE_STRIDE } else { 1 };

@@ -17,9 +17,9 @@ pub struct Edges {
     pub unsure: [i32; LANES],
     /// Smallest depth of the triangle along the dominant axis, in the direction of the ray.
     pub first: [f32; LANES],
-    /// Largest depth.
+    /// Largest depth, likewise.
     pub last: [f32; LANES],
-    /// See [`ClosestHits::weights`](crate::accel::bvh::hits::ClosestHits::weights).
+    /// As in [`ClosestHits::weights`](crate::accel::bvh::hits::ClosestHits::weights).
     pub weights: [[f32; LANES]; 3],
 }
 
@@ -29,7 +29,6 @@ pub struct Test {
     pub hit: [i32; LANES],
     /// Ray parameters of the hits. Other lanes hold any value.
     pub t: [f64; LANES],
-    /// See [`Edges::weights`].
     pub weights: [[f32; LANES]; 3],
 }
 

@@ -116,7 +116,7 @@ impl Path {
         Some((node as usize, children))
     }
 
-    /// Removes all steps.
+    /// Removes all steps, for the next ray.
     #[inline(always)]
     pub fn clear(&mut self) {
         self.len = 0;
