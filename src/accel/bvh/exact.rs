@@ -180,9 +180,9 @@ impl ShearedTriangle {
     /// t is that of the triangle's plane, in f64. Its error is about 1e-15 of the coordinates over
     /// the sine of the angle between ray and plane.
     ///
-    /// t is clamped to the corners' depths and to the triangle's box, because a hit of a ray almost
-    /// in the plane could lie outside the box. So every hit lies in every box around the triangle,
-    /// and the order of boxes cannot change an answer.
+    /// t is clamped to the corners' depths and to the triangle's box. A hit of a ray almost in the
+    /// plane could otherwise lie outside the box. So every hit lies in every box around the
+    /// triangle, and the order of boxes cannot change an answer.
     #[inline(always)]
     pub fn t(&self, ray: &Ray64, corners: [[f32; 3]; 3]) -> f64 {
         let plane = Plane::new(corners);

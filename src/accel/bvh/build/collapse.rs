@@ -1,9 +1,9 @@
 //! Binary tree -> wide nodes, with the smallest expected number of node visits per ray.
 //!
 //! A ray visits a node with a probability proportional to the area of its box. Dynamic programming
-//! chooses which binary nodes become wide ones, over the number of slots that a subtree may fill
-//! (Wald, Benthin and Boulos 2008, "Getting Rid of Packets"; Ylitie, Karras and Laine 2017, section
-//! 3.1).
+//! over the number of slots that a subtree may fill chooses which binary nodes become wide ones.
+//! See Wald, Benthin and Boulos 2008, "Getting Rid of Packets"; Ylitie, Karras and Laine 2017,
+//! section 3.1.
 
 use rayon::prelude::*;
 
