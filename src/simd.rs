@@ -1,23 +1,24 @@
-//! One choice of instruction set, made once, and one place that calls into it.
+//! Selects the instruction set once, and calls code that is compiled for it.
 //!
-//! Kernels are plain Rust over 16-lane arrays; [`dispatch`] runs the same code compiled for the
-//! chosen tier, so every tier computes the same bits (no contraction, no approximations).
+//! Kernels are plain Rust over arrays of 16 lanes. [`dispatch`] runs the version that is compiled
+//! for the selected instruction set. Every version computes the same bits: no contraction and no
+//! approximations.
 
 use std::{fmt, sync::OnceLock};
 
-/// Instruction-set tier of our own kernels.
+/// An instruction set for which kernels are compiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Isa {
-    /// What the target guarantees (SSE2 on x86-64).
+    /// What the target guarantees: SSE2 on x86-64.
     Portable,
-    /// AVX2 and FMA.
+    /// AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
     Avx2,
-    /// AVX-512 F, BW, DQ, VL (needs rustc >= 1.89 to be compiled in).
+    /// AVX-512 F, BW, DQ, VL, and all of [`Isa::Avx2`]. Compiled in only by rustc >= 1.89.
     Avx512,
 }
 
 impl Isa {
-    /// The best tier that this machine runs and this build has.
+    /// Returns the best instruction set that this machine supports and this build contains.
     #[inline]
     pub fn detect() -> Self {
         static BEST: OnceLock<Isa> = OnceLock::new();
@@ -49,13 +50,14 @@ impl Isa {
         Self::Portable
     }
 
-    /// The tiers that this machine runs and this build has, lowest first.
+    /// Returns the instruction sets that this machine supports and this build contains, lowest
+    /// first.
     pub fn available() -> impl Iterator<Item = Self> {
         let best = Self::detect();
         Self::compiled().iter().copied().filter(move |isa| *isa <= best)
     }
 
-    /// The tiers compiled into this build, lowest first.
+    /// Returns the instruction sets that this build contains, lowest first.
     pub const fn compiled() -> &'static [Self] {
         #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
         return &[Self::Portable, Self::Avx2, Self::Avx512];
@@ -76,16 +78,19 @@ impl fmt::Display for Isa {
     }
 }
 
-/// Work that is compiled once per tier. `run` and all it calls in the hot path must be
-/// `#[inline(always)]`, or they are compiled for the portable tier only.
+/// Work that is compiled once per instruction set.
+///
+/// `run` and everything it calls in the hot path must be `#[inline(always)]`. Otherwise they are
+/// compiled for the portable instruction set only.
 pub trait Kernel {
-    /// What `run` returns.
+    /// The type that `run` returns.
     type Output;
-    /// The work.
+    /// Does the work and returns the result.
     fn run(self) -> Self::Output;
 }
 
-/// Runs `kernel` compiled for `isa`, or for the best tier below it that this machine runs.
+/// Runs `kernel` compiled for `isa`, or for the best instruction set below it that this machine
+/// supports.
 #[inline]
 pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
     match isa.min(Isa::detect()) {
@@ -102,7 +107,7 @@ pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
 /// Runs `kernel` compiled for [`Isa::Avx512`].
 ///
 /// # Safety
-/// [`Isa::detect`] is that or better.
+/// [`Isa::detect`] must return at least [`Isa::Avx512`].
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 pub(crate) unsafe fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
@@ -112,20 +117,20 @@ pub(crate) unsafe fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
 /// Runs `kernel` compiled for [`Isa::Avx2`].
 ///
 /// # Safety
-/// [`Isa::detect`] is that or better.
+/// [`Isa::detect`] must return at least [`Isa::Avx2`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 pub(crate) unsafe fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
-/// Asks for `values[index]` to be brought into the cache; any index will do.
+/// Prefetches `values[index]` into the cache. The index may be out of bounds.
 #[inline(always)]
 pub fn prefetch<T>(values: &[T], index: usize) {
     prefetch_line(values, index, 0);
 }
 
-/// Asks for one cache line (of 64 bytes) of `values[index]`; any index and line will do.
+/// Prefetches one cache line, of 64 bytes, of `values[index]`. Index and line may be out of bounds.
 #[inline(always)]
 pub fn prefetch_line<T>(values: &[T], index: usize, line: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -139,7 +144,7 @@ pub fn prefetch_line<T>(values: &[T], index: usize, line: usize) {
     let _ = (values, index, line);
 }
 
-/// Numbers of 32 bits that [`gather`] takes.
+/// A 32-bit number that [`gather`] accepts.
 pub trait Word: Copy + Default + sealed::Sealed {}
 
 impl Word for f32 {}
@@ -151,10 +156,10 @@ mod sealed {
     impl Sealed for u32 {}
 }
 
-/// `rows[index[i]]` of 16 lanes i, one array for each component.
+/// Returns `rows[index[i]]` for 16 lanes i, as one array per component.
 ///
-/// In AVX-512 each component is one instruction. Rows that are copied number by number and then
-/// read as vectors wait for the cache.
+/// With AVX-512 each component is one instruction. Copying the rows number by number and then
+/// reading them as vectors would stall the loads.
 ///
 /// # Panics
 /// If an index is not below `rows.len()`.
@@ -164,8 +169,8 @@ pub fn gather<T: Word>(rows: &[[T; 3]], index: &[u32; 16]) -> [[T; 16]; 3] {
     if Isa::detect() == Isa::Avx512 && rows.len() <= MAX_ROWS {
         let last = (0..16).fold(0, |last, i| if index[i] > last { index[i] } else { last });
         assert!((last as usize) < rows.len(), "row {last} of {}", rows.len());
-        // SAFETY: `detect` has found AVX-512; all indices are those of rows, of which there are few
-        // enough.
+        // SAFETY: `detect` has found AVX-512. All indices are below `rows.len()`, which is at most
+        // `MAX_ROWS`.
         return unsafe { gather_avx512(rows, index) };
     }
     gather_portable(rows, index)
@@ -183,22 +188,23 @@ fn gather_portable<T: Word>(rows: &[[T; 3]], index: &[u32; 16]) -> [[T; 16]; 3] 
     gathered
 }
 
-/// So many rows begin at offsets that are positive numbers of 32 bits.
+/// Up to this many rows, the offset of every row fits into a signed 32-bit number.
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
 const MAX_ROWS: usize = i32::MAX as usize / 3;
 
 /// # Safety
-/// AVX-512 F; every index is below `rows.len()`, which is at most [`MAX_ROWS`].
+/// The processor must support AVX-512 F. Every index must be below `rows.len()`, which must be at
+/// most [`MAX_ROWS`].
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
-#[allow(clippy::incompatible_msrv)] // Compiled only where build.rs finds a compiler that has them.
+#[allow(clippy::incompatible_msrv)] // build.rs: only if the compiler has these functions.
 #[inline(always)]
 unsafe fn gather_avx512<T: Word>(rows: &[[T; 3]], index: &[u32; 16]) -> [[T; 16]; 3] {
     use std::arch::x86_64::{
         _mm512_add_epi32, _mm512_i32gather_epi32, _mm512_loadu_si512, _mm512_storeu_si512,
     };
     let mut gathered = [[T::default(); 16]; 3];
-    // SAFETY: a `Word` has 32 bits, so component k of a row is at 3 times its index, plus k; the
-    // caller's promise.
+    // SAFETY: a `Word` has 32 bits, so component k of a row is at 3 times its index, plus k. The
+    // caller guarantees the rest.
     unsafe {
         let index = _mm512_loadu_si512(index.as_ptr().cast());
         let offsets = _mm512_add_epi32(index, _mm512_add_epi32(index, index));
@@ -216,7 +222,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_gathered_the_same_way() {
+    fn gather_returns_the_same_as_a_loop() {
         let rows: Vec<[f32; 3]> =
             (0..1000).map(|i| [0.5, 0.25, 0.125].map(|x| x * i as f32)).collect();
         let words: Vec<[u32; 3]> = rows.iter().map(|row| row.map(f32::to_bits)).collect();
@@ -232,7 +238,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "1013")]
-    fn no_row_behind_the_last_is_gathered() {
+    fn gather_panics_beyond_the_last_row() {
         let mut index = [0; 16];
         index[7] = 1013;
         gather(&[[1u32; 3]; 1013], &index);
@@ -249,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn every_tier_computes_the_same_bits() {
+    fn every_instruction_set_computes_the_same_bits() {
         let values = std::array::from_fn(|i| i as f32 * 1.7);
         let portable = dispatch(Isa::Portable, Sum(&values));
         for &isa in Isa::compiled() {

@@ -1,4 +1,5 @@
-//! Bytes -> a scene and rays -> `bvh` in every tier against the reference of its own tests.
+//! Turns bytes into a scene and rays. Checks `bvh` in every instruction set with the reference of
+//! its own tests.
 #![no_main]
 
 #[path = "../../tests/bvh/case.rs"]

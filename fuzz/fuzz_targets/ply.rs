@@ -1,5 +1,5 @@
-//! Bytes -> the PLY reader: an error or a mesh that keeps its promises, and the same one whether
-//! the bytes are all there or come through a small window.
+//! Reads bytes as PLY. The result must be an error or a valid mesh. It must be the same mesh, or an
+//! error of the same kind, if the bytes are compressed and read through a small window.
 #![no_main]
 
 use std::io::Write;

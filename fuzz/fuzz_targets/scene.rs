@@ -1,5 +1,5 @@
-//! Bytes -> the scene parser and its checks: an error with a place, or a scene that can be written
-//! and read again as the same scene. Files it names are looked for, but not read.
+//! Reads bytes as a scene file. The result must be an error with a message, or a scene that can be
+//! written and read again unchanged. Files that the scene names may be looked up, but are not read.
 #![no_main]
 
 use std::path::Path;

@@ -47,7 +47,7 @@ const FOUR: Mask = Mask([-1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
 #[test]
 fn no_ray_in_an_empty_cone_hits() {
     let mut random = Random(7);
-    let (mut said, mut asked) = (0, 0);
+    let (mut empty, mut cones) = (0, 0);
     for (size, triangles) in [(0.3, 12), (0.1, 60), (0.03, 400)] {
         for _ in 0..6 {
             let geometry = scattered(&mut random, size, triangles);
@@ -58,11 +58,11 @@ fn no_ray_in_an_empty_cone_hits() {
                 let origin = DVec3::from_array([0; 3].map(|_| random.within(-far, far)));
                 let origin = origin.as_vec3().as_dvec3();
                 let (rays, corners) = square(&mut random, origin, width);
-                asked += 1;
+                cones += 1;
                 if tiers.reporting_empty(&FOUR, &rays) == 0 {
                     continue;
                 }
-                said += 1;
+                empty += 1;
                 let mut inside = Rays::EMPTY;
                 for round in 0..4 {
                     for i in 0..LANES {
@@ -82,7 +82,7 @@ fn no_ray_in_an_empty_cone_hits() {
             }
         }
     }
-    assert!(3 * said > asked && said < asked, "{said} of {asked}");
+    assert!(3 * empty > cones && empty < cones, "{empty} of {cones} cones");
 }
 
 #[test]
@@ -91,7 +91,7 @@ fn every_tier_distinguishes_the_sky_from_a_wall() {
     let geometry = Geometry::new(DVec3::ZERO, vec![], vec![wall], vec![]).expect("few");
     let tiers = Tiers::new(&geometry);
     let all = lightpath::simd::Isa::available().count();
-    let asks = |x0: f32, x1: f32, z: f32| {
+    let count_empty = |x0: f32, x1: f32, z: f32| {
         let mut rays = Rays::EMPTY;
         for (i, [x, y]) in [[x0, -0.5], [x1, -0.5], [x0, 0.5], [x1, 0.5]].into_iter().enumerate() {
             put(&mut rays, i, [0.0; 3], [x, y, z]);
@@ -99,11 +99,11 @@ fn every_tier_distinguishes_the_sky_from_a_wall() {
         tiers.reporting_empty(&FOUR, &rays)
     };
     // Beside the wall; behind the eye; the wall's edge inside the cone; the whole wall inside.
-    assert_eq!(asks(1.01, 2.0, 5.0), all);
-    assert_eq!(asks(-0.1, 0.1, -5.0), all);
-    assert_eq!(asks(0.99, 2.0, 5.0), 0);
-    assert_eq!(asks(-4.0, 4.0, 5.0), 0);
+    assert_eq!(count_empty(1.01, 2.0, 5.0), all);
+    assert_eq!(count_empty(-0.1, 0.1, -5.0), all);
+    assert_eq!(count_empty(0.99, 2.0, 5.0), 0);
+    assert_eq!(count_empty(-4.0, 4.0, 5.0), 0);
     // With rays of several dominant axes, no instruction set reports an empty cone.
-    assert_eq!(asks(6.0, 7.0, 1.0), all);
-    assert_eq!(asks(1.5, 7.0, 5.0), 0);
+    assert_eq!(count_empty(6.0, 7.0, 1.0), all);
+    assert_eq!(count_empty(1.5, 7.0, 5.0), 0);
 }

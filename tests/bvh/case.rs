@@ -82,8 +82,8 @@ fn between(bytes: &mut Bytes, geometry: &Geometry, tiers: &Tiers, rays: &Rays) {
     for i in 0..corners {
         put(&mut cone, i, rays.org.map(|o| o[0]), rays.dir.map(|d| d[i]));
     }
-    let asked = Mask(std::array::from_fn(|i| -i32::from(i < corners)));
-    if cone.possible(&asked) != asked || tiers.reporting_empty(&asked, &cone) == 0 {
+    let in_cone = Mask(std::array::from_fn(|i| -i32::from(i < corners)));
+    if cone.possible(&in_cone) != in_cone || tiers.reporting_empty(&in_cone, &cone) == 0 {
         return;
     }
     let mut mixed = Rays::EMPTY;

@@ -1,59 +1,71 @@
-//! The decision: does a ray meet a triangle. Exact on the sheared vertices, so that what shares an
-//! edge or a vertex leaves no gap.
+//! The exact decision whether a ray hits a triangle. Triangles that share an edge or a vertex leave
+//! no gap.
 //!
-//! Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2(1): vertices are
-//! taken relative to the ray's origin and sheared along its dominant axis in f32, which moves
-//! coordinate k of a vertex by at most u(2|A_k| + 4|S_k||A_z|) <= 6u max|v - o| (u = 2^-24), the
-//! same way in every triangle that shares it. The three edge functions of the sheared points are
-//! decided exactly: in f64 the product of two f32 is exact, and the difference of two exact
-//! products has the exact sign.
+//! The test is that of Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection", JCGT
+//! 2(1). The vertices are taken relative to the ray's origin and sheared along its dominant axis,
+//! in f32. With A = v - o, S the shear and u = 2^-24, this moves coordinate k of a vertex by at
+//! most u(2|A_k| + 4|S_k||A_z|) <= 6u max|v - o|. It moves a shared vertex in the same way in every
+//! triangle.
+//!
+//! The signs of the three edge functions of the sheared points are exact. In f64 the product of two
+//! f32 is exact, and the difference of two exact products has the exact sign.
 
 use super::node::Block;
 use super::query::Lane;
 use crate::geometry::is_after_start;
 use crate::ray::Rays;
 
-/// How far, relatively, a depth may lie outside of the corners' depths: u = 2^-24, which is what
-/// rounding does to these; it takes a plane across the dominant axis out of them.
+/// How far a hit's depth may lie outside the depths of the corners, as a fraction of the hit's
+/// depth: u = 2^-24.
+///
+/// Rounding moves the depths of the corners by that much. Without the slack, a plane normal to the
+/// dominant axis could lie outside the rounded depths of its own corners.
 pub const DEPTH_SLACK: f64 = 0.5 * f32::EPSILON as f64;
 
-/// How far, relative to max|v - o| of its corners, a hit may lie outside of a triangle's box: 64u
-/// (u = 2^-24), less than boxes are widened by. The least normal f32 comes on top, for what
-/// underflows.
+/// How far a hit may lie outside its triangle's box, relative to max|v - o| over the corners: 64u
+/// (u = 2^-24).
 ///
-/// The shear moves a vertex by e, at most 6u max|v - o| in each coordinate, so at the depth where
-/// the line passes the sheared triangle it is within that of the triangle. To the plane, of normal
-/// n, it goes on by e.n / d.n along the dominant axis: by at most 6u max|v - o| times [`STEEP`],
-/// unless |d.n| is less than a part of |n| (its sum of magnitudes) that large. Together 60u, and
-/// only what is less steep has to be kept in the box.
+/// Boxes are widened by more than that during traversal. The smallest normal f32 is added, for
+/// underflow.
+///
+/// Why 64u suffices:
+/// - The shear moves a vertex by e, at most 6u max|v - o| in each coordinate. So at the depth where
+///   the ray's line passes through the sheared triangle, the line is within 6u max|v - o| of the
+///   triangle.
+/// - To reach the plane of the triangle, with normal n, the hit moves on by e.n / d.n along the
+///   dominant axis. That is at most 6u max|v - o| times [`STEEP`], unless |d.n| < |n| / [`STEEP`],
+///   where |n| is the sum of the magnitudes of n.
+/// - Together these are 60u. Only a hit on a plane less steep than [`STEEP`] must be clamped to the
+///   box.
 pub const BOX_SLACK: f64 = 32.0 * f32::EPSILON as f64;
 
-/// See [`BOX_SLACK`].
+/// A ray meets a plane steeply if this times |d.n| is at least |n|, for a direction of 1 along its
+/// dominant axis: see [`BOX_SLACK`].
 pub const STEEP: f64 = 9.0;
 
-/// A ray in f64, as the caller gave it.
+/// A ray in f64, with the caller's unscaled direction.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray64 {
     /// Relative to the scene's origin.
     pub origin: [f64; 3],
-    /// Any length.
+    /// Not necessarily of unit length.
     pub direction: [f64; 3],
-    /// Component of the direction along the dominant axis.
+    /// Component of the direction along the ray's dominant axis.
     along: f64,
-    /// The open segment.
+    /// Start of the open segment.
     pub tnear: f64,
-    /// The open segment.
+    /// End of the open segment.
     pub tfar: f64,
 }
 
 impl Ray64 {
-    /// Ray `i` of a packet, whose dominant axis is `axis`.
+    /// Converts ray `i` of a packet, whose dominant axis is `axis`.
     #[inline(always)]
     pub fn new(rays: &Rays, i: usize, axis: usize) -> Self {
-        let of = |v: &[[f32; crate::ray::LANES]; 3]| [0, 1, 2].map(|k| f64::from(v[k][i]));
-        let direction = of(&rays.dir);
+        let vector = |v: &[[f32; crate::ray::LANES]; 3]| [0, 1, 2].map(|k| f64::from(v[k][i]));
+        let direction = vector(&rays.dir);
         Self {
-            origin: of(&rays.org),
+            origin: vector(&rays.org),
             direction,
             along: direction[axis],
             tnear: rays.tnear[i].into(),
@@ -61,23 +73,22 @@ impl Ray64 {
         }
     }
 
-    /// Whether the ray has started before it meets a triangle at `t`: see [`is_after_start`]. Not
-    /// inlined: few rays start beside a triangle that they hit.
+    /// Whether a hit at `t` lies after the start of the ray: see [`is_after_start`]. Not inlined,
+    /// because few rays start beside a triangle that they hit.
     #[inline(never)]
-    pub fn is_started(&self, t: f64, corners: [[f32; 3]; 3]) -> bool {
+    pub fn starts_before(&self, t: f64, corners: [[f32; 3]; 3]) -> bool {
         let corners = corners.map(|corner| corner.map(f64::from).into());
         is_after_start(corners, self.origin.into(), self.direction.into(), t)
     }
 }
 
-/// The plane of a triangle, from the f32 corners in f64.
+/// The plane of a triangle, computed in f64 from the f32 corners.
 pub struct Plane {
     point: [f64; 3],
     normal: [f64; 3],
 }
 
 impl Plane {
-    /// Through three corners.
     #[inline(always)]
     pub fn new([p, q, r]: [[f32; 3]; 3]) -> Self {
         let (px, py, pz) = (f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
@@ -87,27 +98,29 @@ impl Plane {
         Self { point: [px, py, pz], normal }
     }
 
-    /// Where a ray meets it, NaN or infinite for a ray along it; and d.n.
+    /// Returns t and d.n of a ray's hit with the plane. t is NaN or infinite if the ray is parallel
+    /// to the plane.
     #[inline(always)]
-    pub fn meet(&self, [ox, oy, oz]: [f64; 3], [dx, dy, dz]: [f64; 3]) -> (f64, f64) {
+    pub fn intersect(&self, [ox, oy, oz]: [f64; 3], [dx, dy, dz]: [f64; 3]) -> (f64, f64) {
         let ([px, py, pz], [nx, ny, nz]) = (self.point, self.normal);
         let above = nx * (px - ox) + ny * (py - oy) + nz * (pz - oz);
         let towards = nx * dx + ny * dy + nz * dz;
         (above / towards, towards)
     }
 
-    /// The least |d.n| that is [`STEEP`], times that, for a direction of 1 along its dominant axis.
+    /// Returns the sum of the magnitudes of the normal. A ray of direction 1 along its dominant
+    /// axis is steep if [`STEEP`] |d.n| is at least that.
     #[inline(always)]
-    pub fn steep(&self) -> f64 {
+    pub fn normal_l1(&self) -> f64 {
         let [nx, ny, nz] = self.normal;
         nx.abs() + ny.abs() + nz.abs()
     }
 }
 
-/// A triangle as a ray sees it.
-pub struct Sheared {
-    /// Edge functions opposite the first, second and third corner: exact but for the last rounding,
-    /// so their signs are exact.
+/// A triangle relative to a ray's origin, sheared so that the ray runs along its dominant axis.
+pub struct ShearedTriangle {
+    /// Edge functions opposite the first, second and third corner. Only the last operation rounds,
+    /// so the signs are exact.
     pub edges: [f64; 3],
     /// Depths of the corners along the dominant axis.
     depths: [f32; 3],
@@ -125,17 +138,18 @@ fn max3<T: PartialOrd>(a: T, b: T, c: T) -> T {
     if m > c { m } else { c }
 }
 
-/// Where a leaf's triangle begins and ends along a ray's dominant axis, in the ray's direction.
+/// Returns the smallest and the largest depth of a leaf's triangle along the ray's dominant axis,
+/// in the direction of the ray.
 #[inline(always)]
-pub fn depths(lane: &Lane, block: &Block, i: usize) -> (f32, f32) {
+pub fn depth_range(lane: &Lane, block: &Block, i: usize) -> (f32, f32) {
     let depth = |k: usize| lane.depth_of(block.vertices[lane.axes[2]][block.corner(k, i)]);
     let (a, b, c) = (depth(0), depth(1), depth(2));
-    let (least, most) = (min3(a, b, c), max3(a, b, c));
-    if lane.octant >> lane.axes[2] & 1 != 0 { (-most, -least) } else { (least, most) }
+    let (lowest, highest) = (min3(a, b, c), max3(a, b, c));
+    if lane.octant >> lane.axes[2] & 1 != 0 { (-highest, -lowest) } else { (lowest, highest) }
 }
 
-impl Sheared {
-    /// A leaf's triangle.
+impl ShearedTriangle {
+    /// Shears triangle `i` of a leaf.
     #[inline(always)]
     pub fn new(lane: &Lane, block: &Block, i: usize) -> Self {
         let corner = |k: usize| {
@@ -150,8 +164,9 @@ impl Sheared {
         Self { edges, depths: [a[2], b[2], c[2]] }
     }
 
-    /// Whether the ray's line meets the triangle, edges and corners included; not if the shear
-    /// leaves it without area. NaN, of a vertex too far away for f32, is outside.
+    /// Whether the ray's line hits the triangle, edges and corners included. False if the shear
+    /// leaves the triangle without area. Also false for NaN, which a vertex too far away for f32
+    /// gives.
     #[inline(always)]
     pub fn inside(&self) -> bool {
         let [u, v, w] = self.edges;
@@ -160,47 +175,56 @@ impl Sheared {
         left ^ right
     }
 
-    /// The ray parameter of a triangle that the line meets: that of the triangle's plane in f64
-    /// (error of some 1e-15 of the coordinates over the sine of the angle between ray and plane),
-    /// kept within the corners' depths and within the triangle's box, which a ray almost in the
-    /// plane would leave: so a hit lies in every box around the triangle, and the order of boxes
-    /// cannot change an answer.
+    /// Returns the ray parameter of the hit. The line must hit the triangle ([`Self::inside`]).
+    ///
+    /// t is that of the triangle's plane, in f64. Its error is about 1e-15 of the coordinates over
+    /// the sine of the angle between ray and plane.
+    ///
+    /// t is clamped to the corners' depths and to the triangle's box. A hit of a ray almost in the
+    /// plane could otherwise lie outside the box. So every hit lies in every box around the
+    /// triangle, and the order of boxes cannot change an answer.
     #[inline(always)]
     pub fn t(&self, ray: &Ray64, corners: [[f32; 3]; 3]) -> f64 {
         let plane = Plane::new(corners);
-        let (t, towards) = plane.meet(ray.origin, ray.direction);
-        let (least, most) = self.ends();
+        let (t, towards) = plane.intersect(ray.origin, ray.direction);
+        let (lowest, highest) = self.depth_range();
         let depth = t * ray.along;
         let slack = depth.abs() * DEPTH_SLACK;
-        // On this side of the comparisons: beside an infinite depth, of a ray along the plane, it
-        // makes a NaN.
-        let within = (depth + slack >= least) & (depth - slack <= most);
-        let steep = STEEP * towards.abs() >= plane.steep() * ray.along.abs();
-        if within & (steep || self.passes(depth)) { t } else { self.kept(ray, t, within, corners) }
+        // The slack is added to the depth, not to the bounds. If the ray runs along the plane, the
+        // depth is infinite. One of the sums is then NaN, so `within` is false.
+        let within = (depth + slack >= lowest) & (depth - slack <= highest);
+        let steep = STEEP * towards.abs() >= plane.normal_l1() * ray.along.abs();
+        if within & (steep || self.passes_near(depth)) {
+            t
+        } else {
+            self.clamped(ray, t, within, corners)
+        }
     }
 
-    /// Whether all corners lie beyond the ray's origin along the dominant axis, and so every hit.
+    /// Whether all corners, and so every hit, lie beyond the ray's origin along the dominant axis.
     #[inline(always)]
     pub fn is_ahead(&self, ray: &Ray64) -> bool {
-        let (least, most) = self.ends();
-        if ray.along < 0.0 { most < 0.0 } else { least > 0.0 }
+        let (lowest, highest) = self.depth_range();
+        if ray.along < 0.0 { highest < 0.0 } else { lowest > 0.0 }
     }
 
-    /// Whether the line passes the sheared triangle, which is within 6u of the box, so close to a
-    /// depth that this is within the box as well.
+    /// Whether the line passes through the sheared triangle at a depth close to `depth`.
+    ///
+    /// There the line is within 6u of the box. `depth` is close enough if the hit at `depth` is
+    /// certainly within [`BOX_SLACK`] of the box.
     #[inline(always)]
-    fn passes(&self, depth: f64) -> bool {
+    fn passes_near(&self, depth: f64) -> bool {
         let ([u, v, w], [a, b, c]) = (self.edges, self.depths.map(f64::from));
-        let ((least, most), weight) = (self.ends(), u + v + w);
-        let reach = if -least > most { -least } else { most };
+        let ((lowest, highest), weight) = (self.depth_range(), u + v + w);
+        let reach = if -lowest > highest { -lowest } else { highest };
         (depth * weight - (u * a + v * b + w * c)).abs() <= 0.5 * BOX_SLACK * reach * weight.abs()
     }
 
-    /// `t`, kept within the triangle's box, and within the corners' depths unless it is `within`
-    /// them.
+    /// Returns `t` clamped to the triangle's box and, unless `within`, to the depths of the
+    /// corners.
     #[inline(never)]
-    fn kept(&self, ray: &Ray64, t: f64, within: bool, corners: [[f32; 3]; 3]) -> f64 {
-        let Around { lower, upper } = Around::new(corners, ray.origin);
+    fn clamped(&self, ray: &Ray64, t: f64, within: bool, corners: [[f32; 3]; 3]) -> f64 {
+        let WidenedBox { lower, upper } = WidenedBox::new(corners, ray.origin);
         let mut inside = within;
         for axis in 0..3 {
             let at = t * ray.direction[axis];
@@ -209,8 +233,8 @@ impl Sheared {
         if inside {
             return t;
         }
-        let (least, most) = self.ends();
-        let (first, last) = (least / ray.along, most / ray.along);
+        let (lowest, highest) = self.depth_range();
+        let (first, last) = (lowest / ray.along, highest / ray.along);
         let (mut first, mut last) = (first.min(last), first.max(last));
         for axis in 0..3 {
             let d = ray.direction[axis];
@@ -219,8 +243,8 @@ impl Sheared {
                 (first, last) = (first.max(lower.min(upper)), last.min(lower.max(upper)));
             }
         }
-        // Of a ray along the plane, which tells nothing, where its line passes the sheared
-        // triangle.
+        // If the ray runs along the plane, t of the plane is not finite. Then take the depth at
+        // which the line passes through the sheared triangle.
         let [u, v, w] = self.edges;
         let [a, b, c] = self.depths.map(f64::from);
         let passing = || (u * a + v * b + w * c) / (u + v + w) / ray.along;
@@ -228,21 +252,22 @@ impl Sheared {
         t.max(first).min(last)
     }
 
-    /// The least and the greatest depth of the corners.
+    /// Returns the smallest and the largest depth of the corners.
     #[inline(always)]
-    fn ends(&self) -> (f64, f64) {
+    fn depth_range(&self) -> (f64, f64) {
         let [a, b, c] = self.depths;
         (min3(a, b, c).into(), max3(a, b, c).into())
     }
 }
 
-/// A triangle's box relative to a ray's origin, widened by [`BOX_SLACK`] and the least normal f32.
-struct Around {
+/// A triangle's box relative to a ray's origin, widened by [`BOX_SLACK`] and the smallest normal
+/// f32.
+struct WidenedBox {
     lower: [f64; 3],
     upper: [f64; 3],
 }
 
-impl Around {
+impl WidenedBox {
     #[inline(always)]
     fn new([p, q, r]: [[f32; 3]; 3], origin: [f64; 3]) -> Self {
         let (mut lower, mut upper, mut reach) = ([0.0; 3], [0.0; 3], 0.0);

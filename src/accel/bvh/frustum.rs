@@ -1,81 +1,92 @@
-//! 16 coherent rays as one frustum: what lies outside of it, none of them meets.
+//! A frustum around 16 coherent rays. No ray hits anything outside it.
 
 use crate::ray::{LANES, Mask};
 
 use super::Bounds3;
 use super::query::{Query, max, min};
 
-/// What finds the least of 16 numbers, none of them NaN.
-pub trait Least: Copy {
-    /// That number.
-    fn least(self, v: &[f32; LANES]) -> f32;
+/// Computes the minimum of 16 numbers. None of them may be NaN.
+pub trait HorizontalMin: Copy {
+    /// Returns the minimum of 16 lanes.
+    fn horizontal_min(self, v: &[f32; LANES]) -> f32;
 
-    /// That of each row.
+    /// Returns the minimum of each of 8 rows.
     #[inline(always)]
-    fn least_of_rows(self, rows: &[[f32; LANES]; 8]) -> [f32; 8] {
-        let mut least = [0.0; 8];
-        for (least, row) in least.iter_mut().zip(rows) {
-            *least = self.least(row);
+    fn horizontal_min_rows(self, rows: &[[f32; LANES]; 8]) -> [f32; 8] {
+        let mut minima = [0.0; 8];
+        for (minimum, row) in minima.iter_mut().zip(rows) {
+            *minimum = self.horizontal_min(row);
         }
-        least
+        minima
     }
 }
 
-/// A plane `x = a + b z` across one of the axes after the dominant one, z along that one.
+/// A side plane of the frustum: `x = a + b z`.
+///
+/// z runs along the dominant axis, x along one of the two axes after it.
 #[derive(Debug, Clone, Copy)]
 pub struct Side {
-    /// Where z = 0.
+    /// x at z = 0.
     pub a: f32,
     /// Slope, of magnitude 1.5 at most.
     pub b: f32,
-    /// For a box the row of [`super::node::Node::planes`] with the end of its range of z where the
-    /// plane is outermost.
+    /// Row of [`super::node::Node::planes`] that holds the end of a box along z at which the plane
+    /// lies outermost.
     pub row: usize,
 }
 
-/// What holds all active rays of one dominant axis k and one direction along it.
+/// A conservative bound of all active rays. All have the same dominant axis k and the same sign
+/// along it.
 ///
-/// Between two depths the least coordinate of any ray is a concave function of z, as the least of
-/// linear functions is, and lies above its chord; the greatest lies below its own. So four planes
-/// bound the rays, tightly so where they leave from or run to a common point.
+/// Between two depths, the smallest coordinate of any ray is a concave function of z, because it is
+/// the minimum of linear functions. So it lies above its chord. The largest coordinate lies below
+/// its chord. Therefore four planes through the chords bound the rays. They are tight if the rays
+/// share an origin or an end point.
 ///
-/// The planes are moved outwards by 1.5 times the largest [`Query::margin`], 99u max|v - o| +
-/// 6u|o|: a hit may lie 64u max|v - o| outside of its box, 13u pay for the rounding of the ends (8u
-/// max|v - o| + u|o|), of `a` (3u(max|v - o| + |o|)), and of `a + b z` where it is used. Whatever
-/// `b` is, `a` is such that the plane is outside of all rays at both ends.
+/// The planes are moved outwards by 1.5 times the largest [`Query::box_slack`], which is 99u
+/// max|v - o| + 6u|o|:
+///
+/// - A hit may lie 64u max|v - o| outside its box.
+/// - 13u are for rounding: of the ends (8u max|v - o| + u|o|), of `a` (3u(max|v - o| + |o|)), and
+///   of `a + b z` where it is used.
+///
+/// `b` need not be exact: whatever it is, `a` is chosen so that the plane is outside all rays at
+/// both ends.
 #[derive(Debug, Clone, Copy)]
 pub struct Frustum {
     /// The two axes after the dominant one, then the dominant one.
     pub axes: [usize; 3],
-    /// Bit a: the first ray's direction is negative along axis a.
+    /// Octant of the first ray. Bit a is set if its direction is negative along axis a.
     pub octant: usize,
-    /// Of the four sides [`Side::a`]: low and low, high and high.
+    /// [`Side::a`] of the four sides: two low, then two high.
     a: [f32; 4],
-    /// [`Side::b`].
+    /// [`Side::b`] of the four sides.
     b: [f32; 4],
-    /// [`Side::row`].
+    /// [`Side::row`] of the four sides.
     rows: [u32; 4],
-    /// 1 or -1: the direction along the dominant axis.
+    /// Sign of the directions along the dominant axis: 1 or -1.
     pub forward: f32,
-    /// No ray starts before, in units of `forward` z.
+    /// No ray starts at a smaller `forward` z.
     pub start: f32,
-    /// The row of a box's planes that it is entered through along the dominant axis.
+    /// Row of the plane through which rays enter a box along the dominant axis.
     pub enter: usize,
-    /// The row that it is left through.
+    /// Row of the plane through which they leave it.
     pub leave: usize,
-    /// How far everything was moved outwards.
+    /// How far the planes were moved outwards.
     slack: f32,
-    /// The scene ends here, in units of `forward` z.
+    /// Largest `forward` z of the scene, moved outwards by `slack`.
     scene_end: f32,
 }
 
 impl Frustum {
-    /// Around the active rays of a query, which are aligned ([`Query::aligned`]), in a tree over
-    /// `scene`; `tfar` holds the ends of their segments as boxes see them. With it where it ends:
-    /// see [`Frustum::end`].
+    /// Bounds the active rays of a query, in a tree over `scene`. Also returns where they end: see
+    /// [`Frustum::end`].
+    ///
+    /// The rays must be aligned ([`Query::aligned`]). `tfar` holds the ends of their segments,
+    /// scaled like [`Query::tfar`].
     #[inline(always)]
     pub fn new(
-        tier: impl Least,
+        tier: impl HorizontalMin,
         query: &Query,
         active: &Mask,
         tfar: &[f32; LANES],
@@ -84,15 +95,15 @@ impl Frustum {
         let lane = query.lane(active.first());
         let axes = lane.axes;
         let k = axes[2];
-        let (mut starts, mut margins) = ([0.0; LANES], [0.0; LANES]);
+        let (mut starts, mut box_slacks) = ([0.0; LANES], [0.0; LANES]);
         let negative = (lane.octant >> k) & 1 != 0;
         let (forward, scene_end) =
             if negative { (-1.0, -scene.lower()[k]) } else { (1.0, scene.upper()[k]) };
         for i in 0..LANES {
             starts[i] = forward * query.origin[2][i];
-            margins[i] = -query.margin[i];
+            box_slacks[i] = -query.box_slack[i];
         }
-        let slack = -1.5 * tier.least(&select(active, &margins));
+        let slack = -1.5 * tier.horizontal_min(&select(active, &box_slacks));
         let mut frustum = Self {
             axes,
             octant: lane.octant,
@@ -100,7 +111,7 @@ impl Frustum {
             b: [0.0; 4],
             rows: [0; 4],
             forward,
-            start: tier.least(&select(active, &starts)) - slack,
+            start: tier.horizontal_min(&select(active, &starts)) - slack,
             enter: k + 3 * usize::from(negative),
             leave: k + 3 - 3 * usize::from(negative),
             slack,
@@ -108,8 +119,8 @@ impl Frustum {
         };
         let end = frustum.end(tier, query, tfar);
         let (z0, z1) = (forward * frustum.start, forward * max(end, frustum.start));
-        // Where the rays are at z0 and at z1, and the same negated for the high sides: the least of
-        // each.
+        // The coordinates of the rays at z0 and at z1, and their negatives for the high sides. The
+        // minimum of each row is the bound.
         let mut ends = [[f32::INFINITY; LANES]; 8];
         for axis in 0..2 {
             for i in 0..LANES {
@@ -122,29 +133,29 @@ impl Frustum {
                 ends[6 + axis][i] = if is_active { -x1 } else { f32::INFINITY };
             }
         }
-        let least = tier.least_of_rows(&ends);
+        let minima = tier.horizontal_min_rows(&ends);
         let inverse = 1.0 / (z1 - z0);
         for side in 0..4 {
-            let (x0, x1) = (least[side], least[4 + side]);
+            let (x0, x1) = (minima[side], minima[4 + side]);
             let b = slope((x1 - x0) * inverse);
             let a = min(x0 - b * z0, x1 - b * z1) - slack;
             let high = side >= 2;
             frustum.a[side] = if high { -a } else { a };
             frustum.b[side] = if high { -b } else { b };
-            // Of a box that end of its range of z where the plane is outermost.
+            // The end of a box along z at which the plane lies outermost.
             let far = (b < 0.0) | (high & (b == 0.0));
             frustum.rows[side] = k as u32 + if far { 3 } else { 0 };
         }
         (frustum, end)
     }
 
-    /// No ray is below these.
+    /// Returns the planes below all rays.
     #[inline(always)]
     pub fn low(&self) -> [Side; 2] {
         [self.side(0), self.side(1)]
     }
 
-    /// No ray is above these.
+    /// Returns the planes above all rays.
     #[inline(always)]
     pub fn high(&self) -> [Side; 2] {
         [self.side(2), self.side(3)]
@@ -155,28 +166,29 @@ impl Frustum {
         Side { a: self.a[i], b: self.b[i], row: self.rows[i] as usize }
     }
 
-    /// Where the last ray ends, in units of `forward` z; -inf if all `tfar` are.
+    /// Returns the `forward` z where the last ray or the scene ends, moved outwards by `slack`;
+    /// -inf if all `tfar` are -inf.
     #[inline(always)]
-    pub fn end(&self, tier: impl Least, query: &Query, tfar: &[f32; LANES]) -> f32 {
+    pub fn end(&self, tier: impl HorizontalMin, query: &Query, tfar: &[f32; LANES]) -> f32 {
         let mut minus = [0.0; LANES];
         for i in 0..LANES {
             let end = self.forward * query.origin[2][i] + tfar[i] * query.along[i].abs();
-            // A lane without a ray may hold anything. (A condition that asks for `tfar` alone
-            // becomes 16 jumps.)
+            // An inactive lane may hold any value. (A condition on `tfar` alone compiles to 16
+            // jumps.)
             minus[i] = if end > f32::NEG_INFINITY { -end } else { f32::INFINITY };
         }
-        min(self.slack - tier.least(&minus), self.scene_end)
+        min(self.slack - tier.horizontal_min(&minus), self.scene_end)
     }
 }
 
-/// A slope, or 0 for one that rounding made.
+/// Returns the slope, or 0 if rounding made it larger than 1.5 or NaN.
 #[inline(always)]
 fn slope(b: f32) -> f32 {
     if b.abs() <= 1.5 { b } else { 0.0 }
 }
 
-/// The values of the active lanes, infinite for the others. (A loop of its own: where it computes
-/// the values, too, it becomes 16 jumps.)
+/// Returns the values of the active lanes, and infinity in the others. (In its own loop: if the
+/// same loop also computes the values, it compiles to 16 jumps.)
 #[inline(always)]
 fn select(active: &Mask, v: &[f32; LANES]) -> [f32; LANES] {
     let mut selected = [f32::INFINITY; LANES];

@@ -1,29 +1,29 @@
-//! The tree's kernels one by one, for `benches/kernels.rs`.
+//! Access to single kernels of the tree, for `benches/kernels.rs`.
 
 use super::Bvh;
-use super::exact::{Ray64, Sheared};
+use super::exact::{Ray64, ShearedTriangle};
 use super::query::{Lane, Query};
 use super::simd::{Stack, Tier, portable::Portable};
 use crate::ray::Rays;
 use crate::simd::{Isa, Kernel, dispatch};
 
-/// The first so many nodes, or leaves, are what one call looks at: few enough for the cache.
+/// Number of nodes, leaves or triangles per call. Few enough for the cache.
 pub const COUNT: usize = 256;
 
-/// Which kernel.
+/// The kernel to run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Which {
-    /// A ray against the 16 boxes of a node, hits sorted.
+    /// A ray against the 16 boxes of a node, with the hits sorted.
     Node,
-    /// A ray against the 16 triangles of a leaf: those that may be hit.
+    /// A ray against the 16 triangles of a leaf: the candidates.
     Leaf,
     /// A ray against one triangle: the exact decision and t.
     Exact,
 }
 
 impl Bvh<'_> {
-    /// Runs a kernel for ray 0 on [`COUNT`] nodes, leaves or triangles, over and over the same ones
-    /// where the tree has fewer; a sum of what was found.
+    /// Runs a kernel for ray 0 on [`COUNT`] nodes, leaves or triangles, repeating them if the tree
+    /// has fewer. Returns a checksum of the results.
     ///
     /// # Panics
     /// If the tree has no leaf of triangles.
@@ -78,7 +78,7 @@ impl<T: Tier> Run<'_, T> {
         let blocks = &self.bvh.tree.blocks;
         assert!(!blocks.is_empty());
         let mut sum = 0;
-        // A loop: a closure would be compiled for the portable tier.
+        // A loop, because a closure would be compiled for the portable instruction set.
         for block in blocks.iter().cycle().take(COUNT) {
             sum ^= self.tier.candidates(block, lane, f32::INFINITY).maybe;
         }
@@ -92,7 +92,7 @@ impl<T: Tier> Run<'_, T> {
         let ray = Ray64::new(self.rays, 0, lane.axes[2]);
         let mut sum = 0.0;
         for block in blocks.iter().cycle().take(COUNT) {
-            let seen = Sheared::new(lane, block, 0);
+            let seen = ShearedTriangle::new(lane, block, 0);
             let t = seen.t(&ray, block.triangle(0));
             sum += if seen.inside() { t } else { 0.0 };
         }

@@ -1,10 +1,10 @@
-//! Our own BVH: 16-wide nodes, leaves of up to 16 triangles over shared vertices, an exactly
-//! watertight triangle test.
+//! The backend `bvh`: a BVH with 16-wide nodes, leaves of up to 16 triangles over shared vertices,
+//! and an exactly watertight triangle test.
 //!
-//! `build` makes the tree, `query` and `frustum` make rays ready, `single` and `packet` traverse,
-//! `simd` tests boxes and triangles 16 at a time, `exact` decides; `validate` checks the tree.
+//! `build` makes the tree. `query` and `frustum` prepare rays. `single` and `packet` traverse.
+//! `simd` tests 16 boxes or triangles at a time. `exact` decides hits. `validate` checks the tree.
 
-/// Returns what `$run` makes of the kernels of an instruction set.
+/// Returns the value of `$run` with the kernels of an instruction set.
 macro_rules! with_tier {
     ($isa:expr, $tier:ident => $run:expr) => {
         #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
@@ -23,8 +23,8 @@ macro_rules! with_tier {
 mod bounds;
 mod build;
 mod exact;
-mod found;
 mod frustum;
+mod hits;
 #[doc(hidden)]
 pub mod kernels;
 mod near;
@@ -42,7 +42,7 @@ pub use self::validate::Stats;
 
 use self::bounds::Bounds3;
 use self::build::Tree;
-use self::found::Found;
+use self::hits::ClosestHits;
 use self::packet::{Packet, Stacks};
 use self::query::Query;
 use self::simd::{Path, Stack, Tier};
@@ -55,7 +55,7 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::simd::{Isa, Kernel};
 
-/// The tree over a scene's primitives.
+/// A tree over the primitives of a scene.
 pub struct Bvh<'g> {
     geometry: &'g Geometry,
     tree: Tree,
@@ -64,8 +64,8 @@ pub struct Bvh<'g> {
 }
 
 impl<'g> Bvh<'g> {
-    /// Builds the tree, for the kernels of `isa`, or of the best set below it that this machine
-    /// runs.
+    /// Builds the tree. Queries use the kernels of `isa`, or of the best instruction set below it
+    /// that this machine supports.
     ///
     /// # Errors
     /// See [`super::build`].
@@ -92,7 +92,7 @@ impl<'g> Bvh<'g> {
     }
 }
 
-/// The active rays one by one.
+/// Traces the active rays one by one.
 struct SingleClosest<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -106,7 +106,7 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
     fn run(self) {
         let Self { tier, bvh, active, packet } = self;
         let query = Query::new(&packet.rays, &bvh.tree.bounds);
-        let mut found = Found::nothing(&packet.rays);
+        let mut found = ClosestHits::new(&packet.rays);
         let mut stack = Stack::new();
         for i in 0..LANES {
             if active.0[i] != 0 {
@@ -118,10 +118,11 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
     }
 }
 
-/// Fewer coherent rays are traced one by one.
+/// Fewer coherent rays than this are traced one by one.
 const MIN_TOGETHER: u32 = 4;
 
-/// The active rays together, those of one octant and one dominant axis each time; which are left.
+/// Traces the active rays in groups of one octant and one dominant axis. Returns the rays that are
+/// left for tracing one by one.
 struct PacketClosest<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -136,7 +137,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
         let Self { tier, bvh, active, packet } = self;
         let query = Query::new(&packet.rays, &bvh.tree.bounds);
         let scene = (&bvh.tree, bvh.geometry);
-        let mut found = Found::nothing(&packet.rays);
+        let mut found = ClosestHits::new(&packet.rays);
         let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (*active, Mask::NONE);
         while rest.any() {
@@ -155,7 +156,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
     }
 }
 
-/// The active rays one by one.
+/// Traces the active rays one by one.
 struct SingleOccluded<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -178,7 +179,8 @@ impl<T: Tier> Kernel for SingleOccluded<'_, T> {
     }
 }
 
-/// As [`PacketClosest`].
+/// Traces the active rays in groups of one dominant axis and sign. Returns the rays that are left
+/// for tracing one by one.
 struct PacketOccluded<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -203,9 +205,9 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
                 continue;
             }
             let packet = Packet::new(tier, scene, (&query, rays), &part);
-            let stopped = packet.occluded(&mut stacks);
+            let occluded = packet.occluded(&mut stacks);
             for i in 0..LANES {
-                rays.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { rays.tfar[i] };
+                rays.tfar[i] = if occluded[i] != 0 { f32::NEG_INFINITY } else { rays.tfar[i] };
             }
         }
         stacks.keep();
@@ -213,7 +215,7 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
     }
 }
 
-/// Whether the hull of the active rays reaches any leaf.
+/// Returns whether the convex hull of the active rays may reach a leaf.
 struct Reaches<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -227,7 +229,7 @@ impl<T: Tier> Kernel for Reaches<'_, T> {
     fn run(self) -> bool {
         let Self { tier, bvh, active, rays } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
-        // Whoever asks does not ask often: rays of several axes are not looked at part by part.
+        // This query is rare, so rays of several dominant axes are not split into groups.
         active.without(&query.aligned(active)).any()
             || Packet::new(tier, (&bvh.tree, bvh.geometry), (&query, rays), active).reaches()
     }
@@ -306,7 +308,8 @@ impl Accelerator for Bvh<'_> {
         coherence: Coherence,
     ) -> Option<Visits> {
         let counts = Counts::default();
-        // The same tier on every machine: boxes that a ray barely meets depend on rounding.
+        // The same instruction set on every machine, because rounding decides whether a ray hits a
+        // box that it only touches.
         let tier = Counting { tier: simd::portable::Portable, counts: &counts };
         let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
         if shadow {

@@ -1,4 +1,4 @@
-//! What lies near a point.
+//! Search for the triangles and quads near a point.
 
 use super::Bvh;
 use super::node::{Child, Kind, WIDTH};
@@ -6,7 +6,7 @@ use crate::geometry::Nearby;
 use crate::ray::NONE;
 
 impl Bvh<'_> {
-    /// See [`crate::accel::Accelerator::near`].
+    /// Traverses the tree for [`crate::accel::Accelerator::near`].
     pub(super) fn near_in_tree(&self, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
         let [low, high] = nearby;
         let mut stack = vec![Child::node(0)];

@@ -1,19 +1,21 @@
-//! The tree as it lies in memory: wide nodes of plain f32 boxes, and leaves of shared vertices.
+//! The memory layout of the tree: 16-wide nodes of f32 boxes, and leaves of triangles over shared
+//! vertices.
 
 use crate::ray::NONE;
 
-/// Children per node, and triangles and vertices per leaf.
+/// Number of children of a node, and of triangles and vertices of a leaf, at most.
 pub const WIDTH: usize = 16;
 
-/// Spheres per leaf.
+/// Number of spheres of a leaf, at most.
 pub const SPHERES: usize = 4;
 
-/// What a child is: the top two bits name the kind, the others the index in its array.
+/// A reference to a child. The top two bits hold its kind, the others the index in the array of
+/// that kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct Child(pub u32);
 
-/// A [`Child`] taken apart.
+/// A [`Child`] decoded into kind and index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Index of a [`Node`].
@@ -22,37 +24,35 @@ pub enum Kind {
     Triangles(usize),
     /// Index of a [`SphereLeaf`].
     Spheres(usize),
-    /// Nothing.
     Empty,
 }
 
 impl Child {
-    /// No child.
     pub const EMPTY: Self = Self(NONE);
-    /// The largest index that a child can name.
+    /// The largest index that fits into a reference.
     pub const MAX_INDEX: usize = (1 << 30) - 1;
     const LEAF: u32 = 1 << 31;
     const SPHERES: u32 = 1 << 30;
 
-    /// An inner node.
+    /// Refers to an inner node.
     pub fn node(index: usize) -> Self {
         debug_assert!(index <= Self::MAX_INDEX);
         Self(index as u32)
     }
 
-    /// A leaf of triangles.
+    /// Refers to a leaf of triangles.
     pub fn triangles(index: usize) -> Self {
         debug_assert!(index <= Self::MAX_INDEX);
         Self(index as u32 | Self::LEAF)
     }
 
-    /// A leaf of spheres.
+    /// Refers to a leaf of spheres.
     pub fn spheres(index: usize) -> Self {
         debug_assert!(index < Self::MAX_INDEX);
         Self(index as u32 | Self::LEAF | Self::SPHERES)
     }
 
-    /// What it names.
+    /// Decodes the reference into kind and index.
     #[inline(always)]
     pub fn kind(self) -> Kind {
         let index = (self.0 & Self::MAX_INDEX as u32) as usize;
@@ -68,23 +68,22 @@ impl Child {
     }
 }
 
-/// An inner node: the boxes of its children, and for each of the 8 direction octants the order in
-/// which a ray meets them.
+/// An inner node. It holds the boxes of its children and, for each of the 8 direction octants, the
+/// order in which a ray visits them.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct Node {
-    /// Lower x, y, z, then upper x, y, z of each child. An empty child has lower = +inf and
-    /// upper = -inf, which no ray meets.
+    /// Lower x, y, z, then upper x, y, z of each child. An empty child has `lower = +inf` and
+    /// `upper = -inf`, which no ray hits.
     pub planes: [[f32; WIDTH]; 6],
-    /// The children; the empty ones come last.
+    /// The children. Empty ones come last.
     pub children: [Child; WIDTH],
-    /// For each octant (bit a: direction negative along axis a) the children from far to near:
-    /// see [`Node::set_order`].
+    /// For each octant, the children from far to near: see [`Node::set_order`]. Bit a of an octant
+    /// is set if the direction is negative along axis a.
     pub order: [u64; 8],
 }
 
 impl Node {
-    /// A node without children.
     pub const EMPTY: Self = Self {
         planes: [
             [f32::INFINITY; WIDTH],
@@ -98,21 +97,21 @@ impl Node {
         order: [0; 8],
     };
 
-    /// The first of some children, by bit.
+    /// Returns the lowest child of a set of children, given as bits.
     #[inline(always)]
     pub fn first(&self, children: u32) -> Child {
         self.children[children.trailing_zeros() as usize % WIDTH]
     }
 
-    /// Stores an octant's order: child `far_to_near[j]` in the 4 bits from
-    /// `32 (j % 2) + 4 (j / 2)` on, where a vector of 32-bit lanes shifts them out.
+    /// Stores the order of an octant. Child `far_to_near[j]` takes the 4 bits from
+    /// `32 (j % 2) + 4 (j / 2)` on, so that a vector of 32-bit lanes can shift them out.
     pub fn set_order(&mut self, octant: usize, far_to_near: &[u8; WIDTH]) {
         let place = |j: usize, child: u8| u64::from(child) << (32 * (j % 2) + 4 * (j / 2));
         self.order[octant] =
             far_to_near.iter().enumerate().fold(0, |bits, (j, &child)| bits | place(j, child));
     }
 
-    /// The `j`-th child of an octant's order.
+    /// Returns child `j` of an octant's order.
     #[inline(always)]
     pub fn ordered(&self, octant: usize, j: usize) -> usize {
         (self.order[octant % 8] >> (32 * (j % 2) + 4 * (j / 2))) as usize % WIDTH
@@ -121,27 +120,26 @@ impl Node {
 
 /// A leaf of up to 16 triangles over up to 16 shared vertices.
 ///
-/// Shared vertices are sheared once per ray, and a leaf of a scanned mesh takes 28 bytes per
-/// triangle instead of 40.
+/// Each shared vertex is sheared once per ray. A leaf of a scanned mesh takes 28 bytes per triangle
+/// instead of 40.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct Block {
     /// x, y, z of the vertices.
     pub vertices: [[f32; WIDTH]; 3],
-    /// Number of the triangle's primitive in the whole scene; [`NONE`] where there is no triangle.
+    /// Primitive number of each triangle in the whole scene; [`NONE`] in an unused slot.
     pub primitives: [u32; WIDTH],
-    /// Index of each triangle's first, second and third corner. Bit 7 of the first: the second half
-    /// of a quad.
+    /// Vertex indices of the first, second and third corner of each triangle. Bit 7 of the first
+    /// corner marks the second half of a quad.
     pub corners: [[u8; WIDTH]; 3],
-    /// Bit i: there is a triangle i.
+    /// Bit i is set if slot i holds a triangle.
     pub present: u16,
 }
 
-/// Marks the half `v2 v3 v1` of a quad in [`Block::corners`].
+/// Bit in [`Block::corners`] that marks the second half `v2 v3 v1` of a quad.
 pub const SECOND_HALF: u8 = 0x80;
 
 impl Block {
-    /// A leaf without triangles.
     pub const EMPTY: Self = Self {
         vertices: [[0.0; WIDTH]; 3],
         primitives: [NONE; WIDTH],
@@ -149,13 +147,13 @@ impl Block {
         present: 0,
     };
 
-    /// Index of a triangle's corner among the vertices.
+    /// Returns the vertex index of corner `k` of triangle `i`.
     #[inline(always)]
     pub fn corner(&self, k: usize, i: usize) -> usize {
         usize::from(self.corners[k][i % WIDTH]) % WIDTH
     }
 
-    /// Corners of a triangle: x, y, z each.
+    /// Returns the corners of triangle `i`.
     #[inline(always)]
     pub fn triangle(&self, i: usize) -> [[f32; 3]; 3] {
         [0, 1, 2].map(|k| {
@@ -164,14 +162,14 @@ impl Block {
         })
     }
 
-    /// Whether a triangle is the second half of a quad.
+    /// Whether triangle `i` is the second half of a quad.
     #[inline(always)]
     pub fn is_second_half(&self, i: usize) -> bool {
         self.corners[0][i % WIDTH] & SECOND_HALF != 0
     }
 }
 
-/// A leaf of spheres: numbers among the scene's spheres, [`NONE`] at the end.
+/// A leaf of spheres. Holds indices of the scene's spheres; unused slots at the end hold [`NONE`].
 #[derive(Debug, Clone, Copy)]
 pub struct SphereLeaf(pub [u32; SPHERES]);
 

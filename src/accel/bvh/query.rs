@@ -1,72 +1,77 @@
-//! 16 rays made ready for the tree: slabs that err to the safe side, and the shear.
+//! 16 rays prepared for traversal: conservative slabs for boxes, and the shear for triangles.
 
 use crate::ray::{LANES, Mask, Rays};
 
 use super::Bounds3;
 
-/// Half an ulp of 1: the largest relative error of one f32 operation.
+/// The largest relative error of one f32 operation: half an ulp of 1, 2^-24.
 const U: f32 = f32::EPSILON / 2.0;
 
-/// Smallest magnitude of a direction component, relative to the largest: keeps 1/d and o/d
-/// finite, so that no 0 * inf arises.
+/// Smallest magnitude of a direction component, relative to the largest. It keeps 1/d and o/d
+/// finite, so that 0 * inf never occurs.
 pub const MIN_DIRECTION: f32 = 1.0 / (1u64 << 60) as f32;
 
-/// By the dominant axis: the two after it in cyclic order, then itself. A static: a table in the
-/// code is written to the stack for every ray.
+/// For each dominant axis, the two axes after it in cyclic order, then the axis itself. A static,
+/// because a table in the code is written to the stack for every ray.
 static AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 
-/// 16 rays against boxes and against triangles.
+/// 16 rays in the form that tests of boxes and triangles need.
 ///
-/// Directions are scaled by a power of two (exact) so that the largest component is in [1, 2);
-/// `scale` takes ray parameters there.
+/// Directions are scaled by a power of two, which is exact, so that the largest component lies in
+/// [1, 2). `scale` converts ray parameters to these directions.
 ///
-/// Boxes. A slab is `t = plane * inverse - offset` in one fused operation or two. Every box is
-/// widened by `margin`, folded into the offsets, and every distance by 4u, folded into the
-/// inverses, so that no rounding prunes what [`super::exact`] would hit:
-/// - The triangle test moves a vertex in the plane normal to the dominant axis by at most 6u max|v
-///   - o| (see there), so where it reports a hit the ray passes within that distance of the
-///   triangle, hence of its box, and it keeps the hit within 64u max|v - o| of that box: `margin`
-///   >= 64u max|v - o| over the scene's box.
-/// - Rounding of `o + margin`, of the product with the inverse, and of the fused operation's
-///   second operand move a plane by at most 4u|o|: part of `margin`.
-/// - The inverse and the last rounding are relative errors of at most 3.5u: 4u taken off the near
-///   distance and added to the far one (Ize 2013, JCGT 2(2)). Near distances below zero do not
-///   matter, as t starts at `tnear` >= 0.
-/// - A component below `MIN_DIRECTION` is lifted to it: the ray strays by at most MIN_DIRECTION
-///   times the scene, 2^-60 against 2^-22 in `margin`.
+/// # Boxes
+///
+/// A slab is `t = plane * inverse - offset`, in one fused operation or two. Every box is widened by
+/// `box_slack`, which the offsets include. Every distance is widened by 4u, which the inverses
+/// include. So no rounding prunes a hit of [`super::exact`]:
+///
+/// - The triangle test moves a vertex by at most 6u max|v - o| in the plane normal to the dominant
+///   axis (see there). So a ray that hits passes within that distance of the triangle, and hence of
+///   its box. The test keeps the hit within 64u max|v - o| of that box. Therefore `box_slack` >=
+///   64u max|v - o| over the scene's box.
+/// - Three roundings move a plane by at most 4u|o|: of `o + box_slack`, of its product with the
+///   inverse, and of the second operand of the fused operation. They are part of `box_slack`.
+/// - The inverse and the last rounding have relative errors of at most 3.5u together. So 4u are
+///   subtracted from the near distance and added to the far one (Ize 2013, JCGT 2(2)). Near
+///   distances below zero do not matter, because t starts at `tnear` >= 0.
+/// - A component below `MIN_DIRECTION` is raised to it. The ray strays by at most `MIN_DIRECTION`
+///   times the scene's size: 2^-60, compared with 2^-22 in `box_slack`.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct Query {
-    /// Inverse direction, made smaller by 4u.
+    /// Inverse direction, reduced by 4u.
     pub near_inverse: [[f32; LANES]; 3],
-    /// (origin + margin) * inverse.
+    /// `(origin + box_slack) * near_inverse`; `box_slack` has the sign of the direction.
     pub near_offset: [[f32; LANES]; 3],
-    /// Inverse direction, made larger by 4u.
+    /// Inverse direction, enlarged by 4u.
     pub far_inverse: [[f32; LANES]; 3],
-    /// (origin - margin) * inverse.
+    /// `(origin - box_slack) * far_inverse`; `box_slack` has the sign of the direction.
     pub far_offset: [[f32; LANES]; 3],
-    /// How far boxes are widened.
-    pub margin: [f32; LANES],
-    /// Start of the segment, scaled.
+    /// How far boxes are widened in each direction.
+    pub box_slack: [f32; LANES],
+    /// Start of the segment, scaled and reduced by 4u.
     pub tnear: [f32; LANES],
-    /// End of the segment, scaled.
+    /// End of the segment, scaled and enlarged by 4u.
     pub tfar: [f32; LANES],
-    /// What ray parameters were multiplied with.
+    /// Factor from the ray parameters of the caller to scaled ones.
     pub scale: [f32; LANES],
-    /// Bit a: direction negative along axis a.
+    /// Octant of the direction. Bit a is set if it is negative along axis a.
     pub octant: [u32; LANES],
     /// Axis along which the direction is largest.
     pub dominant: [u32; LANES],
-    /// Origin along the two axes after the dominant one in cyclic order, then along that.
+    /// Origin along the two axes after the dominant one in cyclic order, then along the dominant
+    /// one.
     pub origin: [[f32; LANES]; 3],
-    /// Direction over its dominant component, for the two axes after the dominant one.
+    /// Slopes: direction along the two axes after the dominant one, divided by its dominant
+    /// component.
     pub shear: [[f32; LANES]; 2],
     /// Scaled direction along the dominant axis, of magnitude 1 to 2.
     pub along: [f32; LANES],
 }
 
 impl Query {
-    /// Makes rays ready for a tree over `scene`.
+    /// Prepares rays for a tree over `scene`.
     #[inline(always)]
     pub fn new(rays: &Rays, scene: &Bounds3) -> Self {
         let [ox, oy, oz] = &rays.org;
@@ -75,7 +80,7 @@ impl Query {
         for i in 0..LANES {
             let (x, y, z) = (rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]);
             let largest = max(max(x.abs(), y.abs()), z.abs());
-            // Of the ends of the range the neighbours: what `down` undoes, `up` must restore.
+            // At the ends of the range their neighbours are used: `up` must undo `down` exactly.
             let exponent = (largest.to_bits() >> 23).clamp(1, 253);
             let down = f32::from_bits((254 - exponent) << 23);
             let up = f32::from_bits(exponent << 23);
@@ -85,7 +90,7 @@ impl Query {
             (direction[0][i], direction[1][i], direction[2][i]) = (x * down, y * down, z * down);
         }
         let (lower, upper) = (scene.lower(), scene.upper());
-        let (mut margin, mut least) = ([0.0f32; LANES], [0.0f32; LANES]);
+        let (mut box_slack, mut min_component) = ([0.0f32; LANES], [0.0f32; LANES]);
         for i in 0..LANES {
             let (mut reach, mut origin) = (0.0f32, 0.0f32);
             for axis in 0..3 {
@@ -93,11 +98,12 @@ impl Query {
                 reach = max(reach, max((lower[axis] - o).abs(), (upper[axis] - o).abs()));
                 origin = max(origin, o.abs());
             }
-            // Coordinates beyond 2^62 would overflow with 1/LEAST: a larger least, and its strays
-            // in the margin.
+            // Coordinates beyond 2^62 would overflow when multiplied by 1 / MIN_DIRECTION. There
+            // the smallest component is larger, and `box_slack` includes how far the ray strays by
+            // that.
             let lift = max(MIN_DIRECTION, (reach + origin) * (16.0 / f32::MAX));
-            least[i] = lift;
-            margin[i] =
+            min_component[i] = lift;
+            box_slack[i] =
                 (66.0 * U + 2.0 * lift) * reach + 4.0 * U * origin + 4.0 * f32::MIN_POSITIVE;
         }
         let mut octant = [0u32; LANES];
@@ -106,9 +112,9 @@ impl Query {
         for axis in 0..3 {
             for i in 0..LANES {
                 let d = direction[axis][i];
-                let d = max(d.abs(), least[i]).copysign(d);
+                let d = max(d.abs(), min_component[i]).copysign(d);
                 let inverse = 1.0 / d;
-                let out = margin[i].copysign(d);
+                let out = box_slack[i].copysign(d);
                 let (near, far) = (inverse * (1.0 - 4.0 * U), inverse * (1.0 + 4.0 * U));
                 let o = rays.org[axis][i];
                 near_inverse[axis][i] = near;
@@ -149,7 +155,7 @@ impl Query {
             near_offset,
             far_inverse,
             far_offset,
-            margin,
+            box_slack,
             tnear,
             tfar,
             scale,
@@ -161,8 +167,7 @@ impl Query {
         }
     }
 
-    /// Those of the rays that are coherent with the first of them: of its octant and its dominant
-    /// axis.
+    /// Returns those of `rays` that have the octant and the dominant axis of the first one.
     #[inline(always)]
     pub fn coherent(&self, rays: &Mask) -> Mask {
         let first = rays.first();
@@ -175,8 +180,8 @@ impl Query {
         part
     }
 
-    /// Those of the rays that are aligned with the first of them: of its dominant axis, and of its
-    /// direction along that.
+    /// Returns those of `rays` that have the dominant axis of the first one and its sign along that
+    /// axis.
     #[inline(always)]
     pub fn aligned(&self, rays: &Mask) -> Mask {
         let first = rays.first();
@@ -190,32 +195,32 @@ impl Query {
         part
     }
 
-    /// What a hit of ray `i` at `t` makes of its end as the boxes see it: scaled, and never less
-    /// for what underflows.
+    /// Converts the parameter `t` of a hit of ray `i` to a new `tfar`: scaled, and enlarged to
+    /// compensate underflow.
     #[inline(always)]
-    pub fn end(&self, i: usize, t: f64) -> f32 {
+    pub fn scaled_end(&self, i: usize, t: f64) -> f32 {
         (t as f32 + f32::MIN_POSITIVE) * self.scale[i] + f32::MIN_POSITIVE
     }
 
-    /// How far along the dominant axis ray `i` is at a scaled parameter, or a bit farther: what
-    /// lies beyond is farther than the parameter.
+    /// Returns how far ray `i` is along the dominant axis at a scaled parameter, rounded up.
+    /// Whatever lies deeper has a larger parameter.
     #[inline(always)]
     pub fn depth(&self, i: usize, t: f32) -> f32 {
         t * self.along[i].abs() * (1.0 + 8.0 * U)
     }
 
-    /// Whether all of ray `i` between two distances along the dominant axis lies within its open
-    /// segment for sure.
+    /// Returns true only if ray `i` lies within its open segment at every depth from `first` to
+    /// `last` along the dominant axis. Conservative: may return false near the ends.
     #[inline(always)]
     pub fn within(&self, i: usize, first: f32, last: f32) -> bool {
         let along = self.along[i].abs();
-        // 16u are more than the ends were moved by and all roundings here; the least normal numbers
-        // pay for what underflows.
+        // 16u exceed the 4u by which the ends were moved, plus all roundings here. The smallest
+        // normal numbers compensate underflow.
         (first > self.tnear[i] * along * (1.0 + 16.0 * U) + 4.0 * f32::MIN_POSITIVE)
             & (last < self.tfar[i] * along * (1.0 - 16.0 * U) - 4.0 * f32::MIN_POSITIVE)
     }
 
-    /// Ray `i` alone.
+    /// Returns ray `i` alone.
     #[inline(always)]
     pub fn lane(&self, i: usize) -> Lane<'_> {
         let i = i % LANES;
@@ -229,32 +234,28 @@ impl Query {
     }
 }
 
-/// What of a ray the boxes see.
+/// The values of one ray that a test of boxes needs. The fields without description are those of
+/// [`Query`].
 #[derive(Debug, Clone, Copy)]
 pub struct Slabs {
-    /// See [`Query`].
     pub near_inverse: [f32; 3],
-    /// See [`Query`].
     pub near_offset: [f32; 3],
-    /// See [`Query`].
     pub far_inverse: [f32; 3],
-    /// See [`Query`].
     pub far_offset: [f32; 3],
-    /// See [`Query`].
     pub tnear: f32,
-    /// For each axis the row of [`super::node::Node::planes`] that the ray enters a box through.
+    /// For each axis the row of [`super::node::Node::planes`] through which the ray enters a box.
     pub enter: [usize; 3],
-    /// For each axis the row that it leaves a box through.
+    /// For each axis the row through which the ray leaves a box.
     pub leave: [usize; 3],
 }
 
-/// The lesser; the second where one is NaN.
+/// Returns the smaller number; the second if one is NaN.
 #[inline(always)]
 pub fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// The greater; the second where one is NaN.
+/// Returns the larger number; the second if one is NaN.
 #[inline(always)]
 pub fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
@@ -263,77 +264,76 @@ pub fn max(a: f32, b: f32) -> f32 {
 /// One ray of a [`Query`].
 #[derive(Debug, Clone, Copy)]
 pub struct Lane<'a> {
-    /// All 16.
     pub query: &'a Query,
-    /// Which one.
     pub i: usize,
-    /// See [`Query`].
     pub octant: usize,
     /// The two axes after the dominant one, then the dominant one.
     pub axes: [usize; 3],
-    /// For each axis the row of [`super::node::Node::planes`] that the ray enters a box through.
+    /// For each axis the row of [`super::node::Node::planes`] through which the ray enters a box.
     pub enter: [usize; 3],
-    /// For each axis the row that it leaves a box through.
+    /// For each axis the row through which the ray leaves a box.
     pub leave: [usize; 3],
 }
 
 impl Lane<'_> {
-    /// What the boxes see.
+    /// Returns the values for tests of boxes.
     #[inline(always)]
     pub fn slabs(&self) -> Slabs {
-        let (q, of) =
-            (self.query, |m: &[[f32; LANES]; 3]| [self.of(&m[0]), self.of(&m[1]), self.of(&m[2])]);
+        let (q, axes) = (self.query, |m: &[[f32; LANES]; 3]| {
+            [self.value(&m[0]), self.value(&m[1]), self.value(&m[2])]
+        });
         Slabs {
-            near_inverse: of(&q.near_inverse),
-            near_offset: of(&q.near_offset),
-            far_inverse: of(&q.far_inverse),
-            far_offset: of(&q.far_offset),
-            tnear: self.of(&q.tnear),
+            near_inverse: axes(&q.near_inverse),
+            near_offset: axes(&q.near_offset),
+            far_inverse: axes(&q.far_inverse),
+            far_offset: axes(&q.far_offset),
+            tnear: self.value(&q.tnear),
             enter: self.enter,
             leave: self.leave,
         }
     }
 
-    /// Of a [`Query`]'s member this ray's.
+    /// Returns this ray's value of an array of [`Query`].
     #[inline(always)]
-    pub fn of(&self, member: &[f32; LANES]) -> f32 {
+    pub fn value(&self, member: &[f32; LANES]) -> f32 {
         member[self.i % LANES]
     }
 
-    /// See [`Query::depth`].
+    /// Applies [`Query::depth`] to this ray.
     #[inline(always)]
     pub fn depth(&self, t: f32) -> f32 {
         self.query.depth(self.i % LANES, t)
     }
 
-    /// Of a coordinate along the dominant axis, relative to the ray's origin.
+    /// Returns the depth of a coordinate along the dominant axis, relative to the origin of the
+    /// ray.
     #[inline(always)]
     pub fn depth_of(&self, z: f32) -> f32 {
-        z - self.of(&self.query.origin[2])
+        z - self.value(&self.query.origin[2])
     }
 
-    /// See [`Query::end`].
+    /// Applies [`Query::scaled_end`] to this ray.
     #[inline(always)]
-    pub fn end(&self, t: f64) -> f32 {
-        self.query.end(self.i % LANES, t)
+    pub fn scaled_end(&self, t: f64) -> f32 {
+        self.query.scaled_end(self.i % LANES, t)
     }
 
-    /// See [`Query::within`].
+    /// Applies [`Query::within`] to this ray.
     #[inline(always)]
     pub fn within(&self, first: f32, last: f32) -> bool {
         self.query.within(self.i % LANES, first, last)
     }
 
-    /// A vertex, in the order of `axes`, relative to the ray: along the first two axes the distance
-    /// from the ray at the vertex's depth, then the depth. The same bits in every tier: multiply,
-    /// then subtract.
+    /// Shears a vertex, given in the order of `axes`. Returns the distances from the ray along the
+    /// first two axes at the vertex's depth, then the depth. Multiplies, then subtracts, so that
+    /// every instruction set computes the same bits.
     #[inline(always)]
     pub fn sheared(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         let (origin, shear) = (&self.query.origin, &self.query.shear);
         let depth = self.depth_of(z);
         [
-            (x - self.of(&origin[0])) - self.of(&shear[0]) * depth,
-            (y - self.of(&origin[1])) - self.of(&shear[1]) * depth,
+            (x - self.value(&origin[0])) - self.value(&shear[0]) * depth,
+            (y - self.value(&origin[1])) - self.value(&shear[1]) * depth,
             depth,
         ]
     }

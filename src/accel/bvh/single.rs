@@ -1,45 +1,46 @@
-//! One ray through the tree.
+//! Traversal of the tree by one ray.
 
 use super::build::Tree;
-use super::exact::{Ray64, Sheared, depths};
-use super::found::Found;
+use super::exact::{Ray64, ShearedTriangle, depth_range};
+use super::hits::ClosestHits;
 use super::node::{Child, Kind};
 use super::query::Lane;
 use super::simd::{Path, Stack, Tier};
 use crate::geometry::Geometry;
 use crate::ray::{LANES, NONE, Rays};
 
-/// What a ray hit so far.
+/// The closest hit of a ray so far.
 #[derive(Debug, Clone, Copy)]
-pub struct Best {
-    /// Ray parameter; the end of the segment until there is a hit.
+pub struct ClosestHit {
+    /// Ray parameter. Without a hit, the end of the segment.
     pub t: f64,
-    /// `t` as the boxes see it.
+    /// `t` scaled for tests of boxes: see [`super::query::Query::scaled_end`].
     pub tfar: f32,
-    /// Number of the primitive in the whole scene, or [`NONE`].
+    /// Primitive number in the whole scene, or [`NONE`].
     pub primitive: u32,
-    /// Edge functions of the triangle; 1 0 0 for a sphere.
+    /// Edge functions of the triangle; 1, 0, 0 for a sphere.
     edges: [f64; 3],
-    /// Whether that is the second half of a quad.
+    /// Whether the triangle is the second half of a quad.
     second_half: bool,
 }
 
-impl Best {
-    /// A sphere's.
+impl ClosestHit {
+    /// Returns the hit of a sphere.
     fn sphere(t: f64, tfar: f32, primitive: u32) -> Self {
         Self { t, tfar, primitive, edges: [1.0, 0.0, 0.0], second_half: false }
     }
 
-    /// Lane `i` of what was found.
+    /// Returns a lane of a packet's closest hits.
     #[inline(always)]
-    pub fn of(found: &Found, i: usize, tfar: f32) -> Self {
+    pub fn from_lane(found: &ClosestHits, i: usize, tfar: f32) -> Self {
         Self::sphere(found.t[i], tfar, found.primitive[i])
     }
 
-    /// Becomes lane `i` of what was found.
+    /// Writes the hit to a lane of a packet's closest hits.
     #[inline(always)]
-    pub fn store(&self, found: &mut Found, i: usize) {
-        // In f32, which edge functions of large coordinates may leave, only once normalised.
+    pub fn store(&self, found: &mut ClosestHits, i: usize) {
+        // Converted to f32 only after normalisation: edge functions of large coordinates may exceed
+        // f32.
         let [u, v, w] = self.edges;
         let sum = 1.0 / (u + v + w);
         (found.t[i], found.primitive[i]) = (self.t, self.primitive);
@@ -49,31 +50,27 @@ impl Best {
         found.second_half[i] = -i32::from(self.second_half);
     }
 
-    /// Whether a hit is closer; of equal distances the lower primitive's counts.
+    /// Whether a hit at `t` replaces this one: it is closer, or equally far with a lower primitive
+    /// number.
     #[inline(always)]
-    fn gives_way(&self, t: f64, primitive: u32) -> bool {
+    fn is_replaced_by(&self, t: f64, primitive: u32) -> bool {
         t < self.t || (t == self.t && primitive < self.primitive && self.primitive != NONE)
     }
 }
 
-/// A ray on its way through the tree.
+/// One ray and the tree that it traverses.
 pub struct Single<'a, T> {
-    /// The kernels.
     tier: T,
-    /// The tree.
     tree: &'a Tree,
-    /// What it is made of.
     geometry: &'a Geometry,
-    /// The ray, made ready.
     lane: Lane<'a>,
-    /// The ray as the caller gave it, among others.
+    /// The caller's rays; lane `lane.i` is this one.
     rays: &'a Rays,
-    /// The primitive that it leaves.
+    /// Number of the primitive that the ray leaves.
     leaving: u32,
 }
 
 impl<'a, T: Tier> Single<'a, T> {
-    /// A ray that is to be traced.
     #[inline(always)]
     pub fn new(
         tier: T,
@@ -84,33 +81,33 @@ impl<'a, T: Tier> Single<'a, T> {
         Self { tier, tree, geometry, lane, rays, leaving: rays.leaving[lane.i % LANES] }
     }
 
-    /// The ray in f64: made where it is looked at, which most rays are not.
+    /// Returns the ray in f64. Computed on demand, because most rays never need it.
     #[inline(always)]
     fn ray(&self) -> Ray64 {
         Ray64::new(self.rays, self.lane.i % LANES, self.lane.axes[2])
     }
 
-    /// No hit yet.
+    /// Returns the state without a hit.
     #[inline(always)]
-    pub fn nothing(&self) -> Best {
-        Best::sphere(self.ray().tfar, self.lane.of(&self.lane.query.tfar), NONE)
+    pub fn no_hit(&self) -> ClosestHit {
+        ClosestHit::sphere(self.ray().tfar, self.lane.value(&self.lane.query.tfar), NONE)
     }
 
-    /// The closest hit.
+    /// Returns the closest hit.
     #[inline(always)]
-    pub fn closest(&self, stack: &mut Stack) -> Best {
-        let mut best = self.nothing();
+    pub fn closest(&self, stack: &mut Stack) -> ClosestHit {
+        let mut best = self.no_hit();
         self.closest_below(Child::node(0), stack, &mut best);
         best
     }
 
-    /// Updates the closest hit with what is below a child.
+    /// Updates the closest hit with the subtree below `child`.
     #[inline(always)]
-    pub fn closest_below(&self, child: Child, stack: &mut Stack, best: &mut Best) {
+    pub fn closest_below(&self, child: Child, stack: &mut Stack, best: &mut ClosestHit) {
         let mut child = child;
         loop {
             if let Kind::Node(index) = child.kind() {
-                // The nearest child is the next, without a detour by memory.
+                // The nearest child is visited next, without passing through the stack.
                 child = self.tier.nearest(&self.tree.nodes[index], &self.lane, best.tfar, stack);
                 if let Some(later) = stack.last() {
                     self.tree.prefetch(later);
@@ -131,18 +128,18 @@ impl<'a, T: Tier> Single<'a, T> {
         }
     }
 
-    /// Whether anything is hit.
+    /// Returns whether the ray hits anything.
     #[inline(always)]
     pub fn occluded(&self, path: &mut Path) -> bool {
         self.occluded_below(Child::node(0), path)
     }
 
-    /// Whether anything below a child is hit.
+    /// Returns whether the ray hits anything below `child`.
     #[inline(always)]
     pub fn occluded_below(&self, child: Child, path: &mut Path) -> bool {
         let Kind::Node(mut index) = child.kind() else { return self.any_in_leaf(child) };
-        let tfar = self.lane.of(&self.lane.query.tfar);
-        let mut left = self.tier.met(&self.tree.nodes[index], &self.lane, tfar);
+        let tfar = self.lane.value(&self.lane.query.tfar);
+        let mut left = self.tier.hit_children(&self.tree.nodes[index], &self.lane, tfar);
         loop {
             while left == 0 {
                 let Some(step) = path.pop() else { return false };
@@ -157,7 +154,7 @@ impl<'a, T: Tier> Single<'a, T> {
                     self.tree.prefetch(node.first(left));
                 }
                 index = below;
-                left = self.tier.met(&self.tree.nodes[index], &self.lane, tfar);
+                left = self.tier.hit_children(&self.tree.nodes[index], &self.lane, tfar);
             } else if self.any_in_leaf(child) {
                 path.clear();
                 return true;
@@ -167,7 +164,7 @@ impl<'a, T: Tier> Single<'a, T> {
 
     /// Updates the closest hit with a leaf.
     #[inline(always)]
-    pub fn closest_in_leaf(&self, leaf: Child, best: &mut Best) {
+    pub fn closest_in_leaf(&self, leaf: Child, best: &mut ClosestHit) {
         match leaf.kind() {
             Kind::Triangles(index) => self.closest_in_block(index, best),
             Kind::Spheres(index) => self.closest_in_spheres(index, best),
@@ -175,7 +172,7 @@ impl<'a, T: Tier> Single<'a, T> {
         }
     }
 
-    /// Whether anything in a leaf is hit.
+    /// Returns whether the ray hits anything in a leaf.
     #[inline(always)]
     pub fn any_in_leaf(&self, leaf: Child) -> bool {
         match leaf.kind() {
@@ -185,9 +182,9 @@ impl<'a, T: Tier> Single<'a, T> {
         }
     }
 
-    /// Updates the closest hit with a leaf's triangles.
+    /// Updates the closest hit with a leaf of triangles.
     #[inline(always)]
-    pub fn closest_in_block(&self, index: usize, best: &mut Best) {
+    pub fn closest_in_block(&self, index: usize, best: &mut ClosestHit) {
         let block = &self.tree.blocks[index];
         let found = self.tier.candidates(block, &self.lane, best.tfar);
         let mut left = found.maybe;
@@ -199,26 +196,26 @@ impl<'a, T: Tier> Single<'a, T> {
             if primitive == self.leaving {
                 continue;
             }
-            let seen = Sheared::new(&self.lane, block, slot);
+            let seen = ShearedTriangle::new(&self.lane, block, slot);
             if (found.sure >> i) & 1 == 0 && !seen.inside() {
                 continue;
             }
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
-            let closer = t > ray.tnear && best.gives_way(t, primitive);
-            if closer && (seen.is_ahead(&ray) || ray.is_started(t, block.triangle(slot))) {
-                let tfar = self.lane.end(t);
+            let closer = t > ray.tnear && best.is_replaced_by(t, primitive);
+            if closer && (seen.is_ahead(&ray) || ray.starts_before(t, block.triangle(slot))) {
+                let tfar = self.lane.scaled_end(t);
                 let second_half = block.is_second_half(slot);
-                *best = Best { t, tfar, primitive, edges: seen.edges, second_half };
+                *best = ClosestHit { t, tfar, primitive, edges: seen.edges, second_half };
             }
         }
     }
 
-    /// Whether any of a leaf's triangles is hit.
+    /// Returns whether the ray hits any triangle of a leaf.
     #[inline(always)]
     pub fn any_in_block(&self, index: usize) -> bool {
         let block = &self.tree.blocks[index];
-        let found = self.tier.candidates(block, &self.lane, self.lane.of(&self.lane.query.tfar));
+        let found = self.tier.candidates(block, &self.lane, self.lane.value(&self.lane.query.tfar));
         let mut left = found.maybe;
         while left != 0 {
             let i = left.trailing_zeros();
@@ -228,14 +225,14 @@ impl<'a, T: Tier> Single<'a, T> {
                 continue;
             }
             let sure = (found.sure >> i) & 1 != 0;
-            let (first, last) = depths(&self.lane, block, slot);
-            // t is kept within the depths of the corners: where these are clear of the ends, it is
-            // not asked for.
+            let (first, last) = depth_range(&self.lane, block, slot);
+            // t lies between the depths of the corners. If these lie inside the segment, t need not
+            // be computed.
             let within = self.lane.within(first, last);
             if sure && within {
                 return true;
             }
-            let seen = Sheared::new(&self.lane, block, slot);
+            let seen = ShearedTriangle::new(&self.lane, block, slot);
             if !sure && !seen.inside() {
                 continue;
             }
@@ -245,37 +242,37 @@ impl<'a, T: Tier> Single<'a, T> {
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
             let within = t > ray.tnear && t < ray.tfar;
-            if within && (seen.is_ahead(&ray) || ray.is_started(t, block.triangle(slot))) {
+            if within && (seen.is_ahead(&ray) || ray.starts_before(t, block.triangle(slot))) {
                 return true;
             }
         }
         false
     }
 
-    /// Updates the closest hit with a leaf's spheres.
+    /// Updates the closest hit with a leaf of spheres.
     #[inline(never)]
-    pub fn closest_in_spheres(&self, index: usize, best: &mut Best) {
+    pub fn closest_in_spheres(&self, index: usize, best: &mut ClosestHit) {
         for id in self.tree.spheres[index].0 {
             let Some((t, primitive)) = self.sphere_hit(id, best.t) else { continue };
-            if best.gives_way(t, primitive) {
-                let tfar = self.lane.end(t);
-                *best = Best::sphere(t, tfar, primitive);
+            if best.is_replaced_by(t, primitive) {
+                let tfar = self.lane.scaled_end(t);
+                *best = ClosestHit::sphere(t, tfar, primitive);
             }
         }
     }
 
-    /// Whether any of a leaf's spheres is hit.
+    /// Returns whether the ray hits any sphere of a leaf.
     #[inline(never)]
     pub fn any_in_spheres(&self, index: usize) -> bool {
         let tfar = self.ray().tfar;
         self.tree.spheres[index].0.into_iter().any(|id| self.sphere_hit(id, tfar).is_some())
     }
 
-    /// Where a sphere is hit up to `tfar`, and its primitive.
+    /// Returns t of the ray's hit with a sphere before `tfar`, and the number of the primitive.
     #[inline(always)]
     fn sphere_hit(&self, id: u32, tfar: f64) -> Option<(f64, u32)> {
         let sphere = self.geometry.spheres.get(id as usize)?;
-        self.tier.meets_sphere();
+        self.tier.count_sphere_test();
         let ray = self.ray();
         let (origin, direction) = (ray.origin.into(), ray.direction.into());
         if sphere.surely_missed(origin, direction) {
@@ -288,7 +285,8 @@ impl<'a, T: Tier> Single<'a, T> {
     }
 }
 
-/// Farther than a hit by an ulp: an equal distance may belong to a lower primitive.
+/// Returns `t` enlarged by an ulp. A search that ends there still finds an equally far hit, which
+/// may have a lower primitive number.
 #[inline(always)]
 pub fn just_beyond(t: f64) -> f64 {
     t * (1.0 + f64::EPSILON)

@@ -1,5 +1,5 @@
-//! The tree itself: the same for any number of threads and in every tier, and every way in which it
-//! could be wrong is found.
+//! The tree is the same for any number of threads and in every instruction set, and `validate`
+//! detects every kind of damage.
 
 use glam::DVec3;
 
@@ -12,7 +12,8 @@ use crate::monitor::Monitor;
 use crate::ray::NONE;
 use crate::simd::Isa;
 
-/// A bumpy square of `2 rows^2` triangles, some quads above it and spheres below.
+/// Returns a bumpy square of `2 rows^2` triangles, `others` quads above it and `others` spheres
+/// below it.
 fn scene(rows: u32, others: u32) -> Geometry {
     let at = |row: u32, column: u32| {
         let height = (row * 7 + column * 13) % 11;
@@ -46,7 +47,7 @@ fn build(geometry: &Geometry, isa: Isa, threads: usize) -> Bvh<'_> {
     pool.install(|| Bvh::build(geometry, isa, &options, &Monitor::default())).expect("a tree")
 }
 
-/// Every bit of a tree that a query reads.
+/// Returns every bit of a tree that a query reads.
 fn bits(tree: &Tree) -> Vec<u64> {
     let mut bits = Vec::new();
     for node in &tree.nodes {
@@ -66,7 +67,7 @@ fn bits(tree: &Tree) -> Vec<u64> {
 
 #[test]
 fn threads_and_tiers_build_the_same_tree() {
-    // Large enough for parallel bins, parallel sides and a parallel collapse.
+    // Large enough for parallel bins, parallel subtrees and a parallel collapse.
     let geometry = scene(300, 40);
     let one = build(&geometry, Isa::Portable, 1);
     let stats = one.validate().expect("a sound tree");
@@ -81,13 +82,13 @@ fn threads_and_tiers_build_the_same_tree() {
 }
 
 #[test]
-fn nothing_becomes_an_empty_root() {
+fn an_empty_scene_becomes_an_empty_root() {
     let geometry = scene(0, 0);
     let stats = build(&geometry, Isa::Portable, 1).validate().expect("a sound tree");
     assert_eq!((stats.nodes, stats.depth, stats.leaves, stats.nodes_of[0]), (1, 1, 0, 1));
 }
 
-/// The first child of the root that is an inner node, and its slot.
+/// Returns slot and index of the first inner node below the root.
 fn inner(tree: &Tree) -> (usize, usize) {
     let kinds = tree.nodes[0].children.iter().enumerate();
     kinds
@@ -100,7 +101,7 @@ fn inner(tree: &Tree) -> (usize, usize) {
 }
 
 #[test]
-fn whatever_is_wrong_with_a_tree_is_found() {
+fn validate_detects_every_kind_of_damage() {
     type Damage = fn(&mut Tree);
     let damages: &[(&str, Damage)] = &[
         ("box of child", |t| {
@@ -109,7 +110,7 @@ fn whatever_is_wrong_with_a_tree_is_found() {
         ("box of child", |t| t.nodes[0].planes[5][2] += 1.0),
         ("scene's box", |t| t.bounds.0[1] -= 1.0),
         ("from far to near", |t| t.nodes[0].order[3] = t.nodes[0].order[4]),
-        ("has the order", |t| t.nodes[0].order[0] = 0),
+        ("is no permutation", |t| t.nodes[0].order[0] = 0),
         ("reached twice", |t| {
             let index = inner(t).1;
             t.nodes[index].children[0] = Child::node(0);
@@ -118,7 +119,7 @@ fn whatever_is_wrong_with_a_tree_is_found() {
             let index = inner(t).1;
             t.nodes[index] = Node::EMPTY;
         }),
-        ("behind an empty one", |t| t.nodes[0].children[1] = Child::EMPTY),
+        ("follows an empty one", |t| t.nodes[0].children[1] = Child::EMPTY),
         ("has a plane at", |t| {
             let children = &mut t.nodes[0].children;
             *children.iter_mut().rfind(|child| **child != Child::EMPTY).expect("a child") =
@@ -128,8 +129,8 @@ fn whatever_is_wrong_with_a_tree_is_found() {
             let slot = inner(t).0;
             t.nodes[0].children[slot] = Child::node(100_000);
         }),
-        ("but holds", |t| t.blocks[3].present ^= 2),
-        ("but holds", |t| t.blocks[3].primitives[0] = NONE),
+        ("but primitive", |t| t.blocks[3].present ^= 2),
+        ("but primitive", |t| t.blocks[3].primitives[0] = NONE),
         ("has corners", |t| t.blocks[0].corners[2][0] = 16),
         ("primitive", |t| t.blocks[0].corners[1][0] ^= 1),
         ("primitive", |t| t.blocks[0].vertices[2][0] += 1.0),
@@ -138,21 +139,21 @@ fn whatever_is_wrong_with_a_tree_is_found() {
             of_mesh.expect("a leaf of the mesh").corners[0][0] |= super::node::SECOND_HALF;
         }),
         ("there is no primitive", |t| t.blocks[0].primitives[0] = 1 << 20),
-        ("holds nothing", |t| {
+        ("is empty", |t| {
             t.blocks[0].present = 0;
             t.blocks[0].primitives = [NONE; 16];
         }),
-        ("comes twice", |t| t.spheres[0].0[0] = t.spheres[1].0[0]),
+        ("is in the tree twice", |t| t.spheres[0].0[0] = t.spheres[1].0[0]),
         ("there is no sphere", |t| t.spheres[0].0[0] = 1000),
         ("sphere leaf 0: holds", |t| t.spheres[0].0 = [NONE; 4]),
         ("is not in the tree", |t| {
-            // The last of a leaf of spheres that share one box.
+            // The last sphere of a leaf. All spheres of the leaf share one box.
             let last = t.spheres.len() - 1;
             let leaf = &mut t.spheres[last].0;
             *leaf.iter_mut().rfind(|id| **id != NONE).expect("a sphere") = NONE;
         }),
-        ("stated", |t| t.depth += 1),
-        ("stated", |t| {
+        ("recorded", |t| t.depth += 1),
+        ("recorded", |t| {
             let copy = t.blocks[0].clone();
             t.blocks.push(copy);
         }),

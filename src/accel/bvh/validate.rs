@@ -1,4 +1,4 @@
-//! Whether a tree is what the builder promises: what tests, the fuzzer and `crosscheck` ask.
+//! Validation of a tree. The tests, the fuzzer and `crosscheck` use it.
 
 use std::fmt;
 
@@ -9,25 +9,25 @@ use super::simd::MAX_DEPTH;
 use crate::geometry::{Geometry, GeometryKind};
 use crate::ray::NONE;
 
-/// What a tree is made of.
+/// Size and shape of a tree.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Stats {
     /// Levels of inner nodes.
     pub depth: usize,
-    /// Inner nodes.
+    /// Number of inner nodes.
     pub nodes: usize,
-    /// Inner nodes by their number of children.
+    /// Number of inner nodes by number of children.
     pub nodes_of: [usize; WIDTH + 1],
-    /// Leaves of triangles.
+    /// Number of leaves of triangles.
     pub leaves: usize,
-    /// Leaves of triangles by their number of triangles.
+    /// Number of leaves of triangles by number of triangles.
     pub leaves_of: [usize; WIDTH + 1],
-    /// Leaves of spheres.
+    /// Number of leaves of spheres.
     pub sphere_leaves: usize,
-    /// Triangles, two for each quad.
+    /// Number of triangles, two for each quad.
     pub triangles: usize,
-    /// Spheres.
+    /// Number of spheres in all leaves.
     pub spheres: usize,
 }
 
@@ -63,38 +63,41 @@ impl fmt::Display for Stats {
 }
 
 impl Bvh<'_> {
-    /// Checks that every primitive is in exactly one leaf (of a quad, each half), unchanged; that
-    /// every box is the smallest around what is below it; that each octant's order goes from far to
-    /// near; and the shape: no empty node or leaf, no more levels than traversal has room for.
+    /// Checks the tree and returns its size:
+    ///
+    /// - Every primitive is in exactly one leaf, unchanged. Each half of a quad is in one leaf.
+    /// - Every box is the smallest box around its contents.
+    /// - The order of each octant runs from far to near.
+    /// - No node and no leaf is empty. No path has more levels than the traversal stack supports.
     ///
     /// # Errors
-    /// The first thing that is not so.
+    /// Describes the first violation.
     pub fn validate(&self) -> Result<Stats, String> {
         let total = self.geometry.bases().last().map_or(0, |&n| n as usize);
-        let mut walk = Walk { bvh: self, seen: vec![0; total], stats: Stats::default() };
-        let bounds = walk.node(0, 1)?;
+        let mut validator = Validator { bvh: self, seen: vec![0; total], stats: Stats::default() };
+        let bounds = validator.node(0, 1)?;
         same(&bounds, &self.tree.bounds).map_err(|e| format!("the scene's box: {e}"))?;
-        walk.finish()
+        validator.finish()
     }
 }
 
-/// On the way through the tree.
-struct Walk<'a> {
+/// State of a validation.
+struct Validator<'a> {
     bvh: &'a Bvh<'a>,
-    /// Of each primitive the parts that were seen: 1, the first half or the whole; 2, the second
+    /// Parts seen of each primitive: bit 0 for the first half or the whole, bit 1 for the second
     /// half.
     seen: Vec<u8>,
     stats: Stats,
 }
 
-impl Walk<'_> {
-    /// The box of a node on a level.
+impl Validator<'_> {
+    /// Checks a subtree whose root is on the given level. Returns its box.
     fn node(&mut self, index: usize, level: usize) -> Result<Bounds3, String> {
         let tree = &self.bvh.tree;
         let node = tree.nodes.get(index).ok_or_else(|| format!("node {index} does not exist"))?;
         let place = |what: String| format!("node {index}: {what}");
         if level > MAX_DEPTH {
-            return Err(place(format!("on level {level} of at most {MAX_DEPTH}")));
+            return Err(place(format!("is on level {level}, expected at most {MAX_DEPTH}")));
         }
         if self.stats.nodes == tree.nodes.len() {
             return Err(place("reached twice".into()));
@@ -123,7 +126,7 @@ impl Walk<'_> {
         Ok(all)
     }
 
-    /// The box of a leaf of triangles.
+    /// Checks a leaf of triangles. Returns its box.
     fn triangles(&mut self, index: usize) -> Result<Bounds3, String> {
         let (tree, geometry) = (&self.bvh.tree, self.bvh.geometry);
         let place = |what: String| format!("leaf {index}: {what}");
@@ -133,7 +136,9 @@ impl Walk<'_> {
             let primitive = block.primitives[i];
             let present = (block.present >> i) & 1 != 0;
             if present != (primitive != NONE) {
-                return Err(place(format!("place {i} is {present} but holds {primitive}")));
+                return Err(place(format!(
+                    "slot {i}: present {present}, but primitive {primitive}"
+                )));
             }
             if !present {
                 continue;
@@ -141,29 +146,29 @@ impl Walk<'_> {
             let corners =
                 [block.corners[0][i] & !SECOND_HALF, block.corners[1][i], block.corners[2][i]];
             if corners.iter().any(|&corner| usize::from(corner) >= WIDTH) {
-                return Err(place(format!("place {i} has corners {corners:?}")));
+                return Err(place(format!("slot {i} has corners {corners:?}")));
             }
             let second = block.is_second_half(i);
             let source = triangle(geometry, primitive, second).map_err(place)?;
             let kept = block.triangle(i);
             if kept.map(|v| v.map(f32::to_bits)) != source.map(|v| v.map(f32::to_bits)) {
                 return Err(place(format!(
-                    "place {i} has {kept:?}, primitive {primitive} {source:?}"
+                    "slot {i} has {kept:?}, expected {source:?} of primitive {primitive}"
                 )));
             }
             self.see(primitive, if second { 2 } else { 1 }).map_err(place)?;
             self.stats.triangles += 1;
-            bounds = bounds.union(Bounds3::of(&kept));
+            bounds = bounds.union(Bounds3::from_points(&kept));
         }
         if block.present == 0 {
-            return Err(place("holds nothing".into()));
+            return Err(place("is empty".into()));
         }
         self.stats.leaves += 1;
         self.stats.leaves_of[block.present.count_ones() as usize] += 1;
         Ok(bounds)
     }
 
-    /// The box of a leaf of spheres.
+    /// Checks a leaf of spheres. Returns its box.
     fn spheres(&mut self, index: usize) -> Result<Bounds3, String> {
         let (tree, geometry) = (&self.bvh.tree, self.bvh.geometry);
         let place = |what: String| format!("sphere leaf {index}: {what}");
@@ -190,7 +195,9 @@ impl Walk<'_> {
     fn see(&mut self, primitive: u32, part: u8) -> Result<(), String> {
         match self.seen.get_mut(primitive as usize) {
             None => Err(format!("there is no primitive {primitive}")),
-            Some(seen) if *seen & part != 0 => Err(format!("primitive {primitive} comes twice")),
+            Some(seen) if *seen & part != 0 => {
+                Err(format!("primitive {primitive} is in the tree twice"))
+            }
             Some(seen) => {
                 *seen |= part;
                 Ok(())
@@ -198,7 +205,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Compares what was found with what there is.
+    /// Checks that every primitive was seen and that the counts match those of the tree.
     fn finish(self) -> Result<Stats, String> {
         let (tree, geometry, stats) = (&self.bvh.tree, self.bvh.geometry, self.stats);
         for (primitive, &seen) in self.seen.iter().enumerate() {
@@ -209,17 +216,17 @@ impl Walk<'_> {
             }
         }
         let found = [stats.depth, stats.nodes, stats.leaves, stats.sphere_leaves];
-        let stated = [tree.depth, tree.nodes.len(), tree.blocks.len(), tree.spheres.len()];
-        if found != stated {
+        let recorded = [tree.depth, tree.nodes.len(), tree.blocks.len(), tree.spheres.len()];
+        if found != recorded {
             return Err(format!(
-                "levels, nodes, leaves and sphere leaves: found {found:?}, stated {stated:?}"
+                "levels, nodes, leaves and sphere leaves: found {found:?}, recorded {recorded:?}"
             ));
         }
         Ok(stats)
     }
 }
 
-/// The corners of a triangle or of a quad's half.
+/// Returns the corners of a triangle or of one half of a quad.
 fn triangle(
     geometry: &Geometry,
     primitive: u32,
@@ -239,7 +246,7 @@ fn triangle(
     }
 }
 
-/// The box of a child.
+/// Returns the box of a child.
 fn bounds(node: &Node, slot: usize) -> Bounds3 {
     let corner = |first: usize| [0, 1, 2].map(|axis| node.planes[first + axis][slot]);
     Bounds3::new(corner(0), corner(3))
@@ -248,13 +255,13 @@ fn bounds(node: &Node, slot: usize) -> Bounds3 {
 fn same(kept: &Bounds3, needed: &Bounds3) -> Result<(), String> {
     let corners = |b: &Bounds3| (b.lower(), b.upper());
     let (kept, needed) = (corners(kept), corners(needed));
-    (kept == needed).then_some(()).ok_or_else(|| format!("is {kept:?}, should be {needed:?}"))
+    (kept == needed).then_some(()).ok_or_else(|| format!("is {kept:?}, expected {needed:?}"))
 }
 
-/// Whether what is behind the last child is empty, and no ray meets it.
+/// Checks that the slots from `len` on are empty, with boxes that no ray hits.
 fn empty_behind(node: &Node, len: usize) -> Result<(), String> {
     if let Some(behind) = node.children[len..].iter().position(|&child| child != Child::EMPTY) {
-        return Err(format!("child {} comes behind an empty one", len + behind));
+        return Err(format!("child {} follows an empty one", len + behind));
     }
     for slot in len..WIDTH {
         for (row, planes) in node.planes.iter().enumerate() {
@@ -267,7 +274,7 @@ fn empty_behind(node: &Node, len: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// Whether each octant's order names every place once, the children first, from far to near.
+/// Checks that each octant's order is a permutation with the children first, from far to near.
 fn in_order(node: &Node, len: usize) -> Result<(), String> {
     if len == 0 {
         return Ok(());
@@ -276,7 +283,9 @@ fn in_order(node: &Node, len: usize) -> Result<(), String> {
         let order: [usize; WIDTH] = std::array::from_fn(|j| node.ordered(octant, j));
         let named = order.iter().fold(0u32, |named, &slot| named | 1 << slot);
         if named != (1 << WIDTH) - 1 || order[..len].iter().any(|&slot| slot >= len) {
-            return Err(format!("octant {octant} has the order {order:?} of {len} children"));
+            return Err(format!(
+                "octant {octant}: order {order:?} is no permutation with {len} children first"
+            ));
         }
         let distance = |slot: usize| {
             let center = bounds(node, slot).center2();
@@ -284,7 +293,7 @@ fn in_order(node: &Node, len: usize) -> Result<(), String> {
             center[0] * sign(0) + center[1] * sign(1) + center[2] * sign(2)
         };
         if order[..len].windows(2).any(|pair| distance(pair[0]) < distance(pair[1])) {
-            return Err(format!("octant {octant}: {order:?} is not from far to near"));
+            return Err(format!("octant {octant}: order {order:?} is not from far to near"));
         }
     }
     Ok(())

@@ -1,16 +1,20 @@
-//! What traversal looks at, counted by a tier that passes everything on to another one.
+//! Counts the visits of a traversal, with an instruction set that forwards every call to another
+//! one.
 
 use std::cell::Cell;
 
-use super::frustum::{Frustum, Least};
+use super::frustum::{Frustum, HorizontalMin};
 use super::node::{Block, Child, Node, WIDTH};
 use super::query::Lane;
 use super::simd::{Candidates, Stack, Tier};
 use crate::accel::Visits;
 use crate::simd::Kernel;
 
-/// What was looked at: nodes and leaves once for each ray that is traced alone and once for a whole
-/// packet, spheres once for each ray; of a leaf all triangles, as they are tested together.
+/// Numbers of visits.
+///
+/// A node or leaf counts once for each ray that is traced alone, and once for a whole packet. A
+/// leaf counts all its triangles, because they are tested together. A sphere counts once for each
+/// ray.
 #[derive(Debug, Default)]
 pub struct Counts {
     nodes: Cell<u64>,
@@ -18,7 +22,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// The sums.
+    /// Returns the counts so far.
     pub fn visits(&self) -> Visits {
         Visits { nodes: self.nodes.get(), primitives: self.primitives.get() }
     }
@@ -32,18 +36,16 @@ impl Counts {
     }
 }
 
-/// A tier that counts.
+/// A [`Tier`] that counts the calls of another one.
 #[derive(Clone, Copy)]
 pub struct Counting<'c, T> {
-    /// The tier that works.
     pub tier: T,
-    /// What it did.
     pub counts: &'c Counts,
 }
 
-impl<T: Tier> Least for Counting<'_, T> {
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
-        self.tier.least(v)
+impl<T: Tier> HorizontalMin for Counting<'_, T> {
+    fn horizontal_min(self, v: &[f32; WIDTH]) -> f32 {
+        self.tier.horizontal_min(v)
     }
 }
 
@@ -59,19 +61,19 @@ impl<T: Tier> Tier for Counting<'_, T> {
         self.tier.nearest(node, lane, tfar, stack)
     }
 
-    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+    fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
         self.counts.node();
-        self.tier.met(node, lane, tfar)
+        self.tier.hit_children(node, lane, tfar)
     }
 
-    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
+    fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         self.counts.node();
-        self.tier.overlaps(node, frustum, end)
+        self.tier.children_in_frustum(node, frustum, end)
     }
 
-    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
+    fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         self.counts.primitives(block.present.count_ones());
-        self.tier.overlapping(block, frustum, end)
+        self.tier.triangles_in_frustum(block, frustum, end)
     }
 
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32 {
@@ -83,7 +85,7 @@ impl<T: Tier> Tier for Counting<'_, T> {
         self.tier.candidates(block, lane, tfar)
     }
 
-    fn meets_sphere(self) {
+    fn count_sphere_test(self) {
         self.counts.primitives(1);
     }
 }

@@ -1,5 +1,5 @@
-//! The binary tree, top down: each set of references is split where the surface area heuristic
-//! says, until it fits into one leaf.
+//! Builds the binary tree from the top down. The surface area heuristic splits each set of
+//! references until it fits into one leaf.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -17,34 +17,34 @@ use crate::monitor::Monitor;
 use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
-/// From this many references on, the two sides are built in parallel.
-const PARALLEL: usize = 4096;
+/// From this many references on, the two subtrees are built in parallel.
+const MIN_PARALLEL: usize = 4096;
 
 /// From this many references on, bins are filled in parallel.
-const PARALLEL_BINS: usize = 1 << 16;
+const MIN_PARALLEL_BINS: usize = 1 << 16;
 
-/// Below this level sets are halved by number, which ends after at most 32 levels more.
-const SAH_LEVELS: usize = MAX_DEPTH - 33;
+/// Below this level sets are halved by number. That ends after at most 32 more levels.
+const MAX_SAH_LEVELS: usize = MAX_DEPTH - 33;
 
-/// A node; its left child follows it.
+/// A node of the binary tree. The left child is the next node in the array.
 #[derive(Debug, Clone, Copy)]
 pub struct Binary {
-    /// Box of everything below.
+    /// Box of everything below the node.
     pub bounds: Bounds3,
-    /// An inner node: how far behind this node the right child is. A leaf: 0.
+    /// Inner node: distance to the right child in the array. Leaf: 0.
     pub right: u32,
-    /// A leaf: its number among the leaves of its kind.
+    /// Leaf: its number among the leaves of its kind.
     pub leaf: u32,
-    /// A leaf: its first reference.
+    /// Leaf: index of its first reference.
     first: u32,
-    /// A leaf: its references.
+    /// Leaf: number of its references.
     count: u8,
-    /// A leaf: of spheres.
+    /// Whether this is a leaf of spheres.
     pub spheres: bool,
 }
 
 impl Binary {
-    /// A node whose children are not there yet.
+    /// A node whose children are still to be built.
     const UNFINISHED: Self =
         Self { bounds: Bounds3::EMPTY, right: 0, leaf: 0, first: 0, count: 0, spheres: false };
 }
@@ -54,25 +54,25 @@ impl Binary {
 pub struct Leaf {
     first: u32,
     count: u8,
-    /// Of spheres, not of triangles.
+    /// Whether they are spheres, not triangles.
     pub spheres: bool,
 }
 
 impl Leaf {
-    /// Where its references are.
+    /// Returns the range of its references.
     pub fn range(&self) -> std::ops::Range<usize> {
         let first = self.first as usize;
         first..first + usize::from(self.count)
     }
 }
 
-/// Bytes that [`build`] holds beside the references, about: for each of them.
-pub const SCRATCH: u64 = 24;
+/// Bytes per reference that [`build`] holds besides the references, approximately.
+pub const SCRATCH_BYTES: u64 = 24;
 
-/// Builds the tree; sorts `references` so that each leaf's stand together.
+/// Builds the tree. Sorts `references` so that those of a leaf are contiguous.
 ///
 /// # Errors
-/// Where there is no memory for its nodes.
+/// If there is too little memory for the nodes.
 pub fn build(
     geometry: &Geometry,
     references: &mut [Reference],
@@ -93,10 +93,11 @@ pub fn build(
     Ok(nodes)
 }
 
-/// A subtree, in pieces to be strung together: copied once, not at every level.
+/// A subtree in pieces that are concatenated at the end. So nodes are copied once, not at every
+/// level.
 struct Pieces {
     nodes: Vec<Vec<Binary>>,
-    /// Nodes in all pieces.
+    /// Number of nodes in all pieces.
     len: usize,
 }
 
@@ -109,7 +110,7 @@ impl Pieces {
         &self.nodes[0][0]
     }
 
-    /// A node above two subtrees.
+    /// Returns the tree with two subtrees below a new root.
     fn join(left: Self, right: Self) -> Self {
         let bounds = left.root().bounds.union(right.root().bounds);
         let node = Binary { bounds, right: left.len as u32 + 1, ..Binary::UNFINISHED };
@@ -119,14 +120,14 @@ impl Pieces {
     }
 }
 
-/// Numbers the leaves of each kind in order; returns them all.
+/// Numbers the leaves of each kind in order. Returns all leaves.
 ///
 /// # Errors
-/// Where there is no memory for them.
+/// If there is too little memory.
 pub fn number_leaves(nodes: &mut [Binary]) -> Result<Vec<Leaf>> {
     let mut next = [0, 0];
     let mut leaves = Vec::new();
-    // A binary tree has one leaf more than inner nodes.
+    // A binary tree has one more leaf than inner nodes.
     reserve::exact(&mut leaves, nodes.len().div_ceil(2), "bvh")?;
     for node in nodes.iter_mut().filter(|node| node.right == 0) {
         let next = &mut next[usize::from(node.spheres)];
@@ -142,40 +143,41 @@ struct Builder<'a> {
     geometry: &'a Geometry,
     isa: Isa,
     monitor: &'a Monitor,
-    /// References in all, and in finished subtrees.
+    /// Number of all references.
     total: u64,
+    /// Number of references in finished subtrees.
     done: &'a AtomicU64,
 }
 
-/// References below one node.
+/// The references below one node.
 struct Set<'r> {
     references: &'r mut [Reference],
-    /// Box of their (doubled) centroids.
+    /// Box of the doubled centroids.
     centroids: Bounds3,
-    /// Where they begin among all.
+    /// Index of the first reference among all references.
     first: u32,
     /// Level of the node.
     depth: usize,
 }
 
 impl Builder<'_> {
-    /// The tree over a set.
+    /// Builds the tree over a set.
     fn subtree(self, set: Set) -> Pieces {
         if self.monitor.stopped() {
-            // Whatever this makes is thrown away.
+            // The build was stopped, so this result is discarded.
             return Pieces::one(vec![Binary { first: set.first, ..Binary::UNFINISHED }]);
         }
         let n = set.references.len();
-        if n < PARALLEL {
+        if n < MIN_PARALLEL {
             let bins = &mut Bins::EMPTY.clone();
-            // What scans need: leaves of 11 references, and the nodes above them.
+            // Enough for scans: leaves of 11 references, and the nodes above them.
             let mut out = Vec::with_capacity(n / 4);
             simd::dispatch(self.isa, Serial { builder: self, set, bins, out: &mut out });
             let done = self.done.fetch_add(n as u64, Relaxed) + n as u64;
             self.monitor.set_done(done * 900 / self.total);
             return Pieces::one(out);
         }
-        let (left, right) = divide(self.isa, set);
+        let (left, right) = split(self.isa, set);
         let (left, right) = rayon::join(|| self.subtree(left), || self.subtree(right));
         Pieces::join(left, right)
     }
@@ -196,7 +198,7 @@ impl Builder<'_> {
         }
         let node = out.len();
         out.push(Binary::UNFINISHED);
-        let (left, right) = divide_serial(set, bins);
+        let (left, right) = split_serial(set, bins);
         self.recurse(left, bins, out);
         let behind = out.len();
         self.recurse(right, bins, out);
@@ -223,14 +225,15 @@ impl Kernel for Serial<'_, '_> {
     }
 }
 
-/// Completes a node whose right child is at `behind`.
+/// Completes the node at index `node`, whose right child is at `behind`.
 #[inline(always)]
 fn finish(nodes: &mut [Binary], node: usize, behind: usize) {
     nodes[node].right = (behind - node) as u32;
     nodes[node].bounds = nodes[node + 1].bounds.union(nodes[behind].bounds);
 }
 
-/// Whether references fit into one leaf, and whether that is one of spheres.
+/// Whether references fit into one leaf. Returns `Some(true)` for a leaf of spheres, `Some(false)`
+/// for triangles, `None` if they do not fit.
 #[inline(always)]
 fn fits(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
     if references.len() > WIDTH {
@@ -245,39 +248,39 @@ fn fits(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
     fit.then_some(spheres > 0)
 }
 
-/// Sorts a set into a left and a right part, neither empty.
+/// Splits a set into a left and a right part. Neither is empty.
 #[inline(always)]
-fn divide_serial<'r>(set: Set<'r>, bins: &mut Bins) -> (Set<'r>, Set<'r>) {
-    if set.depth >= SAH_LEVELS {
+fn split_serial<'r>(set: Set<'r>, bins: &mut Bins) -> (Set<'r>, Set<'r>) {
+    if set.depth >= MAX_SAH_LEVELS {
         return halve(set);
     }
     let grid = Grid::new(&set.centroids);
     *bins = Bins::EMPTY;
     bins.add(&grid, set.references);
-    part(set, &grid, bins)
+    split_by_bins(set, &grid, bins)
 }
 
-/// The same for many, whose bins are filled in parallel.
-fn divide(isa: Isa, set: Set) -> (Set, Set) {
-    if set.references.len() < PARALLEL_BINS || set.depth >= SAH_LEVELS {
-        return simd::dispatch(isa, DivideSerial(set));
+/// Splits a set like [`split_serial`], but fills the bins of a large set in parallel.
+fn split(isa: Isa, set: Set) -> (Set, Set) {
+    if set.references.len() < MIN_PARALLEL_BINS || set.depth >= MAX_SAH_LEVELS {
+        return simd::dispatch(isa, SplitSerial(set));
     }
     let grid = Grid::new(&set.centroids);
     let bins = set
         .references
-        .par_chunks(PARALLEL_BINS / 4)
+        .par_chunks(MIN_PARALLEL_BINS / 4)
         .map(|part| simd::dispatch(isa, Fill { grid: &grid, part }))
         .reduce(|| Bins::EMPTY, |a, b| a.merge(&b));
-    simd::dispatch(isa, PartBy { set, grid: &grid, bins: &bins })
+    simd::dispatch(isa, SplitByBins { set, grid: &grid, bins: &bins })
 }
 
-struct DivideSerial<'r>(Set<'r>);
+struct SplitSerial<'r>(Set<'r>);
 
-impl<'r> Kernel for DivideSerial<'r> {
+impl<'r> Kernel for SplitSerial<'r> {
     type Output = (Set<'r>, Set<'r>);
     #[inline(always)]
     fn run(self) -> Self::Output {
-        divide_serial(self.0, &mut Bins::EMPTY.clone())
+        split_serial(self.0, &mut Bins::EMPTY.clone())
     }
 }
 
@@ -296,23 +299,23 @@ impl Kernel for Fill<'_> {
     }
 }
 
-struct PartBy<'r, 'b> {
+struct SplitByBins<'r, 'b> {
     set: Set<'r>,
     grid: &'b Grid,
     bins: &'b Bins,
 }
 
-impl<'r> Kernel for PartBy<'r, '_> {
+impl<'r> Kernel for SplitByBins<'r, '_> {
     type Output = (Set<'r>, Set<'r>);
     #[inline(always)]
     fn run(self) -> Self::Output {
-        part(self.set, self.grid, self.bins)
+        split_by_bins(self.set, self.grid, self.bins)
     }
 }
 
-/// Parts a set where its bins say.
+/// Splits a set at the best plane of its bins, or by number if there is none.
 #[inline(always)]
-fn part<'r>(set: Set<'r>, grid: &Grid, bins: &Bins) -> (Set<'r>, Set<'r>) {
+fn split_by_bins<'r>(set: Set<'r>, grid: &Grid, bins: &Bins) -> (Set<'r>, Set<'r>) {
     let Some(split) = bins.best(grid) else { return halve(set) };
     let (middle, sides) = partition(set.references, grid, &split);
     if middle == 0 || middle == set.references.len() {
@@ -331,18 +334,19 @@ fn split_at(set: Set, middle: usize, [left, right]: [Bounds3; 2]) -> (Set, Set) 
     )
 }
 
-/// Box of doubled centroids, in parallel.
+/// Returns the box of the doubled centroids. Runs in parallel.
 fn centroids_of(references: &[Reference]) -> Bounds3 {
     references
         .par_iter()
-        .with_min_len(PARALLEL)
+        .with_min_len(MIN_PARALLEL)
         .map(|reference| reference.bounds.center2_point())
         .reduce(|| Bounds3::EMPTY, Bounds3::union)
 }
 
-/// Moves what goes left to the front; how much that is, and the boxes of both sides' centroids.
+/// Moves the references of the left side to the front. Returns their number and the boxes of the
+/// centroids of both sides.
 ///
-/// Without branches, which would be mispredicted for every second reference.
+/// Has no branches: they would be mispredicted for every second reference.
 #[inline(always)]
 fn partition(references: &mut [Reference], grid: &Grid, split: &Split) -> (usize, [Bounds3; 2]) {
     let mut middle = 0;
@@ -360,8 +364,8 @@ fn partition(references: &mut [Reference], grid: &Grid, split: &Split) -> (usize
     (middle, [left, right])
 }
 
-/// Halves by number along the axis in which the centroids spread most; spheres behind triangles
-/// where they do not spread at all, so that leaves of one kind come about.
+/// Halves a set by number along the axis in which the centroids spread most. If they do not spread
+/// at all, sorts spheres behind triangles, so that leaves of one kind result.
 fn halve(set: Set) -> (Set, Set) {
     let references = &mut *set.references;
     let middle = references.len() / 2;

@@ -5,23 +5,23 @@ use super::reference::Reference;
 use crate::geometry::Geometry;
 use crate::simd::{Kernel, prefetch};
 
-/// The distinct vertices of a leaf, compared by their bits: meshes that repeat a vertex for every
-/// face share them here all the same.
+/// The distinct vertices of a leaf, compared by their bits. So a mesh that repeats a vertex for
+/// every face shares it in the tree.
 struct Vertices {
     x: [u32; WIDTH],
     y: [u32; WIDTH],
     z: [u32; WIDTH],
-    /// Geometry and index of each, as first seen.
+    /// Geometry and index of each vertex, as first added.
     names: [u64; WIDTH],
-    /// Places by a hash of the name: most corners are found there, without a look at coordinates.
-    places: [u8; HASHES],
+    /// Cache of slots by a hash of the name. It finds most corners without comparing coordinates.
+    slots: [u8; HASH_SLOTS],
     len: usize,
 }
 
-/// Room for a leaf's vertices with few collisions.
-const HASHES: usize = 64;
+/// Size of the cache: large enough for few collisions.
+const HASH_SLOTS: usize = 64;
 
-/// Bits of a coordinate that is not finite: no vertex has it.
+/// Bits of an unused coordinate. They are those of a NaN, so no vertex has them.
 const NO_COORDINATE: u32 = u32::MAX;
 
 impl Vertices {
@@ -30,48 +30,49 @@ impl Vertices {
         y: [NO_COORDINATE; WIDTH],
         z: [NO_COORDINATE; WIDTH],
         names: [u64::MAX; WIDTH],
-        places: [0; HASHES],
+        slots: [0; HASH_SLOTS],
         len: 0,
     };
 
-    /// Places of a triangle's corners, which are added if they are new; none if there is no room.
+    /// Returns the slots of a triangle's corners. Adds new vertices. Returns `None` if there is no
+    /// room.
     #[inline(always)]
     fn triangle(&mut self, geometry: &Geometry, reference: &Reference) -> Option<[u8; 3]> {
-        let mut places = [0; 3];
+        let mut slots = [0; 3];
         let (geom, prim) = (reference.geometry(), reference.primitive());
-        // Loops, not closures: those would be compiled for the portable tier.
+        // Loops, because closures would be compiled for the portable instruction set.
         if let Some(mesh) = geometry.meshes.get(geom as usize) {
             let corners = mesh.triangles()[prim as usize];
             for k in 0..3 {
                 let name = u64::from(geom) << 32 | u64::from(corners[k]);
-                let hash = (corners[k].wrapping_mul(0x9e37_79b1) >> 26) as usize % HASHES;
-                let place = self.places[hash];
-                places[k] = if self.names[usize::from(place) % WIDTH] == name {
-                    place
+                let hash = (corners[k].wrapping_mul(0x9e37_79b1) >> 26) as usize % HASH_SLOTS;
+                let slot = self.slots[hash];
+                slots[k] = if self.names[usize::from(slot) % WIDTH] == name {
+                    slot
                 } else {
-                    let place = self.place(mesh.padded_vertices()[corners[k] as usize], name)?;
-                    self.places[hash] = place;
-                    place
+                    let slot = self.slot(mesh.padded_vertices()[corners[k] as usize], name)?;
+                    self.slots[hash] = slot;
+                    slot
                 };
             }
         } else {
             let corners = reference.corners(geometry)?;
             for k in 0..3 {
-                places[k] = self.place(corners[k], u64::MAX)?;
+                slots[k] = self.slot(corners[k], u64::MAX)?;
             }
         }
-        Some(places)
+        Some(slots)
     }
 
-    /// The place of a vertex by its coordinates.
+    /// Returns the slot of a vertex with these coordinates. Adds it if it is new.
     #[inline(always)]
-    fn place(&mut self, vertex: [f32; 3], name: u64) -> Option<u8> {
+    fn slot(&mut self, vertex: [f32; 3], name: u64) -> Option<u8> {
         let [x, y, z] = vertex.map(f32::to_bits);
-        let mut maybe = false;
+        let mut may_exist = false;
         for i in 0..WIDTH {
-            maybe |= self.x[i] == x;
+            may_exist |= self.x[i] == x;
         }
-        if maybe {
+        if may_exist {
             for i in 0..self.len {
                 if (self.x[i], self.y[i], self.z[i]) == (x, y, z) {
                     return Some(i as u8);
@@ -88,7 +89,7 @@ impl Vertices {
     }
 }
 
-/// Asks for the vertex indices of triangles that [`fits`] or [`MakeBlock`] will look at.
+/// Prefetches the vertex indices that [`fits`] or [`MakeBlock`] will read.
 #[inline(always)]
 pub fn prefetch_indices(geometry: &Geometry, references: &[Reference]) {
     for reference in references {
@@ -98,7 +99,7 @@ pub fn prefetch_indices(geometry: &Geometry, references: &[Reference]) {
     }
 }
 
-/// Asks for their vertices, when the indices are there.
+/// Prefetches the vertices. Their indices should be in the cache.
 #[inline(always)]
 fn prefetch_vertices(geometry: &Geometry, references: &[Reference]) {
     for reference in references {
@@ -110,7 +111,7 @@ fn prefetch_vertices(geometry: &Geometry, references: &[Reference]) {
     }
 }
 
-/// Whether triangles fit into one leaf: at most 16, over at most 16 vertices.
+/// Whether triangles fit into one leaf: at most 16, with at most 16 vertices.
 #[inline(always)]
 pub fn fits(geometry: &Geometry, references: &[Reference]) -> bool {
     if references.len() > WIDTH {
@@ -126,13 +127,12 @@ pub fn fits(geometry: &Geometry, references: &[Reference]) -> bool {
     true
 }
 
-/// The leaf of references that [`fits`] let through. Unused vertices repeat the last one.
+/// Makes the leaf of references that [`fits`] accepts. Unused vertices repeat the last one.
 pub struct MakeBlock<'a> {
-    /// What the references name.
     pub geometry: &'a Geometry,
-    /// Of triangles.
+    /// References of the triangles of the leaf.
     pub references: &'a [Reference],
-    /// Of the leaf to come, and the one after it.
+    /// References of the next two leaves, for prefetching.
     pub next: [&'a [Reference]; 2],
 }
 

@@ -1,9 +1,9 @@
-//! The binary tree -> wide nodes, with the least expected number of nodes that a ray visits.
+//! Binary tree -> wide nodes, with the smallest expected number of node visits per ray.
 //!
-//! A ray visits a node with a probability proportional to its box's area; which binary nodes become
-//! wide ones is chosen by dynamic programming over the number of slots that a subtree may fill
-//! (Wald, Benthin and Boulos 2008, "Getting Rid of Packets"; Ylitie, Karras and Laine 2017, section
-//! 3.1).
+//! A ray visits a node with a probability proportional to the area of its box. Dynamic programming
+//! over the number of slots that a subtree may fill chooses which binary nodes become wide ones.
+//! See Wald, Benthin and Boulos 2008, "Getting Rid of Packets"; Ylitie, Karras and Laine 2017,
+//! section 3.1.
 
 use rayon::prelude::*;
 
@@ -13,24 +13,22 @@ use super::binary::Binary;
 use crate::error::Result;
 use crate::reserve;
 
-/// The finished tree.
+/// The finished tree. Children are indices into its arrays.
 pub struct Tree {
-    /// Inner nodes, the root first.
+    /// Inner nodes. The root is the first.
     pub nodes: Vec<Node>,
-    /// Leaves of triangles.
     pub blocks: Vec<Block>,
-    /// Leaves of spheres.
     pub spheres: Vec<SphereLeaf>,
-    /// Box of everything.
+    /// Box of the whole scene.
     pub bounds: Bounds3,
-    /// Levels of nodes.
+    /// Number of levels of inner nodes.
     pub depth: usize,
-    /// Whether prefetching pays.
+    /// Whether the tree is large enough for prefetching to pay.
     pub is_large: bool,
 }
 
 impl Tree {
-    /// Asks for a child to be brought into the cache, if the tree is larger than caches are.
+    /// Prefetches a child if the tree is larger than caches are.
     #[inline(always)]
     pub fn prefetch(&self, child: Child) {
         if !self.is_large {
@@ -43,7 +41,7 @@ impl Tree {
         }
     }
 
-    /// Bytes of the arrays.
+    /// Returns the size of the arrays in bytes.
     pub fn bytes(&self) -> u64 {
         (size_of_val(&self.nodes[..])
             + size_of_val(&self.blocks[..])
@@ -51,17 +49,17 @@ impl Tree {
     }
 }
 
-/// From this many binary nodes on, the two sides are treated in parallel.
-const PARALLEL: usize = 1 << 14;
+/// From this many binary nodes on, two subtrees are processed in parallel.
+const MIN_PARALLEL: usize = 1 << 14;
 
-/// Collapses a binary tree; an empty one becomes a root without children. Leaves are named, not
-/// made.
+/// Collapses a binary tree. An empty one becomes a root without children. Wide nodes refer to
+/// leaves by number; the leaves themselves are not made here.
 ///
 /// # Errors
-/// Where there is no memory for it.
+/// If there is too little memory.
 pub fn collapse(binary: &[Binary]) -> Result<Tree> {
     let mut plan = reserve::filled([0; WIDTH], binary.len(), "bvh")?;
-    // Wide nodes are few: one for some 8 leaves.
+    // There are few wide nodes: about one for every 8 leaves.
     reserve::probe((binary.len() / 12 * size_of::<Node>()) as u64, "bvh")?;
     let (nodes, depth) = match binary {
         [] => (vec![Node::EMPTY], 1),
@@ -80,18 +78,20 @@ pub fn collapse(binary: &[Binary]) -> Result<Tree> {
     })
 }
 
-/// Bytes that collapsing holds beside its result.
+/// Returns the bytes that collapsing holds besides its result.
 pub fn scratch_bytes(binary: &[Binary]) -> u64 {
     (size_of_val(binary) + size_of::<Plan>() * binary.len()) as u64
 }
 
-/// How a subtree fills k slots of a wide node, k = 2 ..= 16, at index k - 1: its left side gets
-/// that many of them; 0: it takes only one. At index 0: the left side's share of 16 when it becomes
-/// a wide node of its own.
+/// How a subtree fills k slots of a wide node.
+///
+/// Index k - 1, for k from 2 to 16: the number of these slots that the left child gets, or 0 if the
+/// subtree takes only one slot. Index 0: the share of the left child in 16 slots, if the subtree
+/// becomes a wide node itself.
 type Plan = [u8; WIDTH];
 
-/// Plans the subtree whose root is the first of `binary`; the least sum of the areas of its wide
-/// nodes when it may fill k slots, at index k - 1.
+/// Plans the subtree whose root is the first node of `binary`. Returns its costs: element k - 1 is
+/// the smallest sum of the areas of its wide nodes if it may fill k slots.
 fn slots(binary: &[Binary], plan: &mut [Plan]) -> [f32; WIDTH] {
     let right = binary[0].right as usize;
     if right == 0 {
@@ -99,7 +99,7 @@ fn slots(binary: &[Binary], plan: &mut [Plan]) -> [f32; WIDTH] {
     }
     let (own, below) = plan.split_at_mut(1);
     let (below_left, below_right) = below.split_at_mut(right - 1);
-    let (a, b) = if binary.len() >= PARALLEL {
+    let (a, b) = if binary.len() >= MIN_PARALLEL {
         rayon::join(
             || slots(&binary[1..right], below_left),
             || slots(&binary[right..], below_right),
@@ -128,12 +128,12 @@ fn slots(binary: &[Binary], plan: &mut [Plan]) -> [f32; WIDTH] {
     cost
 }
 
-/// The wide tree below a binary node, its root first, and its number of levels.
+/// Returns the wide tree below a binary node, its root first, and the number of its levels.
 fn wide(binary: &[Binary], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
-    let children = Children::of(binary, plan, root);
+    let children = Children::new(binary, plan, root);
     let inner = children.indices().iter().filter(|&&i| binary[i].right != 0).count();
     let size = |&i: &usize| binary[i].right as usize;
-    if inner == 0 || children.indices().iter().map(size).sum::<usize>() < PARALLEL {
+    if inner == 0 || children.indices().iter().map(size).sum::<usize>() < MIN_PARALLEL {
         let mut nodes = Vec::new();
         let depth = append(binary, plan, root, &mut nodes);
         return (nodes, depth);
@@ -165,9 +165,9 @@ fn wide(binary: &[Binary], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
     (nodes, depth + 1)
 }
 
-/// Appends the wide tree below a binary node; its number of levels.
+/// Appends the wide tree below a binary node. Returns the number of its levels.
 fn append(binary: &[Binary], plan: &[Plan], root: usize, nodes: &mut Vec<Node>) -> usize {
-    let children = Children::of(binary, plan, root);
+    let children = Children::new(binary, plan, root);
     let place = nodes.len();
     nodes.push(Node::EMPTY);
     let mut starts = [0; WIDTH];
@@ -189,7 +189,7 @@ struct Children {
 }
 
 impl Children {
-    fn of(binary: &[Binary], plan: &[Plan], root: usize) -> Self {
+    fn new(binary: &[Binary], plan: &[Plan], root: usize) -> Self {
         let mut children = Self { index: [0; WIDTH], len: 0 };
         let right = binary[root].right as usize;
         if right == 0 {
@@ -203,7 +203,7 @@ impl Children {
         children
     }
 
-    /// Adds the subtree at `index` in at most `slots` slots.
+    /// Adds the subtree at `index`, in at most `slots` slots.
     fn fill(&mut self, binary: &[Binary], plan: &[Plan], index: usize, slots: usize) {
         let right = binary[index].right as usize;
         let left = if slots < 2 { 0 } else { usize::from(plan[index][slots - 1]) };
@@ -220,7 +220,7 @@ impl Children {
         &self.index[..self.len]
     }
 
-    /// The wide node; its inner children are at `starts`.
+    /// Returns the wide node. `starts` holds the indices of its inner children.
     fn node(&self, binary: &[Binary], starts: &[usize; WIDTH]) -> Node {
         let mut node = Node::EMPTY;
         let mut centers = [[f32::INFINITY; 3]; WIDTH];
@@ -254,7 +254,7 @@ impl Children {
     }
 }
 
-/// Asks for the cache lines of `values[index]`.
+/// Prefetches all cache lines of `values[index]`.
 #[inline(always)]
 fn prefetch_all<T>(values: &[T], index: usize) {
     for line in 0..size_of::<T>() / 64 {

@@ -1,4 +1,4 @@
-//! From primitives to the tree: references, a binary tree by binned SAH, wide nodes, leaves.
+//! Builds the tree: primitives -> references -> binary tree by binned SAH -> wide nodes and leaves.
 
 mod binary;
 mod block;
@@ -21,14 +21,17 @@ use crate::ray::NONE;
 use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
-/// Trees of more bytes are prefetched: docs/notebook/bvh.md has what that gave.
-const LARGE: u64 = 64 << 20;
+/// Trees of more bytes are prefetched during traversal. The effect is in docs/notebook/bvh.md.
+const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 
-/// Builds the tree on the current rayon pool; also returns the most bytes that the build held.
+/// Builds the tree on the current rayon pool. Also returns the most bytes that the build held at a
+/// time.
 ///
 /// # Errors
-/// `Interrupted` after a signal; `Limit` above `max_bytes`, or where the tree would have more
-/// leaves than it can name; `Retry` where there is no memory.
+/// - `Interrupted` after a signal.
+/// - `Limit` if the build needs more than `max_bytes`, or the tree has more leaves than an index
+///   can address.
+/// - `Retry` if there is too little memory.
 pub fn build(
     geometry: &Geometry,
     isa: Isa,
@@ -46,8 +49,9 @@ pub fn build(
     within((reference::count(geometry) * size_of::<reference::Reference>()) as u64)?;
     let count = reference::count(geometry);
     let mut references = simd::dispatch(isa, References(geometry))?;
-    // Nodes come about in many small pieces.
-    reserve::probe(binary::SCRATCH * count as u64, "bvh")?;
+    // The nodes are allocated in many small pieces, so the memory for all of them is probed in
+    // advance.
+    reserve::probe(binary::SCRATCH_BYTES * count as u64, "bvh")?;
     monitor.check()?;
     let mut nodes = binary::build(geometry, &mut references, isa, monitor)?;
     monitor.check()?;
@@ -71,11 +75,12 @@ pub fn build(
         + tree.bytes()
         + (triangles.len() * size_of::<Block>() + leaves.len() * size_of::<&Leaf>()) as u64;
     let peak = within(collapsing.max(filling))?;
-    let of = |i: usize| triangles.get(i).map_or(&[][..], |leaf| &references[leaf.range()]);
+    let leaf_references =
+        |i: usize| triangles.get(i).map_or(&[][..], |leaf| &references[leaf.range()]);
     reserve::exact(&mut tree.blocks, triangles.len(), "bvh")?;
     let block = |i: usize| {
-        let next = [of(i + 1), of(i + 2)];
-        simd::dispatch(isa, MakeBlock { geometry, references: of(i), next })
+        let next = [leaf_references(i + 1), leaf_references(i + 2)];
+        simd::dispatch(isa, MakeBlock { geometry, references: leaf_references(i), next })
     };
     (0..triangles.len()).into_par_iter().map(block).collect_into_vec(&mut tree.blocks);
     reserve::exact(&mut tree.spheres, spheres.len(), "bvh")?;
@@ -87,7 +92,7 @@ pub fn build(
         SphereLeaf(ids)
     }));
     tree.bounds = references.par_iter().map(|r| r.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
-    tree.is_large = tree.bytes() > LARGE;
+    tree.is_large = tree.bytes() > MAX_UNPREFETCHED_BYTES;
     Ok((tree, peak))
 }
 

@@ -1,4 +1,4 @@
-//! What the builder sorts: a box and which primitive is in it.
+//! References: the boxes of the primitives, which the builder sorts.
 
 use rayon::prelude::*;
 
@@ -9,12 +9,11 @@ use crate::reserve;
 
 const SECOND_HALF: u32 = 1 << 31;
 
-/// A primitive's box; lane 3 holds the primitive's number in its geometry, lane 7 the geometry and
-/// whether it is the second half of a quad.
+/// A box and its primitive. Lane 3 of the box holds the index of the primitive in its geometry.
+/// Lane 7 holds the geometry and whether this is the second half of a quad.
 #[derive(Debug, Clone, Copy)]
 #[repr(transparent)]
 pub struct Reference {
-    /// The box.
     pub bounds: Bounds3,
 }
 
@@ -26,25 +25,25 @@ impl Reference {
         Self { bounds }
     }
 
-    /// Number in its geometry.
+    /// Returns the index of the primitive in its geometry.
     #[inline(always)]
     pub fn primitive(&self) -> u32 {
         self.bounds.0[3].to_bits()
     }
 
-    /// Geometry.
+    /// Returns the id of the geometry.
     #[inline(always)]
     pub fn geometry(&self) -> u32 {
         self.bounds.0[7].to_bits() & !SECOND_HALF
     }
 
-    /// Whether it is the half `v2 v3 v1` of a quad.
+    /// Whether this is the half `v2 v3 v1` of a quad.
     #[inline(always)]
     pub fn is_second_half(&self) -> bool {
         self.bounds.0[7].to_bits() & SECOND_HALF != 0
     }
 
-    /// Corners of its triangle; none for a sphere.
+    /// Returns the corners of the triangle; `None` for a sphere.
     #[inline(always)]
     pub fn corners(&self, geometry: &Geometry) -> Option<[[f32; 3]; 3]> {
         let (geom, prim) = (self.geometry(), self.primitive());
@@ -58,28 +57,28 @@ impl Reference {
     }
 }
 
-/// One reference per triangle and sphere, two per quad.
+/// Returns the number of references: one per triangle and sphere, two per quad.
 pub fn count(geometry: &Geometry) -> usize {
     let triangles: usize = geometry.meshes.iter().map(|mesh| mesh.triangles().len()).sum();
     triangles + 2 * geometry.quads.len() + geometry.spheres.len()
 }
 
-/// The references in the order of the geometry.
+/// Returns the references in the order of the geometry.
 ///
 /// # Errors
-/// Where there is no memory for them.
+/// If there is too little memory.
 pub fn references(geometry: &Geometry) -> Result<Vec<Reference>> {
     let mut references = Vec::new();
     reserve::exact(&mut references, count(geometry), "bvh")?;
     for (geom, mesh) in geometry.meshes.iter().enumerate() {
         references.par_extend((0..mesh.triangles().len() as u32).into_par_iter().map(|prim| {
-            Reference::new(Bounds3::of(&mesh.corners(prim)), geom as u32, prim, false)
+            Reference::new(Bounds3::from_points(&mesh.corners(prim)), geom as u32, prim, false)
         }));
     }
     for (prim, &[v0, v1, v2, v3]) in geometry.quads.iter().enumerate() {
         for (half, corners) in [[v0, v1, v3], [v2, v3, v1]].iter().enumerate() {
             let (geom, prim) = (geometry.quads_id(), prim as u32);
-            references.push(Reference::new(Bounds3::of(corners), geom, prim, half == 1));
+            references.push(Reference::new(Bounds3::from_points(corners), geom, prim, half == 1));
         }
     }
     for (prim, sphere) in geometry.spheres.iter().enumerate() {

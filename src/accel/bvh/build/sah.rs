@@ -1,44 +1,46 @@
-//! Where to split a set of references: the surface area heuristic over bins of centroids
+//! Finds the best split of a set of references: the surface area heuristic over bins of centroids
 //! (Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies").
 
 use super::super::bounds::Bounds3;
 use super::reference::Reference;
 
-/// Bins along each axis.
+/// Number of bins along each axis.
 pub const BINS: usize = 16;
 
-/// From this many references on, every third one is counted: it tells as much of where to split.
-const SAMPLED: usize = 1024;
+/// Sets of at least this many references are subsampled: only every third reference is binned. The
+/// splits are about as good.
+const MIN_SUBSAMPLED: usize = 1024;
 
-/// See [`SAMPLED`]; odd, because scans list triangles in pairs.
-const STRIDE: usize = 3;
+/// Distance of the binned references of a subsampled set. Odd, because scans list triangles in
+/// pairs.
+const SUBSAMPLE_STRIDE: usize = 3;
 
-/// Counts and boxes of the references by the bin of their centroid, for three axes.
+/// Number and box of the references in each bin, for three axes. The centroid decides the bin.
 #[derive(Clone)]
 pub struct Bins {
     bounds: [[Bounds3; 3]; BINS],
     counts: [[u32; 3]; BINS],
 }
 
-/// How centroids map to bins.
+/// The mapping from centroids to bins.
 #[derive(Debug, Clone, Copy)]
 pub struct Grid {
-    /// Least centroid (doubled).
+    /// Smallest doubled centroid along each axis.
     origin: [f32; 4],
     /// Bins per unit; 0 along an axis without extent.
     scale: [f32; 4],
 }
 
-/// A plane between two bins.
+/// A split plane between two bins.
 #[derive(Debug, Clone, Copy)]
 pub struct Split {
     axis: usize,
-    /// The first bin of the right side.
+    /// First bin of the right side.
     bin: u32,
 }
 
 impl Grid {
-    /// The grid over a box of (doubled) centroids.
+    /// Returns the grid over a box of doubled centroids.
     #[inline(always)]
     pub fn new(centroids: &Bounds3) -> Self {
         let [x, y, z] = centroids.extent().map(|extent| {
@@ -49,7 +51,7 @@ impl Grid {
         Self { origin: [a, b, c, 0.0], scale: [x, y, z, 0.0] }
     }
 
-    /// The bin of a centroid along each axis, below [`BINS`].
+    /// Returns the bin of a centroid along each axis, below [`BINS`].
     #[inline(always)]
     fn bin(&self, reference: &Reference) -> [u32; 4] {
         let Bounds3(b) = reference.bounds;
@@ -60,7 +62,7 @@ impl Grid {
         bins
     }
 
-    /// Whether a reference goes left.
+    /// Whether a reference belongs to the left side.
     #[inline(always)]
     pub fn is_left(&self, split: &Split, reference: &Reference) -> bool {
         let axis = split.axis % 3;
@@ -69,7 +71,7 @@ impl Grid {
     }
 }
 
-/// The bin of one coordinate.
+/// Returns the bin of one coordinate.
 #[inline(always)]
 fn bin(center2: f32, origin: f32, scale: f32) -> u32 {
     // Adding 2^23 leaves the integer nearest to x - 0.5 in the low bits.
@@ -80,13 +82,12 @@ fn bin(center2: f32, origin: f32, scale: f32) -> u32 {
 }
 
 impl Bins {
-    /// No references.
     pub const EMPTY: Self = Self { bounds: [[Bounds3::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
 
-    /// Counts references.
+    /// Adds the references to their bins.
     #[inline(always)]
     pub fn add(&mut self, grid: &Grid, references: &[Reference]) {
-        let stride = if references.len() >= SAMPLED { STRIDE } else { 1 };
+        let stride = if references.len() >= MIN_SUBSAMPLED { SUBSAMPLE_STRIDE } else { 1 };
         for reference in references.iter().step_by(stride) {
             let bins = grid.bin(reference);
             for axis in 0..3 {
@@ -98,7 +99,7 @@ impl Bins {
         }
     }
 
-    /// Both counts.
+    /// Returns the sum of two sets of bins.
     #[must_use]
     pub fn merge(mut self, other: &Self) -> Self {
         for bin in 0..BINS {
@@ -110,7 +111,8 @@ impl Bins {
         self
     }
 
-    /// The split with the least sum of area times number of primitives, if there is any.
+    /// Returns the split with the smallest sum of area times number of references, or `None` if
+    /// there is none.
     #[inline(always)]
     pub fn best(&self, grid: &Grid) -> Option<Split> {
         let mut right_cost = [[0.0; 3]; BINS];
@@ -122,7 +124,7 @@ impl Bins {
                 right_cost[bin][axis] = right[axis].half_area() * f64::from(n[axis]);
             }
         }
-        let mut least = [f64::INFINITY; 3];
+        let mut min_cost = [f64::INFINITY; 3];
         let mut at = [0; 3];
         let (mut left, mut n) = ([Bounds3::EMPTY; 3], [0; 3]);
         for bin in 1..BINS {
@@ -130,15 +132,15 @@ impl Bins {
                 left[axis] = left[axis].union(self.bounds[bin - 1][axis]);
                 n[axis] += self.counts[bin - 1][axis];
                 let cost = left[axis].half_area() * f64::from(n[axis]) + right_cost[bin][axis];
-                let better = cost < least[axis];
-                least[axis] = if better { cost } else { least[axis] };
+                let better = cost < min_cost[axis];
+                min_cost[axis] = if better { cost } else { min_cost[axis] };
                 at[axis] = if better { bin as u32 } else { at[axis] };
             }
         }
         let mut best: Option<(f64, Split)> = None;
         for axis in 0..3 {
-            if grid.scale[axis] != 0.0 && best.is_none_or(|(cost, _)| least[axis] < cost) {
-                best = Some((least[axis], Split { axis, bin: at[axis] }));
+            if grid.scale[axis] != 0.0 && best.is_none_or(|(cost, _)| min_cost[axis] < cost) {
+                best = Some((min_cost[axis], Split { axis, bin: at[axis] }));
             }
         }
         best.map(|(_, split)| split)

@@ -1,17 +1,17 @@
-//! What stops the rays of a packet.
+//! Occlusion of the rays of a packet: any hit within the segment.
 
 use std::cell::Cell;
 use std::thread::LocalKey;
 
-use super::{Bits, Packet, Stacks, Waiting, spread};
+use super::{Bits, Packet, StackEntry, Stacks, spread};
 use crate::accel::bvh::node::{Child, Kind, Node};
 use crate::accel::bvh::simd::{Path, Tier};
 use crate::ray::LANES;
 
-/// So many rays are traced on alone.
-const FEW: u32 = 4;
+/// Up to this many remaining rays are traced alone.
+const MAX_SINGLE_RAYS: u32 = 4;
 
-/// A child yet to visit and the rays that meet it, by bit.
+/// A child that is still to be visited, and the rays that enter its box, as bits.
 #[derive(Clone, Copy)]
 pub struct Entry {
     child: Child,
@@ -22,57 +22,58 @@ thread_local! {
     static STACK: Cell<Vec<Entry>> = const { Cell::new(Vec::new()) };
 }
 
-impl Waiting for Entry {
-    type Alone = Path;
+impl StackEntry for Entry {
+    type SingleStack = Path;
     #[inline(always)]
-    fn alone() -> Path {
+    fn single_stack() -> Path {
         Path::new()
     }
-    fn kept() -> &'static LocalKey<Cell<Vec<Self>>> {
+    fn thread_stack() -> &'static LocalKey<Cell<Vec<Self>>> {
         &STACK
     }
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// The rays that anything stops: all bits set.
+    /// Returns the occluded rays: all bits of their lanes are set.
     #[inline(always)]
     pub fn occluded(mut self, stacks: &mut Stacks<Entry>) -> [i32; LANES] {
-        let mut stopped = [0; LANES];
+        let mut occluded = [0; LANES];
         let mut left = self.left();
         stacks.packet.push(Entry { child: Child::node(0), entering: left });
         while let Some(entry) = stacks.packet.pop() {
             let entering = entry.entering & left;
             match entry.child.kind() {
                 _ if entering == 0 => {}
-                Kind::Node(index) if entering.count_ones() > FEW => {
+                Kind::Node(index) if entering.count_ones() > MAX_SINGLE_RAYS => {
                     self.push_any(&self.tree.nodes[index], &mut stacks.packet);
                 }
                 Kind::Node(_) => {
                     for i in Bits(entering) {
                         if self.single(i).occluded_below(entry.child, &mut stacks.single) {
-                            stopped[i] = -1;
+                            occluded[i] = -1;
                         }
                     }
-                    self.stop(&stopped);
+                    self.finish_rays(&occluded);
                     left = self.left();
                 }
                 _ => {
-                    self.any_in_leaf(entry.child, entering, &mut stopped);
+                    self.any_in_leaf(entry.child, entering, &mut occluded);
                     left = self.left();
                 }
             }
         }
-        stopped
+        occluded
     }
 
-    /// The rays that nothing has stopped so far, by bit. (Without those whose segment is empty.)
+    /// Returns the rays that are not occluded so far, as bits. A ray with an empty segment is not
+    /// among them.
     #[inline(always)]
     fn left(&self) -> u32 {
         self.tier.at_most(&self.query.tnear, &self.tfar)
     }
 
-    /// The distances at which the rays enter and leave the box of a node's child: the rays may be
-    /// of several octants.
+    /// Returns the distances at which the rays enter and leave the box of a node's child. The rays
+    /// may have several octants.
     #[inline(always)]
     fn slabs_of_any_octant(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
         let q = self.query;
@@ -91,10 +92,10 @@ impl<T: Tier> Packet<'_, T> {
         (near, far)
     }
 
-    /// Pushes the children that any ray meets, in the order of the first ray's octant.
+    /// Pushes the children that any ray enters, in the order of the first ray's octant.
     #[inline(always)]
     fn push_any(&self, node: &Node, stack: &mut Vec<Entry>) {
-        for place in Bits(self.tier.overlaps(node, &self.frustum, self.end)) {
+        for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end)) {
             let slot = node.ordered(self.frustum.octant, place);
             let (near, far) = self.slabs_of_any_octant(node, slot);
             let entering = self.tier.at_most(&near, &far);
@@ -104,33 +105,33 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Adds the rays that anything in a leaf stops, of those that enter its box.
+    /// Tests the rays that enter the box of a leaf. Adds the occluded ones to `occluded`.
     #[inline(always)]
-    pub fn any_in_leaf(&mut self, leaf: Child, entering: u32, stopped: &mut [i32; LANES]) {
+    pub fn any_in_leaf(&mut self, leaf: Child, entering: u32, occluded: &mut [i32; LANES]) {
         match leaf.kind() {
-            Kind::Triangles(index) => self.any_in_block(index, entering, stopped),
-            Kind::Spheres(index) => self.any_in_spheres(index, entering, stopped),
+            Kind::Triangles(index) => self.any_in_block(index, entering, occluded),
+            Kind::Spheres(index) => self.any_in_spheres(index, entering, occluded),
             Kind::Node(_) | Kind::Empty => {}
         }
-        self.stop(stopped);
+        self.finish_rays(occluded);
     }
 
-    /// Ends stopped rays.
+    /// Marks occluded rays as finished.
     #[inline(always)]
-    fn stop(&mut self, stopped: &[i32; LANES]) {
+    fn finish_rays(&mut self, occluded: &[i32; LANES]) {
         for i in 0..LANES {
-            self.tfar[i] = if stopped[i] != 0 { f32::NEG_INFINITY } else { self.tfar[i] };
+            self.tfar[i] = if occluded[i] != 0 { f32::NEG_INFINITY } else { self.tfar[i] };
         }
     }
 
     #[inline(always)]
-    fn any_in_block(&mut self, index: usize, entering: u32, stopped: &mut [i32; LANES]) {
+    fn any_in_block(&mut self, index: usize, entering: u32, occluded: &mut [i32; LANES]) {
         let block = &self.tree.blocks[index];
-        let triangles = self.tier.overlapping(block, &self.frustum, self.end);
+        let triangles = self.tier.triangles_in_frustum(block, &self.frustum, self.end);
         if entering.count_ones() <= triangles.count_ones() {
             for i in Bits(entering) {
                 if self.single(i).any_in_block(index) {
-                    stopped[i] = -1;
+                    occluded[i] = -1;
                 }
             }
             return;
@@ -140,11 +141,11 @@ impl<T: Tier> Packet<'_, T> {
             let Some(mut edges) = self.edges(block, slot, &entering) else { continue };
             let mut rest = 0;
             for i in 0..LANES {
-                // t is kept within the depths of the corners: where these are clear of the ends, it
-                // is not asked for.
+                // t lies between the depths of the corners. If these lie inside the segment, t need
+                // not be computed.
                 let within = self.query.within(i, edges.first[i], edges.last[i]);
                 let sure = edges.maybe[i] & !edges.unsure[i] & -i32::from(within);
-                stopped[i] |= sure;
+                occluded[i] |= sure;
                 self.tfar[i] = if sure != 0 { f32::NEG_INFINITY } else { self.tfar[i] };
                 edges.maybe[i] &= !sure;
                 rest |= edges.maybe[i];
@@ -158,7 +159,7 @@ impl<T: Tier> Packet<'_, T> {
                 let counts = (test.hit[i] != 0)
                     & (t > f64::from(self.rays.tnear[i]))
                     & (t < f64::from(self.rays.tfar[i]));
-                stopped[i] |= -i32::from(counts);
+                occluded[i] |= -i32::from(counts);
                 self.tfar[i] = if counts { f32::NEG_INFINITY } else { self.tfar[i] };
             }
         }

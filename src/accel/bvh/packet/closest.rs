@@ -1,19 +1,20 @@
-//! The closest hits of a packet.
+//! Closest hits of the rays of a packet.
 
 use std::cell::Cell;
 use std::thread::LocalKey;
 
-use super::{Bits, Packet, Stacks, Waiting, spread};
-use crate::accel::bvh::found::Found;
+use super::{Bits, Packet, StackEntry, Stacks, spread};
+use crate::accel::bvh::hits::ClosestHits;
 use crate::accel::bvh::node::{Child, Kind, Node};
 use crate::accel::bvh::simd::{Stack, Tier};
-use crate::accel::bvh::single::Best;
+use crate::accel::bvh::single::ClosestHit;
 use crate::ray::{LANES, NONE};
 
-/// So many rays are traced on alone.
-const FEW: u32 = 3;
+/// Up to this many remaining rays are traced alone.
+const MAX_SINGLE_RAYS: u32 = 3;
 
-/// A child yet to visit and the distances at which the rays enter it, infinite for those that miss.
+/// A child that is still to be visited, and the distances at which the rays enter its box. The
+/// distance is infinite for a ray that misses it.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub struct Entry {
@@ -25,32 +26,34 @@ thread_local! {
     static STACK: Cell<Vec<Entry>> = const { Cell::new(Vec::new()) };
 }
 
-impl Waiting for Entry {
-    type Alone = Stack;
+impl StackEntry for Entry {
+    type SingleStack = Stack;
     #[inline(always)]
-    fn alone() -> Stack {
+    fn single_stack() -> Stack {
         Stack::new()
     }
-    fn kept() -> &'static LocalKey<Cell<Vec<Self>>> {
+    fn thread_stack() -> &'static LocalKey<Cell<Vec<Self>>> {
         &STACK
     }
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// Updates the closest hits.
+    /// Updates the closest hits with the whole tree.
     #[inline(always)]
-    pub fn closest(mut self, stacks: &mut Stacks<Entry>, best: &mut Found) {
+    pub fn closest(mut self, stacks: &mut Stacks<Entry>, best: &mut ClosestHits) {
         stacks.packet.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
-        // Whether rays end nearer than the frustum knows: mostly nothing that is left asks for it.
+        // Whether rays have become shorter than the frustum. It is shortened only before the packet
+        // visits another child, because often none is left.
         let mut shorter = false;
         while let Some(entry) = stacks.packet.pop() {
             let entering = self.tier.at_most(&entry.near, &self.tfar);
             if entering == 0 {
                 continue;
             }
-            if let (Kind::Node(_), ..=FEW) = (entry.child.kind(), entering.count_ones()) {
+            if let (Kind::Node(_), ..=MAX_SINGLE_RAYS) = (entry.child.kind(), entering.count_ones())
+            {
                 for i in Bits(entering) {
-                    let mut one = Best::of(best, i, self.tfar[i]);
+                    let mut one = ClosestHit::from_lane(best, i, self.tfar[i]);
                     self.single(i).closest_below(entry.child, &mut stacks.single, &mut one);
                     self.take(i, &one, best);
                 }
@@ -70,9 +73,9 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Updates the closest hits of the rays that enter a leaf's box.
+    /// Updates the closest hits of the rays that enter the box of a leaf.
     #[inline(always)]
-    pub fn closest_in_leaf(&mut self, leaf: Child, entering: u32, best: &mut Found) {
+    pub fn closest_in_leaf(&mut self, leaf: Child, entering: u32, best: &mut ClosestHits) {
         match leaf.kind() {
             Kind::Triangles(index) => self.closest_in_block(index, entering, best),
             Kind::Spheres(index) => self.closest_in_spheres(index, entering, best),
@@ -80,17 +83,17 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Takes over what a ray alone has found, if it has found anything.
+    /// Takes over the hit of a ray that was traced alone, if it found one.
     #[inline(always)]
-    fn take(&mut self, i: usize, one: &Best, best: &mut Found) {
+    fn take(&mut self, i: usize, one: &ClosestHit, best: &mut ClosestHits) {
         if one.t != best.t[i] || one.primitive != best.primitive[i] {
             self.tfar[i] = one.tfar;
             one.store(best, i);
         }
     }
 
-    /// The distances at which the rays, which are of one octant, enter and leave the box of a
-    /// node's child.
+    /// Returns the distances at which the rays enter and leave the box of a node's child. All rays
+    /// have the same octant.
     #[inline(always)]
     fn slabs(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
         let (q, octant) = (self.query, self.frustum.octant);
@@ -110,10 +113,10 @@ impl<T: Tier> Packet<'_, T> {
         (near, far)
     }
 
-    /// Pushes the children that any ray meets, the nearest last.
+    /// Pushes the children that any ray enters, the nearest last.
     #[inline(always)]
     fn push(&self, node: &Node, stack: &mut Vec<Entry>) {
-        for place in Bits(self.tier.overlaps(node, &self.frustum, self.end)) {
+        for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end)) {
             let slot = node.ordered(self.frustum.octant, place);
             let (mut near, far) = self.slabs(node, slot);
             let mut any = 0;
@@ -129,12 +132,12 @@ impl<T: Tier> Packet<'_, T> {
     }
 
     #[inline(always)]
-    fn closest_in_block(&mut self, index: usize, entering: u32, best: &mut Found) {
+    fn closest_in_block(&mut self, index: usize, entering: u32, best: &mut ClosestHits) {
         let block = &self.tree.blocks[index];
-        let triangles = self.tier.overlapping(block, &self.frustum, self.end);
+        let triangles = self.tier.triangles_in_frustum(block, &self.frustum, self.end);
         if entering.count_ones() <= triangles.count_ones() {
             for i in Bits(entering) {
-                let mut one = Best::of(best, i, self.tfar[i]);
+                let mut one = ClosestHit::from_lane(best, i, self.tfar[i]);
                 self.single(i).closest_in_block(index, &mut one);
                 self.take(i, &one, best);
             }
@@ -159,7 +162,7 @@ impl<T: Tier> Packet<'_, T> {
                     weights[i] = if counts { found[i] } else { weights[i] };
                 }
                 best.second_half[i] = if counts { second_half } else { best.second_half[i] };
-                let tfar = self.query.end(i, t);
+                let tfar = self.query.scaled_end(i, t);
                 self.tfar[i] = if counts { tfar } else { self.tfar[i] };
             }
         }

@@ -1,8 +1,7 @@
-//! 16 rays that go about the same way through the tree together.
+//! Traversal of the tree by 16 coherent rays together.
 //!
-//! One ray that bounds them all finds the children of a node that any of them can meet; then the 16
-//! rays are tested against each of these, and against each triangle of a leaf, lane by lane
-//! ([`triangle`]).
+//! A frustum around the rays culls the children of a node. Then the 16 rays are tested against each
+//! remaining child, and against each triangle of a leaf, lane by lane ([`triangle`]).
 
 mod any;
 mod closest;
@@ -21,41 +20,42 @@ use super::single::Single;
 use crate::geometry::Geometry;
 use crate::ray::{LANES, Mask, Rays};
 
-/// What stands on the stack of a traversal.
-pub trait Waiting: Sized + 'static {
-    /// What one ray alone has yet to visit.
-    type Alone;
-    /// Nothing.
-    fn alone() -> Self::Alone;
-    /// Room for the packets of this thread.
-    fn kept() -> &'static LocalKey<Cell<Vec<Self>>>;
+/// A stack entry of a packet traversal.
+pub trait StackEntry: Sized + 'static {
+    /// The stack for tracing one ray alone.
+    type SingleStack;
+    /// Returns an empty stack for one ray.
+    fn single_stack() -> Self::SingleStack;
+    /// Returns the packet stack of this thread. It is kept, so that its memory is reused.
+    fn thread_stack() -> &'static LocalKey<Cell<Vec<Self>>>;
 }
 
-/// What is yet to visit.
-pub struct Stacks<E: Waiting> {
-    /// By the rays together: the thread's own, whose room it keeps.
+/// The stacks of a packet traversal.
+pub struct Stacks<E: StackEntry> {
+    /// Stack of the packet. Its memory belongs to the thread.
     packet: Vec<E>,
-    /// By one ray alone.
-    single: E::Alone,
+    /// Stack for tracing one ray alone.
+    single: E::SingleStack,
 }
 
-impl<E: Waiting> Stacks<E> {
-    /// Empty stacks. (No closure gets them: that would be compiled for the portable tier.)
+impl<E: StackEntry> Stacks<E> {
+    /// Takes the empty stacks of this thread. (Not through a closure: that would be compiled for
+    /// the portable instruction set.)
     #[inline(always)]
     pub fn take() -> Self {
-        Self { packet: E::kept().take(), single: E::alone() }
+        Self { packet: E::thread_stack().take(), single: E::single_stack() }
     }
 
-    /// Keeps the room for the thread's next packet.
+    /// Gives the stack back to the thread, for its next packet.
     #[inline(always)]
     pub fn keep(self) {
         let mut stack = self.packet;
         stack.clear();
-        E::kept().set(stack);
+        E::thread_stack().set(stack);
     }
 }
 
-/// The numbers of the bits that are set, from the lowest on.
+/// Iterator over the indices of the bits that are set, lowest first.
 struct Bits(u32);
 
 impl Iterator for Bits {
@@ -68,24 +68,24 @@ impl Iterator for Bits {
     }
 }
 
-/// 16 rays on their way through the tree.
+/// 16 rays and the tree that they traverse.
 pub struct Packet<'a, T> {
     tier: T,
     tree: &'a Tree,
     geometry: &'a Geometry,
     query: &'a Query,
     rays: &'a Rays,
-    /// Ends of the segments as the boxes see them; -inf where a ray is done.
+    /// Ends of the segments, scaled like [`Query::tfar`]; -inf for a finished ray.
     tfar: [f32; LANES],
-    /// Around the rays.
+    /// Bound of the rays.
     frustum: Frustum,
-    /// Where it ends: see [`Frustum::end`].
+    /// Where the frustum ends: see [`Frustum::end`].
     end: f32,
 }
 
 impl<'a, T: Tier> Packet<'a, T> {
-    /// The active rays of a query, which are coherent ([`Query::coherent`]), or aligned
-    /// ([`Query::aligned`]) if it is asked for any hit.
+    /// Prepares the active rays of a query. For closest hits they must be coherent
+    /// ([`Query::coherent`]), for any hit aligned ([`Query::aligned`]).
     #[inline(always)]
     pub fn new(
         tier: T,
@@ -101,20 +101,20 @@ impl<'a, T: Tier> Packet<'a, T> {
         Self { tier, tree, geometry, query, rays, tfar, frustum, end }
     }
 
-    /// The frustum ends with the last ray.
+    /// Moves the end of the frustum to the end of the last ray.
     #[inline(always)]
     pub fn shorten(&mut self) {
         self.end = self.frustum.end(self.tier, self.query, &self.tfar);
     }
 
-    /// One of the rays.
+    /// Returns one of the rays.
     #[inline(always)]
     fn single(&self, i: usize) -> Single<'a, T> {
         Single::new(self.tier, (self.tree, self.geometry), self.query.lane(i), self.rays)
     }
 }
 
-/// Bits as lanes: all bits set.
+/// Converts bits to lanes: all bits of lane i are set if bit i is.
 #[inline(always)]
 fn spread(bits: u32) -> [i32; LANES] {
     let mut lanes = [0; LANES];

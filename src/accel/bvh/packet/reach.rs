@@ -1,17 +1,20 @@
-//! Whether the hull of a packet reaches anything.
+//! Conservative test whether the convex hull of a packet hits anything.
 
 use super::{Bits, Packet};
 use crate::accel::bvh::node::{Child, Kind};
 use crate::accel::bvh::simd::{Stack, Tier};
 
 impl<T: Tier> Packet<'_, T> {
-    /// Whether a leaf may have something within the frustum; of triangles only if not all corners
-    /// are on one side of it.
+    /// Returns whether any leaf may contain something inside the frustum. A triangle counts only if
+    /// its corners do not all lie outside the same plane of the frustum.
     ///
-    /// That holds for every ray between those of the packet if they leave one point: its slope is
-    /// between theirs, as a quotient of linear functions of the factors has its extremes at the
-    /// corners, and rounding moves either by 3u at most: 6u max|v - o| together, of some 20u that
-    /// the frustum's slack has left.
+    /// The result also holds for every ray inside the cone that the rays of the packet span, if all
+    /// rays share one origin:
+    ///
+    /// - The slope of such a ray lies between the slopes of the packet's rays. It is a quotient of
+    ///   linear functions of the factors, so its extremes are at the corners.
+    /// - Rounding moves each of the two slopes by at most 3u. Together this is 6u max|v - o|. The
+    ///   frustum's slack has some 20u left for it.
     #[inline(always)]
     pub fn reaches(&self) -> bool {
         let mut stack = Stack::new();
@@ -20,13 +23,14 @@ impl<T: Tier> Packet<'_, T> {
             match child.kind() {
                 Kind::Node(index) => {
                     let node = &self.tree.nodes[index];
-                    for place in Bits(self.tier.overlaps(node, &self.frustum, self.end)) {
+                    for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end))
+                    {
                         stack.push(node.children[node.ordered(self.frustum.octant, place)], 0.0);
                     }
                 }
                 Kind::Triangles(index) => {
                     let block = &self.tree.blocks[index];
-                    if self.tier.overlapping(block, &self.frustum, self.end) != 0 {
+                    if self.tier.triangles_in_frustum(block, &self.frustum, self.end) != 0 {
                         return true;
                     }
                 }

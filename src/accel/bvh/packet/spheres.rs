@@ -1,7 +1,8 @@
-//! A leaf of spheres against a packet, in kernels of their own: most scenes have none.
+//! Tests of a leaf of spheres against a packet. They are separate kernels, because most scenes have
+//! no spheres.
 
 use super::{Bits, Packet};
-use crate::accel::bvh::found::Found;
+use crate::accel::bvh::hits::ClosestHits;
 use crate::accel::bvh::simd::Tier;
 use crate::accel::bvh::single::just_beyond;
 use crate::geometry::Sphere;
@@ -9,19 +10,19 @@ use crate::ray::{LANES, NONE};
 use crate::simd::Kernel;
 
 impl<T: Tier> Packet<'_, T> {
-    /// Updates the closest hits of the rays that enter a leaf's box.
+    /// Updates the closest hits of the rays that enter the box of a leaf.
     #[inline(never)]
-    pub fn closest_in_spheres(&mut self, index: usize, entering: u32, best: &mut Found) {
+    pub fn closest_in_spheres(&mut self, index: usize, entering: u32, best: &mut ClosestHits) {
         self.tier.run(Closest { packet: self, index, entering, best });
     }
 
-    /// Adds the rays that a sphere stops, of those that enter a leaf's box.
+    /// Tests the rays that enter the box of a leaf. Adds the occluded ones to `occluded`.
     #[inline(never)]
-    pub fn any_in_spheres(&mut self, index: usize, entering: u32, stopped: &mut [i32; LANES]) {
-        self.tier.run(Any { packet: self, index, entering, stopped });
+    pub fn any_in_spheres(&mut self, index: usize, entering: u32, occluded: &mut [i32; LANES]) {
+        self.tier.run(Any { packet: self, index, entering, occluded });
     }
 
-    /// Origin and direction of a ray, as the caller gave it.
+    /// Returns origin and direction of a ray in f64, unscaled.
     #[inline(always)]
     fn ray64(&self, i: usize) -> ([f64; 3], [f64; 3]) {
         let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
@@ -31,8 +32,10 @@ impl<T: Tier> Packet<'_, T> {
         )
     }
 
-    /// A sphere of a leaf, the number of its primitive, and of the rays that enter the leaf's box
-    /// those that may hit it, by bit; none if no ray may, and at the end of a leaf.
+    /// Returns a sphere of a leaf, its primitive number, and the rays that may hit it, as bits.
+    ///
+    /// `entering` are the rays that enter the box of the leaf. Returns `None` if no ray may hit the
+    /// sphere, and for an unused slot.
     #[inline(always)]
     fn candidate(&self, id: u32, entering: u32) -> Option<(Sphere, u32, u32)> {
         let sphere = *self.geometry.spheres.get(id as usize)?;
@@ -43,15 +46,15 @@ impl<T: Tier> Packet<'_, T> {
             missed[i] = if misses { 1.0 } else { 0.0 };
         }
         for _ in 0..entering.count_ones() {
-            self.tier.meets_sphere();
+            self.tier.count_sphere_test();
         }
         let maybe = entering & self.tier.at_most(&missed, &[0.0; LANES]);
         let primitive = self.geometry.primitive(self.geometry.spheres_id(), id);
         (maybe != 0).then_some((sphere, primitive, maybe))
     }
 
-    /// Where `rays` hit a sphere between `tnear` and `tfar`; NaN for those that do not. The others'
-    /// may be anything.
+    /// Returns t of the hits of `rays` with a sphere between `tnear` and `tfar`; NaN for a miss.
+    /// Lanes outside `rays` hold any value.
     #[inline(always)]
     fn sphere_hits(
         &self,
@@ -83,7 +86,7 @@ struct Closest<'s, 'a, T> {
     packet: &'s mut Packet<'a, T>,
     index: usize,
     entering: u32,
-    best: &'s mut Found,
+    best: &'s mut ClosestHits,
 }
 
 impl<T: Tier> Kernel for Closest<'_, '_, T> {
@@ -105,7 +108,7 @@ impl<T: Tier> Kernel for Closest<'_, '_, T> {
                     (best.t[i], best.primitive[i]) = (t[i], primitive);
                     (best.weights[0][i], best.weights[1][i], best.weights[2][i]) = (0.0, 0.0, 1.0);
                     best.second_half[i] = 0;
-                    packet.tfar[i] = packet.query.end(i, t[i]);
+                    packet.tfar[i] = packet.query.scaled_end(i, t[i]);
                 }
             }
         }
@@ -116,14 +119,14 @@ struct Any<'s, 'a, T> {
     packet: &'s mut Packet<'a, T>,
     index: usize,
     entering: u32,
-    stopped: &'s mut [i32; LANES],
+    occluded: &'s mut [i32; LANES],
 }
 
 impl<T: Tier> Kernel for Any<'_, '_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { packet, index, entering, stopped } = self;
+        let Self { packet, index, entering, occluded } = self;
         for id in packet.tree.spheres[index].0 {
             let Some((sphere, primitive, maybe)) = packet.candidate(id, entering) else { continue };
             let mut tfar = [0.0; LANES];
@@ -133,7 +136,7 @@ impl<T: Tier> Kernel for Any<'_, '_, T> {
             let t = packet.sphere_hits((&sphere, primitive), maybe, &tfar);
             for i in Bits(maybe) {
                 if t[i] < tfar[i] {
-                    stopped[i] = -1;
+                    occluded[i] = -1;
                 }
             }
         }

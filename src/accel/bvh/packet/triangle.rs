@@ -1,40 +1,40 @@
-//! A triangle of a leaf against a packet: the decisions of [`exact`](crate::accel::bvh::exact),
-//! taken over lanes.
+//! Tests a triangle of a leaf against a packet. The decisions are those of
+//! [`exact`](crate::accel::bvh::exact), computed for 16 lanes.
 
 use super::Packet;
-use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, STEEP, Sheared};
+use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, STEEP, ShearedTriangle};
 use crate::accel::bvh::node::Block;
 use crate::accel::bvh::query::{max, min};
 use crate::accel::bvh::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
 use crate::geometry::NEAR_START;
 use crate::ray::LANES;
 
-/// A triangle against the lines of 16 rays, in f32.
+/// The edge functions of a triangle for the lines of 16 rays, in f32.
 pub struct Edges {
-    /// Lanes whose line may meet it: all bits set.
+    /// All bits set in lanes whose line may hit the triangle.
     pub maybe: [i32; LANES],
-    /// Those of them whose line may also miss it.
+    /// All bits set in those of these lanes whose line may also miss it.
     pub unsure: [i32; LANES],
-    /// How far along the dominant axis the triangle begins.
+    /// Smallest depth of the triangle along the dominant axis, in the direction of the ray.
     pub first: [f32; LANES],
-    /// How far it ends.
+    /// Largest depth, likewise.
     pub last: [f32; LANES],
-    /// See [`Found::weights`].
+    /// As in [`ClosestHits::weights`](crate::accel::bvh::hits::ClosestHits::weights).
     pub weights: [[f32; LANES]; 3],
 }
 
-/// A triangle against 16 rays.
+/// The hits of 16 rays with a triangle.
 pub struct Test {
-    /// Lanes that hit, at `t`: all bits set.
+    /// All bits set in lanes that hit.
     pub hit: [i32; LANES],
+    /// Ray parameters of the hits. Other lanes hold any value.
     pub t: [f64; LANES],
-    /// See [`Found::weights`].
     pub weights: [[f32; LANES]; 3],
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// The lines of the rays that enter a leaf's box against one of its triangles; none if no ray
-    /// may hit it.
+    /// Tests the lines of the rays that enter the box of a leaf against one of its triangles.
+    /// Returns `None` if no ray may hit it.
     #[inline(always)]
     pub fn edges(&self, block: &Block, slot: usize, entering: &[i32; LANES]) -> Option<Edges> {
         let primitive = block.primitives[slot];
@@ -68,21 +68,22 @@ impl<T: Tier> Packet<'_, T> {
             };
             let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (shear(p), shear(q), shear(r));
             let (q0, q1, q2) = (cy * bx, ay * cx, by * ax);
-            // Not fused: these become the weights, which are the same in every tier.
+            // Not fused, because these become the weights. They must be equal in every instruction
+            // set.
             let (u, v, w) = (cx * by - q0, ax * cy - q1, bx * ay - q2);
             (weights[0][i], weights[1][i], weights[2][i]) = (v, w, u + v + w);
             let slack = max(max(q0.abs(), q1.abs()), q2.abs()) * EDGE_SLACK + EDGE_FLOOR;
-            let (least, most) = (min(min(u, v), w), max(max(u, v), w));
-            let misses = (least < -slack) & (most > slack);
-            let sure = (least > slack) | (most < -slack);
-            let (least, most) = (min(min(az, bz), cz), max(max(az, bz), cz));
-            (first[i], last[i]) = if backward { (-most, -least) } else { (least, most) };
+            let (lowest, highest) = (min(min(u, v), w), max(max(u, v), w));
+            let misses = (lowest < -slack) & (highest > slack);
+            let sure = (lowest > slack) | (highest < -slack);
+            let (lowest, highest) = (min(min(az, bz), cz), max(max(az, bz), cz));
+            (first[i], last[i]) = if backward { (-highest, -lowest) } else { (lowest, highest) };
             maybe[i] &= -i32::from(!misses);
             unsure[i] = maybe[i] & -i32::from(!sure);
         }
         any = 0;
         for i in 0..LANES {
-            // Behind what the ray has met: no need to look at the plane.
+            // The triangle lies behind the hit so far, so its plane need not be intersected.
             let behind = first[i] > query.depth(i, self.tfar[i]);
             maybe[i] &= -i32::from(!behind);
             unsure[i] &= maybe[i];
@@ -91,25 +92,26 @@ impl<T: Tier> Packet<'_, T> {
         (any != 0).then_some(Edges { maybe, unsure, first, last, weights })
     }
 
-    /// Where the rays of `edges` meet the triangle, those in doubt decided.
+    /// Intersects the rays of `edges` with the triangle. Decides the unsure ones exactly.
     #[inline(always)]
     pub fn test(&self, block: &Block, slot: usize, edges: Edges) -> Test {
         let Edges { mut maybe, mut unsure, first, last, weights } = edges;
         let plane = Plane::new(block.triangle(slot));
         let (mut t, towards) = self.distances(&plane);
-        let least = plane.steep();
-        // In one loop: what is stored by halves of a register is not there for a whole one at once.
+        let normal_l1 = plane.normal_l1();
+        // In one loop: a value that is stored in two halves of a register stalls when it is read as
+        // a whole.
         let (mut doubt, mut any_flat, mut flat) = (0, 0, [0i32; LANES]);
         for i in 0..LANES {
             let along = self.along(i).abs();
             let depth = t[i] * along;
-            // As in `Sheared::t`: an infinite depth is not within.
+            // As in `ShearedTriangle::t`: false for an infinite depth.
             let slack = depth.abs() * DEPTH_SLACK;
             let within =
                 (depth + slack >= f64::from(first[i])) & (depth - slack <= f64::from(last[i]));
-            let steep = STEEP * towards[i].abs() >= least * along;
+            let steep = STEEP * towards[i].abs() >= normal_l1 * along;
             let far = max(-first[i], last[i]);
-            // What lies behind is no hit, without a closer look.
+            // A hit behind the origin is a miss and needs no exact decision.
             let at_start = (depth > 0.0) & (depth <= NEAR_START * f64::from(far));
             unsure[i] |= maybe[i] & -i32::from(!within | at_start);
             flat[i] = maybe[i] & -i32::from(!steep);
@@ -124,7 +126,7 @@ impl<T: Tier> Packet<'_, T> {
             }
         }
         if doubt != 0 {
-            // Copies: of what a call has seen nothing stays in registers.
+            // Copies: a value whose address is passed to a call cannot stay in a register.
             let (unsure, mut hit, mut at) = (unsure, maybe, t);
             self.decide(block, slot, &unsure, &mut hit, &mut at);
             (maybe, t) = (hit, at);
@@ -132,9 +134,11 @@ impl<T: Tier> Packet<'_, T> {
         Test { hit: maybe, t, weights }
     }
 
-    /// Lanes that may be outside of a triangle's box at `t`, as [`exact`](crate::accel::bvh::exact)
-    /// has it: all bits set. The slack here, 32u of what is farthest, and what rounds here, 4u of
-    /// it, are less than the 64u there.
+    /// Returns all bits set in lanes whose hit at `t` may lie outside the triangle's box of
+    /// [`exact`](crate::accel::bvh::exact).
+    ///
+    /// The slack here is 32u of the farthest coordinate. Rounding here adds 4u of it. Together they
+    /// are less than the 64u there.
     #[inline(always)]
     fn outside(&self, block: &Block, slot: usize, t: &[f64; LANES]) -> [i32; LANES] {
         let mut outside = [0i32; LANES];
@@ -162,14 +166,14 @@ impl<T: Tier> Packet<'_, T> {
         outside
     }
 
-    /// Direction along the dominant axis.
+    /// Returns the direction along the dominant axis.
     #[inline(always)]
     fn along(&self, i: usize) -> f64 {
-        // The scaled one times a power of two: exact but for denormals.
+        // The scaled component times a power of two: exact except for denormals.
         f64::from(self.query.along[i]) * f64::from(self.query.scale[i])
     }
 
-    /// See [`Plane::meet`].
+    /// Intersects 16 rays with a plane: see [`Plane::intersect`].
     #[inline(always)]
     fn distances(&self, plane: &Plane) -> ([f64; LANES], [f64; LANES]) {
         let (mut t, mut towards) = ([0.0; LANES], [0.0; LANES]);
@@ -177,12 +181,12 @@ impl<T: Tier> Packet<'_, T> {
         for i in 0..LANES {
             let origin = [f64::from(ox[i]), f64::from(oy[i]), f64::from(oz[i])];
             let direction = [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])];
-            (t[i], towards[i]) = plane.meet(origin, direction);
+            (t[i], towards[i]) = plane.intersect(origin, direction);
         }
         (t, towards)
     }
 
-    /// Lanes in doubt, one by one.
+    /// Decides the unsure lanes one by one.
     #[inline(never)]
     fn decide(
         &self,
@@ -194,11 +198,11 @@ impl<T: Tier> Packet<'_, T> {
     ) {
         for i in (0..LANES).filter(|&i| unsure[i] != 0) {
             let lane = self.query.lane(i);
-            let seen = Sheared::new(&lane, block, slot);
+            let seen = ShearedTriangle::new(&lane, block, slot);
             if seen.inside() {
                 let ray = Ray64::new(self.rays, i, lane.axes[2]);
                 t[i] = seen.t(&ray, block.triangle(slot));
-                let started = t[i] > 0.0 && ray.is_started(t[i], block.triangle(slot));
+                let started = t[i] > 0.0 && ray.starts_before(t[i], block.triangle(slot));
                 hit[i] = -i32::from(started);
             } else {
                 hit[i] = 0;

@@ -1,34 +1,35 @@
-//! AVX2 and FMA: a node or a leaf is two vectors.
+//! Kernels for AVX2 and FMA. A node or a leaf is two vectors of 8 lanes.
 
 use std::arch::x86_64::*;
 
-use super::super::frustum::{Frustum, Least, Side};
+use super::super::frustum::{Frustum, HorizontalMin, Side};
 use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::{Isa, Kernel, run_avx2};
 
-/// Proof that this machine has AVX2 and FMA.
+/// The AVX2 [`Tier`]. A value is the proof that this machine supports AVX2 and FMA.
 #[derive(Debug, Clone, Copy)]
 pub struct Avx2(());
 
 impl Avx2 {
-    /// The tier, if this machine runs it.
+    /// Returns the tier if this machine supports it.
     pub fn new() -> Option<Self> {
         (Isa::detect() >= Isa::Avx2).then_some(Self(()))
     }
 }
 
-/// Lanes of a vector.
+/// Number of lanes of a vector.
 const HALF: usize = WIDTH / 2;
 
-/// 16 numbers.
+/// 16 lanes as two vectors.
 type Pair = [__m256; 2];
 
-/// For each mask of 8 lanes their numbers, a byte each; a byte shuffle reads 0x80 as "nothing".
-static LANES_OF: [u64; 256] = lanes_of();
+/// For each mask of 8 lanes, the indices of the lanes that are set, one byte each. A byte shuffle
+/// reads the filler 0x80 as zero.
+static SET_LANES: [u64; 256] = set_lanes();
 
-const fn lanes_of() -> [u64; 256] {
+const fn set_lanes() -> [u64; 256] {
     let mut table = [u64::from_le_bytes([0x80; HALF]); 256];
     let mut mask = 0;
     while mask < table.len() {
@@ -46,49 +47,49 @@ const fn lanes_of() -> [u64; 256] {
     table
 }
 
-/// The numbers of a mask's lanes, in the low 8 bytes.
+/// Returns the indices of the lanes that are set in a mask, in the low 8 bytes.
 ///
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn lanes(mask: u32) -> __m128i {
-    // SAFETY: 8 bytes; the caller's promise.
-    unsafe { _mm_loadl_epi64(LANES_OF.as_ptr().add(mask as usize % LANES_OF.len()).cast()) }
+    // SAFETY: reads 8 bytes; the caller guarantees the rest.
+    unsafe { _mm_loadl_epi64(SET_LANES.as_ptr().add(mask as usize % SET_LANES.len()).cast()) }
 }
 
-/// One ray's value in all lanes.
+/// Returns one ray's value in all lanes.
 ///
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn all(lane: &Lane, member: &[f32; WIDTH]) -> __m256 {
-    // SAFETY: the caller's promise.
-    unsafe { _mm256_set1_ps(lane.of(member)) }
+    // SAFETY: guaranteed by the caller.
+    unsafe { _mm256_set1_ps(lane.value(member)) }
 }
 
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn min3(a: __m256, b: __m256, c: __m256) -> __m256 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { _mm256_min_ps(_mm256_min_ps(a, b), c) }
 }
 
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn max3(a: __m256, b: __m256, c: __m256) -> __m256 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { _mm256_max_ps(_mm256_max_ps(a, b), c) }
 }
 
-/// Lanes that read bits 0 to 2 of their index as a lane and bit 3 as a half.
+/// Selects 8 of 16 lanes by index: bits 0 to 2 are the lane, bit 3 is the half.
 ///
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn pick([low, high]: Pair, index: __m256i) -> __m256 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let (low, high) =
             (_mm256_permutevar8x32_ps(low, index), _mm256_permutevar8x32_ps(high, index));
@@ -96,15 +97,15 @@ unsafe fn pick([low, high]: Pair, index: __m256i) -> __m256 {
     }
 }
 
-/// The low bytes, saturated, of 16 lanes of 32 bits.
+/// Converts 16 lanes of 32 bits to bytes, saturated.
 ///
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn bytes([low, high]: Pair) -> __m128i {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe {
-        // Packing works within halves of 128 bits, hence the last shuffle.
+        // Packing works within halves of 128 bits, so the last shuffle restores the order.
         let words = _mm256_packs_epi32(_mm256_castps_si256(low), _mm256_castps_si256(high));
         let bytes =
             _mm_packs_epi16(_mm256_castsi256_si128(words), _mm256_extracti128_si256::<1>(words));
@@ -112,45 +113,46 @@ unsafe fn bytes([low, high]: Pair) -> __m128i {
     }
 }
 
-/// A flag in the lanes where a comparison holds.
+/// Returns `flag` in the lanes where a comparison holds, else 0.
 ///
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn flag(holds: __m256, flag: i32) -> __m256 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { _mm256_and_ps(holds, _mm256_castsi256_ps(_mm256_set1_epi32(flag))) }
 }
 
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn or4(a: __m256, b: __m256, c: __m256, d: __m256) -> __m256 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { _mm256_or_ps(_mm256_or_ps(a, b), _mm256_or_ps(c, d)) }
 }
 
-/// Distances of one plane of half of the children.
+/// Returns the distances of one plane of half of the children.
 ///
 /// # Safety
-/// AVX2, FMA; `row < 6`, `half < 2`.
+/// The processor must support AVX2 and FMA, `row < 6`, and `half < 2`.
 #[inline(always)]
 unsafe fn plane(node: &Node, (row, half): (usize, usize), inverse: f32, offset: f32) -> __m256 {
-    // SAFETY: 8 aligned f32; the caller's promise.
+    // SAFETY: reads 8 aligned f32; the caller guarantees the rest.
     unsafe {
         let planes = self::row(node, row, half);
         _mm256_fmsub_ps(planes, _mm256_set1_ps(inverse), _mm256_set1_ps(offset))
     }
 }
 
-/// Distances at which the ray enters half of the children's boxes, and the lanes that it meets.
-/// `max` and `min` return their second operand if either is NaN: a NaN prunes nothing.
+/// Returns the distances at which the ray enters half of the children's boxes, and the lanes whose
+/// boxes it enters. `max` and `min` return their second operand if either is NaN, so NaN prunes
+/// nothing.
 ///
 /// # Safety
-/// AVX2, FMA; `half < 2`.
+/// The processor must support AVX2 and FMA, and `half < 2`.
 #[inline(always)]
 unsafe fn slabs(node: &Node, ray: &Slabs, tfar: f32, half: usize) -> (__m256, __m256) {
-    // SAFETY: rows are below 6; the caller's promise.
+    // SAFETY: rows are below 6; the caller guarantees the rest.
     unsafe {
         let ([x, y, z], i, o) = (ray.enter, &ray.near_inverse, &ray.near_offset);
         let near = _mm256_set1_ps(ray.tnear);
@@ -166,13 +168,14 @@ unsafe fn slabs(node: &Node, ray: &Slabs, tfar: f32, half: usize) -> (__m256, __
     }
 }
 
-/// The children of the ray's octant from far to near, a byte each: see [`Node::set_order`].
+/// Returns the children of the ray's octant from far to near, one byte each: see
+/// [`Node::set_order`].
 ///
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn order(node: &Node, octant: usize) -> __m128i {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let packed = _mm_cvtsi64_si128(node.order[octant % 8] as i64);
         let nibble = _mm_set1_epi8(15);
@@ -183,44 +186,44 @@ unsafe fn order(node: &Node, octant: usize) -> __m128i {
     }
 }
 
-/// The children.
+/// Returns the children of a node.
 ///
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn children(node: &Node) -> Pair {
-    // SAFETY: 16 aligned values of 32 bits; the caller's promise.
+    // SAFETY: reads 16 aligned values of 32 bits; the caller guarantees the rest.
     unsafe {
         let children: *const f32 = node.children.as_ptr().cast();
         [_mm256_load_ps(children), _mm256_load_ps(children.add(HALF))]
     }
 }
 
-/// One coordinate of half of a leaf's vertices.
+/// Returns one coordinate of half of a leaf's vertices.
 ///
 /// # Safety
-/// AVX2; `axis < 3`, `half < 2`.
+/// The processor must support AVX2, `axis < 3`, and `half < 2`.
 #[inline(always)]
 unsafe fn coordinate(block: &Block, axis: usize, half: usize) -> __m256 {
-    // SAFETY: 8 aligned f32; the caller's promise.
+    // SAFETY: reads 8 aligned f32; the caller guarantees the rest.
     unsafe {
         let row: *const f32 = block.vertices.as_ptr().add(axis).cast();
         _mm256_load_ps(row.add(HALF * half))
     }
 }
 
-/// The triangles whose three corners have no flag in common, by bit. A flag says that a vertex lies
-/// on one side of something.
+/// Returns the triangles whose three corners have no common flag, as bits. A flag marks the
+/// vertices on one side of a plane.
 ///
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn astride(block: &Block, flags: Pair) -> u32 {
-    // SAFETY: rows of 16 aligned bytes; the caller's promise.
+    // SAFETY: reads rows of 16 aligned bytes; the caller guarantees the rest.
     unsafe {
         let flags = bytes(flags);
         let [a, b, c] = &block.corners;
-        // Bit 7 of the first corner is none of the index's.
+        // Bit 7 of the first corner is not part of the index.
         let a = _mm_and_si128(_mm_load_si128(a.as_ptr().cast()), _mm_set1_epi8(15));
         let a = _mm_shuffle_epi8(flags, a);
         let b = _mm_shuffle_epi8(flags, _mm_load_si128(b.as_ptr().cast()));
@@ -231,38 +234,38 @@ unsafe fn astride(block: &Block, flags: Pair) -> u32 {
     }
 }
 
-/// Where the side of a frustum is at depths `z`.
+/// Returns the coordinate of a side plane of a frustum at depths `z`.
 ///
 /// # Safety
-/// AVX2, FMA.
+/// The processor must support AVX2 and FMA.
 #[inline(always)]
 unsafe fn side(side: &Side, z: __m256) -> __m256 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { _mm256_fmadd_ps(_mm256_set1_ps(side.b), z, _mm256_set1_ps(side.a)) }
 }
 
-/// Half of a row of a node's planes.
+/// Returns half of a row of a node's planes.
 ///
 /// # Safety
-/// AVX2; `row < 6`, `half < 2`.
+/// The processor must support AVX2, `row < 6`, and `half < 2`.
 #[inline(always)]
 unsafe fn row(node: &Node, row: usize, half: usize) -> __m256 {
-    // SAFETY: 8 aligned f32; the caller's promise.
+    // SAFETY: reads 8 aligned f32; the caller guarantees the rest.
     unsafe {
         let row: *const f32 = node.planes.as_ptr().add(row).cast();
         _mm256_load_ps(row.add(HALF * half))
     }
 }
 
-/// Half of the children: all bits set where a box is outside of a frustum, or beyond `end`.
+/// Tests half of the children: all bits set if a box lies outside a frustum, or beyond `end`.
 ///
 /// # Safety
-/// AVX2, FMA; `half < 2`.
+/// The processor must support AVX2 and FMA, and `half < 2`.
 #[inline(always)]
 unsafe fn outside(node: &Node, frustum: &Frustum, end: f32, half: usize) -> __m256 {
     let ([kx, ky, _], [low_x, low_y], [high_x, high_y]) =
         (frustum.axes, frustum.low(), frustum.high());
-    // SAFETY: axes are below 3, rows below 6; the caller's promise.
+    // SAFETY: axes are below 3, rows below 6; the caller guarantees the rest.
     unsafe {
         let sign = _mm256_and_ps(_mm256_set1_ps(frustum.forward), _mm256_set1_ps(-0.0));
         let enter = _mm256_xor_ps(row(node, frustum.enter, half), sign);
@@ -285,15 +288,15 @@ unsafe fn outside(node: &Node, frustum: &Frustum, end: f32, half: usize) -> __m2
     }
 }
 
-/// Half of the vertices' flags for a frustum.
+/// Returns the flags of half of the vertices for the planes of a frustum.
 ///
 /// # Safety
-/// AVX2, FMA; `half < 2`.
+/// The processor must support AVX2 and FMA, and `half < 2`.
 #[inline(always)]
 unsafe fn sides_of(block: &Block, frustum: &Frustum, end: f32, half: usize) -> __m256 {
     let ([kx, ky, kz], [low_x, low_y], [high_x, high_y]) =
         (frustum.axes, frustum.low(), frustum.high());
-    // SAFETY: axes are below 3; the caller's promise.
+    // SAFETY: axes are below 3; the caller guarantees the rest.
     unsafe {
         let (x, y) = (coordinate(block, kx, half), coordinate(block, ky, half));
         let z = coordinate(block, kz, half);
@@ -312,16 +315,16 @@ unsafe fn sides_of(block: &Block, frustum: &Frustum, end: f32, half: usize) -> _
     }
 }
 
-/// Half of the vertices relative to the ray (x, y), and their flags.
+/// Shears half of the vertices. Returns x and y relative to the ray, and the flags of the vertices.
 ///
 /// # Safety
-/// AVX2; `half < 2`.
+/// The processor must support AVX2, and `half < 2`.
 #[inline(always)]
 unsafe fn sheared(block: &Block, lane: &Lane, end: f32, half: usize) -> ([__m256; 2], __m256) {
-    // SAFETY: axes are below 3; the caller's promise.
+    // SAFETY: axes are below 3; the caller guarantees the rest.
     unsafe {
         let (q, [kx, ky, kz]) = (lane.query, lane.axes);
-        // Multiply, then subtract: the same bits in every tier.
+        // Multiply, then subtract, for the same bits in every instruction set.
         let depth = _mm256_sub_ps(coordinate(block, kz, half), all(lane, &q.origin[2]));
         let x = _mm256_sub_ps(coordinate(block, kx, half), all(lane, &q.origin[0]));
         let y = _mm256_sub_ps(coordinate(block, ky, half), all(lane, &q.origin[1]));
@@ -341,13 +344,13 @@ unsafe fn sheared(block: &Block, lane: &Lane, end: f32, half: usize) -> ([__m256
     }
 }
 
-/// Corner `k` of half of the triangles.
+/// Returns corner `k` of half of the triangles.
 ///
 /// # Safety
-/// AVX2; `half < 2`, `k < 3`.
+/// The processor must support AVX2, `half < 2`, and `k < 3`.
 #[inline(always)]
 unsafe fn corner(block: &Block, (k, half): (usize, usize), x: Pair, y: Pair) -> (__m256, __m256) {
-    // SAFETY: 8 bytes; the caller's promise.
+    // SAFETY: reads 8 bytes; the caller guarantees the rest.
     unsafe {
         let row: *const u8 = block.corners.as_ptr().add(k).cast();
         let index = _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.add(HALF * half).cast()));
@@ -355,14 +358,14 @@ unsafe fn corner(block: &Block, (k, half): (usize, usize), x: Pair, y: Pair) -> 
     }
 }
 
-/// Half of the triangles by the signs of their edge functions: those that the ray's line may meet
-/// and those that it certainly meets.
+/// Tests the signs of the edge functions of half of the triangles. Returns those that the ray's
+/// line may hit, and those that it certainly hits.
 ///
 /// # Safety
-/// AVX2, FMA; `half < 2`.
+/// The processor must support AVX2 and FMA, and `half < 2`.
 #[inline(always)]
 unsafe fn edges(block: &Block, x: Pair, y: Pair, half: usize) -> (u32, u32) {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let (ax, ay) = corner(block, (0, half), x, y);
         let (bx, by) = corner(block, (1, half), x, y);
@@ -382,36 +385,37 @@ unsafe fn edges(block: &Block, x: Pair, y: Pair, half: usize) -> (u32, u32) {
         let (scale, floor) = (_mm256_set1_ps(EDGE_SLACK), _mm256_set1_ps(EDGE_FLOOR));
         let slack = _mm256_fmadd_ps(largest, scale, floor);
         let minus = _mm256_xor_ps(slack, sign);
-        let (least, most) = (min3(u, v, w), max3(u, v, w));
+        let (lowest, highest) = (min3(u, v, w), max3(u, v, w));
         let misses = _mm256_and_ps(
-            _mm256_cmp_ps::<_CMP_LT_OQ>(least, minus),
-            _mm256_cmp_ps::<_CMP_GT_OQ>(most, slack),
+            _mm256_cmp_ps::<_CMP_LT_OQ>(lowest, minus),
+            _mm256_cmp_ps::<_CMP_GT_OQ>(highest, slack),
         );
         let sure = _mm256_or_ps(
-            _mm256_cmp_ps::<_CMP_GT_OQ>(least, slack),
-            _mm256_cmp_ps::<_CMP_LT_OQ>(most, minus),
+            _mm256_cmp_ps::<_CMP_GT_OQ>(lowest, slack),
+            _mm256_cmp_ps::<_CMP_LT_OQ>(highest, minus),
         );
         (!_mm256_movemask_ps(misses) as u32 & 0xff, _mm256_movemask_ps(sure) as u32)
     }
 }
 
-/// The lesser of the two halves of a row.
+/// Returns the lane-wise minimum of the two halves of a row.
 ///
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn lesser_half(row: &[f32; WIDTH]) -> __m256 {
-    // SAFETY: 8 f32 from each half on; the caller's promise.
+    // SAFETY: reads 8 f32 at the start of each half; the caller guarantees the rest.
     unsafe { _mm256_min_ps(_mm256_loadu_ps(row.as_ptr()), _mm256_loadu_ps(row.as_ptr().add(HALF))) }
 }
 
-/// The least of the four quarters of each of two rows: one row's 4, then the other's.
+/// Returns the lane-wise minimum of the four quarters of each of two rows: 4 lanes of one row, then
+/// 4 of the other.
 ///
 /// # Safety
-/// AVX2.
+/// The processor must support AVX2.
 #[inline(always)]
 unsafe fn quarters(a: &[f32; WIDTH], b: &[f32; WIDTH]) -> __m256 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let (a, b) = (lesser_half(a), lesser_half(b));
         let low = _mm256_permute2f128_ps::<0x20>(a, b);
@@ -419,10 +423,10 @@ unsafe fn quarters(a: &[f32; WIDTH], b: &[f32; WIDTH]) -> __m256 {
     }
 }
 
-impl Least for Avx2 {
+impl HorizontalMin for Avx2 {
     #[inline(always)]
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
-        // SAFETY: `self` proves AVX2; 16 f32.
+    fn horizontal_min(self, v: &[f32; WIDTH]) -> f32 {
+        // SAFETY: `self` proves AVX2; reads 16 f32.
         unsafe {
             let low = _mm256_loadu_ps(v.as_ptr());
             let v = _mm256_min_ps(low, _mm256_loadu_ps(v.as_ptr().add(HALF)));
@@ -433,20 +437,21 @@ impl Least for Avx2 {
     }
 
     #[inline(always)]
-    fn least_of_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
-        // SAFETY: `self` proves AVX2; 8 f32 from each half of a row on; 8 f32 are what the result
-        // holds.
+    fn horizontal_min_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
+        // SAFETY: `self` proves AVX2; reads 8 f32 at the start of each half of a row; writes the
+        // 8 f32 of the result.
         unsafe {
-            // 4 values of row i, 4 of row i + 4; these are transposed on the way.
+            // Each vector holds 4 values of row i and 4 of row i + 4. They are transposed on the
+            // way.
             let (a, b) = (quarters(&rows[0], &rows[4]), quarters(&rows[1], &rows[5]));
             let (c, d) = (quarters(&rows[2], &rows[6]), quarters(&rows[3], &rows[7]));
             let a = _mm256_min_ps(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
             let c = _mm256_min_ps(_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
             let low = _mm256_shuffle_ps::<0b01_00_01_00>(a, c);
             let found = _mm256_min_ps(low, _mm256_shuffle_ps::<0b11_10_11_10>(a, c));
-            let mut least = [0.0; 8];
-            _mm256_storeu_ps(least.as_mut_ptr(), found);
-            least
+            let mut lowest = [0.0; 8];
+            _mm256_storeu_ps(lowest.as_mut_ptr(), found);
+            lowest
         }
     }
 }
@@ -455,23 +460,23 @@ impl Tier for Avx2 {
     const FUSED: bool = true;
 
     fn run<K: Kernel>(self, kernel: K) -> K::Output {
-        // SAFETY: `self` proves that `Isa::detect` has found every feature of the tier.
+        // SAFETY: `self` proves that `Isa::detect` has found every feature of this instruction set.
         unsafe { run_avx2(kernel) }
     }
 
     #[inline(always)]
     fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
         let (to_children, to_distances) = stack.room();
-        // SAFETY: `self` proves AVX2 and FMA; there is room for 16 entries: 8 are written at most 8
-        // places on.
+        // SAFETY: `self` proves AVX2 and FMA. There is room for 16 entries, and the two writes of 8
+        // entries start at most 8 places on.
         unsafe {
             let (n0, m0) = slabs(node, &lane.slabs(), tfar, 0);
             let (n1, m1) = slabs(node, &lane.slabs(), tfar, 1);
             let (near, order) = ([n0, n1], order(node, lane.octant));
-            let met = _mm_movemask_epi8(_mm_shuffle_epi8(bytes([m0, m1]), order)) as u32;
-            let Some(place) = met.checked_ilog2() else { return Child::EMPTY };
+            let hits = _mm_movemask_epi8(_mm_shuffle_epi8(bytes([m0, m1]), order)) as u32;
+            let Some(place) = hits.checked_ilog2() else { return Child::EMPTY };
             let nearest = node.children[node.ordered(lane.octant, place as usize)];
-            let others = met ^ (1 << place);
+            let others = hits ^ (1 << place);
             if others == 0 {
                 return nearest;
             }
@@ -491,7 +496,7 @@ impl Tier for Avx2 {
     }
 
     #[inline(always)]
-    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+    fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
         // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
             let (_, m0) = slabs(node, &lane.slabs(), tfar, 0);
@@ -501,7 +506,7 @@ impl Tier for Avx2 {
     }
 
     #[inline(always)]
-    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
+    fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
             let outside = [outside(node, frustum, end, 0), outside(node, frustum, end, 1)];
@@ -511,7 +516,7 @@ impl Tier for Avx2 {
     }
 
     #[inline(always)]
-    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
+    fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
             let sides = [sides_of(block, frustum, end, 0), sides_of(block, frustum, end, 1)];
@@ -523,12 +528,12 @@ impl Tier for Avx2 {
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32 {
         let mut lanes = 0;
         for half in 0..2 {
-            // SAFETY: `self` proves AVX2; 8 f32 from each half on.
+            // SAFETY: `self` proves AVX2; reads 8 f32 at the start of each half.
             unsafe {
                 let x = _mm256_loadu_ps(a.as_ptr().add(HALF * half));
                 let y = _mm256_loadu_ps(b.as_ptr().add(HALF * half));
-                let met = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(x, y));
-                lanes |= (met as u32) << (HALF * half);
+                let hits = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(x, y));
+                lanes |= (hits as u32) << (HALF * half);
             }
         }
         lanes
@@ -541,7 +546,7 @@ impl Tier for Avx2 {
             let end = lane.depth(tfar);
             let ([x0, y0], sides0) = sheared(block, lane, end, 0);
             let ([x1, y1], sides1) = sheared(block, lane, end, 1);
-            // The line misses what lies to one side of it: no rounding here.
+            // The line misses a triangle that lies on one side of it. This test does not round.
             let around = astride(block, [sides0, sides1]);
             let (mut maybe, mut sure) = (0, 0);
             if around & 0xff != 0 {

@@ -1,66 +1,66 @@
-//! AVX-512: a node or a leaf is one vector.
+//! Kernels for AVX-512. A node or a leaf is one vector of 16 lanes.
 
-// Compiled only where build.rs finds a compiler that has them.
+// build.rs compiles this file only if the compiler has these functions.
 #![allow(clippy::incompatible_msrv)]
 
 use std::arch::x86_64::*;
 
-use super::super::frustum::{Frustum, Least, Side};
+use super::super::frustum::{Frustum, HorizontalMin, Side};
 use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::{Isa, Kernel, run_avx512};
 
-/// Proof that this machine has AVX-512.
+/// The AVX-512 [`Tier`]. A value is the proof that this machine supports AVX-512.
 #[derive(Debug, Clone, Copy)]
 pub struct Avx512(());
 
 impl Avx512 {
-    /// The tier, if this machine runs it.
+    /// Returns the tier if this machine supports it.
     pub fn new() -> Option<Self> {
         (Isa::detect() >= Isa::Avx512).then_some(Self(()))
     }
 }
 
-/// One ray's value in all lanes.
+/// Returns one ray's value in all lanes.
 ///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn all(lane: &Lane, member: &[f32; WIDTH]) -> __m512 {
-    // SAFETY: the caller's promise.
-    unsafe { _mm512_set1_ps(lane.of(member)) }
+    // SAFETY: guaranteed by the caller.
+    unsafe { _mm512_set1_ps(lane.value(member)) }
 }
 
-/// Distances of one plane of every child.
+/// Returns the distances of one plane of every child.
 ///
 /// # Safety
-/// AVX-512 F; `row < 6`.
+/// The processor must support AVX-512 F, and `row < 6`.
 #[inline(always)]
 unsafe fn plane(node: &Node, row: usize, inverse: f32, offset: f32) -> __m512 {
-    // SAFETY: 16 aligned f32; the caller's promise.
+    // SAFETY: reads 16 aligned f32; the caller guarantees the rest.
     unsafe {
         _mm512_fmsub_ps(self::row(node, row), _mm512_set1_ps(inverse), _mm512_set1_ps(offset))
     }
 }
 
-/// One coordinate of a leaf's vertices.
+/// Returns one coordinate of a leaf's vertices.
 ///
 /// # Safety
-/// AVX-512 F; `axis < 3`.
+/// The processor must support AVX-512 F, and `axis < 3`.
 #[inline(always)]
 unsafe fn coordinate(block: &Block, axis: usize) -> __m512 {
-    // SAFETY: 16 aligned f32; the caller's promise.
+    // SAFETY: reads 16 aligned f32; the caller guarantees the rest.
     unsafe { _mm512_load_ps(block.vertices.as_ptr().add(axis).cast()) }
 }
 
-/// Indices of the corners of a leaf's triangles.
+/// Returns the vertex indices of the corners of a leaf's triangles.
 ///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn corners(block: &Block) -> [__m512i; 3] {
-    // SAFETY: rows of 16 aligned bytes; the caller's promise.
+    // SAFETY: reads rows of 16 aligned bytes; the caller guarantees the rest.
     unsafe {
         let [a, b, c] = &block.corners;
         [
@@ -71,14 +71,14 @@ unsafe fn corners(block: &Block) -> [__m512i; 3] {
     }
 }
 
-/// A value of the vertices at the corners of the triangles; a permutation reads the low 4 bits of
-/// each index only.
+/// Returns the values `v` of the vertices at the corners of the triangles. A permutation reads only
+/// the low 4 bits of each index.
 ///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn at(corners: &[__m512i; 3], v: __m512) -> [__m512; 3] {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         [
             _mm512_permutexvar_ps(corners[0], v),
@@ -89,28 +89,28 @@ unsafe fn at(corners: &[__m512i; 3], v: __m512) -> [__m512; 3] {
 }
 
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn min3([a, b, c]: [__m512; 3]) -> __m512 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { _mm512_min_ps(_mm512_min_ps(a, b), c) }
 }
 
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn max3([a, b, c]: [__m512; 3]) -> __m512 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { _mm512_max_ps(_mm512_max_ps(a, b), c) }
 }
 
-/// Vertices along one axis relative to the ray.
+/// Returns the coordinates of the sheared vertices along axis `k`, relative to the ray.
 ///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn sheared(block: &Block, lane: &Lane, k: usize, depth: __m512) -> __m512 {
-    // SAFETY: axes are below 3; the caller's promise.
+    // SAFETY: axes are below 3; the caller guarantees the rest.
     unsafe {
         let q = lane.query;
         let relative = _mm512_sub_ps(coordinate(block, lane.axes[k]), all(lane, &q.origin[k]));
@@ -118,44 +118,44 @@ unsafe fn sheared(block: &Block, lane: &Lane, k: usize, depth: __m512) -> __m512
     }
 }
 
-/// Where the side of a frustum is at depths `z`.
+/// Returns the coordinate of a side plane of a frustum at depths `z`.
 ///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn side(side: &Side, z: __m512) -> __m512 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { _mm512_fmadd_ps(_mm512_set1_ps(side.b), z, _mm512_set1_ps(side.a)) }
 }
 
-/// Flags, with one more where the mask says so.
+/// Adds `flag` to the lanes of `mask`.
 ///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn with(flags: __m512i, mask: __mmask16, flag: i32) -> __m512i {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { _mm512_mask_or_epi32(flags, mask, flags, _mm512_set1_epi32(flag)) }
 }
 
-/// A row of a node's planes.
+/// Returns a row of a node's planes.
 ///
 /// # Safety
-/// AVX-512 F; `row < 6`.
+/// The processor must support AVX-512 F, and `row < 6`.
 #[inline(always)]
 unsafe fn row(node: &Node, row: usize) -> __m512 {
-    // SAFETY: 16 aligned f32; the caller's promise.
+    // SAFETY: reads 16 aligned f32; the caller guarantees the rest.
     unsafe { _mm512_load_ps(node.planes.as_ptr().add(row).cast()) }
 }
 
-/// Distances at which the ray enters and leaves the children's boxes. `max` and `min` return their
-/// second operand if either is NaN: a NaN prunes nothing.
+/// Returns the distances at which the ray enters and leaves the children's boxes. `max` and `min`
+/// return their second operand if either is NaN, so NaN prunes nothing.
 ///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> (__m512, __m512) {
-    // SAFETY: rows are below 6; the caller has AVX-512.
+    // SAFETY: rows are below 6; the caller guarantees the rest.
     unsafe {
         let near = _mm512_set1_ps(ray.tnear);
         let far = _mm512_set1_ps(tfar);
@@ -175,26 +175,28 @@ unsafe fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> (__m512, __m512) {
     }
 }
 
-/// The children of the ray's octant from far to near; a permutation reads the low 4 bits of each
-/// lane only.
+/// Returns the children of the ray's octant from far to near. A permutation reads only the low 4
+/// bits of each lane.
 ///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn order(node: &Node, octant: usize) -> __m512i {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let shifts = _mm512_setr_epi32(0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28);
         _mm512_srlv_epi32(_mm512_set1_epi64(node.order[octant % 8] as i64), shifts)
     }
 }
 
+/// Pushes the lanes of `mask`.
+///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn push(stack: &mut Stack, mask: __mmask16, children: __m512i, near: __m512) {
     let (to_children, to_distances) = stack.room();
-    // SAFETY: there is room for 16 entries, of which the first ones are kept.
+    // SAFETY: there is room for 16 entries. Only the first ones are kept, and they are initialised.
     unsafe {
         _mm512_storeu_si512(to_children.cast(), _mm512_maskz_compress_epi32(mask, children));
         _mm512_storeu_ps(to_distances, _mm512_maskz_compress_ps(mask, near));
@@ -202,13 +204,14 @@ unsafe fn push(stack: &mut Stack, mask: __mmask16, children: __m512i, near: __m5
     }
 }
 
-/// The lesser of the two halves of each of two rows: one row's 8, then the other's.
+/// Returns the lane-wise minimum of the two halves of each of two rows: 8 lanes of one row, then 8
+/// of the other.
 ///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn halves(a: &[f32; WIDTH], b: &[f32; WIDTH]) -> __m512 {
-    // SAFETY: 16 f32 each; the caller's promise.
+    // SAFETY: reads 16 f32 each; the caller guarantees the rest.
     unsafe {
         let (a, b) = (_mm512_loadu_ps(a.as_ptr()), _mm512_loadu_ps(b.as_ptr()));
         let low = _mm512_shuffle_f32x4::<0b01_00_01_00>(a, b);
@@ -216,39 +219,39 @@ unsafe fn halves(a: &[f32; WIDTH], b: &[f32; WIDTH]) -> __m512 {
     }
 }
 
-/// The same of two results of [`halves`]: 4 lanes for each of the four rows.
+/// Reduces two results of [`halves`] once more, to 4 lanes for each of the four rows.
 ///
 /// # Safety
-/// AVX-512 F.
+/// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn quarters(a: __m512, b: __m512) -> __m512 {
-    // SAFETY: the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let even = _mm512_shuffle_f32x4::<0b10_00_10_00>(a, b);
         _mm512_min_ps(even, _mm512_shuffle_f32x4::<0b11_01_11_01>(a, b))
     }
 }
 
-impl Least for Avx512 {
+impl HorizontalMin for Avx512 {
     #[inline(always)]
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
-        // SAFETY: `self` proves AVX-512; 16 f32.
+    fn horizontal_min(self, v: &[f32; WIDTH]) -> f32 {
+        // SAFETY: `self` proves AVX-512; reads 16 f32.
         unsafe { _mm512_reduce_min_ps(_mm512_loadu_ps(v.as_ptr())) }
     }
 
     #[inline(always)]
-    fn least_of_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
-        // SAFETY: `self` proves AVX-512; 16 f32 a row; 8 f32 are what the result holds.
+    fn horizontal_min_rows(self, rows: &[[f32; WIDTH]; 8]) -> [f32; 8] {
+        // SAFETY: `self` proves AVX-512; reads 16 f32 of each row; writes the 8 f32 of the result.
         unsafe {
             let a = quarters(halves(&rows[0], &rows[1]), halves(&rows[2], &rows[3]));
             let b = quarters(halves(&rows[4], &rows[5]), halves(&rows[6], &rows[7]));
             let both = _mm512_min_ps(_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
             let both = _mm512_min_ps(both, _mm512_shuffle_ps::<0b01_00_11_10>(both, both));
             let order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 0, 0, 0, 0, 0, 0, 0, 0);
-            let mut least = [0.0; 8];
+            let mut lowest = [0.0; 8];
             let found = _mm512_castps512_ps256(_mm512_permutexvar_ps(order, both));
-            _mm256_storeu_ps(least.as_mut_ptr(), found);
-            least
+            _mm256_storeu_ps(lowest.as_mut_ptr(), found);
+            lowest
         }
     }
 }
@@ -257,7 +260,7 @@ impl Tier for Avx512 {
     const FUSED: bool = true;
 
     fn run<K: Kernel>(self, kernel: K) -> K::Output {
-        // SAFETY: `self` proves that `Isa::detect` has found every feature of the tier.
+        // SAFETY: `self` proves that `Isa::detect` has found every feature of this instruction set.
         unsafe { run_avx512(kernel) }
     }
 
@@ -281,7 +284,7 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
-    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+    fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
         // SAFETY: `self` proves AVX-512.
         unsafe {
             let (near, far) = slabs(node, &lane.slabs(), tfar);
@@ -290,7 +293,7 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
-    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
+    fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         let ([kx, ky, _], [low_x, low_y], [high_x, high_y]) =
             (frustum.axes, frustum.low(), frustum.high());
         // SAFETY: `self` proves AVX-512; axes are below 3, rows below 6.
@@ -323,10 +326,10 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
-    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
+    fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         let ([kx, ky, kz], [low_x, low_y], [high_x, high_y]) =
             (frustum.axes, frustum.low(), frustum.high());
-        // SAFETY: `self` proves AVX-512; axes are below 3; rows of 16 aligned bytes.
+        // SAFETY: `self` proves AVX-512; axes are below 3; reads rows of 16 aligned bytes.
         unsafe {
             let (x, y) = (coordinate(block, kx), coordinate(block, ky));
             let z = coordinate(block, kz);
@@ -353,7 +356,7 @@ impl Tier for Avx512 {
 
     #[inline(always)]
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32 {
-        // SAFETY: `self` proves AVX-512; 16 f32 each.
+        // SAFETY: `self` proves AVX-512; reads 16 f32 each.
         unsafe {
             let (a, b) = (_mm512_loadu_ps(a.as_ptr()), _mm512_loadu_ps(b.as_ptr()));
             _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b).into()
@@ -363,7 +366,7 @@ impl Tier for Avx512 {
     #[inline(always)]
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {
         let q = lane.query;
-        // SAFETY: `self` proves AVX-512; axes are below 3; rows hold 16 aligned f32 or 16 bytes.
+        // SAFETY: `self` proves AVX-512; axes are below 3; rows hold 16 aligned f32 or bytes.
         unsafe {
             let depth = _mm512_sub_ps(coordinate(block, lane.axes[2]), all(lane, &q.origin[2]));
             let corners = corners(block);
@@ -378,9 +381,9 @@ impl Tier for Avx512 {
             let (scale, floor) = (_mm512_set1_ps(EDGE_SLACK), _mm512_set1_ps(EDGE_FLOOR));
             let slack = _mm512_fmadd_ps(largest, scale, floor);
             let minus = _mm512_fnmsub_ps(largest, scale, floor);
-            let (least, most) = (min3([u, v, w]), max3([u, v, w]));
-            let negative = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(least, minus);
-            let misses = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(negative, most, slack);
+            let (lowest, highest) = (min3([u, v, w]), max3([u, v, w]));
+            let negative = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(lowest, minus);
+            let misses = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(negative, highest, slack);
             let maybe = !misses & block.present;
             if maybe == 0 {
                 return Candidates { maybe: 0, sure: 0 };
@@ -392,8 +395,8 @@ impl Tier for Avx512 {
             let end = _mm512_set1_ps(lane.depth(tfar));
             let ahead = _mm512_mask_cmp_ps_mask::<_CMP_NLT_UQ>(maybe, last, _mm512_setzero_ps());
             let maybe = _mm512_mask_cmp_ps_mask::<_CMP_NGT_UQ>(ahead, first, end);
-            let sure = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(least, slack)
-                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(most, minus);
+            let sure = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(lowest, slack)
+                | _mm512_cmp_ps_mask::<_CMP_LT_OQ>(highest, minus);
             Candidates { maybe: maybe.into(), sure: (maybe & sure).into() }
         }
     }

@@ -1,7 +1,8 @@
-//! What every instruction-set tier does in its own way: boxes and triangles 16 at a time.
+//! Kernels of each instruction set: tests of 16 boxes or 16 triangles at a time.
 //!
-//! The tiers differ in speed and in the rounding of box distances, never in an answer: their
-//! triangle tests only rule out what [`super::exact`] would, and that decides.
+//! Instruction sets differ in speed and in the rounding of box distances, but never in an answer.
+//! Their triangle tests are conservative: they only reject triangles that [`super::exact`] would
+//! reject, and it decides the rest.
 
 #[cfg(target_arch = "x86_64")]
 pub mod avx2;
@@ -14,72 +15,74 @@ mod tests;
 
 pub use self::stack::{MAX_DEPTH, Path, Stack};
 
-use super::frustum::{Frustum, Least};
+use super::frustum::{Frustum, HorizontalMin};
 use super::node::{Block, Child, Node, WIDTH};
 use super::query::Lane;
 use crate::simd::Kernel;
 
-/// Relative and absolute slack of the edge functions' signs in f32: with products p and q their
-/// difference is off by at most 3u max(|p|, |q|) where p and q cancel, and by 2^-149 where they
-/// underflow. In units of max |q|.
+/// Relative slack of the signs of edge functions in f32, in units of max |q|.
+///
+/// An edge function is a difference of two products p and q. Its error is at most 3u max(|p|, |q|)
+/// if p and q cancel, and 2^-149 if they underflow. [`EDGE_FLOOR`] is the absolute slack.
 pub const EDGE_SLACK: f32 = 4.0 * f32::EPSILON;
-/// See [`EDGE_SLACK`]. No denormal number: with one of those Intel's processors take some 150
-/// cycles for a sum.
+/// Absolute slack of the signs of edge functions: see [`EDGE_SLACK`]. Not a denormal number,
+/// because with one an addition takes some 150 cycles on Intel processors.
 pub const EDGE_FLOOR: f32 = f32::MIN_POSITIVE;
 
-/// The triangles of a leaf that a ray's line may meet, by bit.
+/// Triangles of a leaf that a ray's line may hit, as bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Candidates {
-    /// Those that may be met between `tnear` and `tfar`.
+    /// Triangles that may be hit between `tnear` and `tfar`.
     pub maybe: u32,
-    /// Those of `maybe` that the line certainly meets: the signs of their edge functions are beyond
-    /// the rounding of f32.
+    /// Those of `maybe` that the line certainly hits: the signs of their edge functions exceed the
+    /// rounding error of f32.
     pub sure: u32,
 }
 
-/// The kernels of one tier.
-pub trait Tier: Least {
-    /// Whether the tier has fused multiply-add.
+/// The kernels of one instruction set.
+pub trait Tier: HorizontalMin {
+    /// Whether the instruction set has fused multiply-add.
     const FUSED: bool;
 
-    /// a b - c, rounded once where the tier can do that. For bounds only.
+    /// Returns a b - c, rounded once if [`Self::FUSED`]. Only for bounds.
     #[inline(always)]
     fn mul_sub(a: f32, b: f32, c: f32) -> f32 {
         if Self::FUSED { a.mul_add(b, -c) } else { a * b - c }
     }
 
-    /// Runs a kernel compiled for this tier. Elsewhere the tier's own kernels work, but slowly:
-    /// every instruction of them is a call.
+    /// Runs a kernel that is compiled for this instruction set. In other code the functions of this
+    /// trait work, but slowly: every instruction is a call.
     fn run<K: Kernel>(self, kernel: K) -> K::Output;
 
-    /// The nearest of the children whose boxes the ray meets before `tfar`, or [`Child::EMPTY`];
-    /// pushes the others, the nearest of these last.
+    /// Returns the nearest child whose box the ray enters before `tfar`, or [`Child::EMPTY`].
+    /// Pushes the other such children, the nearest of them last.
     fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child;
 
-    /// The children whose boxes the ray meets before `tfar`, by bit.
-    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32;
+    /// Returns the children whose boxes the ray enters before `tfar`, as bits.
+    fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32;
 
-    /// The places, in the order of the octant, of the children whose boxes a frustum meets before
-    /// `end`, by bit.
-    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32;
+    /// Returns the children whose boxes a frustum overlaps before `end`. Bit j is the child at
+    /// place j of the order of the octant.
+    fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32;
 
-    /// The triangles of a leaf that are not all on one side of a frustum, or beyond `end`, by bit.
-    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32;
+    /// Returns the triangles of a leaf that a frustum may contain before `end`, as bits: those
+    /// whose corners do not all lie outside the same plane.
+    fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32;
 
-    /// The lanes where `a` is at most `b`, by bit.
+    /// Returns the lanes in which `a` is at most `b`, as bits.
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32;
 
-    /// The triangles of a leaf that [`super::exact`] has to look at.
+    /// Returns the triangles of a leaf that [`super::exact`] must test.
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates;
 
-    /// Told of each sphere that is tested; for counting.
+    /// Called for each test of a sphere. [`super::visits`] counts the calls.
     #[inline(always)]
-    fn meets_sphere(self) {}
+    fn count_sphere_test(self) {}
 }
 
-/// The lesser of each pair; the second where one is NaN.
+/// Returns the smaller number of each pair; the second if one is NaN.
 ///
-/// Written as a loop it becomes a masked store where `a` comes from memory, and those cannot be
+/// A loop would compile to a masked store if `a` comes from memory. A masked store cannot be
 /// forwarded to the next load.
 #[inline(always)]
 pub fn min8(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
@@ -87,12 +90,12 @@ pub fn min8(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
     // SAFETY: SSE is part of x86-64; all addresses are within the arrays.
     unsafe {
         use std::arch::x86_64::{_mm_loadu_ps, _mm_min_ps, _mm_storeu_ps};
-        let mut least = a;
+        let mut smaller = a;
         for half in [0, 4] {
             let (a, b) = (_mm_loadu_ps(a.as_ptr().add(half)), _mm_loadu_ps(b.as_ptr().add(half)));
-            _mm_storeu_ps(least.as_mut_ptr().add(half), _mm_min_ps(a, b));
+            _mm_storeu_ps(smaller.as_mut_ptr().add(half), _mm_min_ps(a, b));
         }
-        least
+        smaller
     }
     #[cfg(not(target_arch = "x86_64"))]
     std::array::from_fn(|i| if a[i] < b[i] { a[i] } else { b[i] })

@@ -1,16 +1,17 @@
-//! Plain loops: what every target runs, and what the other tiers are held against.
+//! The portable kernels: plain loops, which every target supports. The tests compare the other
+//! instruction sets with them.
 
-use super::super::frustum::{Frustum, Least, Side};
+use super::super::frustum::{Frustum, HorizontalMin, Side};
 use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
 use crate::simd::Kernel;
 
-/// The tier that needs nothing.
+/// The [`Tier`] that needs no particular instruction set.
 #[derive(Debug, Clone, Copy)]
 pub struct Portable;
 
-/// Distances at which the ray enters and leaves the children's boxes.
+/// Returns the distances at which the ray enters and leaves the children's boxes.
 #[inline(always)]
 fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
     let (mut near, mut far) = ([ray.tnear; WIDTH], [tfar; WIDTH]);
@@ -19,7 +20,7 @@ fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
         for i in 0..WIDTH {
             let t0 = enter[i] * ray.near_inverse[axis] - ray.near_offset[axis];
             let t1 = leave[i] * ray.far_inverse[axis] - ray.far_offset[axis];
-            // A NaN loses every comparison: it prunes nothing.
+            // A comparison with NaN is false, so NaN prunes nothing.
             near[i] = if t0 > near[i] { t0 } else { near[i] };
             far[i] = if t1 < far[i] { t1 } else { far[i] };
         }
@@ -27,9 +28,9 @@ fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
     (near, far)
 }
 
-impl Least for Portable {
+impl HorizontalMin for Portable {
     #[inline(always)]
-    fn least(self, v: &[f32; WIDTH]) -> f32 {
+    fn horizontal_min(self, v: &[f32; WIDTH]) -> f32 {
         let mut v = *v;
         for half in [8, 4, 2, 1] {
             for i in 0..half {
@@ -63,16 +64,16 @@ impl Tier for Portable {
     }
 
     #[inline(always)]
-    fn met(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
+    fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
         let (near, far) = slabs(node, &lane.slabs(), tfar);
         self.at_most(&near, &far)
     }
 
     #[inline(always)]
-    fn overlaps(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
+    fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
         let (planes, low, high) = (&node.planes, frustum.low(), frustum.high());
         let at = |side: &Side, i: usize| side.a + side.b * planes[side.row][i];
-        // A NaN loses every comparison: it prunes nothing.
+        // A comparison with NaN is false, so NaN prunes nothing.
         let outside = |i: usize| {
             let beside = (0..2).any(|axis| {
                 let k = frustum.axes[axis];
@@ -90,7 +91,7 @@ impl Tier for Portable {
     }
 
     #[inline(always)]
-    fn overlapping(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
+    fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         let ([kx, ky, kz], lows, highs) = (frustum.axes, frustum.low(), frustum.high());
         let mut flags = [0u8; WIDTH];
         for i in 0..WIDTH {
@@ -125,7 +126,7 @@ impl Tier for Portable {
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {
         let [kx, ky, kz] = lane.axes;
         let (mut x, mut y, mut z) = ([0.0f32; WIDTH], [0.0f32; WIDTH], [0.0f32; WIDTH]);
-        let forward = 1.0f32.copysign(lane.of(&lane.query.along));
+        let forward = 1.0f32.copysign(lane.value(&lane.query.along));
         for i in 0..WIDTH {
             let vertex = [block.vertices[kx][i], block.vertices[ky][i], block.vertices[kz][i]];
             let depth;
@@ -139,12 +140,12 @@ impl Tier for Portable {
             let (q0, q1, q2) = (y[c] * x[b], y[a] * x[c], y[b] * x[a]);
             let (u, v, w) = (x[c] * y[b] - q0, x[a] * y[c] - q1, x[b] * y[a] - q2);
             let slack = q0.abs().max(q1.abs()).max(q2.abs()) * EDGE_SLACK + EDGE_FLOOR;
-            let (least, most) = (u.min(v).min(w), u.max(v).max(w));
-            let misses = least < -slack && most > slack;
+            let (lowest, highest) = (u.min(v).min(w), u.max(v).max(w));
+            let misses = lowest < -slack && highest > slack;
             let behind = z[a].max(z[b]).max(z[c]) < 0.0;
             let beyond = z[a].min(z[b]).min(z[c]) > end;
             maybe |= u32::from(!(misses | behind | beyond)) << i;
-            sure |= u32::from(least > slack || most < -slack) << i;
+            sure |= u32::from(lowest > slack || highest < -slack) << i;
         }
         maybe &= u32::from(block.present);
         Candidates { maybe, sure: maybe & sure }

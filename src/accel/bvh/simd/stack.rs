@@ -1,25 +1,24 @@
-//! Nodes yet to visit, without clearing memory for every ray.
+//! The stacks of children that are still to be visited. They are not cleared for every ray.
 
 use std::mem::MaybeUninit;
 
 use crate::accel::bvh::node::{Child, WIDTH};
 
-/// Levels of the tree: the builder makes no more.
+/// Maximum number of levels of inner nodes. The builder never exceeds it.
 pub const MAX_DEPTH: usize = 64;
 
-/// A level leaves at most 15 children behind; a push writes 16 lanes.
+/// Size of the stack: a level adds at most 15 children, and a push writes 16 lanes.
 pub const CAPACITY: usize = MAX_DEPTH * (WIDTH - 1) + 2 * WIDTH;
 
-/// Children and the distances of their boxes.
+/// A stack of children and the distances of their boxes.
 pub struct Stack {
     children: [MaybeUninit<Child>; CAPACITY],
     distances: [MaybeUninit<f32>; CAPACITY],
-    /// Entries, all of them written.
+    /// Number of entries. All of them are initialised.
     len: usize,
 }
 
 impl Stack {
-    /// An empty stack.
     #[inline(always)]
     pub fn new() -> Self {
         Self {
@@ -40,19 +39,19 @@ impl Stack {
         self.len += 1;
     }
 
-    /// The last entry.
+    /// Returns the last entry.
     #[inline(always)]
     pub fn last(&self) -> Option<Child> {
         let i = self.len.checked_sub(1)?;
-        // SAFETY: every entry below `len` was written, and `len` is within the arrays.
+        // SAFETY: every entry below `len` is initialised, and `len` is within the arrays.
         Some(unsafe { self.children.get_unchecked(i).assume_init() })
     }
 
-    /// Takes the last entry.
+    /// Removes and returns the last entry.
     #[inline(always)]
     pub fn pop(&mut self) -> Option<(Child, f32)> {
         self.len = self.len.checked_sub(1)?;
-        // SAFETY: every entry below `len` was written, and `len` is within the arrays.
+        // SAFETY: every entry below `len` is initialised, and `len` is within the arrays.
         unsafe {
             Some((
                 self.children.get_unchecked(self.len).assume_init(),
@@ -61,7 +60,7 @@ impl Stack {
         }
     }
 
-    /// Where the next 16 entries go.
+    /// Returns where to write the next 16 entries.
     ///
     /// # Panics
     /// If the tree is deeper than [`MAX_DEPTH`].
@@ -74,31 +73,31 @@ impl Stack {
         )
     }
 
-    /// Counts entries that were written to [`Self::room`].
+    /// Adds `n` entries that were written to [`Self::room`].
     ///
     /// # Safety
-    /// The first `n <= 16` entries there were written.
+    /// The first `n <= 16` entries there must be initialised.
     #[inline(always)]
     pub unsafe fn grow(&mut self, n: usize) {
         self.len += n;
     }
 }
 
-/// Nodes on the way to where a traversal is, each with the children that are yet to visit.
+/// The nodes on the path to the current one that have children still to be visited, with these
+/// children.
 pub struct Path {
     steps: [MaybeUninit<(u32, u32)>; MAX_DEPTH],
-    /// Steps, all of them written.
+    /// Number of steps. All of them are initialised.
     len: usize,
 }
 
 impl Path {
-    /// At the root.
     #[inline(always)]
     pub fn new() -> Self {
         Self { steps: [const { MaybeUninit::uninit() }; MAX_DEPTH], len: 0 }
     }
 
-    /// Adds a node and its children yet to visit, by bit.
+    /// Adds a node and its children that are still to be visited, as bits.
     ///
     /// # Panics
     /// If the tree is deeper than [`MAX_DEPTH`].
@@ -108,16 +107,16 @@ impl Path {
         self.len += 1;
     }
 
-    /// Takes the last node.
+    /// Removes and returns the last node.
     #[inline(always)]
     pub fn pop(&mut self) -> Option<(usize, u32)> {
         self.len = self.len.checked_sub(1)?;
-        // SAFETY: every step below `len` was written, and `len` is within the array.
+        // SAFETY: every step below `len` is initialised, and `len` is within the array.
         let (node, children) = unsafe { self.steps.get_unchecked(self.len).assume_init() };
         Some((node as usize, children))
     }
 
-    /// Forgets all steps.
+    /// Removes all steps, for the next ray.
     #[inline(always)]
     pub fn clear(&mut self) {
         self.len = 0;

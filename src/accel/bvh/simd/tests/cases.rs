@@ -1,11 +1,12 @@
-//! Random and nasty nodes, leaves and rays.
+//! Random nodes, leaves and rays, many of them degenerate.
 
 use crate::accel::bvh::bounds::Bounds3;
 use crate::accel::bvh::node::{Block, Child, Node, SECOND_HALF, WIDTH};
 use crate::accel::bvh::query::Query;
 use crate::ray::{LANES, Rays};
 
-/// Numbers that look random (Steele and Vigna's constants of a 64-bit congruential generator).
+/// Pseudo-random numbers: a 64-bit linear congruential generator with constants of Steele and
+/// Vigna.
 pub struct Random(pub u64);
 
 impl Random {
@@ -14,7 +15,7 @@ impl Random {
         (self.0 >> 33) as usize % n
     }
 
-    /// In [-1, 1).
+    /// Returns a number in [-1, 1).
     pub fn unit(&mut self) -> f32 {
         self.below(1 << 24) as f32 / (1 << 23) as f32 - 1.0
     }
@@ -23,13 +24,14 @@ impl Random {
         std::array::from_fn(|_| self.unit())
     }
 
-    /// Of few different coordinates, so that rays meet edges and vertices and lie in planes.
+    /// Returns a point with few distinct coordinates, so that rays hit edges and vertices and lie
+    /// in planes.
     pub fn grid_point(&mut self) -> [f32; 3] {
         std::array::from_fn(|_| self.below(5) as f32 - 2.0)
     }
 }
 
-/// Random and nasty points: on a grid, or anywhere, of any magnitude.
+/// Returns random points of any magnitude, on a grid or anywhere.
 fn points(random: &mut Random) -> Vec<[f32; 3]> {
     let magnitude = [1.0, 1.0, 1e-3, 1e6, 1e-30, 1e18][random.below(6)];
     let grid = random.below(2) == 0;
@@ -37,7 +39,7 @@ fn points(random: &mut Random) -> Vec<[f32; 3]> {
     (0..WIDTH).map(|_| point(random).map(|x| x * magnitude)).collect()
 }
 
-/// A leaf over 16 points.
+/// Returns a leaf over 16 points.
 fn block(random: &mut Random, points: &[[f32; 3]]) -> Block {
     let mut block = Block::EMPTY;
     for (i, point) in points.iter().enumerate() {
@@ -58,7 +60,7 @@ fn block(random: &mut Random, points: &[[f32; 3]]) -> Block {
     block
 }
 
-/// A node whose boxes have corners among the points.
+/// Returns a node whose boxes have corners among the points.
 fn node(random: &mut Random, points: &[[f32; 3]]) -> Node {
     let mut node = Node::EMPTY;
     for i in 0..1 + random.below(WIDTH) {
@@ -79,7 +81,7 @@ fn node(random: &mut Random, points: &[[f32; 3]]) -> Node {
     node
 }
 
-/// Rays from a random place at points, at what lies between them, and along axes.
+/// Returns rays from random origins: towards points, towards means of points, and along axes.
 fn rays(random: &mut Random, points: &[[f32; 3]]) -> Rays {
     let mut rays = Rays::EMPTY;
     for i in 0..LANES {
@@ -112,14 +114,14 @@ fn rays(random: &mut Random, points: &[[f32; 3]]) -> Rays {
     rays
 }
 
-/// A node, a leaf and rays, one case after the other.
+/// Calls `look` with `n` random cases of a node, a leaf and rays.
 pub fn cases(n: usize, mut look: impl FnMut(&mut Random, &Node, &Block, &Rays, &Query)) {
     let mut random = Random(7);
     for _ in 0..n {
         let points = points(&mut random);
         let (node, block) = (node(&mut random, &points), block(&mut random, &points));
         let rays = rays(&mut random, &points);
-        let query = Query::new(&rays, &Bounds3::of(&points));
+        let query = Query::new(&rays, &Bounds3::from_points(&points));
         look(&mut random, &node, &block, &rays, &query);
     }
 }

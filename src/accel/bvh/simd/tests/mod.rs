@@ -1,11 +1,12 @@
-//! Every tier against the exact decisions, against f64 boxes, and against the other tiers.
+//! Compares every instruction set with the exact decisions, with box tests in f64, and with the
+//! other instruction sets.
 
 mod cases;
 mod traversals;
 
 use self::cases::{Random, cases};
 use super::super::bounds::Bounds3;
-use super::super::exact::{Ray64, Sheared};
+use super::super::exact::{Ray64, ShearedTriangle};
 use super::super::frustum::Frustum;
 use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Query};
@@ -13,16 +14,16 @@ use super::*;
 use crate::ray::{LANES, Mask, Rays};
 use crate::simd::Isa;
 
-/// What a tier says of one ray, a node and a leaf.
+/// The results of the kernels for one ray, one node and one leaf.
 #[derive(Debug)]
 struct Answers {
     nearest: Child,
     others: Vec<(Child, f32)>,
-    met: u32,
+    hit_children: u32,
     candidates: Candidates,
 }
 
-struct Ask<'a, T> {
+struct RunKernels<'a, T> {
     tier: T,
     node: &'a Node,
     block: &'a Block,
@@ -30,7 +31,7 @@ struct Ask<'a, T> {
     tfar: f32,
 }
 
-impl<T: Tier> Kernel for Ask<'_, T> {
+impl<T: Tier> Kernel for RunKernels<'_, T> {
     type Output = Answers;
     #[inline(always)]
     fn run(self) -> Answers {
@@ -38,20 +39,21 @@ impl<T: Tier> Kernel for Ask<'_, T> {
         let mut stack = Stack::new();
         let nearest = tier.nearest(node, lane, tfar, &mut stack);
         let others = drain(&mut stack);
-        let met = tier.met(node, lane, tfar);
-        Answers { nearest, others, met, candidates: tier.candidates(block, lane, tfar) }
+        let hit_children = tier.hit_children(node, lane, tfar);
+        Answers { nearest, others, hit_children, candidates: tier.candidates(block, lane, tfar) }
     }
 }
 
-/// All entries of a stack, the first pushed first.
+/// Returns all entries of a stack in the order in which they were pushed.
 fn drain(stack: &mut Stack) -> Vec<(Child, f32)> {
     let mut entries: Vec<_> = std::iter::from_fn(|| stack.pop()).collect();
     entries.reverse();
     entries
 }
 
-/// What a frustum around the active rays meets: children by place, and triangles.
-struct AskFrustum<'a, T> {
+/// Returns what a frustum around the active rays overlaps: children by place in the order, and
+/// triangles.
+struct RunFrustum<'a, T> {
     tier: T,
     node: &'a Node,
     block: &'a Block,
@@ -60,7 +62,7 @@ struct AskFrustum<'a, T> {
     scene: &'a Bounds3,
 }
 
-impl<T: Tier> Kernel for AskFrustum<'_, T> {
+impl<T: Tier> Kernel for RunFrustum<'_, T> {
     type Output = [u32; 2];
     #[inline(always)]
     fn run(self) -> [u32; 2] {
@@ -70,31 +72,35 @@ impl<T: Tier> Kernel for AskFrustum<'_, T> {
             tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
         }
         let (frustum, end) = Frustum::new(tier, query, active, &tfar, scene);
-        [tier.overlaps(node, &frustum, end), tier.overlapping(block, &frustum, end)]
+        [
+            tier.children_in_frustum(node, &frustum, end),
+            tier.triangles_in_frustum(block, &frustum, end),
+        ]
     }
 }
 
-struct AskLeast<'a, T> {
+struct RunHorizontalMin<'a, T> {
     tier: T,
     values: &'a [f32; WIDTH],
 }
 
-impl<T: Tier> Kernel for AskLeast<'_, T> {
+impl<T: Tier> Kernel for RunHorizontalMin<'_, T> {
     type Output = (f32, [f32; 8]);
     #[inline(always)]
     fn run(self) -> (f32, [f32; 8]) {
         let mut rows = [[0.0; WIDTH]; 8];
         for (r, row) in rows.iter_mut().enumerate() {
             for (i, value) in self.values.iter().enumerate() {
-                // Another place in every row, and another value.
+                // In every row, the minimum has another lane and another value.
                 row[(i + 3 * r) % WIDTH] = value + r as f32;
             }
         }
-        (self.tier.least(self.values), self.tier.least_of_rows(&rows))
+        (self.tier.horizontal_min(self.values), self.tier.horizontal_min_rows(&rows))
     }
 }
 
-/// What each tier of this machine answers, by name; the first is the portable one.
+/// Returns the result of every instruction set of this machine. The first is that of the portable
+/// one.
 macro_rules! every_tier {
     ($tier:ident => $ask:expr) => {{
         let mut answers = Vec::new();
@@ -115,7 +121,8 @@ macro_rules! every_tier {
     }};
 }
 
-/// Where the ray's line enters a child's box, in f64; none if it misses it or does so after `tfar`.
+/// Returns where the ray's line enters the box of a child, in f64. Returns `None` if it misses the
+/// box or enters it after `tfar`.
 fn entry(node: &Node, i: usize, rays: &Rays, ray: usize, tfar: f64) -> Option<f64> {
     let (mut near, mut far) = (f64::from(rays.tnear[ray]), tfar);
     for axis in 0..3 {
@@ -134,89 +141,92 @@ fn entry(node: &Node, i: usize, rays: &Rays, ray: usize, tfar: f64) -> Option<f6
 }
 
 #[test]
-fn no_tier_misses_a_box_and_all_keep_the_order() {
-    let (mut met, mut missed) = (0, 0);
+fn every_tier_finds_every_box_and_keeps_the_order() {
+    let (mut hits, mut missed) = (0, 0);
     cases(600, |_, node, block, rays, query| {
         for i in 0..LANES {
             let (lane, scale) = (&query.lane(i), f64::from(query.scale[i]));
             let tfar = query.tfar[i];
-            for (isa, answers) in every_tier!(tier => Ask { tier, node, block, lane, tfar }) {
+            for (isa, answers) in every_tier!(tier => RunKernels { tier, node, block, lane, tfar })
+            {
                 let order = (0..WIDTH).map(|j| node.children[node.ordered(lane.octant, j)]);
-                // From far to near: what was pushed, then the nearest.
+                // From far to near: first the pushed children, then the nearest one.
                 let mut found: Vec<Child> = answers.others.iter().map(|entry| entry.0).collect();
                 found.extend(Some(answers.nearest).filter(|child| *child != Child::EMPTY));
                 let expected: Vec<Child> = order.filter(|child| found.contains(child)).collect();
                 assert_eq!(found, expected, "{isa}: {answers:?}");
                 for (child, &kind) in node.children.iter().enumerate() {
-                    let is_met = (answers.met >> child) & 1 != 0;
-                    assert_eq!(is_met, found.contains(&kind), "{isa}: {answers:?}");
+                    let is_hit = (answers.hit_children >> child) & 1 != 0;
+                    assert_eq!(is_hit, found.contains(&kind), "{isa}: {answers:?}");
                     if kind == Child::EMPTY {
                         continue;
                     }
                     match entry(node, child, rays, i, f64::from(rays.tfar[i])) {
                         Some(exact) => {
-                            assert!(is_met, "{isa}: {child} {node:?}");
+                            assert!(is_hit, "{isa}: {child} {node:?}");
                             let pushed = answers.others.iter().find(|entry| entry.0 == kind);
                             let distance = pushed.map_or(f32::NEG_INFINITY, |entry| entry.1);
                             assert!(f64::from(distance) <= exact * scale, "{isa}");
-                            met += 1;
+                            hits += 1;
                         }
-                        None => missed += usize::from(!is_met),
+                        None => missed += usize::from(!is_hit),
                     }
                 }
             }
         }
     });
-    assert!(met > 1000 && missed > 1000, "{met} {missed}");
+    assert!(hits > 1000 && missed > 1000, "{hits} {missed}");
 }
 
-/// Whether a ray misses a triangle beyond all doubt: its line by more than rounding, or all of it
-/// lies behind the ray's origin.
+/// Whether a ray certainly misses a triangle: its line misses it by more than rounding errors, or
+/// the whole triangle lies behind the ray's origin.
 fn misses_by_far(lane: &Lane, block: &Block, slot: usize) -> bool {
     let corners = [0, 1, 2].map(|k| {
         let v = block.corner(k, slot);
         lane.sheared(lane.axes.map(|axis| block.vertices[axis][v]))
     });
-    let forward = 1.0f32.copysign(lane.of(&lane.query.along));
+    let forward = 1.0f32.copysign(lane.value(&lane.query.along));
     let behind = corners.iter().all(|[.., depth]| depth * forward < 0.0);
     let largest = (0..3)
         .map(|k| f64::from(corners[k][1]) * f64::from(corners[(k + 1) % 3][0]))
         .chain((0..3).map(|k| f64::from(corners[k][0]) * f64::from(corners[(k + 1) % 3][1])))
         .fold(0.0, |m: f64, q| m.max(q.abs()));
     let slack = 2.0 * (f64::from(EDGE_SLACK) * largest + f64::from(EDGE_FLOOR));
-    let edges = Sheared::new(lane, block, slot).edges;
+    let edges = ShearedTriangle::new(lane, block, slot).edges;
     behind || (edges.iter().any(|e| *e < -slack) && edges.iter().any(|e| *e > slack))
 }
 
 #[test]
-fn candidates_miss_nothing_and_are_sure_of_hits_only() {
+fn candidates_include_every_hit_and_sure_ones_are_hits() {
     let (mut hits, mut sure, mut ruled_out) = (0, 0, 0);
     cases(1500, |random, node, block, rays, query| {
         for i in 0..LANES {
             let lane = &query.lane(i);
             let ray = Ray64::new(rays, i, lane.axes[2]);
-            let met: Vec<Option<f64>> = (0..WIDTH)
+            let exact: Vec<Option<f64>> = (0..WIDTH)
                 .map(|slot| {
-                    let seen = Sheared::new(lane, block, slot);
+                    let seen = ShearedTriangle::new(lane, block, slot);
                     let present = (block.present >> slot) & 1 != 0;
                     (present && seen.inside()).then(|| seen.t(&ray, block.triangle(slot)))
                 })
                 .collect();
-            // The end of the segment, or a hit: one of the same distance is a candidate still.
-            let end = met[random.below(WIDTH)].filter(|t| *t >= 0.0);
-            let tfar = end.map_or(query.tfar[i], |t| query.end(i, t));
+            // The segment ends at its own end or at a hit. Another hit at the same distance must
+            // still be a candidate.
+            let end = exact[random.below(WIDTH)].filter(|t| *t >= 0.0);
+            let tfar = end.map_or(query.tfar[i], |t| query.scaled_end(i, t));
             let end = end.unwrap_or(ray.tfar);
-            for (isa, answers) in every_tier!(tier => Ask { tier, node, block, lane, tfar }) {
+            for (isa, answers) in every_tier!(tier => RunKernels { tier, node, block, lane, tfar })
+            {
                 let Candidates { maybe, sure: certain } = answers.candidates;
                 assert_eq!(certain & !maybe, 0, "{isa}");
                 assert_eq!(maybe & !u32::from(block.present), 0, "{isa}");
                 for slot in 0..WIDTH {
                     let bit = 1 << slot;
-                    let hit = met[slot].is_some_and(|t| t > 0.0 && t <= end);
+                    let hit = exact[slot].is_some_and(|t| t > 0.0 && t <= end);
                     assert!(!hit || maybe & bit != 0, "{isa}: {slot} {block:?} {answers:?}");
                     let ruled = maybe & bit == 0;
                     assert!(ruled || !misses_by_far(lane, block, slot), "{isa}: {slot} {block:?}");
-                    assert!(certain & bit == 0 || met[slot].is_some(), "{isa}: {slot} {block:?}");
+                    assert!(certain & bit == 0 || exact[slot].is_some(), "{isa}: {slot} {block:?}");
                     hits += u32::from(hit);
                     sure += u32::from(certain & bit != 0);
                     ruled_out += u32::from(ruled);
@@ -228,12 +238,13 @@ fn candidates_miss_nothing_and_are_sure_of_hits_only() {
 }
 
 #[test]
-fn a_frustum_drops_nothing_that_any_of_its_rays_meets() {
-    let (mut met, mut dropped) = ([0; 2], [0; 2]);
+fn a_frustum_culls_nothing_that_its_rays_hit() {
+    let (mut hits, mut dropped) = ([0; 2], [0; 2]);
     cases(3000, |random, node, block, rays, query| {
         let lane = query.lane(random.below(LANES));
         let (few, mixed) = (random.below(2) == 0, random.below(2) == 0);
-        // Of several octants, too, as long as all go the same way along the dominant axis.
+        // The active rays may have several octants, but all have the same sign along the dominant
+        // axis.
         let octants = if mixed { 1 << lane.axes[2] } else { 7 };
         let active = &Mask(std::array::from_fn(|i| {
             let other = query.lane(i);
@@ -247,7 +258,7 @@ fn a_frustum_drops_nothing_that_any_of_its_rays_meets() {
         let octant = query.lane(active.first()).octant;
         let active_lanes: Vec<usize> = (0..LANES).filter(|&i| active.0[i] != 0).collect();
         for (isa, [children, triangles]) in
-            every_tier!(tier => AskFrustum { tier, node, block, query, active, scene })
+            every_tier!(tier => RunFrustum { tier, node, block, query, active, scene })
         {
             for place in 0..WIDTH {
                 let child = node.ordered(octant, place);
@@ -257,38 +268,38 @@ fn a_frustum_drops_nothing_that_any_of_its_rays_meets() {
                 });
                 let kept = (children >> place) & 1 != 0;
                 assert!(kept || !hit, "{isa}: {child} {node:?} {rays:?} {active:?}");
-                (met[0], dropped[0]) = (met[0] + u32::from(hit), dropped[0] + u32::from(!kept));
+                (hits[0], dropped[0]) = (hits[0] + u32::from(hit), dropped[0] + u32::from(!kept));
             }
             for slot in (0..WIDTH).filter(|slot| (block.present >> slot) & 1 != 0) {
                 let hit = active_lanes.iter().any(|&i| {
                     let lane = query.lane(i);
-                    let seen = Sheared::new(&lane, block, slot);
+                    let seen = ShearedTriangle::new(&lane, block, slot);
                     let ray = Ray64::new(rays, i, lane.axes[2]);
                     let t = seen.t(&ray, block.triangle(slot));
                     seen.inside() && t > ray.tnear && t < ray.tfar
                 });
                 let kept = (triangles >> slot) & 1 != 0;
                 assert!(kept || !hit, "{isa}: {slot} {block:?} {rays:?} {active:?}");
-                (met[1], dropped[1]) = (met[1] + u32::from(hit), dropped[1] + u32::from(!kept));
+                (hits[1], dropped[1]) = (hits[1] + u32::from(hit), dropped[1] + u32::from(!kept));
             }
             assert_eq!(triangles & !u32::from(block.present), 0, "{isa}");
         }
     });
-    assert!(met.iter().chain(&dropped).all(|n| *n > 1000), "{met:?} {dropped:?}");
+    assert!(hits.iter().chain(&dropped).all(|n| *n > 1000), "{hits:?} {dropped:?}");
 }
 
-/// The box around a node's children and a leaf's vertices.
+/// Returns the box around a node's children and a leaf's vertices.
 fn scene(node: &Node, block: &Block) -> Bounds3 {
     let corner = |row: usize, i: usize| [0, 1, 2].map(|axis| node.planes[row + axis][i]);
     let children = (0..WIDTH).filter(|&i| node.children[i] != Child::EMPTY);
     let boxes: Vec<[f32; 3]> = children.flat_map(|i| [corner(0, i), corner(3, i)]).collect();
     let vertices: Vec<[f32; 3]> =
         (0..WIDTH).map(|i| [0, 1, 2].map(|axis| block.vertices[axis][i])).collect();
-    Bounds3::of(&boxes).union(Bounds3::of(&vertices))
+    Bounds3::from_points(&boxes).union(Bounds3::from_points(&vertices))
 }
 
 #[test]
-fn the_least_of_16_numbers_is_found_in_every_place() {
+fn the_minimum_of_16_numbers_is_found_in_every_lane() {
     let mut random = Random(3);
     for place in 0..WIDTH {
         for least in [-2.0, f32::NEG_INFINITY] {
@@ -296,7 +307,7 @@ fn the_least_of_16_numbers_is_found_in_every_place() {
             values[(place + 3) % WIDTH] = f32::INFINITY;
             values[place] = least;
             let values = &values;
-            for (isa, (found, of_rows)) in every_tier!(tier => AskLeast { tier, values }) {
+            for (isa, (found, of_rows)) in every_tier!(tier => RunHorizontalMin { tier, values }) {
                 assert_eq!(found, least, "{isa}: {place}");
                 let expected: [f32; 8] = std::array::from_fn(|r| least + r as f32);
                 assert_eq!(of_rows, expected, "{isa}: {place}");

@@ -1,4 +1,4 @@
-//! Whole trees.
+//! Compares the hits of every instruction set, of single rays and of packets on whole trees.
 
 use std::collections::HashMap;
 
@@ -12,14 +12,15 @@ use crate::simd::Isa;
 
 const ALL: Mask = Mask([-1; LANES]);
 
-/// An icosahedron whose faces were split in four `levels` times, with vertices on a sphere.
+/// Returns an icosahedron whose faces are split into four `levels` times, with all vertices on a
+/// sphere.
 fn icosphere(levels: usize) -> TriangleMesh {
     let g = 0.5 + 1.25f32.sqrt();
     let mut vertices = Vec::new();
     for (a, b) in [(1.0, g), (1.0, -g), (-1.0, g), (-1.0, -g)] {
         vertices.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
     }
-    // Faces: three vertices at the distance of an edge, 2, from each other.
+    // A face is three vertices at the distance of an edge, 2, from each other.
     let apart = |a: [f32; 3], b: [f32; 3]| {
         let [x, y, z] = [0, 1, 2].map(|k| a[k] - b[k]);
         x * x + y * y + z * z
@@ -58,7 +59,7 @@ fn icosphere(levels: usize) -> TriangleMesh {
     TriangleMesh::new(vertices, faces, false)
 }
 
-/// Random triangles, some alike, two quads and some spheres.
+/// Returns random triangles, some of them with the same vertices, two quads and some spheres.
 fn soup() -> Geometry {
     let mut random = Random(11);
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
@@ -81,7 +82,8 @@ fn soup() -> Geometry {
     Geometry::new(glam::DVec3::ZERO, vec![mesh], vec![quad(-0.9), quad(0.8)], spheres).unwrap()
 }
 
-/// The hits of a tree of every tier.
+/// Returns the hits of the tree of every instruction set. Checks that a ray is occluded exactly if
+/// it has a hit.
 fn hits(geometry: &Geometry, packets: &[RayPacket], how: Coherence) -> Vec<(Isa, Vec<RayPacket>)> {
     Isa::available()
         .map(|isa| {
@@ -94,8 +96,8 @@ fn hits(geometry: &Geometry, packets: &[RayPacket], how: Coherence) -> Vec<(Isa,
                 bvh.occluded(&ALL, &mut shadow, how);
                 let hit = packet.hit(&ALL);
                 for i in 0..LANES {
-                    let stopped = shadow.tfar[i] == f32::NEG_INFINITY;
-                    assert_eq!(stopped, hit.0[i] != 0, "{isa}: {i} {packet:?}");
+                    let occluded = shadow.tfar[i] == f32::NEG_INFINITY;
+                    assert_eq!(occluded, hit.0[i] != 0, "{isa}: {i} {packet:?}");
                 }
             }
             (isa, packets)
@@ -103,7 +105,7 @@ fn hits(geometry: &Geometry, packets: &[RayPacket], how: Coherence) -> Vec<(Isa,
         .collect()
 }
 
-/// Everything of a packet's hits, as bits.
+/// Returns all bits of the hits of a packet.
 fn bits(packet: &RayPacket) -> [[u32; LANES]; 5] {
     let (rays, hits) = (&packet.rays, &packet.hits);
     [
@@ -115,7 +117,8 @@ fn bits(packet: &RayPacket) -> [[u32; LANES]; 5] {
     ]
 }
 
-/// Rays from near `from` to all over the scene, or all to near one place.
+/// Returns rays from one origin: to targets all over the scene, or, if `together`, to targets near
+/// one point.
 fn scattered(random: &mut Random, together: bool) -> RayPacket {
     let mut packet = RayPacket::EMPTY;
     let (from, to) = (random.point(), random.point());
@@ -130,7 +133,7 @@ fn scattered(random: &mut Random, together: bool) -> RayPacket {
     packet
 }
 
-/// Rays from the middle of a mesh through its vertices and the middles of its edges.
+/// Returns rays from inside a mesh through its vertices and the midpoints of its edges.
 fn from_within(mesh: &TriangleMesh) -> Vec<RayPacket> {
     let mut targets = mesh.vertices().to_vec();
     for t in mesh.triangles() {
@@ -194,8 +197,8 @@ fn packets_find_what_single_rays_find() {
         for (a, b) in single.iter().zip(together) {
             assert_eq!(bits(a)[..3], bits(b)[..3], "{isa}");
             for i in 0..LANES {
-                // Weights are of f32 edge functions in packets: off by 1e-6 or so of the distance
-                // over the size of the triangle.
+                // In packets the weights come from f32 edge functions. Their error is about 1e-6
+                // times the distance, divided by the size of the triangle.
                 let off = (a.hits.u[i] - b.hits.u[i]).abs() + (a.hits.v[i] - b.hits.v[i]).abs();
                 assert!(off < 1e-2, "{isa}: {off}");
             }

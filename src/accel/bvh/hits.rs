@@ -1,29 +1,29 @@
-//! The closest hits of 16 rays, and their way into the caller's packet.
+//! The closest hits of 16 rays, and how they are written to the caller's packet.
 
 use crate::geometry::Geometry;
 use crate::ray::{LANES, NONE, RayPacket, Rays};
 
-/// Up to so many geometries are counted through.
-const FEW: usize = 16;
+/// Up to this many geometries, a loop over all of them finds the geometry of a hit.
+const MAX_SCANNED_GEOMETRIES: usize = 16;
 
-/// The closest hits so far.
+/// The closest hits so far of 16 rays, by lane.
 #[repr(C, align(64))]
-pub struct Found {
-    /// Ray parameters; the ends of the segments until there is a hit.
+pub struct ClosestHits {
+    /// Ray parameters. Without a hit, the end of the segment.
     pub t: [f64; LANES],
-    /// Numbers of the primitives in the whole scene, or [`NONE`].
+    /// Primitive numbers in the whole scene, or [`NONE`].
     pub primitive: [u32; LANES],
-    /// Weights of the second and third corner and their sum with the first's; not normalised, 0 0 1
-    /// for a sphere.
+    /// Barycentric weights of the second and third corner, and the sum of all three weights. Not
+    /// normalised. 0, 0, 1 for a sphere.
     pub weights: [[f32; LANES]; 3],
-    /// Bits set: these are weights of the second half of a quad.
+    /// All bits set if the weights are those of the second half of a quad, else 0.
     pub second_half: [i32; LANES],
 }
 
-impl Found {
-    /// No hits.
+impl ClosestHits {
+    /// Returns 16 lanes without a hit.
     #[inline(always)]
-    pub fn nothing(rays: &Rays) -> Self {
+    pub fn new(rays: &Rays) -> Self {
         let mut t = [0.0; LANES];
         for i in 0..LANES {
             t[i] = f64::from(rays.tfar[i]);
@@ -36,7 +36,7 @@ impl Found {
         }
     }
 
-    /// Writes the hits; weights of a quad as Embree has them.
+    /// Writes the hits to `packet`. The weights of a quad are Embree's.
     #[inline(always)]
     pub fn store(&self, geometry: &Geometry, packet: &mut RayPacket) {
         let first = geometry.bases()[1];
@@ -46,7 +46,7 @@ impl Found {
             others |= hit & (self.primitive[i] >= first);
             let inverse = 1.0 / self.weights[2][i];
             let (u, v) = (self.weights[0][i] * inverse, self.weights[1][i] * inverse);
-            let (u, v) = (unit(u), unit(v));
+            let (u, v) = (clamp_unit(u), clamp_unit(v));
             let second = self.second_half[i] != 0;
             let (u, v) = if second { (1.0 - u, 1.0 - v) } else { (u, v) };
             let hits = &mut packet.hits;
@@ -57,7 +57,7 @@ impl Found {
             packet.rays.tfar[i] = if hit { self.t[i] as f32 } else { packet.rays.tfar[i] };
         }
         let later = &geometry.bases()[1..geometry.bases().len() - 1];
-        if others && later.len() <= FEW {
+        if others && later.len() <= MAX_SCANNED_GEOMETRIES {
             for &base in later {
                 for i in 0..LANES {
                     let hit = self.primitive[i] != NONE;
@@ -68,21 +68,23 @@ impl Found {
                 }
             }
         } else if others {
-            self.place(geometry, packet);
+            self.store_geometries(geometry, packet);
         }
     }
 
-    /// Finds each primitive's geometry where there are many.
+    /// Looks up the geometry of each hit. For scenes of more than [`MAX_SCANNED_GEOMETRIES`]
+    /// geometries.
     #[inline(never)]
-    fn place(&self, geometry: &Geometry, packet: &mut RayPacket) {
+    fn store_geometries(&self, geometry: &Geometry, packet: &mut RayPacket) {
         for i in (0..LANES).filter(|&i| self.primitive[i] != NONE) {
             (packet.hits.geom[i], packet.hits.prim[i]) = geometry.place(self.primitive[i]);
         }
     }
 }
 
+/// Clamps to [0, 1]; 0 for NaN.
 #[inline(always)]
-fn unit(x: f32) -> f32 {
+fn clamp_unit(x: f32) -> f32 {
     let x = if x > 0.0 { x } else { 0.0 };
     if x < 1.0 { x } else { 1.0 }
 }
