@@ -25,17 +25,6 @@ impl Mask {
         self.0.iter().fold(0, |all, &lane| all | lane) != 0
     }
 
-    /// Union: the lanes of this set and of `other`.
-    #[inline(always)]
-    #[must_use]
-    pub fn with(&self, other: &Self) -> Self {
-        let mut joined = *self;
-        for i in 0..LANES {
-            joined.0[i] |= other.0[i];
-        }
-        joined
-    }
-
     /// Difference: the lanes of this set that are not in `other`.
     #[inline(always)]
     #[must_use]

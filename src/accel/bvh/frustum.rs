@@ -3,7 +3,7 @@
 use crate::ray::{LANES, Mask};
 
 use super::Bounds3;
-use super::query::{Query, max, min};
+use super::query::{Lane, Query, max, min};
 
 /// Computes the minimum of 16 numbers. None of them may be NaN.
 pub trait HorizontalMin: Copy {
@@ -82,18 +82,17 @@ impl Frustum {
     /// Bounds the active rays of a query, in a tree over `scene`. Also returns where they end: see
     /// [`Frustum::end`].
     ///
-    /// The rays must be aligned ([`Query::aligned`]). `tfar` holds the ends of their segments,
+    /// The rays must be aligned ([`Query::aligned`]) and `lane` one of them. `tfar` holds the ends of their segments,
     /// scaled like [`Query::tfar`].
     #[inline(always)]
     pub fn new(
         tier: impl HorizontalMin,
-        query: &Query,
+        lane: Lane,
         active: &Mask,
         tfar: &[f32; LANES],
         scene: &Bounds3,
     ) -> (Self, f32) {
-        let lane = query.lane(active.first());
-        let axes = lane.axes;
+        let (query, axes) = (lane.query, lane.axes);
         let k = axes[2];
         let (mut starts, mut box_slacks) = ([0.0; LANES], [0.0; LANES]);
         let negative = (lane.octant >> k) & 1 != 0;

@@ -43,7 +43,7 @@ pub use self::validate::Stats;
 use self::bounds::Bounds3;
 use self::build::Tree;
 use self::hits::ClosestHits;
-use self::packet::{Packet, Stacks};
+use self::packet::{Bits, Packet, Stacks};
 use self::query::Query;
 use self::simd::{Path, Stack, Tier};
 use self::single::Single;
@@ -121,8 +121,8 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
 /// Fewer coherent rays than this are traced one by one.
 const MIN_TOGETHER: u32 = 4;
 
-/// Traces the active rays in groups of one octant and one dominant axis. Returns the rays that are
-/// left for tracing one by one.
+/// Traces the active rays in groups of one octant and one dominant axis. Traces the rays of small
+/// groups one by one.
 struct PacketClosest<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -131,28 +131,31 @@ struct PacketClosest<'a, T> {
 }
 
 impl<T: Tier> Kernel for PacketClosest<'_, T> {
-    type Output = Mask;
+    type Output = ();
     #[inline(always)]
-    fn run(self) -> Mask {
+    fn run(self) {
         let Self { tier, bvh, active, packet } = self;
         let query = Query::new(&packet.rays, &bvh.tree.bounds);
         let scene = (&bvh.tree, bvh.geometry);
         let mut found = ClosestHits::new(&packet.rays);
         let mut stacks = Stacks::take();
-        let (mut rest, mut alone) = (*active, Mask::NONE);
-        while rest.any() {
-            let part = query.coherent(&rest);
-            rest = rest.without(&part);
-            if part.count() < MIN_TOGETHER {
-                alone = alone.with(&part);
+        let (mut rest, mut alone) = (tier.bits(active), 0);
+        while rest != 0 {
+            let part = rest & tier.bits(&query.coherent(rest.trailing_zeros() as usize));
+            rest &= !part;
+            if part.count_ones() < MIN_TOGETHER {
+                alone |= part;
                 continue;
             }
-            let rays = Packet::new(tier, scene, (&query, &packet.rays), &part);
+            let rays = Packet::new(tier, scene, (&query, &packet.rays), part);
             rays.closest(&mut stacks, &mut found);
+        }
+        for i in Bits(alone) {
+            let best = bvh.single(tier, &query, &packet.rays, i).closest(&mut stacks.single);
+            best.store(&mut found, i);
         }
         stacks.keep();
         found.store(bvh.geometry, packet);
-        alone
     }
 }
 
@@ -179,8 +182,8 @@ impl<T: Tier> Kernel for SingleOccluded<'_, T> {
     }
 }
 
-/// Traces the active rays in groups of one dominant axis and sign. Returns the rays that are left
-/// for tracing one by one.
+/// Traces the active rays in groups of one dominant axis and sign. Traces the rays of small groups
+/// one by one.
 struct PacketOccluded<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -189,29 +192,33 @@ struct PacketOccluded<'a, T> {
 }
 
 impl<T: Tier> Kernel for PacketOccluded<'_, T> {
-    type Output = Mask;
+    type Output = ();
     #[inline(always)]
-    fn run(self) -> Mask {
+    fn run(self) {
         let Self { tier, bvh, active, rays } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
         let scene = (&bvh.tree, bvh.geometry);
         let mut stacks = Stacks::take();
-        let (mut rest, mut alone) = (*active, Mask::NONE);
-        while rest.any() {
-            let part = query.aligned(&rest);
-            rest = rest.without(&part);
-            if part.count() < MIN_TOGETHER {
-                alone = alone.with(&part);
+        let (mut rest, mut alone) = (tier.bits(active), 0);
+        while rest != 0 {
+            let part = rest & tier.bits(&query.aligned(rest.trailing_zeros() as usize));
+            rest &= !part;
+            if part.count_ones() < MIN_TOGETHER {
+                alone |= part;
                 continue;
             }
-            let packet = Packet::new(tier, scene, (&query, rays), &part);
+            let packet = Packet::new(tier, scene, (&query, rays), part);
             let occluded = packet.occluded(&mut stacks);
             for i in 0..LANES {
                 rays.tfar[i] = if occluded[i] != 0 { f32::NEG_INFINITY } else { rays.tfar[i] };
             }
         }
+        for i in Bits(alone) {
+            if bvh.single(tier, &query, rays, i).occluded(&mut stacks.single) {
+                rays.tfar[i] = f32::NEG_INFINITY;
+            }
+        }
         stacks.keep();
-        alone
     }
 }
 
@@ -230,7 +237,8 @@ impl<T: Tier> Kernel for Reaches<'_, T> {
         let Self { tier, bvh, active, rays } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
         // This query is rare, so rays of several dominant axes are not split into groups.
-        active.without(&query.aligned(active)).any()
+        let active = tier.bits(active);
+        active & !tier.bits(&query.aligned(active.trailing_zeros() as usize)) != 0
             || Packet::new(tier, (&bvh.tree, bvh.geometry), (&query, rays), active).reaches()
     }
 }
@@ -244,14 +252,11 @@ impl Bvh<'_> {
         coherence: Coherence,
     ) {
         let bvh = self;
-        let alone = match coherence {
-            Coherence::Coherent => {
-                tier.run(PacketClosest { tier, bvh, active, packet: &mut *packet })
+        match coherence {
+            Coherence::Coherent => tier.run(PacketClosest { tier, bvh, active, packet }),
+            Coherence::Incoherent | Coherence::Single => {
+                tier.run(SingleClosest { tier, bvh, active, packet });
             }
-            Coherence::Incoherent | Coherence::Single => *active,
-        };
-        if alone.any() {
-            tier.run(SingleClosest { tier, bvh, active: &alone, packet });
         }
     }
 
@@ -263,12 +268,11 @@ impl Bvh<'_> {
         coherence: Coherence,
     ) {
         let bvh = self;
-        let alone = match coherence {
-            Coherence::Coherent => tier.run(PacketOccluded { tier, bvh, active, rays: &mut *rays }),
-            Coherence::Incoherent | Coherence::Single => *active,
-        };
-        if alone.any() {
-            tier.run(SingleOccluded { tier, bvh, active: &alone, rays });
+        match coherence {
+            Coherence::Coherent => tier.run(PacketOccluded { tier, bvh, active, rays }),
+            Coherence::Incoherent | Coherence::Single => {
+                tier.run(SingleOccluded { tier, bvh, active, rays });
+            }
         }
     }
 }

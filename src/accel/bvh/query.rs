@@ -167,30 +167,29 @@ impl Query {
         }
     }
 
-    /// Returns those of `rays` that have the octant and the dominant axis of the first one.
+    /// Returns the rays that have the octant and the dominant axis of ray `first`.
     #[inline(always)]
-    pub fn coherent(&self, rays: &Mask) -> Mask {
-        let first = rays.first();
+    pub fn coherent(&self, first: usize) -> Mask {
+        let first = first % LANES;
         let (octant, dominant) = (self.octant[first], self.dominant[first]);
         let mut part = Mask::NONE;
         for i in 0..LANES {
             let same = (self.octant[i] == octant) & (self.dominant[i] == dominant);
-            part.0[i] = rays.0[i] & -i32::from(same);
+            part.0[i] = -i32::from(same);
         }
         part
     }
 
-    /// Returns those of `rays` that have the dominant axis of the first one and its sign along that
-    /// axis.
+    /// Returns the rays that have the dominant axis of ray `first` and its sign along that axis.
     #[inline(always)]
-    pub fn aligned(&self, rays: &Mask) -> Mask {
-        let first = rays.first();
+    pub fn aligned(&self, first: usize) -> Mask {
+        let first = first % LANES;
         let dominant = self.dominant[first];
         let sign = self.along[first].to_bits() >> 31;
         let mut part = Mask::NONE;
         for i in 0..LANES {
             let same = (self.dominant[i] == dominant) & (self.along[i].to_bits() >> 31 == sign);
-            part.0[i] = rays.0[i] & -i32::from(same);
+            part.0[i] = -i32::from(same);
         }
         part
     }

@@ -8,6 +8,7 @@ use super::node::{Block, Child, Node, WIDTH};
 use super::query::Lane;
 use super::simd::{Candidates, Stack, Tier};
 use crate::accel::Visits;
+use crate::ray::Mask;
 use crate::simd::Kernel;
 
 /// Numbers of visits.
@@ -74,6 +75,10 @@ impl<T: Tier> Tier for Counting<'_, T> {
     fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         self.counts.primitives(block.present.count_ones());
         self.tier.triangles_in_frustum(block, frustum, end)
+    }
+
+    fn bits(self, mask: &Mask) -> u32 {
+        self.tier.bits(mask)
     }
 
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32 {

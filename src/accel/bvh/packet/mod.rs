@@ -35,7 +35,7 @@ pub struct Stacks<E: StackEntry> {
     /// Stack of the packet. Its memory belongs to the thread.
     packet: Vec<E>,
     /// Stack for tracing one ray alone.
-    single: E::SingleStack,
+    pub single: E::SingleStack,
 }
 
 impl<E: StackEntry> Stacks<E> {
@@ -56,7 +56,7 @@ impl<E: StackEntry> Stacks<E> {
 }
 
 /// Iterator over the indices of the bits that are set, lowest first.
-struct Bits(u32);
+pub struct Bits(pub u32);
 
 impl Iterator for Bits {
     type Item = usize;
@@ -84,20 +84,22 @@ pub struct Packet<'a, T> {
 }
 
 impl<'a, T: Tier> Packet<'a, T> {
-    /// Prepares the active rays of a query. For closest hits they must be coherent
+    /// Prepares the active rays of a query, as bits. For closest hits they must be coherent
     /// ([`Query::coherent`]), for any hit aligned ([`Query::aligned`]).
     #[inline(always)]
     pub fn new(
         tier: T,
         (tree, geometry): (&'a Tree, &'a Geometry),
         (query, rays): (&'a Query, &'a Rays),
-        active: &Mask,
+        active: u32,
     ) -> Self {
+        let lane = query.lane(active.trailing_zeros() as usize);
+        let active = Mask(spread(active));
         let mut tfar = query.tfar;
         for i in 0..LANES {
             tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
         }
-        let (frustum, end) = Frustum::new(tier, query, active, &tfar, &tree.bounds);
+        let (frustum, end) = Frustum::new(tier, lane, &active, &tfar, &tree.bounds);
         Self { tier, tree, geometry, query, rays, tfar, frustum, end }
     }
 

@@ -6,6 +6,7 @@ use super::super::frustum::{Frustum, HorizontalMin, Side};
 use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
+use crate::ray::Mask;
 use crate::simd::{Isa, Kernel, run_avx2};
 
 /// The AVX2 [`Tier`]. A value is the proof that this machine supports AVX2 and FMA.
@@ -522,6 +523,19 @@ impl Tier for Avx2 {
             let sides = [sides_of(block, frustum, end, 0), sides_of(block, frustum, end, 1)];
             astride(block, sides)
         }
+    }
+
+    #[inline(always)]
+    fn bits(self, mask: &Mask) -> u32 {
+        let mut lanes = 0;
+        for half in 0..2 {
+            // SAFETY: `self` proves AVX2; reads 8 i32 at the start of each half.
+            unsafe {
+                let half_lanes = _mm256_loadu_ps(mask.0.as_ptr().add(HALF * half).cast());
+                lanes |= (_mm256_movemask_ps(half_lanes) as u32) << (HALF * half);
+            }
+        }
+        lanes
     }
 
     #[inline(always)]

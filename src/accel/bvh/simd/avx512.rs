@@ -9,6 +9,7 @@ use super::super::frustum::{Frustum, HorizontalMin, Side};
 use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
+use crate::ray::Mask;
 use crate::simd::{Isa, Kernel, run_avx512};
 
 /// The AVX-512 [`Tier`]. A value is the proof that this machine supports AVX-512.
@@ -352,6 +353,12 @@ impl Tier for Avx512 {
             let astride = _mm512_testn_epi32_mask(common, common);
             u32::from(astride & block.present)
         }
+    }
+
+    #[inline(always)]
+    fn bits(self, mask: &Mask) -> u32 {
+        // SAFETY: `self` proves AVX-512; reads 16 i32.
+        unsafe { _mm512_movepi32_mask(_mm512_loadu_si512(mask.0.as_ptr().cast())).into() }
     }
 
     #[inline(always)]

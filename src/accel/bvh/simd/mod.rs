@@ -18,6 +18,7 @@ pub use self::stack::{MAX_DEPTH, Path, Stack};
 use super::frustum::{Frustum, HorizontalMin};
 use super::node::{Block, Child, Node, WIDTH};
 use super::query::Lane;
+use crate::ray::Mask;
 use crate::simd::Kernel;
 
 /// Relative slack of the signs of edge functions in f32, in units of max |q|.
@@ -68,6 +69,9 @@ pub trait Tier: HorizontalMin {
     /// Returns the triangles of a leaf that a frustum may contain before `end`, as bits: those
     /// whose corners do not all lie outside the same plane.
     fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32;
+
+    /// Returns the active lanes, as bits.
+    fn bits(self, mask: &Mask) -> u32;
 
     /// Returns the lanes in which `a` is at most `b`, as bits.
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32;

@@ -5,6 +5,7 @@ use super::super::frustum::{Frustum, HorizontalMin, Side};
 use super::super::node::{Block, Child, Node, WIDTH};
 use super::super::query::{Lane, Slabs};
 use super::{Candidates, EDGE_FLOOR, EDGE_SLACK, Stack, Tier};
+use crate::ray::Mask;
 use crate::simd::Kernel;
 
 /// The [`Tier`] that needs no particular instruction set.
@@ -111,6 +112,15 @@ impl Tier for Portable {
             mask |= u32::from(a & b & c == 0) << i;
         }
         mask & u32::from(block.present)
+    }
+
+    #[inline(always)]
+    fn bits(self, mask: &Mask) -> u32 {
+        let mut lanes = 0;
+        for i in 0..WIDTH {
+            lanes |= u32::from(mask.0[i] != 0) << i;
+        }
+        lanes
     }
 
     #[inline(always)]

@@ -71,7 +71,7 @@ impl<T: Tier> Kernel for RunFrustum<'_, T> {
         for i in 0..LANES {
             tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
         }
-        let (frustum, end) = Frustum::new(tier, query, active, &tfar, scene);
+        let (frustum, end) = Frustum::new(tier, query.lane(active.first()), active, &tfar, scene);
         [
             tier.children_in_frustum(node, &frustum, end),
             tier.triangles_in_frustum(block, &frustum, end),
