@@ -203,12 +203,13 @@ def write():
     pages = [('accuracy', 'the hard cases on every backend'), ('bench', 'backends on the same rays')]
     pages += [(f'converge-{name}', f'error against time of `scenes/{name}.json`') for name in there]
     pages = [page for page in pages if os.path.exists(os.path.join(OUT, f'{page[0]}.json'))]
-    index = ['# Reports', '', 'Written by the studies of `make report` (`make report REPORT_SECONDS=300` for longer, calmer numbers). '
-             'Each page is one file that needs no other; GitHub shows its source: download it to look at it.', '',
+    index = ['# Reports', '', '`make report` writes this page, the data and the HTML pages into docs/reports/ '
+             '(`make report REPORT_SECONDS=300` for longer, calmer numbers). Each HTML page is one file that needs no other. '
+             'The repository keeps this page and the JSON data.', '',
              f'Machine: {machine()}.', '', '| page | what | data |', '|---|---|---|']
     for name, what in pages:
-        data = [f'[{end}]({name}.{end})' for end in ['json', 'csv'] if os.path.exists(os.path.join(OUT, f'{name}.{end}'))]
-        index.append(f"| [{name}.html]({name}.html) | {what} | {', '.join(data)} |")
+        table_too = ', csv' if name.startswith('converge-') else ''
+        index.append(f"| {name}.html | {what} | [json]({name}.json){table_too} |")
     sections = [('Error against time', [line for lines in studies.values() for line in lines]),
                 ('Speed', bench_lines()), ('Accuracy', accuracy_lines())]
     sections = [section for section in sections if section[1]]
