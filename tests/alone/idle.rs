@@ -1,11 +1,7 @@
 //! Accelerators leave no thread behind that keeps a processor busy, whether they exist or were
 //! dropped. (Where other work keeps all processors busy, the test would not notice one.)
 
-#![cfg(target_os = "linux")]
-
-mod backends;
-
-use backends::on_both;
+use crate::backends::{self, on_both};
 use std::{fs, thread::sleep, time::Duration};
 
 use glam::DVec3;
@@ -22,6 +18,7 @@ fn ticks() -> u64 {
 
 on_both! {
 fn no_thread_spins_after_accelerators_of_one_thread(backend: Backend) {
+    let _alone = crate::alone();
     let vertices = (0..3000u32).map(|i| [i, i * 7 % 1000, i * 13 % 500].map(|x| x as f32));
     let triangles = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let mesh = TriangleMesh::new(vertices.collect(), triangles, false);

@@ -4,7 +4,6 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard};
 
 use lightpath::mesh::{Colors, Mesh, ReadOptions, Uvs, read_ply, read_ply_bytes};
 use peak_alloc::PeakAlloc;
@@ -12,13 +11,6 @@ use serde_json::Value;
 
 #[global_allocator]
 static ALLOCATED: PeakAlloc = PeakAlloc;
-
-/// Runs one test at a time, because memory is counted for the whole process.
-static ALONE: Mutex<()> = Mutex::new(());
-
-fn alone() -> MutexGuard<'static, ()> {
-    ALONE.lock().unwrap_or_else(|failed| failed.into_inner())
-}
 
 /// Returns all meshes of `tests/ply/FOLDER`, each with the content of the file that has the same
 /// name and the ending `beside`.
@@ -66,7 +58,7 @@ fn read_in_all_ways(path: &Path) -> Mesh {
 
 #[test]
 fn valid_files_hold_the_data_of_their_writers() {
-    let _alone = alone();
+    let _alone = crate::alone();
     let files = corpus("valid", "json");
     assert!(files.len() > 40, "{}", files.len());
     for (path, expected) in files {
@@ -119,7 +111,7 @@ fn check_shape(mesh: &Mesh, expected: &Value, place: &str) {
 
 #[test]
 fn invalid_files_get_the_expected_error() {
-    let _alone = alone();
+    let _alone = crate::alone();
     let files = corpus("invalid", "txt");
     assert!(files.len() > 15, "{}", files.len());
     for (path, expected) in files {
@@ -181,7 +173,7 @@ fn survives(bytes: &[u8], what: &str) -> bool {
 
 #[test]
 fn every_file_may_be_cut_anywhere() {
-    let _alone = alone();
+    let _alone = crate::alone();
     let mut cuts = 0;
     for (path, _) in corpus("valid", "json") {
         let bytes = fs::read(&path).unwrap();
@@ -196,7 +188,7 @@ fn every_file_may_be_cut_anywhere() {
 
 #[test]
 fn any_byte_may_be_changed() {
-    let _alone = alone();
+    let _alone = crate::alone();
     let mut seed = 20u64;
     let mut random = move |below: usize| {
         seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -226,7 +218,7 @@ fn frame(window: u8, data: &[u8]) -> Vec<u8> {
 
 #[test]
 fn a_window_takes_no_memory_until_data_fills_it() {
-    let _alone = alone();
+    let _alone = crate::alone();
     let ply =
         fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/octahedron.ply")).unwrap();
     let (first, second) = ply.split_at(ply.len() / 2);

@@ -1,8 +1,6 @@
 //! Merged parts of a picture have the bytes of one render, or are refused with a reason.
 
-mod program;
-
-use program::{Done, Scratch};
+use crate::support::program::{Done, Scratch};
 
 /// Lights, mirrors, an area light, a lens, antialiasing, shapes that share a name.
 const SCENE: &str = r#"{

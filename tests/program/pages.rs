@@ -1,10 +1,7 @@
 //! Every page that the program writes, in a browser: narrow and wide, light and dark.
 
-mod browser;
-mod program;
-
-use browser::{browse, look};
-use program::{PYRAMID, Scratch};
+use crate::support::browser::{browse, look};
+use crate::support::program::{PYRAMID, Scratch};
 
 const SCENE: &str = r#"{
   "spp": 4, "nbounces": 1,

@@ -1,11 +1,8 @@
 //! Output on a terminal, which `script` of util-linux provides.
-#![cfg(unix)]
-
-mod program;
 
 use std::process::{Command, Stdio};
 
-use program::{Scratch, sheet};
+use crate::support::program::{Scratch, sheet};
 
 const SCENE: &str = r#"{
   "spp": 16,

@@ -1,8 +1,6 @@
 //! Wrong usage gives a clear message and the right exit code; commands that need no renderer work.
 
-mod program;
-
-use program::{Scratch, lightpath};
+use crate::support::program::{self, Scratch, lightpath};
 
 const SCENE: &str = r#"{
   "camera": { "type": "pinhole", "width": 8, "height": 6, "fov": 40,

@@ -1,8 +1,6 @@
 //! Compares the structures that are passed to Embree with Embree's own headers: a C program prints
 //! every size, alignment and offset. Ignored if there were no headers (`EMBREE_DIR/include`, else
 //! the system's) when the test was compiled.
-#![cfg(feature = "embree")]
-
 use std::{env, fmt::Write, process::Command};
 
 use lightpath::accel::embree::LAYOUTS;

@@ -1,10 +1,12 @@
 //! Rules for the package itself: oldest compiler, lock file, licence texts.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
+
+use crate::rust_files;
 
 /// Converts `"1.85"` and `"1.85.0"` to numbers that compare.
 fn release(version: &str) -> (u64, u64, u64) {
@@ -74,12 +76,8 @@ fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
 /// Finds syntax that is newer than our oldest compiler. clippy only finds newer functions.
 #[test]
 fn no_syntax_is_newer_than_the_oldest_compiler() {
-    let mut files = Vec::new();
-    for folder in ["src", "tests", "benches", "examples"] {
-        list(&Path::new(env!("CARGO_MANIFEST_DIR")).join(folder), &mut files);
-    }
     let mut complaints = Vec::new();
-    for file in files {
+    for file in ["src", "tests", "benches", "examples"].into_iter().flat_map(rust_files) {
         let text = fs::read_to_string(&file).expect("a source file");
         let lines: Vec<&str> = text.lines().map(str::trim).collect();
         for (index, line) in lines.iter().enumerate() {
@@ -120,24 +118,12 @@ fn newer(line: &str, before: &[&str], after: &[&str]) -> Option<&'static str> {
     None
 }
 
-fn list(folder: &Path, files: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).into_iter().flatten() {
-        let path = entry.expect("an entry").path();
-        if path.is_dir() {
-            list(&path, files);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            files.push(path);
-        }
-    }
-}
-
 /// Only `src/cli/` and `src/main.rs` belong to the program. Any other code would print or exit
 /// inside other people's programs.
 #[test]
 fn the_library_neither_prints_nor_exits() {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = Vec::new();
-    list(&src, &mut files);
+    let files = rust_files("src");
     let of_program = |file: &Path| file.starts_with(src.join("cli")) || file == src.join("main.rs");
     assert!(
         files.iter().any(|file| of_program(file)) && files.iter().any(|file| !of_program(file))

@@ -3,7 +3,7 @@
 //!
 //! Tests that depend on hits run on both. Tests of files, flags, messages and sampling run only on
 //! the default backend, because the backend does not affect them.
-#![allow(dead_code, unused_imports, unused_macros)] // each test program uses its own part of this module
+#![allow(unused_imports, unused_macros)] // each test program uses its own part of this module
 
 use lightpath::{
     accel::{self, Accelerator, BuildOptions},

@@ -28,7 +28,6 @@ pub fn browse(args: &[&str], page: &Path) -> Option<String> {
 }
 
 /// Properties of a page in a window of a given width.
-#[allow(dead_code)] // of one test program
 #[derive(Debug, PartialEq, serde::Deserialize)]
 pub struct Seen {
     /// Width of the page in CSS pixels. If it exceeds the window's, the page scrolls sideways.
@@ -85,7 +84,6 @@ const LOOK: &str = r#"
 
 /// Opens a page in a window `width` wide, with its `<details>` open if `open`. `None` if there is
 /// no browser.
-#[allow(dead_code)] // of one test program
 pub fn look(page: &Path, width: u32, dark: bool, open: bool) -> Option<Seen> {
     let html = fs::read_to_string(page).unwrap();
     let watch = "<script>var errors = []; onerror = (text) => { errors.push(text); };</script>";

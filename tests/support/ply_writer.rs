@@ -1,5 +1,4 @@
 //! Writes small PLY files of any layout in all three encodings.
-#![allow(dead_code)]
 
 use lightpath::error::{Error, Kind};
 use lightpath::mesh::{Mesh, Positions, ReadOptions, read_ply_bytes};

@@ -1,8 +1,4 @@
 //! Runs the program in a scratch folder.
-#![allow(dead_code)] // each test program uses its own part of this module
-
-#[path = "../backends/mod.rs"]
-pub mod backends;
 
 use std::{
     fs,

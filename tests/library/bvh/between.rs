@@ -4,8 +4,8 @@ use glam::DVec3;
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
 use lightpath::ray::{LANES, Mask, Rays};
 
-use super::random::Random;
 use super::tiers::{ALL, Tiers, put, ray};
+use crate::support::random::Random;
 
 /// Triangles of `size` all over the cube from -1 to 1, some quads and a sphere.
 fn scattered(random: &mut Random, size: f64, triangles: usize) -> Geometry {

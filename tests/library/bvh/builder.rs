@@ -12,9 +12,9 @@ use lightpath::ray::{Coherence, LANES, Rays};
 use lightpath::scene::Backend;
 use lightpath::simd::Isa;
 
-use super::random::Random;
 use super::reference;
 use super::tiers::{ALL, OPTIONS, Tiers, build, put, ray};
+use crate::support::random::Random;
 
 const NUMBERS: [usize; 14] = [0, 1, 2, 3, 4, 5, 15, 16, 17, 31, 32, 33, 256, 257];
 

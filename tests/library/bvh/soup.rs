@@ -4,9 +4,9 @@ use glam::DVec3;
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
 use lightpath::ray::{LANES, Rays};
 
-use super::random::Random;
 use super::tiers::{ALL, Tiers, put, ray};
 use super::{case, reference};
+use crate::support::random::Random;
 
 #[test]
 fn random_bytes_make_no_failing_case() {

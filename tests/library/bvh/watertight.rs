@@ -6,8 +6,8 @@ use lightpath::geometry::{Geometry, TriangleMesh};
 use lightpath::measure::accuracy::meshes::{Shape, cube, icosphere};
 use lightpath::ray::{LANES, Rays};
 
-use super::random::Random;
 use super::tiers::{ALL, Tiers, put, ray};
+use crate::support::random::Random;
 
 /// A shape that is placed in a scene.
 struct Place {

@@ -2,12 +2,10 @@
 //! within their primitive's box, impossible rays, and packets compared with single rays and an f64
 //! oracle.
 
-mod backends;
-mod oracle;
-
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use backends::on_both;
+use crate::support::backends::{self, on_both};
+use crate::support::oracle::{Answer, Scale, closest};
 use glam::DVec3;
 use lightpath::{
     accel::Accelerator,
@@ -15,7 +13,6 @@ use lightpath::{
     ray::{Coherence, LANES, Mask, RayPacket},
     scene::Backend,
 };
-use oracle::{Answer, Scale, closest};
 use proptest::{
     collection::vec,
     prelude::*,

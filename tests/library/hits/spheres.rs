@@ -1,8 +1,7 @@
 //! Spheres at the limits of f64: tiny and far, huge and near; rays from within, from the surface
 //! and along the outline. Compared with an oracle in integers.
 
-mod backends;
-
+use crate::support::backends;
 use glam::DVec3;
 use lightpath::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket};

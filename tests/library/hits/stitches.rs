@@ -1,11 +1,11 @@
 //! Triangles without area that close T-junctions. A mesh closed by them stays closed wherever it is
 //! placed.
 
-mod program;
-
 use std::fmt::Write as _;
 use std::path::Path;
 
+use crate::support::backends::{self, on_both};
+use crate::support::program::Scratch;
 use glam::{DVec3, Vec3};
 use lightpath::film::{ReservedFilm, Window};
 use lightpath::geometry::{Surfaces, refine};
@@ -14,7 +14,6 @@ use lightpath::ray::{Coherence, LANES, Mask, RayPacket};
 use lightpath::render;
 use lightpath::scene::{self, Backend, Source};
 use lightpath::world::{LoadOptions, World};
-use program::{Scratch, backends::on_both};
 use serde_json::{Value, json};
 
 /// Number of points on an edge that only one of its two faces has as vertices.
@@ -141,7 +140,7 @@ fn load(folder: &Path, mesh: &Value) -> (World, Vec<String>) {
 /// Shoots rays from near the middle at points of the edges. Returns the misses, and the packets
 /// that hit a stitch.
 fn shoot(world: &World, solid: &Solid, backend: Backend) -> (usize, Vec<(Mask, RayPacket)>) {
-    let accelerator = program::backends::build(&world.geometry, backend);
+    let accelerator = backends::build(&world.geometry, backend);
     let mesh = &world.geometry.meshes[0];
     let at = |v: u32| Vec3::from(mesh.vertices()[v as usize]).as_dvec3();
     let middle =
@@ -232,7 +231,7 @@ on_both! {
             let pictures = [true, false].map(|stitched| {
                 solid.write(&folder.path().join("solid.ply"), stitched, "float");
                 let (world, _) = load(folder.path(), &place);
-                let accelerator = program::backends::build(&world.geometry, backend);
+                let accelerator = backends::build(&world.geometry, backend);
                 let window = Window::full(64, 48);
                 let mut film = ReservedFilm::new(world.frame, window, Vec::new()).unwrap().film();
                 let monitor = Monitor::default();

@@ -1,12 +1,10 @@
 //! Smooth normals on coarse meshes: no stairs of shadow at the terminator, no mirrored ray into its
 //! own surface, and normals that face the wrong way.
 
-mod backends;
-
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-use backends::{build, on_both};
+use crate::support::backends::{build, on_both};
 use glam::{DVec3, Vec3};
 use lightpath::accel::Accelerator;
 use lightpath::geometry::{NONE, Surfaces, refine};

@@ -1,8 +1,6 @@
 //! A backend with wrong answers is detected, and only that one.
 
-mod backends;
-
-use backends::on_both;
+use crate::support::backends::{self, on_both};
 use lightpath::accel::{Accelerator, BuildInfo};
 use lightpath::measure::answers::compare;
 use lightpath::measure::rays::{Class, Recording, record};

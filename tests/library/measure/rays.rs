@@ -1,8 +1,6 @@
 //! The recorded rays of a scene: all classes, the renderer's own rays, and the same every time.
 
-mod backends;
-
-use backends::on_both;
+use crate::support::backends::{self, on_both};
 use lightpath::film::{Film, Window};
 use lightpath::measure::rays::{Class, Recorded, Recording, record};
 use lightpath::monitor::Monitor;

@@ -1,14 +1,11 @@
 //! Closed forms compared with the film before any file format rounds it: to 1e-6 in f32.
 
-#[path = "reference/analytic.rs"]
-#[allow(dead_code)] // spheres in longitude and latitude, which tests/analytic.rs needs
-mod analytic;
-mod backends;
-
 use std::path::Path;
 
-use analytic::{LitSphere, facing_mirrors, plane_coordinates, polygon_irradiance};
-use backends::on_both;
+use crate::support::backends::{self, on_both};
+use crate::support::reference::analytic::{
+    LitSphere, facing_mirrors, plane_coordinates, polygon_irradiance,
+};
 use lightpath::{
     film::{Film, Window},
     monitor::Monitor,

@@ -1,10 +1,8 @@
 //! Compares layers with the beauty, with each other and with the scene.
 
-mod backends;
-
 use std::{collections::BTreeSet, path::Path};
 
-use backends::on_both;
+use crate::support::backends::on_both;
 use lightpath::{
     accel::{self, BuildOptions},
     camera,

@@ -1,10 +1,9 @@
 //! Blocks of the picture that are found to be empty as a whole have the same bits as sample by
 //! sample.
 
-mod program;
-
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
+use crate::support::program::{PYRAMID, Scratch};
 use lightpath::{
     accel::{Accelerator, BuildInfo, BuildOptions, bvh::Bvh},
     film::{Film, Window},
@@ -15,7 +14,6 @@ use lightpath::{
     simd::Isa,
     world::{LoadOptions, World},
 };
-use program::{PYRAMID, Scratch};
 
 /// Objects with much sky around them, in different colours.
 const SCENE: &str = r#"{

@@ -1,12 +1,10 @@
 //! The texel that a camera ray sees, on every kind of shape, compared with f64 arithmetic on the
 //! ray and the formulas of docs/guide/scene-format.md.
 
-mod backends;
-
 use std::fmt::Write as _;
 use std::path::Path;
 
-use backends::on_both;
+use crate::support::backends::{self, on_both};
 use glam::{DVec2, DVec3};
 use image::{Rgb, RgbImage};
 use lightpath::film::{Film, ReservedFilm, Window};

@@ -1,13 +1,11 @@
 //! Every invalid PLY file gets its message, the messages are those of docs/notebook/bad-input.md,
 //! and no sequence of bytes makes the reader panic.
 
-mod ply_writer;
-mod program;
-
+use crate::support::program;
 use std::path::Path;
 
+use crate::support::ply_writer::{self, ALL, Encoding, Ply, V, numbers, read, refused};
 use lightpath::mesh::{ReadOptions, TriangleCount, inspect_ply, read_ply, read_ply_bytes};
-use ply_writer::{ALL, Encoding, Ply, V, numbers, read, refused};
 use proptest::prelude::*;
 
 /// Returns a header of text lines, without data.
@@ -352,7 +350,7 @@ fn the_program_refuses_every_bad_file() {
 
 #[test]
 fn the_table_in_the_docs_matches_the_program() {
-    let docs = include_str!("../docs/notebook/bad-input.md");
+    let docs = include_str!("../../../docs/notebook/bad-input.md");
     let table = docs.split("\n## Meshes\n").nth(1).unwrap().split("\n## ").next().unwrap();
     let rows = cases().into_iter().map(|(what, _, message)| (what, message)).chain(path_cases());
     let rows: Vec<String> = rows

@@ -1,9 +1,7 @@
 //! Every layout that a PLY file may have, in all three encodings.
 
-mod ply_writer;
-
+use crate::support::ply_writer::{ALL, Encoding, Ply, V, lists, numbers, points, read, read_all};
 use lightpath::mesh::{Colors, Positions, ReadOptions, Uvs, read_ply, read_ply_bytes};
-use ply_writer::{ALL, Encoding, Ply, V, lists, numbers, points, read, read_all};
 
 #[test]
 fn triangles() {

@@ -1,19 +1,17 @@
 //! Files that are compressed, come through a pipe, are truncated during reading, or whose reading
 //! is stopped.
 
-mod ply_writer;
-mod program;
-
+use crate::support::program;
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use crate::support::ply_writer::{ALL, Encoding, Ply, V, lists, numbers};
 use flate2::{Compression, write::GzEncoder};
 use lightpath::error::{Kind, Result};
 use lightpath::mesh::{Mesh, ReadOptions, read_ply, read_ply_bytes};
 use lightpath::monitor::Monitor;
-use ply_writer::{ALL, Encoding, Ply, V, lists, numbers};
 
 fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut out = GzEncoder::new(Vec::new(), Compression::fast());

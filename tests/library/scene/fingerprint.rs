@@ -1,17 +1,15 @@
 //! The hash of everything that determines a picture's pixels. It does not depend on paths and names
 //! of files, and differs for every visible change.
 
-mod program;
-
 use std::{fs, path::Path};
 
+use crate::support::program::PYRAMID;
 use lightpath::{
     error::Kind,
     monitor::Monitor,
     scene::{self, Source},
     world::{Contents, LoadOptions, World, fingerprint},
 };
-use program::PYRAMID;
 
 const SCENE: &str = r#"{
   "camera": { "type": "pinhole", "width": 40, "height": 24, "fov": 40,

@@ -1,10 +1,8 @@
 //! `lightpath batch` through the program: frames rendered and kept, refusals and messages.
 
-mod program;
-
 use std::{fs, path::Path, time::SystemTime};
 
-use program::{PYRAMID, Scratch, names_in};
+use crate::support::program::{self, PYRAMID, Scratch, names_in};
 use serde_json::Value;
 
 /// Flags for small pictures with a backend that is always available.
@@ -434,7 +432,7 @@ fn invalid_jobs_are_refused_before_rendering() {
     assert_eq!(done.code(), 1);
     assert!(done.stderr().contains("--max-memory: found 1.0 MiB, expected at least"));
     // No output may overwrite an input.
-    let studio = include_str!("../assets/studio.json");
+    let studio = include_str!("../../../assets/studio.json");
     let textured =
         studio.replace("\"kd\": 1,\n        \"ka\"", "\"kd\": 1, \"tPath\": \"a.png\", \"ka\"");
     assert_ne!(studio, textured);

@@ -1,8 +1,5 @@
 //! Kills a batch again and again. Finished files must be complete, and in the end all frames must
 //! exist.
-#![cfg(unix)]
-
-mod program;
 
 use std::{
     collections::BTreeMap,
@@ -13,7 +10,7 @@ use std::{
     time::Duration,
 };
 
-use program::{PYRAMID, Scratch, names_in};
+use crate::support::program::{PYRAMID, Scratch, names_in};
 
 const MESHES: u32 = 50;
 const FRAMES: u32 = 4;

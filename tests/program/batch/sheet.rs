@@ -1,11 +1,8 @@
 //! The contact sheet in a browser: it needs no other file, shows turntables, sorts, and shows
 //! failures.
 
-mod browser;
-mod program;
-
-use browser::browse;
-use program::{PYRAMID, Scratch};
+use crate::support::browser::browse;
+use crate::support::program::{PYRAMID, Scratch};
 
 /// A batch of turntables of two pyramids, and a file that is not a mesh.
 fn sheet() -> Scratch {

@@ -1,13 +1,10 @@
 //! Bad input to the program gives one clear message and the right exit code, without a panic, an
 //! output or a part file, and with little memory. The tables here are those of
 //! docs/notebook/bad-input.md.
-#![cfg(unix)]
-
-mod program;
 
 use std::{fs, os::unix::process::CommandExt, process::Command};
 
-use program::{PYRAMID, Refusals, Table};
+use crate::support::program::{PYRAMID, Refusals, Table};
 
 const SCENE: &str = r#"{
   "camera": { "type": "pinhole", "width": 8, "height": 6, "fov": 40,
@@ -301,7 +298,7 @@ fn the_memory_named_in_the_message_suffices() {
 #[cfg(feature = "embree")]
 mod embree {
     use super::*;
-    use crate::program::Done;
+    use crate::support::program::Done;
 
     const FILE: &str = env!("LIGHTPATH_EMBREE_FILE");
 
@@ -316,7 +313,7 @@ mod embree {
     /// still work.
     #[test]
     fn commands_that_do_not_use_embree_work_without_it() {
-        let scratch = crate::program::Scratch::with(SCENE);
+        let scratch = crate::support::program::Scratch::with(SCENE);
         fs::create_dir(scratch.path("lib")).unwrap();
         fs::write(scratch.path("lib").join(FILE), "not a library").unwrap();
         let run = |args: &str| {
@@ -385,7 +382,7 @@ mod embree {
         fs::write(&path, "not a library").unwrap();
         table.add("no library, or one that does not load", &shortened(&render(&refusals)));
         // Every function that the program declares.
-        let source = include_str!("../src/accel/embree/ffi.rs");
+        let source = include_str!("../../../src/accel/embree/ffi.rs");
         let names: Vec<&str> = source.split('"').filter(|name| name.starts_with("rtc")).collect();
         assert!(names.len() > 20, "{names:?}");
         if !compile(&path, &[], &[]) {

@@ -1,12 +1,9 @@
 //! A disk that fills up while a picture with all its layers is written: exit code 3, no new or
 //! broken file, and old files unchanged.
-#![cfg(target_os = "linux")]
-
-mod program;
 
 use std::process::Command;
 
-use program::{Done, Scratch};
+use crate::support::program::{Done, Scratch};
 
 const SCENE: &str = r#"{
   "spp": 4,

@@ -1,9 +1,6 @@
 //! Names with escapes of terminals, line breaks, links and pipes. Nothing that the program prints
 //! may move a cursor or start a line that a farm reads as a command, and nothing may be written
 //! elsewhere.
-#![cfg(unix)]
-
-mod program;
 
 use std::{
     fs,
@@ -12,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use program::{Done, PYRAMID, Scratch, names_in};
+use crate::support::program::{Done, PYRAMID, Scratch, names_in};
 
 /// Clears a terminal; colours it, also with a one-byte escape; adds a line for a farm; reverses the
 /// text.

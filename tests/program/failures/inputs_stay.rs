@@ -1,8 +1,5 @@
 //! No output overwrites an input, and a picture comes from the very files that its fingerprint
 //! covers.
-#![cfg(unix)]
-
-mod program;
 
 use std::{
     fs,
@@ -12,8 +9,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::support::program::{self, Done, PYRAMID, Scratch};
 use lightpath::{merge::Parts, monitor::Monitor};
-use program::{Done, PYRAMID, Scratch};
 
 /// Flags for small pictures with a backend that is always available.
 const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];

@@ -1,13 +1,10 @@
 //! With little memory and few threads, a run ends normally or with exit code 3 (2 if the user set
 //! the limit or the file lies), never by an abort or a panic. One bad input of a batch fails alone.
-#![cfg(target_os = "linux")]
-
-mod program;
 
 use std::{fs, process::Command};
 
+use crate::support::program::{Done, PYRAMID, Scratch, names_in, sheet};
 use exr::prelude::*;
-use program::{Done, PYRAMID, Scratch, names_in, sheet};
 
 /// Flags for small pictures with a backend that is always available.
 const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];

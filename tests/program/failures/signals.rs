@@ -1,8 +1,5 @@
 //! Signals and kills give the right exit code, promptly, and never leave an incomplete file under a
 //! final name.
-#![cfg(unix)]
-
-mod program;
 
 use std::{
     fs,
@@ -12,8 +9,9 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::support::backends::on_both;
+use crate::support::program::{self, Scratch, names_in};
 use lightpath::scene::Backend;
-use program::{Scratch, backends::on_both, names_in};
 
 /// A render of some minutes.
 const SLOW: &str = r#"{

@@ -1,8 +1,6 @@
 //! Real farm software: Slurm's own daemons with nodes that die, and Open Job Description's own
 //! runner. Tests are skipped with a message if these are not installed.
 
-mod program;
-
 use std::{
     path::{Path, PathBuf},
     process::Command,
@@ -10,7 +8,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use program::{Done, PYRAMID, Scratch, names_in};
+use crate::support::program::{Done, PYRAMID, Scratch, names_in};
 
 const FRAMES: usize = 60;
 

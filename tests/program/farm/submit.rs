@@ -1,8 +1,6 @@
 //! `lightpath submit slurm`: arguments of `sbatch` for any names. tests/farm.rs runs them.
 
-mod program;
-
-use program::{PYRAMID, Scratch};
+use crate::support::program::{self, PYRAMID, Scratch};
 
 fn scratch(frames: u32) -> Scratch {
     let scratch = Scratch::new();

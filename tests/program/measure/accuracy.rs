@@ -1,10 +1,8 @@
 //! `accuracy` through the program: the whole quick catalogue passes; outputs and exit codes.
 
-mod program;
-
 use std::collections::BTreeSet;
 
-use program::Scratch;
+use crate::support::program::Scratch;
 use serde_json::Value;
 
 fn json(scratch: &Scratch, name: &str) -> Value {

@@ -1,9 +1,7 @@
 //! `lightpath bench` through the program: table, JSON, page, baselines, and refusals.
 
-mod program;
-
+use crate::support::program::{self, PYRAMID, Scratch};
 use lightpath::measure::result::{Report, What};
-use program::{PYRAMID, Scratch};
 
 fn bench(scratch: &Scratch, flags: &[&str]) -> program::Done {
     scratch.run(&[&["bench", "--quick", "--threads", "2"], flags].concat())

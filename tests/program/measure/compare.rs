@@ -1,15 +1,13 @@
 //! `compare` through the program: numbers, maps, layers, thresholds and exit codes.
 
-mod program;
-
 use std::path::Path;
 
+use crate::support::program::{self, Done, Scratch};
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Compression, Encoding, FlatSamples, Image,
     ImageAttributes, Layer, LayerAttributes, Text, WritableImage,
 };
 use half::f16;
-use program::{Done, Scratch};
 use serde_json::Value;
 
 const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/metrics");

@@ -1,10 +1,8 @@
 //! `converge` through the program: studies of a small scene, output files, budgets and bad input.
 
-mod program;
-
 use std::time::Instant;
 
-use program::{Done, Scratch};
+use crate::support::program::{Done, Scratch};
 use serde_json::Value;
 
 /// The shadow of a ball under an area light.

@@ -1,8 +1,6 @@
 //! `crosscheck` through the program: reports, saved findings, replays and exit codes.
 
-mod program;
-
-use program::{Done, PYRAMID, Scratch};
+use crate::support::program::{Done, PYRAMID, Scratch};
 use serde_json::Value;
 
 /// A pyramid and a sphere above a mirror. `coursework` and `brute` need no library.

@@ -1,12 +1,10 @@
 //! Pictures with pixels in closed form, compared with the reference tracer (to 1e-9) and with the
 //! renderer (to the precision of a half-float EXR, or of its own samples).
 
-mod reference;
-
-use reference::analytic::{
+use crate::support::reference::analytic::{
     LitSphere, facing_mirrors, lonlat_point, lonlat_uv, plane_coordinates, polygon_irradiance,
 };
-use reference::{Density, Picture, assets, program, scene::Scene};
+use crate::support::reference::{self, Density, Picture, assets, program, scene::Scene};
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -2,12 +2,10 @@
 //! away, a camera exactly on a surface. Compared with the independent ray tracer of `reference/` on
 //! every backend.
 
-mod program;
-mod reference;
-
+use crate::support::backends::on_both;
+use crate::support::program::Scratch;
+use crate::support::reference::{self, Density, Picture, compare, scene::Scene};
 use lightpath::scene::Backend;
-use program::{Scratch, backends::on_both};
-use reference::{Density, Picture, compare, scene::Scene};
 use serde_json::{Value, json};
 
 /// Returns the pixels that differ from the reference by more than 1 % of the brighter one, with a

@@ -1,13 +1,11 @@
 //! Pictures of rotated rooms with a light panel in the ceiling, compared with the independent ray
 //! tracer of `reference/`; and lights of almost no area, which act as points.
 
-mod program;
-mod reference;
-
+use crate::support::backends::on_both;
+use crate::support::program::Scratch;
+use crate::support::reference::{self, Density, Picture, compare, scene::Scene};
 use glam::{DMat3, DVec3};
 use lightpath::scene::Backend;
-use program::{Scratch, backends::on_both};
-use reference::{Density, Picture, compare, scene::Scene};
 use serde_json::{Value, json};
 
 /// A rotated glossy room from -1 to 1, open towards +z. Its light is 1 x 0.75 at the height `lamp`.

@@ -4,12 +4,9 @@
 //! with area lights, lens and antialiasing must agree within the noise that their number of samples
 //! implies. `compare.rs` states and justifies every tolerance.
 
-mod backends;
-mod reference;
-
-use backends::on_both;
+use crate::support::backends::on_both;
+use crate::support::reference::{self, Density, Picture, assets, compare, program, scene::Scene};
 use lightpath::scene::Backend;
-use reference::{Density, Picture, assets, compare, program, scene::Scene};
 use std::path::{Path, PathBuf};
 
 /// Makes a temporary folder with the scene and every asset.

@@ -1,13 +1,12 @@
 //! `--noise`, `--time` and `--adaptive-shadows` give the same bits as a plain render where that is
 //! possible, and no bias elsewhere.
 
-mod program;
-
 use std::io::Cursor;
 
+use crate::support::backends::on_both;
+use crate::support::program::{Done, PYRAMID, Scratch};
 use exr::prelude::{ReadChannels, ReadLayers, read_all_flat_layers_from_file};
 use lightpath::scene::Backend;
-use program::{Done, PYRAMID, Scratch, backends::on_both};
 use serde_json::Value;
 
 /// A wire, a fiftieth of a light's width, hangs in front of the light over a floor. A mirror ball

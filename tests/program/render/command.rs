@@ -1,10 +1,8 @@
 //! Whole renders through the program: files, flags, statistics and signals.
 
-mod program;
-
 use std::io::Cursor;
 
-use program::{Done, Scratch};
+use crate::support::program::{self, Done, Scratch};
 
 const SCENE: &str = r#"{
   "spp": 2,
@@ -317,7 +315,7 @@ fn messages_name_the_mesh_as_it_was_typed() {
     // A face with a corner too few is read with a warning that names the file.
     scratch.write("data/real.ply", &program::PYRAMID.replace("3 3 0 4", "2 3 0"));
     std::os::unix::fs::symlink("real.ply", scratch.path("data/link.ply")).unwrap();
-    scratch.write("t/template.json", include_str!("../assets/studio.json"));
+    scratch.write("t/template.json", include_str!("../../../assets/studio.json"));
     let small = ["--size", "30x20", "--spp", "1", "-o", "x"];
     for (typed, template) in [("data/link.ply", None), ("./data/link.ply", Some("t/template.json"))]
     {

@@ -1,12 +1,10 @@
 //! Cryptomattes through the program: how many objects a pixel can hold, and which parts of a file
 //! announce them.
 
-mod program;
-
 use std::collections::BTreeMap;
 
+use crate::support::program::{Done, Scratch};
 use exr::prelude::*;
-use program::{Done, Scratch};
 use serde_json::{Value, json};
 
 /// A scene whose pixels see up to a dozen spheres, some with the same name.

@@ -1,12 +1,11 @@
 //! The same scene gives the same bytes for any number of threads, on every run, and for every crop.
 
-mod program;
-
 use std::io::Cursor;
 
+use crate::support::backends::on_both;
+use crate::support::program::Scratch;
 use exr::prelude::{ReadChannels, ReadLayers};
 use lightpath::scene::Backend;
-use program::{Scratch, backends::on_both};
 
 /// A scene with everything that uses random numbers, bounces or packets: lens, both kinds of area
 /// lights, point light, mirrors, mesh, sphere, plane.

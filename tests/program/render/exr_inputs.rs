@@ -1,10 +1,8 @@
 //! EXR files of other programs: every reader accepts what the format allows, or names what it
 //! cannot read.
 
-mod program;
-
+use crate::support::program::Scratch;
 use exr::prelude::*;
-use program::Scratch;
 
 const SCENE: &str = r#"{ "camera": { "type": "pinhole", "width": 12, "height": 8, "fov": 40,
     "position": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0] },

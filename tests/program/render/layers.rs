@@ -1,10 +1,8 @@
 //! Layers through the program: names, files, refusals.
 
-mod program;
-
 use std::collections::BTreeMap;
 
-use program::{Done, Scratch};
+use crate::support::program::{Done, Scratch};
 
 const SCENE: &str = r#"{
   "spp": 4,

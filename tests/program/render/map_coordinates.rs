@@ -2,20 +2,18 @@
 //! bytes; by any other shift, nearly the same. The program reports the detail that single precision
 //! around the scene's own origin keeps.
 
-mod program;
-
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use crate::support::backends::{self, on_both};
+use crate::support::program::{self, Scratch};
 use glam::DVec3;
 use lightpath::film::{ReservedFilm, Window};
 use lightpath::monitor::Monitor;
 use lightpath::scene::{self, Backend, Source};
 use lightpath::simd::Isa;
 use lightpath::world::{LoadOptions, World};
-use program::Scratch;
-use program::backends::on_both;
 use serde_json::{Value, json};
 
 /// A place in map coordinates: metres east, north, up.
@@ -102,7 +100,7 @@ fn load(scene: &Value, folder: &Path, resolutions: bool) -> (World, Vec<String>)
 /// Returns the bits of all pixels.
 fn render(world: &World, backend: Backend) -> Vec<[u32; 4]> {
     let (monitor, isa) = (Monitor::default(), Isa::detect());
-    let accelerator = program::backends::build(&world.geometry, backend);
+    let accelerator = backends::build(&world.geometry, backend);
     let [width, height] = world.frame;
     let mut film =
         ReservedFilm::new(world.frame, Window::full(width, height), Vec::new()).unwrap().film();

@@ -1,16 +1,15 @@
 //! The predicted memory is what a render takes, and `--max-memory` limits images.
 
-mod program;
-
 use std::fs;
 
+use crate::support::backends::on_both;
+use crate::support::program::{self, Scratch, sheet};
 use lightpath::{
     error::Kind,
     monitor::Monitor,
     scene::{self, Backend, Source},
     world::{LoadOptions, World},
 };
-use program::{Scratch, backends::on_both, sheet};
 use serde_json::{Value, json};
 
 fn with_shapes(shapes: Value) -> String {

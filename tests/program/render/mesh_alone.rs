@@ -1,8 +1,6 @@
 //! A mesh without a scene: its picture and its messages.
 
-mod program;
-
-use program::{Done, Scratch};
+use crate::support::program::{Done, Scratch};
 use serde_json::Value;
 
 /// A box of 2 x 2 x `long` with shared vertices, from -1 in y up. `more` is added to the header.

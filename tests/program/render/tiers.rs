@@ -1,12 +1,10 @@
 //! Every instruction set of our own kernels gives the same bytes for every shipped scene, for
 //! tracing and shading. Only `bvh` uses both; shading is the same beside other backends.
 
-mod program;
-
 use std::{fs, path::PathBuf};
 
+use crate::support::program::Scratch;
 use lightpath::simd::Isa;
-use program::Scratch;
 
 /// Flags that make a scene small, with all its layers and more than one sample.
 const SMALL: [&str; 10] = [

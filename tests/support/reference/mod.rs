@@ -5,7 +5,6 @@
 //! dense regular one, so its pictures are the integrals that the renderer estimates. Clarity comes
 //! before speed; errors cause a panic that names the input. Quotes in doc comments name the section
 //! of `scene-format.md` that a formula comes from.
-#![allow(dead_code)] // each test program uses its own part of this module
 
 pub mod analytic;
 pub mod assets;

@@ -2,8 +2,6 @@
 //! scene's origin. No surface may shadow or mirror itself, and an object four ulp above it must
 //! cast a shadow. For comparison, the coursework's fixed offset fails in both ways.
 
-#[path = "../backends/mod.rs"]
-mod backends;
 mod measure;
 
 use lightpath::accel::build;
@@ -11,7 +9,7 @@ use lightpath::monitor::Monitor;
 use lightpath::scene::{Backend, EmbreeMode};
 use lightpath::simd::Isa;
 
-use backends::OPTIONS;
+use crate::support::backends::OPTIONS;
 use measure::{CLEAR, Count, Origin, Row};
 
 /// The coursework's offset.

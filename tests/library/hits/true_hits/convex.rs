@@ -4,8 +4,8 @@ use lightpath::geometry::Geometry;
 use lightpath::ray::{Coherence, Mask, NONE, RayPacket, Rays};
 use lightpath::scene::Backend;
 
-use super::backends::{build, on_both};
 use super::setup::geometry;
+use crate::support::backends::{build, on_both};
 
 /// A ray that leaves the second primitive of a geometry.
 struct Leaving {

@@ -5,9 +5,9 @@ use glam::DVec3;
 use lightpath::ray::{Coherence, LANES, NONE, RayPacket};
 use lightpath::scene::{Backend, EmbreeMode};
 
-use super::backends::build;
-use super::random::Random;
 use super::setup::{ALL, cube, geometry, packet};
+use crate::support::backends::build;
+use crate::support::random::Random;
 
 /// A closed mesh around the origin.
 struct Shell {

@@ -7,9 +7,9 @@ use lightpath::geometry::{Geometry, Surfaces, position_error, refine};
 use lightpath::ray::{Coherence, LANES};
 use lightpath::scene::Backend;
 
-use super::backends::{build, on_both};
-use super::random::Random;
 use super::setup::{ALL, cube, geometry, oracle, packet, unit};
+use crate::support::backends::{build, on_both};
+use crate::support::random::Random;
 
 /// Triangles of sizes from 1e-3 to 10 and of all shapes, and some quads.
 fn soup(random: &mut Random) -> Geometry {

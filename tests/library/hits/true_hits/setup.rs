@@ -6,8 +6,8 @@ use lightpath::geometry::{Geometry, TriangleMesh};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{LANES, Mask, RayPacket, Rays};
 
-use super::backends::OPTIONS;
-use super::random::Random;
+use crate::support::backends::OPTIONS;
+use crate::support::random::Random;
 
 pub const ALL: Mask = Mask([-1; LANES]);
 

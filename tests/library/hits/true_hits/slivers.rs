@@ -10,9 +10,9 @@ use lightpath::measure::cross_check::{Answer, Verdict, judge};
 use lightpath::ray::{Coherence, LANES, RayPacket, Rays};
 use lightpath::scene::{Backend, EmbreeMode};
 
-use super::backends::build;
-use super::random::Random;
 use super::setup::{ALL, cube, geometry, oracle, packet, unit};
+use crate::support::backends::build;
+use crate::support::random::Random;
 
 const EMBREE: Backend = Backend::Embree(EmbreeMode::Robust);
 
