@@ -1,7 +1,15 @@
 //! Tests that run the program.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 #[path = "../support/mod.rs"]
 mod support;
+
+/// Waits until no other test that limits a time runs.
+fn timed() -> MutexGuard<'static, ()> {
+    static TIMED: Mutex<()> = Mutex::new(());
+    TIMED.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 mod batch {
     mod frames;

@@ -1,51 +1,14 @@
-//! The layers of the source tree: a module uses only modules of lower floors.
+//! The layers of the source tree: a module uses only modules of lower floors. The table of floors is
+//! that of ARCHITECTURE.md.
 //!
 //! This reads the tokens of every file under `src/`, not only its `use` lines, so a path within a
 //! function counts, too. Comments and links in documentation do not count.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Every top module of `src/` with its floor. A module never uses its own floor or a higher one;
-/// within a module everything is allowed. A new module gets a line here, on the lowest floor that
-/// works.
-const FLOORS: &[(&str, u32)] = &[
-    ("main", 10),     // parse, run, report the error, exit code
-    ("exhausted", 9), // of the program alone: no memory is left
-    ("cli", 9),       // one file per subcommand
-    ("batch", 8),     // many meshes, many frames
-    ("measure", 8),   // clocks, comparisons, convergence
-    ("renderer", 8),  // the library's front
-    ("render", 7),    // World + settings -> Film
-    ("integrate", 6), // one tile, packet by packet
-    ("world", 5),     // Scene -> World
-    ("merge", 4),     // parts of a picture -> Film
-    ("accel", 4),     // what a ray hits: nothing of shading
-    ("shading", 4),   // texture, material, light: nothing of accelerators
-    ("studio", 6),    // a mesh alone becomes a scene; turntables
-    ("memory", 5),    // what a render will need
-    ("picture", 5),   // what files say about their picture
-    ("output", 3),    // EXR, PNG
-    ("geometry", 3),  // formulas of the primitives
-    ("layers", 3),    // which channels stand beside the beauty
-    ("camera", 3),
-    ("film", 2),
-    ("mesh", 2),
-    ("scene", 2),
-    ("ray", 2), // packets of rays and hits
-    ("sampler", 1),
-    ("math", 1),
-    ("simd", 1),
-    ("farm", 1), // what a farm is given
-    ("report", 1),
-    ("files", 1),   // which file a name stands for
-    ("reserve", 1), // memory that may not be there
-    ("paths", 1),
-    ("monitor", 1),
-    ("units", 0),
-    ("error", 0), // what goes wrong anywhere
-];
+use crate::rust_files;
 
 /// Folders and single files that may contain `unsafe`.
 const UNSAFE_ALLOWED: &[&str] = &[
@@ -64,11 +27,17 @@ const MAIN_LINES: usize = 40;
 fn modules_use_only_lower_floors() {
     let files = source_files();
     let modules: BTreeSet<String> = files.iter().map(|file| file.modules[0].clone()).collect();
+    let floors = floors();
+    let floor = |module: &str| floors.get(module).copied();
     let mut complaints = Vec::new();
     for module in modules.iter().filter(|module| *module != "lib" && floor(module).is_none()) {
         complaints.push(format!(
-            "src/{module} has no floor: give it a line in FLOORS of tests/layering.rs"
+            "src/{module} has no floor: give it a line in the table of ARCHITECTURE.md, on the \
+             lowest floor that works"
         ));
+    }
+    for module in floors.keys().filter(|module| !modules.contains(*module)) {
+        complaints.push(format!("ARCHITECTURE.md: {module} has a floor, but is no module of src/"));
     }
     for file in files.iter().filter(|file| file.modules[0] != "lib") {
         let from = &file.modules[0];
@@ -168,27 +137,26 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-fn floor(module: &str) -> Option<u32> {
-    FLOORS.iter().find(|(name, _)| *name == module).map(|(_, floor)| *floor)
+/// Returns the floor of every top module, from the table of ARCHITECTURE.md.
+fn floors() -> BTreeMap<String, u32> {
+    let text = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    let (_, table) = text.split_once("\n| floor | modules | what |\n").expect("a table of floors");
+    let mut floors = BTreeMap::new();
+    // The line below the heads holds no names.
+    for row in table.lines().skip(1).take_while(|line| line.starts_with('|')) {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        let floor = cells[1].parse().unwrap_or_else(|_| panic!("{row}: found no floor"));
+        // Names are in backticks.
+        for module in cells[2].split('`').skip(1).step_by(2) {
+            let before = floors.insert(module.to_owned(), floor);
+            assert_eq!(before, None, "ARCHITECTURE.md: {module} has two floors");
+        }
+    }
+    floors
 }
 
 fn source_files() -> Vec<Source> {
-    let mut paths = Vec::new();
-    list(&root().join("src"), &mut paths);
-    paths.sort();
-    assert!(!paths.is_empty(), "no file found under src/");
-    paths.iter().map(|path| source(path)).collect()
-}
-
-fn list(folder: &Path, paths: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            list(&path, paths);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            paths.push(path);
-        }
-    }
+    rust_files("src").iter().map(|path| source(path)).collect()
 }
 
 fn source(path: &Path) -> Source {

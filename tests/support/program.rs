@@ -1,12 +1,14 @@
 //! Runs the program in a scratch folder.
 
 use std::{
+    collections::BTreeMap,
     fs,
+    io::Cursor,
     path::{Path, PathBuf},
     process::{Command, Output, Stdio},
 };
 
-use exr::prelude::{FlatSamples, read_all_flat_layers_from_file};
+use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read_all_flat_layers_from_file};
 
 /// A pyramid on a square, apex at y = 2; one quad and four triangles.
 pub const PYRAMID: &str = "ply
@@ -29,6 +31,9 @@ end_header
 3 2 3 4
 3 3 0 4
 ";
+
+/// Flags for small pictures and few threads.
+pub const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
 /// A rippled sheet of `2 side^2` triangles, in binary PLY.
 pub fn sheet(side: u32) -> Vec<u8> {
@@ -106,6 +111,14 @@ fn command(args: &[&str]) -> Command {
     command
 }
 
+/// Sends a signal to a process.
+#[track_caller]
+pub fn send(signal: &str, process: u32) {
+    // Uses the shell's `kill`, because a small system may have no such program.
+    let kill = format!("kill -s {signal} {process}");
+    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+}
+
 /// A folder that is removed when dropped.
 pub struct Scratch(tempfile::TempDir);
 
@@ -135,6 +148,33 @@ impl Scratch {
         fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
+    /// Returns R, G, B, A of an EXR, row by row.
+    pub fn rgba(&self, name: &str) -> Vec<Vec<[f32; 4]>> {
+        exr::prelude::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .rgba_channels(
+                |size, _| vec![vec![[0.0; 4]; size.width()]; size.height()],
+                |pixels: &mut Vec<Vec<_>>, at, (r, g, b, a): (f32, f32, f32, f32)| {
+                    pixels[at.y()][at.x()] = [r, g, b, a];
+                },
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .from_buffered(Cursor::new(self.read(name)))
+            .unwrap()
+            .layer_data
+            .channel_data
+            .pixels
+    }
+
+    /// Returns every channel of every part of an EXR by name, as numbers.
+    pub fn floats(&self, name: &str) -> BTreeMap<String, Vec<f32>> {
+        let image = read_all_flat_layers_from_file(self.path(name)).unwrap();
+        let channels = image.layer_data.into_iter().flat_map(|layer| layer.channel_data.list);
+        channels.map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect()
+    }
+
     /// Returns every channel of every part of an EXR by name, with the bits of its samples.
     pub fn channels(&self, name: &str) -> Vec<(String, Vec<u32>)> {
         let image = read_all_flat_layers_from_file(self.path(name)).unwrap();
@@ -145,6 +185,14 @@ impl Scratch {
         };
         let channels = image.layer_data.iter().flat_map(|layer| &layer.channel_data.list);
         channels.map(|c| (c.name.to_string(), bits(&c.sample_data))).collect()
+    }
+
+    /// Makes a named pipe and returns its path.
+    #[track_caller]
+    pub fn pipe(&self, name: &str) -> PathBuf {
+        let path = self.path(name);
+        assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+        path
     }
 
     pub fn command(&self, args: &[&str]) -> Command {

@@ -2,6 +2,7 @@
 //! and along the outline. Compared with an oracle in integers.
 
 use crate::support::backends;
+use crate::support::random::Random;
 use glam::DVec3;
 use lightpath::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
 use lightpath::ray::{Coherence, LANES, Mask, RayPacket};
@@ -54,28 +55,12 @@ fn roots(sphere: &Sphere, origin: DVec3, direction: DVec3) -> Vec<f64> {
     in_front.map(value).collect()
 }
 
-/// SplitMix64 (Steele et al. 2014).
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn direction(&mut self) -> DVec3 {
-        let z = 2.0 * self.unit() - 1.0;
-        let angle = self.unit() * std::f64::consts::TAU;
-        let r = (1.0 - z * z).sqrt();
-        DVec3::new(r * angle.cos(), r * angle.sin(), z)
-    }
-
-    /// Returns a direction perpendicular to `d`.
-    fn across(&mut self, d: DVec3) -> DVec3 {
-        d.cross(self.direction()).normalize()
-    }
+/// Returns a unit vector in any direction.
+fn any_direction(random: &mut Random) -> DVec3 {
+    let z = 2.0 * random.unit() - 1.0;
+    let angle = random.unit() * std::f64::consts::TAU;
+    let r = (1.0 - z * z).sqrt();
+    DVec3::new(r * angle.cos(), r * angle.sin(), z)
 }
 
 /// A sphere and a ray in f32.
@@ -92,9 +77,9 @@ fn cases(each: usize) -> Vec<Case> {
     let mut cases = Vec::new();
     for _ in 0..each {
         let r = &mut random;
-        let direction = r.direction().as_vec3().as_dvec3();
-        let origin = (r.direction() * 100.0 * r.unit()).as_vec3().as_dvec3();
-        let aside = r.across(direction);
+        let direction = any_direction(r).as_vec3().as_dvec3();
+        let origin = (any_direction(r) * 100.0 * r.unit()).as_vec3().as_dvec3();
+        let aside = direction.cross(any_direction(r)).normalize();
         let mut add = |what, center, radius| {
             cases.push(Case { what, sphere: Sphere { center, radius }, origin, direction });
         };
@@ -108,7 +93,7 @@ fn cases(each: usize) -> Vec<Case> {
         add("grazing", passing(3.0, 1.0, graze), 1.0);
         add("huge, grazing, 1 above", passing(4472.0, 1e7, graze), 1e7);
         add("grazing, behind", passing(-3.0, 1.0, graze), 1.0);
-        let (up, inward) = (r.direction(), r.unit());
+        let (up, inward) = (any_direction(r), r.unit());
         for height in [1.0, 1e-3, 1e-6] {
             add("huge, near above", origin - up * (1e7 + height), 1e7);
             add("huge, near below", origin - up * (1e7 - height), 1e7);

@@ -183,8 +183,8 @@ fn the_mean_of_a_picture_does_not_depend_on_when_its_pixels_stop() {
     }
 }
 
-/// Prints the table of docs/notebook/sampling.md:
-/// `cargo test --release --test noise_bias -- --ignored --nocapture`, which takes some minutes.
+/// Prints the table of docs/notebook/sampling.md. It takes some minutes:
+/// `cargo test --release --test library noise_bias -- --ignored --nocapture`.
 #[test]
 #[ignore = "256 seeds of 216 cases"]
 fn the_table_of_biases() {

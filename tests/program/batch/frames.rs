@@ -2,11 +2,8 @@
 
 use std::{fs, path::Path, time::SystemTime};
 
-use crate::support::program::{self, PYRAMID, Scratch, names_in};
+use crate::support::program::{self, PYRAMID, SMALL, Scratch, names_in};
 use serde_json::Value;
-
-/// Flags for small pictures with a backend that is always available.
-const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
 fn batch(scratch: &Scratch, args: &[&str]) -> program::Done {
     scratch.run(&[&["batch"], args, &SMALL].concat())
@@ -27,12 +24,6 @@ fn scans() -> Scratch {
 fn journal(scratch: &Scratch, name: &str) -> Vec<Value> {
     let text = String::from_utf8(scratch.read(name)).unwrap();
     text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
-}
-
-fn pixels(path: &Path) -> Vec<f32> {
-    let layer = exr::prelude::read_first_flat_layer_from_file(path).unwrap().layer_data;
-    let values = layer.channel_data.list.iter().flat_map(|c| c.sample_data.values_as_f32());
-    values.collect()
 }
 
 /// Returns all pictures below a folder with their bytes.
@@ -65,7 +56,7 @@ fn a_frame_has_the_bytes_of_render() {
     );
     let done = scratch.run(&[&["render", "scans/b.ply", "-o", "b"], &SMALL[..]].concat());
     assert_eq!(done.code(), 0, "{}", done.stderr());
-    assert_eq!(pixels(&scratch.path("out/b.exr")), pixels(&scratch.path("b.exr")));
+    assert_eq!(scratch.channels("out/b.exr"), scratch.channels("b.exr"));
 }
 
 #[test]
@@ -90,7 +81,7 @@ fn the_printed_camera_makes_the_same_files_again() {
     let (first, second) = (pictures(&scratch.path("out")), pictures(&scratch.path("again")));
     assert_eq!(first.len(), 6);
     assert!(first == second);
-    let frame = |n: u32| pixels(&scratch.path(&format!("out/c/c.000{n}.exr")));
+    let frame = |n: u32| scratch.channels(&format!("out/c/c.000{n}.exr"));
     assert!(frame(0) != frame(1) && frame(1) != frame(2));
 }
 
@@ -101,7 +92,7 @@ fn what_turns_decides_the_light_and_the_way_round() {
         let args = [&["scans/a.ply", "-o", out, "--turntable", "3", "--no-sheet"], flags].concat();
         let done = batch(&scratch, &args);
         assert_eq!(done.code(), 0, "{}", done.stderr());
-        let frame = |n: u32| pixels(&scratch.path(&format!("{out}/a/a.000{n}.exr")));
+        let frame = |n: u32| scratch.channels(&format!("{out}/a/a.000{n}.exr"));
         [frame(0), frame(1), frame(2)]
     };
     let object = turn("object", &["--lights", "object"]);

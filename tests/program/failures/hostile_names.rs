@@ -156,6 +156,7 @@ fn no_name_leads_out_of_the_folder() {
 
 #[test]
 fn a_journal_is_a_file_of_its_folder() {
+    let _timed = crate::timed();
     let scratch = Scratch::new();
     scratch.write("a.ply", PYRAMID);
     scratch.write("precious", "mine\n");
@@ -182,14 +183,11 @@ fn a_journal_is_a_file_of_its_folder() {
     symlink("nowhere", scratch.path("out/batch.jsonl")).unwrap();
     assert_eq!(run(&args), Some(2));
     fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
-    let pipe = |name: &str| {
-        assert!(Command::new("mkfifo").arg(scratch.path(name)).status().unwrap().success());
-    };
-    pipe("out/batch.jsonl");
+    scratch.pipe("out/batch.jsonl");
     assert_eq!(run(&args), Some(2));
     fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
     // The sheet looks for journals of ranges here.
-    pipe("out/batch.0-1.jsonl");
+    scratch.pipe("out/batch.0-1.jsonl");
     assert_eq!(run(&args), Some(0));
     assert_eq!(run(&[&args[..], &["--sheet-only"]].concat()), Some(0));
 }

@@ -9,11 +9,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::support::program::{self, Done, PYRAMID, Scratch};
+use crate::support::program::{self, Done, PYRAMID, SMALL, Scratch};
 use lightpath::{merge::Parts, monitor::Monitor};
-
-/// Flags for small pictures with a backend that is always available.
-const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
 /// A pyramid with texture coordinates that names its own image.
 fn textured(image: &str) -> String {
@@ -89,8 +86,7 @@ fn render_never_overwrites_the_texture_of_a_mesh_from_a_pipe() {
     let texture = image(&scratch, "s.png");
     scratch.write("m.ply", &textured("s.png"));
     scratch.write("s.json", &SCENE.replace("MESH", "pipe.ply"));
-    let pipe = scratch.path("pipe.ply");
-    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let pipe = scratch.pipe("pipe.ply");
     let mesh = scratch.read("m.ply");
     for input in ["s.json", "pipe.ply"] {
         let (pipe, mesh) = (pipe.clone(), mesh.clone());

@@ -3,11 +3,8 @@
 
 use std::{fs, process::Command};
 
-use crate::support::program::{Done, PYRAMID, Scratch, names_in, sheet};
+use crate::support::program::{Done, PYRAMID, SMALL, Scratch, names_in, sheet};
 use exr::prelude::*;
-
-/// Flags for small pictures with a backend that is always available.
-const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
 /// Runs the program under a limit in the form of the shell's `ulimit`: `-v KIB`, `-u PROCESSES`.
 fn limited(scratch: &Scratch, limit: &str, args: &[&str]) -> Done {

@@ -3,14 +3,14 @@
 
 use std::{
     fs,
-    io::{BufRead, BufReader, Read, Write},
+    io::{BufRead, BufReader, Read},
     os::unix::process::ExitStatusExt,
     process::{Child, Command, Stdio},
     time::{Duration, Instant},
 };
 
 use crate::support::backends::on_both;
-use crate::support::program::{self, Scratch, names_in};
+use crate::support::program::{self, Scratch, names_in, send};
 use lightpath::scene::Backend;
 
 /// A render of some minutes.
@@ -58,18 +58,11 @@ fn started(scratch: &Scratch, file: &str, backend: &str, phase: &str) -> Running
     panic!("{phase} was over too soon");
 }
 
-fn send(signal: &str, child: &Child) {
-    // Uses the shell's `kill`, because a small system may have no such program.
-    let kill = format!("kill -s {signal} {}", child.id());
-    let sent = Command::new("sh").args(["-c", &kill]).status();
-    assert!(sent.unwrap().success());
-}
-
 /// Sends a signal in `phase` and checks that no file is left.
 fn stops(file: (&Scratch, &str), backend: Backend, phase: &str, signal: &str, code: i32) {
     let (scratch, file) = file;
     let mut child = started(scratch, file, backend.name(), phase);
-    send(signal, &child.0);
+    send(signal, child.0.id());
     let sent = Instant::now();
     let mut said = String::new();
     child.0.stderr.take().unwrap().read_to_string(&mut said).unwrap();
@@ -89,6 +82,7 @@ fn scratch() -> Scratch {
 
 on_both! {
     fn a_render_stops(backend: Backend) {
+        let _timed = crate::timed();
         let scratch = scratch();
         stops((&scratch, "slow.json"), backend, "render", "INT", 130);
         stops((&scratch, "slow.json"), backend, "render", "TERM", 143);
@@ -118,7 +112,7 @@ fn waits(scratch: &Scratch, args: &[&str], path: &str, begun: impl Fn() -> bool)
             assert!(start.elapsed() < PROMPT, "{args:?} does not begin");
             std::thread::sleep(Duration::from_millis(5));
         }
-        send(signal, &child.0);
+        send(signal, child.0.id());
         let status = child.0.wait().unwrap();
         assert_eq!(status.code(), Some(code), "{args:?}, {signal}");
         assert!(start.elapsed() < 2 * PROMPT);
@@ -129,19 +123,16 @@ fn waits(scratch: &Scratch, args: &[&str], path: &str, begun: impl Fn() -> bool)
 
 #[test]
 fn short_commands_leave_no_file_either() {
+    let _timed = crate::timed();
     let scratch = scratch();
     let path = std::env::var("PATH").unwrap();
-    let pipe = |name: &str| {
-        let made = Command::new("mkfifo").arg(scratch.path(name)).status().unwrap();
-        assert!(made.success());
-    };
-    pipe("x.exr");
+    scratch.pipe("x.exr");
     let args = ["compare", "x.exr", "x.exr", "--out", "out/map.png", "--html", "out/page.html"];
     waits(&scratch, &args, &path, || names_in(&scratch.path("out")).len() == 2);
 
     fs::write(scratch.path("a.ply"), program::PYRAMID).unwrap();
     fs::create_dir(scratch.path("out/a")).unwrap();
-    pipe("out/a/a.exr");
+    scratch.pipe("out/a/a.exr");
     let args = ["batch", "a.ply", "-o", "out", "--sheet-only", "--name", "{stem}/{stem}"];
     waits(&scratch, &args, &path, || true);
 
@@ -156,6 +147,7 @@ fn short_commands_leave_no_file_either() {
 
 #[test]
 fn a_job_of_nohup_outlives_its_terminal() {
+    let _timed = crate::timed();
     let scratch = scratch();
     let render =
         "trap '' HUP; exec \"$0\" render slow.json -o out/x --size 300x300 --spp 16 --quiet";
@@ -167,7 +159,7 @@ fn a_job_of_nohup_outlives_its_terminal() {
         assert!(start.elapsed() < PROMPT, "it does not begin");
         std::thread::sleep(Duration::from_millis(5));
     }
-    send("HUP", &child.0);
+    send("HUP", child.0.id());
     assert_eq!(child.0.wait().unwrap().code(), Some(0));
     assert_eq!(names_in(&scratch.path("out")), ["x.exr", "x.png"]);
 }
@@ -198,39 +190,11 @@ fn sudden_death_leaves_no_file_under_a_final_name() {
     assert_eq!(scratch.read("out/x.png"), b"the picture before");
 }
 
-/// A wavy sheet of 2 n^2 triangles.
-fn sheet(n: usize) -> Vec<u8> {
-    let mut out = format!(
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\n\
-         property float y\nproperty float z\nelement face {}\n\
-         property list uchar int vertex_indices\nend_header\n",
-        (n + 1) * (n + 1),
-        2 * n * n
-    )
-    .into_bytes();
-    for k in 0..(n + 1) * (n + 1) {
-        let (x, z) = ((k % (n + 1)) as f32 / n as f32, (k / (n + 1)) as f32 / n as f32);
-        for c in [x, (20.0 * x).sin() * (30.0 * z).cos() * 0.1, z] {
-            out.write_all(&c.to_le_bytes()).unwrap();
-        }
-    }
-    for k in 0..n * n {
-        let a = (k / n * (n + 1) + k % n) as i32;
-        let (b, c) = (a + 1, a + n as i32 + 1);
-        for [i, j, k] in [[a, b, c], [b, c + 1, c]] {
-            out.push(3);
-            for index in [i, j, k] {
-                out.write_all(&index.to_le_bytes()).unwrap();
-            }
-        }
-    }
-    out
-}
-
 on_both! {
     fn a_build_stops(backend: Backend) {
+        let _timed = crate::timed();
         let scratch = scratch();
-        fs::write(scratch.path("sheet.ply"), sheet(1400)).unwrap();
+        fs::write(scratch.path("sheet.ply"), program::sheet(1400)).unwrap();
         let shape = r#"{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }"#;
         let mesh = r#"{ "type": "trimesh", "path": "sheet.ply", "material": {} }"#;
         scratch.write("mesh.json", &SLOW.replace(shape, mesh));

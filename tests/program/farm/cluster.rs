@@ -8,7 +8,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::support::program::{Done, PYRAMID, Scratch, names_in};
+use crate::support::program::{Done, PYRAMID, Scratch, names_in, send};
 
 const FRAMES: usize = 60;
 
@@ -219,10 +219,7 @@ fn a_task_out_of_memory_runs_again_and_the_sheet_lists_missing_frames() {
     let frames = 4;
     let scratch = scratch("320x240", 64, frames);
     cluster.submit(&scratch, "job.json", "farm", "1");
-    let kill = |pid: u32| {
-        let killed = Command::new("sh").args(["-c", &format!("kill -s KILL {pid}")]).status();
-        assert!(killed.unwrap().success());
-    };
+    let kill = |process: u32| send("KILL", process);
     let running = |task: u32, name: &str| {
         let all = processes_of(&cluster, task);
         all.into_iter().find(|(_, known)| known == name).map(|(pid, _)| pid)

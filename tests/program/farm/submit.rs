@@ -1,4 +1,4 @@
-//! `lightpath submit slurm`: arguments of `sbatch` for any names. tests/farm.rs runs them.
+//! `lightpath submit slurm`: arguments of `sbatch` for any names. `cluster.rs` runs them.
 
 use crate::support::program::{self, PYRAMID, Scratch};
 

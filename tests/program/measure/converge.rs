@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::support::program::{Done, Scratch};
+use crate::support::program::{Done, Scratch, send};
 use serde_json::Value;
 
 /// The shadow of a ball under an area light.
@@ -157,6 +157,7 @@ fn csv_and_page_hold_every_setting_and_need_nothing_else() {
 
 #[test]
 fn a_budget_is_kept_and_skipped_settings_are_listed() {
+    let _timed = crate::timed();
     let scratch = scratch();
     let flags = ["--spp", "4,16,64,1024", "--light-samples", "1,64,1024", "--size", "200x150"];
     let started = Instant::now();
@@ -178,15 +179,12 @@ fn a_budget_is_kept_and_skipped_settings_are_listed() {
 #[cfg(unix)]
 #[test]
 fn a_stop_does_not_use_up_the_budget() {
+    let _timed = crate::timed();
     let scratch = scratch();
     let flags = ["converge", "s.json", "--spp", "1,4", "--light-samples", "1", "--size", "200x150"];
     let flags = [&flags[..], &["--budget", "4", "--json", "r.json", "--quiet"]].concat();
     let mut command = scratch.command(&flags);
     let mut child = command.stdout(std::process::Stdio::null()).spawn().unwrap();
-    let send = |signal: &str, pid: u32| {
-        let kill = format!("kill -s {signal} {pid}");
-        assert!(std::process::Command::new("sh").args(["-c", &kill]).status().unwrap().success());
-    };
     // Stops the process in the first second, for longer than the budget, as Ctrl-Z does.
     std::thread::sleep(std::time::Duration::from_millis(200));
     send("STOP", child.id());

@@ -1,5 +1,5 @@
 //! Pictures with coordinates that are hard to represent: a planet as a floor, something very far
-//! away, a camera exactly on a surface. Compared with the independent ray tracer of `reference/` on
+//! away, a camera exactly on a surface. Compared with the independent ray tracer of `support/reference/` on
 //! every backend.
 
 use crate::support::backends::on_both;

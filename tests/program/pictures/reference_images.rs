@@ -1,4 +1,4 @@
-//! Compares the renderer's pictures with those of a second, independent ray tracer (`reference/`).
+//! Compares the renderer's pictures with those of a second, independent ray tracer (`support/reference/`).
 //!
 //! Five scenes cover the format. Scenes without random choices must agree pixel by pixel. Scenes
 //! with area lights, lens and antialiasing must agree within the noise that their number of samples
@@ -102,8 +102,8 @@ fn sampled_scenes_have_converged() {
     }
 }
 
-/// Writes the reference's five pictures for viewing into cargo's folder for tests: `cargo test
-/// --test reference_images -- --ignored --nocapture`.
+/// Writes the reference's five pictures for viewing into cargo's folder for tests:
+/// `cargo test --test program draw_the_reference -- --ignored --nocapture`.
 #[test]
 #[ignore = "draws pictures to look at, checks nothing"]
 fn draw_the_reference() {

@@ -1,11 +1,8 @@
 //! `--noise`, `--time` and `--adaptive-shadows` give the same bits as a plain render where that is
 //! possible, and no bias elsewhere.
 
-use std::io::Cursor;
-
 use crate::support::backends::on_both;
 use crate::support::program::{Done, PYRAMID, Scratch};
-use exr::prelude::{ReadChannels, ReadLayers, read_all_flat_layers_from_file};
 use lightpath::scene::Backend;
 use serde_json::Value;
 
@@ -40,24 +37,8 @@ fn render(scratch: &Scratch, prefix: &str, flags: &[&str]) -> Value {
     serde_json::from_str(&done.stdout()).unwrap()
 }
 
-/// Returns R, G, B, A, row by row.
 fn pixels(scratch: &Scratch, name: &str) -> Vec<Vec<[f32; 4]>> {
-    exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .rgba_channels(
-            |size, _| vec![vec![[0.0; 4]; size.width()]; size.height()],
-            |pixels: &mut Vec<Vec<_>>, at, (r, g, b, a): (f32, f32, f32, f32)| {
-                pixels[at.y()][at.x()] = [r, g, b, a];
-            },
-        )
-        .first_valid_layer()
-        .all_attributes()
-        .from_buffered(Cursor::new(scratch.read(&format!("{name}.exr"))))
-        .unwrap()
-        .layer_data
-        .channel_data
-        .pixels
+    scratch.rgba(&format!("{name}.exr"))
 }
 
 fn attribute(scratch: &Scratch, name: &str, key: &str) -> Option<String> {
@@ -260,15 +241,10 @@ fn adaptive_shadows_trace_fewer_rays_and_the_layers_still_add_up() {
     assert!(few * 10 < all * 8, "{few} of {all}");
     render(&scratch, "again", &[&flags[..], &["--adaptive-shadows", "--threads", "3"]].concat());
     assert!(scratch.read("few.exr") == scratch.read("again.exr"));
-    let image = read_all_flat_layers_from_file(scratch.path("few.exr")).unwrap();
-    let values = |name: &str| -> Vec<f32> {
-        let list = &image.layer_data[0].channel_data.list;
-        let channel = list.iter().find(|c| c.name.to_string() == name);
-        channel.unwrap_or_else(|| panic!("{name}")).sample_data.values_as_f32().collect()
-    };
+    let values = scratch.floats("few.exr");
     let parts = ["diffuse", "specular", "ambient", "reflection", "background"];
-    let parts: Vec<Vec<f32>> = parts.iter().map(|part| values(&format!("{part}.R"))).collect();
-    for (i, beauty) in values("R").into_iter().enumerate() {
+    let parts = parts.map(|part| &values[&format!("{part}.R")]);
+    for (i, beauty) in values["R"].iter().enumerate() {
         let sum: f32 = parts.iter().map(|part| part[i]).sum();
         assert!((sum - beauty).abs() <= 1e-5 * beauty.abs().max(0.1), "{sum} {beauty}");
     }
@@ -276,6 +252,7 @@ fn adaptive_shadows_trace_fewer_rays_and_the_layers_still_add_up() {
 
 #[test]
 fn a_time_limit_marks_the_picture_as_not_reproducible() {
+    let _timed = crate::timed();
     let scratch = Scratch::with(SCENE);
     let fixed = ["render", "s.json", "-o", "timed", "--light-samples", "1", "--json"];
     let done = scratch.run(&[&fixed[..], &["--time", "0.2", "--size", "100x80"]].concat());

@@ -210,10 +210,7 @@ fn a_signal_leaves_nothing() {
         }
         std::thread::sleep(Duration::from_millis(300));
         if child.try_wait().unwrap().is_none() {
-            // Uses the shell's `kill`, because a small system may have no such program.
-            let kill = format!("kill -s {signal} {}", child.id());
-            let sent = std::process::Command::new("sh").args(["-c", &kill]).status();
-            assert!(sent.unwrap().success());
+            program::send(signal, child.id());
         }
         let done = child.wait_with_output().unwrap();
         let stderr = String::from_utf8_lossy(&done.stderr).into_owned();
@@ -290,10 +287,7 @@ fn every_instruction_set_gives_the_same_picture() {
         assert!(said.ends_with(&format!("{isa} shading")), "{said}");
         assert!(scratch.read("portable.png") == scratch.read(&format!("{name}.png")), "{isa}");
         // The header names the instruction set.
-        let pixels = |name: &str| {
-            let path = scratch.path(&format!("{name}.exr"));
-            exr::prelude::read_first_flat_layer_from_file(path).unwrap().layer_data.channel_data
-        };
+        let pixels = |name: &str| scratch.channels(&format!("{name}.exr"));
         assert!(pixels("portable") == pixels(&name), "{isa}");
     }
 }

@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 
 use crate::support::program::{Done, Scratch};
-use exr::prelude::*;
 use serde_json::{Value, json};
 
 /// A scene whose pixels see up to a dozen spheres, some with the same name.
@@ -45,14 +44,7 @@ fn rendered(scratch: &Scratch, name: &str, flags: &[&str]) -> Vec<u8> {
 type Channels = BTreeMap<String, Vec<f32>>;
 
 fn channels(scratch: &Scratch, name: &str) -> Channels {
-    let path = scratch.path(&format!("{name}.exr"));
-    let read = read().no_deep_data().largest_resolution_level().all_channels();
-    let image = read.all_layers().all_attributes().from_file(path).unwrap();
-    let channels = image.layer_data.into_iter().flat_map(|layer| layer.channel_data.list);
-    let channel = |c: AnyChannel<FlatSamples>| {
-        (c.name.to_string(), c.sample_data.values_as_f32().collect::<Vec<f32>>())
-    };
-    channels.map(channel).collect()
+    scratch.floats(&format!("{name}.exr"))
 }
 
 /// Returns id and coverage of every rank of every pixel.

@@ -1,10 +1,7 @@
 //! The same scene gives the same bytes for any number of threads, on every run, and for every crop.
 
-use std::io::Cursor;
-
 use crate::support::backends::on_both;
 use crate::support::program::Scratch;
-use exr::prelude::{ReadChannels, ReadLayers};
 use lightpath::scene::Backend;
 
 /// A scene with everything that uses random numbers, bounces or packets: lens, both kinds of area
@@ -67,22 +64,8 @@ on_both! {
 
 /// Returns rows of R, G, B, A as bits.
 fn pixels(scratch: &Scratch, name: &str) -> Vec<Vec<[u32; 4]>> {
-    exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .rgba_channels(
-            |size, _| vec![vec![[0; 4]; size.width()]; size.height()],
-            |pixels: &mut Vec<Vec<_>>, at, (r, g, b, a): (f32, f32, f32, f32)| {
-                pixels[at.y()][at.x()] = [r, g, b, a].map(f32::to_bits);
-            },
-        )
-        .first_valid_layer()
-        .all_attributes()
-        .from_buffered(Cursor::new(scratch.read(&format!("{name}.exr"))))
-        .unwrap()
-        .layer_data
-        .channel_data
-        .pixels
+    let rows = scratch.rgba(&format!("{name}.exr")).into_iter();
+    rows.map(|row| row.into_iter().map(|pixel| pixel.map(f32::to_bits)).collect()).collect()
 }
 
 on_both! {

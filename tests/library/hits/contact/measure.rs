@@ -16,6 +16,8 @@ use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use lightpath::shading::{Falloff, LightWeights, Points, lane, light_rays, reflect, set_lane};
 use lightpath::world::ulp;
 
+use crate::support::random::Random;
+
 /// Origin of rays that leave a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Origin {
@@ -190,23 +192,6 @@ fn largest_ulp(geometry: &Geometry) -> f64 {
     ulp(corners.chain(spheres).fold(0.0, f64::max))
 }
 
-/// SplitMix64 (Steele et al. 2014).
-struct Random(u64);
-
-impl Random {
-    /// Returns a number in [0, 1).
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn range(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-}
-
 /// Maximum number of cells along a side of the grid.
 const CELLS: f64 = 6.0;
 
@@ -260,7 +245,7 @@ impl Grid {
         // Whole steps along a side of a cell.
         let side = (scale / (cells * step)).floor().max(1.0);
         let whole = |x: f64| (x * side).round();
-        let mut tilt = || random.range(-0.9, 0.9);
+        let mut tilt = || random.within(-0.9, 0.9);
         let (a, b) = if side < 4.0 {
             (DVec3::new(1.0, 0.0, 1.0) * side, DVec3::new(0.0, 1.0, 1.0) * side)
         } else {
@@ -273,7 +258,7 @@ impl Grid {
         let up = a.cross(b).normalize();
         let up = if random.unit() < 0.5 { up } else { -up };
         let beyond = if side < 64.0 { 40.0 } else { 2.0 };
-        Self { step, corner, a, b, cells, beyond, up, radius: scale * random.range(0.3, 0.5) }
+        Self { step, corner, a, b, cells, beyond, up, radius: scale * random.within(0.3, 0.5) }
     }
 
     /// A point of the plane, in cells.
@@ -361,18 +346,18 @@ impl Grid {
     fn camera(&self, shape: Shape, random: &mut Random) -> RayPacket {
         let mut packet = RayPacket::EMPTY;
         for i in 0..LANES {
-            let (x, y) = (random.range(0.0, self.cells), random.range(0.0, self.cells));
+            let (x, y) = (random.within(0.0, self.cells), random.within(0.0, self.cells));
             let target = match shape {
                 Shape::Sphere => {
                     // A point of the upper cap.
                     let across = (self.at(x, y) - self.middle()).normalize_or_zero();
-                    let aside = across * random.range(0.0, 0.5);
+                    let aside = across * random.within(0.0, 0.5);
                     let sphere = self.sphere();
                     sphere.center + (self.up + aside).normalize() * self.radius
                 }
                 _ => self.at(x, y),
             };
-            let from = self.above(target, 10f64.powf(random.range(-2.0, 0.0)), random);
+            let from = self.above(target, 10f64.powf(random.within(-2.0, 0.0)), random);
             let from = from.as_vec3();
             let direction = (target - from.as_dvec3()).normalize().as_vec3();
             set_lane(&mut packet.rays.org, i, from);
@@ -384,11 +369,11 @@ impl Grid {
     /// Returns a point above `p`, at `cosine` to the normal, far enough for f32 to distinguish.
     fn above(&self, p: DVec3, cosine: f64, random: &mut Random) -> DVec3 {
         let size = (self.a.length() * self.cells).max(64.0 * self.step);
-        let angle = random.range(0.0, std::f64::consts::TAU);
+        let angle = random.within(0.0, std::f64::consts::TAU);
         let x = self.a.normalize();
         let across = x * angle.cos() + self.up.cross(x) * angle.sin();
         let sine = (1.0 - cosine * cosine).sqrt();
-        p + (self.up * cosine + across * sine) * size * 10f64.powf(random.range(0.0, 3.0))
+        p + (self.up * cosine + across * sine) * size * 10f64.powf(random.within(0.0, 3.0))
     }
 }
 
@@ -503,7 +488,7 @@ impl Start {
         let mut known = [false; LANES];
         for i in 0..LANES {
             let p = lane(&self.surfaces.position, i).as_dvec3();
-            let light = grid.above(p, 10f64.powf(random.range(-2.0, 0.0)), random);
+            let light = grid.above(p, 10f64.powf(random.within(-2.0, 0.0)), random);
             lights[i] = light.as_vec3().as_dvec3();
             let to_light = lights[i] - p;
             let rises = lane(&self.surfaces.ng, i).as_dvec3().dot(to_light.normalize()) > 0.004;
@@ -537,8 +522,8 @@ impl Start {
         for i in 0..LANES {
             let p = lane(&self.surfaces.position, i).as_dvec3();
             let light = match &cover.form {
-                Form::Flat(_) => grid.above(p, random.range(0.1, 1.0), random),
-                Form::Ball(ball) => p + (ball.center - p) * random.range(2.5, 50.0),
+                Form::Flat(_) => grid.above(p, random.within(0.1, 1.0), random),
+                Form::Ball(ball) => p + (ball.center - p) * random.within(2.5, 50.0),
             };
             lights[i] = light.as_vec3().as_dvec3();
         }
