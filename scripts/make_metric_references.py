@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the image pairs of tests/metrics_reference.rs and the values of other programs for them.
+"""Makes the image pairs of tests/library/measure/metrics.rs and the values of other programs for them.
 
     pip install flip-evaluator scikit-image OpenEXR pillow numpy
     scripts/make_metric_references.py            # writes tests/data/metrics/

@@ -2,12 +2,12 @@
 //! its own tests.
 #![no_main]
 
-#[path = "../../tests/bvh/case.rs"]
+#[path = "../../tests/library/bvh/case.rs"]
 mod case;
-#[path = "../../tests/bvh/reference.rs"]
+#[path = "../../tests/library/bvh/reference.rs"]
 mod reference;
 #[allow(dead_code)]
-#[path = "../../tests/bvh/tiers.rs"]
+#[path = "../../tests/library/bvh/tiers.rs"]
 mod tiers;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| case::run(bytes));

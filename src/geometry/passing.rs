@@ -22,8 +22,8 @@ use glam::{DVec2, DVec3};
 /// Rejecting hits beyond 24u never rejects a triangle that the exact ray hits. It never rejects a
 /// triangle at whose edge or corner the ray is aimed: such a ray is rounded by 2u at most. So the
 /// fan around a vertex stays as closed as Embree sees it. A ray could be lost only where Embree's
-/// error at an edge exceeds 24u, where its hit is on the wrong triangle. `tests/true_hits` looks
-/// for such rays along the edges of needles and plates.
+/// error at an edge exceeds 24u, where its hit is on the wrong triangle.
+/// `tests/library/hits/true_hits` looks for such rays along the edges of needles and plates.
 const REACH: f64 = 24.0 / (1u64 << 24) as f64;
 
 /// Where a ray passes a triangle within `REACH`.

@@ -268,7 +268,8 @@ impl World {
 }
 
 /// Rejects scenes that Embree would silently drop. Warns where its single-precision products
-/// overflow or underflow: `tests/properties.rs` finds right answers from 1e-12 to 1e12.
+/// overflow or underflow. `tests/library/hits/properties.rs` finds right answers from 1e-12 to
+/// 1e12.
 fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
     let size = bounds.longest_side();
     if size / 2.0 >= MAX_COORDINATE {

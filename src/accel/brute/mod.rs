@@ -5,7 +5,7 @@
 //! - The order of hits is exact as well. Ties go to the lowest primitive number.
 //! - A quad is tested as its two triangles.
 //! - A sphere is not exact. [`crate::geometry::Sphere::intersect`] solves the quadratic with some
-//!   106 bits where f64 is not enough. `tests/spheres.rs` compares it with integers.
+//!   106 bits where f64 is not enough. `tests/library/hits/spheres.rs` compares it with integers.
 
 mod blocks;
 mod exact;

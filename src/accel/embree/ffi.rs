@@ -1,8 +1,8 @@
 //! Embree 4's C API, declared by hand for the layout of 4.3 and later, and loaded at run time.
 //!
 //! Only the functions and types that are used are declared. Sizes and offsets are asserted here.
-//! `tests/embree_layout.rs` compares them with the C headers if these are installed. Packets of
-//! rays and hits are [`crate::ray::Rays`] and [`crate::ray::RayPacket`].
+//! `tests/repository/embree_layout.rs` compares them with the C headers if these are installed.
+//! Packets of rays and hits are [`crate::ray::Rays`] and [`crate::ray::RayPacket`].
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 use std::mem::{align_of, offset_of, size_of};

@@ -1,0 +1,68 @@
+//! Tests that call the library. A few also run the program.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+/// Compares `bvh` with references that use no tree, in every instruction set, for single rays and
+/// packets.
+mod bvh {
+    mod between;
+    mod builder;
+    mod case;
+    mod contract;
+    mod grid;
+    mod reference;
+    mod soup;
+    mod tiers;
+    mod watertight;
+}
+
+/// What rays hit, on every backend.
+mod hits {
+    mod contact;
+    mod coursework_visits;
+    mod properties;
+    mod spheres;
+    mod stitches;
+    mod terminator;
+    /// Reported hits are real and exact: Embree's false hits are rejected, no ray is lost by that,
+    /// and refined hits are right to the last digits.
+    mod true_hits {
+        mod convex;
+        mod leaks;
+        mod refined;
+        mod setup;
+        mod slivers;
+    }
+}
+
+mod measure {
+    mod answers;
+    mod metrics;
+    mod rays;
+}
+
+mod output {
+    mod files;
+    mod tonemap;
+}
+
+mod pictures {
+    mod closed_forms;
+    mod layers;
+    mod noise_bias;
+    mod sampling;
+    mod sky;
+    mod texture_coordinates;
+}
+
+mod ply {
+    mod bad_input;
+    mod layouts;
+    mod streams;
+}
+
+mod scene {
+    mod errors;
+    mod fingerprint;
+}

@@ -1,0 +1,563 @@
+//! `lightpath batch` through the program: frames rendered and kept, refusals and messages.
+
+use std::{fs, path::Path, time::SystemTime};
+
+use crate::support::program::{self, PYRAMID, SMALL, Scratch, names_in};
+use serde_json::Value;
+
+fn batch(scratch: &Scratch, args: &[&str]) -> program::Done {
+    scratch.run(&[&["batch"], args, &SMALL].concat())
+}
+
+/// Three pyramids of different heights.
+fn scans() -> Scratch {
+    let scratch = Scratch::new();
+    for (name, height) in [("a", "1"), ("b", "2"), ("c", "3.5")] {
+        scratch.write(
+            &format!("scans/{name}.ply"),
+            &PYRAMID.replace("0 2 0", &format!("0 {height} 0")),
+        );
+    }
+    scratch
+}
+
+fn journal(scratch: &Scratch, name: &str) -> Vec<Value> {
+    let text = String::from_utf8(scratch.read(name)).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// Returns all pictures below a folder with their bytes.
+fn pictures(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut all = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(&next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|end| end == "exr" || end == "png") {
+                let name = path.strip_prefix(folder).unwrap().display().to_string();
+                all.push((name, fs::read(&path).unwrap()));
+            }
+        }
+    }
+    all.sort();
+    all
+}
+
+#[test]
+fn a_frame_has_the_bytes_of_render() {
+    let scratch = scans();
+    let done = batch(&scratch, &["scans", "-o", "out", "--no-sheet"]);
+    assert_eq!((done.code(), done.stdout().lines().count()), (0, 6), "{}", done.stderr());
+    assert_eq!(
+        names_in(&scratch.path("out")),
+        ["a.exr", "a.png", "b.exr", "b.png", "batch.jsonl", "c.exr", "c.png"]
+    );
+    let done = scratch.run(&[&["render", "scans/b.ply", "-o", "b"], &SMALL[..]].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert_eq!(scratch.channels("out/b.exr"), scratch.channels("b.exr"));
+}
+
+#[test]
+fn the_printed_camera_makes_the_same_files_again() {
+    let scratch = scans();
+    let args = ["scans/c.ply", "-o", "out", "--turntable", "3", "--no-sheet"];
+    let done = batch(&scratch, &args);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let said = done.stderr();
+    let camera =
+        said.lines().find_map(|line| line.strip_prefix("framed scans/c.ply: camera ")).unwrap();
+    let recorded = journal(&scratch, "out/batch.jsonl");
+    let mesh = recorded.iter().find(|record| record["event"] == "mesh").unwrap();
+    assert_eq!(mesh["camera"], serde_json::from_str::<Value>(camera).unwrap());
+    let job = format!(
+        r#"{{ "inputs": ["scans/c.ply"], "camera": {camera}, "margin": 0.3,
+             "turntable": {{ "frames": 3 }}, "output": {{ "folder": "again" }} }}"#
+    );
+    scratch.write("job.json", &job);
+    let done = batch(&scratch, &["job.json", "--no-sheet"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let (first, second) = (pictures(&scratch.path("out")), pictures(&scratch.path("again")));
+    assert_eq!(first.len(), 6);
+    assert!(first == second);
+    let frame = |n: u32| scratch.channels(&format!("out/c/c.000{n}.exr"));
+    assert!(frame(0) != frame(1) && frame(1) != frame(2));
+}
+
+#[test]
+fn what_turns_decides_the_light_and_the_way_round() {
+    let scratch = scans();
+    let turn = |out: &str, flags: &[&str]| {
+        let args = [&["scans/a.ply", "-o", out, "--turntable", "3", "--no-sheet"], flags].concat();
+        let done = batch(&scratch, &args);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        let frame = |n: u32| scratch.channels(&format!("{out}/a/a.000{n}.exr"));
+        [frame(0), frame(1), frame(2)]
+    };
+    let object = turn("object", &["--lights", "object"]);
+    let camera = turn("camera", &["--turn", "camera"]);
+    let room = turn("room", &[]);
+    assert_eq!(object[0], camera[0]);
+    assert_eq!([&object[1], &object[2]], [&camera[2], &camera[1]]);
+    assert_eq!(object[0], room[0]);
+    assert!(object[1] != room[1]);
+}
+
+#[test]
+fn an_invalid_mesh_fails_alone() {
+    let scratch = scans();
+    scratch.write("scans/b.ply", "ply\nformat ascii 1.0\nelement vertex 3\n");
+    let args = ["scans", "-o", "out", "--turntable", "2"];
+    let done = batch(&scratch, &args);
+    assert_eq!(done.code(), 1, "{}", done.stderr());
+    let said = done.stderr();
+    assert!(said.contains("error: 1 of 3 inputs failed:"), "{said}");
+    assert_eq!(
+        said.matches("error: scans/b.ply: the header has no end_header").count(),
+        2,
+        "{said}"
+    );
+    assert_eq!(pictures(&scratch.path("out/a")).len() + pictures(&scratch.path("out/c")).len(), 8);
+    let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    assert!(html.contains("class=\"failed\"") && html.contains("the header has no end_header"));
+    // After a repair, only that mesh is rendered, and no card is red any more.
+    scratch.write("scans/b.ply", PYRAMID);
+    let done = batch(&scratch, &[&args[..], &["--resume"]].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert!(done.stderr().contains("2 frames rendered, 4 kept, 0 failures"), "{}", done.stderr());
+    let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    assert!(!html.contains("class=\"failed\""));
+    // With --fail-fast, the first failure is the last one.
+    scratch.write("scans/a.ply", "ply\n");
+    let args = ["scans", "-o", "fast", "--jobs", "1", "--fail-fast", "--quiet"];
+    let done = batch(&scratch, &args);
+    assert_eq!(
+        (done.code(), done.stdout().contains("fast/c.exr")),
+        (1, false),
+        "{}",
+        done.stderr()
+    );
+}
+
+#[test]
+fn resume_keeps_complete_matching_frames_and_gives_reasons() {
+    let scratch = scans();
+    let args = ["scans", "-o", "out", "--turntable", "2", "--no-sheet"];
+    let run = |more: &[&str]| {
+        let done = batch(&scratch, &[&args[..], &["--skip-existing"], more].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        let said = done.stderr();
+        let again = said.lines().filter_map(|line| line.strip_prefix("again: "));
+        let mut again: Vec<String> = again.map(str::to_string).collect();
+        again.sort();
+        (again, said.contains(" 6 kept,"))
+    };
+    assert_eq!(run(&[]), (vec![], false));
+    assert_eq!(run(&[]), (vec![], true));
+    let whole = pictures(&scratch.path("out"));
+    // A truncated file, a deleted one, a foreign one, and a changed mesh.
+    let cut = scratch.read("out/a/a.0000.exr");
+    fs::write(scratch.path("out/a/a.0000.exr"), &cut[..cut.len() - 1]).unwrap();
+    let cut = scratch.read("out/a/a.0001.png");
+    fs::write(scratch.path("out/a/a.0001.png"), &cut[..cut.len() - 3]).unwrap();
+    fs::remove_file(scratch.path("out/b/b.0000.png")).unwrap();
+    fs::write(scratch.path("out/b/b.0001.exr"), "not a picture").unwrap();
+    let (again, _) = run(&[]);
+    let expected = [
+        "out/a/a.0000.exr is not whole",
+        "out/a/a.0001.png is not whole",
+        "out/b/b.0000.png is missing",
+        "out/b/b.0001.exr is not whole",
+    ];
+    assert_eq!(again, expected);
+    assert!(pictures(&scratch.path("out")) == whole);
+    let mesh = scratch.read("scans/c.ply");
+    scratch.write("scans/c.ply", &format!("{}\n", String::from_utf8(mesh).unwrap()));
+    let changed = "a mesh or a texture changed";
+    let expected = [0, 1].map(|n| format!("out/c/c.000{n}.exr: {changed}"));
+    assert_eq!(run(&[]).0, expected);
+    let (again, _) = run(&["--spp", "3"]);
+    assert_eq!(again.len(), 6);
+    assert!(again[0].ends_with(": the scene changed"), "{again:?}");
+    let (again, _) = run(&["--spp", "3", "--float"]);
+    assert!(again.len() == 6 && again[0].ends_with(": settings changed"), "{again:?}");
+    // A picture of `render` has no fingerprint.
+    let render = ["render", "scans/a.ply", "-o", "out/a/a.0000", "--spp", "3", "--float"];
+    scratch.run(&[&render[..], &SMALL].concat());
+    let (again, _) = run(&["--spp", "3", "--float"]);
+    assert_eq!(again, ["out/a/a.0000.exr has no fingerprint"]);
+    // The same file under another path is the same mesh.
+    let old = scratch.path("out/b/b.0000.exr").metadata().unwrap().modified().unwrap();
+    let absolute = scratch.path("scans").display().to_string();
+    let all = ["--spp", "3", "--float", "--resume", "--turntable", "2", "-o", "out", "--no-sheet"];
+    let done = batch(&scratch, &[&[absolute.as_str()], &all[..]].concat());
+    assert!(done.stderr().contains(" 6 kept,"), "{}", done.stderr());
+    let now: SystemTime = scratch.path("out/b/b.0000.exr").metadata().unwrap().modified().unwrap();
+    assert_eq!(old, now);
+}
+
+#[test]
+fn frames_record_their_number_and_rate() {
+    let scratch = scans();
+    let args = ["scans/a.ply", "-o", "out", "--turntable", "3", "--multipart", "--no-sheet"];
+    let args = [&args[..], &["--aov", "Z", "--resume"]].concat();
+    let run = |rate: &str, kept: &str| {
+        let done = batch(&scratch, &[&args[..], &["--fps", rate]].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        assert!(done.stderr().contains(kept), "{}", done.stderr());
+        done.stderr()
+    };
+    run("24", "3 frames rendered, 0 kept");
+    // Files of several parts are also recognized as complete.
+    run("24", "0 frames rendered, 3 kept");
+    assert!(run("23.976", "3 frames rendered, 0 kept").contains("settings changed"));
+    for frame in 0..3 {
+        let path = scratch.path(&format!("out/a/a.000{frame}.exr"));
+        let meta = exr::meta::MetaData::read_from_file(path, false).unwrap();
+        assert_eq!(meta.headers.len(), 2);
+        for header in &meta.headers {
+            let own = &header.own_attributes;
+            assert_eq!(own.frames_per_second, Some((24000, 1001)));
+            let counter = own.other.iter().find(|(name, _)| **name == *"imageCounter");
+            assert_eq!(counter.unwrap().1, &exr::meta::attribute::AttributeValue::I32(frame));
+        }
+    }
+    let length = fs::metadata(scratch.path("out/a/a.0001.exr")).unwrap().len();
+    let file = fs::File::options().write(true).open(scratch.path("out/a/a.0001.exr")).unwrap();
+    file.set_len(length - 1).unwrap();
+    let said = run("23.976", "1 frames rendered, 2 kept");
+    assert!(said.contains("a.0001.exr is not whole"), "{said}");
+}
+
+#[test]
+fn manifests_are_files_of_their_frames() {
+    let scratch = scans();
+    let files = ["--aov", "cryptomatte", "--crypto-sidecar", "--png-bits", "16"];
+    let render = ["render", "scans/a.ply", "-o", "alone"];
+    let done = scratch.run(&[&render[..], &files, &SMALL].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let args = ["scans/a.ply", "-o", "out", "--turntable", "2", "--resume", "--no-sheet"];
+    let args = [&args[..], &files].concat();
+    let run = |kept: &str| {
+        let done = batch(&scratch, &args);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        assert!(done.stderr().contains(kept), "{}", done.stderr());
+        done.stderr()
+    };
+    run("2 frames rendered, 0 kept");
+    let text = |name: &str| String::from_utf8(scratch.read(name)).unwrap();
+    for frame in ["out/a/a.0000", "out/a/a.0001"] {
+        for kind in ["CryptoObject", "CryptoMaterial"] {
+            assert_eq!(text(&format!("{frame}.{kind}.json")), text(&format!("alone.{kind}.json")));
+        }
+        let png = scratch.read(&format!("{frame}.png"));
+        assert_eq!(png[24], 16, "bits of a channel");
+        let path = scratch.path(&format!("{frame}.exr"));
+        let meta = exr::meta::MetaData::read_from_file(path, false).unwrap();
+        let other = &meta.headers[0].own_attributes.other;
+        let named: Vec<String> = other
+            .iter()
+            .filter(|(name, _)| name.to_string().ends_with("/manif_file"))
+            .map(|(_, value)| format!("{value:?}"))
+            .collect();
+        assert_eq!(named.len(), 2);
+        let stem = frame.rsplit('/').next().unwrap();
+        assert!(named.iter().all(|name| name.contains(stem)), "{named:?}");
+    }
+    run("0 frames rendered, 2 kept");
+    fs::remove_file(scratch.path("out/a/a.0001.CryptoMaterial.json")).unwrap();
+    let said = run("1 frames rendered, 1 kept");
+    assert!(said.contains("a.0001.CryptoMaterial.json is missing"), "{said}");
+    // The same settings in a job file. Without the two of them, other files are expected.
+    let job = r#"{ "inputs": ["scans/a.ply"], "turntable": { "frames": 2 }, "layers": ["cryptomatte"],
+                   "output": { "folder": "out", "cryptosidecar": true, "pngbits": BITS } }"#;
+    scratch.write("job.json", &job.replace("BITS", "16"));
+    let resume = |expected: &str| {
+        let done = batch(&scratch, &["job.json", "--resume", "--no-sheet"]);
+        assert!(done.stderr().contains(expected), "{}", done.stderr());
+        done.code()
+    };
+    assert_eq!(resume("0 frames rendered, 2 kept"), 0);
+    scratch.write("job.json", &job.replace("BITS", "8"));
+    assert_eq!(resume("settings changed"), 0);
+    scratch.write("job.json", &job.replace("BITS", "12"));
+    assert_eq!(resume("pngbits: found 12, expected 8 or 16"), 2);
+}
+
+#[test]
+fn a_still_has_the_same_header_as_render() {
+    let scratch = scans();
+    let done = batch(&scratch, &["scans/b.ply", "-o", "out", "--no-sheet"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let done = scratch.run(&[&["render", "scans/b.ply", "-o", "b"], &SMALL[..]].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let said = |name: &str| {
+        let meta = exr::meta::MetaData::read_from_file(scratch.path(name), false).unwrap();
+        let other = meta.headers[0].own_attributes.other.clone();
+        let mut said: Vec<_> = other.into_iter().map(|(n, v)| (n.to_string(), v)).collect();
+        said.retain(|(name, _)| name != "lightpath:fingerprint");
+        said.sort_by(|a, b| a.0.cmp(&b.0));
+        said
+    };
+    assert_eq!(said("out/b.exr"), said("b.exr"));
+    assert!(said("b.exr").iter().any(|(name, _)| name == "lightpath:sceneHash"));
+    assert!(!said("b.exr").iter().any(|(name, _)| name == "imageCounter"));
+}
+
+/// Flags that a scene description cannot hold apply to every frame of a turntable.
+#[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
+fn fast_mode_of_embree_applies_to_every_frame() {
+    let scratch = scans();
+    let args = ["scans/b.ply", "-o", "out", "--turntable", "2", "--no-sheet", "--spp", "1"];
+    let fast = ["--backend", "embree", "--fast"];
+    let done = batch(&scratch, &[&args[..], &fast].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    for name in ["out/b/b.0000.exr", "out/b/b.0001.exr"] {
+        let said = scratch.run(&["info", name]).stdout();
+        assert!(said.contains("lightpath:backend: embree (Embree 4."), "{said}");
+        assert!(said.contains(", fast)") && said.contains(",fast,"), "{said}");
+    }
+    // Without the flag the frames differ. On the default backend the flag is refused.
+    let again = batch(&scratch, &[&args[..], &["--backend", "embree", "--resume"]].concat());
+    assert!(again.stderr().contains("settings changed"), "{}", again.stderr());
+    let refused = batch(&scratch, &[&args[..], &["--fast"]].concat());
+    assert_eq!(refused.code(), 1, "{}", refused.stderr());
+    assert!(refused.stderr().contains("which has no fast mode"), "{}", refused.stderr());
+}
+
+#[test]
+fn ranges_together_render_all_frames() {
+    let scratch = scans();
+    let args =
+        |out: &'static str| ["scans", "-o", out, "--turntable", "3", "--no-sheet", "--quiet"];
+    assert_eq!(batch(&scratch, &args("all")).code(), 0);
+    for range in ["0..1", "1..5", "5..9"] {
+        let done = batch(&scratch, &[&args("parts")[..], &["--range", range]].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    }
+    assert!(pictures(&scratch.path("all")) == pictures(&scratch.path("parts")));
+    let names = names_in(&scratch.path("parts"));
+    assert!(names.contains(&"batch.1-5.jsonl".to_string()), "{names:?}");
+    let done = batch(&scratch, &[&args("parts")[..], &["--range", "8..10"]].concat());
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("expected frames A..B of 0..9"), "{}", done.stderr());
+    // The contact sheet shows the frames of all ranges.
+    let done = batch(&scratch, &["scans", "-o", "parts", "--turntable", "3", "--sheet-only"]);
+    assert_eq!(done.stdout(), "parts/index.html\nparts/sheet.png\n", "{}", done.stderr());
+    let html = String::from_utf8(scratch.read("parts/index.html")).unwrap();
+    assert!(html.contains("3 inputs, 9 of 9 frames"), "{html}");
+}
+
+#[test]
+fn a_job_file_has_all_settings() {
+    let scratch = scans();
+    let job = r#"{
+      "comment": "three pyramids",
+      "inputs": ["scans/[ab].ply", { "path": "scans/c.ply", "up": "z", "set": { "/spp": 2 } }],
+      "size": [20, 10], "layers": ["Z"], "set": { "/spp": 1 },
+      "turntable": { "frames": 2, "turn": "camera", "start": 30 },
+      "output": { "folder": "made", "name": "{stem}-{frame:02}.exr", "compression": "piz" },
+      "limits": { "memory": "1G", "threads": 2, "jobs": 2 }
+    }"#;
+    scratch.write("jobs/job.json", &job.replace("scans/", "../scans/"));
+    let done = scratch.run(&["batch", "jobs/job.json"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let names = names_in(&scratch.path("jobs/made"));
+    let frames = ["a-00.exr", "a-00.png", "a-01.exr", "a-01.png", "b-00.exr"];
+    assert_eq!(names[..5], frames, "{names:?}");
+    let file = exr::meta::MetaData::read_from_file(scratch.path("jobs/made/a-00.exr"), false);
+    let header = &file.unwrap().headers[0];
+    assert_eq!((header.layer_size.x(), header.layer_size.y()), (20, 10));
+    assert_eq!(header.compression, exr::compression::Compression::PIZ);
+    assert!(header.channels.list.iter().any(|channel| channel.name.to_string() == "Z"));
+    let records = journal(&scratch, "jobs/made/batch.jsonl");
+    let rays = |input: &str| {
+        let mut records = records.iter().filter(|r| r["event"] == "frame");
+        let record = records.find(|r| r["input"].as_str().unwrap().ends_with(input)).unwrap();
+        record["rays"]["primary"].as_u64().unwrap()
+    };
+    assert_eq!([rays("a.ply"), rays("c.ply")], [200, 400]);
+    // Flags win over the job file.
+    let done =
+        scratch.run(&["batch", "jobs/job.json", "--spp", "3", "-o", "here", "--range", "0..1"]);
+    assert_eq!(done.stdout(), "here/a-00.exr\nhere/a-00.png\n", "{}", done.stderr());
+    // The schema has these keys.
+    let schema: Value = serde_json::from_str(&scratch.run(&["schema", "job"]).stdout()).unwrap();
+    for key in ["inputs", "template", "turntable", "output", "limits", "comment"] {
+        assert!(schema["properties"][key].is_object(), "{key}");
+    }
+    assert_eq!(schema["additionalProperties"], false);
+}
+
+#[test]
+fn invalid_jobs_are_refused_before_rendering() {
+    let scratch = scans();
+    scratch.write("other/a.ply", PYRAMID);
+    let refused = |args: &[&str], expected: &str| {
+        let done = batch(&scratch, args);
+        assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
+        assert!(done.stderr().contains(expected), "{args:?}: {}", done.stderr());
+        assert!(!scratch.path("out").exists(), "{args:?}");
+    };
+    refused(&["nosuch.ply"], "there is no such file");
+    refused(&["scans", "other"], "would both be written to");
+    refused(&["scans", "--name", "{stem}", "--turntable", "2"], "expected {frame} in it");
+    refused(&["scans", "--name", "../{stem}"], "expected a name within the output folder");
+    refused(&["scans", "--template", "nosuch.json"], "nosuch.json: cannot read");
+    let job = |text: &str| {
+        scratch.write("job.json", text);
+        "job.json"
+    };
+    refused(&[job(r#"{ "inputs": ["scans"], "turntabel": { "frames": 2 } }"#)], "turntable");
+    refused(&[job(r#"{ "inputs": [{ "path": "scans", "upp": "z" }] }"#)], "job.json:1:33");
+    refused(&[job(r#"{ "inputs": ["scans/*.obj"] }"#)], "a pattern that matches no file");
+    refused(&[job(r#"{ "inputs": ["scans"], "limits": { "memory": "lots" } }"#)], "limits/memory");
+    // A wrong value of the scene is reported for every mesh.
+    let done = batch(&scratch, &["scans", "-o", "bad", "--set", "/camera/fov=200", "--quiet"]);
+    assert_eq!(done.code(), 1);
+    assert_eq!(done.stderr().matches("/camera/fov").count(), 6, "{}", done.stderr());
+    // Too little memory is reported for every mesh, too, with the numbers.
+    let done = batch(&scratch, &["scans", "-o", "bad", "--max-memory", "1M", "--quiet"]);
+    assert_eq!(done.code(), 1);
+    assert!(done.stderr().contains("--max-memory: found 1.0 MiB, expected at least"));
+    // No output may overwrite an input.
+    let studio = include_str!("../../../assets/studio.json");
+    let textured =
+        studio.replace("\"kd\": 1,\n        \"ka\"", "\"kd\": 1, \"tPath\": \"a.png\", \"ka\"");
+    assert_ne!(studio, textured);
+    scratch.write("scans/t.json", &textured);
+    let picture = image::RgbImage::new(2, 2);
+    picture.save(scratch.path("scans/a.png")).unwrap();
+    let before = scratch.read("scans/a.png");
+    let args = ["scans/a.ply", "-o", "scans", "--template", "scans/t.json", "--no-sheet"];
+    let done = batch(&scratch, &args);
+    assert_eq!(
+        (done.code(), scratch.read("scans/a.png") == before),
+        (2, true),
+        "{}",
+        done.stderr()
+    );
+    assert!(done.stderr().contains("would overwrite an input or another output"));
+}
+
+#[test]
+fn progress_for_farms() {
+    let scratch = scans();
+    let run = |mode: &str| {
+        let args = ["scans", "-o", mode, "--turntable", "4", "--no-sheet", "--progress", mode];
+        let done = batch(&scratch, &args);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        (done.stdout(), done.stderr())
+    };
+    let percents = |text: &str, start: &str, end: &str| -> Vec<u32> {
+        let lines = text.lines().filter_map(|line| line.strip_prefix(start)?.strip_suffix(end));
+        lines.map(|number| number.parse().unwrap()).collect()
+    };
+    let openjd = run("openjd").0;
+    let said = percents(&openjd, "openjd_progress: ", "");
+    assert!(said.is_sorted() && said.last() == Some(&100), "{openjd}");
+    assert!(openjd.contains("openjd_status: frames 12 of 12"), "{openjd}");
+    let said = percents(&run("alf").0, "ALF_PROGRESS ", "%");
+    assert!(said.is_sorted() && said.last() == Some(&100));
+    // A short batch may end before the first line of progress.
+    for line in run("json").1.lines().filter(|line| line.starts_with('{')) {
+        let line: Value = serde_json::from_str(line).unwrap();
+        assert_eq!(line["total"], 12);
+    }
+}
+
+#[test]
+fn a_dry_run_lists_the_frames() {
+    let scratch = scans();
+    let args = ["scans", "-o", "out", "--turntable", "2", "--range", "1..3", "--dry-run"];
+    let done = batch(&scratch, &args);
+    let lines: Vec<Value> =
+        done.stdout().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines.len(), 2, "{}", done.stderr());
+    assert_eq!(lines[0]["outputs"][0], "out/a/a.0001.exr");
+    assert_eq!((&lines[1]["index"], &lines[1]["frame"]), (&2.into(), &0.into()));
+    assert!(!scratch.path("out").exists());
+}
+
+#[test]
+fn names_that_collide_in_any_frame_are_refused() {
+    let scratch = Scratch::new();
+    for i in 0..12 {
+        scratch.write(&format!("scans/m{i:02}.ply"), PYRAMID);
+    }
+    let refused = |args: &[&str], both: [&str; 2]| {
+        let done = batch(&scratch, &[args, &["-o", "out"]].concat());
+        assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
+        let said = done.stderr();
+        assert!(both.iter().all(|name| said.contains(name)), "{args:?}: {said}");
+        assert!(!scratch.path("out").exists(), "{args:?}");
+    };
+    let turn = |name: &'static str| ["scans", "--turntable", "12", "--name", name];
+    // Input 1, frame 10 and input 11, frame 0 have the same name.
+    refused(&turn("{input}{frame}"), ["frame 10 of scans/m01.ply", "frame 0 of scans/m11.ply"]);
+    refused(&turn("x/{input}{frame}"), ["frame 10 of scans/m01.ply", "frame 0 of scans/m11.ply"]);
+    scratch.write("two/a.ply", PYRAMID);
+    scratch.write("two/a1.ply", PYRAMID);
+    let stems = ["two", "--turntable", "12", "--name", "{stem}{frame}"];
+    refused(&stems, ["frame 10 of two/a.ply", "frame 0 of two/a1.ply"]);
+    // Names of frames may not collide with the contact sheet.
+    scratch.write("sheet.ply", PYRAMID);
+    scratch.write("sheet.2.ply", PYRAMID);
+    refused(&["sheet.ply"], ["sheet.ply", "contact sheet"]);
+    refused(&["sheet.ply", "--name", "./{stem}"], ["sheet.ply", "contact sheet"]);
+    let done = batch(&scratch, &["sheet.2.ply", "-o", "fine"]);
+    assert_eq!(done.code(), 0, "one sheet is enough: {}", done.stderr());
+    // The same pattern is valid with fewer inputs.
+    let done =
+        batch(&scratch, &["two", "--turntable", "12", "--name", "{stem}-{frame}", "-o", "fine"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+}
+
+#[test]
+fn resume_detects_flipped_bits() {
+    let scratch = scans();
+    let layers = ["--aov", "Z,cryptomatte", "--crypto-sidecar"];
+    let args = ["scans/a.ply", "-o", "out", "--no-sheet"];
+    let args = [&args[..], &layers].concat();
+    let run = |more: &[&str]| {
+        let done = batch(&scratch, &[&args[..], more].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        done.stderr()
+    };
+    run(&[]);
+    let kept = |said: &str| said.contains("0 frames rendered, 1 kept");
+    assert!(kept(&run(&["--resume"])));
+    for name in ["a.exr", "a.png", "a.CryptoObject.json", "a.CryptoMaterial.json"] {
+        let name = format!("out/{name}");
+        let whole = scratch.read(&name);
+        // Some 24 places over the whole file, with another bit flipped at each.
+        for i in 0..24 {
+            let mut flipped = whole.clone();
+            flipped[i * (whole.len() - 1) / 23] ^= 1 << (i % 8);
+            fs::write(scratch.path(&name), &flipped).unwrap();
+            let said = run(&["--resume"]);
+            assert!(said.contains("1 frames rendered, 0 kept"), "{name} {i}: {said}");
+            assert!(said.contains(&format!("again: {name}")), "{name} {i}: {said}");
+            assert!(scratch.read(&name) == whole, "{name} {i}");
+        }
+    }
+    // --no-verify skips the reading, and with it the check.
+    let mut flipped = scratch.read("out/a.png");
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 1;
+    fs::write(scratch.path("out/a.png"), &flipped).unwrap();
+    assert!(kept(&run(&["--resume", "--no-verify"])));
+    // Without a journal there is no hash to compare with.
+    fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
+    assert!(kept(&run(&["--resume", "--no-verify"])));
+    let said = run(&["--resume"]);
+    assert!(said.contains("1 frames rendered, 0 kept"), "{said}");
+    assert!(said.contains("no journal knows its bytes"), "{said}");
+    assert!(kept(&run(&["--resume"])));
+    // The journal of a range counts as much as that of a whole run.
+    fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
+    run(&["--range", "0..1"]);
+    assert!(kept(&run(&["--resume"])));
+}

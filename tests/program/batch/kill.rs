@@ -1,0 +1,124 @@
+//! Kills a batch again and again. Finished files must be complete, and in the end all frames must
+//! exist.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    io::{BufRead, BufReader, Read},
+    path::Path,
+    process::{Command, Stdio},
+    time::Duration,
+};
+
+use crate::support::program::{PYRAMID, Scratch, names_in, send};
+use crate::support::random::Random;
+
+const MESHES: u32 = 50;
+const FRAMES: u32 = 4;
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    for mesh in 0..MESHES {
+        let apex = format!("0.{mesh:02} {} 0", 1 + mesh % 5);
+        scratch.write(&format!("scans/m{mesh:02}.ply"), &PYRAMID.replace("0 2 0", &apex));
+    }
+    scratch
+}
+
+fn batch(scratch: &Scratch, out: &str) -> Command {
+    let frames = FRAMES.to_string();
+    let args =
+        ["batch", "scans", "-o", out, "--turntable", &frames, "--size", "60x42", "--spp", "2"];
+    let more = ["--backend", "bvh", "--threads", "2", "--resume", "--no-sheet", "--quiet"];
+    scratch.command(&[&args[..], &more].concat())
+}
+
+/// Returns all files below a folder except the journal.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for name in names_in(folder) {
+        let path = folder.join(&name);
+        if path.is_dir() {
+            let below = files(&path).into_iter();
+            all.extend(below.map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
+        } else if name != "batch.jsonl" {
+            all.insert(name, fs::read(&path).unwrap());
+        }
+    }
+    all
+}
+
+/// Starts the batch `kills` times and kills it each time at a random moment, then lets it finish.
+fn survives(kills: u32) {
+    let scratch = scratch();
+    let whole = batch(&scratch, "whole").output().unwrap();
+    assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
+    let whole = files(&scratch.path("whole"));
+    assert_eq!(whole.len() as u32, 2 * MESHES * FRAMES);
+    let mut random = Random(1);
+    let mut killed = 0;
+    for _ in 0..kills {
+        let mut child = batch(&scratch, "out").stdout(Stdio::piped()).spawn().unwrap();
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        // Waits for up to three lines of output, then for a random moment within a frame.
+        let mut line = String::new();
+        for _ in 0..random.below(4) {
+            stdout.read_line(&mut line).unwrap();
+        }
+        std::thread::sleep(Duration::from_micros(random.below(4000) as u64));
+        killed += u32::from(child.try_wait().unwrap().is_none());
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let mut rest = Vec::new();
+        stdout.read_to_end(&mut rest).unwrap();
+        // A file with its final name is complete.
+        for (name, bytes) in files(&scratch.path("out")) {
+            assert!(name.ends_with(".part") || whole.get(&name) == Some(&bytes), "{name}");
+        }
+    }
+    assert!(killed >= kills * 4 / 5, "{killed} of {kills} were still running");
+    let done = batch(&scratch, "out").output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let made = files(&scratch.path("out"));
+    assert_eq!(made.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>());
+    assert!(made == whole);
+    let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
+    for line in journal.lines() {
+        let record: Result<serde_json::Value, _> = serde_json::from_str(line);
+        assert!(record.is_ok(), "{line}");
+    }
+}
+
+#[test]
+fn kills_at_random_moments_lose_nothing() {
+    survives(50);
+}
+
+#[test]
+fn a_signal_stops_the_batch_and_keeps_finished_frames() {
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let scratch = scratch();
+        let mut command = batch(&scratch, "out");
+        // A render of some minutes.
+        command.args(["--set", "/camera/width=600", "--set", "/camera/height=400"]);
+        command
+            .args(["--set", "/spp=256", "--jobs", "2"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        // The journal is opened after the signal handlers are installed.
+        while !scratch.path("out/batch.jsonl").exists() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        std::thread::sleep(Duration::from_millis(300));
+        send(signal, child.id());
+        let mut said = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{said}");
+        assert!(said.contains("error: stopped by a signal; finished frames stay"), "{said}");
+        let files = files(&scratch.path("out"));
+        assert!(files.keys().all(|name| !name.ends_with(".part")), "{:?}", files.keys());
+        let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
+        assert!(journal.lines().last().unwrap().contains("\"event\":\"end\""), "{journal}");
+    }
+}

@@ -1,0 +1,108 @@
+//! The contact sheet in a browser: it needs no other file, shows turntables, sorts, and shows
+//! failures.
+
+use crate::support::browser::browse;
+use crate::support::program::{PYRAMID, Scratch};
+
+/// A batch of turntables of two pyramids, and a file that is not a mesh.
+fn sheet() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("scans/tall.ply", &PYRAMID.replace("0 2 0", "0 5 0"));
+    scratch.write("scans/flat.ply", &PYRAMID.replace("0 2 0", "0 1 0"));
+    scratch.write("scans/a<b>.ply", "ply\nformat ascii 1.0\n");
+    let args = ["batch", "scans", "-o", "out", "--turntable", "6", "--size", "96x64", "--spp", "1"];
+    let done = scratch.run(&[&args[..], &["--backend", "bvh", "--quiet"]].concat());
+    assert_eq!(done.code(), 1, "{}", done.stderr());
+    scratch
+}
+
+#[test]
+fn the_page_has_no_external_references_and_escapes_names() {
+    let scratch = sheet();
+    let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    for outside in ["http:", "https:", "@import", "url(", "<b>"] {
+        assert!(!html.contains(outside), "{outside}");
+    }
+    assert_eq!(html.matches("src=\"data:image/jpeg;base64,").count(), 2);
+    assert_eq!(html.matches("<article").count(), 3);
+    // Links lead to existing files of the batch.
+    for link in html.split("href=\"").skip(1) {
+        let link = link.split('"').next().unwrap();
+        assert!(scratch.path("out").join(link).is_file(), "{link}");
+    }
+}
+
+#[test]
+fn complete_files_count_and_the_journal_does_not() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    let turn = |frames: &str, more: &[&str], code: i32| {
+        let args = ["batch", "a.ply", "-o", "out", "--turntable", frames, "--size", "24x16"];
+        let done = scratch.run(&[&args[..], &["--backend", "bvh", "--quiet"], more].concat());
+        assert_eq!(done.code(), code, "{}", done.stderr());
+        String::from_utf8(scratch.read("out/index.html")).unwrap()
+    };
+    assert!(turn("6", &[], 0).contains("6 of 6 frames"));
+    let html = turn("3", &["--sheet-only"], 0);
+    assert!(html.contains("3 of 3 frames") && html.contains("class=\"done\""), "{html}");
+    let whole = scratch.read("out/a/a.0001.exr");
+    std::fs::remove_file(scratch.path("out/a/a.0001.exr")).unwrap();
+    let html = turn("3", &["--sheet-only"], 1);
+    assert!(html.contains("2 of 3 frames") && html.contains("class=\"missing\""), "{html}");
+    std::fs::write(scratch.path("out/a/a.0001.exr"), &whole[..whole.len() - 1]).unwrap();
+    assert!(turn("3", &["--sheet-only"], 1).contains("2 of 3 frames"));
+    std::fs::write(scratch.path("out/a/a.0001.exr"), &whole).unwrap();
+    // Only files count, also when no journal exists.
+    std::fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
+    let html = turn("3", &["--sheet-only"], 0);
+    assert!(html.contains("3 of 3 frames") && html.contains("data-count=\"3\""), "{html}");
+}
+
+#[test]
+fn a_browser_shows_the_sheet() {
+    let scratch = sheet();
+    let page = scratch.path("out/index.html");
+    // A script acts like the mouse and the menu, and writes the result into the page.
+    let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    let acts = "<script>
+      const all = () => [...document.querySelectorAll('article:not([hidden]) h2')];
+      const order = () => all().map((h) => h.textContent).join(',');
+      const set = (id, key, value) => {
+        document.getElementById(id)[key] = value;
+        document.getElementById(id).dispatchEvent(new Event('input'));
+      };
+      const said = [];
+      set('sort', 'value', 'name'); set('down', 'checked', true); said.push(order());
+      set('sort', 'value', 'state'); set('down', 'checked', false); said.push(order());
+      set('bad', 'checked', true); said.push(order()); set('bad', 'checked', false);
+      set('find', 'value', 'TALL'); said.push(order()); set('find', 'value', '');
+      const slider = document.querySelector('input[type=range]');
+      slider.value = 3; slider.dispatchEvent(new Event('input'));
+      said.push(document.querySelector('.strip img').style.transform);
+      const image = document.querySelector('.strip img');
+      said.push(image.naturalWidth / image.naturalHeight);
+      document.body.dataset.said = said.join(' | ');
+    </script></body>";
+    scratch.write("out/acted.html", &html.replace("</body>", acts));
+    let Some(dom) = browse(&["--dump-dom"], &scratch.path("out/acted.html")) else {
+        return;
+    };
+    let said = dom.split("data-said=\"").nth(1).and_then(|rest| rest.split('"').next());
+    let bad = "a&lt;b&gt;.ply";
+    let expected = format!(
+        "tall.ply,flat.ply,{bad} | {bad},flat.ply,tall.ply | {bad} | tall.ply | translateX(-50%) | 9"
+    );
+    assert_eq!(said, Some(expected.as_str()), "{dom}");
+    // The screenshot is red where a mesh failed and has many colours elsewhere.
+    let shot = scratch.path("shot.png");
+    let args = [format!("--screenshot={}", shot.display()), "--window-size=900,700".to_string()];
+    browse(&[&args[0], &args[1]], &page).unwrap();
+    let picture = image::open(&shot).unwrap().to_rgb8();
+    let red = picture.pixels().filter(|p| p.0 == [0xc8, 0x10, 0x2e]).count();
+    assert!(red > 300, "{red}");
+    let colours: std::collections::HashSet<[u8; 3]> = picture.pixels().map(|p| p.0).collect();
+    assert!(colours.len() > 100, "{}", colours.len());
+    if let Ok(keep) = std::env::var("LIGHTPATH_KEEP_SHEET") {
+        std::fs::copy(&shot, keep).unwrap();
+    }
+}

@@ -1,0 +1,245 @@
+//! No output overwrites an input, and a picture comes from the very files that its fingerprint
+//! covers.
+
+use std::{
+    fs,
+    os::unix::fs::symlink,
+    path::Path,
+    process::Stdio,
+    time::{Duration, Instant},
+};
+
+use crate::support::program::{self, Done, PYRAMID, SMALL, Scratch};
+use lightpath::{merge::Parts, monitor::Monitor};
+
+/// A pyramid with texture coordinates that names its own image.
+fn textured(image: &str) -> String {
+    let uv = "property float z\nproperty float s\nproperty float t";
+    let mesh = PYRAMID
+        .replace("format ascii 1.0", &format!("format ascii 1.0\ncomment TextureFile {image}"));
+    let mut mesh = mesh.replace("property float z", uv);
+    for vertex in ["-1 0 -1", "1 0 -1", "1 0 1", "-1 0 1", "0 2 0"] {
+        mesh = mesh.replace(&format!("\n{vertex}\n"), &format!("\n{vertex} 0 1\n"));
+    }
+    mesh
+}
+
+fn image(scratch: &Scratch, name: &str) -> Vec<u8> {
+    let path = scratch.path(name);
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    image::RgbImage::from_pixel(3, 2, image::Rgb([9, 120, 200])).save(path).unwrap();
+    scratch.read(name)
+}
+
+const SCENE: &str = r#"{
+  "camera": { "type": "pinhole", "width": 24, "height": 16, "fov": 40,
+              "position": [0, 1, 9], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+  "scene": {
+    "lightsources": [{ "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3] }],
+    "shapes": [{ "type": "trimesh", "path": "MESH", "material": {} }]
+  }
+}"#;
+
+#[track_caller]
+fn refused(done: &Done) {
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    let said = done.stderr();
+    assert!(said.contains("would overwrite") && !said.contains("panicked"), "{said}");
+}
+
+fn render(scratch: &Scratch, args: &[&str]) -> Done {
+    scratch.run(&[&["render"], args, &SMALL].concat())
+}
+
+fn batch(scratch: &Scratch, args: &[&str]) -> Done {
+    scratch.run(&[&["batch"], args, &SMALL].concat())
+}
+
+#[test]
+fn render_never_overwrites_a_texture_that_a_mesh_names() {
+    let scratch = Scratch::new();
+    let texture = image(&scratch, "s.png");
+    scratch.write("m.ply", &textured("s.png"));
+    scratch.write("s.json", &SCENE.replace("MESH", "m.ply"));
+    refused(&render(&scratch, &["s.json"]));
+    refused(&render(&scratch, &["m.ply", "-o", "s"]));
+    refused(&render(&scratch, &["m.ply", "-o", "t", "--stats", "s.png"]));
+    // Symbolic and hard links, in both directions.
+    symlink("s.png", scratch.path("soft.png")).unwrap();
+    fs::hard_link(scratch.path("s.png"), scratch.path("hard.png")).unwrap();
+    refused(&render(&scratch, &["m.ply", "-o", "soft"]));
+    refused(&render(&scratch, &["m.ply", "-o", "hard"]));
+    scratch.write("l.ply", &textured("soft.png"));
+    refused(&render(&scratch, &["l.ply", "-o", "s"]));
+    // A texture that does not exist yet would be an output of this very run.
+    scratch.write("n.ply", &textured("new.png"));
+    refused(&render(&scratch, &["n.ply", "-o", "new"]));
+    assert!(scratch.read("s.png") == texture && scratch.read("hard.png") == texture);
+    assert!(!scratch.names().iter().any(|name| name.ends_with(".exr") || name.ends_with(".part")));
+    let done = render(&scratch, &["s.json", "-o", "free"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+}
+
+#[test]
+fn render_never_overwrites_the_texture_of_a_mesh_from_a_pipe() {
+    let scratch = Scratch::new();
+    let texture = image(&scratch, "s.png");
+    scratch.write("m.ply", &textured("s.png"));
+    scratch.write("s.json", &SCENE.replace("MESH", "pipe.ply"));
+    let pipe = scratch.pipe("pipe.ply");
+    let mesh = scratch.read("m.ply");
+    for input in ["s.json", "pipe.ply"] {
+        let (pipe, mesh) = (pipe.clone(), mesh.clone());
+        let writer = std::thread::spawn(move || fs::write(pipe, mesh).unwrap());
+        refused(&render(&scratch, &[input, "-o", "s"]));
+        writer.join().unwrap();
+    }
+    assert!(scratch.read("s.png") == texture);
+}
+
+#[test]
+fn batch_never_overwrites_textures_of_its_inputs() {
+    let scratch = Scratch::new();
+    scratch.write("scans/a.ply", PYRAMID);
+    let texture = image(&scratch, "out/a.png");
+    let names = |text: &str| scratch.write("scans/b.ply", &textured(text));
+    names("../out/a.png");
+    let untouched = || assert!(scratch.read("out/a.png") == texture);
+    refused(&batch(&scratch, &["scans", "-o", "out"]));
+    refused(&batch(&scratch, &["scans", "-o", "out", "--resume", "--range", "0..1"]));
+    untouched();
+    // The output folder through a link.
+    symlink("out", scratch.path("way")).unwrap();
+    refused(&batch(&scratch, &["scans", "-o", "way"]));
+    untouched();
+    // A texture of another scene's material.
+    names("none.png");
+    let scene = SCENE.replace("MESH", "scans/a.ply");
+    let scene = scene.replace("\"material\": {}", r#""material": { "tPath": "out/a.png" }"#);
+    scratch.write("c.json", &scene);
+    refused(&batch(&scratch, &["scans", "c.json", "-o", "out"]));
+    untouched();
+    // A file that the first input would write and the second one would read.
+    names("../out/c/../a.png");
+    fs::remove_file(scratch.path("out/a.png")).unwrap();
+    fs::create_dir(scratch.path("out/c")).unwrap();
+    refused(&batch(&scratch, &["scans", "-o", "out"]));
+    assert!(!scratch.path("out/a.exr").exists());
+}
+
+#[test]
+fn contact_sheets_never_overwrite_inputs() {
+    let scratch = Scratch::new();
+    let texture = image(&scratch, "out/sheet.png");
+    scratch.write("a.ply", &textured("out/sheet.png"));
+    refused(&batch(&scratch, &["a.ply", "-o", "out"]));
+    refused(&batch(&scratch, &["a.ply", "-o", "out", "--sheet-only"]));
+    assert!(scratch.read("out/sheet.png") == texture);
+    assert_eq!(program::names_in(&scratch.path("out")), ["sheet.png"]);
+}
+
+#[test]
+fn merge_and_compare_resolve_links() {
+    let scratch = Scratch::new();
+    scratch.write("p.ply", PYRAMID);
+    let parts = ["1/2", "2/2"].map(|tile| {
+        let name = format!("part{}", &tile[..1]);
+        let done = render(&scratch, &["p.ply", "--tile", tile, "-o", &name]);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        format!("{name}.exr")
+    });
+    fs::hard_link(scratch.path(&parts[0]), scratch.path("hard.exr")).unwrap();
+    let before = scratch.read(&parts[0]);
+    refused(&scratch.run(&["merge", &parts[0], &parts[1], "-o", "hard"]));
+    fs::hard_link(scratch.path("part1.png"), scratch.path("hard.png")).unwrap();
+    refused(&scratch.run(&["compare", "part1.png", "part2.png", "--out", "hard.png"]));
+    assert!(scratch.read("hard.exr") == before);
+    // A folder in memory counts like any other.
+    let Ok(memory) = tempfile::tempdir_in("/dev/shm") else { return };
+    let picture = memory.path().join("a.png");
+    fs::copy(scratch.path("part1.png"), &picture).unwrap();
+    let picture = picture.to_str().unwrap();
+    refused(&scratch.run(&["compare", picture, "part2.png", "--out", picture]));
+}
+
+#[test]
+fn a_part_that_is_replaced_while_it_is_merged_is_noticed() {
+    let scratch = Scratch::new();
+    scratch.write("p.ply", PYRAMID);
+    for (spp, name) in [("1", "a"), ("2", "b")] {
+        let args = ["p.ply", "--part", "--spp", spp, "-o", name];
+        let done = render(&scratch, &args);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    }
+    let parts = Parts::open(&[scratch.path("a.exr")]).unwrap();
+    assert!(parts.film(&Monitor::default()).is_ok());
+    fs::rename(scratch.path("b.exr"), scratch.path("a.exr")).unwrap();
+    let error = parts.film(&Monitor::default()).unwrap_err();
+    assert!(error.to_string().contains("changed while it was read"), "{error}");
+}
+
+/// A grid as text, which takes long to read. Vertices at every multiple of `step` are low; all
+/// grids have the same box.
+fn grid(step: usize) -> String {
+    let side = 300;
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
+         property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        side * side,
+        (side - 1) * (side - 1)
+    );
+    for i in 0..side * side {
+        text += &format!("{}.25 {}.5 {}.75\n", i % side, 9 * (i % step).min(1), i / side);
+    }
+    for y in 0..side - 1 {
+        for x in 0..side - 1 {
+            let a = y * side + x;
+            text += &format!("4 {a} {} {} {}\n", a + 1, a + side + 1, a + side);
+        }
+    }
+    text
+}
+
+/// Starts a program and calls `act` as soon as it reads the file.
+fn when_read(scratch: &Scratch, args: &[&str], file: &Path, act: impl FnOnce()) -> Done {
+    let mut command = scratch.command(args);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    let maps = format!("/proc/{}/maps", child.id());
+    let file = file.canonicalize().unwrap().display().to_string();
+    let start = Instant::now();
+    let reads = || fs::read_to_string(&maps).is_ok_and(|text| text.contains(&file));
+    while !reads() && start.elapsed() < Duration::from_secs(20) {}
+    act();
+    Done::from(child.wait_with_output().unwrap())
+}
+
+/// Whenever the mesh is replaced, the final picture matches the file that exists.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_mesh_that_is_replaced_while_it_is_read_never_stays_in_a_picture() {
+    let scratch = Scratch::new();
+    let run = ["batch", "m.ply", "-o", "out", "--no-sheet", "--template", "t.json", "--resume"];
+    let template = SCENE.replace("MESH", "m.ply");
+    // The same camera for both.
+    let args = [&run[..], &SMALL, &["--set", "/camera/position=[150,90,400]"]].concat();
+    scratch.write("t.json", &template);
+    scratch.write("m.ply", &grid(5));
+    scratch.write("next.ply", &grid(7));
+    let next = scratch.path("next.ply");
+    let mesh = scratch.path("m.ply");
+    let done = when_read(&scratch, &args, &mesh, || fs::rename(&next, &mesh).unwrap());
+    // Either the change was noticed, or the picture matches its fingerprint.
+    if done.code() != 0 {
+        assert_eq!(done.code(), 3, "{}", done.stderr());
+        assert!(done.stderr().contains("changed while it was read"), "{}", done.stderr());
+        assert!(!scratch.path("out/m.exr").exists());
+    }
+    let done = scratch.run(&args);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let kept = scratch.read("out/m.exr");
+    fs::remove_file(scratch.path("out/m.exr")).unwrap();
+    let done = scratch.run(&args);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert!(kept == scratch.read("out/m.exr"), "the picture of another mesh was kept");
+}

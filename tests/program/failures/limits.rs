@@ -1,0 +1,211 @@
+//! With little memory and few threads, a run ends normally or with exit code 3 (2 if the user set
+//! the limit or the file lies), never by an abort or a panic. One bad input of a batch fails alone.
+
+use std::{fs, process::Command};
+
+use crate::support::program::{Done, PYRAMID, SMALL, Scratch, names_in, sheet};
+use exr::prelude::*;
+
+/// Runs the program under a limit in the form of the shell's `ulimit`: `-v KIB`, `-u PROCESSES`.
+fn limited(scratch: &Scratch, limit: &str, args: &[&str]) -> Done {
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("ulimit {limit} && exec \"$0\" \"$@\"")]);
+    command.arg(env!("CARGO_BIN_EXE_lightpath")).args(args).args(SMALL);
+    command.current_dir(scratch.path("")).env_remove("SLURM_CPUS_PER_TASK");
+    Done::of(&mut command)
+}
+
+/// Checks that a run succeeded or gave a reason, and returns its exit code.
+#[track_caller]
+fn ended(done: &Done, allowed: &[i32], what: &str) -> i32 {
+    let (code, said) = (done.code(), done.stderr());
+    assert!(allowed.contains(&code), "{what}: exit {code}: {said}");
+    assert!(!said.contains("panicked"), "{what}: {said}");
+    assert!(code == 0 || !said.is_empty(), "{what}: nothing said");
+    code
+}
+
+/// A zstd frame of blocks that each stand for 128 KiB of zeros, after a header that promises as
+/// many: some 4 bytes for each 128 KiB.
+fn bomb(vertices: u64) -> Vec<u8> {
+    let header = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\n\
+         property float y\nproperty float z\nelement face 1\n\
+         property list uchar uint vertex_indices\nend_header\n"
+    );
+    let block = |kind: u32, last: bool, size: usize| {
+        ((size as u32) << 3 | kind << 1 | u32::from(last)).to_le_bytes()[..3].to_vec()
+    };
+    // Magic number, no checksum, a window of 1 MiB.
+    let mut bytes = vec![0x28, 0xb5, 0x2f, 0xfd, 0, 0x50];
+    bytes.extend(block(0, false, header.len()));
+    bytes.extend(header.as_bytes());
+    for _ in 0..(12 * vertices).div_ceil(1 << 17) {
+        bytes.extend(block(1, false, 1 << 17));
+        bytes.push(0);
+    }
+    bytes.extend(block(1, true, 13));
+    bytes.push(0);
+    bytes
+}
+
+/// A mesh that is too large at most of these limits, among others that are not.
+#[test]
+fn a_batch_at_any_limit_of_address_space() {
+    let scratch = Scratch::new();
+    fs::write(scratch.path("m.ply"), sheet(500)).unwrap();
+    scratch.write("a.ply", PYRAMID);
+    scratch.write("z.ply", PYRAMID);
+    for mib in (30..=190).step_by(40) {
+        let args = ["batch", "a.ply", "m.ply", "z.ply", "-o", "out", "--no-sheet", "--jobs", "2"];
+        let done = limited(&scratch, &format!("-v {}", mib << 10), &args);
+        let code = ended(&done, &[0, 3], &format!("{mib} MiB"));
+        let others = ["out/a.exr", "out/z.exr"].iter().all(|name| scratch.path(name).exists());
+        if code == 0 || done.stderr().contains("1 of 3 inputs failed") {
+            assert!(others, "{mib} MiB: {}", done.stderr());
+        }
+        let _ = fs::remove_dir_all(scratch.path("out"));
+    }
+}
+
+/// Limits from one at which nothing works to one at which everything works.
+#[test]
+fn a_mesh_at_any_limit_of_address_space() {
+    let scratch = Scratch::new();
+    fs::write(scratch.path("m.ply"), sheet(500)).unwrap();
+    let mut codes = Vec::new();
+    for mib in (24..=240).step_by(18) {
+        let args = ["render", "m.ply", "-o", "x", "--quiet"];
+        let done = limited(&scratch, &format!("-v {}", mib << 10), &args);
+        codes.push(ended(&done, &[0, 3], &format!("{mib} MiB")));
+        let left = scratch.names();
+        assert!(!left.iter().any(|name| name.ends_with(".part")), "{mib} MiB: {left:?}");
+    }
+    assert_eq!((codes[0], codes[codes.len() - 1]), (3, 0), "{codes:?}");
+}
+
+#[test]
+fn a_packed_file_larger_than_memory_is_refused() {
+    let scratch = Scratch::new();
+    fs::write(scratch.path("scans.ply.zst"), bomb(700_000_000)).unwrap();
+    assert!(fs::metadata(scratch.path("scans.ply.zst")).unwrap().len() < 400_000);
+    let render = ["render", "scans.ply.zst", "-o", "x"];
+    let done = limited(&scratch, "-v 2000000", &render);
+    ended(&done, &[3], "2 GB of address space");
+    let done = limited(&scratch, "-v 8000000", &[&render[..], &["--max-memory", "200M"]].concat());
+    ended(&done, &[2], "--max-memory");
+    assert!(done.stderr().contains("--max-memory"), "{}", done.stderr());
+    // The other inputs are rendered.
+    scratch.write("a.ply", PYRAMID);
+    scratch.write("z.ply", PYRAMID);
+    for more in [&[][..], &["--max-memory", "400M"]] {
+        let args = ["batch", "a.ply", "scans.ply.zst", "z.ply", "-o", "out", "--no-sheet"];
+        let done = limited(&scratch, "-v 3000000", &[&args[..], more].concat());
+        ended(&done, &[if more.is_empty() { 3 } else { 1 }], "batch");
+        let names = names_in(&scratch.path("out"));
+        assert_eq!(names, ["a.exr", "a.png", "batch.jsonl", "z.exr", "z.png"], "{}", done.stderr());
+        fs::remove_dir_all(scratch.path("out")).unwrap();
+    }
+}
+
+/// Files that cannot be mapped, compressed or not, keep to the limit as mapped files do.
+#[test]
+fn streams_keep_to_the_limit() {
+    let scratch = Scratch::new();
+    let mesh = sheet(600);
+    fs::write(scratch.path("m.ply"), &mesh).unwrap();
+    fs::write(scratch.path("m.ply.zst"), zstd::encode_all(&mesh[..], 1).unwrap()).unwrap();
+    for (name, flag) in [("m.ply", "--quiet"), ("m.ply", "--no-mmap"), ("m.ply.zst", "--quiet")] {
+        let render = |memory: &str| {
+            let args = ["render", name, flag, "-o", "x", "--json", "--max-memory", memory];
+            limited(&scratch, "-v unlimited", &args)
+        };
+        ended(&render("38M"), &[2], name);
+        let done = render("180M");
+        ended(&done, &[0], name);
+        let stats: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+        let peak = stats["memory"]["peak_bytes"].as_u64().unwrap();
+        assert!(peak < 180 << 20, "{name} {flag}: {peak}");
+    }
+}
+
+/// An EXR of 2 x 2 pixels within a frame of any size.
+fn small_in(scratch: &Scratch, name: &str, size: (usize, usize)) {
+    let pixels = SpecificChannels::rgb(|at: Vec2<usize>| (at.x() as f32, at.y() as f32, 0.5));
+    let attributes = LayerAttributes { layer_position: Vec2(1, 2), ..LayerAttributes::default() };
+    let layer = Layer::new((2, 2), attributes, Encoding::SMALL_LOSSLESS, pixels);
+    let window = IntegerBounds::new((0, 0), size);
+    let image = Image::from_layer(layer);
+    let image = Image { attributes: ImageAttributes::new(window), ..image };
+    image.write().to_file(scratch.path(name)).unwrap();
+}
+
+#[test]
+fn textures_are_sized_by_their_pixels() {
+    let scratch = Scratch::new();
+    let spheres = (0..6).map(|i| {
+        small_in(&scratch, &format!("t{i}.exr"), (11_000, 11_000));
+        assert!(fs::metadata(scratch.path(&format!("t{i}.exr"))).unwrap().len() < 1000);
+        format!(
+            r#"{{ "type": "sphere", "center": [{i}, 0, 0], "radius": 0.4,
+                  "material": {{ "tPath": "t{i}.exr" }} }}"#
+        )
+    });
+    let spheres = spheres.collect::<Vec<_>>().join(",");
+    let scene = format!(
+        r#"{{ "camera": {{ "type": "pinhole", "width": 24, "height": 16, "fov": 40,
+                          "position": [0, 1, 9], "lookat": [0, 0, -1], "up": [0, 1, 0] }},
+             "scene": {{ "lightsources": [], "shapes": [{spheres}] }} }}"#
+    );
+    scratch.write("s.json", &scene);
+    for more in [&[][..], &["--max-memory", "100M"]] {
+        let args = [&["render", "s.json", "-o", "x"], more].concat();
+        let done = limited(&scratch, "-v 600000", &args);
+        ended(&done, &[0], "six small textures");
+    }
+}
+
+/// Runs as a user other than root, whose processes are counted.
+fn with_processes(scratch: &Scratch, count: u32, args: &[&str]) -> Option<Done> {
+    let mut command = Command::new("setpriv");
+    command.args(["--reuid", "64321", "--clear-groups", "--inh-caps=-all", "prlimit"]);
+    command.arg(format!("--nproc={count}"));
+    command.arg(env!("CARGO_BIN_EXE_lightpath")).args(args);
+    command.current_dir(scratch.path("")).env_remove("SLURM_CPUS_PER_TASK");
+    let done = command.stdin(std::process::Stdio::null()).output().ok().map(Done::from)?;
+    let said = done.stderr();
+    if ["setpriv", "prlimit"].iter().any(|name| said.contains(name)) {
+        eprintln!("skipped: {said}");
+        return None;
+    }
+    Some(done)
+}
+
+#[test]
+fn few_threads_cause_no_panic() {
+    use std::os::unix::fs::PermissionsExt;
+    let scratch = Scratch::new();
+    fs::set_permissions(scratch.path(""), fs::Permissions::from_mode(0o777)).unwrap();
+    scratch.write("a.ply", PYRAMID);
+    scratch.write("b.ply", PYRAMID);
+    fs::write(scratch.path("c.ply.zst"), zstd::encode_all(PYRAMID.as_bytes(), 1).unwrap()).unwrap();
+    small_in(&scratch, "t.exr", (2, 2));
+    let sized = |args: &[&'static str]| [args, &SMALL].concat();
+    let commands = [
+        sized(&["render", "a.ply", "-o", "x"]),
+        sized(&["batch", "a.ply", "b.ply", "c.ply.zst", "-o", "out", "--turntable", "3"]),
+        vec!["compare", "x.png", "x.png", "--threads", "2"],
+        vec!["compare", "t.exr", "t.exr", "--threads", "2"],
+        vec!["info", "a.ply", "c.ply.zst", "--backend", "bvh"],
+        vec!["crosscheck", "a.ply", "--size", "24x16", "--rays", "1000", "--backends", "bvh,brute"],
+        vec!["bench", "a.ply", "--quick", "--backends", "bvh"],
+    ];
+    for args in commands {
+        let mut codes = Vec::new();
+        for count in (1..=8).chain([60]) {
+            let Some(done) = with_processes(&scratch, count, &args) else { return };
+            codes.push(ended(&done, &[0, 3], &format!("{args:?}, {count} processes")));
+        }
+        assert_eq!(codes.last(), Some(&0), "{args:?}: {codes:?}");
+    }
+}

@@ -1,0 +1,203 @@
+//! Signals and kills give the right exit code, promptly, and never leave an incomplete file under a
+//! final name.
+
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read},
+    os::unix::process::ExitStatusExt,
+    process::{Child, Command, Stdio},
+    time::{Duration, Instant},
+};
+
+use crate::support::backends::on_both;
+use crate::support::program::{self, Scratch, names_in, send};
+use lightpath::scene::Backend;
+
+/// A render of some minutes.
+const SLOW: &str = r#"{
+  "spp": 4096,
+  "camera": { "type": "pinhole", "width": 2000, "height": 2000, "fov": 40,
+              "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+  "scene": {
+    "lightsources": [
+      { "type": "arealight", "v0": [-1, 4, 0], "v1": [1, 4, 0], "v2": [1, 4, 2],
+        "id": [2, 2, 2], "samples": 64 }],
+    "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }]
+  }
+}"#;
+
+/// Time within which a render must react to a signal.
+const PROMPT: Duration = Duration::from_secs(5);
+
+/// A render that is killed when the test ends.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Starts a render of `file` to `out/x` and waits until it has reached `phase`, or the next one on
+/// a fast machine.
+fn started(scratch: &Scratch, file: &str, backend: &str, phase: &str) -> Running {
+    let args = ["render", file, "-o", "out/x", "--progress", "json", "--backend", backend];
+    let mut child = Running(scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap());
+    let mut line = String::new();
+    let mut stderr = BufReader::new(child.0.stderr.take().unwrap());
+    while stderr.read_line(&mut line).unwrap() > 0 {
+        let reached = |phase: &str| line.contains(&format!("\"phase\":\"{phase}\""));
+        if reached(phase) || reached("render") {
+            child.0.stderr = Some(stderr.into_inner());
+            return child;
+        }
+        assert!(!line.starts_with("error"), "{line}");
+        line.clear();
+    }
+    panic!("{phase} was over too soon");
+}
+
+/// Sends a signal in `phase` and checks that no file is left.
+fn stops(file: (&Scratch, &str), backend: Backend, phase: &str, signal: &str, code: i32) {
+    let (scratch, file) = file;
+    let mut child = started(scratch, file, backend.name(), phase);
+    send(signal, child.0.id());
+    let sent = Instant::now();
+    let mut said = String::new();
+    child.0.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    let status = child.0.wait().unwrap();
+    assert!(sent.elapsed() < PROMPT, "{signal} in {phase}: {:?}", sent.elapsed());
+    assert_eq!(status.code(), Some(code), "{signal} in {phase}: {said}");
+    assert!(said.contains("error: stopped by a signal; no output was written"), "{said}");
+    assert_eq!(names_in(&scratch.path("out")), [""; 0]);
+}
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("slow.json", SLOW);
+    fs::create_dir(scratch.path("out")).unwrap();
+    scratch
+}
+
+on_both! {
+    fn a_render_stops(backend: Backend) {
+        let _timed = crate::timed();
+        let scratch = scratch();
+        stops((&scratch, "slow.json"), backend, "render", "INT", 130);
+        stops((&scratch, "slow.json"), backend, "render", "TERM", 143);
+        // A closed terminal, and Ctrl-\.
+        stops((&scratch, "slow.json"), backend, "render", "HUP", 129);
+        stops((&scratch, "slow.json"), backend, "render", "QUIT", 131);
+    }
+}
+
+/// Returns true if a process has a handler for a signal.
+fn catches(process: u32, signal: u32) -> bool {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+}
+
+/// Runs a command that waits, once it has begun to write, for a pipe without a writer or for a
+/// program that sleeps.
+fn waits(scratch: &Scratch, args: &[&str], path: &str, begun: impl Fn() -> bool) {
+    for (signal, code) in [("HUP", 129), ("INT", 130), ("TERM", 143)] {
+        let mut command = scratch.command(args);
+        command.env("PATH", path).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = Running(command.spawn().unwrap());
+        let start = Instant::now();
+        while !(catches(child.0.id(), 15) && begun()) {
+            assert!(start.elapsed() < PROMPT, "{args:?} does not begin");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        send(signal, child.0.id());
+        let status = child.0.wait().unwrap();
+        assert_eq!(status.code(), Some(code), "{args:?}, {signal}");
+        assert!(start.elapsed() < 2 * PROMPT);
+        let left = names_in(&scratch.path("out"));
+        assert!(left.iter().all(|name| !name.ends_with(".part")), "{args:?}, {signal}: {left:?}");
+    }
+}
+
+#[test]
+fn short_commands_leave_no_file_either() {
+    let _timed = crate::timed();
+    let scratch = scratch();
+    let path = std::env::var("PATH").unwrap();
+    scratch.pipe("x.exr");
+    let args = ["compare", "x.exr", "x.exr", "--out", "out/map.png", "--html", "out/page.html"];
+    waits(&scratch, &args, &path, || names_in(&scratch.path("out")).len() == 2);
+
+    fs::write(scratch.path("a.ply"), program::PYRAMID).unwrap();
+    fs::create_dir(scratch.path("out/a")).unwrap();
+    scratch.pipe("out/a/a.exr");
+    let args = ["batch", "a.ply", "-o", "out", "--sheet-only", "--name", "{stem}/{stem}"];
+    waits(&scratch, &args, &path, || true);
+
+    scratch.write("bin/sbatch", "#!/bin/sh\ntouch called; exec sleep 20\n");
+    let made = Command::new("chmod").arg("+x").arg(scratch.path("bin/sbatch")).status().unwrap();
+    assert!(made.success());
+    scratch.write("job.json", r#"{ "inputs": ["a.ply"] }"#);
+    let path = format!("{}:{path}", scratch.path("bin").display());
+    let args = ["submit", "slurm", "job.json", "-o", "out"];
+    waits(&scratch, &args, &path, || scratch.path("called").is_file());
+}
+
+#[test]
+fn a_job_of_nohup_outlives_its_terminal() {
+    let _timed = crate::timed();
+    let scratch = scratch();
+    let render =
+        "trap '' HUP; exec \"$0\" render slow.json -o out/x --size 300x300 --spp 16 --quiet";
+    let mut command = Command::new("sh");
+    command.args(["-c", render, env!("CARGO_BIN_EXE_lightpath")]).current_dir(scratch.path(""));
+    let mut child = Running(command.spawn().unwrap());
+    let start = Instant::now();
+    while names_in(&scratch.path("out")).is_empty() {
+        assert!(start.elapsed() < PROMPT, "it does not begin");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    send("HUP", child.0.id());
+    assert_eq!(child.0.wait().unwrap().code(), Some(0));
+    assert_eq!(names_in(&scratch.path("out")), ["x.exr", "x.png"]);
+}
+
+#[test]
+fn a_limit_of_file_sizes_is_an_error_and_leaves_nothing() {
+    let scratch = scratch();
+    // In blocks of 512 or 1024 bytes; the EXR is larger.
+    let render = "ulimit -f 4; exec \"$0\" render slow.json -o out/x --size 128x128 --spp 1 --float \
+                  --compression none --quiet";
+    let mut command = Command::new("sh");
+    command.args(["-c", render, env!("CARGO_BIN_EXE_lightpath")]).current_dir(scratch.path(""));
+    let done = program::Done::of(&mut command);
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().starts_with("error: out/x."), "{}", done.stderr());
+    assert_eq!(names_in(&scratch.path("out")), [""; 0]);
+}
+
+#[test]
+fn sudden_death_leaves_no_file_under_a_final_name() {
+    let scratch = scratch();
+    fs::write(scratch.path("out/x.png"), "the picture before").unwrap();
+    let mut child = started(&scratch, "slow.json", "bvh", "render");
+    child.0.kill().unwrap();
+    assert_eq!(child.0.wait().unwrap().signal(), Some(9));
+    let names = names_in(&scratch.path("out"));
+    assert!(names.iter().all(|name| name == "x.png" || name.ends_with(".part")), "{names:?}");
+    assert_eq!(scratch.read("out/x.png"), b"the picture before");
+}
+
+on_both! {
+    fn a_build_stops(backend: Backend) {
+        let _timed = crate::timed();
+        let scratch = scratch();
+        fs::write(scratch.path("sheet.ply"), program::sheet(1400)).unwrap();
+        let shape = r#"{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }"#;
+        let mesh = r#"{ "type": "trimesh", "path": "sheet.ply", "material": {} }"#;
+        scratch.write("mesh.json", &SLOW.replace(shape, mesh));
+        stops((&scratch, "mesh.json"), backend, "build", "INT", 130);
+    }
+}

@@ -1,0 +1,234 @@
+//! `lightpath submit slurm`: arguments of `sbatch` for any names. `cluster.rs` runs them.
+
+use crate::support::program::{self, PYRAMID, Scratch};
+
+fn scratch(frames: u32) -> Scratch {
+    let scratch = Scratch::new();
+    for name in ["a", "b", "c"] {
+        scratch.write(&format!("{name}.ply"), PYRAMID);
+    }
+    let turntable = format!(r#"{{ "inputs": ["*.ply"], "turntable": {{ "frames": {frames} }} }}"#);
+    scratch.write("job.json", &turntable);
+    scratch
+}
+
+fn submit(scratch: &Scratch, flags: &[&str]) -> program::Done {
+    scratch.run(&[&["submit", "slurm", "job.json", "-o", "out", "--dry-run"], flags].concat())
+}
+
+/// Returns the commands that a dry run prints.
+fn commands(said: &str) -> Vec<&str> {
+    said.lines().filter(|line| line.starts_with("sbatch ")).collect()
+}
+
+#[test]
+fn scripts_distribute_every_frame() {
+    let scratch = scratch(24);
+    let flags = ["--frames-per-task", "8", "--cpus", "4", "--memory", "3G", "--time", "1:00:00"];
+    let done = submit(
+        &scratch,
+        &[&flags[..], &["--sbatch=--partition=long", "--at-a-time", "5"]].concat(),
+    );
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let said = done.stdout();
+    let [frames, sheet] = [commands(&said)[0], commands(&said)[1]];
+    let shared = ["--cpus-per-task=4", "--mem=3072M", "--time=1:00:00", "--partition=long"];
+    for option in shared.into_iter().chain(["--array=0-8%5", "--requeue"]) {
+        assert!(frames.replace('\'', "").contains(&format!(" {option} ")), "{option}: {said}");
+    }
+    assert!(frames.ends_with(" 72 8"), "{said}");
+    assert!(sheet.contains(" --dependency=afterany:ID "), "{said}");
+    // Bash can parse both scripts.
+    for name in ["frames.sh", "sheet.sh"] {
+        let path = scratch.path("out/slurm").join(name);
+        let checked = std::process::Command::new("bash").arg("-n").arg(path).status().unwrap();
+        assert!(checked.success(), "{name}");
+    }
+}
+
+#[test]
+fn memory_and_chunks_are_predicted() {
+    let scratch = scratch(24);
+    let done = submit(&scratch, &["--frame-seconds", "100", "--minutes", "10"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    // Six frames would take ten minutes, and six divides a mesh.
+    assert!(done.stderr().contains("12 tasks of 6 frames"), "{}", done.stderr());
+    let said = done.stdout();
+    let memory = said.split(' ').find_map(|word| word.strip_prefix("--mem=")).unwrap();
+    let mib: u64 = memory.trim_end_matches('M').parse().unwrap();
+    assert!((60..2000).contains(&mib), "{mib} MiB");
+    let done = submit(&scratch, &[]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+}
+
+#[test]
+fn bad_input_is_refused() {
+    let scratch = scratch(24);
+    scratch.write("scene.json", r#"{ "camera": {} }"#);
+    scratch.write("empty.json", r#"{ "inputs": ["nosuch/*.ply"] }"#);
+    let cases: &[(&[&str], &str)] = &[
+        (&["slurm", "nosuch.json"], "nosuch.json"),
+        (&["slurm", "scene.json"], "`inputs`"),
+        (&["slurm", "empty.json"], "nosuch"),
+        (&["slurm", "job.json", "--cpus", "0"], "--cpus"),
+        (&["slurm", "job.json", "--frames-per-task", "0"], "--frames-per-task"),
+        (&["slurm", "job.json", "--frames-per-task", "1", "--max-tasks", "10"], "72 tasks"),
+        (&["slurm", "job.json", "--frame-seconds", "-1"], "--frame-seconds"),
+        (&["slurm", "job.json", "--frame-seconds", "nan"], "--frame-seconds"),
+        (&["slurm", "job.json", "--time", "1\n#SBATCH --wrap=x"], "line break"),
+        (&["pbs", "job.json"], "pbs"),
+    ];
+    for (args, text) in cases {
+        let done = scratch.run(&[&["submit"], *args, &["--dry-run"]].concat());
+        assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
+        assert!(done.stderr().contains(text), "{args:?}: {}", done.stderr());
+    }
+}
+
+#[test]
+fn a_missing_slurm_is_reported() {
+    let scratch = scratch(2);
+    let mut command = scratch.command(&["submit", "slurm", "job.json", "-o", "out"]);
+    let done = program::Done::of(command.env("PATH", "/nowhere"));
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("cannot run sbatch"), "{}", done.stderr());
+}
+
+/// Names with a meaning for a shell, for `#SBATCH` lines or for Slurm's own file names.
+const HOSTILE: [&str; 8] = [
+    "$(touch pwned)",
+    "`touch pwned`",
+    "a; touch pwned;",
+    "it's \"quoted\" #x",
+    "100%j %A_%a %%",
+    "$HOME ~ * ? [a-z] {a,b}",
+    "& | < > ( ) ! =",
+    " -o x ",
+];
+
+/// Makes a folder with an `sbatch` that runs its script at once, as task 0 of an array.
+fn slurm_of_one_task(scratch: &Scratch) -> std::ffi::OsString {
+    use std::os::unix::fs::PermissionsExt;
+    let text = "#!/bin/bash\nwhile [[ $1 == -* ]]; do shift; done\n\
+                SLURM_ARRAY_JOB_ID=1 SLURM_ARRAY_TASK_ID=0 bash \"$@\" >&2 && echo 1\n";
+    scratch.write("bin/sbatch", text);
+    let executable = std::fs::Permissions::from_mode(0o755);
+    std::fs::set_permissions(scratch.path("bin/sbatch"), executable).unwrap();
+    let mut path = scratch.path("bin").into_os_string();
+    path.push(":");
+    path.push(std::env::var_os("PATH").unwrap_or_default());
+    path
+}
+
+#[test]
+fn names_are_never_run() {
+    let scratch = scratch(1);
+    let job = r#"{ "inputs": ["*.ply"], "size": [16, 12],
+                   "set": { "/spp": 1 } }"#;
+    scratch.write("job.json", job);
+    let path = slurm_of_one_task(&scratch);
+    for name in HOSTILE {
+        std::fs::create_dir(scratch.path(name)).unwrap();
+        for file in ["job.json", "a.ply", "b.ply", "c.ply"] {
+            std::fs::copy(scratch.path(file), scratch.path(name).join(file)).unwrap();
+        }
+        let (job, out) = (format!("./{name}/job.json"), format!("./{name}/$(touch pwned)"));
+        let mut dry = scratch.command(&["submit", "slurm", &job, "-o", &out, "--dry-run"]);
+        let dry = program::Done::of(dry.env("PATH", &path));
+        assert_eq!(dry.code(), 0, "{name}: {}", dry.stderr());
+        // Runs the printed commands in a shell, as a user would paste them.
+        let commands = format!("set -e\n{}", commands(&dry.stdout()).join("\n"));
+        let mut shell = std::process::Command::new("bash");
+        shell.current_dir(scratch.path("")).args(["-c", &commands]).env("PATH", &path);
+        let ran = program::Done::of(&mut shell);
+        assert_eq!(ran.code(), 0, "{name}: {commands}{}", ran.stderr());
+        assert_eq!(ran.stdout(), "1\n1\n", "{name}: {commands}");
+        for file in ["a.exr", "b.exr", "c.exr", "index.html"] {
+            assert!(scratch.path(&out).join(file).is_file(), "{name}: {file}: {}", ran.stderr());
+        }
+        std::fs::remove_dir_all(scratch.path(&out)).unwrap();
+        let mut real = scratch.command(&["submit", "slurm", &job, "-o", &out]);
+        let real = program::Done::of(real.env("PATH", &path));
+        assert_eq!(real.code(), 0, "{name}: {}", real.stderr());
+        assert!(scratch.path(&out).join("index.html").is_file(), "{name}: {}", real.stderr());
+    }
+    let mut expected = vec!["a.ply", "b.ply", "bin", "c.ply", "job.json"];
+    expected.extend(HOSTILE);
+    expected.sort_unstable();
+    assert_eq!(scratch.names(), expected);
+}
+
+#[test]
+fn any_name_reaches_the_task_unchanged() {
+    use proptest::{
+        prelude::*,
+        test_runner::{Config, TestRunner},
+    };
+    let scratch = scratch(1);
+    let path = slurm_of_one_task(&scratch);
+    // Replaces the task by a program that prints its arguments.
+    scratch.write("bin/sbatch", "#!/bin/bash\nprintf '%s\\n' \"$@\" >&2\n");
+    let name = "[ -\\[\\]-~\u{e9}\u{20ac}]{1,12}";
+    let mut runner = TestRunner::new(Config { cases: 48, ..Config::default() });
+    let ran = runner.run(&name.prop_filter("a path", |name| !name.contains('/')), |name| {
+        let out = scratch.path("").join(format!("x{name}x"));
+        let out = out.to_str().unwrap();
+        let mut dry = scratch.command(&["submit", "slurm", "job.json", "-o", out, "--dry-run"]);
+        let dry = program::Done::of(dry.env("PATH", &path));
+        prop_assert_eq!(dry.code(), 0, "{}", dry.stderr());
+        let said = dry.stdout();
+        let mut shell = std::process::Command::new("bash");
+        let shell = shell.args(["-c", &commands(&said).join("\n")]).env("PATH", &path);
+        let words = program::Done::of(shell).stderr();
+        let log = format!("--output={}/slurm/%A_%a.log", out.replace('%', "%%"));
+        for word in [out, &format!("{out}/slurm/frames.sh"), &format!("{out}/slurm/sheet.sh"), &log]
+        {
+            prop_assert!(words.lines().any(|found| found == word), "{word:?} is not in\n{words}");
+        }
+        Ok(())
+    });
+    ran.unwrap();
+}
+
+#[test]
+fn names_that_slurm_cannot_use_are_refused() {
+    let scratch = scratch(1);
+    for (name, said) in [
+        ("a\nb", "a\\nb: found a control character"),
+        ("a\u{1b}[2Jb", "found a control character"),
+        ("a\\b", "found a backslash"),
+    ] {
+        let done = scratch.run(&["submit", "slurm", "job.json", "-o", name, "--dry-run"]);
+        assert_eq!(done.code(), 2, "{name:?}: {}", done.stderr());
+        assert!(done.stderr().contains(said), "{name:?}: {}", done.stderr());
+        assert!(!scratch.path(name).exists(), "{name:?}");
+        let folder = name.replace('\\', "\\\\").replace('\n', "\\n").replace('\u{1b}', "\\u001b");
+        let job = format!(r#"{{ "inputs": ["*.ply"], "output": {{ "folder": "{folder}" }} }}"#);
+        scratch.write("named.json", &job);
+        let done = scratch.run(&["submit", "slurm", "named.json", "--dry-run"]);
+        assert_eq!(done.code(), 2, "{name:?}: {}", done.stderr());
+    }
+}
+
+/// A refusal by the controller needs a change. A controller that does not answer may answer later.
+#[test]
+fn a_controller_out_of_reach_is_worth_a_retry() {
+    let scratch = scratch(2);
+    let path = format!("{}:{}", scratch.path("bin").display(), std::env::var("PATH").unwrap());
+    let failed = "sbatch: error: Batch job submission failed: ";
+    let cases = [
+        ("Unable to contact slurm controller (connect failure)", 3),
+        ("Socket timed out on send/recv operation", 3),
+        ("Invalid partition name specified", 2),
+    ];
+    for (said, code) in cases {
+        scratch.write("bin/sbatch", &format!("#!/bin/sh\necho '{failed}{said}' >&2\nexit 1\n"));
+        let program = scratch.path("bin/sbatch");
+        let made = std::process::Command::new("chmod").arg("+x").arg(program).status().unwrap();
+        assert!(made.success());
+        let mut command = scratch.command(&["submit", "slurm", "job.json", "-o", "out"]);
+        let done = program::Done::of(command.env("PATH", &path));
+        assert_eq!(done.code(), code, "{}", done.stderr());
+        assert!(done.stderr().contains(said), "{}", done.stderr());
+    }
+}

@@ -1,0 +1,413 @@
+//! Merged parts of a picture have the bytes of one render, or are refused with a reason.
+
+use crate::support::program::{Done, Scratch};
+
+/// Lights, mirrors, an area light, a lens, antialiasing, shapes that share a name.
+const SCENE: &str = r#"{
+  "spp": 24, "nbounces": 2, "seed": 5,
+  "camera": { "type": "thinlens", "width": 75, "height": 53, "fov": 40, "aperture": 0.05, "focaldistance": 4,
+              "position": [0, 1, 4], "lookat": [0, -0.2, -1], "up": [0, 1, 0] },
+  "scene": {
+    "backgroundcolor": [0.1, 0.2, 0.3], "ambient": [0.05, 0.05, 0.05],
+    "lightsources": [
+      { "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3], "name": "sun" },
+      { "type": "arealight", "id": [2, 1, 1], "v0": [-2, 4, 2], "v1": [-1, 4, 2], "v2": [-2, 4, 3],
+        "samples": 4, "name": "sky" }],
+    "materials": { "chalk": { "ka": 0.5 }, "steel": { "kr": 0.5, "ks": 0.6, "specularexponent": 40 } },
+    "shapes": [
+      { "type": "sphere", "center": [-0.8, 0, 0], "radius": 0.9, "material": "steel", "name": "ball" },
+      { "type": "sphere", "center": [0.9, -0.2, 0.4], "radius": 0.7, "material": "chalk" },
+      { "type": "sphere", "center": [0.3, -0.7, 1.5], "radius": 0.2, "material": "chalk", "name": "ball" },
+      { "type": "plane", "v0": [-4, -1, 4], "v1": [4, -1, 4], "v2": [4, -1, -4], "v3": [-4, -1, -4],
+        "material": "chalk" }]
+  }
+}"#;
+
+/// Flags for everything that decides how files are written and samples are taken.
+const WRITTEN: &[&str] = &[
+    "--aov",
+    "all",
+    "--multipart",
+    "--compression",
+    "zips",
+    "--png-bits",
+    "16",
+    "--frame",
+    "-7",
+    "--fps",
+    "24000/1001",
+    "--sampler",
+    "random",
+    "--adaptive-shadows",
+];
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    scratch
+}
+
+#[track_caller]
+fn render(scratch: &Scratch, name: &str, flags: &[&str]) {
+    let done = scratch.run(&[&["render", "s.json", "--quiet", "-o", name], flags].concat());
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+}
+
+fn merge(scratch: &Scratch, parts: &[&str], flags: &[&str]) -> Done {
+    scratch.run(&[&["merge", "-o", "merged", "--quiet"], parts, flags].concat())
+}
+
+/// Merges parts and compares the files with `whole`.
+#[track_caller]
+fn same(scratch: &Scratch, parts: &[&str], flags: &[&str], files: &[&str]) {
+    let done = merge(scratch, parts, flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    for file in files {
+        let (merged, whole) = (format!("merged.{file}"), format!("whole.{file}"));
+        assert!(scratch.read(&merged) == scratch.read(&whole), "{file} differs");
+    }
+}
+
+#[track_caller]
+fn refused(done: &Done, texts: &[&str]) {
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    for text in texts {
+        assert!(done.stderr().contains(text), "{text:?} is not in: {}", done.stderr());
+    }
+}
+
+/// `light_` and 24 letters have 30 bytes, with `.R` 32: one byte more than a file without the
+/// long-names flag may have.
+#[test]
+fn long_names_of_layers_survive() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", &SCENE.replace("\"sun\"", &format!("{:?}", "k".repeat(24))));
+    let layers = ["--aov", "light"];
+    render(&scratch, "whole", &layers);
+    for (name, part) in [("a", "0..16"), ("b", "16..24")] {
+        let more = ["--samples", part, "--of", "24"];
+        render(&scratch, name, &[&layers[..], &more].concat());
+    }
+    same(&scratch, &["a.exr", "b.exr"], &[], &["exr", "png"]);
+}
+
+#[test]
+fn tiles_give_the_bytes_of_the_whole() {
+    let scratch = scratch();
+    for flags in [
+        &[][..],
+        &["--aov", "all", "--transparent"],
+        &["--aov", "Z,light", "--float"],
+        &["--noise", "0.2", "--spp", "16"],
+        WRITTEN,
+    ] {
+        render(&scratch, "whole", flags);
+        for (i, tile) in ["1/3", "2/3", "3/3"].into_iter().enumerate() {
+            let threads = (i + 1).to_string();
+            let more = ["--tile", tile, "--threads", threads.as_str()];
+            render(&scratch, &format!("t{i}"), &[flags, &more].concat());
+        }
+        same(&scratch, &["t2.exr", "t0.exr", "t1.exr"], &[], &["exr", "png"]);
+    }
+}
+
+#[test]
+fn samples_give_the_bytes_of_the_whole() {
+    let scratch = scratch();
+    // Packets of one, four and sixteen samples; ranges that begin and end anywhere.
+    let splits: &[(&str, &[&str])] = &[
+        ("24", &["0..16", "16..24"]),
+        ("24", &["0..1", "1..13", "13..20", "20..24"]),
+        ("64", &["0..16", "16..32", "32..64"]),
+        ("9", &["0..3", "3..4", "4..9"]),
+        ("3", &["0..1", "1..2", "2..3"]),
+    ];
+    for (of, ranges) in splits {
+        for aov in ["all", "variance", ""] {
+            let aov: &[&str] = if aov.is_empty() { &[] } else { &["--aov", aov] };
+            render(&scratch, "whole", &[&["--spp", of], aov].concat());
+            let mut parts = Vec::new();
+            for (i, range) in ranges.iter().enumerate() {
+                let more = ["--samples", range, "--of", of];
+                render(&scratch, &format!("p{i}"), &[aov, &more].concat());
+                parts.insert(0, format!("p{i}.exr"));
+            }
+            let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
+            same(&scratch, &parts, &[], &["exr", "png"]);
+        }
+    }
+}
+
+#[test]
+fn samples_of_adaptive_shadows_are_cut_between_packets() {
+    let scratch = scratch();
+    let shadows = ["--adaptive-shadows", "--light-samples", "16"];
+    for (spp, parts) in
+        [("24", ["0..16", "16..24"]), ("12", ["0..8", "8..12"]), ("3", ["0..1", "1..3"])]
+    {
+        let flags = [&shadows[..], &["--spp", spp]].concat();
+        render(&scratch, "whole", &flags);
+        for (name, part) in ["a", "b"].into_iter().zip(parts) {
+            render(&scratch, name, &[&flags[..], &["--samples", part]].concat());
+        }
+        same(&scratch, &["b.exr", "a.exr"], &[], &["exr", "png"]);
+    }
+}
+
+#[test]
+fn samples_by_quarters_of_a_light_give_the_bytes_of_samples_in_order() {
+    // With one light point per camera sample and no lens, 64 samples of a pixel are taken together.
+    let scene = SCENE
+        .replace("\"thinlens\"", "\"pinhole\"")
+        .replace("\"aperture\": 0.05, \"focaldistance\": 4,", "")
+        .replace("\"samples\": 4", "\"samples\": 1");
+    let scratch = scratch();
+    scratch.write("s.json", &scene);
+    for (of, ranges) in [("64", ["0..32", "32..64"]), ("150", ["0..40", "40..150"])] {
+        let whole = ["--spp", of];
+        for flags in [&[][..], &["--aov", "variance"], &["--set", "/nbounces=0"]] {
+            render(&scratch, "whole", &[&whole, flags].concat());
+            for (i, range) in ranges.iter().enumerate() {
+                let more = ["--samples", range, "--of", of];
+                render(&scratch, &format!("p{i}"), &[flags, &more].concat());
+            }
+            same(&scratch, &["p1.exr", "p0.exr"], &[], &["exr", "png"]);
+        }
+    }
+}
+
+#[test]
+fn merged_files_have_the_format_of_the_parts() {
+    let scratch = scratch();
+    render(&scratch, "whole", WRITTEN);
+    for (name, range) in [("a", "0..5"), ("b", "5..24")] {
+        // Each part records its own render time.
+        render(&scratch, name, &[WRITTEN, &["--samples", range, "--record-time"]].concat());
+    }
+    same(&scratch, &["a.exr", "b.exr"], &[], &["exr", "png"]);
+    let other = [WRITTEN, &["--samples", "5..24"]].concat();
+    let other: Vec<&str> =
+        other.iter().map(|flag| if *flag == "-7" { "8" } else { flag }).collect();
+    render(&scratch, "c", &other);
+    refused(&merge(&scratch, &["a.exr", "c.exr"], &[]), &["c.exr", "frame of a sequence", "8"]);
+    // A crop without --part has its layers in parts of the file.
+    render(&scratch, "d", &["--crop", "0", "0", "75", "20", "--multipart", "--aov", "Z"]);
+    refused(&merge(&scratch, &["d.exr"], &[]), &["d.exr", "several parts", "--part"]);
+}
+
+#[test]
+fn tiles_and_samples_of_a_crop_with_previews_and_sidecars() {
+    let scratch = scratch();
+    let crop = ["--crop", "5", "7", "70", "50", "--aov", "all", "--compression", "piz"];
+    let beside = ["--crypto-sidecar", "--png-layer", "all"];
+    render(&scratch, "whole", &[&crop[..], &beside].concat());
+    let mut parts = Vec::new();
+    for tile in ["1/2", "2/2"] {
+        for samples in ["0..8", "8..24"] {
+            let name = format!("p{}", parts.len());
+            let more = ["--tile", tile, "--samples", samples];
+            render(&scratch, &name, &[&crop[..], &more].concat());
+            parts.push(format!("{name}.exr"));
+        }
+    }
+    let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
+    let names: Vec<String> = scratch.names();
+    let files: Vec<&str> = names.iter().filter_map(|name| name.strip_prefix("whole.")).collect();
+    assert!(files.len() > 20, "{files:?}");
+    let done = merge(&scratch, &parts, &beside);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    for file in files {
+        // The header names the sidecar. The whole render is a crop, but its merge is not.
+        if file != "exr" {
+            assert!(
+                scratch.read(&format!("merged.{file}")) == scratch.read(&format!("whole.{file}")),
+                "{file} differs"
+            );
+        }
+    }
+    let compared = scratch.run(&["compare", "merged.exr", "whole.exr", "--fail-above", "max=0"]);
+    assert_eq!(compared.code(), 0, "{}{}", compared.stdout(), compared.stderr());
+}
+
+#[test]
+fn crops_give_the_bytes_of_the_frame() {
+    let scratch = scratch();
+    let crops = [["0", "0", "30", "53"], ["30", "0", "75", "20"], ["30", "20", "75", "53"]];
+    render(&scratch, "whole", &["--aov", "all"]);
+    for (flag, files) in [(&[][..], &["exr"][..]), (&["--part"], &["exr", "png"])] {
+        for (i, crop) in crops.iter().enumerate() {
+            let flags = [&["--aov", "all", "--crop"], &crop[..], flag].concat();
+            render(&scratch, &format!("c{i}"), &flags);
+        }
+        same(&scratch, &["c0.exr", "c1.exr", "c2.exr"], &[], files);
+    }
+}
+
+#[test]
+fn missing_and_duplicate_parts_are_named() {
+    let scratch = scratch();
+    for i in 1..=3 {
+        let tile = format!("{i}/3");
+        render(&scratch, &format!("t{i}"), &["--tile", &tile]);
+    }
+    let done = merge(&scratch, &["t1.exr", "t3.exr"], &[]);
+    refused(&done, &["missing", "x 0..75, y 17..35", "--tile 2/3"]);
+    let done = merge(&scratch, &["t1.exr", "t2.exr", "t2.exr", "t3.exr"], &[]);
+    refused(&done, &["t2.exr", "also in t2.exr", "x 0..75, y 17..35"]);
+    render(&scratch, "a", &["--samples", "0..10"]);
+    render(&scratch, "b", &["--samples", "8..20"]);
+    let done = merge(&scratch, &["a.exr", "b.exr"], &[]);
+    refused(
+        &done,
+        &["b.exr: samples 8..10 of 24", "also in a.exr", "missing: samples 20..24 of 24"],
+    );
+    assert!(!scratch.names().iter().any(|name| name.starts_with("merged")));
+}
+
+#[test]
+fn parts_of_different_pictures_are_refused() {
+    let scratch = scratch();
+    render(&scratch, "a", &["--tile", "1/2"]);
+    let others: &[(&[&str], &str)] = &[
+        (&["--seed", "6"], "fingerprint"),
+        (&["--set", "/scene/shapes/0/radius=0.8"], "fingerprint"),
+        (&["--spp", "25"], "--of"),
+        (&["--size", "75x54"], "frame"),
+        (&["--float"], "way of writing"),
+        (&["--exposure", "1"], "fingerprint"),
+        (&["--aov", "Z"], "fingerprint"),
+    ];
+    for (flags, what) in others {
+        render(&scratch, "b", &[&["--tile", "2/2"], *flags].concat());
+        let done = merge(&scratch, &["a.exr", "b.exr"], &[]);
+        refused(&done, &["b.exr: found another", "as in a.exr"]);
+        let text = done.stderr();
+        assert!(text.contains(what) || *what == "fingerprint", "{what}: {text}");
+    }
+}
+
+#[test]
+fn files_that_are_not_parts_are_refused() {
+    let scratch = scratch();
+    render(&scratch, "whole", &[]);
+    render(&scratch, "t1", &["--tile", "1/2", "--aov", "all"]);
+    render(&scratch, "t2", &["--tile", "2/2", "--aov", "all"]);
+    render(&scratch, "p1", &["--samples", "0..5", "--aov", "all"]);
+    render(&scratch, "p2", &["--samples", "5..24", "--aov", "all"]);
+    refused(&merge(&scratch, &["whole.exr"], &[]), &["whole.exr", "lightpath:part", "--tile"]);
+    refused(&merge(&scratch, &["whole.png"], &[]), &["whole.png", "cannot read this EXR"]);
+    refused(&merge(&scratch, &["nosuch.exr"], &[]), &["nosuch.exr"]);
+    refused(&merge(&scratch, &["s.json"], &[]), &["s.json"]);
+    refused(&merge(&scratch, &[], &[]), &["PART.exr"]);
+    // A truncated or changed file is refused or read, and never crashes the program.
+    let mut failures = 0;
+    for (name, other) in [("t1", "t2.exr"), ("p1", "p2.exr")] {
+        let bytes = scratch.read(&format!("{name}.exr"));
+        for keep in [0, 3, 100, bytes.len() / 2, bytes.len() - 1] {
+            std::fs::write(scratch.path("cut.exr"), &bytes[..keep]).unwrap();
+            refused(&merge(&scratch, &["cut.exr", other], &[]), &["cut.exr"]);
+        }
+        let mut state = 1u32;
+        for _ in 0..60 {
+            let mut damaged = bytes.clone();
+            for _ in 0..3 {
+                state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+                let at = (state >> 8) as usize % damaged.len().min(8000);
+                damaged[at] ^= 1 << (state & 7);
+            }
+            std::fs::write(scratch.path("bad.exr"), &damaged).unwrap();
+            let done = merge(&scratch, &["bad.exr", other], &[]);
+            // Some bits of a header do not matter.
+            assert!([0, 2, 3].contains(&done.code()), "{}: {}", done.code(), done.stderr());
+            failures += u32::from(done.code() != 0);
+            assert!(!done.stderr().contains("panicked"), "{}", done.stderr());
+        }
+    }
+    assert!(failures > 60, "{failures}");
+    assert!(!scratch.names().iter().any(|name| name.ends_with(".part")));
+}
+
+#[test]
+fn flags_are_checked() {
+    let scratch = scratch();
+    let cases: &[(&[&str], &[&str])] = &[
+        (&["--tile", "0/3"], &["I/N"]),
+        (&["--tile", "4/3"], &["I/N"]),
+        (&["--tile", "1/54"], &["--tile", "at most 53"]),
+        (&["--samples", "4..4"], &["A..B"]),
+        (&["--samples", "0..25"], &["--samples", "0..24"]),
+        (&["--of", "32"], &["--samples"]),
+        (&["--samples", "0..8", "--of", "32", "--spp", "16"], &["--of", "16"]),
+        (&["--samples", "0..8", "--of", "0"], &["--of"]),
+        (&["--tile", "1/2", "--png-layer", "all", "--aov", "Z"], &["--png-layer", "merge"]),
+        (&["--samples", "0..8", "--noise", "0.1"], &["--samples", "--tile"]),
+        (&["--tile", "1/2", "--time", "1"], &["--time", "--noise"]),
+        (&["--part", "--crop", "0", "0", "9", "9", "--time", "1"], &["--time"]),
+        (&["--tile", "1/2", "--overscan", "8"], &["--overscan"]),
+        (&["--samples", "0..8", "--overscan", "8"], &["--overscan"]),
+        (&["--part", "--overscan", "8"], &["--overscan"]),
+        (&["--part", "--crypto-sidecar"], &["--crypto-sidecar", "merge"]),
+    ];
+    for (flags, texts) in cases {
+        let done = scratch.run(&[&["render", "s.json", "-o", "x"], *flags].concat());
+        refused(&done, texts);
+    }
+    render(&scratch, "t1", &["--tile", "1/1"]);
+    let done = scratch.run(&["merge", "t1.exr", "-o", "t1"]);
+    refused(&done, &["t1.exr", "would overwrite"]);
+    let done = merge(&scratch, &["t1.exr"], &["--png-layer", "Z"]);
+    refused(&done, &["--png-layer", "\"Z\""]);
+    assert_eq!(scratch.names(), ["s.json", "t1.exr", "t1.png"]);
+}
+
+#[test]
+fn irreproducible_parts_are_refused() {
+    use lightpath::film::{Film, Window};
+    use lightpath::merge::{PictureFormat, PictureTile, part};
+    use lightpath::output::exr;
+
+    let scratch = scratch();
+    render(&scratch, "timed", &["--crop", "0", "0", "75", "20", "--time", "0.2"]);
+    refused(&merge(&scratch, &["timed.exr"], &[]), &["timed.exr", "cannot be reproduced"]);
+    let scene = lightpath::Scene::from_json(SCENE).unwrap();
+    let film = Film::new([4, 4], Window::full(4, 4)).unwrap();
+    let part = PictureTile {
+        fingerprint: None,
+        isa: None,
+        whole: [0, 0, 4, 4],
+        tile: None,
+        samples: [0, 1],
+        of: 1,
+        exact: true,
+        files: PictureFormat::new(&scene.tonemap),
+        recipe: Default::default(),
+    };
+    let write = |name: &str, part: &PictureTile, reproducible: &str| {
+        let said = serde_json::to_string(part).unwrap();
+        let attributes =
+            [(part::ATTRIBUTE, said.as_str()), ("lightpath:reproducible", reproducible)];
+        let attributes = attributes.map(|(name, value)| (name.to_string(), value.to_string()));
+        let options = exr::Options { attributes: &attributes, ..exr::Options::default() };
+        let path = scratch.path(name);
+        let mut file = std::fs::File::options()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(true)
+            .open(&path)
+            .unwrap();
+        exr::write(&film, &options, &mut file, &path).unwrap();
+    };
+    for (reproducible, code) in [("yes", 0), ("no", 2)] {
+        write("part.exr", &part, reproducible);
+        let done = merge(&scratch, &["part.exr"], &[]);
+        assert_eq!(done.code(), code, "{}", done.stderr());
+        assert_eq!(done.stderr().contains("cannot be reproduced"), code == 2, "{}", done.stderr());
+    }
+    // Only Embree's last bits may depend on its instruction set.
+    for (name, isa) in [("sse.exr", "SSE"), ("avx.exr", "AVX-512")] {
+        write(name, &PictureTile { isa: Some(isa.to_string()), ..part.clone() }, "yes");
+    }
+    let said = ["avx.exr", "another instruction set of Embree: AVX-512, expected SSE"];
+    refused(&merge(&scratch, &["sse.exr", "avx.exr"], &[]), &said);
+}

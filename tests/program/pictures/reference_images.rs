@@ -1,0 +1,118 @@
+//! Compares the renderer's pictures with those of a second, independent ray tracer (`support/reference/`).
+//!
+//! Five scenes cover the format. Scenes without random choices must agree pixel by pixel. Scenes
+//! with area lights, lens and antialiasing must agree within the noise that their number of samples
+//! implies. `compare.rs` states and justifies every tolerance.
+
+use crate::support::backends::on_both;
+use crate::support::reference::{self, Density, Picture, assets, compare, program, scene::Scene};
+use lightpath::scene::Backend;
+use std::path::{Path, PathBuf};
+
+/// Makes a temporary folder with the scene and every asset.
+fn stage(name: &str) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    assets::write_all(folder.path());
+    let scene = folder.path().join(format!("{name}.json"));
+    let stored = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/reference");
+    std::fs::copy(stored.join(format!("{name}.json")), &scene).expect("the stored scene");
+    (folder, scene)
+}
+
+/// Returns both pictures of a scene: the renderer's, then the reference's.
+fn both(backend: Backend, name: &str) -> (Picture, Picture) {
+    let (_folder, scene) = stage(name);
+    let actual = program::render(&scene, backend.name());
+    (actual, reference::render(&Scene::load(&scene), Density::default()))
+}
+
+on_both! {
+    fn shapes_mirrors_and_shadows(backend: Backend) {
+        let (actual, expected) = both(backend, "shapes");
+        compare::assert_same("shapes", &actual, &expected);
+    }
+}
+
+on_both! {
+    fn textures_on_every_shape(backend: Backend) {
+        let (actual, expected) = both(backend, "textures");
+        compare::assert_same("textures", &actual, &expected);
+    }
+}
+
+on_both! {
+    fn meshes_smooth_and_coloured(backend: Backend) {
+        let (actual, expected) = both(backend, "meshes");
+        compare::assert_same("meshes", &actual, &expected);
+    }
+}
+
+on_both! {
+    fn area_lights_uniform_and_lambertian(backend: Backend) {
+        let (actual, expected) = both(backend, "arealights");
+        compare::assert_same_sampled("arealights", &actual, &expected);
+    }
+}
+
+on_both! {
+    fn thin_lens_antialiasing_and_alpha(backend: Backend) {
+        let (actual, expected) = both(backend, "lens");
+        compare::assert_same_sampled("lens", &actual, &expected);
+    }
+}
+
+/// Multiplies the pixels that come from random choices by `factor`.
+fn brightened(picture: &Picture, factor: f64) -> Picture {
+    let noisy = |deviation: &[f64; 4]| deviation.iter().any(|d| *d > 0.0);
+    let brighter = |(p, d): (&[f64; 4], &[f64; 4])| {
+        let factor = if noisy(d) { factor } else { 1.0 };
+        [p[0] * factor, p[1] * factor, p[2] * factor, p[3]]
+    };
+    let pixels = picture.pixels.iter().zip(&picture.deviation).map(brighter).collect();
+    Picture { pixels, deviation: Vec::new(), ..*picture }
+}
+
+/// The tolerance is justified: moving the camera by the rounding of f32 (a ten-millionth of the
+/// scene) changes far fewer pixels than may differ.
+#[test]
+fn exact_scenes_are_well_conditioned() {
+    for name in ["shapes", "textures", "meshes"] {
+        let (_folder, path) = stage(name);
+        let mut scene = Scene::load(&path);
+        let expected = reference::render(&scene, Density::default());
+        scene.camera.shift(glam::DVec3::new(6e-7, -5e-7, 7e-7));
+        let moved = reference::render(&scene, Density::default());
+        compare::assert_same(&format!("{name}-moved"), &moved, &expected);
+    }
+}
+
+/// The reference's own discretisation error is within the tolerance of the sampled scenes: other
+/// grids give the same picture. And the comparison is sharp: it detects one percent more light.
+#[test]
+fn sampled_scenes_have_converged() {
+    let other = Density { light: 27, pixel: 13, lens: 5 };
+    for name in ["arealights", "lens"] {
+        let (_folder, path) = stage(name);
+        let scene = Scene::load(&path);
+        let expected = reference::render(&scene, Density::default());
+        let again = reference::render(&scene, other);
+        compare::assert_same_sampled(&format!("{name}-again"), &again, &expected);
+        let verdict = compare::judge_sampled(&brightened(&expected, 1.01), &expected);
+        assert!(verdict.is_err(), "{name}: one percent goes unnoticed");
+    }
+}
+
+/// Writes the reference's five pictures for viewing into cargo's folder for tests:
+/// `cargo test --test program draw_the_reference -- --ignored --nocapture`.
+#[test]
+#[ignore = "draws pictures to look at, checks nothing"]
+fn draw_the_reference() {
+    for name in ["shapes", "textures", "meshes", "arealights", "lens"] {
+        let (_folder, scene) = stage(name);
+        let start = std::time::Instant::now();
+        let picture = reference::render(&Scene::load(&scene), Density::default());
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"));
+        compare::write_png(&path, &picture);
+        println!("{} in {:.1?}", path.display(), start.elapsed());
+    }
+}

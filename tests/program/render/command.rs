@@ -1,0 +1,342 @@
+//! Whole renders through the program: files, flags, statistics and signals.
+
+use std::io::Cursor;
+
+use crate::support::program::{self, Done, Scratch};
+
+const SCENE: &str = r#"{
+  "spp": 2,
+  "camera": { "type": "pinhole", "width": 20, "height": 12, "fov": 40,
+              "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+  "scene": {
+    "backgroundcolor": [0.1, 0.2, 0.3],
+    "lightsources": [
+      { "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3] },
+      { "type": "arealight", "v0": [-1, 4, 0], "v1": [1, 4, 0], "v2": [1, 4, 2],
+        "id": [2, 2, 2], "samples": 4 }],
+    "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }]
+  }
+}"#;
+
+#[track_caller]
+fn render(scratch: &Scratch, args: &[&str]) -> Done {
+    scratch.run(&[&["render"], args].concat()).good()
+}
+
+fn size_of_png(bytes: &[u8]) -> (u32, u32) {
+    let reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
+    (reader.info().width, reader.info().height)
+}
+
+#[test]
+fn files_paths_summary_statistics() {
+    let scratch = Scratch::new();
+    scratch.write("in/s.json", SCENE);
+    let args = ["in/s.json", "--stats", "st.json", "--threads", "2"];
+    let done = render(&scratch, &args);
+    assert_eq!(done.stdout(), "s.exr\ns.png\nst.json\n");
+    for expected in ["load ", "build ", "render ", "write ", "Mray/s", "peak memory"] {
+        assert!(done.stderr().contains(expected), "{}", done.stderr());
+    }
+    assert_eq!(scratch.names(), ["in", "s.exr", "s.png", "st.json"]);
+    assert_eq!(size_of_png(&scratch.read("s.png")), (20, 12));
+    let stats: serde_json::Value = serde_json::from_slice(&scratch.read("st.json")).unwrap();
+    let keys: Vec<&str> = stats.as_object().unwrap().keys().map(String::as_str).collect();
+    let expected = [
+        "seconds",
+        "rays",
+        "memory",
+        "triangles",
+        "backend",
+        "threads",
+        "versions",
+        "cpu",
+        "isa",
+        "scene_hash",
+        "seed",
+    ];
+    assert_eq!(keys, expected);
+    assert_eq!(stats["rays"]["primary"], 20 * 12 * 2);
+    assert_eq!(stats["threads"], 2);
+    assert!(stats["memory"]["peak_bytes"].as_u64().unwrap() > 1 << 20);
+    assert!(stats["seconds"]["total"].as_f64().unwrap() > 0.0);
+
+    let done = render(&scratch, &["in/s.json", "--json", "--quiet", "-o", "in/"]);
+    assert_eq!(done.stderr(), "");
+    let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+    assert_eq!(value["outputs"], serde_json::json!(["in/s.exr", "in/s.png"]));
+    assert_eq!(value["rays"], stats["rays"]);
+}
+
+#[test]
+fn same_bytes_for_any_threads_and_from_stdin() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    render(&scratch, &["s.json", "-o", "a", "--threads", "1"]);
+    render(&scratch, &["s.json", "-o", "b.png", "--threads", "5"]);
+    let done = scratch.run_with_stdin(&["render", "-", "-o", "c"], SCENE);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    for name in ["b", "c"] {
+        for end in ["exr", "png"] {
+            let [first, second] = ["a", name].map(|n| scratch.read(&format!("{n}.{end}")));
+            assert!(first == second, "{name}.{end}");
+        }
+    }
+}
+
+#[test]
+fn flags_are_overrides() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let flags = [
+        "s.json",
+        "-o",
+        "a",
+        "--size",
+        "10x8",
+        "--spp",
+        "1",
+        "--nbounces",
+        "0",
+        "--seed",
+        "-3",
+        "--fov",
+        "50",
+        "--exposure",
+        "-1",
+        "--tonemap",
+        "reinhard",
+        "--transparent",
+        "--light-samples",
+        "2",
+        "--write-scene",
+        "saved.json",
+    ];
+    render(&scratch, &flags);
+    let sets = [
+        "s.json",
+        "-o",
+        "b",
+        "--set",
+        "/camera/width=10",
+        "--set",
+        "/camera/height=8",
+        "--set",
+        "/spp=1",
+        "--set",
+        "/nbounces=0",
+        "--set",
+        "/seed=-3",
+        "--set",
+        "/camera/fov=50",
+        "--set",
+        "/tonemap/exposure=-1",
+        "--set",
+        "/tonemap/operator=reinhard",
+        "--set",
+        "/output/transparent=true",
+        "--set",
+        "/scene/lightsources/1/samples=2",
+    ];
+    render(&scratch, &sets);
+    render(&scratch, &["saved.json", "-o", "c"]);
+    for name in ["b", "c"] {
+        for end in ["exr", "png"] {
+            let [first, second] = ["a", name].map(|n| scratch.read(&format!("{n}.{end}")));
+            assert!(first == second, "{name}.{end}");
+        }
+    }
+    assert_eq!(size_of_png(&scratch.read("a.png")), (10, 8));
+}
+
+#[test]
+fn a_crop_has_its_size() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let args = ["s.json", "--crop", "3", "2", "9", "12"];
+    render(&scratch, &args);
+    assert_eq!(size_of_png(&scratch.read("s.png")), (6, 10));
+    let info = scratch.run(&["info", "s.exr"]).stdout();
+    assert!(info.contains("frame 20 x 12, data 6 x 10 at 3, 2"), "{info}");
+    assert!(info.contains("lightpath:sceneHash"), "{info}");
+}
+
+#[test]
+fn a_mesh_alone_is_framed_and_its_scene_can_be_saved() {
+    let scratch = Scratch::new();
+    scratch.write("meshes/p.ply", program::PYRAMID);
+    let args = [
+        "meshes/p.ply",
+        "--size",
+        "60x40",
+        "--spp",
+        "1",
+        "--up",
+        "z",
+        "--write-scene",
+        "saved/p.json",
+    ];
+    std::fs::create_dir(scratch.path("saved")).unwrap();
+    let done = render(&scratch, &args);
+    assert_eq!(done.stdout(), "p.exr\np.png\nsaved/p.json\n");
+    let saved: serde_json::Value = serde_json::from_slice(&scratch.read("saved/p.json")).unwrap();
+    assert_eq!(saved["scene"]["shapes"][0]["path"], "../meshes/p.ply");
+    assert_eq!(saved["scene"]["shapes"][0]["rotate"], serde_json::json!([-90, 0, 0]));
+    render(&scratch, &["saved/p.json", "-o", "again"]);
+    assert!(scratch.read("p.png") == scratch.read("again.png"));
+    // A saved scene can serve as a template.
+    let template = ["meshes/p.ply", "--template", "saved/p.json", "-o", "third"];
+    render(&scratch, &template);
+    assert!(scratch.read("p.png") == scratch.read("third.png"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_leaves_nothing() {
+    use std::{process::Stdio, time::Duration};
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let args =
+            ["render", "s.json", "--size", "2000x2000", "--spp", "64", "--light-samples", "16"];
+        let mut child = scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap();
+        // The part files exist before the first ray.
+        let parts = |names: Vec<String>| names.iter().filter(|n| n.ends_with(".part")).count();
+        for _ in 0..600 {
+            if parts(scratch.names()) == 2 || child.try_wait().unwrap().is_some() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        std::thread::sleep(Duration::from_millis(300));
+        if child.try_wait().unwrap().is_none() {
+            program::send(signal, child.id());
+        }
+        let done = child.wait_with_output().unwrap();
+        let stderr = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(scratch.names(), ["s.json"], "{stderr}");
+        assert_eq!(done.status.code(), Some(code), "{stderr}");
+        assert!(stderr.contains("stopped by a signal"), "{stderr}");
+    }
+}
+
+#[test]
+fn inputs_and_outputs_are_never_overwritten() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    for args in [
+        ["s.json", "-o", "a", "--stats", "s.json"],
+        ["s.json", "-o", "a", "--stats", "./s.json"],
+        ["s.json", "-o", "a", "--stats", "a.png"],
+        ["s.json", "--write-scene", "b.json", "--stats", "b.json"],
+    ] {
+        let done = scratch.run(&[&["render"], &args[..]].concat());
+        assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
+        assert!(done.stderr().contains("would overwrite an input"), "{}", done.stderr());
+        assert_eq!(scratch.names(), ["s.json"], "{args:?}");
+    }
+    assert_eq!(scratch.read("s.json"), SCENE.as_bytes());
+}
+
+#[test]
+fn every_bad_file_of_a_scene_is_reported() {
+    let scratch = Scratch::new();
+    // The headers are valid. The errors show only when the files are read completely.
+    let bad = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+        0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n";
+    scratch.write("one.ply", bad);
+    scratch.write("two.ply", bad);
+    scratch.write("a.png", "not a picture");
+    let shape =
+        |file: &str| format!(r#"{{ "type": "trimesh", "path": "{file}", "material": {{}} }}"#);
+    let ball = r#"{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": { "tPath": "a.png" } }"#;
+    let shapes = format!("[{}, {}, {ball}]", shape("one.ply"), shape("two.ply"));
+    let start = SCENE.split("\"shapes\"").next().unwrap();
+    scratch.write("s.json", &format!("{start}\"shapes\": {shapes} }} }}"));
+    for command in ["info", "render"] {
+        let done = scratch.run(&[command, "s.json"]);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        for file in ["one.ply", "two.ply", "a.png"] {
+            assert!(done.stderr().contains(file), "{command}: {}", done.stderr());
+        }
+    }
+}
+
+#[test]
+fn a_negative_seed_is_reported_as_it_was_given() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let done = render(&scratch, &["s.json", "--seed", "-1", "--json", "--quiet"]);
+    let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+    assert_eq!(value["seed"], -1);
+    let info = scratch.run(&["info", "s.exr"]).stdout();
+    assert!(info.contains("lightpath:seed: -1\n"), "{info}");
+}
+
+#[test]
+fn every_instruction_set_gives_the_same_picture() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    for isa in lightpath::simd::Isa::available() {
+        let name = isa.to_string().to_lowercase().replace('-', "");
+        let args = ["s.json", "--isa", &name, "--json", "--quiet", "-o", &name];
+        let done = render(&scratch, &args);
+        let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+        let said = value["isa"].as_str().unwrap();
+        assert!(said.ends_with(&format!("{isa} shading")), "{said}");
+        assert!(scratch.read("portable.png") == scratch.read(&format!("{name}.png")), "{isa}");
+        // The header names the instruction set.
+        let pixels = |name: &str| scratch.channels(&format!("{name}.exr"));
+        assert!(pixels("portable") == pixels(&name), "{isa}");
+    }
+}
+
+#[test]
+fn a_mesh_is_recognized_by_its_content() {
+    let scratch = Scratch::new();
+    scratch.write("tri.dat", program::PYRAMID);
+    let small = ["--size", "30x20", "--spp", "1"];
+    let done = render(&scratch, &[&["tri.dat", "--write-scene", "s.json"], &small[..]].concat());
+    assert_eq!(done.stdout(), "tri.exr\ntri.png\ns.json\n");
+    render(&scratch, &["s.json", "-o", "again"]);
+    assert!(scratch.read("tri.exr") == scratch.read("again.exr"));
+}
+
+#[test]
+fn messages_name_the_mesh_as_it_was_typed() {
+    let scratch = Scratch::new();
+    // A face with a corner too few is read with a warning that names the file.
+    scratch.write("data/real.ply", &program::PYRAMID.replace("3 3 0 4", "2 3 0"));
+    std::os::unix::fs::symlink("real.ply", scratch.path("data/link.ply")).unwrap();
+    scratch.write("t/template.json", include_str!("../../../assets/studio.json"));
+    let small = ["--size", "30x20", "--spp", "1", "-o", "x"];
+    for (typed, template) in [("data/link.ply", None), ("./data/link.ply", Some("t/template.json"))]
+    {
+        let template: Vec<&str> = template.map_or(vec![], |t| vec!["--template", t]);
+        let done = render(&scratch, &[&[typed], &small[..], &template].concat());
+        let expected = format!("warning: {typed}: 1 faces with fewer than three corners");
+        assert!(done.stderr().contains(&expected), "{}", done.stderr());
+    }
+}
+
+#[test]
+fn names_that_are_not_utf8() {
+    use std::{ffi::OsStr, os::unix::ffi::OsStrExt};
+    let scratch = Scratch::new();
+    let [scene, mesh] = [&b"s\xff.json"[..], b"m\xff.ply"].map(OsStr::from_bytes);
+    std::fs::write(scratch.path("").join(scene), SCENE).unwrap();
+    std::fs::write(scratch.path("").join(mesh), program::PYRAMID).unwrap();
+    let done = Done::of(scratch.command(&["render"]).arg(mesh));
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().contains("a name that is not UTF-8"), "{}", done.stderr());
+    for name in [scene, mesh] {
+        let done = Done::of(scratch.command(&["info"]).arg(name));
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    }
+    let output = scratch.command(&["render", "--quiet"]).arg(scene).output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{stderr}");
+    assert_eq!(output.stdout, b"s\xff.exr\ns\xff.png\n");
+    assert!(scratch.path("").join(OsStr::from_bytes(b"s\xff.exr")).is_file());
+}

@@ -1,0 +1,120 @@
+//! EXR files of other programs: every reader accepts what the format allows, or names what it
+//! cannot read.
+
+use crate::support::program::Scratch;
+use exr::prelude::*;
+
+const SCENE: &str = r#"{ "camera": { "type": "pinhole", "width": 12, "height": 8, "fov": 40,
+    "position": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0] },
+    "scene": { "ambient": [1, 1, 1], "shapes": [{ "type": "plane",
+        "v0": [-2, 2, 0], "v1": [2, 2, 0], "v2": [2, -2, 0], "v3": [-2, -2, 0],
+        "material": { "ka": 1, "kd": 0, "tPath": "picture.exr", "filter": "nearest" } }] } }"#;
+
+/// Returns a channel of 12 x 8 pixels that no compression makes smaller.
+fn noise(channel: usize) -> Vec<f32> {
+    let hash = |i: usize| (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(23);
+    (0..12 * 8).map(|i| (hash(i * 4 + channel) % 1000) as f32 / 1000.0 + 0.25).collect()
+}
+
+fn write(scratch: &Scratch, name: &str, compression: Compression, values: [Vec<f32>; 4]) {
+    let named = ["R", "G", "B", "A"].into_iter().zip(values);
+    let list = named.map(|(name, v)| AnyChannel::new(name, FlatSamples::F32(v))).collect();
+    let encoding = Encoding { compression, ..Encoding::SMALL_LOSSLESS };
+    let channels = AnyChannels::sort(list);
+    let layer = Layer::new((12, 8), LayerAttributes::default(), encoding, channels);
+    Image::from_layer(layer).write().non_parallel().to_file(scratch.path(name)).unwrap();
+}
+
+/// Commands that read `picture.exr`.
+const READERS: [&[&str]; 4] = [
+    &["render", "s.json", "-o", "out"],
+    &["compare", "picture.exr", "picture.exr"],
+    &["converge", "s.json", "--backend", "bvh", "--spp", "1", "--reference", "picture.exr"],
+    &["merge", "picture.exr", "-o", "merged"],
+];
+
+/// A block that compression would enlarge is stored uncompressed, whatever compression the header
+/// names.
+#[test]
+fn blocks_that_are_stored_as_they_are() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let values = [0, 1, 2, 3].map(noise);
+    for compression in [Compression::DWAA(None), Compression::DWAB(None)] {
+        write(&scratch, "picture.exr", compression, values.clone());
+        // One uncompressed block: a line, a size, and 4 channels of 4 bytes.
+        let raw = 12 * 8 * 16u32;
+        let stored = [0u32.to_le_bytes(), raw.to_le_bytes()].concat();
+        let file = scratch.read("picture.exr");
+        assert!(file.windows(8).any(|eight| eight == stored), "{compression:?}: not stored");
+        for arguments in READERS {
+            let done = scratch.run(arguments);
+            let said = done.stderr();
+            // `merge` refuses it, because it is not a part of a picture of this program.
+            let read = done.code() == 0 || said.contains("lightpath");
+            assert!(read, "{compression:?} {arguments:?}: {said}");
+        }
+        let seen = scratch.channels("out.exr");
+        let red = &seen.iter().find(|(name, _)| name == "R").unwrap().1;
+        let half = |x: &f32| u32::from(half::f16::from_f32(*x).to_bits());
+        let stored: Vec<u32> = values[0].iter().map(half).collect();
+        assert!(red.iter().all(|value| stored.contains(value)), "texels are those of the file");
+    }
+}
+
+/// A newer OpenEXR can write this compression, but this program cannot read it.
+#[test]
+fn an_unknown_compression_is_named() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    write(&scratch, "picture.exr", Compression::ZIP16, [0.25, 0.5, 0.75, 1.0].map(|v| vec![v; 96]));
+    let whole = scratch.read("picture.exr");
+    let key = b"compression\0compression\0\x01\0\0\0";
+    let at = whole.windows(key.len()).position(|window| window == key).unwrap() + key.len();
+    for (number, name) in [(10, "HTJ2K256"), (11, "HTJ2K32"), (13, "ZSTD"), (77, "number 77")] {
+        let mut bytes = whole.clone();
+        bytes[at] = number;
+        std::fs::write(scratch.path("picture.exr"), bytes).unwrap();
+        for arguments in READERS {
+            let before = scratch.names();
+            let done = scratch.run(arguments);
+            let said = done.stderr();
+            assert_eq!(done.code(), 2, "{arguments:?}: {said}");
+            for words in [&format!("the compression {name}")[..], "DWAB", "picture.exr"] {
+                assert!(said.contains(words), "{arguments:?}, {words}: {said}");
+            }
+            assert_eq!(scratch.names(), before, "{arguments:?}");
+        }
+        // `info` prints as much of the header as it understands.
+        let done = scratch.run(&["info", "picture.exr"]);
+        let told = done.stdout() + &done.stderr();
+        assert!(
+            told.to_lowercase().replace(' ', "").contains(&name.to_lowercase().replace(' ', "")),
+            "{told}"
+        );
+    }
+}
+
+#[test]
+fn negative_texels_are_kept_and_counted() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let mut values = [0, 1, 2, 3].map(noise);
+    // Texels (5, 4) and (0, 6), one of them in two channels. Alpha does not count.
+    (values[0][53], values[2][53], values[1][72]) = (-0.5, -0.25, -1.0);
+    values[3][3] = -1.0;
+    write(&scratch, "picture.exr", Compression::ZIP16, values.clone());
+    let done = scratch.run(&["render", "s.json", "-o", "out"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let said = done.stderr();
+    assert!(said.contains("2 texels of"), "{said}");
+    assert!(said.contains("the first at (5, 4)") && said.contains("kept"), "{said}");
+    let seen = scratch.channels("out.exr");
+    let red = &seen.iter().find(|(name, _)| name == "R").unwrap().1;
+    let negative = u32::from(half::f16::from_f32(-0.5).to_bits());
+    assert!(red.contains(&negative), "the value is what the file says");
+
+    write(&scratch, "picture.exr", Compression::ZIP16, [0, 1, 2, 3].map(noise));
+    let said = scratch.run(&["render", "s.json", "-o", "out"]).stderr();
+    assert!(!said.contains("negative"), "{said}");
+}

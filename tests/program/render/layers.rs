@@ -1,0 +1,256 @@
+//! Layers through the program: names, files, refusals.
+
+use std::collections::BTreeMap;
+
+use crate::support::program::{Done, Scratch};
+
+const SCENE: &str = r#"{
+  "spp": 4,
+  "camera": { "type": "pinhole", "width": 40, "height": 24, "fov": 40,
+              "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+  "scene": {
+    "backgroundcolor": [0.1, 0.2, 0.3],
+    "lightsources": [
+      { "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3], "name": "sun" },
+      { "type": "pointlight", "position": [-2, 3, 4], "id": [1, 1, 1], "name": "sun" }],
+    "materials": { "chalk": {} },
+    "shapes": [{ "type": "sphere", "name": "ball", "center": [0, 0, 0], "radius": 1, "material": "chalk" }]
+  }
+}"#;
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    scratch
+}
+
+fn render(scratch: &Scratch, flags: &[&str]) -> Done {
+    scratch.run(&[&["render", "s.json", "--quiet"], flags].concat())
+}
+
+fn channels(scratch: &Scratch, file: &str) -> BTreeMap<String, String> {
+    let done = scratch.run(&["info", "--json", file]);
+    let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+    let channels = value["parts"][0]["channels"].as_array().unwrap();
+    let text = |value: &serde_json::Value| value.as_str().unwrap().to_string();
+    channels.iter().map(|pair| (text(&pair[0]), text(&pair[1]))).collect()
+}
+
+#[test]
+fn a_flag_and_the_scene_select_the_same_layers() {
+    let scratch = scratch();
+    assert_eq!(render(&scratch, &["--aov", "Z,N,primid", "-o", "a"]).code(), 0);
+    let set = r#"/output/layers=["primid","N","Z"]"#;
+    assert_eq!(render(&scratch, &["--set", set, "-o", "b", "--threads", "2"]).code(), 0);
+    let expected = [
+        ("A", "f16"),
+        ("B", "f16"),
+        ("G", "f16"),
+        ("N.X", "f16"),
+        ("N.Y", "f16"),
+        ("N.Z", "f16"),
+        ("R", "f16"),
+        ("Z", "f32"),
+        ("primid.id", "u32"),
+    ];
+    let found = channels(&scratch, "a.exr");
+    assert_eq!(found, expected.map(|(a, b)| (a.to_string(), b.to_string())).into());
+    assert_eq!(scratch.read("a.png"), scratch.read("b.png"));
+    assert_eq!(found, channels(&scratch, "b.exr"));
+    // The same request gives the same bytes, for any number of threads.
+    assert_eq!(render(&scratch, &["--aov", "Z,N,primid", "-o", "c", "--threads", "2"]).code(), 0);
+    assert_eq!(scratch.read("a.exr"), scratch.read("c.exr"));
+}
+
+#[test]
+fn unknown_layers_are_refused_with_the_nearest() {
+    let scratch = scratch();
+    let done = render(&scratch, &["--aov", "Z,albeod,depth"]);
+    assert_eq!(done.code(), 2);
+    for text in ["--aov", "\"albeod\"", "`albedo`", "`Z`"] {
+        assert!(done.stderr().contains(text), "{}", done.stderr());
+    }
+    assert_eq!(scratch.names(), ["s.json"]);
+}
+
+#[test]
+fn lights_that_share_a_name_are_told_apart_only_where_it_matters() {
+    let scratch = scratch();
+    let done = render(&scratch, &["--aov", "light"]);
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("light_sun"), "{}", done.stderr());
+    assert!(done.stderr().contains("`group`"), "{}", done.stderr());
+    assert_eq!(render(&scratch, &["--aov", "components"]).code(), 0);
+}
+
+#[test]
+fn lossy_compression_and_mattes_exclude_each_other() {
+    let scratch = scratch();
+    let done = render(&scratch, &["--aov", "cryptomatte", "--compression", "dwaa"]);
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("ids"), "{}", done.stderr());
+    for name in ["zip", "zips", "piz", "rle", "none"] {
+        let done = render(&scratch, &["--aov", "cryptomatte", "--compression", name, "-o", name]);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    }
+    assert_eq!(render(&scratch, &["--compression", "dwaa", "-o", "d"]).code(), 0);
+}
+
+#[test]
+fn a_sidecar_holds_the_names() {
+    let scratch = scratch();
+    let flags = ["--aov", "cryptomatte", "-o", "x", "--crypto-sidecar"];
+    let done = render(&scratch, &flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let text = String::from_utf8(scratch.read("x.CryptoObject.json")).unwrap();
+    let names: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(names.as_object().unwrap().keys().collect::<Vec<_>>(), ["ball"]);
+    let info = scratch.run(&["info", "x.exr"]).stdout();
+    assert!(info.contains("manif_file: x.CryptoMaterial.json"), "{info}");
+    assert!(!info.contains("/manifest"), "{info}");
+    let expected = ["s.json", "x.CryptoMaterial.json", "x.CryptoObject.json", "x.exr", "x.png"];
+    assert_eq!(scratch.names(), expected);
+}
+
+#[test]
+fn layers_as_pictures() {
+    let scratch = scratch();
+    let done = render(&scratch, &["--aov", "Z,CryptoObject", "-o", "x", "--png-layer", "all"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert_eq!(scratch.names(), ["s.json", "x.CryptoObject.png", "x.Z.png", "x.exr", "x.png"]);
+    let done = render(&scratch, &["--aov", "Z", "--png-layer", "N"]);
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("--aov N"), "{}", done.stderr());
+}
+
+#[test]
+fn non_finite_values_are_reported_and_fail_with_strict() {
+    let scratch = scratch();
+    // The light is finite, its product with the material is not.
+    let set = "/scene/lightsources/0/id=[1e18, 1, 1]";
+    let more = r#"/scene/materials/chalk={"kd": 1e6, "diffusecolor": [1e18, 1, 1]}"#;
+    let flags = ["render", "s.json", "--set", set, "--set", more, "--aov", "diffuse", "-o", "x"];
+    let done = scratch.run(&flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert!(done.stderr().contains("NaN or infinite"), "{}", done.stderr());
+    assert!(done.stderr().contains(" in R"), "{}", done.stderr());
+    let done = scratch.run(&[&flags[..], &["--strict"]].concat());
+    assert_eq!(done.code(), 1, "{}", done.stderr());
+    assert!(done.stderr().contains("--strict"), "{}", done.stderr());
+    assert_eq!(scratch.names(), ["s.json", "x.exr", "x.png"]);
+
+    let set = "/scene/lightsources/0/id=[1e6, 1, 1]";
+    let flags = ["render", "s.json", "--set", set, "--aov", "diffuse", "-o", "x", "--strict"];
+    let done = scratch.run(&flags);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    assert!(done.stderr().contains("clamped to 65504"), "{}", done.stderr());
+    let done = scratch.run(&[&flags[..], &["--float"]].concat());
+    assert!(!done.stderr().contains("clamped"), "{}", done.stderr());
+    assert!(channels(&scratch, "x.exr").values().all(|kind| kind == "f32"));
+}
+
+/// Returns the `info` of a part.
+fn part(scratch: &Scratch, file: &str, index: usize) -> serde_json::Value {
+    let done = scratch.run(&["info", "--json", file]);
+    let value: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+    value["parts"][index].clone()
+}
+
+#[test]
+fn a_part_for_every_layer() {
+    let scratch = scratch();
+    let flags = ["--aov", "Z,N,light_ambient,cryptomatte", "-o", "x", "--multipart"];
+    assert_eq!(render(&scratch, &flags).code(), 0);
+    let names = |i: usize| part(&scratch, "x.exr", i)["name"].clone();
+    let expected = ["rgba", "N", "light_ambient", "Z", "CryptoObject", "CryptoMaterial"];
+    for (i, name) in expected.into_iter().enumerate() {
+        assert_eq!(names(i), name);
+        let attributes = &part(&scratch, "x.exr", i)["attributes"];
+        assert_eq!(attributes["lightpath:spp"], "4", "every part says it all");
+    }
+    assert!(names(6).is_null());
+    assert_eq!(part(&scratch, "x.exr", 3)["channels"], serde_json::json!([["Z", "f32"]]));
+    let ranks = part(&scratch, "x.exr", 4)["channels"].as_array().unwrap().len();
+    assert_eq!(ranks, 12);
+    // Other threads give the same bytes.
+    let again = [&flags[..3], &["y", "--multipart", "--threads", "2"]].concat();
+    assert_eq!(render(&scratch, &again).code(), 0);
+    assert_eq!(scratch.read("x.exr"), scratch.read("y.exr"));
+}
+
+#[test]
+fn overscan_is_data_beside_the_frame() {
+    let scratch = scratch();
+    assert_eq!(render(&scratch, &["-o", "x", "--overscan", "5"]).code(), 0);
+    let x = part(&scratch, "x.exr", 0);
+    assert_eq!(x["display_window"], serde_json::json!([0, 0, 40, 24]));
+    assert_eq!(x["data_window"], serde_json::json!([-5, -5, 50, 34]));
+    let done = render(&scratch, &["--overscan", "5", "--crop", "0", "0", "1", "1"]);
+    assert_eq!(done.code(), 2);
+    let done = render(&scratch, &["--overscan", "60000", "--size", "30000x30000"]);
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("--overscan"), "{}", done.stderr());
+}
+
+#[test]
+fn the_header_names_the_origin_of_a_picture() {
+    let scratch = scratch();
+    let flags = ["-o", "x", "--frame", "-7", "--fps", "23.976"];
+    assert_eq!(render(&scratch, &flags).code(), 0);
+    let attributes = part(&scratch, "x.exr", 0)["attributes"].clone();
+    assert_eq!(attributes["imageCounter"], "-7");
+    assert_eq!(attributes["framesPerSecond"], "24000/1001");
+    assert_eq!(attributes["lightpath:seed"], "0");
+    assert_eq!(attributes["lightpath:version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(attributes["lightpath:sceneHash"].as_str().unwrap().len(), 64);
+    for name in ["software", "chromaticities", "lightpath:backend"] {
+        assert!(attributes[name].is_string(), "{name}");
+    }
+    assert!(attributes["lightpath:isa"].is_null());
+    assert!(attributes["renderTimeSeconds"].is_null());
+    assert_eq!(render(&scratch, &["-o", "y", "--record-time"]).code(), 0);
+    let attributes = part(&scratch, "y.exr", 0)["attributes"].clone();
+    let seconds: f64 = attributes["renderTimeSeconds"].as_str().unwrap().parse().unwrap();
+    assert!((0.0..600.0).contains(&seconds), "{seconds}");
+    assert!(attributes["imageCounter"].is_null());
+    assert_eq!(render(&scratch, &["--fps", "fast"]).code(), 2);
+}
+
+#[test]
+fn pngs_of_sixteen_bits() {
+    let scratch = scratch();
+    let depth = |name: &str| {
+        let bytes = scratch.read(name);
+        // Bit depth of the IHDR, which is the first chunk.
+        bytes[24]
+    };
+    assert_eq!(render(&scratch, &["-o", "x", "--png-bits", "16"]).code(), 0);
+    assert_eq!(render(&scratch, &["-o", "y"]).code(), 0);
+    assert_eq!([depth("x.png"), depth("y.png")], [16, 8]);
+    assert_eq!(render(&scratch, &["--png-bits", "12"]).code(), 2);
+}
+
+#[test]
+fn the_library_writes_what_the_program_writes() {
+    let scratch = Scratch::new();
+    let output =
+        r#""spp": 4, "output": { "layers": ["Z", "N", "cryptomatte"], "cryptoranks": 4 },"#;
+    let text = SCENE.replace(r#""spp": 4,"#, output);
+    scratch.write("s.json", &text);
+    assert_eq!(render(&scratch, &["-o", "program"]).code(), 0);
+    let renderer = lightpath::Renderer::new(lightpath::Scene::from_json(&text).unwrap()).unwrap();
+    let accelerator = renderer.accelerator().unwrap();
+    let film = renderer.render(accelerator.as_ref()).unwrap();
+    renderer.write(&film, accelerator.as_ref(), &scratch.path("library")).unwrap();
+    assert!(scratch.read("library.png") == scratch.read("program.png"));
+    let [library, mut program] =
+        ["library", "program"].map(|n| part(&scratch, &format!("{n}.exr"), 0));
+    // The library got no file to hash.
+    let hash = program["attributes"].as_object_mut().unwrap().remove("lightpath:sceneHash");
+    assert!(hash.is_some());
+    assert_eq!(library, program);
+    assert_eq!(
+        library["attributes"]["lightpath:backend"].as_str().unwrap().split(' ').next(),
+        Some("bvh")
+    );
+}

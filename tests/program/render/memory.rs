@@ -1,0 +1,173 @@
+//! The predicted memory is what a render takes, and `--max-memory` limits images.
+
+use std::fs;
+
+use crate::support::backends::on_both;
+use crate::support::program::{self, Scratch, sheet};
+use lightpath::{
+    error::Kind,
+    monitor::Monitor,
+    scene::{self, Backend, Source},
+    world::{LoadOptions, World},
+};
+use serde_json::{Value, json};
+
+fn with_shapes(shapes: Value) -> String {
+    let scene = json!({
+        "camera": { "type": "pinhole", "width": 8, "height": 6, "fov": 40,
+                    "position": [0, 3, 4], "lookat": [0, -0.6, -1], "up": [0, 1, 0] },
+        "scene": {
+            "lightsources": [{ "type": "pointlight", "position": [2, 3, 4], "id": [3, 3, 3] }],
+            "shapes": shapes
+        }
+    });
+    scene.to_string()
+}
+
+fn ball(x: f64, material: Value) -> Value {
+    json!({ "type": "sphere", "center": [x, 0, 0], "radius": 0.4, "material": material })
+}
+
+/// Too little memory to load or use Embree gives the exit code for another try, not for a missing
+/// Embree.
+#[cfg(unix)]
+#[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
+fn embree_without_memory_may_be_tried_again() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", &with_shapes(json!([ball(0.0, json!({}))])));
+    let args = ["render", "s.json", "-o", "x", "--backend", "embree", "--threads", "2", "--quiet"];
+    scratch.run(&args).good();
+    let mut not_loaded = 0;
+    for mib in (60..300).step_by(8) {
+        let limited = format!("ulimit -v {}; exec \"$0\" \"$@\"", mib << 10);
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", &limited, env!("CARGO_BIN_EXE_lightpath")]).args(args);
+        let done = program::Done::of(command.current_dir(scratch.path("")));
+        let said = done.stderr();
+        if said.contains("error: Embree: ") {
+            assert_eq!(done.code(), 3, "{mib} MiB: {said}");
+            not_loaded += usize::from(said.contains("cannot load"));
+        }
+    }
+    assert!(not_loaded > 0, "Embree was loaded in whatever was left");
+}
+
+/// Returns `memory` of `info` and of the statistics of a render.
+fn predicted_and_found(scratch: &Scratch, backend: Backend) -> [Value; 2] {
+    let backend = ["--backend", backend.name()];
+    let info = scratch.run(&[&["info", "s.json", "--json"], &backend[..]].concat());
+    let render = scratch.run(&[&["render", "s.json", "--json", "--quiet"], &backend[..]].concat());
+    [info, render].map(|done| {
+        let value: Value = serde_json::from_str(&done.good().stdout()).unwrap();
+        value["memory"].clone()
+    })
+}
+
+on_both! {
+    fn an_accelerator_needs_the_predicted_memory(backend: Backend) {
+        let scratch = Scratch::new();
+        fs::write(scratch.path("sheet.ply"), sheet(320)).unwrap();
+        let shapes = json!([
+            { "type": "trimesh", "path": "sheet.ply", "material": {} },
+            { "type": "plane", "v0": [-9, -1, 9], "v1": [9, -1, 9], "v2": [9, -1, -9], "v3": [-9, -1, -9],
+              "material": {} },
+            ball(0.0, json!({}))
+        ]);
+        scratch.write("s.json", &with_shapes(shapes));
+        let [predicted, found] = predicted_and_found(&scratch, backend);
+        assert_eq!(predicted["primitives"], 2 * 320 * 320 + 2 + 1);
+        for key in ["accelerator_bytes", "accelerator_peak_bytes"] {
+            let ratio = predicted[key].as_f64().unwrap() / found[key].as_f64().unwrap();
+            assert!((0.85..1.15).contains(&ratio), "{key}: {predicted} {found}");
+        }
+        assert!(predicted["peak_bytes"].as_u64() >= found["peak_bytes"].as_u64());
+    }
+}
+
+#[cfg(target_os = "linux")]
+on_both! {
+    /// At its end, a build gives back much of its memory, which makes room for the film.
+    fn the_film_is_not_there_while_the_accelerator_is_built(backend: Backend) {
+        let scratch = Scratch::new();
+        fs::write(scratch.path("sheet.ply"), sheet(640)).unwrap();
+        let shapes = json!([{ "type": "trimesh", "path": "sheet.ply", "material": {} }]);
+        scratch.write("s.json", &with_shapes(shapes));
+        let peak = |size: &str| {
+            let fixed = ["render", "s.json", "--json", "--quiet", "--threads", "2"];
+            let args = [&fixed[..], &["--size", size, "--backend", backend.name()]].concat();
+            let value: Value = serde_json::from_str(&scratch.run(&args).good().stdout()).unwrap();
+            value["memory"]["peak_bytes"].as_u64().unwrap()
+        };
+        let (small, large) = (peak("8x6"), peak("1000x1000"));
+        let film = 16 * 1000 * 1000;
+        assert!(large < small + film / 2, "{small} {large}");
+    }
+}
+
+#[test]
+fn textures_take_the_memory_that_their_headers_promise() {
+    let scratch = Scratch::new();
+    let path = |name| scratch.path(name);
+    image::RgbImage::new(31, 17).save(path("rgb8.png")).unwrap();
+    image::DynamicImage::new_luma16(64, 64).save(path("grey16.png")).unwrap();
+    image::DynamicImage::new_rgba16(40, 30).save(path("rgba16.png")).unwrap();
+    image::DynamicImage::new_rgb32f(20, 10).save(path("float.exr")).unwrap();
+    let texture = |name: &str| json!({ "tPath": name });
+    let linear = |name: &str| json!({ "tPath": name, "colorspace": "linear" });
+    let materials = [
+        texture("rgb8.png"),
+        texture("grey16.png"),
+        // The same image is loaded only once, unless its colour space differs.
+        texture("grey16.png"),
+        linear("grey16.png"),
+        texture("rgba16.png"),
+        texture("float.exr"),
+    ];
+    let balls: Vec<Value> = (0..).zip(materials).map(|(i, m)| ball(f64::from(i), m)).collect();
+    scratch.write("s.json", &with_shapes(json!(balls)));
+    let [predicted, found] = predicted_and_found(&scratch, Backend::default());
+    assert_eq!(predicted["texture_bytes"], found["texture_bytes"]);
+    let floats = 2 * 64 * 64 + 40 * 30 + 20 * 10;
+    // A table of the linear value of each byte is kept beside the bytes.
+    let expected = 12 * floats + 3 * 31 * 17 + 256 * 4;
+    assert_eq!(found["texture_bytes"], expected);
+}
+
+/// A scene with a texture of 3000 x 2000 16-bit texels, which takes 72 MB in memory.
+fn large_texture() -> Scratch {
+    let scratch = Scratch::new();
+    image::DynamicImage::new_luma16(3000, 2000).save(scratch.path("large.png")).unwrap();
+    let shapes = json!([ball(0.0, json!({ "tPath": "large.png" }))]);
+    scratch.write("s.json", &with_shapes(shapes));
+    scratch
+}
+
+#[test]
+fn a_texture_that_does_not_fit_is_refused_before_it_is_read() {
+    let scratch = large_texture();
+    let done = scratch.run(&["render", "s.json", "--max-memory", "90M"]);
+    assert_eq!((done.code(), done.stdout().as_str()), (2, ""), "{}", done.stderr());
+    for expected in ["--max-memory: found 90.0 MiB", "textures 68.7 MiB", "decoding them"] {
+        assert!(done.stderr().contains(expected), "{}", done.stderr());
+    }
+    assert_eq!(scratch.names(), ["large.png", "s.json"]);
+    let done = scratch.run(&["render", "s.json", "--max-memory", "160M"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+}
+
+#[test]
+fn a_texture_is_not_decoded_beyond_the_budget() {
+    let scratch = large_texture();
+    let scene = scene::load(Source::File(&scratch.path("s.json")), &[]).unwrap().scene;
+    let load = |bytes: u64| {
+        let options = LoadOptions { texture_bytes: Some(bytes), ..LoadOptions::default() };
+        World::load(&scene, options, &Monitor::default()).map(|(world, _)| world.texture_bytes())
+    };
+    // During decoding, a texel takes 6 bytes besides its 12.
+    let decoding = 18 * 3000 * 2000;
+    assert_eq!(load(decoding), Ok(12 * 3000 * 2000));
+    let error = load(decoding - 1).unwrap_err();
+    assert_eq!(error.kind, Kind::Limit);
+    assert!(error.to_string().contains("large.png: 3000 x 2000 pixels need"), "{error}");
+}

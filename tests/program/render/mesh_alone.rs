@@ -1,0 +1,198 @@
+//! A mesh without a scene: its picture and its messages.
+
+use crate::support::program::{Done, Scratch};
+use serde_json::Value;
+
+/// A box of 2 x 2 x `long` with shared vertices, from -1 in y up. `more` is added to the header.
+fn block(long: f32, more: &str) -> String {
+    let corner = |k: u32| {
+        let side = |axis: u32| (k >> axis & 1) as f32 * 2.0 - 1.0;
+        format!("{} {} {}\n", side(0), side(1), side(2) * long / 2.0)
+    };
+    let vertices: String = (0..8).map(corner).collect();
+    format!(
+        "ply\nformat ascii 1.0\n{more}element vertex 8\nproperty float x\nproperty float y\nproperty float z\n\
+         element face 6\nproperty list uchar int vertex_indices\nend_header\n{vertices}\
+         4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n"
+    )
+}
+
+/// A square with texture coordinates.
+fn square(more: &str) -> String {
+    format!(
+        "ply\nformat ascii 1.0\n{more}element vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+         property float s\nproperty float t\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+         -1 0 0 0 0\n1 0 0 1 0\n1 2 0 1 1\n-1 2 0 0 1\n4 0 1 2 3\n"
+    )
+}
+
+/// 2 x 2 texels: red, green, blue, white.
+const IMAGE: &str = "P3\n2 2\n255\n255 0 0 0 255 0\n0 0 255 255 255 255\n";
+
+fn render(scratch: &Scratch, mesh: &str, flags: &[&str]) -> Done {
+    scratch.run(&[&["render", mesh, "--size", "48x48", "-o", "o"], flags].concat())
+}
+
+/// Returns the picture of a mesh that renders without messages.
+#[track_caller]
+fn picture(scratch: &Scratch, mesh: &str, flags: &[&str]) -> Vec<(String, Vec<u32>)> {
+    render(scratch, mesh, flags).good();
+    scratch.channels("o.exr")
+}
+
+#[test]
+fn a_block_is_flat_and_a_ball_is_smooth() {
+    let scratch = Scratch::new();
+    scratch.write("block.ply", &block(2.0, ""));
+    let [studio, off, all, at_90] =
+        [&[][..], &["--smooth", "off"], &["--smooth", "all"], &["--smooth", "91"]]
+            .map(|flags| picture(&scratch, "block.ply", flags));
+    assert!(studio == off, "a right angle is a crease");
+    assert!(studio != all && all == at_90);
+
+    let ball = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/ball.ply");
+    let [studio, off, all] = [&[][..], &["--smooth", "off"], &["--smooth", "all"]]
+        .map(|flags| picture(&scratch, ball, flags));
+    assert!(studio == all && studio != off);
+}
+
+#[test]
+fn a_scene_sets_the_crease_angle() {
+    let scratch = Scratch::new();
+    scratch.write("block.ply", &block(2.0, ""));
+    let of = |smooth: &str| {
+        let set = format!("/scene/shapes/0/smooth={smooth}");
+        render(&scratch, "block.ply", &["--write-scene", "s.json", "--set", &set]).good();
+        scratch.run(&["render", "s.json", "-o", "o", "--quiet"]).good();
+        scratch.channels("o.exr")
+    };
+    let (flat, smooth) = (of("false"), of("true"));
+    assert!(flat != smooth);
+    assert!(of(r#"{"angle": 89.9}"#) == flat && of(r#"{"angle": 90}"#) == smooth);
+    assert!(
+        of(r#"{"angle": 180, "flat": 89}"#) == flat
+            && of(r#"{"angle": 180, "flat": 100}"#) == smooth
+    );
+    for (wrong, expected) in [
+        (r#"{"angle": 0}"#, "expected a number in (0, 180]"),
+        (r#"{"flat": 20}"#, "missing key `angle`"),
+        ("20", "expected true or false or an object"),
+    ] {
+        let set = format!("/scene/shapes/0/smooth={wrong}");
+        let done = render(&scratch, "block.ply", &["--set", &set]);
+        assert!(done.code() == 2 && done.stderr().contains(expected), "{}", done.stderr());
+    }
+}
+
+/// Returns alpha of the lower left pixel, which shows the studio's ground.
+fn corner_alpha(scratch: &Scratch) -> f32 {
+    let channels = scratch.channels("o.exr");
+    let alpha = &channels.iter().find(|(name, _)| name == "A").unwrap().1;
+    f32::from_bits(alpha[47 * 48])
+}
+
+#[test]
+fn a_transparent_picture_has_no_ground() {
+    let scratch = Scratch::new();
+    scratch.write("block.ply", &block(2.0, ""));
+    let planes = |flags: &[&str]| {
+        let flags = [flags, &["--float", "--write-scene", "s.json"]].concat();
+        render(&scratch, "block.ply", &flags).good();
+        let scene: Value = serde_json::from_slice(&scratch.read("s.json")).unwrap();
+        let shapes = scene["scene"]["shapes"].as_array().unwrap();
+        shapes.iter().filter(|shape| shape["type"] == "plane").count()
+    };
+    assert_eq!((planes(&[]), corner_alpha(&scratch)), (1, 1.0));
+    assert_eq!((planes(&["--transparent"]), corner_alpha(&scratch)), (0, 0.0));
+    assert_eq!((planes(&["--no-ground"]), corner_alpha(&scratch)), (0, 1.0));
+    // A user's template keeps its ground unless the flag is given.
+    render(&scratch, "block.ply", &["--write-scene", "template.json"]).good();
+    assert_eq!(planes(&["--transparent", "--template", "template.json"]), 1);
+    assert_eq!(planes(&["--transparent", "--template", "template.json", "--no-ground"]), 0);
+}
+
+#[test]
+fn a_texture_by_flag_and_notes_without_one() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", &square(""));
+    scratch.write("named.ply", &square("comment TextureFile i.ppm\n"));
+    scratch.write("two.ply", &square("comment TextureFile i.ppm\ncomment TextureFile j.ppm\n"));
+    scratch.write("i.ppm", IMAGE);
+    let grey = render(&scratch, "a.ply", &[]).good();
+    let note = "a.ply: found texture coordinates and no texture\n  help: show an image on it: --texture FILE";
+    assert!(grey.stderr().contains(note), "{}", grey.stderr());
+    let grey = scratch.channels("o.exr");
+    let done = render(&scratch, "a.ply", &["--texture", "i.ppm"]).good();
+    assert!(!done.stderr().contains("found texture"), "{}", done.stderr());
+    let textured = scratch.channels("o.exr");
+    assert!(textured != grey && textured == picture(&scratch, "named.ply", &[]));
+    let done = render(&scratch, "two.ply", &[]).good();
+    let note = "two.ply: found 2 texture files; only \"i.ppm\" is used";
+    assert!(done.stderr().contains(note), "{}", done.stderr());
+    assert!(scratch.channels("o.exr") == textured);
+
+    scratch.write("block.ply", &block(2.0, ""));
+    let done = render(&scratch, "block.ply", &["--texture", "i.ppm"]);
+    assert!(
+        done.code() == 2 && done.stderr().contains("no texture coordinates"),
+        "{}",
+        done.stderr()
+    );
+    let set = "/scene/shapes/0/material/tPath=i.ppm";
+    let done = render(&scratch, "a.ply", &["--set", set]);
+    let help = "the material is named \"subject\": --set /scene/materials/subject/tPath=VALUE";
+    assert!(done.code() == 2 && done.stderr().contains(help), "{}", done.stderr());
+    render(&scratch, "a.ply", &["--set", "/scene/materials/subject/tPath=i.ppm"]).good();
+    assert!(scratch.channels("o.exr") == textured);
+}
+
+#[test]
+fn a_mesh_on_its_side_gives_a_note() {
+    let scratch = Scratch::new();
+    scratch.write("tall.ply", &block(6.0, ""));
+    scratch.write("cube.ply", &block(2.0, ""));
+    let says = |mesh: &str, flags: &[&str]| {
+        let said = render(&scratch, mesh, flags).good().stderr();
+        said.contains("lies on its side?") && said.contains("--up z")
+    };
+    assert!(says("tall.ply", &[]));
+    assert!(!says("tall.ply", &["--up", "z"]) && !says("tall.ply", &["--up", "y"]));
+    assert!(!says("tall.ply", &["--rotate", "0,90,0"]) && !says("cube.ply", &[]));
+}
+
+#[test]
+fn the_counts_are_those_of_the_mesh() {
+    let scratch = Scratch::new();
+    scratch.write("block.ply", &block(2.0, ""));
+    let done = render(&scratch, "block.ply", &["--stats", "s.json"]).good();
+    assert!(done.stderr().contains("12 triangles, "), "{}", done.stderr());
+    let stats: Value = serde_json::from_slice(&scratch.read("s.json")).unwrap();
+    assert_eq!(stats["triangles"], 12);
+    assert!(scratch.run(&["info", "block.ply"]).good().stdout().contains("\n  12 triangles\n"));
+    scratch.run(&["batch", "block.ply", "--size", "16x16", "-o", "out"]).good();
+    let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
+    assert!(journal.contains("\"triangles\":12,"), "{journal}");
+    let page = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    assert!(page.contains("data-triangles=\"12\""));
+}
+
+#[test]
+fn a_job_sets_the_look_of_meshes() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", &square(""));
+    scratch.write("i.ppm", IMAGE);
+    let job = r#"{ "inputs": ["a.ply"], "size": [48, 48], "texture": "i.ppm", "smooth": false, "ground": false,
+                   "output": { "folder": "out", "name": "{stem}" } }"#;
+    scratch.write("job.json", job);
+    scratch.run(&["batch", "job.json", "--quiet"]).good();
+    let found = scratch.channels("out/a.exr");
+    let flags = ["--texture", "i.ppm", "--smooth", "off", "--no-ground"];
+    assert!(found == picture(&scratch, "a.ply", &flags));
+    scratch
+        .run(
+            &[&["batch", "a.ply", "--size", "48x48", "-o", "out", "--name", "b"], &flags[..]]
+                .concat(),
+        )
+        .good();
+    assert!(found == scratch.channels("out/b.exr"));
+}

@@ -1,0 +1,162 @@
+//! Rules for the package itself: oldest compiler, lock file, licence texts.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::rust_files;
+
+/// Converts `"1.85"` and `"1.85.0"` to numbers that compare.
+fn release(version: &str) -> (u64, u64, u64) {
+    let mut parts = version.split('.').map(|part| part.parse().expect("a number"));
+    let mut next = || parts.next().unwrap_or(0);
+    (next(), next(), next())
+}
+
+#[test]
+fn no_dependency_needs_a_newer_compiler_than_we_promise() {
+    // The promised version is that of Debian 13's compiler. The lock file decides, so a `cargo
+    // update` is checked, too.
+    let promised = release(env!("CARGO_PKG_RUST_VERSION"));
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--locked", "--offline", "--format-version", "1", "--filter-platform"])
+        .arg(host())
+        .args(["--manifest-path", concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")])
+        .output()
+        .expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo metadata is JSON");
+    let packages = metadata["packages"].as_array().expect("a list of packages");
+    assert!(packages.len() > 20, "cargo metadata lists only {} packages", packages.len());
+    let too_new: Vec<String> = packages
+        .iter()
+        .filter_map(|package| {
+            let needed = package["rust_version"].as_str()?;
+            (release(needed) > promised)
+                .then(|| format!("{} {} needs Rust {needed}", package["name"], package["version"]))
+        })
+        .collect();
+    assert!(too_new.is_empty(), "\n{}\n", too_new.join("\n"));
+}
+
+fn host() -> String {
+    let output = Command::new("rustc").arg("-vV").output().expect("rustc runs");
+    let text = String::from_utf8(output.stdout).expect("text");
+    text.lines().find_map(|line| line.strip_prefix("host: ")).expect("a host").to_owned()
+}
+
+#[test]
+fn the_package_carries_its_licences_and_its_lock_file() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for name in ["LICENSE-MIT", "LICENSE-APACHE", "THIRD_PARTY.md", "Cargo.lock"] {
+        assert!(root.join(name).is_file(), "{name} is missing");
+    }
+}
+
+#[test]
+fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let output = Command::new(env!("CARGO"))
+        .args(["tree", "--locked", "--offline", "-e", "normal", "--prefix", "none"])
+        .args(["--format", "{p}", "--manifest-path", &format!("{root}/Cargo.toml")])
+        .output()
+        .expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let tree = String::from_utf8(output.stdout).expect("text");
+    let named = fs::read_to_string(format!("{root}/THIRD_PARTY.md")).expect("a list");
+    let used = tree.lines().filter_map(|line| line.split(' ').next());
+    let missing: Vec<&str> = used
+        .filter(|name| *name != env!("CARGO_PKG_NAME") && !named.contains(&format!("`{name}`")))
+        .collect();
+    assert!(tree.lines().count() > 20 && missing.is_empty(), "not in THIRD_PARTY.md: {missing:?}");
+}
+
+/// Finds syntax that is newer than our oldest compiler. clippy only finds newer functions.
+#[test]
+fn no_syntax_is_newer_than_the_oldest_compiler() {
+    let mut complaints = Vec::new();
+    for file in ["src", "tests", "benches", "examples"].into_iter().flat_map(rust_files) {
+        let text = fs::read_to_string(&file).expect("a source file");
+        let lines: Vec<&str> = text.lines().map(str::trim).collect();
+        for (index, line) in lines.iter().enumerate() {
+            if let Some(what) = newer(line, &lines[..index], &lines[index + 1..]) {
+                complaints.push(format!("{}:{}: {what}", file.display(), index + 1));
+            }
+        }
+    }
+    assert!(complaints.is_empty(), "\n{}\n", complaints.join("\n"));
+}
+
+fn newer(line: &str, before: &[&str], after: &[&str]) -> Option<&'static str> {
+    let opens_let = |line: &str| {
+        ["if let ", "while let ", "} else if let ", "else if let "]
+            .iter()
+            .any(|start| line.starts_with(start))
+    };
+    if line.starts_with("#[target_feature") {
+        let function = after.iter().find(|line| !line.starts_with("#[") && !line.starts_with("//"));
+        if function.is_none_or(|line| !line.contains("unsafe fn ")) {
+            return Some("a safe function with #[target_feature] needs Rust 1.86: make it unsafe");
+        }
+    }
+    // `if let` and `&&` in one condition. rustfmt starts a line with `&&` if the condition is long.
+    let chain = line.starts_with("&& let ")
+        || line.starts_with("&& ")
+            && before
+                .iter()
+                .rev()
+                .find(|line| !line.starts_with("&& "))
+                .is_some_and(|line| opens_let(line) && !line.ends_with('{'));
+    if chain || line.starts_with("if ") && line.contains(concat!(" &&", " let ")) {
+        return Some("`let` beside `&&` in a condition needs Rust 1.88");
+    }
+    if line.contains(concat!("::Invalid", "Filename")) {
+        return Some(concat!("ErrorKind::Invalid", "Filename needs Rust 1.87"));
+    }
+    None
+}
+
+/// Only `src/cli/` and `src/main.rs` belong to the program. Any other code would print or exit
+/// inside other people's programs.
+#[test]
+fn the_library_neither_prints_nor_exits() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let files = rust_files("src");
+    let of_program = |file: &Path| file.starts_with(src.join("cli")) || file == src.join("main.rs");
+    assert!(
+        files.iter().any(|file| of_program(file)) && files.iter().any(|file| !of_program(file))
+    );
+    let mut complaints = Vec::new();
+    for file in files.iter().filter(|file| !of_program(file)) {
+        let text = fs::read_to_string(file).expect("a source file");
+        for (index, line) in text.lines().enumerate() {
+            if let Some(word) = prints_or_exits(line) {
+                complaints.push(format!("{}:{}: {word}", file.display(), index + 1));
+            }
+        }
+    }
+    assert!(complaints.is_empty(), "only src/cli may do this:\n{}\n", complaints.join("\n"));
+    let caught =
+        ["  println!(\"x\");", "std::process::exit(1)", "let e = io::stderr();", "dbg!(x)"];
+    assert!(caught.iter().all(|line| prints_or_exits(line).is_some()));
+    assert_eq!(prints_or_exits("// println!(\"x\")"), None);
+}
+
+fn prints_or_exits(line: &str) -> Option<&'static str> {
+    let code = line.split("//").next().unwrap_or_default();
+    let words = [
+        "println!",
+        "eprintln!",
+        "print!",
+        "eprint!",
+        "dbg!",
+        "process::exit",
+        "process::abort",
+        "stdout()",
+        "stderr()",
+        "panic::set_hook",
+    ];
+    words.into_iter().find(|word| code.contains(word))
+}
