@@ -10,12 +10,12 @@ use crate::{
     units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth},
 };
 
-pub use super::batch_args::BatchArgs;
+pub use super::batch::args::BatchArgs;
 pub use super::file_args::FileArgs;
 pub use super::measure_args::{AccuracyArgs, BenchArgs, CompareArgs, ConvergeArgs, CrosscheckArgs};
 pub use super::merge::MergeArgs;
 pub use super::names::{Axis, IsaName, NoiseOf, ProgressMode, SamplerName, SchemaName, ToneName};
-pub use super::split::SplitArgs;
+pub use super::render::part::SplitArgs;
 pub use super::submit::SubmitArgs;
 
 const EXIT_CODES: &str = "\

@@ -6,6 +6,7 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
     integrate::TILE,
+    memory,
     mesh::Mesh,
     monitor::Monitor,
     paths::seen_from,
@@ -15,7 +16,7 @@ use crate::{
     world::{own_texture, sources},
 };
 
-use super::{args::RenderArgs, memory, overrides};
+use super::{args::RenderArgs, overrides};
 
 /// A checked scene, ready to be rendered.
 #[derive(Debug)]

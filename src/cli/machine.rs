@@ -1,10 +1,13 @@
-//! Threads and instruction set of the machine.
+//! Threads, instruction set and processor of the machine.
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::args::IsaName;
-use crate::error::{Error, Kind, Problem, Result};
-use crate::simd::Isa;
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    simd::Isa,
+};
+
+use super::names::IsaName;
 
 /// Returns the number of threads: `--threads`, else the batch system's grant, else what the process
 /// may use.
@@ -73,4 +76,14 @@ pub fn tier(flag: &str, name: IsaName) -> Result<Isa> {
     let message = format!("found {wanted}, which {lacks} lacks");
     let help = format!("available: {}", available.join(", "));
     Err(Error::new(Kind::Unsupported, Problem::new(flag, message).help(help)))
+}
+
+/// Returns the model name of the processor, or the architecture if the system does not report one.
+pub fn cpu() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = info.lines().find_map(|line| {
+        let (key, value) = line.split_once(':')?;
+        (key.trim() == "model name").then(|| value.trim().to_string())
+    });
+    name.unwrap_or_else(|| std::env::consts::ARCH.to_string())
 }

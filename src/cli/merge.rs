@@ -11,15 +11,19 @@ use crate::{
     merge::Parts,
     monitor::{Monitor, Phase},
     output::{Outputs, WriteOptions, exr},
-    picture,
+    paths, picture,
 };
 
 use super::{
-    args::ProgressMode,
-    layers::{self, Manifest},
-    machine, paths,
+    machine,
+    names::ProgressMode,
+    print,
     progress::Progress,
-    render_progress, signals,
+    render::{
+        layers::{self, Manifest},
+        progress as render_progress,
+    },
+    signals,
 };
 
 /// Arguments of `lightpath merge`.
@@ -120,9 +124,9 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     drop(progress);
     if !args.quiet {
         let seconds = start.elapsed().as_secs_f64();
-        super::note(&format!("{} parts merged in {seconds:.2} s", args.parts.len()));
+        print::note(&format!("{} parts merged in {seconds:.2} s", args.parts.len()));
     }
-    super::print_paths(&paths)?;
+    print::paths(&paths)?;
     match &oddities.first_non_finite {
         Some(spot) if args.strict => {
             let count = oddities.non_finite;

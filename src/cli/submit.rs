@@ -20,7 +20,10 @@ use crate::{
     units::{self, parse_bytes},
 };
 
-use super::{batch as batch_command, batch_args::BatchArgs, signals};
+use super::{
+    batch::{self as batch_command, args::BatchArgs},
+    print, signals,
+};
 
 /// Arguments of `lightpath submit`.
 #[derive(Debug, Args)]
@@ -113,7 +116,7 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
         written.push(TextFile::create(&folder.join(name))?.finish(text)?);
     }
     let Chunks { frames, per_task } = slurm.chunks;
-    super::note(&format!(
+    print::note(&format!(
         "{} frames of {} inputs: {} tasks of {per_task} frames, {} CPUs and {} each",
         units::count(frames),
         units::count(job.inputs.len() as u64),
@@ -121,17 +124,17 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
         slurm.cpus,
         units::bytes(slurm.memory_mib << 20),
     ));
-    super::print_paths(&written)?;
+    print::paths(&written)?;
     let script = |name: &str| format!("{}/slurm/{name}", slurm.folder);
     let frames = slurm.frames(&script("frames.sh"));
     let sheet = |after: &str| slurm.sheet(&script("sheet.sh"), after);
     if args.dry_run {
         let commands = [frames, sheet("ID")].map(|words| farm::command_line("sbatch", &words));
-        return super::print(&(commands.join("\n") + "\n"));
+        return print::text(&(commands.join("\n") + "\n"));
     }
     let array = submit(&frames)?;
     let sheet = submit(&sheet(&array))?;
-    super::print(&format!("{array}\n{sheet}\n"))
+    print::text(&format!("{array}\n{sheet}\n"))
 }
 
 /// Loads the job exactly as a task will load it.

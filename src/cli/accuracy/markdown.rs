@@ -4,7 +4,9 @@ use std::fmt::Write;
 
 use crate::measure::accuracy::{Entry, Report, Row};
 
-use super::{accuracy_table as table, units};
+use crate::units;
+
+use super::table;
 
 /// Returns the page in Markdown.
 pub fn page(report: &Report) -> String {

@@ -1,5 +1,9 @@
 //! `lightpath accuracy`: runs the hard cases on every backend; writes a table, JSON and pages.
 
+mod markdown;
+mod page;
+mod table;
+
 use std::{path::PathBuf, sync::Arc};
 
 use crate::{
@@ -11,9 +15,7 @@ use crate::{
     simd::Isa,
 };
 
-use super::{
-    accuracy_markdown, accuracy_page, accuracy_table, args::AccuracyArgs, bench, machine, signals,
-};
+use super::{args::AccuracyArgs, bench, machine, print, signals};
 
 /// Factor from the rays of `--quick` to those of `--full`.
 const FULL: u64 = 400;
@@ -27,21 +29,21 @@ pub fn run(args: &AccuracyArgs) -> Result<()> {
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
     let mut report = machine::pool(args.threads)?.install(|| {
-        super::print(&accuracy_table::heading(&settings))?;
+        print::text(&table::heading(&settings))?;
         let count = cases.len();
         let begun = |index: usize, case: &Case| {
             if settings.times > 1 && !args.quiet {
-                super::note(&format!("{} of {count}: {}, {}", index + 1, case.group, case.name));
+                print::note(&format!("{} of {count}: {}, {}", index + 1, case.group, case.name));
             }
         };
         let mut group = String::new();
         accuracy::run(&cases, &settings, &monitor, &begun, &mut |row| {
             let first = std::mem::replace(&mut group, row.group.clone()) != row.group;
-            super::print(&accuracy_table::line(&settings, row, first))
+            print::text(&table::line(&settings, row, first))
         })
     })?;
     report.machine = Some(bench::machine(Isa::detect()));
-    super::print(&accuracy_table::summary(&report))?;
+    print::text(&table::summary(&report))?;
     files.finish(&report)?;
     let failures = report.failures();
     if failures.is_empty() {
@@ -88,7 +90,7 @@ fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
     }
     if columns.is_empty() {
         let (available, without) = accuracy::available(Column::all(), monitor)?;
-        without.iter().for_each(|line| super::note(line));
+        without.iter().for_each(|line| print::note(line));
         columns = available;
     }
     let times = match args.full {
@@ -129,11 +131,11 @@ impl Files {
             written.push(file.finish(&(json + "\n"))?);
         }
         if let Some(file) = self.html {
-            written.push(file.finish(&accuracy_page::page(report).html())?);
+            written.push(file.finish(&page::page(report).html())?);
         }
         if let Some(file) = self.markdown {
-            written.push(file.finish(&accuracy_markdown::page(report))?);
+            written.push(file.finish(&markdown::page(report))?);
         }
-        super::print_paths(&written)
+        print::paths(&written)
     }
 }

@@ -3,9 +3,10 @@
 use crate::{
     measure::accuracy::{ColumnReport, Entry, Kind, Report, Row},
     report::{Bar, Bars, Cell, Group, Page, Section, picture},
+    units,
 };
 
-use super::{accuracy_markdown, accuracy_table as table, units};
+use super::{markdown, table};
 
 /// Builds the page of a report.
 pub fn page(report: &Report) -> Page {
@@ -15,11 +16,7 @@ pub fn page(report: &Report) -> Page {
     sections.extend(groups.iter().map(|group| section(report, group)));
     sections.push(columns(report));
     sections.extend(groups.iter().filter_map(|group| pictures(report, group)));
-    Page {
-        title: "Accuracy of every backend".into(),
-        intro: accuracy_markdown::machine(report),
-        sections,
-    }
+    Page { title: "Accuracy of every backend".into(), intro: markdown::machine(report), sections }
 }
 
 /// Builds the table of failures per million by group, and a chart of the rays at vertices.
@@ -185,7 +182,7 @@ fn columns(report: &Report) -> Section {
     let mut rows =
         vec![["column", "what it is", "version", "instructions"].map(Cell::from).to_vec()];
     for column in &report.columns {
-        let what = accuracy_markdown::meaning(&column.name);
+        let what = markdown::meaning(&column.name);
         rows.push(
             [column.name.as_str(), what, &column.version, &column.isa].map(Cell::from).to_vec(),
         );

@@ -2,7 +2,7 @@
 
 use crate::measure::accuracy::{Entry, Report, Row, Settings};
 
-use super::units;
+use crate::units;
 
 /// Width of the case names on the terminal.
 const NAME: usize = 40;

@@ -9,8 +9,10 @@ use crate::{
     units::{parse_angles, parse_margin, parse_point, parse_range, parse_rate},
 };
 
-use super::args::{LookArgs, MachineArgs, SceneArgs};
-use super::names::{Axis, FixedName, ProgressMode, TurningName};
+use crate::cli::{
+    args::{LookArgs, MachineArgs, SceneArgs},
+    names::{Axis, FixedName, ProgressMode, TurningName},
+};
 
 /// Arguments of `lightpath batch`.
 #[derive(Debug, Args)]

@@ -1,5 +1,8 @@
 //! `lightpath batch`: builds a job from flags and a job file, runs it, and reports its events.
 
+pub mod args;
+mod progress;
+
 use std::{
     path::{Path, PathBuf},
     sync::Arc,
@@ -15,6 +18,7 @@ use crate::{
     error::{Error, Kind, Problem, Result, printable},
     monitor::Monitor,
     output::{Outputs, tonemap::Depth},
+    paths,
     scene::{
         self, Document,
         written::{Angles, Name, Point},
@@ -24,9 +28,14 @@ use crate::{
 };
 
 use super::{
-    args::ProgressMode, batch_args::BatchArgs, batch_progress, machine, names::Axis, overrides,
-    paths, progress::Progress, signals,
+    machine,
+    names::{Axis, ProgressMode},
+    overrides, print,
+    progress::Progress,
+    signals,
 };
+
+use self::args::BatchArgs;
 
 /// Renders the batch that the arguments describe.
 pub fn run(args: &BatchArgs) -> Result<()> {
@@ -38,7 +47,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     if args.run.sheet_only {
         signals::end_at_once()?;
         machine::pool(Some(options.threads as u16))?.install(|| batch::refuse_sheet(&job))?;
-        super::print_paths(&sheet::write(&job, options.threads)?)?;
+        print::paths(&sheet::write(&job, options.threads)?)?;
         return complete(&job);
     }
     let monitor = Arc::new(Monitor::default());
@@ -48,7 +57,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         true => ProgressMode::Off,
         false => args.progress.unwrap_or(ProgressMode::Auto),
     };
-    let progress = Progress::start(mode, batch_progress::meter(&status));
+    let progress = Progress::start(mode, progress::meter(&status));
     let say = |text: String| {
         if !args.quiet {
             progress.message(&text);
@@ -72,7 +81,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     drop(progress);
     let outcome = outcome?;
     if !args.quiet {
-        super::note(&format!(
+        print::note(&format!(
             "{} frames rendered, {} kept{}, {} failures, {}",
             units::count(outcome.rendered),
             units::count(outcome.kept),
@@ -82,7 +91,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         ));
     }
     if outcome.signal.is_none() && !args.run.no_sheet && options.range.is_none() {
-        super::print_paths(&sheet::write(&job, options.threads)?)?;
+        print::paths(&sheet::write(&job, options.threads)?)?;
     }
     verdict(&job, outcome)
 }
@@ -279,7 +288,7 @@ fn list(job: &Job, args: &BatchArgs) -> Result<()> {
                 "frame": frame,
                 "outputs": outputs.map(|path| path.display().to_string()),
             });
-            super::print_json(&line)?;
+            print::json(&line)?;
         }
     }
     Ok(())

@@ -9,7 +9,7 @@ use serde_json::json;
 
 use crate::{batch::Status, units};
 
-use super::progress::Reading;
+use crate::cli::progress::Reading;
 
 /// Returns a meter for a batch. The remaining time is estimated from the frames rendered so far.
 pub fn meter(status: &Arc<Status>) -> impl FnMut() -> Reading + Send + use<> {

@@ -1,5 +1,8 @@
 //! `lightpath bench`: measures scenes on a set of backends; writes a table, JSON and a page.
 
+mod page;
+pub mod table;
+
 use std::{
     path::{Path, PathBuf},
     sync::Arc,
@@ -18,6 +21,7 @@ use crate::{
         rays::Class,
         result::{self, Machine, Report, Run, SceneResult, Since},
     },
+    memory,
     monitor::Monitor,
     output::atomic::TextFile,
     scene::{self, Backend, EmbreeMode, Source},
@@ -27,14 +31,16 @@ use crate::{
 };
 
 use super::{
-    args::{BenchArgs, IsaName, RenderArgs, SceneArgs},
-    bench_page, bench_table,
-    job::{self, Job},
-    machine, memory, signals, stats, version,
+    about,
+    args::{BenchArgs, RenderArgs, SceneArgs},
+    load::{self, Job},
+    machine,
+    names::IsaName,
+    print, signals,
 };
 
 /// Built-in scene for a mesh without a scene.
-const SCENE: &str = include_str!("../../assets/bench.json");
+const SCENE: &str = include_str!("../../../assets/bench.json");
 
 /// Rays, rounds and picture size of `--quick`.
 const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
@@ -58,14 +64,14 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     };
     for input in &args.inputs {
         let scene = measure_scene(args, input, &settings, &monitor)?;
-        super::print(&bench_table::scene(&scene))?;
+        print::text(&table::scene(&scene))?;
         report.scenes.push(scene);
     }
-    super::print(&bench_table::growth_text(&report))?;
+    print::text(&table::growth_text(&report))?;
     let name = args.baseline.as_deref().unwrap_or(Path::new("")).display().to_string();
     let since = then.map(|then| Since::new(&report, &name, &then));
     if let Some(since) = &since {
-        super::print(&bench_table::since(since))?;
+        print::text(&table::since(since))?;
     }
     files.finish(&report, since.as_ref())?;
     check_answers(&report, &settings)
@@ -98,7 +104,7 @@ fn measure_scene(
     let name = input.display().to_string();
     let note = |text: &str| {
         if !args.quiet {
-            super::note(&format!("{}: {text}", printable(&name)));
+            print::note(&format!("{}: {text}", printable(&name)));
         }
     };
     note("loading");
@@ -108,7 +114,7 @@ fn measure_scene(
         scene: SceneArgs { size, ..SceneArgs::default() },
         ..RenderArgs::default()
     };
-    let job = job::load_in(&render, SCENE)?;
+    let job = load::load_in(&render, SCENE)?;
     refuse_overwrites(&job.inputs(input), args)?;
     let Job { loaded, warnings, ready, .. } = job;
     let options = LoadOptions { ready, ..LoadOptions::default() };
@@ -190,7 +196,7 @@ fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<Contestant>> {
     let both: Vec<Contestant> = both.into_iter().collect::<Result<_>>()?;
     let columns = both.into_iter().map(|contestant| Column { contestant }).collect();
     let (columns, without) = accuracy::available(columns, monitor)?;
-    without.iter().for_each(|line| super::note(line));
+    without.iter().for_each(|line| print::note(line));
     Ok(columns.into_iter().map(|column| column.contestant).collect())
 }
 
@@ -234,10 +240,10 @@ pub fn contestant(flag: &str, name: &str, isa: Isa) -> Result<Contestant> {
 
 /// Describes this machine. `isa` is the instruction set in use.
 pub fn machine(isa: Isa) -> Machine {
-    let mut versions = version::versions("");
+    let mut versions = about::versions("");
     versions.remove("backend");
     Machine {
-        cpu: stats::cpu(),
+        cpu: machine::cpu(),
         cores: std::thread::available_parallelism().map_or(1, usize::from),
         isa: isa.to_string(),
         versions,
@@ -286,9 +292,9 @@ impl Files {
             written.push(file.finish(&json)?);
         }
         if let Some(file) = self.html {
-            written.push(file.finish(&bench_page::page(report, since).html())?);
+            written.push(file.finish(&page::page(report, since).html())?);
         }
-        super::print_paths(&written)
+        print::paths(&written)
     }
 }
 

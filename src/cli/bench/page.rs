@@ -6,9 +6,10 @@ use crate::{
         result::{Entry, Report, Row, SceneResult, Since, What},
     },
     report::{Bar, Bars, Cell, Group, Line, Lines, Page, Ratio, Ratios, Section},
+    units,
 };
 
-use super::{bench_table, units};
+use super::table;
 
 /// Builds the page. `since` adds the changes against a baseline.
 pub fn page(report: &Report, since: Option<&Since>) -> Page {
@@ -55,11 +56,11 @@ fn section(scene: &SceneResult) -> Section {
     charts.push(memory(scene));
     charts.push(rest(scene, What::Image, "Whole picture", "million rays/s, more is better"));
     charts.push(visits(scene));
-    let mut tables = vec![("Backends".to_string(), cells(bench_table::backends(scene)))];
+    let mut tables = vec![("Backends".to_string(), cells(table::backends(scene)))];
     for &n in &threads {
-        tables.push((format!("Timings, {}", count(n)), cells(bench_table::timings(scene, n))));
+        tables.push((format!("Timings, {}", count(n)), cells(table::timings(scene, n))));
     }
-    let answers = bench_table::agreement(scene).into_iter().map(|line| vec![line.into()]);
+    let answers = table::agreement(scene).into_iter().map(|line| vec![line.into()]);
     let head = [vec!["answers of pairs, ray by ray".into()]];
     tables.push(("Answers".into(), head.into_iter().chain(answers).collect()));
     Section {
@@ -124,7 +125,7 @@ fn findings(scene: &SceneResult) -> Vec<(String, bool)> {
 }
 
 fn wrong(entry: &Entry) -> Option<String> {
-    entry.wrong.filter(|n| *n > 0).map(bench_table::wrong)
+    entry.wrong.filter(|n| *n > 0).map(table::wrong)
 }
 
 fn ratios(scene: &SceneResult, threads: usize, other: usize) -> String {
@@ -221,14 +222,14 @@ fn growth(report: &Report) -> Option<Section> {
             Quantity::BuildTime => "seconds, all threads",
             Quantity::Memory | Quantity::Peak => "bytes",
         };
-        let name = bench_table::quantity_name(quantity);
+        let name = table::quantity_name(quantity);
         let title = name[..1].to_uppercase() + &name[1..];
         let (unit, across) = (unit.into(), "triangles".into());
         Lines { title, unit, across, lines: lines.collect(), ..Lines::default() }.svg()
     };
     let charts = Quantity::ALL.map(chart).to_vec();
     let any = report.scenes.len() > 1 && charts.iter().any(|chart| !chart.is_empty());
-    let tables = vec![("Fit".to_string(), cells(bench_table::growth(report)))];
+    let tables = vec![("Fit".to_string(), cells(table::growth(report)))];
     any.then(|| Section { title: "Growth".into(), charts, tables, ..Section::default() })
 }
 

@@ -7,9 +7,8 @@ use crate::{
         result::{Change, Entry, Report, Row, SceneResult, Since, What},
         stats::Estimate,
     },
+    units,
 };
-
-use super::units;
 
 /// Formats the results of one scene.
 pub fn scene(scene: &SceneResult) -> String {

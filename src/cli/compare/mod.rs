@@ -1,6 +1,9 @@
 //! `lightpath compare`: measures how far a picture is from a reference, as numbers, error maps and
 //! an exit code.
 
+pub mod page;
+mod text;
+
 use std::{io::Write, path::PathBuf};
 
 use crate::{
@@ -14,10 +17,7 @@ use crate::{
     scene::{ToneOperator, did_you_mean, list},
 };
 
-use super::{
-    args::{CompareArgs, ToneName},
-    compare_page, compare_text as text, machine, signals,
-};
+use super::{args::CompareArgs, machine, names::ToneName, print, signals};
 
 /// Compares a picture with a reference.
 pub fn run(args: &CompareArgs) -> Result<()> {
@@ -36,12 +36,12 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     let failed = failed(args, &found, &limits)?;
     let written = files.finish(args, &found, &failed)?;
     if args.json {
-        super::print_json(&text::json(args, &found, &failed, &written))?;
+        print::json(&text::json(args, &found, &failed, &written))?;
     } else {
         if !args.quiet {
-            super::print(&text::text(args, &found))?;
+            print::text(&text::text(args, &found))?;
         }
-        super::print_paths(&written)?;
+        print::paths(&written)?;
     }
     if failed.is_empty() {
         return Ok(());
@@ -193,14 +193,14 @@ impl Files {
     ) -> Result<Vec<PathBuf>> {
         let mut written = Vec::new();
         if let (Some(mut part), Some(layer)) = (self.out, found.layers.first()) {
-            let png = compare_page::error_map(layer);
+            let png = page::error_map(layer);
             let wrote = part.file().write_all(&png);
             wrote.map_err(|error| Error::io(part.target(), "write", &error))?;
             part.sync()?;
             written.push(part.commit()?);
         }
         if let Some(file) = self.html {
-            written.push(file.finish(&compare_page::page(args, found, failed).html())?);
+            written.push(file.finish(&page::page(args, found, failed).html())?);
         }
         Ok(written)
     }

@@ -11,7 +11,9 @@ use crate::{
     report::{Cell, Page, Scale, Section, picture_of_width},
 };
 
-use super::{args::CompareArgs, compare_text as text};
+use crate::cli::args::CompareArgs;
+
+use super::text;
 
 /// Maximum number of mattes in one table.
 const MAX_MATTES: usize = 1000;

@@ -1,5 +1,8 @@
 //! `lightpath converge`: measures error against time; writes a table, JSON, CSV and a page.
 
+mod page;
+mod text;
+
 use std::{
     path::{Path, PathBuf},
     sync::Arc,
@@ -25,10 +28,12 @@ use crate::{
 };
 
 use super::{
-    args::{ConvergeArgs, RenderArgs, SamplerName, SceneArgs},
-    bench, converge_page, converge_text as text,
-    job::{self, Job},
-    machine, signals,
+    args::{ConvergeArgs, RenderArgs, SceneArgs},
+    bench,
+    load::{self, Job},
+    machine,
+    names::SamplerName,
+    print, signals,
 };
 
 /// Default samples on area lights.
@@ -45,7 +50,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         scene: SceneArgs { size: args.size, set: args.set.clone(), ..SceneArgs::default() },
         ..RenderArgs::default()
     };
-    let job = job::load(&render)?;
+    let job = load::load(&render)?;
     not_over_inputs(args, &job)?;
     let Job { loaded, warnings, ready, .. } = job;
     let contestants = contestants(args, &loaded.scene, isa)?;
@@ -56,7 +61,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let files = Files::create(args)?;
     let note = |text: &str| {
         if !args.quiet {
-            super::note(text);
+            print::note(text);
         }
     };
     if let Some(seed) = args.reference.as_deref().and_then(seed_of) {
@@ -93,7 +98,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         reference: file.zip(given.map(|layer| layer.half)),
     };
     let found = report(&study, subject, limits, started.elapsed().as_secs_f64());
-    super::print(&text::text(&found))?;
+    print::text(&text::text(&found))?;
     files.finish(&found, &study)
 }
 
@@ -220,8 +225,8 @@ impl Files {
             written.push(file.finish(&text::csv(found))?);
         }
         if let Some(file) = self.html {
-            written.push(file.finish(&converge_page::page(found, study).html())?);
+            written.push(file.finish(&page::page(found, study).html())?);
         }
-        super::print_paths(&written)
+        print::paths(&written)
     }
 }

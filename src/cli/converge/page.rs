@@ -13,7 +13,9 @@ use crate::{
     scene::{ToneOperator, Tonemap},
 };
 
-use super::{compare_page, converge_text as text};
+use crate::cli::compare::page as compare_page;
+
+use super::text;
 
 /// Builds the page. `study` holds the pictures.
 pub fn page(report: &Report, study: &Study) -> Page {

@@ -9,7 +9,7 @@ use crate::measure::{
 };
 use crate::units::plural;
 
-use super::bench_table::table;
+use crate::cli::bench::table::table;
 
 /// Formats the whole report for the terminal.
 pub fn text(report: &Report) -> String {

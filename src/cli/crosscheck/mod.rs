@@ -1,5 +1,7 @@
 //! `lightpath crosscheck`: judges every backend's answers, ray by ray, by the oracle.
 
+mod text;
+
 use std::{path::Path, sync::Arc};
 
 use serde::{Deserialize, Serialize};
@@ -25,12 +27,15 @@ use crate::{
 
 use super::{
     args::{
-        CrosscheckArgs, FileArgs, MachineArgs, MeshArgs, ProgressMode, RenderArgs, ReportArgs,
-        SamplingArgs, SceneArgs,
+        CrosscheckArgs, FileArgs, MachineArgs, MeshArgs, RenderArgs, ReportArgs, SamplingArgs,
+        SceneArgs,
     },
-    crosscheck_text as text, job, machine,
+    load, machine,
+    names::ProgressMode,
+    print,
     progress::Progress,
-    render_progress, signals,
+    render::progress as render_progress,
+    signals,
 };
 
 /// Maximum size of a `--replay` file in bytes.
@@ -138,7 +143,7 @@ impl<'g> Built<'g> {
                 Backend::Embree(_) => match accel::build(geometry, backend, &options, monitor) {
                     Ok(accelerator) => embree = Some(accelerator),
                     Err(error) if skip && error.kind == Kind::Unsupported => {
-                        super::note(&format!("without `{}`: {error}", backend.name()));
+                        print::note(&format!("without `{}`: {error}", backend.name()));
                         continue;
                     }
                     Err(error) => return Err(error),
@@ -171,7 +176,7 @@ fn check(
     monitor: &Arc<Monitor>,
 ) -> Result<()> {
     let flags = as_render(args, input);
-    let mut job = job::load(&flags)?;
+    let mut job = load::load(&flags)?;
     files::refuse_overwrites(
         job.inputs(input),
         &args.save,
@@ -204,7 +209,7 @@ fn check(
     }
     drop(progress);
     if let (Some(file), Some(path)) = (save, &args.save) {
-        let scene = serde_json::from_str(&job::saved(&job, path)?).unwrap_or_default();
+        let scene = serde_json::from_str(&load::saved(&job, path)?).unwrap_or_default();
         let saved = Saved { scene, findings: report.findings.clone() };
         let text = serde_json::to_string_pretty(&saved).unwrap_or_default();
         file.finish(&(text + "\n"))?;
@@ -212,9 +217,9 @@ fn check(
     if args.json {
         let mut value = json!(report);
         value["failures"] = report.failures().into();
-        super::print_json(&value)?;
+        print::json(&value)?;
     } else {
-        super::print(&text::report(&report))?;
+        print::text(&text::report(&report))?;
     }
     failed(report.failures())
 }
@@ -242,7 +247,7 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     let place = file.display().to_string();
     let saved = read(file)?;
     if saved.findings.is_empty() {
-        super::note(&format!("{}: no wrong answers in this file", printable(&place)));
+        print::note(&format!("{}: no wrong answers in this file", printable(&place)));
     }
     let text = saved.scene.to_string();
     let folder = file.parent().unwrap_or(Path::new(""));
@@ -287,10 +292,10 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
         });
     }
     if args.json {
-        super::print_json(&json!({ "replayed": results }))?;
+        print::json(&json!({ "replayed": results }))?;
     } else {
         let line = |r: &Replayed| text::finding(r.finding, r.verdict, r.answer, r.truth);
-        super::print(&results.iter().map(line).collect::<String>())?;
+        print::text(&results.iter().map(line).collect::<String>())?;
     }
     let still = results.iter().filter(|r| r.verdict.is_wrong() && r.finding.fails()).count();
     let all = results.len();

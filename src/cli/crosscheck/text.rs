@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::measure::cross_check::{Answer, Finding, MOST_NEAR, Report, Tally, Tree, Verdict};
 
-use super::units;
+use crate::units;
 
 /// Maximum number of findings that are shown.
 const MAX_FINDINGS: usize = 12;

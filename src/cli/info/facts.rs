@@ -4,9 +4,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use crate::error::printable;
-
-use super::units;
+use crate::{error::printable, units};
 
 /// Resolution of single precision compared with the shortest edge, in world units.
 #[derive(Debug, Clone, Copy)]
@@ -39,7 +37,7 @@ impl Extent {
 
 /// Collects facts, each as a line of text and as a JSON value.
 #[derive(Debug, Default)]
-pub struct Report {
+pub struct Facts {
     /// Lines of text that are not printed yet.
     pub lines: Vec<String>,
     json: Map<String, Value>,
@@ -47,7 +45,7 @@ pub struct Report {
     begun: bool,
 }
 
-impl Report {
+impl Facts {
     /// Adds a fact under a JSON key. An empty `line` adds only JSON.
     pub fn add(&mut self, key: &str, value: Value, line: impl Into<String>) {
         self.json.insert(key.to_string(), value);

@@ -3,6 +3,9 @@
 //! The first bytes decide the type of a file, not its name. An invalid file does not hide the next
 //! one: all files are checked, and all errors are reported at the end.
 
+mod facts;
+mod scene;
+
 use std::{
     fs::File,
     io::{ErrorKind, Read},
@@ -16,21 +19,19 @@ use crate::{
     accel::Footprint,
     error::{Error, Problem, Result},
     film::Window,
+    memory::{self, Prediction},
     mesh,
     monitor::Monitor,
     output::{exr::text::decode, exr_check::exr_error},
     scene::{Backend, Overrides},
     studio::{self, Points, Subject, Template},
+    units,
     world::{Bounds, Resolution, ulp},
 };
 
-use super::{
-    args::InfoArgs,
-    info_scene,
-    memory::{self, Prediction},
-    report::{Extent, Report},
-    units,
-};
+use super::{args::InfoArgs, print};
+
+use self::facts::{Extent, Facts};
 
 /// Describes every file, then reports all errors.
 pub fn run(args: &InfoArgs) -> Result<()> {
@@ -38,11 +39,11 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     let mut problems: Vec<Problem> = Vec::new();
     for path in &args.files {
         match describe(path, args) {
-            Ok(report) if args.json => super::print_json(&report.json())?,
-            Ok(mut report) => super::print(&report.begin(path))?,
+            Ok(facts) if args.json => print::json(&facts.json())?,
+            Ok(mut facts) => print::text(&facts.begin(path))?,
             Err(error) => {
                 if args.json {
-                    super::print_json(&error_json(path, &error))?;
+                    print::json(&error_json(path, &error))?;
                 }
                 kind = kind.or(Some(error.kind));
                 problems.extend(error.problems);
@@ -61,12 +62,12 @@ fn error_json(path: &Path, error: &Error) -> Value {
     json!({ "file": path.display().to_string(), "ok": false, "errors": errors })
 }
 
-fn describe(path: &Path, args: &InfoArgs) -> Result<Report> {
+fn describe(path: &Path, args: &InfoArgs) -> Result<Facts> {
     let mut start = Vec::new();
     let opened = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
-    let mut report = Report::default();
-    report.add("file", json!(path.display().to_string()), "");
-    report.add("ok", json!(true), "");
+    let mut facts = Facts::default();
+    facts.add("file", json!(path.display().to_string()), "");
+    facts.add("ok", json!(true), "");
     match opened {
         // A folder can be opened but not read. The scene parser gives the best message for it.
         Err(error) if error.kind() != ErrorKind::IsADirectory => {
@@ -75,58 +76,58 @@ fn describe(path: &Path, args: &InfoArgs) -> Result<Report> {
         _ => {}
     }
     match start.as_slice() {
-        b"ply\n" | b"ply\r" => ply(path, args, &mut report)?,
-        [0x76, 0x2f, 0x31, 0x01] => exr(path, &mut report)?,
-        _ if studio::is_mesh(path) => ply(path, args, &mut report)?,
-        _ => info_scene::describe(path, args, &mut report)?,
+        b"ply\n" | b"ply\r" => ply(path, args, &mut facts)?,
+        [0x76, 0x2f, 0x31, 0x01] => exr(path, &mut facts)?,
+        _ if studio::is_mesh(path) => ply(path, args, &mut facts)?,
+        _ => scene::describe(path, args, &mut facts)?,
     }
-    Ok(report)
+    Ok(facts)
 }
 
 /// Array size in bytes above which the header's facts are printed before the mesh is read.
 const LARGE_MESH_BYTES: u64 = 256 << 20;
 
-fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
+fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     let summary = mesh::inspect_ply(path)?;
     let packed = summary.packed.map_or(String::new(), |packing| format!(", packed with {packing}"));
-    report.add("type", json!("ply"), format!("PLY, {}{packed}", summary.format));
+    facts.add("type", json!("ply"), format!("PLY, {}{packed}", summary.format));
     let elements = summary.elements.iter().map(|element| {
         let names = element.properties.iter().map(|p| p.name.as_str());
         let names: Vec<&str> = names.collect();
         format!("{} {} ({})", units::count(element.count), element.name, names.join(" "))
     });
     let line = format!("elements: {}", elements.collect::<Vec<_>>().join(", "));
-    report.add("header", json!(summary), line);
+    facts.add("header", json!(summary), line);
     let list = |names: &[String]| match names.is_empty() {
         true => "none".to_string(),
         false => names.join(", "),
     };
-    report.add("used", json!(summary.used), format!("used: {}", list(&summary.used)));
-    report.add("ignored", json!(summary.ignored), format!("ignored: {}", list(&summary.ignored)));
+    facts.add("used", json!(summary.used), format!("used: {}", list(&summary.used)));
+    facts.add("ignored", json!(summary.ignored), format!("ignored: {}", list(&summary.ignored)));
     let missing = match summary.missing.is_empty() {
         true => "nothing".to_string(),
         false => summary.missing.join(", "),
     };
-    report.add("missing", json!(summary.missing), format!("missing: {missing}"));
+    facts.add("missing", json!(summary.missing), format!("missing: {missing}"));
     if let Some(texture) = summary.texture_files.first() {
-        report.add("texture_file", json!(texture), format!("texture: {texture}"));
+        facts.add("texture_file", json!(texture), format!("texture: {texture}"));
     }
     if let Some(prediction) = prediction(path, args) {
         let line = format!(
             "memory in the studio: about {} at most: {prediction}",
             units::bytes(prediction.peak_bytes)
         );
-        report.add("memory", json!(prediction), line);
+        facts.add("memory", json!(prediction), line);
     }
     if summary.array_bytes > LARGE_MESH_BYTES && !args.json {
-        super::print(&report.begin(path))?;
+        print::text(&facts.begin(path))?;
     }
     let room = memory::machine();
     let subject = Subject { no_mmap: args.no_mmap, room, ..Subject::new(path) };
     let mesh = studio::read(&subject, &Monitor::default())?;
     let triangles = mesh.triangles.len() as u64;
-    report.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
-    notes(&mesh.notes, report);
+    facts.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
+    notes(&mesh.notes, facts);
     let line = match mesh.stitches.len() {
         0 => String::new(),
         n => format!(
@@ -134,31 +135,31 @@ fn ply(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
             units::count(n as u64)
         ),
     };
-    report.add("stitches", json!(mesh.stitches.len()), line);
+    facts.add("stitches", json!(mesh.stitches.len()), line);
     let points = Points::new(&mesh);
     let unused = points.unused();
     let line = match unused {
         0 => String::new(),
         _ => format!("{} vertices that no triangle uses", units::count(unused)),
     };
-    report.add("vertices_unused", json!(unused), line);
+    facts.add("vertices_unused", json!(unused), line);
     let Bounds { min: low, max: high } = points.bounds(|p| p);
     let size = high - low;
     let line = format!("bounds of the triangles: {low} to {high}, size {size}");
-    report.add("bounds", json!([low.to_array(), high.to_array()]), line);
-    resolution(&mesh, Bounds { min: low, max: high }, report);
+    facts.add("bounds", json!([low.to_array(), high.to_array()]), line);
+    resolution(&mesh, Bounds { min: low, max: high }, facts);
     Ok(())
 }
 
 /// Adds the resolution of single precision relative to the middle of the mesh.
-fn resolution(mesh: &mesh::Mesh, bounds: Bounds, report: &mut Report) {
+fn resolution(mesh: &mesh::Mesh, bounds: Bounds, facts: &mut Facts) {
     let origin = bounds.origin();
     let exact = |i: u32| mesh.positions.get(i as usize);
     let rounded = |p: glam::DVec3| (p - origin).as_vec3().to_array();
     let (edge, collapsed) = Resolution::edges(&mesh.triangles, 1.0, exact, rounded);
     let farthest = (bounds.min - origin).abs().max((bounds.max - origin).abs()).max_element();
     let one = Extent { ulp: ulp(farthest), edge, collapsed };
-    report.add("resolution", one.json(), one.line(" around its middle"));
+    facts.add("resolution", one.json(), one.line(" around its middle"));
 }
 
 /// Predicts the memory of a render in the built-in studio from the header alone.
@@ -176,8 +177,8 @@ fn prediction(path: &Path, args: &InfoArgs) -> Option<Prediction> {
     })
 }
 
-fn notes(notes: &mesh::Notes, report: &mut Report) {
-    let facts = [
+fn notes(notes: &mesh::Notes, facts: &mut Facts) {
+    let counts = [
         ("faces", notes.faces, "faces"),
         ("polygons_split", notes.polygons_split, "polygons split into triangles"),
         ("faces_too_small", notes.faces_too_small, "faces with fewer than three corners skipped"),
@@ -190,34 +191,34 @@ fn notes(notes: &mesh::Notes, report: &mut Report) {
         ),
         ("trailing_bytes", notes.trailing_bytes, "bytes after the last declared row"),
     ];
-    for (key, count, what) in facts {
+    for (key, count, what) in counts {
         let line = match count {
             0 => String::new(),
             _ => format!("{} {what}", units::count(count)),
         };
-        report.add(key, json!(count), line);
+        facts.add(key, json!(count), line);
     }
 }
 
-fn exr(path: &Path, report: &mut Report) -> Result<()> {
+fn exr(path: &Path, facts: &mut Facts) -> Result<()> {
     let read = MetaData::read_from_file(path, true);
     let meta = read.map_err(|error| exr_error(path, error))?;
     let parts = meta.headers.len();
-    report.add(
+    facts.add(
         "type",
         json!("exr"),
         format!("EXR, {parts} part{}", if parts == 1 { "" } else { "s" }),
     );
-    let parts: Vec<Value> = meta.headers.iter().map(|header| part(header, report)).collect();
-    report.add("parts", json!(parts), "");
+    let parts: Vec<Value> = meta.headers.iter().map(|header| part(header, facts)).collect();
+    facts.add("parts", json!(parts), "");
     Ok(())
 }
 
-fn part(header: &Header, report: &mut Report) -> Value {
+fn part(header: &Header, facts: &mut Facts) -> Value {
     let display = header.shared_attributes.display_window;
     let data = header.own_attributes.layer_position;
     let size = header.layer_size;
-    report.lines.push(format!(
+    facts.lines.push(format!(
         "frame {} x {}, data {} x {} at {}, {}; {}, {:?}",
         display.size.x(),
         display.size.y(),
@@ -230,13 +231,13 @@ fn part(header: &Header, report: &mut Report) -> Value {
     ));
     let own = &header.own_attributes;
     let name = own.layer_name.as_ref().map(ToString::to_string);
-    report.lines.extend(name.as_ref().map(|name| format!("part {name}")));
+    facts.lines.extend(name.as_ref().map(|name| format!("part {name}")));
     let channels = header.channels.list.iter();
     let channels: Vec<[String; 2]> = channels
         .map(|c| [c.name.to_string(), format!("{:?}", c.sample_type).to_lowercase()])
         .collect();
     let names: Vec<String> = channels.iter().map(|[name, kind]| format!("{name} {kind}")).collect();
-    report.lines.push(format!("channels: {}", names.join(", ")));
+    facts.lines.push(format!("channels: {}", names.join(", ")));
     let mut attributes: Map<String, Value> = Map::new();
     if let Some(software) = &header.own_attributes.software_name {
         attributes.insert("software".into(), software.to_string().into());
@@ -274,7 +275,7 @@ fn part(header: &Header, report: &mut Report) -> Value {
         attributes.insert(name.to_string(), text.into());
     }
     for (name, value) in &attributes {
-        report.lines.push(format!("{name}: {}", value.as_str().unwrap_or_default()));
+        facts.lines.push(format!("{name}: {}", value.as_str().unwrap_or_default()));
     }
     json!({
         "name": name,

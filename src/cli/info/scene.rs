@@ -9,20 +9,19 @@ use crate::{
     accel::Footprint,
     error::{Problem, Result},
     film::Window,
+    memory,
     monitor::Monitor,
     scene::{self, Backend, LightKind, Scene, ShapeKind, Source},
+    units,
     world::{LoadOptions, World},
 };
 
-use super::{
-    args::InfoArgs,
-    memory,
-    report::{Extent, Report},
-    units,
-};
+use crate::cli::{args::InfoArgs, print};
 
-/// Checks a scene and adds its facts to the report.
-pub fn describe(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()> {
+use super::facts::{Extent, Facts};
+
+/// Checks a scene and adds its facts to the facts.
+pub fn describe(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
@@ -32,21 +31,21 @@ pub fn describe(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()>
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
     let backend = args.backend.map_or(scene.backend, Backend::from);
     let footprint = Footprint::of(backend, rayon::current_num_threads());
-    report.add("type", json!("scene"), "scene");
+    facts.add("type", json!("scene"), "scene");
     let picture = format!(
         "{width} x {height} pixels, {} spp, {}, backend {}",
         scene.spp,
         units::plural(scene.nbounces as usize, "mirror bounce"),
         backend.name()
     );
-    report.add("size", json!([width, height]), picture);
-    report.add("spp", json!(scene.spp), "");
-    report.add("backend", json!(backend.name()), "");
-    contents(scene, report);
+    facts.add("size", json!([width, height]), picture);
+    facts.add("spp", json!(scene.spp), "");
+    facts.add("backend", json!(backend.name()), "");
+    contents(scene, facts);
     let triangles = world.triangles();
-    report.add("triangles", json!(triangles), units::plural(triangles as usize, "triangle"));
-    resolution(&world, report);
-    precision(&world, report);
+    facts.add("triangles", json!(triangles), units::plural(triangles as usize, "triangle"));
+    resolution(&world, facts);
+    precision(&world, facts);
     let mut warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
     match footprint {
         Ok(footprint) => prediction = prediction.with(&footprint),
@@ -57,18 +56,18 @@ pub fn describe(path: &Path, args: &InfoArgs, report: &mut Report) -> Result<()>
     }
     let memory =
         format!("memory: about {} at most: {prediction}", units::bytes(prediction.peak_bytes));
-    report.add("memory", json!(prediction), memory);
-    report.add("scene_hash", json!(loaded.hash), format!("hash {}", loaded.hash));
+    facts.add("memory", json!(prediction), memory);
+    facts.add("scene_hash", json!(loaded.hash), format!("hash {}", loaded.hash));
     let texts: Vec<String> = warnings.iter().map(Problem::to_string).collect();
     for text in &texts {
-        super::note(&format!("warning: {text}"));
+        print::note(&format!("warning: {text}"));
     }
-    report.add("warnings", json!(texts), "");
+    facts.add("warnings", json!(texts), "");
     Ok(())
 }
 
 /// Adds the resolution of single precision relative to the scene's origin.
-fn resolution(world: &World, report: &mut Report) {
+fn resolution(world: &World, facts: &mut Facts) {
     let extents: Vec<Extent> = world
         .resolutions
         .iter()
@@ -92,14 +91,14 @@ fn resolution(world: &World, report: &mut Report) {
     let mut value = worst.json();
     value["origin"] = json!(world.geometry.origin.to_array());
     value["meshes"] = json!(meshes);
-    report.add("resolution", value, worst.line(" of the scene"));
+    facts.add("resolution", value, worst.line(" of the scene"));
     if extents.len() > 1 {
-        report.lines.append(&mut lines);
+        facts.lines.append(&mut lines);
     }
 }
 
 /// Adds the rounding error of positions near the camera.
-fn precision(world: &World, report: &mut Report) {
+fn precision(world: &World, facts: &mut Facts) {
     let origin = &world.origin;
     if !origin.nearest.is_finite() {
         return;
@@ -117,10 +116,10 @@ fn precision(world: &World, report: &mut Report) {
         "rounding": origin.rounding,
         "pixels": origin.pixels,
     });
-    report.add("precision", value, line);
+    facts.add("precision", value, line);
 }
 
-fn contents(scene: &Scene, report: &mut Report) {
+fn contents(scene: &Scene, facts: &mut Facts) {
     let mut counts = [0usize; 4];
     for shape in &scene.shapes {
         counts[match shape.kind {
@@ -144,10 +143,10 @@ fn contents(scene: &Scene, report: &mut Report) {
             format!("{} meshes", units::count(meshes as u64))
         }
     );
-    report.add("shapes", shapes, line);
+    facts.add("shapes", shapes, line);
     let is_area = |light: &&scene::Light| matches!(light.kind, LightKind::Area { .. });
     let area = scene.lights.iter().filter(is_area).count();
     let point = scene.lights.len() - area;
     let line = format!("lights: {point} point, {area} area");
-    report.add("lights", json!({ "pointlight": point, "arealight": area }), line);
+    facts.add("lights", json!({ "pointlight": point, "arealight": area }), line);
 }

@@ -8,11 +8,12 @@ use crate::{
     film::Film,
     layers::PixelLayout,
     output::{Outputs, atomic::Part, png, preview as pictures, tonemap::Depth},
+    paths,
     picture::{file_name, manifest_path},
     scene::{Layer, Scene},
 };
 
-use super::{args::RenderArgs, paths};
+use crate::cli::args::RenderArgs;
 
 /// Returns the layers of `render --png-layer` and the paths of their pictures.
 ///

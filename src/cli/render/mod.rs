@@ -1,5 +1,11 @@
 //! `lightpath render`: runs the stages of the data flow in order and times each.
 
+pub mod layers;
+pub mod part;
+pub mod progress;
+mod sampling;
+mod stats;
+
 use std::{path::PathBuf, sync::Arc, time::Instant};
 
 use serde_json::json;
@@ -10,28 +16,33 @@ use crate::{
     files,
     film::{Film, ReservedFilm},
     layers::LayerPlan,
+    memory::{self, Budget},
     mesh::Mesh,
     monitor::Monitor,
     output::{
         ValueCounts,
         atomic::{Part, TextFile},
     },
+    paths,
     picture::{self, PictureHeader, Storage},
     render::{self as renderer, Adaptive, SampleCounts},
     world::{Contents, LoadOptions, World, fingerprint},
 };
 
 use super::{
-    args::{ProgressMode, RenderArgs},
-    job::{self, Job},
-    layers, machine,
-    memory::{self, Budget},
-    paths,
+    about,
+    args::RenderArgs,
+    load::{self, Job},
+    machine,
+    names::ProgressMode,
+    print,
     progress::Progress,
-    render_progress, sampling, signals,
-    split::PicturePart,
-    stats::{self, Memory, Rays, Samples, Seconds, Stats},
-    version,
+    signals,
+};
+
+use self::{
+    part::PicturePart,
+    stats::{Memory, Rays, Samples, Seconds, Stats},
 };
 
 /// Help text for an output that would overwrite an input.
@@ -65,7 +76,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
     let pool = machine::pool(args.machine.threads)?;
     let threads = pool.current_num_threads();
-    let mut job = pool.install(|| job::load(args))?;
+    let mut job = pool.install(|| load::load(args))?;
     let ready = std::mem::take(&mut job.ready);
     let plan = LayerPlan::new(&job.loaded.scene);
     let piece = PicturePart::new(args, &job, &plan)?;
@@ -104,7 +115,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         budget,
         threads,
         monitor: &monitor,
-        progress: Progress::start(mode, render_progress::meter(&monitor)),
+        progress: Progress::start(mode, progress::meter(&monitor)),
         outputs,
         start,
     };
@@ -258,8 +269,8 @@ impl Run<'_> {
         Stats {
             backend: loaded.scene.backend.name().to_string(),
             threads: self.threads,
-            versions: version::versions(&info.version),
-            cpu: stats::cpu(),
+            versions: about::versions(&info.version),
+            cpu: machine::cpu(),
             isa: format!("{} rays, {} shading", info.isa, loaded.scene.backend.isa()),
             scene_hash: loaded.hash.clone(),
             seed: loaded.scene.seed,
@@ -311,7 +322,7 @@ impl Run<'_> {
         self.warn(&picture::oddity_warnings(&oddities));
         paths.extend(previews);
         if let Some((target, file)) = scene_file {
-            paths.push(file.finish(&job::saved(self.job, &target)?)?);
+            paths.push(file.finish(&load::saved(self.job, &target)?)?);
         }
         stats.seconds.write = started.elapsed().as_secs_f64();
         stats.seconds.total = self.start.elapsed().as_secs_f64();
@@ -334,12 +345,12 @@ impl Run<'_> {
 
 fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
     if !args.report.quiet {
-        super::note(&stats.summary());
+        print::note(&stats.summary());
     }
     if args.report.json {
         let mut value = json!(stats);
         value["outputs"] = paths.iter().map(|path| path.display().to_string()).collect();
-        return super::print_json(&value);
+        return print::json(&value);
     }
-    super::print_paths(paths)
+    print::paths(paths)
 }

@@ -14,9 +14,9 @@ use crate::{
     scene::{Backend, Scene},
 };
 
-use super::{
+use crate::cli::{
     args::RenderArgs,
-    job::{self, Job},
+    load::{self, Job},
 };
 
 /// Flags for parts of a picture.
@@ -86,8 +86,8 @@ impl PicturePart {
     pub fn new(args: &RenderArgs, job: &Job, plan: &LayerPlan) -> Result<Self> {
         let (scene, split) = (&job.loaded.scene, &args.split);
         let (margin, whole) = match args.scene.overscan {
-            0 => (0, job::window(args.scene.crop.as_deref(), scene)?),
-            pixels => job::overscan(pixels, scene)?,
+            0 => (0, load::window(args.scene.crop.as_deref(), scene)?),
+            pixels => load::overscan(pixels, scene)?,
         };
         let window = match split.tile {
             Some([i, n]) if n <= whole.height() => part::band(whole, i, n),

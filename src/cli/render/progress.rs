@@ -12,7 +12,7 @@ use crate::{
     units,
 };
 
-use super::progress::Reading;
+use crate::cli::progress::Reading;
 
 /// Returns a meter that turns the monitor's counters into rates.
 pub fn meter(monitor: &Arc<Monitor>) -> impl FnMut() -> Reading + Send + use<> {

@@ -11,7 +11,7 @@ use crate::{
     scene::Scene,
 };
 
-use super::args::{NoiseOf, SamplingArgs};
+use crate::cli::{args::SamplingArgs, names::NoiseOf};
 
 /// Maximum number of samples per pixel: the length of one Sobol sequence.
 const MAX_SAMPLES: u32 = 1 << 16;

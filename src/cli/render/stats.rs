@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::units;
+use crate::units;
 
 /// Content of the `--stats` file, described in docs/guide/cli.md.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -124,14 +124,4 @@ impl Stats {
             units::bytes(self.memory.texture_bytes),
         )
     }
-}
-
-/// Returns the model name of the processor, or the architecture if the system does not report one.
-pub fn cpu() -> String {
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = info.lines().find_map(|line| {
-        let (key, value) = line.split_once(':')?;
-        (key.trim() == "model name").then(|| value.trim().to_string())
-    });
-    name.unwrap_or_else(|| std::env::consts::ARCH.to_string())
 }
