@@ -16,7 +16,7 @@ use crate::{
     world::{own_texture, sources},
 };
 
-use super::{args::RenderArgs, overrides};
+use super::{overrides, render::args::RenderArgs};
 
 /// A checked scene, ready to be rendered.
 #[derive(Debug)]
@@ -100,9 +100,9 @@ fn in_template(args: &RenderArgs, builtin: &str, overrides: Overrides) -> Result
 fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
     let mesh = &args.mesh;
     let flags = [
-        ("--up", mesh.up.is_some()),
-        ("--rotate", mesh.rotate.is_some()),
-        ("--margin", mesh.margin.is_some()),
+        ("--up", mesh.placement.up.is_some()),
+        ("--rotate", mesh.placement.rotate.is_some()),
+        ("--margin", mesh.placement.margin.is_some()),
         ("--template", mesh.template.is_some()),
         ("--smooth", mesh.looks.smooth.is_some()),
         ("--texture", mesh.looks.texture.is_some()),

@@ -7,8 +7,6 @@ use crate::{
     simd::Isa,
 };
 
-use super::names::IsaName;
-
 /// Returns the number of threads: `--threads`, else the batch system's grant, else what the process
 /// may use.
 pub fn threads(asked: Option<u16>) -> usize {
@@ -47,24 +45,11 @@ pub fn default_pool() -> Result<()> {
     })
 }
 
-/// Returns the instruction set of `--isa`, or the best of this machine.
+/// Returns `wanted`, the instruction set that `flag` names, if it can run here.
 ///
 /// # Errors
 /// `Unsupported` if this machine or this build lacks it.
-pub fn isa(asked: Option<IsaName>) -> Result<Isa> {
-    asked.map_or(Ok(Isa::detect()), |name| tier("--isa", name))
-}
-
-/// Returns the instruction set that a flag names.
-///
-/// # Errors
-/// As for [`isa`].
-pub fn tier(flag: &str, name: IsaName) -> Result<Isa> {
-    let wanted = match name {
-        IsaName::Portable => Isa::Portable,
-        IsaName::Avx2 => Isa::Avx2,
-        IsaName::Avx512 => Isa::Avx512,
-    };
+pub fn check_isa(flag: &str, wanted: Isa) -> Result<Isa> {
     if Isa::available().any(|isa| isa == wanted) {
         return Ok(wanted);
     }

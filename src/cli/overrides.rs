@@ -9,7 +9,7 @@ use crate::{
 };
 
 use super::{
-    args::{MachineArgs, SceneArgs},
+    flags::{MachineArgs, SceneArgs},
     machine,
 };
 
@@ -19,7 +19,7 @@ use super::{
 /// An instruction set that this machine or this build lacks.
 pub fn from_flags(args: &SceneArgs, machine: &MachineArgs) -> Result<Overrides> {
     let mut all = scene_overrides(args);
-    let isa = machine.isa.map(|name| machine::tier("--isa", name)).transpose()?;
+    let isa = machine.isa.map(|isa| machine::check_isa("--isa", isa)).transpose()?;
     all.backend(BackendFlags { fast: machine.fast, isa });
     Ok(all)
 }
@@ -30,7 +30,7 @@ fn scene_overrides(args: &SceneArgs) -> Overrides {
     let name = |value: Option<clap::builder::PossibleValue>| {
         value.map(|value| Value::from(value.get_name()))
     };
-    let [width, height] = match args.size {
+    let [width, height] = match args.picture.size {
         Some([w, h]) => [Some(w), Some(h)],
         None => [None; 2],
     };

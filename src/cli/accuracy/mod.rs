@@ -1,5 +1,6 @@
 //! `lightpath accuracy`: runs the hard cases on every backend; writes a table, JSON and pages.
 
+pub mod args;
 mod markdown;
 mod page;
 mod table;
@@ -15,7 +16,9 @@ use crate::{
     simd::Isa,
 };
 
-use super::{args::AccuracyArgs, bench, machine, print, signals};
+use super::{bench, print, signals};
+
+use self::args::AccuracyArgs;
 
 /// Factor from the rays of `--quick` to those of `--full`.
 const FULL: u64 = 400;
@@ -28,12 +31,13 @@ pub fn run(args: &AccuracyArgs) -> Result<()> {
     let settings = settings(args, &monitor)?;
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
-    let mut report = machine::pool(args.threads)?.install(|| {
+    let mut report = args.workers.pool()?.install(|| {
         print::text(&table::heading(&settings))?;
         let count = cases.len();
         let begun = |index: usize, case: &Case| {
-            if settings.times > 1 && !args.quiet {
-                print::note(&format!("{} of {count}: {}, {}", index + 1, case.group, case.name));
+            if settings.times > 1 {
+                let text = format!("{} of {count}: {}, {}", index + 1, case.group, case.name);
+                args.messages.note(&text);
             }
         };
         let mut group = String::new();

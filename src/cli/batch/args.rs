@@ -2,16 +2,18 @@
 
 use std::{ops::Range, path::PathBuf};
 
-use clap::{Args, ValueHint};
+use clap::{Arg, Args, ValueHint};
 
 use crate::{
-    output::{exr::Compression, tonemap::Depth},
-    units::{parse_angles, parse_margin, parse_point, parse_range, parse_rate},
-};
-
-use crate::cli::{
-    args::{LookArgs, MachineArgs, SceneArgs},
-    names::{Axis, FixedName, ProgressMode, TurningName},
+    cli::{
+        flags::{
+            ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, PlacementArgs, SceneArgs,
+        },
+        names::ProgressMode,
+    },
+    output::tonemap::Depth,
+    studio::{LightsFollow, Turning},
+    units::{parse_point, parse_range, parse_rate},
 };
 
 /// Arguments of `lightpath batch`.
@@ -64,12 +66,12 @@ pub struct FrameArgs {
 
     /// Turn the object or the camera [default: object]
     #[arg(long, value_name = "WHAT", requires = "turntable")]
-    pub turn: Option<TurningName>,
+    pub turn: Option<Turning>,
 
     /// Keep the lights fixed to the camera or to the object [default: camera if the object turns,
     /// object if the camera turns]
     #[arg(long, value_name = "WHAT", requires = "turntable")]
-    pub lights: Option<FixedName>,
+    pub lights: Option<LightsFollow>,
 
     /// Angle of the first frame in degrees
     #[arg(long, value_name = "DEG", requires = "turntable", allow_negative_numbers = true)]
@@ -84,17 +86,11 @@ pub struct FrameArgs {
     #[arg(long, value_name = "A..B", value_parser = parse_range)]
     pub range: Option<Range<u64>>,
 
-    /// Store 32-bit floats in the EXR instead of 16-bit floats
-    #[arg(long)]
-    pub float: bool,
+    #[command(flatten)]
+    pub values: ExrArgs,
 
-    /// Compression of the EXR; dwaa is lossy
-    #[arg(long, value_name = "NAME")]
-    pub compression: Option<Compression>,
-
-    /// Write one part of the EXR per layer
-    #[arg(long)]
-    pub multipart: bool,
+    #[command(flatten)]
+    pub parts: MultipartArgs,
 
     /// Bits per channel of the PNGs [default: 8]
     #[arg(long, value_name = "BITS")]
@@ -110,35 +106,22 @@ pub struct FrameArgs {
     pub fps: Option<(i32, u32)>,
 }
 
+/// Flags for meshes without a scene.
 #[derive(Debug, Default, Args)]
-#[command(next_help_heading = "Meshes")]
+#[command(next_help_heading = "Meshes", mut_args = of_meshes)]
 pub struct BatchMeshArgs {
     /// Show meshes in this scene instead of the built-in studio; its first trimesh is replaced
     #[arg(long, value_name = "SCENE", value_hint = ValueHint::FilePath)]
     pub template: Option<PathBuf>,
 
-    /// Which axis of the meshes points up [default: y]
-    #[arg(long, value_name = "AXIS")]
-    pub up: Option<Axis>,
-
-    /// Rotate the meshes by degrees about their x, then y, then z axis, in place of --up
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse_angles, allow_hyphen_values = true, conflicts_with = "up")]
-    pub rotate: Option<[f64; 3]>,
-
-    /// Free space around a mesh at each border, as a fraction of the picture [default: 0.08]
-    #[arg(long, value_name = "FRACTION", value_parser = parse_margin, allow_negative_numbers = true)]
-    pub margin: Option<f64>,
+    #[command(flatten)]
+    pub placement: PlacementArgs,
 
     #[command(flatten)]
     pub looks: LookArgs,
 
-    /// Drop triangles that use missing or non-finite vertices instead of refusing the mesh
-    #[arg(long)]
-    pub repair: bool,
-
-    /// Read mesh files instead of mapping them into memory
-    #[arg(long)]
-    pub no_mmap: bool,
+    #[command(flatten)]
+    pub reading: MeshReadArgs,
 }
 
 #[derive(Debug, Default, Args)]
@@ -172,4 +155,19 @@ pub struct RunArgs {
     /// Write the contact sheet of the existing frames; render nothing
     #[arg(long, conflicts_with_all = ["dry_run", "no_sheet", "range"])]
     pub sheet_only: bool,
+}
+
+/// Writes the help of [`PlacementArgs`] for many meshes.
+fn of_meshes(arg: Arg) -> Arg {
+    let help = match arg.get_id().as_str() {
+        "up" => "Which axis of the meshes points up [default: y]",
+        "rotate" => {
+            "Rotate the meshes by degrees about their x, then y, then z axis, in place of --up"
+        }
+        "margin" => {
+            "Free space around a mesh at each border, as a fraction of the picture [default: 0.08]"
+        }
+        _ => return arg,
+    };
+    arg.help(help)
 }

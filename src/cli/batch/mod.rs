@@ -23,17 +23,11 @@ use crate::{
         self, Document,
         written::{Angles, Name, Point},
     },
-    studio::{Appearance, LightsFollow, Template, Turning},
+    studio::{Appearance, Template, Turning},
     units,
 };
 
-use super::{
-    machine,
-    names::{Axis, ProgressMode},
-    overrides, print,
-    progress::Progress,
-    signals,
-};
+use super::{machine, names::ProgressMode, overrides, print, progress::Progress, signals};
 
 use self::args::BatchArgs;
 
@@ -150,7 +144,7 @@ fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<Options> {
     });
     let written = written.transpose()?;
     Ok(Options {
-        threads: machine::threads(args.machine.threads.or(limits.threads)),
+        threads: machine::threads(args.machine.workers.threads.or(limits.threads)),
         jobs: args.run.jobs.or(limits.jobs).map(usize::from),
         max_memory: args.machine.max_memory.or(written),
         resume: args.run.resume,
@@ -185,8 +179,8 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
     let flags = Flags {
         overrides: overrides::from_flags(&args.scene, &args.machine)?,
         light_samples: args.scene.light_samples,
-        repair: args.mesh.repair,
-        no_mmap: args.mesh.no_mmap,
+        repair: args.mesh.reading.repair,
+        no_mmap: args.mesh.reading.no_mmap,
         file: own,
     };
     Ok((Job::check(file, &base, flags)?, limits))
@@ -229,11 +223,12 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
     if let Some(template) = &mesh.template {
         file.template = Some(from_here(template)?);
     }
-    if mesh.up.is_some() || mesh.rotate.is_some() {
-        file.up = mesh.up.map(Axis::studio);
-        file.rotate = mesh.rotate.map(Angles);
+    let place = &mesh.placement;
+    if place.up.is_some() || place.rotate.is_some() {
+        file.up = place.up;
+        file.rotate = place.rotate.map(Angles);
     }
-    file.margin = mesh.margin.or(file.margin);
+    file.margin = place.margin.or(file.margin);
     let Appearance { smooth, texture, no_ground } = mesh.looks.of();
     file.smooth = smooth.or(file.smooth.take());
     if let Some(texture) = &texture {
@@ -246,11 +241,11 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
     if let Some(name) = &args.name {
         file.output.name = Some(Name(name.clone()));
     }
-    file.output.float |= frames.float;
-    file.output.multipart |= frames.multipart;
+    file.output.float |= frames.values.float;
+    file.output.multipart |= frames.parts.multipart;
     file.output.cryptosidecar |= frames.crypto_sidecar;
     file.output.pngbits = frames.png_bits.map(Depth::bits).or(file.output.pngbits);
-    if let Some(compression) = frames.compression {
+    if let Some(compression) = frames.values.compression {
         file.output.compression = compression;
     }
     if let Some((above, below)) = frames.fps {
@@ -262,12 +257,12 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         file.turntable = Some(TurntableKeys {
             frames: count,
             turn: match frames.turn {
-                Some(turn) => turn.studio(),
+                Some(turn) => turn,
                 None => written.map_or(Turning::Object, |t| t.turn),
             },
             lights: match frames.lights {
-                Some(lights) => Some(lights.studio()),
-                None => written.and_then(|t| t.lights) as Option<LightsFollow>,
+                Some(lights) => Some(lights),
+                None => written.and_then(|t| t.lights),
             },
             start: frames.start.unwrap_or(written.map_or(0.0, |t| t.start)),
             pivot: frames.pivot.map(Point).or(written.and_then(|t| t.pivot)),

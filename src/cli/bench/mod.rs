@@ -1,5 +1,6 @@
 //! `lightpath bench`: measures scenes on a set of backends; writes a table, JSON and a page.
 
+pub mod args;
 mod page;
 pub mod table;
 
@@ -32,12 +33,14 @@ use crate::{
 
 use super::{
     about,
-    args::{BenchArgs, RenderArgs, SceneArgs},
+    flags::{SceneArgs, SizeArgs},
     load::{self, Job},
-    machine,
-    names::IsaName,
-    print, signals,
+    machine, print,
+    render::args::RenderArgs,
+    signals,
 };
+
+use self::args::BenchArgs;
 
 /// Built-in scene for a mesh without a scene.
 const SCENE: &str = include_str!("../../../assets/bench.json");
@@ -102,16 +105,12 @@ fn measure_scene(
     monitor: &Monitor,
 ) -> Result<SceneResult> {
     let name = input.display().to_string();
-    let note = |text: &str| {
-        if !args.quiet {
-            print::note(&format!("{}: {text}", printable(&name)));
-        }
-    };
+    let note = |text: &str| args.messages.note(&format!("{}: {text}", printable(&name)));
     note("loading");
-    let size = args.size.or(args.quick.then_some(QUICK.2));
+    let size = args.picture.size.or(args.quick.then_some(QUICK.2));
     let render = RenderArgs {
         input: input.to_owned(),
-        scene: SceneArgs { size, ..SceneArgs::default() },
+        scene: SceneArgs { picture: SizeArgs { size }, ..SceneArgs::default() },
         ..RenderArgs::default()
     };
     let job = load::load_in(&render, SCENE)?;
@@ -137,7 +136,7 @@ fn measure_scene(
 
 /// Checks the flags and returns the settings.
 fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
-    let isa = machine::isa(args.isa)?;
+    let isa = args.kernels.isa()?;
     let mut contestants: Vec<Contestant> = Vec::new();
     for name in &args.backends {
         let contestant = contestant("--backends", name, isa)?;
@@ -224,11 +223,11 @@ pub fn contestant(flag: &str, name: &str, isa: Isa) -> Result<Contestant> {
     let backend = match (backend, forced) {
         (backend, None) => backend,
         (Backend::Bvh(_), Some(forced)) => {
-            let name = IsaName::from_str(forced, false).map_err(|_| {
+            let wanted = Isa::from_str(forced, false).map_err(|_| {
                 let message = format!("found {forced:?}, expected portable, avx2 or avx512");
                 Error::invalid(flag, message)
             })?;
-            Backend::Bvh(machine::tier(flag, name)?)
+            Backend::Bvh(machine::check_isa(flag, wanted)?)
         }
         (_, Some(_)) => {
             let message = format!("found {name:?}, expected an instruction set only after bvh");

@@ -1,6 +1,7 @@
 //! `lightpath compare`: measures how far a picture is from a reference, as numbers, error maps and
 //! an exit code.
 
+pub mod args;
 pub mod page;
 mod text;
 
@@ -14,16 +15,18 @@ use crate::{
         metrics::Metric,
     },
     output::atomic::{Part, TextFile},
-    scene::{ToneOperator, did_you_mean, list},
+    scene::{did_you_mean, list},
 };
 
-use super::{args::CompareArgs, machine, names::ToneName, print, signals};
+use super::{print, signals};
+
+use self::args::CompareArgs;
 
 /// Compares a picture with a reference.
 pub fn run(args: &CompareArgs) -> Result<()> {
     let limits = limits(args)?;
     not_over_inputs(args)?;
-    let pool = machine::pool(args.threads)?;
+    let pool = args.workers.pool()?;
     signals::end_at_once()?;
     let files = Files::create(args)?;
     let mut failures = Failures::default();
@@ -117,12 +120,8 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<Settings> {
             }
         }
     }
-    let tonemap = args.tonemap.map(|name| match name {
-        ToneName::Max => ToneOperator::Max,
-        ToneName::Clamp => ToneOperator::Clamp,
-        ToneName::Reinhard => ToneOperator::Reinhard,
-    });
-    Ok(Settings { layers: args.layer.clone(), tonemap, exposure: args.exposure })
+    let layers = args.layer.clone();
+    Ok(Settings { layers, tonemap: args.tonemap, exposure: args.exposure })
 }
 
 /// Returns the reasons why the check fails: pixels that are not finite, and exceeded thresholds.

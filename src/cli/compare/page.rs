@@ -11,9 +11,7 @@ use crate::{
     report::{Cell, Page, Scale, Section, picture_of_width},
 };
 
-use crate::cli::args::CompareArgs;
-
-use super::text;
+use super::{args::CompareArgs, text};
 
 /// Maximum number of mattes in one table.
 const MAX_MATTES: usize = 1000;

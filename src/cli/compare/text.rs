@@ -16,7 +16,7 @@ use crate::{
     scene::ToneOperator,
 };
 
-use crate::cli::args::CompareArgs;
+use super::args::CompareArgs;
 
 /// Formats the whole result for the terminal.
 pub fn text(args: &CompareArgs, found: &Comparison) -> String {

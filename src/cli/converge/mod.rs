@@ -1,5 +1,6 @@
 //! `lightpath converge`: measures error against time; writes a table, JSON, CSV and a page.
 
+pub mod args;
 mod page;
 mod text;
 
@@ -28,13 +29,15 @@ use crate::{
 };
 
 use super::{
-    args::{ConvergeArgs, RenderArgs, SceneArgs},
     bench,
+    flags::{SceneArgs, SizeArgs},
     load::{self, Job},
-    machine,
-    names::SamplerName,
-    print, signals,
+    print,
+    render::args::RenderArgs,
+    signals,
 };
+
+use self::args::ConvergeArgs;
 
 /// Default samples on area lights.
 const LIGHT_SAMPLES: [u32; 3] = [1, 4, 16];
@@ -43,11 +46,15 @@ const LIGHT_SAMPLES: [u32; 3] = [1, 4, 16];
 pub fn run(args: &ConvergeArgs) -> Result<()> {
     let started = Instant::now();
     let mut limits = limits(args)?;
-    let isa = machine::isa(args.isa)?;
+    let isa = args.kernels.isa()?;
     let monitor = Arc::new(Monitor::default());
     let render = RenderArgs {
         input: args.input.clone(),
-        scene: SceneArgs { size: args.size, set: args.set.clone(), ..SceneArgs::default() },
+        scene: SceneArgs {
+            picture: SizeArgs { size: args.picture.size },
+            set: args.overrides.set.clone(),
+            ..SceneArgs::default()
+        },
         ..RenderArgs::default()
     };
     let job = load::load(&render)?;
@@ -59,11 +66,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         args.reference.as_deref().map(|path| read_reference(path, &loaded.scene)).transpose()?;
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
-    let note = |text: &str| {
-        if !args.quiet {
-            print::note(text);
-        }
-    };
+    let note = |text: &str| args.messages.note(text);
     if let Some(seed) = args.reference.as_deref().and_then(seed_of) {
         limits.seed = args.seed.unwrap_or(seed.wrapping_add(1));
         if (0..i64::from(limits.repeats)).any(|i| limits.seed.wrapping_add(i) == seed) {
@@ -74,7 +77,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         }
     }
     let settings = Settings { contestants, grid, limits, started, isa };
-    let pool = machine::pool(args.threads)?;
+    let pool = args.workers.pool()?;
     let study = pool.install(|| {
         let options = LoadOptions { ready, ..LoadOptions::default() };
         let (mut world, more) = World::load(&loaded.scene, options, &monitor)?;
@@ -143,13 +146,9 @@ fn grid(args: &ConvergeArgs, scene: &Scene, contestants: usize) -> Result<Grid> 
         }
     };
     let mut samplers: Vec<SamplerKind> = Vec::new();
-    for name in &args.sampler {
-        let kind = match name {
-            SamplerName::Sobol => SamplerKind::Sobol,
-            SamplerName::Random => SamplerKind::Random,
-        };
-        if !samplers.contains(&kind) {
-            samplers.push(kind);
+    for sampler in &args.sampler {
+        if !samplers.contains(sampler) {
+            samplers.push(*sampler);
         }
     }
     let light_samples = match light_samples.is_empty() {

@@ -1,5 +1,6 @@
 //! `lightpath crosscheck`: judges every backend's answers, ray by ray, by the oracle.
 
+pub mod args;
 mod text;
 
 use std::{path::Path, sync::Arc};
@@ -26,17 +27,16 @@ use crate::{
 };
 
 use super::{
-    args::{
-        CrosscheckArgs, FileArgs, MachineArgs, MeshArgs, RenderArgs, ReportArgs, SamplingArgs,
-        SceneArgs,
-    },
-    load, machine,
+    flags::{SceneArgs, SizeArgs},
+    load,
     names::ProgressMode,
     print,
     progress::Progress,
-    render::progress as render_progress,
+    render::{args::RenderArgs, progress as render_progress},
     signals,
 };
+
+use self::args::CrosscheckArgs;
 
 /// Maximum size of a `--replay` file in bytes.
 const MAX_REPLAY_BYTES: u64 = 64 << 20;
@@ -53,9 +53,9 @@ struct Saved {
 /// Checks a scene, or replays the findings of an earlier check.
 pub fn run(args: &CrosscheckArgs) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
-    let isa = machine::isa(args.isa)?;
+    let isa = args.kernels.isa()?;
     let backends = backends(args.backends.as_deref(), isa)?;
-    machine::pool(args.threads)?.install(|| match (&args.replay, &args.input) {
+    args.workers.pool()?.install(|| match (&args.replay, &args.input) {
         (Some(file), _) => replay(args, file, isa, &monitor),
         (None, Some(input)) => check(args, input, backends, isa, &monitor),
         (None, None) => Err(Error::invalid("", "no scene given")),
@@ -93,20 +93,14 @@ fn all_backends(isa: Isa) -> [Backend; 4] {
 fn as_render(args: &CrosscheckArgs, input: &Path) -> RenderArgs {
     RenderArgs {
         input: input.to_owned(),
-        output: None,
         scene: SceneArgs {
-            size: args.size,
+            picture: SizeArgs { size: args.picture.size },
             spp: args.spp,
             seed: args.seed,
-            set: args.set.clone(),
+            set: args.overrides.set.clone(),
             ..SceneArgs::default()
         },
-        sampling: SamplingArgs::default(),
-        mesh: MeshArgs::default(),
-        files: FileArgs::default(),
-        split: Default::default(),
-        machine: MachineArgs { threads: args.threads, ..MachineArgs::default() },
-        report: ReportArgs::default(),
+        ..RenderArgs::default()
     }
 }
 

@@ -3,6 +3,7 @@
 //! The first bytes decide the type of a file, not its name. An invalid file does not hide the next
 //! one: all files are checked, and all errors are reported at the end.
 
+pub mod args;
 mod facts;
 mod scene;
 
@@ -29,9 +30,12 @@ use crate::{
     world::{Bounds, Resolution, ulp},
 };
 
-use super::{args::InfoArgs, print};
+use super::print;
 
-use self::facts::{Extent, Facts};
+use self::{
+    args::InfoArgs,
+    facts::{Extent, Facts},
+};
 
 /// Describes every file, then reports all errors.
 pub fn run(args: &InfoArgs) -> Result<()> {

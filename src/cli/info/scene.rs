@@ -7,6 +7,7 @@ use serde_json::json;
 
 use crate::{
     accel::Footprint,
+    cli::print,
     error::{Problem, Result},
     film::Window,
     memory,
@@ -16,9 +17,10 @@ use crate::{
     world::{LoadOptions, World},
 };
 
-use crate::cli::{args::InfoArgs, print};
-
-use super::facts::{Extent, Facts};
+use super::{
+    args::InfoArgs,
+    facts::{Extent, Facts},
+};
 
 /// Checks a scene and adds its facts to the facts.
 pub fn describe(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {

@@ -13,7 +13,7 @@ use crate::{
     scene::{Layer, Scene},
 };
 
-use crate::cli::args::RenderArgs;
+use super::args::RenderArgs;
 
 /// Returns the layers of `render --png-layer` and the paths of their pictures.
 ///

@@ -1,5 +1,6 @@
 //! `lightpath render`: runs the stages of the data flow in order and times each.
 
+pub mod args;
 pub mod layers;
 pub mod part;
 pub mod progress;
@@ -31,7 +32,6 @@ use crate::{
 
 use super::{
     about,
-    args::RenderArgs,
     load::{self, Job},
     machine,
     names::ProgressMode,
@@ -41,6 +41,7 @@ use super::{
 };
 
 use self::{
+    args::RenderArgs,
     part::PicturePart,
     stats::{Memory, Rays, Samples, Seconds, Stats},
 };
@@ -74,7 +75,7 @@ impl Files {
 pub fn run(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let monitor = Arc::new(Monitor::default());
-    let pool = machine::pool(args.machine.threads)?;
+    let pool = args.machine.workers.pool()?;
     let threads = pool.current_num_threads();
     let mut job = pool.install(|| load::load(args))?;
     let ready = std::mem::take(&mut job.ready);
@@ -122,7 +123,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
     report(args, &stats, &paths)?;
     match &oddities.first_non_finite {
-        Some(spot) if args.files.strict => {
+        Some(spot) if args.files.prefix.strict => {
             let message =
                 format!("{} pixels are NaN or infinite, the first {spot}", oddities.non_finite);
             Err(Error::new(Kind::Check, Problem::new("--strict", message)))
@@ -171,8 +172,8 @@ impl Run<'_> {
         let blank = ReservedFilm::new(frame, piece.window, piece.channels())?;
         let budget = self.budget.as_ref();
         let options = LoadOptions {
-            repair: self.args.mesh.repair,
-            no_mmap: self.args.mesh.no_mmap,
+            repair: self.args.mesh.reading.repair,
+            no_mmap: self.args.mesh.reading.no_mmap,
             ready,
             room: budget.map(Budget::for_meshes).or_else(memory::machine),
             texture_bytes: budget.map(Budget::for_textures),
@@ -181,7 +182,7 @@ impl Run<'_> {
         let mut contents = Contents::default();
         let (loaded, hash) = rayon::join(
             || World::load(scene, options, self.monitor),
-            || fingerprint(&self.job.loaded, self.args.mesh.repair, &mut contents),
+            || fingerprint(&self.job.loaded, self.args.mesh.reading.repair, &mut contents),
         );
         let (world, warnings) = loaded?;
         let mut world = world.with_margin(piece.margin);

@@ -14,10 +14,9 @@ use crate::{
     scene::{Backend, Scene},
 };
 
-use crate::cli::{
-    args::RenderArgs,
-    load::{self, Job},
-};
+use crate::cli::load::{self, Job};
+
+use super::args::RenderArgs;
 
 /// Flags for parts of a picture.
 #[derive(Debug, Default, Clone, Args)]
@@ -124,7 +123,7 @@ impl PicturePart {
             let for_merge = "give it to `lightpath merge`";
             let set = [
                 ("--png-layer", !args.files.png_layer.is_empty(), for_merge),
-                ("--crypto-sidecar", args.files.crypto_sidecar, for_merge),
+                ("--crypto-sidecar", args.files.prefix.crypto_sidecar, for_merge),
                 ("--overscan", margin > 0, "parts are pieces of the frame: render it at once"),
                 (
                     "--time",
@@ -196,7 +195,7 @@ impl PicturePart {
             tile: split.tile,
             samples: [self.samples.start, self.samples.end],
             of: scene.spp,
-            exact: self.is_exact(args) || args.files.float,
+            exact: self.is_exact(args) || args.files.values.float,
             files,
             recipe: self.recipe.clone(),
         };

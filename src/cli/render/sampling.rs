@@ -11,7 +11,7 @@ use crate::{
     scene::Scene,
 };
 
-use crate::cli::{args::SamplingArgs, names::NoiseOf};
+use super::args::SamplingArgs;
 
 /// Maximum number of samples per pixel: the length of one Sobol sequence.
 const MAX_SAMPLES: u32 = 1 << 16;
@@ -71,7 +71,7 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
         };
         return Err(Error::invalid(place, message).help(help));
     }
-    let relative = args.noise_of.map(NoiseOf::relative).unwrap_or_default();
+    let relative = args.noise_of.unwrap_or_default();
     Ok(Some(Adaptive { first, most, noise, relative, time: time.map(Duration::from_secs_f64) }))
 }
 
