@@ -7,7 +7,6 @@ use clap::{Args, ValueHint};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
-    files,
     merge::Parts,
     monitor::{Monitor, Phase},
     output::{Outputs, WriteOptions, exr},
@@ -17,7 +16,7 @@ use crate::{
 use super::{
     flags::{MessageArgs, PrefixArgs, WorkerArgs},
     names::ProgressMode,
-    print,
+    outputs, print,
     progress::Progress,
     render::{
         layers::{self, Manifest},
@@ -67,7 +66,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let outputs = Outputs::names(&prefix).into_iter();
     let outputs = outputs.chain(manifests.iter().map(|m| m.path.clone()));
     let outputs: Vec<PathBuf> = outputs.chain(previews.iter().map(|(_, p)| p.clone())).collect();
-    files::refuse_overwrites(&args.parts, &outputs, "choose another name: -o PREFIX")?;
+    outputs::refuse_overwrites(&args.parts, &outputs, "-o PREFIX")?;
     signals::watch(&monitor)?;
     let mut files = Outputs::create(&prefix)?;
     let manifests = manifests.into_iter().map(Manifest::create).collect::<Result<Vec<_>>>()?;

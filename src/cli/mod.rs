@@ -18,6 +18,7 @@ mod load;
 mod machine;
 mod merge;
 mod names;
+mod outputs;
 mod overrides;
 mod print;
 mod progress;

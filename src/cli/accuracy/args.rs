@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use crate::cli::flags::{MessageArgs, WorkerArgs};
+use crate::cli::{
+    flags::{MessageArgs, WorkerArgs},
+    outputs::OutputFlags,
+};
 
 /// Arguments of `lightpath accuracy`.
 #[derive(Debug, Args)]
@@ -52,4 +55,15 @@ pub struct AccuracyArgs {
 
     #[command(flatten)]
     pub messages: MessageArgs,
+}
+
+impl AccuracyArgs {
+    /// Returns the flags that name output files.
+    pub fn outputs(&self) -> OutputFlags<'_> {
+        OutputFlags(vec![
+            ("--json FILE", &self.json),
+            ("--html FILE", &self.html),
+            ("--markdown FILE", &self.markdown),
+        ])
+    }
 }

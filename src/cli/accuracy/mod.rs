@@ -5,14 +5,12 @@ mod markdown;
 mod page;
 mod table;
 
-use std::{path::PathBuf, sync::Arc};
+use std::sync::Arc;
 
 use crate::{
     error::{Error, Kind, Problem, Result},
-    files,
-    measure::accuracy::{self, Case, Column, Report, Settings},
+    measure::accuracy::{self, Case, Column, Settings},
     monitor::Monitor,
-    output::atomic::TextFile,
     simd::Isa,
 };
 
@@ -26,11 +24,11 @@ const FULL: u64 = 400;
 /// Runs the catalogue of hard cases, or the selected ones.
 pub fn run(args: &AccuracyArgs) -> Result<()> {
     let cases = cases(args.case.as_deref())?;
-    not_twice(args)?;
+    args.outputs().refuse_overwrites([""; 0])?;
     let monitor = Arc::new(Monitor::default());
     let settings = settings(args, &monitor)?;
     signals::watch(&monitor)?;
-    let files = Files::create(args)?;
+    let mut outputs = args.outputs().create()?;
     let mut report = args.workers.pool()?.install(|| {
         print::text(&table::heading(&settings))?;
         let count = cases.len();
@@ -48,7 +46,10 @@ pub fn run(args: &AccuracyArgs) -> Result<()> {
     })?;
     report.machine = Some(bench::machine(Isa::detect()));
     print::text(&table::summary(&report))?;
-    files.finish(&report)?;
+    outputs.write_json("--json", &report)?;
+    outputs.write("--html", || page::page(&report).html())?;
+    outputs.write("--markdown", || markdown::page(&report))?;
+    print::paths(&outputs.written())?;
     let failures = report.failures();
     if failures.is_empty() {
         return Ok(());
@@ -102,44 +103,4 @@ fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
         false => args.times.unwrap_or(1),
     };
     Ok(Settings { columns, seed: args.seed, times, pictures: args.html.is_some() })
-}
-
-/// Refuses two outputs with the same path.
-fn not_twice(args: &AccuracyArgs) -> Result<()> {
-    let outputs = [&args.json, &args.html, &args.markdown].into_iter().flatten();
-    let help = "choose another name: --json FILE, --html FILE, --markdown FILE";
-    files::refuse_overwrites([""; 0], outputs, help)
-}
-
-/// Output files, created before the long work so that a bad output folder is found at once.
-struct Files {
-    json: Option<TextFile>,
-    html: Option<TextFile>,
-    markdown: Option<TextFile>,
-}
-
-impl Files {
-    fn create(args: &AccuracyArgs) -> Result<Self> {
-        let create = |path: &Option<PathBuf>| path.as_deref().map(TextFile::create).transpose();
-        Ok(Self {
-            json: create(&args.json)?,
-            html: create(&args.html)?,
-            markdown: create(&args.markdown)?,
-        })
-    }
-
-    fn finish(self, report: &Report) -> Result<()> {
-        let mut written = Vec::new();
-        if let Some(file) = self.json {
-            let json = serde_json::to_string_pretty(report).unwrap_or_default();
-            written.push(file.finish(&(json + "\n"))?);
-        }
-        if let Some(file) = self.html {
-            written.push(file.finish(&page::page(report).html())?);
-        }
-        if let Some(file) = self.markdown {
-            written.push(file.finish(&markdown::page(report))?);
-        }
-        print::paths(&written)
-    }
 }

@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use crate::cli::flags::{KernelArgs, MessageArgs, SizeArgs};
+use crate::cli::{
+    flags::{KernelArgs, MessageArgs, SizeArgs},
+    outputs::OutputFlags,
+};
 
 /// Arguments of `lightpath bench`.
 #[derive(Debug, Args)]
@@ -71,4 +74,15 @@ pub struct BenchArgs {
 
     #[command(flatten)]
     pub messages: MessageArgs,
+}
+
+impl BenchArgs {
+    /// Returns the flags that name output files.
+    pub fn outputs(&self) -> OutputFlags<'_> {
+        OutputFlags(vec![
+            ("--json FILE", &self.json),
+            ("--html FILE", &self.html),
+            ("--save-baseline FILE", &self.save_baseline),
+        ])
+    }
 }

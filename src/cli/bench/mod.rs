@@ -14,7 +14,6 @@ use clap::ValueEnum;
 
 use crate::{
     error::{Error, Failures, Kind, Problem, Result, printable},
-    files,
     measure::{
         ab::Plan,
         accuracy::{self, Column},
@@ -24,7 +23,6 @@ use crate::{
     },
     memory,
     monitor::Monitor,
-    output::atomic::TextFile,
     scene::{self, Backend, EmbreeMode, Source},
     simd::Isa,
     studio,
@@ -55,10 +53,10 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let then = args.baseline.as_deref().map(read_baseline).transpose()?;
     let command = std::env::args_os().skip(1).map(|part| part.to_string_lossy().into_owned());
     let run = Run { unix_seconds: unix_seconds(), command: command.collect() };
-    refuse_overwrites(&args.inputs, args)?;
+    args.outputs().refuse_overwrites(args.inputs.iter().chain(&args.baseline))?;
     check_inputs(&args.inputs)?;
     signals::watch(&monitor)?;
-    let files = Files::create(args)?;
+    let mut outputs = args.outputs().create()?;
     let mut report = Report {
         version: result::VERSION,
         machine: machine(settings.isa),
@@ -76,7 +74,10 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     if let Some(since) = &since {
         print::text(&table::since(since))?;
     }
-    files.finish(&report, since.as_ref())?;
+    outputs.write_json("--json", &report)?;
+    outputs.write_json("--save-baseline", &report)?;
+    outputs.write("--html", || page::page(&report, since.as_ref()).html())?;
+    print::paths(&outputs.written())?;
     check_answers(&report, &settings)
 }
 
@@ -114,7 +115,7 @@ fn measure_scene(
         ..RenderArgs::default()
     };
     let job = load::load_in(&render, SCENE)?;
-    refuse_overwrites(&job.inputs(input), args)?;
+    args.outputs().refuse_overwrites(job.inputs(input).iter().chain(&args.baseline))?;
     let Job { loaded, warnings, ready, .. } = job;
     let options = LoadOptions { ready, ..LoadOptions::default() };
     let (world, more) = World::load(&loaded.scene, options, monitor)?;
@@ -260,41 +261,6 @@ fn read_baseline(path: &Path) -> Result<Report> {
         return Err(Error::invalid(place(), message).help("save a new baseline"));
     }
     Ok(report)
-}
-
-/// Refuses outputs that would overwrite inputs or each other.
-fn refuse_overwrites(inputs: &[PathBuf], args: &BenchArgs) -> Result<()> {
-    let outputs = [&args.json, &args.html, &args.save_baseline].into_iter().flatten();
-    let help = "choose another name: --json FILE, --html FILE, --save-baseline FILE";
-    files::refuse_overwrites(inputs.iter().chain(&args.baseline), outputs, help)
-}
-
-/// Output files, created before the long work so that a bad output folder is found at once.
-struct Files {
-    json: Vec<TextFile>,
-    html: Option<TextFile>,
-}
-
-impl Files {
-    fn create(args: &BenchArgs) -> Result<Self> {
-        let json = [&args.json, &args.save_baseline].into_iter().flatten();
-        Ok(Self {
-            json: json.map(|path| TextFile::create(path)).collect::<Result<_>>()?,
-            html: args.html.as_ref().map(|path| TextFile::create(path)).transpose()?,
-        })
-    }
-
-    fn finish(self, report: &Report, since: Option<&Since>) -> Result<()> {
-        let mut written = Vec::new();
-        let json = serde_json::to_string_pretty(report).unwrap_or_default() + "\n";
-        for file in self.json {
-            written.push(file.finish(&json)?);
-        }
-        if let Some(file) = self.html {
-            written.push(file.finish(&page::page(report, since).html())?);
-        }
-        print::paths(&written)
-    }
 }
 
 /// Fails if our own tree gave wrong answers. Wrong answers of other backends are only reported.

@@ -9,26 +9,26 @@ use std::{io::Write, path::PathBuf};
 
 use crate::{
     error::{Error, Failures, Kind, Problem, Result},
-    files,
     measure::{
         compare::{self, Compared, Comparison, Settings, file::Picture},
         metrics::Metric,
     },
-    output::atomic::{Part, TextFile},
+    output::atomic::Part,
     scene::{did_you_mean, list},
 };
 
-use super::{print, signals};
+use super::{outputs::OutputFlags, print, signals};
 
 use self::args::CompareArgs;
 
 /// Compares a picture with a reference.
 pub fn run(args: &CompareArgs) -> Result<()> {
     let limits = limits(args)?;
-    not_over_inputs(args)?;
+    check_outputs(args)?;
     let pool = args.workers.pool()?;
     signals::end_at_once()?;
-    let files = Files::create(args)?;
+    let error_map = args.out.as_deref().map(Part::create).transpose()?;
+    let mut outputs = OutputFlags(vec![("--html FILE", &args.html)]).create()?;
     let mut failures = Failures::default();
     let test = failures.keep(Picture::read(&args.test));
     let reference = failures.keep(Picture::read(&args.reference));
@@ -37,7 +37,11 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     let settings = settings(args, [&test, &reference])?;
     let found = pool.install(|| compare::compare(test, reference, &settings))?;
     let failed = failed(args, &found, &limits)?;
-    let written = files.finish(args, &found, &failed)?;
+    let shown = error_map.zip(found.layers.first());
+    let mut written: Vec<PathBuf> =
+        shown.map(|(part, layer)| write_error_map(part, layer)).transpose()?.into_iter().collect();
+    outputs.write("--html", || page::page(args, &found, &failed).html())?;
+    written.extend(outputs.written());
     if args.json {
         print::json(&text::json(args, &found, &failed, &written))?;
     } else {
@@ -155,8 +159,8 @@ fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Ve
     Ok(failed)
 }
 
-/// Refuses outputs that would overwrite inputs or each other.
-fn not_over_inputs(args: &CompareArgs) -> Result<()> {
+/// Refuses outputs that would overwrite inputs or each other, and error maps that are no PNG.
+fn check_outputs(args: &CompareArgs) -> Result<()> {
     let is_png = |path: &PathBuf| {
         path.starts_with("/dev")
             || path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png"))
@@ -165,42 +169,14 @@ fn not_over_inputs(args: &CompareArgs) -> Result<()> {
         let message = format!("found {}, expected a name that ends in .png", path.display());
         return Err(Error::invalid("--out", message));
     }
-    let outputs = [&args.out, &args.html].into_iter().flatten();
-    let help = "choose another name: --out FILE.png, --html FILE";
-    files::refuse_overwrites([&args.test, &args.reference], outputs, help)
+    let outputs = OutputFlags(vec![("--out FILE.png", &args.out), ("--html FILE", &args.html)]);
+    outputs.refuse_overwrites([&args.test, &args.reference])
 }
 
-/// Output files, created before the work so that a bad output folder is found at once.
-struct Files {
-    out: Option<Part>,
-    html: Option<TextFile>,
-}
-
-impl Files {
-    fn create(args: &CompareArgs) -> Result<Self> {
-        Ok(Self {
-            out: args.out.as_deref().map(Part::create).transpose()?,
-            html: args.html.as_deref().map(TextFile::create).transpose()?,
-        })
-    }
-
-    fn finish(
-        self,
-        args: &CompareArgs,
-        found: &Comparison,
-        failed: &[String],
-    ) -> Result<Vec<PathBuf>> {
-        let mut written = Vec::new();
-        if let (Some(mut part), Some(layer)) = (self.out, found.layers.first()) {
-            let png = page::error_map(layer);
-            let wrote = part.file().write_all(&png);
-            wrote.map_err(|error| Error::io(part.target(), "write", &error))?;
-            part.sync()?;
-            written.push(part.commit()?);
-        }
-        if let Some(file) = self.html {
-            written.push(file.finish(&page::page(args, found, failed).html())?);
-        }
-        Ok(written)
-    }
+/// Writes the error map of a layer to its file and returns the path.
+fn write_error_map(mut part: Part, layer: &Compared) -> Result<PathBuf> {
+    let wrote = part.file().write_all(&page::error_map(layer));
+    wrote.map_err(|error| Error::io(part.target(), "write", &error))?;
+    part.sync()?;
+    part.commit()
 }

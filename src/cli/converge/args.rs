@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, ValueHint};
 
 use crate::{
-    cli::flags::{KernelArgs, MessageArgs, SetArgs, SizeArgs, WorkerArgs},
+    cli::{
+        flags::{KernelArgs, MessageArgs, SetArgs, SizeArgs, WorkerArgs},
+        outputs::OutputFlags,
+    },
     scene::SamplerKind,
 };
 
@@ -77,4 +80,15 @@ pub struct ConvergeArgs {
 
     #[command(flatten)]
     pub messages: MessageArgs,
+}
+
+impl ConvergeArgs {
+    /// Returns the flags that name output files.
+    pub fn outputs(&self) -> OutputFlags<'_> {
+        OutputFlags(vec![
+            ("--json FILE", &self.json),
+            ("--csv FILE", &self.csv),
+            ("--html FILE", &self.html),
+        ])
+    }
 }

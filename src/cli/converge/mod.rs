@@ -4,15 +4,10 @@ pub mod args;
 mod page;
 mod text;
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-    time::Instant,
-};
+use std::{path::Path, sync::Arc, time::Instant};
 
 use crate::{
     error::{Error, Result},
-    files,
     measure::{
         bench::Contestant,
         compare::{
@@ -22,7 +17,7 @@ use crate::{
         converge::{self, Grid, Limits, Reference, Settings, Subject, report},
     },
     monitor::Monitor,
-    output::{atomic::TextFile, exr_read},
+    output::exr_read,
     scene::{LightKind, SamplerKind, Scene},
     simd::Isa,
     world::{LoadOptions, World},
@@ -58,14 +53,15 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         ..RenderArgs::default()
     };
     let job = load::load(&render)?;
-    not_over_inputs(args, &job)?;
+    let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
+    args.outputs().refuse_overwrites(inputs)?;
     let Job { loaded, warnings, ready, .. } = job;
     let contestants = contestants(args, &loaded.scene, isa)?;
     let grid = grid(args, &loaded.scene, contestants.len())?;
     let given =
         args.reference.as_deref().map(|path| read_reference(path, &loaded.scene)).transpose()?;
     signals::watch(&monitor)?;
-    let files = Files::create(args)?;
+    let mut outputs = args.outputs().create()?;
     let note = |text: &str| args.messages.note(text);
     if let Some(seed) = args.reference.as_deref().and_then(seed_of) {
         limits.seed = args.seed.unwrap_or(seed.wrapping_add(1));
@@ -102,7 +98,10 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     };
     let found = report(&study, subject, limits, started.elapsed().as_secs_f64());
     print::text(&text::text(&found))?;
-    files.finish(&found, &study)
+    outputs.write_json("--json", &found)?;
+    outputs.write("--csv", || text::csv(&found))?;
+    outputs.write("--html", || page::page(&found, &study).html())?;
+    print::paths(&outputs.written())
 }
 
 fn limits(args: &ConvergeArgs) -> Result<Limits> {
@@ -191,41 +190,4 @@ fn read_reference(path: &Path, scene: &Scene) -> Result<Layer> {
         return Err(Error::invalid(place(), message));
     }
     Ok(layer)
-}
-
-/// Refuses outputs that would overwrite inputs or each other.
-fn not_over_inputs(args: &ConvergeArgs, job: &Job) -> Result<()> {
-    let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
-    let outputs = [&args.json, &args.csv, &args.html].into_iter().flatten();
-    let help = "choose another name: --json FILE, --csv FILE, --html FILE";
-    files::refuse_overwrites(inputs, outputs, help)
-}
-
-/// Output files, created before the long work so that a bad output folder is found at once.
-struct Files {
-    json: Option<TextFile>,
-    csv: Option<TextFile>,
-    html: Option<TextFile>,
-}
-
-impl Files {
-    fn create(args: &ConvergeArgs) -> Result<Self> {
-        let create = |path: &Option<PathBuf>| path.as_deref().map(TextFile::create).transpose();
-        Ok(Self { json: create(&args.json)?, csv: create(&args.csv)?, html: create(&args.html)? })
-    }
-
-    fn finish(self, found: &converge::Report, study: &converge::Study) -> Result<()> {
-        let mut written = Vec::new();
-        if let Some(file) = self.json {
-            let json = serde_json::to_string_pretty(found).unwrap_or_default();
-            written.push(file.finish(&(json + "\n"))?);
-        }
-        if let Some(file) = self.csv {
-            written.push(file.finish(&text::csv(found))?);
-        }
-        if let Some(file) = self.html {
-            written.push(file.finish(&page::page(found, study).html())?);
-        }
-        print::paths(&written)
-    }
 }

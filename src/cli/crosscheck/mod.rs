@@ -14,13 +14,11 @@ use crate::{
         lane::Ray,
     },
     error::{Error, Kind, Problem, Result, printable},
-    files,
     measure::cross_check::{
         Answer, Check, Contender, Finding, Tree, Verdict, answers, check_rays, compare_pictures,
         judge,
     },
     monitor::Monitor,
-    output::atomic::TextFile,
     scene::{self, Backend, EmbreeMode, Source, written},
     simd::Isa,
     world::{LoadOptions, World},
@@ -30,6 +28,7 @@ use super::{
     flags::{SceneArgs, SizeArgs},
     load,
     names::ProgressMode,
+    outputs::OutputFlags,
     print,
     progress::Progress,
     render::{args::RenderArgs, progress as render_progress},
@@ -171,14 +170,11 @@ fn check(
 ) -> Result<()> {
     let flags = as_render(args, input);
     let mut job = load::load(&flags)?;
-    files::refuse_overwrites(
-        job.inputs(input),
-        &args.save,
-        "choose another name: --save FILE.json",
-    )?;
+    let outputs = OutputFlags(vec![("--save FILE.json", &args.save)]);
+    outputs.refuse_overwrites(job.inputs(input))?;
     signals::watch(monitor)?;
     let progress = Progress::start(ProgressMode::Auto, render_progress::meter(monitor));
-    let save = args.save.as_ref().map(|path| TextFile::create(path)).transpose()?;
+    let mut outputs = outputs.create()?;
     let ready = std::mem::take(&mut job.ready);
     let scene = &job.loaded.scene;
     let (world, warnings) =
@@ -202,11 +198,10 @@ fn check(
         report.pictures = compare_pictures(&world, &built.oracle, &contenders, isa, monitor)?;
     }
     drop(progress);
-    if let (Some(file), Some(path)) = (save, &args.save) {
+    if let Some(path) = &args.save {
         let scene = serde_json::from_str(&load::saved(&job, path)?).unwrap_or_default();
         let saved = Saved { scene, findings: report.findings.clone() };
-        let text = serde_json::to_string_pretty(&saved).unwrap_or_default();
-        file.finish(&(text + "\n"))?;
+        outputs.write_json("--save", &saved)?;
     }
     if args.json {
         let mut value = json!(report);

@@ -14,16 +14,12 @@ use serde_json::json;
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
     error::{Error, Kind, Problem, Result},
-    files,
     film::{Film, ReservedFilm},
     layers::LayerPlan,
     memory::{self, Budget},
     mesh::Mesh,
     monitor::Monitor,
-    output::{
-        ValueCounts,
-        atomic::{Part, TextFile},
-    },
+    output::{ValueCounts, atomic::Part},
     paths,
     picture::{self, PictureHeader, Storage},
     render::{self as renderer, Adaptive, SampleCounts},
@@ -35,6 +31,7 @@ use super::{
     load::{self, Job},
     machine,
     names::ProgressMode,
+    outputs::{self, OutputFlags, TextOutputs},
     print,
     progress::Progress,
     signals,
@@ -46,27 +43,28 @@ use self::{
     stats::{Memory, Rays, Samples, Seconds, Stats},
 };
 
-/// Help text for an output that would overwrite an input.
-const OTHER_NAME: &str = "choose another name: -o PREFIX, --stats FILE, --write-scene FILE";
+/// Flags that name output files.
+const OUTPUT_FLAGS: &str = "-o PREFIX, --stats FILE, --write-scene FILE";
 
 /// All output files, created before the render so that a bad output folder is found at once.
 struct Files {
     picture: picture::Files,
     previews: Vec<(String, Part)>,
-    stats: Option<TextFile>,
-    scene: Option<(PathBuf, TextFile)>,
+    /// Files of `--stats` and `--write-scene`.
+    texts: TextOutputs,
 }
 
 impl Files {
     fn create(args: &RenderArgs, job: &Job, plan: &LayerPlan) -> Result<Self> {
         let prefix = paths::prefix(args.output.as_deref(), &args.input);
-        let text = |path: &PathBuf| TextFile::create(path);
-        let scene = args.mesh.write_scene.as_ref();
+        let texts = OutputFlags(vec![
+            ("--stats", &args.report.stats),
+            ("--write-scene", &args.mesh.write_scene),
+        ]);
         Ok(Self {
             picture: picture::Files::create(&prefix, plan, args.files.storage())?,
             previews: layers::create_previews(args, &job.loaded.scene)?,
-            stats: args.report.stats.as_ref().map(text).transpose()?,
-            scene: scene.map(|path| Ok((path.clone(), text(path)?))).transpose()?,
+            texts: texts.create()?,
         })
     }
 }
@@ -98,7 +96,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let budget = budget.transpose()?;
     let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
     let outputs = outputs(args, &job, &plan)?;
-    files::refuse_overwrites(inputs, &outputs, OTHER_NAME)?;
+    outputs::refuse_overwrites(inputs, &outputs, OUTPUT_FLAGS)?;
     // No signal handler before this point: a signal ends the program at once, and no file exists
     // yet.
     signals::watch(&monitor)?;
@@ -191,7 +189,7 @@ impl Run<'_> {
             world.read.check(&contents)?;
         }
         // A mesh from a pipe names its texture only when it is read.
-        files::refuse_overwrites(world.read.paths(), &self.outputs, OTHER_NAME)?;
+        outputs::refuse_overwrites(world.read.paths(), &self.outputs, OUTPUT_FLAGS)?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
 
@@ -316,22 +314,20 @@ impl Run<'_> {
             }
             false => args.files.storage(),
         };
-        let Files { mut picture, previews, stats: stats_file, scene: scene_file } = files;
+        let Files { mut picture, previews, mut texts } = files;
         let previews = layers::write_previews(film, previews, |part| picture.add(part))?;
         let (mut paths, oddities) =
             picture::write(picture, film, scene, says, storage, self.monitor)?;
         self.warn(&picture::oddity_warnings(&oddities));
         paths.extend(previews);
-        if let Some((target, file)) = scene_file {
-            paths.push(file.finish(&load::saved(self.job, &target)?)?);
+        if let Some(target) = &args.mesh.write_scene {
+            texts.try_write("--write-scene", || load::saved(self.job, target))?;
         }
         stats.seconds.write = started.elapsed().as_secs_f64();
         stats.seconds.total = self.start.elapsed().as_secs_f64();
         stats.memory.peak_bytes = memory::peak_bytes();
-        if let Some(file) = stats_file {
-            let text = serde_json::to_string_pretty(stats).unwrap_or_default();
-            paths.push(file.finish(&(text + "\n"))?);
-        }
+        texts.write_json("--stats", stats)?;
+        paths.extend(texts.written());
         Ok((paths, oddities))
     }
 
