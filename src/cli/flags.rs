@@ -18,7 +18,7 @@ use crate::{
 use super::{machine, print};
 
 /// Flags that change the scene.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Scene (overrides values of the file)")]
 pub struct SceneArgs {
     #[command(flatten)]
@@ -93,7 +93,7 @@ pub struct SceneArgs {
 }
 
 /// Flags for the look of meshes.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct LookArgs {
     /// Interpolate normals of the .ply across edges of at most DEGREES, across all edges or none
     /// [default: the template's; in the studio 57, between flat parts 44]
@@ -121,7 +121,7 @@ impl LookArgs {
 }
 
 /// Flags for the machine, with their own heading.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Machine")]
 pub struct MachineArgs {
     #[command(flatten)]
@@ -141,7 +141,7 @@ pub struct MachineArgs {
 }
 
 /// The number of worker threads.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct WorkerArgs {
     /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -159,7 +159,7 @@ impl WorkerArgs {
 }
 
 /// The instruction set of the kernels.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct KernelArgs {
     /// Instruction set of our own kernels [default: the best of this machine]
     #[arg(long, value_name = "NAME")]
@@ -177,7 +177,7 @@ impl KernelArgs {
 }
 
 /// How much a command without a progress display prints to stderr.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct MessageArgs {
     /// Only errors on stderr
     #[arg(long)]
@@ -194,7 +194,7 @@ impl MessageArgs {
 }
 
 /// The size of the picture.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct SizeArgs {
     /// Picture size in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -202,7 +202,7 @@ pub struct SizeArgs {
 }
 
 /// Overrides of a scene for commands without the flags of [`SceneArgs`].
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct SetArgs {
     /// Set any value of the scene; VALUE is JSON, or else a string; repeatable
     #[arg(long, value_name = "/json/pointer=VALUE")]
@@ -210,7 +210,7 @@ pub struct SetArgs {
 }
 
 /// Flags for the placement of a mesh without a scene.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct PlacementArgs {
     /// Which axis of the .ply points up [default: y]
     #[arg(long, value_name = "AXIS")]
@@ -226,7 +226,7 @@ pub struct PlacementArgs {
 }
 
 /// Flags for reading mesh files.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct MeshReadArgs {
     /// Drop triangles that use missing or non-finite vertices instead of refusing the mesh
     #[arg(long)]
@@ -238,7 +238,7 @@ pub struct MeshReadArgs {
 }
 
 /// Flags for the values in EXR files.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct ExrArgs {
     /// Store 32-bit floats in the EXR instead of 16-bit floats
     #[arg(long)]
@@ -250,7 +250,7 @@ pub struct ExrArgs {
 }
 
 /// The division of EXR files into parts.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct MultipartArgs {
     /// Write one part of the EXR per layer
     #[arg(long)]
@@ -258,7 +258,7 @@ pub struct MultipartArgs {
 }
 
 /// Flags for the files of one picture, which share a prefix.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct PrefixArgs {
     /// Write the object names of cryptomattes to PREFIX.CryptoObject.json and
     /// PREFIX.CryptoMaterial.json instead of the EXR's header

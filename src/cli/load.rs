@@ -1,22 +1,17 @@
-//! Loads the scene of a command's arguments: a file, stdin, or a mesh in a template.
+//! Loads the scene that a command asks for: a file, stdin, or a mesh in a template.
 
 use std::path::{Path, PathBuf};
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
-    film::Window,
-    integrate::TILE,
+    error::{Problem, Result},
     memory,
     mesh::Mesh,
     monitor::Monitor,
     paths::seen_from,
-    picture,
-    scene::{Description, Loaded, MAX_PIXELS, Overrides, Scene, Source, written},
+    scene::{Description, Loaded, Overrides, Source, written},
     studio::{self, MeshScene, Subject, Template},
     world::{own_texture, sources},
 };
-
-use super::{overrides, render::args::RenderArgs};
 
 /// A checked scene, ready to be rendered.
 #[derive(Debug)]
@@ -40,126 +35,75 @@ impl Job {
     }
 }
 
-/// Loads the input of `render`.
-///
-/// # Errors
-/// Contradictory flags; all problems of the scene and its overrides.
-pub fn load(args: &RenderArgs) -> Result<Job> {
-    load_in(args, Template::STUDIO)
+/// The scene that a command asks [`load`] for: an input with checked options.
+#[derive(Debug)]
+pub struct SceneRequest<'a> {
+    /// Overrides of the scene's values.
+    pub overrides: Overrides,
+    /// Samples on every area light.
+    pub light_samples: Option<u32>,
+    /// Scene file in which a mesh is shown.
+    pub template: Option<&'a Path>,
+    /// Text of the scene in which a mesh is shown if there is no template.
+    pub studio: &'a str,
+    /// Limit of the memory in bytes.
+    pub max_memory: Option<u64>,
+    /// The input, with the options for a mesh.
+    pub subject: Subject<'a>,
 }
 
-/// Loads like [`load`], but shows a mesh in `builtin` if the flags name no template.
+impl<'a> SceneRequest<'a> {
+    /// Makes a request for `input` with default options: a scene file, `-` for stdin, or a mesh.
+    pub fn new(input: &'a Path) -> Self {
+        Self {
+            overrides: Overrides::default(),
+            light_samples: None,
+            template: None,
+            studio: Template::STUDIO,
+            max_memory: None,
+            subject: Subject::new(input),
+        }
+    }
+}
+
+/// Loads a scene, or a mesh in a scene.
 ///
 /// # Errors
-/// As for [`load`].
-pub fn load_in(args: &RenderArgs, builtin: &str) -> Result<Job> {
-    let is_mesh = studio::is_mesh(&args.input);
-    if !is_mesh {
-        refuse_mesh_flags(args)?;
+/// All problems of the scene and its overrides; a mesh that does not fit the memory limit.
+pub fn load(request: SceneRequest) -> Result<Job> {
+    let input = request.subject.path;
+    if studio::is_mesh(input) {
+        return load_mesh(request);
     }
-    let mut overrides = overrides::from_flags(&args.scene, &args.machine)?;
-    if args.scene.spp.is_none() {
-        let mut count = Overrides::default();
-        count.flag("--of", "/spp", args.split.of);
-        overrides.prepend(count);
-    }
-    if is_mesh {
-        return in_template(args, builtin, overrides);
-    }
+    let SceneRequest { overrides, light_samples, .. } = request;
     let mut warnings = Vec::new();
-    let load = |source| studio::load(source, overrides, args.scene.light_samples, &mut warnings);
-    let (loaded, folder) = if args.input == Path::new("-") {
+    let load = |source| studio::load(source, overrides, light_samples, &mut warnings);
+    let (loaded, folder) = if input == Path::new("-") {
         (load(Template::stdin()?.source())?, PathBuf::new())
     } else {
-        let folder = args.input.parent().unwrap_or(Path::new("")).to_owned();
-        (load(Source::File(&args.input))?, folder)
+        let folder = input.parent().unwrap_or(Path::new("")).to_owned();
+        (load(Source::File(input))?, folder)
     };
-    check_storage(args, Job { loaded, folder, warnings, ready: Vec::new() })
+    Ok(Job { loaded, folder, warnings, ready: Vec::new() })
 }
 
 /// Reads a mesh and frames it in the template.
-fn in_template(args: &RenderArgs, builtin: &str, overrides: Overrides) -> Result<Job> {
-    let template = match &args.mesh.template {
+fn load_mesh(request: SceneRequest) -> Result<Job> {
+    let SceneRequest { overrides, light_samples, template, studio, max_memory, subject } = request;
+    let template = match template {
         Some(template) => Template::file(template)?,
-        None => Template::builtin("<studio>", builtin),
+        None => Template::builtin("<studio>", studio),
     };
-    if let Some(limit) = args.machine.max_memory {
-        memory::predict_mesh(&args.input)?.check(limit)?;
+    if let Some(limit) = max_memory {
+        memory::predict_mesh(subject.path)?.check(limit)?;
     }
-    let room = args.machine.max_memory.map(memory::room).or_else(memory::machine);
-    let subject = Subject { room, ..args.mesh.subject(&args.input) };
+    let room = max_memory.map(memory::room).or_else(memory::machine);
+    let subject = Subject { room, ..subject };
     // Nothing watches signals yet: a signal ends the program at once.
     let monitor = Monitor::default();
-    let samples = args.scene.light_samples;
-    let shown = studio::show(&subject, &template, overrides, samples, &monitor)?;
+    let shown = studio::show(&subject, &template, overrides, light_samples, &monitor)?;
     let MeshScene { loaded, warnings, mesh, .. } = shown;
-    check_storage(args, Job { loaded, folder: template.folder, warnings, ready: vec![mesh] })
-}
-
-/// Refuses flags that apply only to a mesh without a scene.
-fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
-    let mesh = &args.mesh;
-    let flags = [
-        ("--up", mesh.placement.up.is_some()),
-        ("--rotate", mesh.placement.rotate.is_some()),
-        ("--margin", mesh.placement.margin.is_some()),
-        ("--template", mesh.template.is_some()),
-        ("--smooth", mesh.looks.smooth.is_some()),
-        ("--texture", mesh.looks.texture.is_some()),
-        ("--no-ground", mesh.looks.no_ground),
-    ];
-    let Some((flag, _)) = flags.into_iter().find(|(_, given)| *given) else {
-        return Ok(());
-    };
-    let message = format!("found with {}, expected with a .ply file", args.input.display());
-    Err(Error::invalid(flag, message)
-        .help("a scene sets this in its trimesh: `rotate`, `smooth`, `material`"))
-}
-
-/// Refuses storage flags that contradict the scene.
-fn check_storage(args: &RenderArgs, job: Job) -> Result<Job> {
-    picture::check_storage(&job.loaded.scene, args.files.storage())?;
-    Ok(job)
-}
-
-/// Returns the window of pixels to render.
-///
-/// # Errors
-/// A crop that is empty or exceeds the frame.
-pub fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
-    let (width, height) = (scene.camera.width, scene.camera.height);
-    let Some([x0, y0, x1, y1]) = crop.and_then(|c| <[u32; 4]>::try_from(c).ok()) else {
-        return Ok(Window::full(width, height));
-    };
-    let found = format!("found {x0} {y0} {x1} {y1}");
-    let wrong = match (x0 < x1 && y0 < y1, x1 <= width && y1 <= height) {
-        (true, true) => return Ok(Window { x0, y0, x1, y1 }),
-        (false, _) => format!("{found}, which is empty, expected X0 < X1 and Y0 < Y1"),
-        (_, false) => format!("{found}, expected pixels within the frame of {width} x {height}"),
-    };
-    Err(Error::new(Kind::Invalid, Problem::new("--crop", wrong)))
-}
-
-/// Returns the margin for `pixels` of overscan, and the window in the coordinates of the enlarged
-/// frame.
-///
-/// The margin is a whole number of tiles, so the packets of the frame stay the same.
-///
-/// # Errors
-/// More pixels than a picture may have.
-pub fn overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
-    let (width, height) = (scene.camera.width, scene.camera.height);
-    let margin = pixels.next_multiple_of(TILE);
-    let [x0, y0] = [margin - pixels; 2];
-    let [x1, y1] = [width, height].map(|side| margin + side + pixels);
-    let window = Window { x0, y0, x1, y1 };
-    if u64::from(window.width()) * u64::from(window.height()) > MAX_PIXELS {
-        let [w, h] = [window.width(), window.height()];
-        let message = format!("found {pixels}, a picture of {w} x {h} pixels with the frame");
-        let message = format!("{message}, expected at most {MAX_PIXELS} pixels");
-        return Err(Error::invalid("--overscan", message));
-    }
-    Ok((margin, window))
+    Ok(Job { loaded, folder: template.folder, warnings, ready: vec![mesh] })
 }
 
 /// Returns the text of the scene for the file `target`, with paths relative to its folder.

@@ -57,7 +57,7 @@ pub struct BatchArgs {
     pub progress: Option<ProgressMode>,
 }
 
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Frames")]
 pub struct FrameArgs {
     /// Render N frames evenly spread over one turn, all with the same framing
@@ -107,7 +107,7 @@ pub struct FrameArgs {
 }
 
 /// Flags for meshes without a scene.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Meshes", mut_args = of_meshes)]
 pub struct BatchMeshArgs {
     /// Show meshes in this scene instead of the built-in studio; its first trimesh is replaced
@@ -124,7 +124,7 @@ pub struct BatchMeshArgs {
     pub reading: MeshReadArgs,
 }
 
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Run")]
 pub struct RunArgs {
     /// Keep frames whose files are unchanged and come from the same scene, files, settings and

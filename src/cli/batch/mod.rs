@@ -163,17 +163,12 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         return Err(Error::invalid(flag, message));
     }
     let (mut file, own) = match args.inputs.as_slice() {
-        [one] => match job_file(one)? {
-            Some(file) => (file, Some(one.clone())),
+        [one] => match read_job_file(one)? {
+            Some(file) => (file, Some(one.as_path())),
             None => (inputs(&args.inputs)?, None),
         },
         several => (inputs(several)?, None),
     };
-    let base = own.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_owned();
-    // Paths in the job file are relative to it.
-    if let Some(folder) = &mut file.output.folder {
-        folder.0 = paths::named(&base.join(&folder.0))?;
-    }
     flags(args, &mut file)?;
     let limits = file.limits.clone();
     let flags = Flags {
@@ -181,30 +176,45 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         light_samples: args.scene.light_samples,
         repair: args.mesh.reading.repair,
         no_mmap: args.mesh.reading.no_mmap,
-        file: own,
+        file: own.map(Path::to_owned),
     };
-    Ok((Job::check(file, &base, flags)?, limits))
+    Ok((Job::check(file, folder_of(own), flags)?, limits))
 }
 
-/// Returns true if a file is a job file.
+/// Loads a job file as `batch` loads it, with another output folder if one is given. Returns `None`
+/// if the file is not a job file.
 ///
 /// # Errors
-/// A file that is not valid JSON.
-pub fn is_job(path: &Path) -> Result<bool> {
-    Ok(job_file(path)?.is_some())
+/// All problems of the job.
+pub fn load_job_file(path: &Path, output: Option<&Path>) -> Result<Option<Job>> {
+    let Some(mut file) = read_job_file(path)? else { return Ok(None) };
+    set_output(&mut file, output)?;
+    let flags = Flags { file: Some(path.to_owned()), ..Flags::default() };
+    Job::check(file, folder_of(Some(path)), flags).map(Some)
 }
 
-/// Parses a file that has `inputs` as a job; `None` for any other file.
-fn job_file(path: &Path) -> Result<Option<JobFile>> {
+/// Returns the folder that the paths of a job file are relative to. Without a job file it is the
+/// working folder.
+fn folder_of(job_file: Option<&Path>) -> &Path {
+    job_file.and_then(Path::parent).unwrap_or(Path::new(""))
+}
+
+/// Parses a file that has `inputs` as a job; `None` for any other file. The path of the output
+/// folder is then relative to the working folder.
+fn read_job_file(path: &Path) -> Result<Option<JobFile>> {
     if !path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json")) || !path.is_file() {
         return Ok(None);
     }
     let text = Template::file(path)?;
     let document = Document::parse(&text.name, &text.text)?;
-    match document.get("/inputs") {
-        Some(_) => scene::read_as(&document).map(Some),
-        None => Ok(None),
+    if document.get("/inputs").is_none() {
+        return Ok(None);
     }
+    let mut file: JobFile = scene::read_as(&document)?;
+    if let Some(folder) = &mut file.output.folder {
+        folder.0 = paths::named(&folder_of(Some(path)).join(&folder.0))?;
+    }
+    Ok(Some(file))
 }
 
 fn inputs(paths: &[PathBuf]) -> Result<JobFile> {
@@ -235,9 +245,7 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         file.texture = Some(from_here(texture)?);
     }
     file.ground = if no_ground { Some(false) } else { file.ground };
-    if let Some(folder) = &args.output {
-        file.output.folder = Some(Name(paths::named(folder)?));
-    }
+    set_output(file, args.output.as_deref())?;
     if let Some(name) = &args.name {
         file.output.name = Some(Name(name.clone()));
     }
@@ -267,6 +275,14 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
             start: frames.start.unwrap_or(written.map_or(0.0, |t| t.start)),
             pivot: frames.pivot.map(Point).or(written.and_then(|t| t.pivot)),
         });
+    }
+    Ok(())
+}
+
+/// Replaces the output folder of the job file by that of `--output`.
+fn set_output(file: &mut JobFile, output: Option<&Path>) -> Result<()> {
+    if let Some(folder) = output {
+        file.output.folder = Some(Name(paths::named(folder)?));
     }
     Ok(())
 }

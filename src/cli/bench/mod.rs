@@ -31,11 +31,8 @@ use crate::{
 
 use super::{
     about,
-    flags::{SceneArgs, SizeArgs},
-    load::{self, Job},
-    machine, print,
-    render::args::RenderArgs,
-    signals,
+    load::{self, Job, SceneRequest},
+    machine, overrides, print, signals,
 };
 
 use self::args::BenchArgs;
@@ -109,12 +106,9 @@ fn measure_scene(
     let note = |text: &str| args.messages.note(&format!("{}: {text}", printable(&name)));
     note("loading");
     let size = args.picture.size.or(args.quick.then_some(QUICK.2));
-    let render = RenderArgs {
-        input: input.to_owned(),
-        scene: SceneArgs { picture: SizeArgs { size }, ..SceneArgs::default() },
-        ..RenderArgs::default()
-    };
-    let job = load::load_in(&render, SCENE)?;
+    let mut request = SceneRequest { studio: SCENE, ..SceneRequest::new(input) };
+    overrides::add_size(&mut request.overrides, size);
+    let job = load::load(request)?;
     args.outputs().refuse_overwrites(job.inputs(input).iter().chain(&args.baseline))?;
     let Job { loaded, warnings, ready, .. } = job;
     let options = LoadOptions { ready, ..LoadOptions::default() };

@@ -25,11 +25,8 @@ use crate::{
 
 use super::{
     bench,
-    flags::{SceneArgs, SizeArgs},
-    load::{self, Job},
-    print,
-    render::args::RenderArgs,
-    signals,
+    load::{self, Job, SceneRequest},
+    overrides, print, signals,
 };
 
 use self::args::ConvergeArgs;
@@ -43,16 +40,10 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let mut limits = limits(args)?;
     let isa = args.kernels.isa()?;
     let monitor = Arc::new(Monitor::default());
-    let render = RenderArgs {
-        input: args.input.clone(),
-        scene: SceneArgs {
-            picture: SizeArgs { size: args.picture.size },
-            set: args.overrides.set.clone(),
-            ..SceneArgs::default()
-        },
-        ..RenderArgs::default()
-    };
-    let job = load::load(&render)?;
+    let mut request = SceneRequest::new(&args.input);
+    overrides::add_size(&mut request.overrides, args.picture.size);
+    overrides::add_sets(&mut request.overrides, &args.overrides.set);
+    let job = load::load(request)?;
     let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
     args.outputs().refuse_overwrites(inputs)?;
     let Job { loaded, warnings, ready, .. } = job;

@@ -25,13 +25,12 @@ use crate::{
 };
 
 use super::{
-    flags::{SceneArgs, SizeArgs},
-    load,
+    load::{self, SceneRequest},
     names::ProgressMode,
     outputs::OutputFlags,
-    print,
+    overrides, print,
     progress::Progress,
-    render::{args::RenderArgs, progress as render_progress},
+    render::progress as render_progress,
     signals,
 };
 
@@ -87,20 +86,15 @@ fn all_backends(isa: Isa) -> [Backend; 4] {
     [embree, Backend::Bvh(isa), Backend::Coursework, Backend::Brute]
 }
 
-/// Returns the arguments of an equivalent `render`, so that scenes and meshes are loaded the same
-/// way.
-fn as_render(args: &CrosscheckArgs, input: &Path) -> RenderArgs {
-    RenderArgs {
-        input: input.to_owned(),
-        scene: SceneArgs {
-            picture: SizeArgs { size: args.picture.size },
-            spp: args.spp,
-            seed: args.seed,
-            set: args.overrides.set.clone(),
-            ..SceneArgs::default()
-        },
-        ..RenderArgs::default()
-    }
+/// Returns the scene that the arguments ask for.
+fn request<'a>(args: &CrosscheckArgs, input: &'a Path) -> SceneRequest<'a> {
+    let mut request = SceneRequest::new(input);
+    let all = &mut request.overrides;
+    overrides::add_size(all, args.picture.size);
+    all.flag("--spp", "/spp", args.spp);
+    all.flag("--seed", "/seed", args.seed);
+    overrides::add_sets(all, &args.overrides.set);
+    request
 }
 
 /// Accelerators of all backends over one geometry.
@@ -168,8 +162,7 @@ fn check(
     isa: Isa,
     monitor: &Arc<Monitor>,
 ) -> Result<()> {
-    let flags = as_render(args, input);
-    let mut job = load::load(&flags)?;
+    let mut job = load::load(request(args, input))?;
     let outputs = OutputFlags(vec![("--save FILE.json", &args.save)]);
     outputs.refuse_overwrites(job.inputs(input))?;
     signals::watch(monitor)?;

@@ -22,7 +22,7 @@ use crate::{
 use super::part::SplitArgs;
 
 /// Arguments of `lightpath render`.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 pub struct RenderArgs {
     /// A scene.json, a mesh.ply (in the built-in studio), or - for a scene on stdin
     #[arg(value_name = "SCENE|FILE.ply|-", value_hint = ValueHint::FilePath)]
@@ -55,7 +55,7 @@ pub struct RenderArgs {
 }
 
 /// Flags for the number of samples of each pixel.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Sampling")]
 pub struct SamplingArgs {
     /// Take more samples where the relative standard error around a pixel is above TARGET, e.g.
@@ -77,7 +77,7 @@ pub struct SamplingArgs {
     pub time: Option<f64>,
 }
 
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Meshes")]
 pub struct MeshArgs {
     #[command(flatten)]
@@ -115,7 +115,7 @@ impl MeshArgs {
 }
 
 /// Flags for output files.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Files")]
 pub struct FileArgs {
     #[command(flatten)]
@@ -166,7 +166,7 @@ impl FileArgs {
     }
 }
 
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Messages")]
 pub struct ReportArgs {
     /// Write times, rays and memory as JSON

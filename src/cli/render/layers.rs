@@ -8,23 +8,23 @@ use crate::{
     film::Film,
     layers::PixelLayout,
     output::{Outputs, atomic::Part, png, preview as pictures, tonemap::Depth},
-    paths,
     picture::{file_name, manifest_path},
     scene::{Layer, Scene},
 };
-
-use super::args::RenderArgs;
 
 /// Returns the layers of `render --png-layer` and the paths of their pictures.
 ///
 /// # Errors
 /// Layers that the EXR does not have.
-pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, PathBuf)>> {
-    let prefix = paths::prefix(args.output.as_deref(), &args.input);
+pub fn preview_paths(
+    names: &[String],
+    scene: &Scene,
+    prefix: &Path,
+) -> Result<Vec<(String, PathBuf)>> {
     let written: Vec<String> =
         scene.layers.iter().map(|layer| layer.name(&scene.light_groups)).collect();
     let mut shown = Vec::new();
-    for name in &args.files.png_layer {
+    for name in names {
         let named = match Layer::from_word(name, &scene.light_groups) {
             Some(_) if name == "all" => written.clone(),
             Some(layers) => layers.iter().map(|layer| layer.name(&scene.light_groups)).collect(),
@@ -45,7 +45,7 @@ pub fn preview_paths(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Pa
             }
         }
     }
-    Ok(shown.into_iter().map(|name| preview(&prefix, name)).collect())
+    Ok(shown.into_iter().map(|name| preview(prefix, name)).collect())
 }
 
 /// Returns the layers of `merge --png-layer` and the paths of their pictures.
@@ -139,14 +139,6 @@ pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<V
         found.push(Manifest { path, text: std::mem::replace(text, file) });
     }
     Ok(found)
-}
-
-/// Creates the part files for the pictures of `render --png-layer`.
-///
-/// # Errors
-/// As for [`Part::create`].
-pub fn create_previews(args: &RenderArgs, scene: &Scene) -> Result<Vec<(String, Part)>> {
-    open_previews(preview_paths(args, scene)?)
 }
 
 /// Creates the part files for pictures of layers.

@@ -2,6 +2,7 @@
 
 pub mod args;
 pub mod layers;
+mod options;
 pub mod part;
 pub mod progress;
 mod sampling;
@@ -20,9 +21,8 @@ use crate::{
     mesh::Mesh,
     monitor::Monitor,
     output::{ValueCounts, atomic::Part},
-    paths,
-    picture::{self, PictureHeader, Storage},
-    render::{self as renderer, Adaptive, SampleCounts},
+    picture::{self, PictureHeader},
+    render::{self as renderer, SampleCounts},
     world::{Contents, LoadOptions, World, fingerprint},
 };
 
@@ -30,16 +30,15 @@ use super::{
     about,
     load::{self, Job},
     machine,
-    names::ProgressMode,
-    outputs::{self, OutputFlags, TextOutputs},
+    outputs::{self, TextOutputs},
     print,
     progress::Progress,
     signals,
 };
 
 use self::{
-    args::RenderArgs,
-    part::PicturePart,
+    args::{RenderArgs, ReportArgs},
+    options::RenderOptions,
     stats::{Memory, Rays, Samples, Seconds, Stats},
 };
 
@@ -55,16 +54,12 @@ struct Files {
 }
 
 impl Files {
-    fn create(args: &RenderArgs, job: &Job, plan: &LayerPlan) -> Result<Self> {
-        let prefix = paths::prefix(args.output.as_deref(), &args.input);
-        let texts = OutputFlags(vec![
-            ("--stats", &args.report.stats),
-            ("--write-scene", &args.mesh.write_scene),
-        ]);
+    fn create(options: &RenderOptions) -> Result<Self> {
+        let RenderOptions { prefix, plan, storage, previews, .. } = options;
         Ok(Self {
-            picture: picture::Files::create(&prefix, plan, args.files.storage())?,
-            previews: layers::create_previews(args, &job.loaded.scene)?,
-            texts: texts.create()?,
+            picture: picture::Files::create(prefix, plan, *storage)?,
+            previews: layers::open_previews(previews.clone())?,
+            texts: options.text_files().create()?,
         })
     }
 }
@@ -75,51 +70,26 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
     let pool = args.machine.workers.pool()?;
     let threads = pool.current_num_threads();
-    let mut job = pool.install(|| load::load(args))?;
+    let mut job = pool.install(|| load::load(options::request(args)?))?;
     let ready = std::mem::take(&mut job.ready);
-    let plan = LayerPlan::new(&job.loaded.scene);
-    let piece = PicturePart::new(args, &job, &plan)?;
-    let words = piece.channels().len();
-    let adaptive = sampling::adaptive(&args.sampling, &job.loaded.scene)?;
-    piece.suits(adaptive.is_some())?;
-    job.warnings.extend(adaptive.as_ref().and_then(sampling::warning));
-    let budget = args.machine.max_memory.map(|limit| {
-        pool.install(|| {
-            let scene = &job.loaded.scene;
-            let window = piece.window;
-            let sums = adaptive.map_or(0, |adaptive| sampling::bytes(&adaptive, scene, window));
-            let deeper = memory::deeper_png_bytes(window, args.files.storage().depth);
-            let beside = sums.saturating_add(deeper);
-            Budget::check(limit, scene, (window, words, beside), threads)
-        })
-    });
-    let budget = budget.transpose()?;
+    let options = pool.install(|| RenderOptions::resolve(args, &job, threads))?;
+    job.warnings.extend(options.warning());
     let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
-    let outputs = outputs(args, &job, &plan)?;
-    outputs::refuse_overwrites(inputs, &outputs, OUTPUT_FLAGS)?;
+    outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;
     // No signal handler before this point: a signal ends the program at once, and no file exists
     // yet.
     signals::watch(&monitor)?;
-    let files = Files::create(args, &job, &plan)?;
-    let mode = match args.report.quiet {
-        true => ProgressMode::Off,
-        false => args.report.progress.unwrap_or(ProgressMode::Auto),
-    };
+    let files = Files::create(&options)?;
     let run = Run {
-        args,
         job: &job,
-        plan,
-        piece,
-        adaptive,
-        budget,
         threads,
         monitor: &monitor,
-        progress: Progress::start(mode, progress::meter(&monitor)),
-        outputs,
+        progress: Progress::start(options.progress, progress::meter(&monitor)),
+        options,
         start,
     };
     let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
-    report(args, &stats, &paths)?;
+    report(&args.report, &stats, &paths)?;
     match &oddities.first_non_finite {
         Some(spot) if args.files.prefix.strict => {
             let message =
@@ -130,28 +100,13 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
 }
 
-/// Returns the paths of all files that will be written.
-fn outputs(args: &RenderArgs, job: &Job, plan: &LayerPlan) -> Result<Vec<PathBuf>> {
-    let prefix = paths::prefix(args.output.as_deref(), &args.input);
-    let others = [&args.report.stats, &args.mesh.write_scene].into_iter().flatten().cloned();
-    let previews =
-        layers::preview_paths(args, &job.loaded.scene)?.into_iter().map(|(_, path)| path);
-    let pictures = picture::Files::names(&prefix, plan, args.files.storage()).into_iter();
-    Ok(pictures.chain(previews).chain(others).collect())
-}
-
 /// State shared by the stages of a render.
 struct Run<'a> {
-    args: &'a RenderArgs,
     job: &'a Job,
-    plan: LayerPlan,
-    piece: PicturePart,
-    adaptive: Option<Adaptive>,
-    budget: Option<Budget>,
+    options: RenderOptions,
     threads: usize,
     monitor: &'a Monitor,
     progress: Progress,
-    outputs: Vec<PathBuf>,
     start: Instant,
 }
 
@@ -165,13 +120,13 @@ impl Run<'_> {
     ) -> Result<(Stats, Vec<PathBuf>, ValueCounts)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
-        let (plan, piece) = (&self.plan, &self.piece);
+        let (plan, part) = (&self.options.plan, &self.options.part);
         let frame = [scene.camera.width, scene.camera.height];
-        let blank = ReservedFilm::new(frame, piece.window, piece.channels())?;
-        let budget = self.budget.as_ref();
+        let blank = ReservedFilm::new(frame, part.window, part.channels())?;
+        let budget = self.options.budget.as_ref();
         let options = LoadOptions {
-            repair: self.args.mesh.reading.repair,
-            no_mmap: self.args.mesh.reading.no_mmap,
+            repair: self.options.repair,
+            no_mmap: self.options.no_mmap,
             ready,
             room: budget.map(Budget::for_meshes).or_else(memory::machine),
             texture_bytes: budget.map(Budget::for_textures),
@@ -180,23 +135,23 @@ impl Run<'_> {
         let mut contents = Contents::default();
         let (loaded, hash) = rayon::join(
             || World::load(scene, options, self.monitor),
-            || fingerprint(&self.job.loaded, self.args.mesh.reading.repair, &mut contents),
+            || fingerprint(&self.job.loaded, self.options.repair, &mut contents),
         );
         let (world, warnings) = loaded?;
-        let mut world = world.with_margin(piece.margin);
+        let mut world = world.with_margin(part.margin);
         let hash = hash?;
         if hash.is_some() {
             world.read.check(&contents)?;
         }
         // A mesh from a pipe names its texture only when it is read.
-        outputs::refuse_overwrites(world.read.paths(), &self.outputs, OUTPUT_FLAGS)?;
+        outputs::refuse_overwrites(world.read.paths(), self.options.outputs(), OUTPUT_FLAGS)?;
         self.warn(&warnings);
         let loaded = self.start.elapsed().as_secs_f64();
 
         let world_bytes = world.mesh_bytes() + world.texture_bytes();
         let isa = scene.backend.isa();
         if budget.is_none() {
-            let film = memory::film_bytes(piece.window, piece.channels().len());
+            let film = memory::film_bytes(part.window, part.channels().len());
             memory::ensure_build_fits(scene.backend, self.threads, world.primitives(), film)?;
         }
         let options = BuildOptions {
@@ -214,7 +169,7 @@ impl Run<'_> {
 
         let accelerator = accelerator.as_ref();
         let (film, monitor) = (&mut film, self.monitor);
-        let (counts, taken) = match (self.adaptive, &piece.raw) {
+        let (counts, taken) = match (self.options.adaptive, &part.raw) {
             (Some(adaptive), _) => {
                 world.spp = adaptive.most;
                 let (counts, taken) = renderer::render_adaptive(
@@ -292,35 +247,28 @@ impl Run<'_> {
         stats: &mut Stats,
     ) -> Result<(Vec<PathBuf>, ValueCounts)> {
         let started = Instant::now();
-        let (args, scene) = (self.args, &self.job.loaded.scene);
+        let (options, scene) = (&self.options, &self.job.loaded.scene);
         let mut more: Vec<(String, String)> =
-            self.piece.attribute(args, scene, info, hash)?.into_iter().collect();
-        more.extend(self.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
-        let spp = sampling::spp(self.adaptive.as_ref(), scene);
+            options.part.attribute(options.storage, scene, info, hash)?.into_iter().collect();
+        more.extend(options.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
+        let spp = sampling::spp(options.adaptive.as_ref(), scene);
         let says = PictureHeader {
             plan,
             more: &more,
             info,
             scene_hash: hash,
             spp: Some(&spp),
-            sequence: args.files.sequence(),
-            render_seconds: args.files.record_time.then_some(stats.seconds.render as f32),
+            sequence: options.sequence,
+            render_seconds: options.record_time.then_some(stats.seconds.render as f32),
             fingerprint: None,
-        };
-        // The file of a part keeps every bit. Its attribute holds the format of the merged picture.
-        let storage = match self.piece.is_exact(args) {
-            true => {
-                Storage { float: true, depth: args.files.storage().depth, ..Storage::default() }
-            }
-            false => args.files.storage(),
         };
         let Files { mut picture, previews, mut texts } = files;
         let previews = layers::write_previews(film, previews, |part| picture.add(part))?;
         let (mut paths, oddities) =
-            picture::write(picture, film, scene, says, storage, self.monitor)?;
+            picture::write(picture, film, scene, says, options.file_storage(), self.monitor)?;
         self.warn(&picture::oddity_warnings(&oddities));
         paths.extend(previews);
-        if let Some(target) = &args.mesh.write_scene {
+        if let Some(target) = &options.write_scene {
             texts.try_write("--write-scene", || load::saved(self.job, target))?;
         }
         stats.seconds.write = started.elapsed().as_secs_f64();
@@ -332,7 +280,7 @@ impl Run<'_> {
     }
 
     fn warn(&self, warnings: &[Problem]) {
-        if !self.args.report.quiet {
+        if !self.options.quiet {
             for warning in warnings {
                 self.progress.message(&format!("warning: {warning}"));
             }
@@ -340,11 +288,11 @@ impl Run<'_> {
     }
 }
 
-fn report(args: &RenderArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
-    if !args.report.quiet {
+fn report(args: &ReportArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
+    if !args.quiet {
         print::note(&stats.summary());
     }
-    if args.report.json {
+    if args.json {
         let mut value = json!(stats);
         value["outputs"] = paths.iter().map(|path| path.display().to_string()).collect();
         return print::json(&value);

@@ -6,20 +6,19 @@ use clap::Args;
 
 use crate::{
     accel::BuildInfo,
-    error::{Error, Result},
+    error::{Error, Kind, Problem, Result},
     film::{Channel, Window},
-    integrate::Pattern,
+    integrate::{Pattern, TILE},
     layers::{LayerPlan, PixelLayout, RawLayout},
     merge::{PictureFormat, PictureTile, part},
-    scene::{Backend, Scene},
+    picture::Storage,
+    scene::{Backend, MAX_PIXELS, Scene},
 };
-
-use crate::cli::load::{self, Job};
 
 use super::args::RenderArgs;
 
 /// Flags for parts of a picture.
-#[derive(Debug, Default, Clone, Args)]
+#[derive(Debug, Args)]
 #[command(
     next_help_heading = "Parts (`lightpath merge` joins them to the same bytes as one render)"
 )]
@@ -71,6 +70,10 @@ pub struct PicturePart {
     /// corner.
     pub margin: u32,
     samples: Range<u32>,
+    /// The tile and the number of tiles, if the picture is split into tiles.
+    tile: Option<[u32; 2]>,
+    /// True if the EXR must keep every bit.
+    pub exact: bool,
     /// Recipe for the layers of the merged picture.
     recipe: PixelLayout,
     /// Storage of partial sums; `None` if all samples are rendered.
@@ -82,11 +85,11 @@ impl PicturePart {
     ///
     /// # Errors
     /// Tiles and samples that the picture does not have; flags that only work for a whole picture.
-    pub fn new(args: &RenderArgs, job: &Job, plan: &LayerPlan) -> Result<Self> {
-        let (scene, split) = (&job.loaded.scene, &args.split);
+    pub fn new(args: &RenderArgs, scene: &Scene, plan: &LayerPlan) -> Result<Self> {
+        let split = &args.split;
         let (margin, whole) = match args.scene.overscan {
-            0 => (0, load::window(args.scene.crop.as_deref(), scene)?),
-            pixels => load::overscan(pixels, scene)?,
+            0 => (0, window(args.scene.crop.as_deref(), scene)?),
+            pixels => overscan(pixels, scene)?,
         };
         let window = match split.tile {
             Some([i, n]) if n <= whole.height() => part::band(whole, i, n),
@@ -114,12 +117,13 @@ impl PicturePart {
         refuse_cut_packets(&samples, scene)?;
         let recipe = plan.recipe.clone();
         let raw = (samples != (0..spp)).then(|| RawLayout::new(&recipe, samples.clone()));
-        let piece = Self { whole, window, margin, samples, recipe, raw };
+        let is_split = split.tile.is_some() || split.samples.is_some();
+        let (tile, exact) = (split.tile, split.part || is_split);
+        let piece = Self { whole, window, margin, samples, tile, exact, recipe, raw };
         let frame = Window::full(scene.camera.width, scene.camera.height);
         // A crop is a part of the frame. Tiles and samples of a crop are parts of the crop.
-        let is_split = split.tile.is_some() || split.samples.is_some();
         let piece = if is_split || margin > 0 { piece } else { Self { whole: frame, ..piece } };
-        if piece.is_exact(args) {
+        if piece.exact {
             let for_merge = "give it to `lightpath merge`";
             let set = [
                 ("--png-layer", !args.files.png_layer.is_empty(), for_merge),
@@ -144,7 +148,7 @@ impl PicturePart {
     ///
     /// # Errors
     /// `Invalid` for both together.
-    pub fn suits(&self, adaptive: bool) -> Result<()> {
+    pub fn check_sampling(&self, adaptive: bool) -> Result<()> {
         if !(adaptive && self.raw.is_some()) {
             return Ok(());
         }
@@ -158,27 +162,21 @@ impl PicturePart {
         self.raw.as_ref().map_or_else(|| self.recipe.channels.clone(), RawLayout::channels)
     }
 
-    /// Returns true if the EXR must keep every bit.
-    pub fn is_exact(&self, args: &RenderArgs) -> bool {
-        args.split.part || args.split.tile.is_some() || args.split.samples.is_some()
-    }
-
     /// Returns the attribute that `merge` reads, or `None` for a whole picture. `fingerprint` is
-    /// the hash of the scene and its files.
+    /// the hash of the scene and its files, and `storage` the format of the merged picture.
     ///
     /// # Errors
     /// A failure to serialize, which cannot occur with the present types.
     pub fn attribute(
         &self,
-        args: &RenderArgs,
+        storage: Storage,
         scene: &Scene,
         info: &BuildInfo,
         fingerprint: Option<&str>,
     ) -> Result<Option<(String, String)>> {
-        if !self.is_exact(args) && self.window == self.whole {
+        if !self.exact && self.window == self.whole {
             return Ok(None);
         }
-        let (split, storage) = (&args.split, args.files.storage());
         let files = PictureFormat {
             float: storage.float,
             compression: storage.compression,
@@ -192,10 +190,10 @@ impl PicturePart {
             fingerprint: fingerprint.map(str::to_string),
             isa: matches!(scene.backend, Backend::Embree(_)).then(|| info.isa.clone()),
             whole: [x0, y0, x1, y1],
-            tile: split.tile,
+            tile: self.tile,
             samples: [self.samples.start, self.samples.end],
             of: scene.spp,
-            exact: self.is_exact(args) || args.files.values.float,
+            exact: self.exact || storage.float,
             files,
             recipe: self.recipe.clone(),
         };
@@ -203,6 +201,46 @@ impl PicturePart {
             serde_json::to_string(&part).map_err(|e| Error::invalid("--part", e.to_string()))?;
         Ok(Some((part::ATTRIBUTE.to_string(), text)))
     }
+}
+
+/// Returns the window of pixels to render.
+///
+/// # Errors
+/// A crop that is empty or exceeds the frame.
+fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let Some([x0, y0, x1, y1]) = crop.and_then(|c| <[u32; 4]>::try_from(c).ok()) else {
+        return Ok(Window::full(width, height));
+    };
+    let found = format!("found {x0} {y0} {x1} {y1}");
+    let wrong = match (x0 < x1 && y0 < y1, x1 <= width && y1 <= height) {
+        (true, true) => return Ok(Window { x0, y0, x1, y1 }),
+        (false, _) => format!("{found}, which is empty, expected X0 < X1 and Y0 < Y1"),
+        (_, false) => format!("{found}, expected pixels within the frame of {width} x {height}"),
+    };
+    Err(Error::new(Kind::Invalid, Problem::new("--crop", wrong)))
+}
+
+/// Returns the margin for `pixels` of overscan, and the window in the coordinates of the enlarged
+/// frame.
+///
+/// The margin is a whole number of tiles, so the packets of the frame stay the same.
+///
+/// # Errors
+/// More pixels than a picture may have.
+fn overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let margin = pixels.next_multiple_of(TILE);
+    let [x0, y0] = [margin - pixels; 2];
+    let [x1, y1] = [width, height].map(|side| margin + side + pixels);
+    let window = Window { x0, y0, x1, y1 };
+    if u64::from(window.width()) * u64::from(window.height()) > MAX_PIXELS {
+        let [w, h] = [window.width(), window.height()];
+        let message = format!("found {pixels}, a picture of {w} x {h} pixels with the frame");
+        let message = format!("{message}, expected at most {MAX_PIXELS} pixels");
+        return Err(Error::invalid("--overscan", message));
+    }
+    Ok((margin, window))
 }
 
 /// Refuses a range of samples that cuts a packet if the scene has adaptive shadows, which decide
