@@ -43,6 +43,7 @@ const FLOORS: &[(&str, u32)] = &[
     ("reserve", 1), // memory that may not be there
     ("paths", 1),
     ("monitor", 1),
+    ("threads", 1), // pools of worker threads
     ("units", 0),
     ("error", 0), // what goes wrong anywhere
 ];

@@ -4,8 +4,11 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
+    measure::result::Machine,
     simd::Isa,
 };
+
+use super::about;
 
 /// Returns the number of threads: `--threads`, else the batch system's grant, else what the process
 /// may use.
@@ -20,16 +23,12 @@ pub fn threads(asked: Option<u16>) -> usize {
         .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
 }
 
-/// Starts a pool of worker threads.
+/// Starts a pool of worker threads; their number as for [`threads`].
 ///
 /// # Errors
 /// `Retry` if the system cannot start that many.
 pub fn pool(asked: Option<u16>) -> Result<ThreadPool> {
-    let threads = threads(asked);
-    ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
-        let message = format!("cannot start {threads} threads: {error}");
-        Error::new(Kind::Retry, Problem::new("--threads", message))
-    })
+    crate::threads::pool(threads(asked))
 }
 
 /// Starts rayon's global pool, which is used where no pool is named.
@@ -71,4 +70,16 @@ pub fn cpu() -> String {
         (key.trim() == "model name").then(|| value.trim().to_string())
     });
     name.unwrap_or_else(|| std::env::consts::ARCH.to_string())
+}
+
+/// Describes this machine for a report. `isa` is the instruction set in use.
+pub fn describe(isa: Isa) -> Machine {
+    let mut versions = about::versions("");
+    versions.remove("backend");
+    Machine {
+        cpu: cpu(),
+        cores: std::thread::available_parallelism().map_or(1, usize::from),
+        isa: isa.to_string(),
+        versions,
+    }
 }

@@ -7,6 +7,7 @@
 mod about;
 mod accuracy;
 mod args;
+mod backends;
 mod batch;
 mod bench;
 mod compare;

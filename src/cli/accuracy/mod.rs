@@ -14,7 +14,10 @@ use crate::{
     simd::Isa,
 };
 
-use super::{bench, print, signals};
+use super::{
+    backends::{contestant, each_once},
+    machine, print, signals,
+};
 
 use self::args::AccuracyArgs;
 
@@ -44,7 +47,7 @@ pub fn run(args: &AccuracyArgs) -> Result<()> {
             print::text(&table::line(&settings, row, first))
         })
     })?;
-    report.machine = Some(bench::machine(Isa::detect()));
+    report.machine = Some(machine::describe(Isa::detect()));
     print::text(&table::summary(&report))?;
     outputs.write_json("--json", &report)?;
     outputs.write("--html", || page::page(&report).html())?;
@@ -79,20 +82,13 @@ fn cases(text: Option<&str>) -> Result<Vec<Case>> {
 }
 
 fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
-    let mut columns: Vec<Column> = Vec::new();
-    for name in &args.backend {
-        let named = match name.as_str() {
-            "bvh" => Column::tiers(),
-            _ => vec![Column { contestant: bench::contestant("--backend", name, Isa::detect())? }],
-        };
-        for column in named {
-            if columns.contains(&column) {
-                let message = format!("found {} twice, expected each backend once", column.name());
-                return Err(Error::invalid("--backend", message));
-            }
-            columns.push(column);
-        }
-    }
+    let named = args.backend.iter().flat_map(|name| match name.as_str() {
+        "bvh" => Column::tiers().into_iter().map(|tier| Ok(tier.contestant)).collect(),
+        _ => vec![contestant("--backend", name, Isa::detect())],
+    });
+    let contestants = each_once("--backend", named)?;
+    let mut columns: Vec<Column> =
+        contestants.into_iter().map(|contestant| Column { contestant }).collect();
     if columns.is_empty() {
         let (available, without) = accuracy::available(Column::all(), monitor)?;
         without.iter().for_each(|line| print::note(line));

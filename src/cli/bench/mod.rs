@@ -10,8 +10,6 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use clap::ValueEnum;
-
 use crate::{
     error::{Error, Failures, Kind, Problem, Result, printable},
     measure::{
@@ -19,18 +17,18 @@ use crate::{
         accuracy::{self, Column},
         bench::{Contestant, Settings, measure},
         rays::Class,
-        result::{self, Machine, Report, Run, SceneResult, Since},
+        result::{self, Report, Run, SceneResult, Since},
     },
     memory,
     monitor::Monitor,
-    scene::{self, Backend, EmbreeMode, Source},
+    scene::{self, Backend, Source},
     simd::Isa,
     studio,
     world::{LoadOptions, World},
 };
 
 use super::{
-    about,
+    backends::{contestant, each_once},
     load::{self, Job, SceneRequest},
     machine, overrides, print, signals,
 };
@@ -56,7 +54,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let mut outputs = args.outputs().create()?;
     let mut report = Report {
         version: result::VERSION,
-        machine: machine(settings.isa),
+        machine: machine::describe(settings.isa),
         run,
         scenes: Vec::with_capacity(args.inputs.len()),
     };
@@ -132,15 +130,8 @@ fn measure_scene(
 /// Checks the flags and returns the settings.
 fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
     let isa = args.kernels.isa()?;
-    let mut contestants: Vec<Contestant> = Vec::new();
-    for name in &args.backends {
-        let contestant = contestant("--backends", name, isa)?;
-        if contestants.contains(&contestant) {
-            let message = format!("found {name} twice, expected each backend once");
-            return Err(Error::invalid("--backends", message));
-        }
-        contestants.push(contestant);
-    }
+    let named = args.backends.iter().map(|name| contestant("--backends", name, isa));
+    let mut contestants = each_once("--backends", named)?;
     if contestants.is_empty() {
         contestants = ours_against_embree(isa, monitor)?;
     }
@@ -192,56 +183,6 @@ fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<Contestant>> {
     let (columns, without) = accuracy::available(columns, monitor)?;
     without.iter().for_each(|line| print::note(line));
     Ok(columns.into_iter().map(|column| column.contestant).collect())
-}
-
-/// Parses a backend name such as `bvh:avx2`. `flag` is for messages.
-pub fn contestant(flag: &str, name: &str, isa: Isa) -> Result<Contestant> {
-    let (kind, forced) = match name.split_once(':') {
-        Some((kind, forced)) => (kind, Some(forced)),
-        None => (name, None),
-    };
-    let backend = match kind {
-        "bvh" => Backend::Bvh(isa),
-        "embree" => Backend::Embree(EmbreeMode::Robust),
-        "embree-fast" => Backend::Embree(EmbreeMode::Fast),
-        "embree-compact" => Backend::Embree(EmbreeMode::Compact),
-        "coursework" => Backend::Coursework,
-        "brute" => Backend::Brute,
-        _ => {
-            let message = format!(
-                "found {name:?}, expected some of bvh, embree, embree-fast, embree-compact, \
-                 coursework, brute"
-            );
-            return Err(Error::invalid(flag, message));
-        }
-    };
-    let backend = match (backend, forced) {
-        (backend, None) => backend,
-        (Backend::Bvh(_), Some(forced)) => {
-            let wanted = Isa::from_str(forced, false).map_err(|_| {
-                let message = format!("found {forced:?}, expected portable, avx2 or avx512");
-                Error::invalid(flag, message)
-            })?;
-            Backend::Bvh(machine::check_isa(flag, wanted)?)
-        }
-        (_, Some(_)) => {
-            let message = format!("found {name:?}, expected an instruction set only after bvh");
-            return Err(Error::invalid(flag, message));
-        }
-    };
-    Ok(Contestant { name: name.to_string(), backend })
-}
-
-/// Describes this machine. `isa` is the instruction set in use.
-pub fn machine(isa: Isa) -> Machine {
-    let mut versions = about::versions("");
-    versions.remove("backend");
-    Machine {
-        cpu: machine::cpu(),
-        cores: std::thread::available_parallelism().map_or(1, usize::from),
-        isa: isa.to_string(),
-        versions,
-    }
 }
 
 fn read_baseline(path: &Path) -> Result<Report> {

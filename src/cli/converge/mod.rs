@@ -24,9 +24,9 @@ use crate::{
 };
 
 use super::{
-    bench,
+    backends::{contestant, each_once},
     load::{self, Job, SceneRequest},
-    overrides, print, signals,
+    machine, overrides, print, signals,
 };
 
 use self::args::ConvergeArgs;
@@ -79,7 +79,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     })?;
     let file = args.reference.as_ref().map(|path| path.display().to_string());
     let subject = Subject {
-        machine: bench::machine(isa),
+        machine: machine::describe(isa),
         threads: pool.current_num_threads(),
         scene: args.input.display().to_string(),
         hash: loaded.hash,
@@ -106,16 +106,7 @@ fn limits(args: &ConvergeArgs) -> Result<Limits> {
 fn contestants(args: &ConvergeArgs, scene: &Scene, isa: Isa) -> Result<Vec<Contestant>> {
     let own = [scene.backend.name().to_string()];
     let names = if args.backends.is_empty() { &own[..] } else { &args.backends };
-    let mut contestants: Vec<Contestant> = Vec::new();
-    for name in names {
-        let contestant = bench::contestant("--backends", name, isa)?;
-        if contestants.contains(&contestant) {
-            let message = format!("found {name} twice, expected each backend once");
-            return Err(Error::invalid("--backends", message));
-        }
-        contestants.push(contestant);
-    }
-    Ok(contestants)
+    each_once("--backends", names.iter().map(|name| contestant("--backends", name, isa)))
 }
 
 fn grid(args: &ConvergeArgs, scene: &Scene, contestants: usize) -> Result<Grid> {
