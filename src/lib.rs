@@ -64,6 +64,7 @@ pub mod scene;
 pub mod shading;
 pub mod simd;
 pub mod studio;
+pub mod threads;
 pub mod units;
 pub mod world;
 

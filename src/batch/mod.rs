@@ -40,6 +40,7 @@ use std::{ops::Range, path::PathBuf, sync::atomic::Ordering::Relaxed};
 use crate::{
     error::{Error, Result},
     monitor::Monitor,
+    threads,
 };
 
 use journal::{Journal, now};
@@ -94,7 +95,7 @@ pub fn run(
     let all = 0..plan::index(job.frames(), job.inputs.len(), 0);
     let range = options.range.as_ref().unwrap_or(&all);
     status.total.store(range.end - range.start, Relaxed);
-    let loading = pipeline::pool(options.threads)?;
+    let loading = threads::pool(options.threads)?;
     let path = journal_path(job, options.range.as_ref());
     let inputs = loading.install(|| -> Result<_> {
         let inputs = outputs::inputs(job);

@@ -13,7 +13,7 @@ use std::{
     },
 };
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 
 use crate::{
     accel::Footprint,
@@ -25,6 +25,7 @@ use crate::{
     render::RayCounts,
     reserve::MemoryLimit,
     scene::Backend,
+    threads,
     world::Read,
 };
 
@@ -105,7 +106,7 @@ pub fn run(
         tell,
         sweep: Sweep::default(),
         settings: Settings { repair: job.repair, storage: job.storage, sequence: job.sequence(0) },
-        pool: pool(options.threads)?,
+        pool: threads::pool(options.threads)?,
         loading,
         inputs,
         sums: (options.resume && options.verify).then(|| Sums::read(&job.folder)),
@@ -147,17 +148,6 @@ pub fn together(count: usize, work: impl Fn() + Sync) {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Starts a pool of `threads` threads.
-///
-/// # Errors
-/// `Retry` if the system cannot start them.
-pub fn pool(threads: usize) -> Result<ThreadPool> {
-    ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
-        let message = format!("cannot start {threads} threads: {error}");
-        Error::new(Kind::Retry, Problem::new("--threads", message))
-    })
 }
 
 /// Number of frames to render at a time: one if a frame keeps all threads busy, more if frames are

@@ -1,10 +1,14 @@
-//! Threads and instruction set of the machine.
+//! Threads, instruction set and processor of the machine.
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::args::IsaName;
-use crate::error::{Error, Kind, Problem, Result};
-use crate::simd::Isa;
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    measure::result::Machine,
+    simd::Isa,
+};
+
+use super::about;
 
 /// Returns the number of threads: `--threads`, else the batch system's grant, else what the process
 /// may use.
@@ -19,16 +23,12 @@ pub fn threads(asked: Option<u16>) -> usize {
         .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
 }
 
-/// Starts a pool of worker threads.
+/// Starts a pool of worker threads; their number as for [`threads`].
 ///
 /// # Errors
 /// `Retry` if the system cannot start that many.
 pub fn pool(asked: Option<u16>) -> Result<ThreadPool> {
-    let threads = threads(asked);
-    ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
-        let message = format!("cannot start {threads} threads: {error}");
-        Error::new(Kind::Retry, Problem::new("--threads", message))
-    })
+    crate::threads::pool(threads(asked))
 }
 
 /// Starts rayon's global pool, which is used where no pool is named.
@@ -44,24 +44,11 @@ pub fn default_pool() -> Result<()> {
     })
 }
 
-/// Returns the instruction set of `--isa`, or the best of this machine.
+/// Returns `wanted`, the instruction set that `flag` names, if it can run here.
 ///
 /// # Errors
 /// `Unsupported` if this machine or this build lacks it.
-pub fn isa(asked: Option<IsaName>) -> Result<Isa> {
-    asked.map_or(Ok(Isa::detect()), |name| tier("--isa", name))
-}
-
-/// Returns the instruction set that a flag names.
-///
-/// # Errors
-/// As for [`isa`].
-pub fn tier(flag: &str, name: IsaName) -> Result<Isa> {
-    let wanted = match name {
-        IsaName::Portable => Isa::Portable,
-        IsaName::Avx2 => Isa::Avx2,
-        IsaName::Avx512 => Isa::Avx512,
-    };
+pub fn check_isa(flag: &str, wanted: Isa) -> Result<Isa> {
     if Isa::available().any(|isa| isa == wanted) {
         return Ok(wanted);
     }
@@ -73,4 +60,26 @@ pub fn tier(flag: &str, name: IsaName) -> Result<Isa> {
     let message = format!("found {wanted}, which {lacks} lacks");
     let help = format!("available: {}", available.join(", "));
     Err(Error::new(Kind::Unsupported, Problem::new(flag, message).help(help)))
+}
+
+/// Returns the model name of the processor, or the architecture if the system does not report one.
+pub fn cpu() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = info.lines().find_map(|line| {
+        let (key, value) = line.split_once(':')?;
+        (key.trim() == "model name").then(|| value.trim().to_string())
+    });
+    name.unwrap_or_else(|| std::env::consts::ARCH.to_string())
+}
+
+/// Describes this machine for a report. `isa` is the instruction set in use.
+pub fn describe(isa: Isa) -> Machine {
+    let mut versions = about::versions("");
+    versions.remove("backend");
+    Machine {
+        cpu: cpu(),
+        cores: std::thread::available_parallelism().map_or(1, usize::from),
+        isa: isa.to_string(),
+        versions,
+    }
 }

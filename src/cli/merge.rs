@@ -7,19 +7,22 @@ use clap::{Args, ValueHint};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
-    files,
     merge::Parts,
     monitor::{Monitor, Phase},
     output::{Outputs, WriteOptions, exr},
-    picture,
+    paths, picture,
 };
 
 use super::{
-    args::ProgressMode,
-    layers::{self, Manifest},
-    machine, paths,
+    flags::{MessageArgs, PrefixArgs, WorkerArgs},
+    names::ProgressMode,
+    outputs, print,
     progress::Progress,
-    render_progress, signals,
+    render::{
+        layers::{self, Manifest},
+        progress as render_progress,
+    },
+    signals,
 };
 
 /// Arguments of `lightpath merge`.
@@ -37,33 +40,25 @@ pub struct MergeArgs {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub png_layer: Vec<String>,
 
-    /// Write the object names of cryptomattes to PREFIX.CryptoObject.json and
-    /// PREFIX.CryptoMaterial.json instead of the EXR's header
-    #[arg(long)]
-    pub crypto_sidecar: bool,
+    #[command(flatten)]
+    pub files: PrefixArgs,
 
-    /// Fail (exit code 1) if a pixel is NaN or infinite; the files are written all the same
-    #[arg(long)]
-    pub strict: bool,
+    #[command(flatten)]
+    pub workers: WorkerArgs,
 
-    /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
-
-    /// Only errors on stderr
-    #[arg(long)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub messages: MessageArgs,
 }
 
 /// Merges the parts of one picture and writes its files.
 pub fn run(args: &MergeArgs) -> Result<()> {
     let start = Instant::now();
     let monitor = Arc::new(Monitor::default());
-    let pool = machine::pool(args.threads)?;
+    let pool = args.workers.pool()?;
     let parts = Parts::open(&args.parts)?;
     let (part, prefix) = (&parts.part, paths::prefix(Some(&args.output), &args.output));
     let mut attributes = parts.attributes();
-    let manifests = match args.crypto_sidecar {
+    let manifests = match args.files.crypto_sidecar {
         true => layers::manifests(&mut attributes, &prefix)?,
         false => Vec::new(),
     };
@@ -71,12 +66,12 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let outputs = Outputs::names(&prefix).into_iter();
     let outputs = outputs.chain(manifests.iter().map(|m| m.path.clone()));
     let outputs: Vec<PathBuf> = outputs.chain(previews.iter().map(|(_, p)| p.clone())).collect();
-    files::refuse_overwrites(&args.parts, &outputs, "choose another name: -o PREFIX")?;
+    outputs::refuse_overwrites(&args.parts, &outputs, "-o PREFIX")?;
     signals::watch(&monitor)?;
     let mut files = Outputs::create(&prefix)?;
     let manifests = manifests.into_iter().map(Manifest::create).collect::<Result<Vec<_>>>()?;
     let previews = layers::open_previews(previews)?;
-    let mode = if args.quiet { ProgressMode::Off } else { ProgressMode::Auto };
+    let mode = if args.messages.quiet { ProgressMode::Off } else { ProgressMode::Auto };
     let progress = Progress::start(mode, render_progress::meter(&monitor));
 
     let Some(tonemap) = part.files.curve() else {
@@ -106,7 +101,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         let (paths, oddities) = files.write(&film, &options, &monitor)?;
         Ok(([&paths[..], &beside].concat(), oddities))
     })?;
-    if !args.quiet {
+    if !args.messages.quiet {
         for warning in picture::oddity_warnings(&oddities) {
             progress.message(&format!("warning: {warning}"));
         }
@@ -118,13 +113,11 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         }
     }
     drop(progress);
-    if !args.quiet {
-        let seconds = start.elapsed().as_secs_f64();
-        super::note(&format!("{} parts merged in {seconds:.2} s", args.parts.len()));
-    }
-    super::print_paths(&paths)?;
+    let seconds = start.elapsed().as_secs_f64();
+    args.messages.note(&format!("{} parts merged in {seconds:.2} s", args.parts.len()));
+    print::paths(&paths)?;
     match &oddities.first_non_finite {
-        Some(spot) if args.strict => {
+        Some(spot) if args.files.strict => {
             let count = oddities.non_finite;
             let message = format!("{count} pixels are NaN or infinite, the first {spot}");
             Err(Error::new(Kind::Check, Problem::new("--strict", message)))

@@ -1,94 +1,43 @@
-//! The command-line program: one thin file per command, which calls the modules below.
+//! The command-line program: a folder or file per command, which calls the modules below.
 //!
-//! Results and the paths of written files go to stdout, messages to stderr. Only `main` turns an
-//! error into an exit code. A flag that changes the scene becomes a `--set` override (`overrides`),
-//! so flags and overrides pass the same checks.
+//! Results and the paths of written files go to stdout, messages to stderr (`print`). Only `main`
+//! turns an error into an exit code. A flag that changes the scene becomes a `--set` override
+//! (`overrides`), so flags and overrides pass the same checks.
 
+mod about;
 mod accuracy;
-mod accuracy_markdown;
-mod accuracy_page;
-mod accuracy_table;
 mod args;
+mod backends;
 mod batch;
-mod batch_args;
-mod batch_progress;
 mod bench;
-mod bench_page;
-mod bench_table;
 mod compare;
-mod compare_page;
-mod compare_text;
 mod converge;
-mod converge_page;
-mod converge_text;
 mod crosscheck;
-mod crosscheck_text;
-mod file_args;
+mod flags;
 mod info;
-mod info_scene;
-mod job;
-mod layers;
+mod load;
 mod machine;
-mod measure_args;
 mod merge;
 mod names;
+mod outputs;
 mod overrides;
+mod print;
 mod progress;
 mod render;
-mod render_progress;
-mod report;
-mod sampling;
-mod schema;
-mod shell;
 mod signals;
-mod split;
-mod stats;
 mod submit;
-mod version;
 
 pub use args::{Arguments, Command};
+pub use print::note;
 
-use std::{
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::path::Path;
 
 use clap::{
     Parser,
-    builder::Styles,
     error::{ContextKind, ContextValue},
 };
 
-use crate::{
-    error::{Error, Result, is_hidden, printable, printable_lines},
-    memory, paths, units,
-};
-
-/// Prints a message to stderr. Ignores errors: a closed or full stderr must not stop a render.
-///
-/// Colours follow clap's rules: on a terminal, unless the environment disables them (`NO_COLOR`,
-/// `CLICOLOR`, `TERM=dumb`).
-pub fn note(text: &str) {
-    let text = printable_lines(text);
-    let lines: Vec<String> = text.lines().map(colored).collect();
-    let _ = writeln!(anstream::stderr(), "{}", lines.join("\n"));
-}
-
-/// Colours the first word of a message line as clap does.
-fn colored(line: &str) -> String {
-    let styles = Styles::styled();
-    let words = [
-        ("error:", styles.get_error()),
-        ("warning:", styles.get_invalid()),
-        ("  help:", styles.get_valid()),
-    ];
-    for (word, style) in words {
-        if let Some(rest) = line.strip_prefix(word) {
-            return format!("{style}{word}{style:#}{rest}");
-        }
-    }
-    line.to_string()
-}
+use crate::error::{Error, Result, printable};
 
 /// Prints help or a usage error and returns the exit code.
 pub fn usage(error: clap::Error) -> u8 {
@@ -121,7 +70,7 @@ fn with_hint(mut error: clap::Error) -> clap::Error {
 pub fn run(arguments: &Arguments) -> Result<()> {
     signals::ignore_size_limit_signal();
     if arguments.version {
-        return print(&version::text(arguments.verbose));
+        return print::text(&about::version(arguments.verbose));
     }
     use Command::{Bench, Converge, Info, Submit};
     if let Some(Info(_) | Bench(_) | Converge(_) | Submit(_)) = &arguments.command {
@@ -139,62 +88,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Converge(args)) => converge::run(args),
         Some(Command::Merge(args)) => merge::run(args),
         Some(Command::Submit(args)) => submit::run(args),
-        Some(Command::Schema { of }) => schema::run(*of),
-        Some(Command::Completions { shell }) => shell::completions(*shell),
-        Some(Command::Man) => shell::man(),
+        Some(Command::Schema { of }) => about::schemas(*of),
+        Some(Command::Completions { shell }) => about::completions(*shell),
+        Some(Command::Man) => about::man(),
         None => Err(Error::invalid("", "no command given")
             .help("`lightpath render scene.json`, or `lightpath --help`")),
-    }
-}
-
-/// Writes a result to stdout. A closed reader (`| head`) is not an error.
-fn print(text: &str) -> Result<()> {
-    print_bytes(printable_lines(text).as_bytes())
-}
-
-/// Writes a JSON value and a line break to stdout.
-fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    let text = serde_json::to_string(value).unwrap_or_default();
-    // serde_json leaves some hidden characters unescaped. They occur only in strings, so `\u`
-    // escapes are valid.
-    let escaped = |c: char| match is_hidden(c) {
-        true => format!("\\u{:04x}", u32::from(c)),
-        false => c.to_string(),
-    };
-    let text = match text.contains(is_hidden) {
-        true => text.chars().map(escaped).collect(),
-        false => text,
-    };
-    print_bytes((text + "\n").as_bytes())
-}
-
-/// Prints the paths of written files, one per line.
-fn print_paths(paths: &[PathBuf]) -> Result<()> {
-    print_bytes(&path_lines(paths))
-}
-
-/// Formats the paths of written files, one per line. Output names contain no control characters.
-fn path_lines(paths: &[PathBuf]) -> Vec<u8> {
-    let mut lines = Vec::new();
-    for path in paths.iter().filter(|path| *path != Path::new("/dev/stdout")) {
-        // A name may be invalid UTF-8.
-        let name = path.as_os_str().as_encoded_bytes();
-        // Render farms read such a prefix at the start of a line as a command.
-        if name.starts_with(b"openjd_") || name.starts_with(b"ALF_") {
-            lines.extend_from_slice(b"./");
-        }
-        lines.extend_from_slice(name);
-        lines.push(b'\n');
-    }
-    lines
-}
-
-fn print_bytes(bytes: &[u8]) -> Result<()> {
-    let mut stdout = std::io::stdout().lock();
-    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Error::io("<stdout>".as_ref(), "write", &error))
-        }
-        _ => Ok(()),
     }
 }

@@ -5,128 +5,87 @@ use clap::{ValueEnum, builder::PossibleValue};
 use crate::{
     integrate::Relative,
     output::{exr::Compression, tonemap::Depth},
-    scene::{Backend, written::Accelerator},
-    studio,
+    scene::{SamplerKind, ToneOperator, written::Accelerator},
+    simd::Isa,
+    studio::{Axis, LightsFollow, Turning},
 };
 
-impl ValueEnum for Compression {
-    fn value_variants<'a>() -> &'a [Self] {
-        Self::ALL
-    }
+/// Gives the values of a type names on the command line, and help for each name.
+macro_rules! names {
+    ($type:ty: $($value:ident = $name:literal $(, $help:literal)?;)+) => {
+        impl ValueEnum for $type {
+            fn value_variants<'a>() -> &'a [Self] {
+                &[$(Self::$value),+]
+            }
 
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        let help = match self {
-            Self::Zip => "zlib over 16 lines",
-            Self::Zips => "zlib over single lines",
-            Self::Piz => "Wavelets: good for grain",
-            Self::Rle => "Run lengths",
-            Self::None => "Not at all",
-            Self::Dwaa => "Lossy, small",
-        };
-        Some(PossibleValue::new(self.name()).help(help))
-    }
-}
-
-impl ValueEnum for Depth {
-    fn value_variants<'a>() -> &'a [Self] {
-        &[Self::Eight, Self::Sixteen]
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        Some(PossibleValue::new(match self {
-            Self::Eight => "8",
-            Self::Sixteen => "16",
-        }))
-    }
-}
-
-impl ValueEnum for Accelerator {
-    fn value_variants<'a>() -> &'a [Self] {
-        &[Self::Bvh, Self::Embree, Self::Coursework, Self::Brute]
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        let help = match self {
-            Self::Bvh => "lightpath's own watertight BVH",
-            Self::Embree => "Intel Embree 4",
-            Self::Coursework => "The coursework's BVH",
-            Self::Brute => "Every primitive: slow, the oracle",
-        };
-        Some(PossibleValue::new(Backend::from(*self).name()).help(help))
-    }
-}
-
-/// Names of instruction sets.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum IsaName {
-    /// Baseline of the processor architecture
-    Portable,
-    /// AVX2 and FMA
-    Avx2,
-    /// AVX-512 F, BW, DQ, VL
-    Avx512,
-}
-
-/// Names of tone curves.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum ToneName {
-    /// Divide by the largest value of the frame
-    Max,
-    /// Clip at 1
-    Clamp,
-    /// x / (1 + x)
-    Reinhard,
-}
-
-/// Names of the pixel samplers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum SamplerName {
-    /// Owen-scrambled Sobol: stratified
-    Sobol,
-    /// Uniform and independent: the coursework's
-    Random,
-}
-
-/// Names of what `--noise` is relative to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum NoiseOf {
-    /// Each pixel's own radiance: all pixels get the same relative error
-    Pixel,
-    /// The frame's mean radiance, and more where a pixel has more samples: the lowest RMSE for the
-    /// samples taken
-    Picture,
-}
-
-impl NoiseOf {
-    /// Converts to the renderer's type.
-    pub fn relative(self) -> Relative {
-        match self {
-            Self::Pixel => Relative::Pixel,
-            Self::Picture => Relative::Picture,
+            fn to_possible_value(&self) -> Option<PossibleValue> {
+                Some(match self {
+                    $(Self::$value => PossibleValue::new($name)$(.help($help))?,)+
+                })
+            }
         }
-    }
+    };
 }
 
-/// Names of the axes of a mesh file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Axis {
-    /// x is up
-    X,
-    /// y is up
-    Y,
-    /// z is up, as in scans and CAD
-    Z,
+names! { Compression:
+    Zip = "zip", "zlib over 16 lines";
+    Zips = "zips", "zlib over single lines";
+    Piz = "piz", "Wavelets: good for grain";
+    Rle = "rle", "Run lengths";
+    None = "none", "Not at all";
+    Dwaa = "dwaa", "Lossy, small";
 }
 
-impl Axis {
-    /// Converts to the studio's type.
-    pub fn studio(self) -> studio::Axis {
-        match self {
-            Self::X => studio::Axis::X,
-            Self::Y => studio::Axis::Y,
-            Self::Z => studio::Axis::Z,
-        }
-    }
+names! { Depth:
+    Eight = "8";
+    Sixteen = "16";
+}
+
+names! { Accelerator:
+    Bvh = "bvh", "lightpath's own watertight BVH";
+    Embree = "embree", "Intel Embree 4";
+    Coursework = "coursework", "The coursework's BVH";
+    Brute = "brute", "Every primitive: slow, the oracle";
+}
+
+names! { Isa:
+    Portable = "portable", "Baseline of the processor architecture";
+    Avx2 = "avx2", "AVX2 and FMA";
+    Avx512 = "avx512", "AVX-512 F, BW, DQ, VL";
+}
+
+names! { ToneOperator:
+    Max = "max", "Divide by the largest value of the frame";
+    Clamp = "clamp", "Clip at 1";
+    Reinhard = "reinhard", "x / (1 + x)";
+}
+
+names! { SamplerKind:
+    Sobol = "sobol", "Owen-scrambled Sobol: stratified";
+    Random = "random", "Uniform and independent: the coursework's";
+}
+
+// What `--noise` is relative to.
+names! { Relative:
+    Pixel = "pixel", "Each pixel's own radiance: all pixels get the same relative error";
+    Picture = "picture", "The frame's mean radiance, and more where a pixel has more samples: the \
+        lowest RMSE for the samples taken";
+}
+
+names! { Axis:
+    X = "x", "x is up";
+    Y = "y", "y is up";
+    Z = "z", "z is up, as in scans and CAD";
+}
+
+names! { Turning:
+    Object = "object", "The object with all shapes";
+    Camera = "camera", "The camera";
+}
+
+names! { LightsFollow:
+    Camera = "camera", "Light falls from the same side in every frame";
+    Object = "object", "The lit side turns with the object";
 }
 
 /// Names of the ways to show progress.
@@ -144,44 +103,6 @@ pub enum ProgressMode {
     Alf,
     /// Nothing
     Off,
-}
-
-/// Names of what turns on a turntable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum TurningName {
-    /// The object with all shapes
-    Object,
-    /// The camera
-    Camera,
-}
-
-/// Names of what the lights are fixed to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum FixedName {
-    /// Light falls from the same side in every frame
-    Camera,
-    /// The lit side turns with the object
-    Object,
-}
-
-impl TurningName {
-    /// Converts to the studio's type.
-    pub fn studio(self) -> studio::Turning {
-        match self {
-            Self::Object => studio::Turning::Object,
-            Self::Camera => studio::Turning::Camera,
-        }
-    }
-}
-
-impl FixedName {
-    /// Converts to the studio's type.
-    pub fn studio(self) -> studio::LightsFollow {
-        match self {
-            Self::Camera => studio::LightsFollow::Camera,
-            Self::Object => studio::LightsFollow::Object,
-        }
-    }
 }
 
 /// Kinds of files that have a schema.

@@ -9,7 +9,7 @@ use crate::{
 };
 
 use super::{
-    args::{MachineArgs, SceneArgs},
+    flags::{MachineArgs, SceneArgs},
     machine,
 };
 
@@ -19,7 +19,7 @@ use super::{
 /// An instruction set that this machine or this build lacks.
 pub fn from_flags(args: &SceneArgs, machine: &MachineArgs) -> Result<Overrides> {
     let mut all = scene_overrides(args);
-    let isa = machine.isa.map(|name| machine::tier("--isa", name)).transpose()?;
+    let isa = machine.isa.map(|isa| machine::check_isa("--isa", isa)).transpose()?;
     all.backend(BackendFlags { fast: machine.fast, isa });
     Ok(all)
 }
@@ -30,12 +30,7 @@ fn scene_overrides(args: &SceneArgs) -> Overrides {
     let name = |value: Option<clap::builder::PossibleValue>| {
         value.map(|value| Value::from(value.get_name()))
     };
-    let [width, height] = match args.size {
-        Some([w, h]) => [Some(w), Some(h)],
-        None => [None; 2],
-    };
-    all.flag("--size", "/camera/width", width);
-    all.flag("--size", "/camera/height", height);
+    add_size(&mut all, args.picture.size);
     all.flag("--spp", "/spp", args.spp);
     all.flag("--nbounces", "/nbounces", args.nbounces);
     all.flag("--seed", "/seed", args.seed);
@@ -53,10 +48,25 @@ fn scene_overrides(args: &SceneArgs) -> Overrides {
     all.flag("--adaptive-shadows", "/adaptiveshadows", shadows);
     all.flag("--aov", "/output/layers", args.aov.clone());
     all.flag("--crypto-ranks", "/output/cryptoranks", args.crypto_ranks);
-    for set in &args.set {
+    add_sets(&mut all, &args.set);
+    all
+}
+
+/// Adds the overrides of `--size`.
+pub fn add_size(all: &mut Overrides, size: Option<[u32; 2]>) {
+    let [width, height] = match size {
+        Some([w, h]) => [Some(w), Some(h)],
+        None => [None; 2],
+    };
+    all.flag("--size", "/camera/width", width);
+    all.flag("--size", "/camera/height", height);
+}
+
+/// Adds the overrides of `--set`.
+pub fn add_sets(all: &mut Overrides, sets: &[String]) {
+    for set in sets {
         all.set(set);
     }
-    all
 }
 
 /// Converts a number to JSON. A number that JSON cannot hold (NaN) becomes a string, so that the

@@ -15,7 +15,7 @@ use std::{
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 
-use super::args::ProgressMode;
+use super::{names::ProgressMode, print};
 
 const PLAIN_EVERY: Duration = Duration::from_secs(3);
 const JSON_EVERY: Duration = Duration::from_millis(500);
@@ -87,20 +87,20 @@ impl Progress {
 
     /// Prints the paths of finished files to stdout without breaking the bar.
     pub fn result(&self, paths: &[PathBuf]) {
-        let lines = super::path_lines(paths);
+        let lines = print::path_lines(paths);
         // A closed reader does not stop a batch.
-        let print = || super::print_bytes(&lines).unwrap_or_default();
+        let show = || print::bytes(&lines).unwrap_or_default();
         match &self.bar {
-            Some(bar) => bar.suspend(print),
-            None => print(),
+            Some(bar) => bar.suspend(show),
+            None => show(),
         }
     }
 
     /// Prints a message to stderr without breaking the bar.
     pub fn message(&self, text: &str) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| super::note(text)),
-            None => super::note(text),
+            Some(bar) => bar.suspend(|| print::note(text)),
+            None => print::note(text),
         }
     }
 }
@@ -153,7 +153,7 @@ impl Reading {
 
     fn plain(&self) {
         let percent = 100.0 * self.done as f64 / self.total.max(1) as f64;
-        super::note(&format!("{} {percent:.1}%  {}", self.label, self.message));
+        print::note(&format!("{} {percent:.1}%  {}", self.label, self.message));
     }
 
     fn json(&self) {

@@ -12,6 +12,7 @@ use signal_hook::{
 };
 
 use crate::{
+    cli::print,
     error::{Error, Result},
     monitor::Monitor,
     output::atomic::remove_parts,
@@ -38,7 +39,7 @@ pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
 /// A handler or thread that the system refuses.
 pub fn end_at_once() -> Result<()> {
     spawn(|signal| {
-        super::note("error: stopped by a signal");
+        print::note("error: stopped by a signal");
         end(signal);
     })
 }

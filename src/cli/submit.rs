@@ -7,7 +7,7 @@ use std::{
     process::Command,
 };
 
-use clap::{Args, Parser, Subcommand, ValueHint};
+use clap::{Args, Subcommand, ValueHint};
 
 use crate::{
     accel::Footprint,
@@ -20,7 +20,7 @@ use crate::{
     units::{self, parse_bytes},
 };
 
-use super::{batch as batch_command, batch_args::BatchArgs, signals};
+use super::{batch as batch_command, print, signals};
 
 /// Arguments of `lightpath submit`.
 #[derive(Debug, Args)]
@@ -113,7 +113,7 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
         written.push(TextFile::create(&folder.join(name))?.finish(text)?);
     }
     let Chunks { frames, per_task } = slurm.chunks;
-    super::note(&format!(
+    print::note(&format!(
         "{} frames of {} inputs: {} tasks of {per_task} frames, {} CPUs and {} each",
         units::count(frames),
         units::count(job.inputs.len() as u64),
@@ -121,42 +121,28 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
         slurm.cpus,
         units::bytes(slurm.memory_mib << 20),
     ));
-    super::print_paths(&written)?;
+    print::paths(&written)?;
     let script = |name: &str| format!("{}/slurm/{name}", slurm.folder);
     let frames = slurm.frames(&script("frames.sh"));
     let sheet = |after: &str| slurm.sheet(&script("sheet.sh"), after);
     if args.dry_run {
         let commands = [frames, sheet("ID")].map(|words| farm::command_line("sbatch", &words));
-        return super::print(&(commands.join("\n") + "\n"));
+        return print::text(&(commands.join("\n") + "\n"));
     }
     let array = submit(&frames)?;
     let sheet = submit(&sheet(&array))?;
-    super::print(&format!("{array}\n{sheet}\n"))
+    print::text(&format!("{array}\n{sheet}\n"))
 }
 
 /// Loads the job exactly as a task will load it.
 fn load(args: &SlurmArgs) -> Result<Job> {
-    /// Parser for the arguments of `batch` alone.
-    #[derive(Parser)]
-    struct Words {
-        #[command(flatten)]
-        batch: BatchArgs,
-    }
-    let mut words: Vec<std::ffi::OsString> = vec!["batch".into(), args.job.clone().into()];
-    if let Some(folder) = &args.output {
-        words.extend(["-o".into(), folder.clone().into()]);
-    }
-    let parsed = Words::try_parse_from(words);
-    let Words { batch } = parsed.map_err(|error| Error::invalid("JOB", error.to_string()))?;
     let found = fs::metadata(&args.job);
     found.map_err(|error| Error::io(&args.job, "read", &error))?;
-    if !batch_command::is_job(&args.job)? {
+    let job = batch_command::load_job_file(&args.job, args.output.as_deref())?;
+    job.ok_or_else(|| {
         let message = "found no `inputs`, expected a job file of `lightpath batch`";
-        return Err(
-            Error::invalid(args.job.display().to_string(), message).help("lightpath schema job")
-        );
-    }
-    Ok(batch_command::job(&batch)?.0)
+        Error::invalid(args.job.display().to_string(), message).help("lightpath schema job")
+    })
 }
 
 fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {

@@ -9,11 +9,12 @@ mod thumbnails;
 
 use std::path::{Path, PathBuf};
 
-use rayon::{ThreadPoolBuilder, prelude::*};
+use rayon::prelude::*;
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::Result,
     output::atomic::{Sweep, TextFile},
+    threads,
 };
 
 use super::{job::Job, journal};
@@ -53,10 +54,7 @@ pub fn paths(job: &Job) -> impl Iterator<Item = PathBuf> {
 /// Files that cannot be written.
 pub fn write(job: &Job, threads: usize) -> Result<Vec<PathBuf>> {
     let each = (MAX_THUMBNAILS / job.inputs.len().max(1)).clamp(1, MAX_FRAMES);
-    let pool = ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
-        let message = format!("cannot start {threads} threads: {error}");
-        Error::new(Kind::Retry, Problem::new("--threads", message))
-    })?;
+    let pool = threads::pool(threads)?;
     let entries = pool.install(|| Entry::all(job, &journal::read(&job.folder)));
     let strip = |entry: &Entry| Strip::of(job, entry, each);
     let strips: Vec<Option<Strip>> = pool.install(|| entries.par_iter().map(strip).collect());

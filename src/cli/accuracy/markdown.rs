@@ -1,0 +1,171 @@
+//! Formats the results of `accuracy` as a page of the documentation.
+
+use std::fmt::Write;
+
+use crate::measure::accuracy::{Entry, Report, Row};
+
+use crate::units;
+
+use super::table;
+
+/// Returns the page in Markdown.
+pub fn page(report: &Report) -> String {
+    let mut text = String::from(
+        "# Accuracy\n\nWritten by `lightpath accuracy --markdown`; do not edit. Rays that are hard to \
+         answer, on every backend,\ncompared with exact answers. Numbers are wrong answers unless \
+         stated otherwise.\n\n",
+    );
+    for line in machine(report) {
+        let _ = writeln!(text, "- {line}");
+    }
+    text += "\n## What the columns are\n\n| column | what it is | version | instructions |\n|---|---|---|---|\n";
+    for column in &report.columns {
+        let (name, what) = (&column.name, meaning(&column.name));
+        let _ = writeln!(text, "| `{name}` | {what} | {} | {} |", column.version, column.isa);
+    }
+    text += HOW;
+    let mut groups: Vec<&str> = report.rows.iter().map(|row| row.group.as_str()).collect();
+    groups.dedup();
+    text += "\n## Overview\n\nWrong answers per million.\n\n";
+    head(&mut text, report, &["group"], &[]);
+    for group in &groups {
+        let _ = write!(text, "| {group} |");
+        for index in 0..report.columns.len() {
+            let rows = report.rows.iter().filter(|row| row.group == *group);
+            let sum = |of: fn(&Entry) -> u64| rows.clone().map(|row| of(&row.entries[index])).sum();
+            let _ = write!(text, " {} |", table::per_million(sum(|e| e.failed), sum(|e| e.rays)));
+        }
+        text.push('\n');
+    }
+    for group in &groups {
+        section(&mut text, report, group);
+    }
+    text
+}
+
+const HOW: &str = "
+Each packet is traced as a packet and again ray by ray, so each ray counts twice. One packet in four is an
+occlusion query. `coursework` and `brute` are slow and get a part of the rays.
+
+**The truth.** Hit or miss, and which hit is nearest, are decided without rounding: by determinants in f64 with
+a proved bound, and by integers where the bound does not decide. Every backend gets the same f32 vertices and
+rays. t is known to a relative 2^-40. A closed mesh needs no oracle: a ray aimed at it from within must hit.
+Spheres are compared with roots computed in integers.
+
+**Wrong.** A test whose rounding moves corners may see an outline elsewhere. That is no failure as long as the
+bound of the test explains it: 6u max|v - o| for `bvh` and `coursework`, u = 2^-24; four times that for Embree,
+which publishes none; nothing for `brute`. Triangles that share an edge have its corners in common, which move
+together, so the bound explains no gap between them. Such answers are counted apart, as *within the bound*. The
+bound does not excuse a hit at the ray's origin: in `origin on a surface` the primitive itself must be right. The
+rows before it did not show that Embree hits such surfaces at t = 0, because that lies within its bound.
+
+**ulp** is the largest error of t in units of the last place of the exact t. **relative** is the largest
+distance between the refined point (computed in f64 from the primitive, stored as f32) and the exact point. It is
+relative to the largest of three lengths: the point's coordinates, the primitive's coordinates, and the distance
+from the ray's origin. Both count only hits of the right primitive.
+";
+
+/// Returns lines about the machine and the size of the run.
+pub fn machine(report: &Report) -> Vec<String> {
+    let mut lines = Vec::new();
+    if let Some(m) = &report.machine {
+        let versions = m.versions.iter().filter(|(name, _)| *name != "commit");
+        let versions: Vec<String> = versions.map(|(name, v)| format!("{name} {v}")).collect();
+        lines.push(format!(
+            "{}, {}, best tier {}; {}",
+            m.cpu,
+            units::plural(m.cores, "processor"),
+            m.isa,
+            versions.join(", ")
+        ));
+    }
+    let answers: u64 =
+        report.rows.iter().flat_map(|row| &row.entries).map(|entry| entry.rays).sum();
+    let (cases, times, seed) = (report.rows.len(), report.times, report.seed);
+    lines.push(format!(
+        "{cases} cases, {} answers judged: {times} times the rays of `--quick`, seed {seed}",
+        units::count(answers)
+    ));
+    lines
+}
+
+/// Returns the description of a column.
+pub fn meaning(name: &str) -> &'static str {
+    match name {
+        "embree" => "Intel Embree with `RTC_SCENE_FLAG_ROBUST`, packets of 16 and single rays",
+        "embree-fast" => "the same without that flag: Embree's default, `--fast` here",
+        "embree-compact" => "`embree` with `RTC_SCENE_FLAG_COMPACT`: half the memory",
+        "coursework" => "the report's tree and tests in f64; its fixed offset of 1e-4 in `contact`",
+        "brute" => "every primitive by exact predicates: the oracle itself, t rounded to f32",
+        name if name.starts_with("bvh") => {
+            "lightpath's own tree, exactly watertight, in one instruction set"
+        }
+        _ => "a backend",
+    }
+}
+
+fn head(text: &mut String, report: &Report, first: &[&str], last: &[&str]) {
+    let names = report.columns.iter().map(|column| format!("`{}`", column.name));
+    let first = first.iter().map(ToString::to_string);
+    let cells: Vec<String> =
+        first.chain(names).chain(last.iter().map(ToString::to_string)).collect();
+    let _ = writeln!(text, "| {} |\n|{}", cells.join(" | "), "---|".repeat(cells.len()));
+}
+
+fn section(text: &mut String, report: &Report, group: &str) {
+    let rows: Vec<&Row> = report.rows.iter().filter(|row| row.group == group).collect();
+    let _ = writeln!(text, "\n## {}\n", capital(group));
+    head(text, report, &["case", "answers"], &["mark of `bvh`, `brute`"]);
+    for row in &rows {
+        let _ = write!(text, "| {} | {} |", row.name, units::count(row.rays));
+        for entry in &row.entries {
+            let _ = write!(text, " {} |", failures(entry));
+        }
+        let _ = writeln!(text, " {} |", row.mark);
+    }
+    if rows.iter().any(|row| row.entries.iter().any(|entry| entry.measured > 0)) {
+        text.push_str(
+            "\nWorst error of t in ulp, and worst relative distance of the refined point:\n\n",
+        );
+        head(text, report, &["case"], &[]);
+        for row in rows.iter().filter(|row| row.entries.iter().any(|e| e.measured > 0)) {
+            let _ = write!(text, "| {} |", row.name);
+            for entry in &row.entries {
+                let (u, r) = (table::ulp(entry.worst_ulp), table::relative(entry.worst_relative));
+                let coarse = match entry.beyond_8_ulp {
+                    0 => String::new(),
+                    n => format!(" ({} ppm beyond 8)", table::per_million(n, entry.measured)),
+                };
+                let _ = write!(text, " {u}{coarse}, {r} |");
+            }
+            text.push('\n');
+        }
+    }
+    text.push('\n');
+    for row in rows {
+        let _ = write!(text, "- **{}**: {}.", row.name, row.what);
+        if let Some(note) = &row.note {
+            let _ = write!(text, " {}.", capital(note));
+        }
+        text.push('\n');
+    }
+}
+
+/// Formats the number of wrong answers and their kinds.
+fn failures(entry: &Entry) -> String {
+    let total = table::failures(entry);
+    let rate = match entry.failed {
+        0 => String::new(),
+        failed => format!(" ({} ppm)", table::per_million(failed, entry.rays)),
+    };
+    let counted = match entry.counted {
+        0 => String::new(),
+        n => format!("; {} counted", units::count(n)),
+    };
+    format!("{total}{rate}{counted}")
+}
+
+fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or(String::new(), |first| first.to_uppercase().chain(chars).collect())
+}

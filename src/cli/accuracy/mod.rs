@@ -1,0 +1,102 @@
+//! `lightpath accuracy`: runs the hard cases on every backend; writes a table, JSON and pages.
+
+pub mod args;
+mod markdown;
+mod page;
+mod table;
+
+use std::sync::Arc;
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    measure::accuracy::{self, Case, Column, Settings},
+    monitor::Monitor,
+    simd::Isa,
+};
+
+use super::{
+    backends::{contestant, each_once},
+    machine, print, signals,
+};
+
+use self::args::AccuracyArgs;
+
+/// Factor from the rays of `--quick` to those of `--full`.
+const FULL: u64 = 400;
+
+/// Runs the catalogue of hard cases, or the selected ones.
+pub fn run(args: &AccuracyArgs) -> Result<()> {
+    let cases = cases(args.case.as_deref())?;
+    args.outputs().refuse_overwrites([""; 0])?;
+    let monitor = Arc::new(Monitor::default());
+    let settings = settings(args, &monitor)?;
+    signals::watch(&monitor)?;
+    let mut outputs = args.outputs().create()?;
+    let mut report = args.workers.pool()?.install(|| {
+        print::text(&table::heading(&settings))?;
+        let count = cases.len();
+        let begun = |index: usize, case: &Case| {
+            if settings.times > 1 {
+                let text = format!("{} of {count}: {}, {}", index + 1, case.group, case.name);
+                args.messages.note(&text);
+            }
+        };
+        let mut group = String::new();
+        accuracy::run(&cases, &settings, &monitor, &begun, &mut |row| {
+            let first = std::mem::replace(&mut group, row.group.clone()) != row.group;
+            print::text(&table::line(&settings, row, first))
+        })
+    })?;
+    report.machine = Some(machine::describe(Isa::detect()));
+    print::text(&table::summary(&report))?;
+    outputs.write_json("--json", &report)?;
+    outputs.write("--html", || page::page(&report).html())?;
+    outputs.write("--markdown", || markdown::page(&report))?;
+    print::paths(&outputs.written())?;
+    let failures = report.failures();
+    if failures.is_empty() {
+        return Ok(());
+    }
+    let problems = failures.into_iter().map(|failure| Problem::new("accuracy", failure)).collect();
+    Err(Error { kind: Kind::Check, problems })
+}
+
+/// Returns the cases of the catalogue whose group or name contains `text`.
+fn cases(text: Option<&str>) -> Result<Vec<Case>> {
+    let mut cases = accuracy::catalogue();
+    if let Some(text) = text {
+        let lower = text.to_lowercase();
+        cases.retain(|case| {
+            format!("{}, {}", case.group, case.name).to_lowercase().contains(&lower)
+        });
+        if cases.is_empty() {
+            let mut groups: Vec<&str> =
+                accuracy::catalogue().iter().map(|case| case.group).collect();
+            groups.dedup();
+            let message = format!("found {text:?}, expected a part of the name of a case");
+            let help = format!("groups: {}", groups.join(", "));
+            return Err(Error::invalid("--case", message).help(help));
+        }
+    }
+    Ok(cases)
+}
+
+fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
+    let named = args.backend.iter().flat_map(|name| match name.as_str() {
+        "bvh" => Column::tiers().into_iter().map(|tier| Ok(tier.contestant)).collect(),
+        _ => vec![contestant("--backend", name, Isa::detect())],
+    });
+    let contestants = each_once("--backend", named)?;
+    let mut columns: Vec<Column> =
+        contestants.into_iter().map(|contestant| Column { contestant }).collect();
+    if columns.is_empty() {
+        let (available, without) = accuracy::available(Column::all(), monitor)?;
+        without.iter().for_each(|line| print::note(line));
+        columns = available;
+    }
+    let times = match args.full {
+        true => FULL,
+        false => args.times.unwrap_or(1),
+    };
+    Ok(Settings { columns, seed: args.seed, times, pictures: args.html.is_some() })
+}

@@ -1,0 +1,120 @@
+//! Formats the results of `accuracy` as table cells and lines of text.
+
+use crate::measure::accuracy::{Entry, Report, Row, Settings};
+
+use crate::units;
+
+/// Width of the case names on the terminal.
+const NAME: usize = 40;
+
+/// Formats a number of failures: `0`, `1,234`, with a mark if it fails the run.
+pub fn failures(entry: &Entry) -> String {
+    let missed = if entry.missed.is_some() { " MISSED" } else { "" };
+    match entry.rays {
+        0 => "-".into(),
+        _ => format!("{}{missed}", units::count(entry.failed)),
+    }
+}
+
+/// Formats failures per million: `0`, `9,514`, `0.3`.
+pub fn per_million(failed: u64, rays: u64) -> String {
+    let rate = failed as f64 * 1e6 / rays.max(1) as f64;
+    match rate {
+        0.0 => "0".into(),
+        ..10.0 => format!("{rate:.1}"),
+        _ => units::count(rate.round() as u64),
+    }
+}
+
+/// Formats an error in ulp: `0.50`, `1.2e4`.
+pub fn ulp(value: Option<f64>) -> String {
+    match value {
+        None => "-".into(),
+        Some(value) if value < 1000.0 => format!("{value:.2}"),
+        Some(value) => format!("{value:.1e}"),
+    }
+}
+
+/// Formats a relative error: `5.9e-8`.
+pub fn relative(value: Option<f64>) -> String {
+    value.map_or("-".into(), |value| format!("{value:.1e}"))
+}
+
+/// Returns the largest value over the columns of `bvh`, or over all columns if none is `bvh`.
+pub fn worst(names: &[String], row: &Row, of: fn(&Entry) -> Option<f64>) -> Option<f64> {
+    let ours = |name: &&String| name.starts_with("bvh");
+    let any = names.iter().any(|name| ours(&name));
+    let entries = names.iter().zip(&row.entries).filter(|(name, _)| ours(name) || !any);
+    entries.filter_map(|(_, entry)| of(entry)).reduce(f64::max)
+}
+
+fn names(settings: &Settings) -> Vec<String> {
+    settings.columns.iter().map(|column| column.name().to_string()).collect()
+}
+
+fn width(name: &str) -> usize {
+    name.len().max(9)
+}
+
+/// Formats the head of the table.
+pub fn heading(settings: &Settings) -> String {
+    let mut line = format!("{:<NAME$} {:>11}", "failures by backend", "answers");
+    for name in names(settings) {
+        line += &format!(" {name:>0$}", width(&name));
+    }
+    line + &format!(" {:>8} {:>8} {:>8}\n", "ulp", "relative", "time")
+}
+
+/// Formats one row. `first` adds the name of its group.
+pub fn line(settings: &Settings, row: &Row, first: bool) -> String {
+    let names = names(settings);
+    let mut line = if first { format!("{}\n", row.group) } else { String::new() };
+    let indent = NAME - 2;
+    line += &format!("  {:<indent$} {:>11}", row.name, units::count(row.rays));
+    for (name, entry) in names.iter().zip(&row.entries) {
+        line += &format!(" {:>1$}", failures(entry), width(name));
+    }
+    let (u, r) = (worst(&names, row, |e| e.worst_ulp), worst(&names, row, |e| e.worst_relative));
+    line += &format!(" {:>8} {:>8} {:>6.2} s\n", ulp(u), relative(r), row.seconds);
+    if let Some(note) = &row.note {
+        line += &format!("    {note}\n");
+    }
+    line
+}
+
+/// Formats the summary below the table.
+pub fn summary(report: &Report) -> String {
+    let seconds: f64 = report.rows.iter().map(|row| row.seconds).sum();
+    let answers: u64 =
+        report.rows.iter().flat_map(|row| &row.entries).map(|entry| entry.rays).sum();
+    let mut text = format!(
+        "\n{} cases, {} answers judged, {}; ulp and relative are the worst of `bvh`\n",
+        report.rows.len(),
+        units::count(answers),
+        units::duration(seconds)
+    );
+    for (index, column) in report.columns.iter().enumerate() {
+        let entries = report.rows.iter().map(|row| &row.entries[index]);
+        let (mut rays, mut failed, mut rows, mut missed) = (0, 0, 0, 0);
+        for entry in entries {
+            rays += entry.rays;
+            failed += entry.failed;
+            rows += u64::from(entry.failed > 0);
+            missed += u64::from(entry.missed.is_some());
+        }
+        let verdict = match (column.must_hold, missed) {
+            (false, _) => String::new(),
+            (true, 0) => "; holds every mark".into(),
+            (true, n) => format!("; MISSES {n} marks"),
+        };
+        text += &format!(
+            "  {} ({}, {}): {} of {} answers fail, in {rows} cases{verdict}\n",
+            column.name,
+            column.version,
+            column.isa,
+            units::count(failed),
+            units::count(rays),
+        );
+    }
+    text
+}

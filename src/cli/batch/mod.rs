@@ -1,0 +1,306 @@
+//! `lightpath batch`: builds a job from flags and a job file, runs it, and reports its events.
+
+pub mod args;
+mod progress;
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use serde_json::json;
+
+use crate::{
+    batch::{
+        self, Event, Flags, Job, JobFile, LimitKeys, Options, Outcome, Status, TurntableKeys,
+        WrittenInput, sheet,
+    },
+    error::{Error, Kind, Problem, Result, printable},
+    monitor::Monitor,
+    output::{Outputs, tonemap::Depth},
+    paths,
+    scene::{
+        self, Document,
+        written::{Angles, Name, Point},
+    },
+    studio::{Appearance, Template, Turning},
+    units,
+};
+
+use super::{machine, names::ProgressMode, overrides, print, progress::Progress, signals};
+
+use self::args::BatchArgs;
+
+/// Renders the batch that the arguments describe.
+pub fn run(args: &BatchArgs) -> Result<()> {
+    let (job, limits) = job(args)?;
+    if args.run.dry_run {
+        return list(&job, args);
+    }
+    let options = options(args, &limits)?;
+    if args.run.sheet_only {
+        signals::end_at_once()?;
+        machine::pool(Some(options.threads as u16))?.install(|| batch::refuse_sheet(&job))?;
+        print::paths(&sheet::write(&job, options.threads)?)?;
+        return complete(&job);
+    }
+    let monitor = Arc::new(Monitor::default());
+    let status = Arc::new(Status::default());
+    signals::watch(&monitor)?;
+    let mode = match args.quiet {
+        true => ProgressMode::Off,
+        false => args.progress.unwrap_or(ProgressMode::Auto),
+    };
+    let progress = Progress::start(mode, progress::meter(&status));
+    let say = |text: String| {
+        if !args.quiet {
+            progress.message(&text);
+        }
+    };
+    let tell = |event: Event| match event {
+        Event::Framed { input, camera } => {
+            say(format!("framed {}: camera {camera}", printable(input)))
+        }
+        Event::Warning { input, problem } => say(format!("warning: {}", about(input, problem))),
+        Event::Again { reason } => say(format!("again: {}", printable(reason))),
+        Event::Frame { outputs } => progress.result(outputs),
+        Event::Failed { input, error } => {
+            for problem in &error.problems {
+                progress.message(&format!("error: {}", about(input, problem)));
+            }
+        }
+    };
+    let outcome = batch::run(&job, &options, &monitor, &status, &tell);
+    let seconds = progress.elapsed();
+    drop(progress);
+    let outcome = outcome?;
+    if !args.quiet {
+        print::note(&format!(
+            "{} frames rendered, {} kept{}, {} failures, {}",
+            units::count(outcome.rendered),
+            units::count(outcome.kept),
+            if args.run.no_verify { " without reading them" } else { "" },
+            outcome.failures.len(),
+            units::duration(seconds)
+        ));
+    }
+    if outcome.signal.is_none() && !args.run.no_sheet && options.range.is_none() {
+        print::paths(&sheet::write(&job, options.threads)?)?;
+    }
+    verdict(&job, outcome)
+}
+
+/// Fails if frames are missing, and lists the reasons.
+fn complete(job: &Job) -> Result<()> {
+    let mut problems = sheet::missing(job);
+    if problems.is_empty() {
+        return Ok(());
+    }
+    let message = format!("{} of {} inputs lack frames:", problems.len(), job.inputs.len());
+    let help = "run the batch again with --resume; on a farm, submit the job again";
+    problems.insert(0, Problem::new("", message));
+    Err(Error { kind: Kind::Check, problems }.help(help))
+}
+
+/// Adds the input to the place of a problem, unless it is already there.
+fn about(input: &str, problem: &Problem) -> Problem {
+    match problem.place.contains(input) {
+        true => problem.clone(),
+        false if problem.place.is_empty() => {
+            Problem { place: input.to_string(), ..problem.clone() }
+        }
+        false => Problem { place: format!("{input}: {}", problem.place), ..problem.clone() },
+    }
+}
+
+/// Turns the outcome of a run into its error, which lists all failures again.
+fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
+    if let Some(signal) = outcome.signal {
+        let message = "stopped by a signal; finished frames stay";
+        let problem = Problem::new("", message).help("continue with --resume");
+        return Err(Error::new(Kind::Interrupted(signal), problem));
+    }
+    if outcome.failures.is_empty() {
+        return Ok(());
+    }
+    // Retry if every failure may go away by itself.
+    let retry = outcome.failures.iter().all(|(_, error)| error.kind == Kind::Retry);
+    let mut inputs: Vec<&str> = outcome.failures.iter().map(|(input, _)| input.as_str()).collect();
+    inputs.dedup();
+    let message = format!("{} of {} inputs failed:", inputs.len(), job.inputs.len());
+    let mut problems = vec![Problem::new("", message)];
+    for (input, error) in &outcome.failures {
+        problems.extend(error.problems.iter().map(|problem| about(input, problem)));
+    }
+    let kind = if retry { Kind::Retry } else { Kind::Check };
+    Err(Error { kind, problems })
+}
+
+fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<Options> {
+    let written = limits.memory.as_ref().map(|text| {
+        units::parse_bytes(&text.0).map_err(|expected| {
+            Error::invalid("limits/memory", format!("found {:?}, {expected}", text.0))
+        })
+    });
+    let written = written.transpose()?;
+    Ok(Options {
+        threads: machine::threads(args.machine.workers.threads.or(limits.threads)),
+        jobs: args.run.jobs.or(limits.jobs).map(usize::from),
+        max_memory: args.machine.max_memory.or(written),
+        resume: args.run.resume,
+        verify: !args.run.no_verify,
+        fail_fast: args.run.fail_fast,
+        range: args.frames.range.clone(),
+    })
+}
+
+/// Returns the job from flags and job file, and the limits of the job file.
+pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
+    let for_render =
+        [("--crop", args.scene.crop.is_some()), ("--overscan", args.scene.overscan > 0)];
+    if let Some((flag, _)) = for_render.into_iter().find(|(_, given)| *given) {
+        let message = "found with `batch`, expected with `render`";
+        return Err(Error::invalid(flag, message));
+    }
+    let (mut file, own) = match args.inputs.as_slice() {
+        [one] => match read_job_file(one)? {
+            Some(file) => (file, Some(one.as_path())),
+            None => (inputs(&args.inputs)?, None),
+        },
+        several => (inputs(several)?, None),
+    };
+    flags(args, &mut file)?;
+    let limits = file.limits.clone();
+    let flags = Flags {
+        overrides: overrides::from_flags(&args.scene, &args.machine)?,
+        light_samples: args.scene.light_samples,
+        repair: args.mesh.reading.repair,
+        no_mmap: args.mesh.reading.no_mmap,
+        file: own.map(Path::to_owned),
+    };
+    Ok((Job::check(file, folder_of(own), flags)?, limits))
+}
+
+/// Loads a job file as `batch` loads it, with another output folder if one is given. Returns `None`
+/// if the file is not a job file.
+///
+/// # Errors
+/// All problems of the job.
+pub fn load_job_file(path: &Path, output: Option<&Path>) -> Result<Option<Job>> {
+    let Some(mut file) = read_job_file(path)? else { return Ok(None) };
+    set_output(&mut file, output)?;
+    let flags = Flags { file: Some(path.to_owned()), ..Flags::default() };
+    Job::check(file, folder_of(Some(path)), flags).map(Some)
+}
+
+/// Returns the folder that the paths of a job file are relative to. Without a job file it is the
+/// working folder.
+fn folder_of(job_file: Option<&Path>) -> &Path {
+    job_file.and_then(Path::parent).unwrap_or(Path::new(""))
+}
+
+/// Parses a file that has `inputs` as a job; `None` for any other file. The path of the output
+/// folder is then relative to the working folder.
+fn read_job_file(path: &Path) -> Result<Option<JobFile>> {
+    if !path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json")) || !path.is_file() {
+        return Ok(None);
+    }
+    let text = Template::file(path)?;
+    let document = Document::parse(&text.name, &text.text)?;
+    if document.get("/inputs").is_none() {
+        return Ok(None);
+    }
+    let mut file: JobFile = scene::read_as(&document)?;
+    if let Some(folder) = &mut file.output.folder {
+        folder.0 = paths::named(&folder_of(Some(path)).join(&folder.0))?;
+    }
+    Ok(Some(file))
+}
+
+fn inputs(paths: &[PathBuf]) -> Result<JobFile> {
+    let one = |path: &PathBuf| Ok(WrittenInput::Path(Name(paths::named(path)?)));
+    let inputs = paths.iter().map(one).collect::<Result<_>>()?;
+    Ok(JobFile { inputs, ..JobFile::default() })
+}
+
+/// Replaces values of the job file by those of flags.
+fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
+    let from_here = |path: &Path| -> Result<Name> {
+        let absolute = std::path::absolute(path).map_err(|e| Error::io(path, "find", &e))?;
+        Ok(Name(paths::named(&absolute)?))
+    };
+    let BatchArgs { mesh, frames, .. } = args;
+    if let Some(template) = &mesh.template {
+        file.template = Some(from_here(template)?);
+    }
+    let place = &mesh.placement;
+    if place.up.is_some() || place.rotate.is_some() {
+        file.up = place.up;
+        file.rotate = place.rotate.map(Angles);
+    }
+    file.margin = place.margin.or(file.margin);
+    let Appearance { smooth, texture, no_ground } = mesh.looks.of();
+    file.smooth = smooth.or(file.smooth.take());
+    if let Some(texture) = &texture {
+        file.texture = Some(from_here(texture)?);
+    }
+    file.ground = if no_ground { Some(false) } else { file.ground };
+    set_output(file, args.output.as_deref())?;
+    if let Some(name) = &args.name {
+        file.output.name = Some(Name(name.clone()));
+    }
+    file.output.float |= frames.values.float;
+    file.output.multipart |= frames.parts.multipart;
+    file.output.cryptosidecar |= frames.crypto_sidecar;
+    file.output.pngbits = frames.png_bits.map(Depth::bits).or(file.output.pngbits);
+    if let Some(compression) = frames.values.compression {
+        file.output.compression = compression;
+    }
+    if let Some((above, below)) = frames.fps {
+        file.output.fps = Some(Name(format!("{above}/{below}")));
+    }
+    if let Some(count) = frames.turntable {
+        let written = file.turntable.take();
+        let written = written.as_ref();
+        file.turntable = Some(TurntableKeys {
+            frames: count,
+            turn: match frames.turn {
+                Some(turn) => turn,
+                None => written.map_or(Turning::Object, |t| t.turn),
+            },
+            lights: match frames.lights {
+                Some(lights) => Some(lights),
+                None => written.and_then(|t| t.lights),
+            },
+            start: frames.start.unwrap_or(written.map_or(0.0, |t| t.start)),
+            pivot: frames.pivot.map(Point).or(written.and_then(|t| t.pivot)),
+        });
+    }
+    Ok(())
+}
+
+/// Replaces the output folder of the job file by that of `--output`.
+fn set_output(file: &mut JobFile, output: Option<&Path>) -> Result<()> {
+    if let Some(folder) = output {
+        file.output.folder = Some(Name(paths::named(folder)?));
+    }
+    Ok(())
+}
+
+/// Lists the frames of a run, one JSON object per line.
+fn list(job: &Job, args: &BatchArgs) -> Result<()> {
+    let tasks = batch::tasks(job.inputs.len(), job.frames(), args.frames.range.as_ref())?;
+    for task in tasks {
+        for frame in task.frames {
+            let outputs = Outputs::names(&job.prefix(task.input, frame));
+            let line = json!({
+                "index": batch::index(job.frames(), task.input, frame),
+                "input": job.inputs[task.input].path.display().to_string(),
+                "frame": frame,
+                "outputs": outputs.map(|path| path.display().to_string()),
+            });
+            print::json(&line)?;
+        }
+    }
+    Ok(())
+}

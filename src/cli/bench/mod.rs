@@ -1,0 +1,219 @@
+//! `lightpath bench`: measures scenes on a set of backends; writes a table, JSON and a page.
+
+pub mod args;
+mod page;
+pub mod table;
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::{Duration, SystemTime},
+};
+
+use crate::{
+    error::{Error, Failures, Kind, Problem, Result, printable},
+    measure::{
+        ab::Plan,
+        accuracy::{self, Column},
+        bench::{Contestant, Settings, measure},
+        rays::Class,
+        result::{self, Report, Run, SceneResult, Since},
+    },
+    memory,
+    monitor::Monitor,
+    scene::{self, Backend, Source},
+    simd::Isa,
+    studio,
+    world::{LoadOptions, World},
+};
+
+use super::{
+    backends::{contestant, each_once},
+    load::{self, Job, SceneRequest},
+    machine, overrides, print, signals,
+};
+
+use self::args::BenchArgs;
+
+/// Built-in scene for a mesh without a scene.
+const SCENE: &str = include_str!("../../../assets/bench.json");
+
+/// Rays, rounds and picture size of `--quick`.
+const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
+
+/// Measures every scene and writes the results.
+pub fn run(args: &BenchArgs) -> Result<()> {
+    let monitor = Arc::new(Monitor::default());
+    let settings = settings(args, &monitor)?;
+    let then = args.baseline.as_deref().map(read_baseline).transpose()?;
+    let command = std::env::args_os().skip(1).map(|part| part.to_string_lossy().into_owned());
+    let run = Run { unix_seconds: unix_seconds(), command: command.collect() };
+    args.outputs().refuse_overwrites(args.inputs.iter().chain(&args.baseline))?;
+    check_inputs(&args.inputs)?;
+    signals::watch(&monitor)?;
+    let mut outputs = args.outputs().create()?;
+    let mut report = Report {
+        version: result::VERSION,
+        machine: machine::describe(settings.isa),
+        run,
+        scenes: Vec::with_capacity(args.inputs.len()),
+    };
+    for input in &args.inputs {
+        let scene = measure_scene(args, input, &settings, &monitor)?;
+        print::text(&table::scene(&scene))?;
+        report.scenes.push(scene);
+    }
+    print::text(&table::growth_text(&report))?;
+    let name = args.baseline.as_deref().unwrap_or(Path::new("")).display().to_string();
+    let since = then.map(|then| Since::new(&report, &name, &then));
+    if let Some(since) = &since {
+        print::text(&table::since(since))?;
+    }
+    outputs.write_json("--json", &report)?;
+    outputs.write_json("--save-baseline", &report)?;
+    outputs.write("--html", || page::page(&report, since.as_ref()).html())?;
+    print::paths(&outputs.written())?;
+    check_answers(&report, &settings)
+}
+
+/// Returns the current Unix time in seconds, or 0 if the clock is before 1970.
+fn unix_seconds() -> u64 {
+    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.as_secs())
+}
+
+/// Reports the problems of all scenes and mesh headers before the first measurement.
+fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
+    let mut failures = Failures::default();
+    for input in inputs {
+        match studio::is_mesh(input) {
+            true => drop(failures.keep(memory::promise(input))),
+            false => drop(failures.keep(scene::load(Source::File(input), &[]))),
+        }
+    }
+    failures.check()
+}
+
+/// Loads a scene, or a mesh in the built-in scene, and measures it.
+fn measure_scene(
+    args: &BenchArgs,
+    input: &Path,
+    settings: &Settings,
+    monitor: &Monitor,
+) -> Result<SceneResult> {
+    let name = input.display().to_string();
+    let note = |text: &str| args.messages.note(&format!("{}: {text}", printable(&name)));
+    note("loading");
+    let size = args.picture.size.or(args.quick.then_some(QUICK.2));
+    let mut request = SceneRequest { studio: SCENE, ..SceneRequest::new(input) };
+    overrides::add_size(&mut request.overrides, size);
+    let job = load::load(request)?;
+    args.outputs().refuse_overwrites(job.inputs(input).iter().chain(&args.baseline))?;
+    let Job { loaded, warnings, ready, .. } = job;
+    let options = LoadOptions { ready, ..LoadOptions::default() };
+    let (world, more) = World::load(&loaded.scene, options, monitor)?;
+    for warning in warnings.iter().chain(&more) {
+        note(&format!("warning: {warning}"));
+    }
+    let measured = measure(&world, settings, monitor, &note)?;
+    let rays = measured.rays.iter().map(|(class, count)| (class.name().to_string(), *count));
+    Ok(SceneResult {
+        rays: rays.collect(),
+        name,
+        hash: loaded.hash.clone(),
+        triangles: world.triangles(),
+        backends: measured.backends,
+        rows: measured.rows,
+        agreement: measured.agreement,
+    })
+}
+
+/// Checks the flags and returns the settings.
+fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
+    let isa = args.kernels.isa()?;
+    let named = args.backends.iter().map(|name| contestant("--backends", name, isa));
+    let mut contestants = each_once("--backends", named)?;
+    if contestants.is_empty() {
+        contestants = ours_against_embree(isa, monitor)?;
+    }
+    let mut classes = Vec::new();
+    for name in &args.classes {
+        let class = Class::ALL.into_iter().find(|class| class.name() == name);
+        classes.push(class.ok_or_else(|| {
+            let names = Class::ALL.map(Class::name).join(", ");
+            Error::invalid("--classes", format!("found {name:?}, expected some of {names}"))
+        })?);
+    }
+    if classes.is_empty() {
+        classes = Class::ALL.to_vec();
+    }
+    classes.sort_unstable();
+    classes.dedup();
+    if !(args.seconds.is_finite() && (0.0..=3600.0).contains(&args.seconds)) {
+        let message = format!("found {}, expected 0 to 3600", args.seconds);
+        return Err(Error::invalid("--seconds", message));
+    }
+    let (rays, rounds) = match (args.quick, args.rounds) {
+        (true, _) => (QUICK.0, Some(QUICK.1)),
+        (false, rounds) => (args.rays, rounds.map(usize::from)),
+    };
+    let plan = |least: usize| match rounds {
+        Some(rounds) => Plan { rounds, budget: Duration::ZERO },
+        None => Plan { rounds: least, budget: Duration::from_secs_f64(args.seconds) },
+    };
+    let all = machine::threads(args.threads);
+    let mut threads = vec![1, all];
+    threads.dedup();
+    Ok(Settings {
+        contestants,
+        classes,
+        threads,
+        rays,
+        seed: args.seed.into(),
+        isa,
+        plan: plan(5),
+        slow_plan: plan(3),
+    })
+}
+
+/// Returns the default backends: Embree and our tree, or our tree alone where Embree is missing.
+fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<Contestant>> {
+    let both = ["embree", "bvh"].map(|name| contestant("--backends", name, isa));
+    let both: Vec<Contestant> = both.into_iter().collect::<Result<_>>()?;
+    let columns = both.into_iter().map(|contestant| Column { contestant }).collect();
+    let (columns, without) = accuracy::available(columns, monitor)?;
+    without.iter().for_each(|line| print::note(line));
+    Ok(columns.into_iter().map(|column| column.contestant).collect())
+}
+
+fn read_baseline(path: &Path) -> Result<Report> {
+    let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, "read", &error))?;
+    let place = || path.display().to_string();
+    let expected = "expected a file of `lightpath bench --save-baseline`";
+    let report: Report = serde_json::from_str(&text)
+        .map_err(|error| Error::invalid(place(), format!("{error}; {expected}")))?;
+    if report.version != result::VERSION {
+        let message = format!("found version {}, expected {}", report.version, result::VERSION);
+        return Err(Error::invalid(place(), message).help("save a new baseline"));
+    }
+    Ok(report)
+}
+
+/// Fails if our own tree gave wrong answers. Wrong answers of other backends are only reported.
+fn check_answers(report: &Report, settings: &Settings) -> Result<()> {
+    let mut problems = Vec::new();
+    for scene in &report.scenes {
+        for (contestant, backend) in settings.contestants.iter().zip(&scene.backends) {
+            if matches!(contestant.backend, Backend::Bvh(_)) && backend.wrong > 0 {
+                let message = format!("{}: {} wrong answers", backend.name, backend.wrong);
+                problems.push(
+                    Problem::new(&scene.name, message)
+                        .help("`lightpath crosscheck` names the rays; please report this"),
+                );
+            }
+        }
+    }
+    match problems.is_empty() {
+        true => Ok(()),
+        false => Err(Error { kind: Kind::Check, problems }),
+    }
+}

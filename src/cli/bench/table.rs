@@ -1,0 +1,230 @@
+//! Formats the results of `bench` as lines of text.
+
+use crate::{
+    error::printable,
+    measure::{
+        growth::{Growth, Quantity},
+        result::{Change, Entry, Report, Row, SceneResult, Since, What},
+        stats::Estimate,
+    },
+    units,
+};
+
+/// Formats the results of one scene.
+pub fn scene(scene: &SceneResult) -> String {
+    let name = printable(&scene.name);
+    let mut lines = vec![format!("{name}: {} triangles", units::count(scene.triangles))];
+    let rays = scene.rays.iter().map(|(class, n)| match n {
+        0 => format!("no {class}"),
+        n => format!("{} {class}", units::count(*n)),
+    });
+    lines.push(format!("rays: {}", rays.collect::<Vec<_>>().join(", ")));
+    lines.push(String::new());
+    lines.extend(table(&backends(scene)));
+    let mut threads: Vec<usize> = scene.rows.iter().map(|row| row.threads).collect();
+    threads.sort_unstable();
+    threads.dedup();
+    for threads in threads {
+        lines.push(String::new());
+        lines.extend(table(&timings(scene, threads)));
+    }
+    lines.push(String::new());
+    lines.extend(agreement(scene));
+    lines.push(String::new());
+    lines.join("\n") + "\n"
+}
+
+/// Formats the changes since the baseline.
+pub fn since(since: &Since) -> String {
+    let elsewhere = since.elsewhere.iter();
+    let warnings: String =
+        elsewhere.map(|what| format!("baseline: NOT THE SAME MACHINE: {what}\n")).collect();
+    warnings + &changes(&since.changes)
+}
+
+fn changes(changes: &[Change]) -> String {
+    if changes.is_empty() {
+        return "baseline: no scene in common (name and content must be the same)\n".into();
+    }
+    let head = ["since the baseline", "", "threads", "backend", "now / then", ""];
+    let mut rows = vec![head.map(str::to_string).to_vec()];
+    rows.extend(changes.iter().map(|change| {
+        vec![
+            printable(&change.scene).into_owned(),
+            change.row.clone(),
+            change.threads.to_string(),
+            change.backend.clone(),
+            ratio(&change.ratio),
+            change.ratio.verdict().to_string(),
+        ]
+    }));
+    table(&rows).join("\n") + "\n"
+}
+
+/// Returns the table of growth of build time and memory with scene size, head first. Empty for one
+/// scene.
+pub fn growth(report: &Report) -> Vec<Vec<String>> {
+    let mut rows = Vec::new();
+    for quantity in Quantity::ALL {
+        for growth in Growth::of(report, quantity) {
+            let (Some(exponent), Some(n)) = (growth.exponent(), growth.points.last()) else {
+                continue;
+            };
+            rows.push(vec![
+                quantity_name(quantity).to_string(),
+                growth.backend.clone(),
+                format!("n^{exponent:.3}"),
+                format!("{} sizes to {}", growth.points.len(), units::count(n[0] as u64)),
+            ]);
+        }
+    }
+    if !rows.is_empty() {
+        rows.insert(0, ["growth", "backend", "fit", "n triangles"].map(str::to_string).to_vec());
+    }
+    rows
+}
+
+/// Formats [`growth`] as text; empty for one scene.
+pub fn growth_text(report: &Report) -> String {
+    table(&growth(report)).iter().map(|line| format!("{line}\n")).collect()
+}
+
+/// Returns the name of a quantity for tables and charts.
+pub fn quantity_name(quantity: Quantity) -> &'static str {
+    match quantity {
+        Quantity::BuildTime => "build time",
+        Quantity::Memory => "memory held",
+        Quantity::Peak => "peak memory of the build",
+    }
+}
+
+/// Returns the table of backends and their memory, head first.
+pub fn backends(scene: &SceneResult) -> Vec<Vec<String>> {
+    let head = ["backend", "version", "isa", "memory", "B/triangle", "peak", "B/triangle", "wrong"];
+    let mut rows = vec![head.map(str::to_string).to_vec()];
+    let per = |bytes: u64| match scene.triangles {
+        0 => String::new(),
+        n => format!("{:.1}", bytes as f64 / n as f64),
+    };
+    rows.extend(scene.backends.iter().map(|b| {
+        vec![
+            b.name.clone(),
+            b.version.clone(),
+            b.isa.clone(),
+            units::bytes(b.bytes),
+            per(b.bytes),
+            units::bytes(b.peak_bytes),
+            per(b.peak_bytes),
+            wrong(b.wrong),
+        ]
+    }));
+    rows
+}
+
+/// Returns the table of timings for one number of threads, head first.
+pub fn timings(scene: &SceneResult, threads: usize) -> Vec<Vec<String>> {
+    let first = &scene.backends[0].name;
+    let title = units::plural(threads, "thread");
+    let against = format!("/ {first}");
+    let head =
+        [&title, "backend", "M/s", "median", "MAD", &against, "", "nodes/ray", "prims/ray", ""];
+    let mut rows = vec![head.map(str::to_string).to_vec()];
+    for row in scene.rows.iter().filter(|row| row.threads == threads) {
+        for (i, (backend, entry)) in scene.backends.iter().zip(&row.entries).enumerate() {
+            let label = if i == 0 { label(row) } else { String::new() };
+            let mut cells = vec![label, backend.name.clone()];
+            cells.extend(numbers(entry));
+            rows.push(cells);
+        }
+    }
+    without_empty_columns(rows)
+}
+
+/// Removes the columns that are empty below the head.
+fn without_empty_columns(mut rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
+    let used = |c: usize| rows[1..].iter().any(|row| !row[c].is_empty());
+    let used: Vec<bool> = (0..rows[0].len()).map(used).collect();
+    for row in &mut rows {
+        let mut keep = used.iter();
+        row.retain(|_| *keep.next().unwrap_or(&true));
+    }
+    rows
+}
+
+/// Names what a row times, with the unit of its rate.
+fn label(row: &Row) -> String {
+    match row.what {
+        What::Build => "build (triangles)".into(),
+        What::Image => "image (rays)".into(),
+        What::Rays => row.label(),
+    }
+}
+
+fn numbers(entry: &Entry) -> [String; 8] {
+    let per_ray = |n: Option<f64>| n.map_or(String::new(), |n| format!("{n:.2}"));
+    [
+        format!("{:.2}", entry.rate.value),
+        format!("{:.2} ms", entry.median_s.value * 1e3),
+        format!("{:.1} %", 100.0 * entry.mad_s / entry.median_s.value),
+        entry.ratio.map_or(String::new(), |r| ratio(&r)),
+        entry.ratio.map_or(String::new(), |r| r.verdict().to_string()),
+        per_ray(entry.nodes_per_ray),
+        per_ray(entry.primitives_per_ray),
+        match entry.wrong {
+            None | Some(0) => String::new(),
+            Some(n) => wrong(n),
+        },
+    ]
+}
+
+/// Formats a ratio with its interval: `1.16 [1.15, 1.17]`.
+pub fn ratio(r: &Estimate) -> String {
+    format!("{:.3} [{:.3}, {:.3}]", r.value, r.low, r.high)
+}
+
+/// Formats a number of wrong answers: `3 WRONG`.
+pub fn wrong(n: u64) -> String {
+    match n {
+        0 => "0".into(),
+        n => format!("{} WRONG", units::count(n)),
+    }
+}
+
+/// Describes the rays on which two backends differ.
+pub fn agreement(scene: &SceneResult) -> Vec<String> {
+    let mut lines = Vec::new();
+    for pair in &scene.agreement {
+        let a = &pair.agreement;
+        if a.disagreements() + a.tie > 0 {
+            lines.push(format!(
+                "{}, {}: {} and {}: {} same, {} ties, {} at another t, {} only one hits",
+                pair.name,
+                pair.mode,
+                pair.backends[0],
+                pair.backends[1],
+                units::count(a.same),
+                units::count(a.tie),
+                units::count(a.depth),
+                units::count(a.missed),
+            ));
+        }
+    }
+    if lines.is_empty() {
+        lines.push("answers: the same for every ray".into());
+    }
+    lines
+}
+
+/// Aligns rows in columns.
+pub fn table(rows: &[Vec<String>]) -> Vec<String> {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |c: usize| {
+        rows.iter().filter_map(|r| r.get(c)).map(|t| t.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).map(|(text, width)| format!("{text:width$}"));
+        cells.collect::<Vec<_>>().join("  ").trim_end().to_string()
+    };
+    rows.iter().map(line).collect()
+}

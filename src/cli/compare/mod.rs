@@ -1,0 +1,182 @@
+//! `lightpath compare`: measures how far a picture is from a reference, as numbers, error maps and
+//! an exit code.
+
+pub mod args;
+pub mod page;
+mod text;
+
+use std::{io::Write, path::PathBuf};
+
+use crate::{
+    error::{Error, Failures, Kind, Problem, Result},
+    measure::{
+        compare::{self, Compared, Comparison, Settings, file::Picture},
+        metrics::Metric,
+    },
+    output::atomic::Part,
+    scene::{did_you_mean, list},
+};
+
+use super::{outputs::OutputFlags, print, signals};
+
+use self::args::CompareArgs;
+
+/// Compares a picture with a reference.
+pub fn run(args: &CompareArgs) -> Result<()> {
+    let limits = limits(args)?;
+    check_outputs(args)?;
+    let pool = args.workers.pool()?;
+    signals::end_at_once()?;
+    let error_map = args.out.as_deref().map(Part::create).transpose()?;
+    let mut outputs = OutputFlags(vec![("--html FILE", &args.html)]).create()?;
+    let mut failures = Failures::default();
+    let test = failures.keep(Picture::read(&args.test));
+    let reference = failures.keep(Picture::read(&args.reference));
+    failures.check()?;
+    let (Some(test), Some(reference)) = (test, reference) else { return Ok(()) };
+    let settings = settings(args, [&test, &reference])?;
+    let found = pool.install(|| compare::compare(test, reference, &settings))?;
+    let failed = failed(args, &found, &limits)?;
+    let shown = error_map.zip(found.layers.first());
+    let mut written: Vec<PathBuf> =
+        shown.map(|(part, layer)| write_error_map(part, layer)).transpose()?.into_iter().collect();
+    outputs.write("--html", || page::page(args, &found, &failed).html())?;
+    written.extend(outputs.written());
+    if args.json {
+        print::json(&text::json(args, &found, &failed, &written))?;
+    } else {
+        if !args.quiet {
+            print::text(&text::text(args, &found))?;
+        }
+        print::paths(&written)?;
+    }
+    if failed.is_empty() {
+        return Ok(());
+    }
+    let problems = failed.into_iter().map(|failure| Problem::new("compare", failure)).collect();
+    Err(Error { kind: Kind::Check, problems })
+}
+
+/// Threshold of a metric.
+struct Limit {
+    metric: Metric,
+    value: f64,
+}
+
+/// Parses the thresholds of `--fail-above` and `--fail-below`.
+fn limits(args: &CompareArgs) -> Result<Vec<Limit>> {
+    let mut failures = Failures::default();
+    let above = args.fail_above.iter().map(|text| limit("--fail-above", text, false));
+    let below = args.fail_below.iter().map(|text| limit("--fail-below", text, true));
+    let limits: Vec<Limit> = above.chain(below).filter_map(|limit| failures.keep(limit)).collect();
+    failures.check()?;
+    Ok(limits)
+}
+
+fn limit(flag: &str, text: &str, below: bool) -> Result<Limit> {
+    let names =
+        || Metric::ALL.into_iter().filter(|m| m.more_is_better() == below).map(Metric::name);
+    let (name, value) = text.split_once('=').ok_or_else(|| {
+        let message = format!("found `{text}`, expected METRIC=VALUE");
+        Error::invalid(flag, message).help(format!("{flag} {}=0.001", names().next().unwrap_or("")))
+    })?;
+    let metric = Metric::named(name).filter(|m| m.more_is_better() == below);
+    let metric = metric.ok_or_else(|| {
+        let message = format!("found `{name}`, expected {}", list(names()));
+        let other = if below { "--fail-above" } else { "--fail-below" };
+        let help = match Metric::named(name) {
+            Some(_) => Some(format!("{other} {text}")),
+            None => did_you_mean(name, names()),
+        };
+        let error = Error::invalid(flag, message);
+        help.into_iter().fold(error, Error::help)
+    })?;
+    match value.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(Limit { metric, value }),
+        _ => {
+            let message = format!("found `{value}`, expected a number of at least 0, such as 1e-3");
+            Err(Error::invalid(format!("{flag} {name}"), message))
+        }
+    }
+}
+
+fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<Settings> {
+    if !args.exposure.is_finite() {
+        let message = format!("found {}, expected a finite number of stops", args.exposure);
+        return Err(Error::invalid("--exposure", message));
+    }
+    let known = || files.into_iter().flat_map(|file| &file.layers).map(|layer| layer.shown());
+    for name in &args.layer {
+        if !known().any(|other| other == name) {
+            let mut all: Vec<&str> = known().collect();
+            all.sort_unstable();
+            all.dedup();
+            let message = format!("found `{name}`, expected {}", list(all));
+            let error = Error::invalid("--layer", message);
+            return Err(did_you_mean(name, known()).into_iter().fold(error, Error::help));
+        }
+        for file in files {
+            if !file.layers.iter().any(|layer| layer.shown() == name) {
+                let names = list(file.layers.iter().map(|layer| layer.shown()));
+                let message =
+                    format!("found `{name}`, which {} does not have: it has {names}", file.path);
+                return Err(Error::invalid("--layer", message));
+            }
+        }
+    }
+    let layers = args.layer.clone();
+    Ok(Settings { layers, tonemap: args.tonemap, exposure: args.exposure })
+}
+
+/// Returns the reasons why the check fails: pixels that are not finite, and exceeded thresholds.
+fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Vec<String>> {
+    let mut failed = Vec::new();
+    for layer in &found.layers {
+        failed.extend(layer.non_finite.map(|_| text::non_finite(args, layer)));
+    }
+    for Limit { metric, value } in limits {
+        let name = metric.name();
+        let of = |layer: &Compared| layer.values.get(*metric);
+        let unknown = found.layers.iter().all(|layer| of(layer).is_none());
+        if unknown && failed.is_empty() {
+            let message = format!("no layer that was compared has a `{name}`");
+            let help =
+                "flip, psnr and ssim (11 x 11 pixels) need layers of light, hdrflip needs two EXRs";
+            return Err(Error::invalid("--fail-above, --fail-below", message).help(help));
+        }
+        for layer in &found.layers {
+            let Some(measured) = of(layer) else { continue };
+            let (exceeded, word) = match metric.more_is_better() {
+                true => (measured < *value, "below"),
+                false => (measured.abs() > *value, "above"),
+            };
+            if exceeded {
+                let shown = text::number(*metric, measured);
+                failed.push(format!("{}: {name} is {shown}, {word} {value}", layer.test.shown()));
+            }
+        }
+    }
+    Ok(failed)
+}
+
+/// Refuses outputs that would overwrite inputs or each other, and error maps that are no PNG.
+fn check_outputs(args: &CompareArgs) -> Result<()> {
+    let is_png = |path: &PathBuf| {
+        path.starts_with("/dev")
+            || path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png"))
+    };
+    if let Some(path) = args.out.iter().find(|path| !is_png(path)) {
+        let message = format!("found {}, expected a name that ends in .png", path.display());
+        return Err(Error::invalid("--out", message));
+    }
+    let outputs = OutputFlags(vec![("--out FILE.png", &args.out), ("--html FILE", &args.html)]);
+    outputs.refuse_overwrites([&args.test, &args.reference])
+}
+
+/// Writes the error map of a layer to its file and returns the path.
+fn write_error_map(mut part: Part, layer: &Compared) -> Result<PathBuf> {
+    let wrote = part.file().write_all(&page::error_map(layer));
+    wrote.map_err(|error| Error::io(part.target(), "write", &error))?;
+    part.sync()?;
+    part.commit()
+}

@@ -1,0 +1,175 @@
+//! `lightpath converge`: measures error against time; writes a table, JSON, CSV and a page.
+
+pub mod args;
+mod page;
+mod text;
+
+use std::{path::Path, sync::Arc, time::Instant};
+
+use crate::{
+    error::{Error, Result},
+    measure::{
+        bench::Contestant,
+        compare::{
+            file::{Format, Picture},
+            layer::{Layer, Meaning},
+        },
+        converge::{self, Grid, Limits, Reference, Settings, Subject, report},
+    },
+    monitor::Monitor,
+    output::exr_read,
+    scene::{LightKind, SamplerKind, Scene},
+    simd::Isa,
+    world::{LoadOptions, World},
+};
+
+use super::{
+    backends::{contestant, each_once},
+    load::{self, Job, SceneRequest},
+    machine, overrides, print, signals,
+};
+
+use self::args::ConvergeArgs;
+
+/// Default samples on area lights.
+const LIGHT_SAMPLES: [u32; 3] = [1, 4, 16];
+
+/// Runs the study of one scene.
+pub fn run(args: &ConvergeArgs) -> Result<()> {
+    let started = Instant::now();
+    let mut limits = limits(args)?;
+    let isa = args.kernels.isa()?;
+    let monitor = Arc::new(Monitor::default());
+    let mut request = SceneRequest::new(&args.input);
+    overrides::add_size(&mut request.overrides, args.picture.size);
+    overrides::add_sets(&mut request.overrides, &args.overrides.set);
+    let job = load::load(request)?;
+    let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
+    args.outputs().refuse_overwrites(inputs)?;
+    let Job { loaded, warnings, ready, .. } = job;
+    let contestants = contestants(args, &loaded.scene, isa)?;
+    let grid = grid(args, &loaded.scene, contestants.len())?;
+    let given =
+        args.reference.as_deref().map(|path| read_reference(path, &loaded.scene)).transpose()?;
+    signals::watch(&monitor)?;
+    let mut outputs = args.outputs().create()?;
+    let note = |text: &str| args.messages.note(text);
+    if let Some(seed) = args.reference.as_deref().and_then(seed_of) {
+        limits.seed = args.seed.unwrap_or(seed.wrapping_add(1));
+        if (0..i64::from(limits.repeats)).any(|i| limits.seed.wrapping_add(i) == seed) {
+            note(&format!(
+                "warning: the reference has the seed {seed}, and so has one render of every setting: shared samples \
+                 make errors too small; choose another --seed"
+            ));
+        }
+    }
+    let settings = Settings { contestants, grid, limits, started, isa };
+    let pool = args.workers.pool()?;
+    let study = pool.install(|| {
+        let options = LoadOptions { ready, ..LoadOptions::default() };
+        let (mut world, more) = World::load(&loaded.scene, options, &monitor)?;
+        for warning in warnings.iter().chain(&more) {
+            note(&format!("warning: {warning}"));
+        }
+        let reference = given.as_ref().map(|layer| {
+            let values = layer.values.clone();
+            Reference { values, floor: None }
+        });
+        converge::run(&mut world, &settings, reference, &monitor, &note)
+    })?;
+    let file = args.reference.as_ref().map(|path| path.display().to_string());
+    let subject = Subject {
+        machine: machine::describe(isa),
+        threads: pool.current_num_threads(),
+        scene: args.input.display().to_string(),
+        hash: loaded.hash,
+        size: [loaded.scene.camera.width, loaded.scene.camera.height],
+        backends: settings.contestants.into_iter().map(|c| c.name).collect(),
+        reference: file.zip(given.map(|layer| layer.half)),
+    };
+    let found = report(&study, subject, limits, started.elapsed().as_secs_f64());
+    print::text(&text::text(&found))?;
+    outputs.write_json("--json", &found)?;
+    outputs.write("--csv", || text::csv(&found))?;
+    outputs.write("--html", || page::page(&found, &study).html())?;
+    print::paths(&outputs.written())
+}
+
+fn limits(args: &ConvergeArgs) -> Result<Limits> {
+    if !(args.budget > 0.0 && args.budget <= 1e6) {
+        let message = format!("found {}, expected seconds in (0, 1e6]", args.budget);
+        return Err(Error::invalid("--budget", message));
+    }
+    Ok(Limits { budget: args.budget, repeats: args.repeats, seed: args.seed.unwrap_or(0) })
+}
+
+fn contestants(args: &ConvergeArgs, scene: &Scene, isa: Isa) -> Result<Vec<Contestant>> {
+    let own = [scene.backend.name().to_string()];
+    let names = if args.backends.is_empty() { &own[..] } else { &args.backends };
+    each_once("--backends", names.iter().map(|name| contestant("--backends", name, isa)))
+}
+
+fn grid(args: &ConvergeArgs, scene: &Scene, contestants: usize) -> Result<Grid> {
+    let sorted = |values: &[u32]| {
+        let mut values = values.to_vec();
+        values.sort_unstable();
+        values.dedup();
+        values
+    };
+    let lit = scene.lights.iter().any(|light| matches!(light.kind, LightKind::Area { .. }));
+    let light_samples = match (lit, args.light_samples.as_slice()) {
+        (true, []) => LIGHT_SAMPLES.to_vec(),
+        (true, asked) => sorted(asked),
+        (false, []) => Vec::new(),
+        (false, _) => {
+            let message = "has no effect: the scene has no area light";
+            return Err(Error::invalid("--light-samples", message).help("leave it out"));
+        }
+    };
+    let mut samplers: Vec<SamplerKind> = Vec::new();
+    for sampler in &args.sampler {
+        if !samplers.contains(sampler) {
+            samplers.push(*sampler);
+        }
+    }
+    let light_samples = match light_samples.is_empty() {
+        true => vec![None],
+        false => light_samples.into_iter().map(Some).collect(),
+    };
+    Ok(Grid { contestants, samplers, spp: sorted(&args.spp), light_samples })
+}
+
+/// Reads the seed from the EXR header of a picture of this program.
+fn seed_of(path: &Path) -> Option<i64> {
+    exr_read::Reader::open(path).ok()?.attribute("lightpath:seed")?.parse().ok()
+}
+
+/// Reads a reference: the light of an EXR that has the scene's size.
+fn read_reference(path: &Path, scene: &Scene) -> Result<Layer> {
+    let place = || path.display().to_string();
+    let picture = Picture::read(path)?;
+    if picture.format != Format::Exr {
+        let message = "found a PNG, expected an EXR: errors are measured in linear light";
+        return Err(Error::invalid(place(), message)
+            .help("lightpath render SCENE --float --spp 4096 -o reference"));
+    }
+    let light = |layer: &Layer| layer.name.is_empty() && layer.meaning == Meaning::Light;
+    let Some(layer) = picture.layers.into_iter().find(light) else {
+        return Err(Error::invalid(place(), "found no R G B, expected the picture itself"));
+    };
+    let size = [scene.camera.width, scene.camera.height];
+    if layer.size != size.map(|n| n as usize) || layer.origin != [0, 0] {
+        let [[w, h], [x, y], [width, height]] =
+            [layer.size.map(|n| n as i64), layer.origin.map(i64::from), size.map(i64::from)];
+        let message = format!(
+            "found {w} x {h} pixels at ({x}, {y}), expected the whole frame of {width} x {height}"
+        );
+        return Err(Error::invalid(place(), message).help(format!("--size {w}x{h}")));
+    }
+    let bad = layer.values.iter().filter(|value| !value.is_finite()).count();
+    if bad > 0 {
+        let message = format!("found {bad} values that are NaN or infinite, expected none");
+        return Err(Error::invalid(place(), message));
+    }
+    Ok(layer)
+}

@@ -1,0 +1,304 @@
+//! `lightpath crosscheck`: judges every backend's answers, ray by ray, by the oracle.
+
+pub mod args;
+mod text;
+
+use std::{path::Path, sync::Arc};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use crate::{
+    accel::{
+        self, Accelerator, BuildOptions, Visits, brute::Brute, bvh::Bvh, coursework::Coursework,
+        lane::Ray,
+    },
+    error::{Error, Kind, Problem, Result, printable},
+    measure::cross_check::{
+        Answer, Check, Contender, Finding, Tree, Verdict, answers, check_rays, compare_pictures,
+        judge,
+    },
+    monitor::Monitor,
+    scene::{self, Backend, EmbreeMode, Source, written},
+    simd::Isa,
+    world::{LoadOptions, World},
+};
+
+use super::{
+    load::{self, SceneRequest},
+    names::ProgressMode,
+    outputs::OutputFlags,
+    overrides, print,
+    progress::Progress,
+    render::progress as render_progress,
+    signals,
+};
+
+use self::args::CrosscheckArgs;
+
+/// Maximum size of a `--replay` file in bytes.
+const MAX_REPLAY_BYTES: u64 = 64 << 20;
+
+/// Content of a `--save` file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Saved {
+    /// The scene with overrides; its paths are relative to the file's folder.
+    scene: Value,
+    findings: Vec<Finding>,
+}
+
+/// Checks a scene, or replays the findings of an earlier check.
+pub fn run(args: &CrosscheckArgs) -> Result<()> {
+    let monitor = Arc::new(Monitor::default());
+    let isa = args.kernels.isa()?;
+    let backends = backends(args.backends.as_deref(), isa)?;
+    args.workers.pool()?.install(|| match (&args.replay, &args.input) {
+        (Some(file), _) => replay(args, file, isa, &monitor),
+        (None, Some(input)) => check(args, input, backends, isa, &monitor),
+        (None, None) => Err(Error::invalid("", "no scene given")),
+    })
+}
+
+/// Converts backend names and drops duplicates; `None` if no names are given.
+fn backends(names: Option<&[written::Accelerator]>, isa: Isa) -> Result<Option<Vec<Backend>>> {
+    let Some(names) = names else { return Ok(None) };
+    let mut backends: Vec<Backend> = Vec::new();
+    for name in names {
+        let backend = match Backend::from(*name) {
+            Backend::Bvh(_) => Backend::Bvh(isa),
+            other => other,
+        };
+        if !backends.contains(&backend) {
+            backends.push(backend);
+        }
+    }
+    if let [only] = backends[..] {
+        let message = format!("found `{}` alone, expected two or more backends", only.name());
+        return Err(Error::invalid("--backends", message).help("--backends embree,bvh"));
+    }
+    Ok(Some(backends))
+}
+
+/// All backends that can be compared. Our tree uses the kernels of `isa`.
+fn all_backends(isa: Isa) -> [Backend; 4] {
+    let embree = Backend::Embree(EmbreeMode::Robust);
+    [embree, Backend::Bvh(isa), Backend::Coursework, Backend::Brute]
+}
+
+/// Returns the scene that the arguments ask for.
+fn request<'a>(args: &CrosscheckArgs, input: &'a Path) -> SceneRequest<'a> {
+    let mut request = SceneRequest::new(input);
+    let all = &mut request.overrides;
+    overrides::add_size(all, args.picture.size);
+    all.flag("--spp", "/spp", args.spp);
+    all.flag("--seed", "/seed", args.seed);
+    overrides::add_sets(all, &args.overrides.set);
+    request
+}
+
+/// Accelerators of all backends over one geometry.
+struct Built<'g> {
+    oracle: Brute<'g>,
+    coursework: Option<Coursework<'g>>,
+    bvh: Option<Bvh<'g>>,
+    embree: Option<Box<dyn Accelerator + 'g>>,
+    order: Vec<Backend>,
+}
+
+impl<'g> Built<'g> {
+    /// Builds the backends in `asked`, or all that can run here.
+    fn new(
+        world: &'g World,
+        asked: Option<Vec<Backend>>,
+        isa: Isa,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let skip = asked.is_none();
+        let threads = rayon::current_num_threads();
+        let options = BuildOptions { threads, max_bytes: None };
+        let geometry = &world.geometry;
+        let oracle = Brute::build(geometry, &options, monitor)?;
+        let (mut coursework, mut bvh, mut embree, mut order) = (None, None, None, Vec::new());
+        for backend in asked.unwrap_or(all_backends(isa).to_vec()) {
+            match backend {
+                Backend::Brute => {}
+                Backend::Coursework => {
+                    coursework = Some(Coursework::build(geometry, &options, monitor)?);
+                }
+                Backend::Bvh(isa) => bvh = Some(Bvh::build(geometry, isa, &options, monitor)?),
+                Backend::Embree(_) => match accel::build(geometry, backend, &options, monitor) {
+                    Ok(accelerator) => embree = Some(accelerator),
+                    Err(error) if skip && error.kind == Kind::Unsupported => {
+                        print::note(&format!("without `{}`: {error}", backend.name()));
+                        continue;
+                    }
+                    Err(error) => return Err(error),
+                },
+            }
+            order.push(backend);
+        }
+        Ok(Self { oracle, coursework, bvh, embree, order })
+    }
+
+    fn contenders(&self) -> Vec<Contender<'_>> {
+        let of = |&backend: &Backend| -> Option<Contender<'_>> {
+            let accelerator: &dyn Accelerator = match backend {
+                Backend::Brute => &self.oracle,
+                Backend::Coursework => self.coursework.as_ref()?,
+                Backend::Bvh(_) => self.bvh.as_ref()?,
+                Backend::Embree(_) => &**self.embree.as_ref()?,
+            };
+            Some(Contender { backend, accelerator })
+        };
+        self.order.iter().filter_map(of).collect()
+    }
+}
+
+fn check(
+    args: &CrosscheckArgs,
+    input: &Path,
+    backends: Option<Vec<Backend>>,
+    isa: Isa,
+    monitor: &Arc<Monitor>,
+) -> Result<()> {
+    let mut job = load::load(request(args, input))?;
+    let outputs = OutputFlags(vec![("--save FILE.json", &args.save)]);
+    outputs.refuse_overwrites(job.inputs(input))?;
+    signals::watch(monitor)?;
+    let progress = Progress::start(ProgressMode::Auto, render_progress::meter(monitor));
+    let mut outputs = outputs.create()?;
+    let ready = std::mem::take(&mut job.ready);
+    let scene = &job.loaded.scene;
+    let (world, warnings) =
+        World::load(scene, LoadOptions { ready, ..LoadOptions::default() }, monitor)?;
+    for warning in job.warnings.iter().chain(&warnings) {
+        progress.message(&format!("warning: {warning}"));
+    }
+    let built = Built::new(&world, backends, isa, monitor)?;
+    let contenders = built.contenders();
+    let check = Check {
+        world: &world,
+        oracle: &built.oracle,
+        contenders: &contenders,
+        coursework: built.coursework.as_ref(),
+        rays: args.rays,
+        seed: scene.seed,
+    };
+    let mut report = check_rays(&check, monitor)?;
+    report.tree = built.bvh.as_ref().map(|bvh| Tree::from(bvh.validate()));
+    if !args.no_picture {
+        report.pictures = compare_pictures(&world, &built.oracle, &contenders, isa, monitor)?;
+    }
+    drop(progress);
+    if let Some(path) = &args.save {
+        let scene = serde_json::from_str(&load::saved(&job, path)?).unwrap_or_default();
+        let saved = Saved { scene, findings: report.findings.clone() };
+        outputs.write_json("--save", &saved)?;
+    }
+    if args.json {
+        let mut value = json!(report);
+        value["failures"] = report.failures().into();
+        print::json(&value)?;
+    } else {
+        print::text(&text::report(&report))?;
+    }
+    failed(report.failures())
+}
+
+/// Returns an error (exit code 1) that lists all failures, if there are any.
+fn failed(failures: Vec<String>) -> Result<()> {
+    let problems: Vec<Problem> =
+        failures.into_iter().map(|failure| Problem::new("crosscheck", failure)).collect();
+    if problems.is_empty() {
+        return Ok(());
+    }
+    Err(Error { kind: Kind::Check, problems })
+}
+
+/// A finding that was traced again.
+#[derive(Serialize)]
+struct Replayed<'f> {
+    finding: &'f Finding,
+    answer: Answer,
+    truth: Answer,
+    verdict: Verdict,
+}
+
+fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) -> Result<()> {
+    let place = file.display().to_string();
+    let saved = read(file)?;
+    if saved.findings.is_empty() {
+        print::note(&format!("{}: no wrong answers in this file", printable(&place)));
+    }
+    let text = saved.scene.to_string();
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let name = format!("{place}: scene");
+    let loaded = scene::load(Source::Text { name: &name, text: text.as_bytes(), folder }, &[])?;
+    signals::watch(monitor)?;
+    let (world, _) = World::load(&loaded.scene, LoadOptions::default(), monitor)?;
+    let needed = all_backends(isa)
+        .into_iter()
+        .filter(|b| saved.findings.iter().any(|f| f.backend == b.name()));
+    let built = Built::new(&world, Some(needed.collect()), isa, monitor)?;
+    let contenders = built.contenders();
+    let primitives = *world.geometry.bases().last().unwrap_or(&0);
+    let mut results = Vec::new();
+    for (index, finding) in saved.findings.iter().enumerate() {
+        let wrong =
+            |message: String| Error::invalid(format!("{place} (/findings/{index})"), message);
+        let case = finding.case().map_err(wrong)?;
+        let contender = contenders.iter().find(|c| c.backend.name() == finding.backend);
+        let contender = contender
+            .ok_or_else(|| wrong(format!("found the unknown backend `{}`", finding.backend)))?;
+        if finding.packet.iter().any(|ray| ray.leaving.is_some_and(|p| p >= primitives)) {
+            return Err(wrong(format!(
+                "found a ray that leaves none of the {primitives} primitives"
+            )));
+        }
+        let ray = Ray::of(&case.packet.rays, finding.lane);
+        results.push(match (&built.coursework, finding.against.as_str()) {
+            (Some(coursework), "plain loop") => {
+                let of = |hit: Option<_>| hit.map_or(Answer::Miss, Answer::from);
+                let answer = of(coursework.closest_hit(&ray, &mut Visits::default()));
+                let truth = of(coursework.plain_loop(&ray));
+                let verdict = if answer == truth { Verdict::Agree } else { finding.verdict };
+                Replayed { finding, answer, truth, verdict }
+            }
+            _ => {
+                let answer = answers(contender.accelerator, &case, finding.mode)[finding.lane];
+                let truth = Answer::truth(&built.oracle, &ray, case.shadow);
+                let verdict = judge(&built.oracle, &ray, truth, answer, contender.factor());
+                Replayed { finding, answer, truth, verdict }
+            }
+        });
+    }
+    if args.json {
+        print::json(&json!({ "replayed": results }))?;
+    } else {
+        let line = |r: &Replayed| text::finding(r.finding, r.verdict, r.answer, r.truth);
+        print::text(&results.iter().map(line).collect::<String>())?;
+    }
+    let still = results.iter().filter(|r| r.verdict.is_wrong() && r.finding.fails()).count();
+    let all = results.len();
+    failed(
+        (still > 0)
+            .then(|| format!("{still} of {all} answers are still wrong"))
+            .into_iter()
+            .collect(),
+    )
+}
+
+fn read(file: &Path) -> Result<Saved> {
+    let place = file.display().to_string();
+    let failed = |error: std::io::Error| Error::io(file, "read", &error);
+    let size = std::fs::metadata(file).map_err(failed)?.len();
+    if size > MAX_REPLAY_BYTES {
+        let message = format!("found {size} bytes, expected a file of `crosscheck --save`");
+        return Err(Error::invalid(place, message));
+    }
+    let bytes = std::fs::read(file).map_err(failed)?;
+    serde_json::from_slice(&bytes).map_err(|error| {
+        Error::invalid(&place, format!("{error}, expected a file of `crosscheck --save`"))
+    })
+}

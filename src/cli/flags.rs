@@ -1,0 +1,271 @@
+//! Flags that several commands have, in groups for `#[command(flatten)]`. Each flag is declared
+//! once, so its help and its checks are the same everywhere.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueHint};
+use rayon::ThreadPool;
+
+use crate::{
+    error::Result,
+    output::exr::Compression,
+    scene::{SamplerKind, ToneOperator, written::Accelerator},
+    simd::Isa,
+    studio::{Appearance, Axis, smooth},
+    units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth},
+};
+
+use super::{machine, print};
+
+/// Flags that change the scene.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Scene (overrides values of the file)")]
+pub struct SceneArgs {
+    #[command(flatten)]
+    pub picture: SizeArgs,
+
+    /// Camera samples per pixel
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub spp: Option<u32>,
+
+    /// Samples on every area light per shading point
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub light_samples: Option<u32>,
+
+    /// Trace a quarter of an area light's shadow rays first, and the rest only if these disagree or
+    /// a randomly drawn point contradicts them: fewer rays, the same mean
+    #[arg(long)]
+    pub adaptive_shadows: bool,
+
+    /// Maximum number of mirror bounces after the primary ray
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub nbounces: Option<u32>,
+
+    /// Seed of all random choices
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub seed: Option<i64>,
+
+    /// How sample points are chosen
+    #[arg(long, value_name = "NAME")]
+    pub sampler: Option<SamplerKind>,
+
+    /// Exposure of the PNG in stops
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    pub exposure: Option<f64>,
+
+    /// Tone curve of the PNG
+    #[arg(long, value_name = "OP")]
+    pub tonemap: Option<ToneOperator>,
+
+    /// Full vertical angle of view in degrees
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub fov: Option<f64>,
+
+    /// Backend that traces the rays [default: the scene's, else bvh]
+    #[arg(long, value_name = "NAME")]
+    pub backend: Option<Accelerator>,
+
+    /// Write coverage to alpha instead of 1, without the background
+    #[arg(long)]
+    pub transparent: bool,
+
+    /// Layers of the EXR: Z, P, N, Ng, albedo, uv, diffuse, specular, ambient, reflection,
+    /// background, light_GROUP, shadow_GROUP, variance, samples, primid, objectid, cryptomatte...
+    /// or all
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub aov: Option<Vec<String>>,
+
+    /// Number of objects that one pixel of a cryptomatte can hold: 2, 4... 16 [default: 6]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub crypto_ranks: Option<i64>,
+
+    /// Set any value of the scene; VALUE is JSON, or else a string; repeatable, wins over flags
+    #[arg(long, value_name = "/json/pointer=VALUE")]
+    pub set: Vec<String>,
+
+    /// Render only these pixels, from the top left; X1 and Y1 are excluded
+    #[arg(long, num_args = 4, allow_negative_numbers = true, value_names = ["X0", "Y0", "X1", "Y1"])]
+    pub crop: Option<Vec<u32>>,
+
+    /// Render PX more pixels on every side of the frame; the EXR's display window stays the frame
+    #[arg(long, value_name = "PX", conflicts_with = "crop", value_parser = clap::value_parser!(u32).range(..=65536), default_value_t)]
+    pub overscan: u32,
+}
+
+/// Flags for the look of meshes.
+#[derive(Debug, Args)]
+pub struct LookArgs {
+    /// Interpolate normals of the .ply across edges of at most DEGREES, across all edges or none
+    /// [default: the template's; in the studio 57, between flat parts 44]
+    #[arg(long, value_name = "DEGREES|all|off", value_parser = parse_smooth, allow_negative_numbers = true)]
+    pub smooth: Option<f64>,
+
+    /// Image for the texture coordinates of the .ply
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub texture: Option<PathBuf>,
+
+    /// Remove the plane named `ground`; the studio's is always removed under --transparent
+    #[arg(long)]
+    pub no_ground: bool,
+}
+
+impl LookArgs {
+    /// Converts the flags to [`Appearance`].
+    pub fn of(&self) -> Appearance {
+        Appearance {
+            smooth: self.smooth.map(smooth),
+            texture: self.texture.clone(),
+            no_ground: self.no_ground,
+        }
+    }
+}
+
+/// Flags for the machine, with their own heading.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Machine")]
+pub struct MachineArgs {
+    #[command(flatten)]
+    pub workers: WorkerArgs,
+
+    /// Use the fast mode of `embree`: a little faster, may miss hits on shared edges
+    #[arg(long)]
+    pub fast: bool,
+
+    /// Instruction set of `bvh` and of shading [default: the best of this machine]
+    #[arg(long, value_name = "NAME")]
+    pub isa: Option<Isa>,
+
+    /// Refuse or stop rather than use more memory, e.g. 8G or 512MiB (G = GiB = 2^30)
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub max_memory: Option<u64>,
+}
+
+/// The number of worker threads.
+#[derive(Debug, Args)]
+pub struct WorkerArgs {
+    /// Worker threads [default: SLURM_CPUS_PER_TASK, else all that this process may use]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+impl WorkerArgs {
+    /// Starts a pool of the worker threads.
+    ///
+    /// # Errors
+    /// `Retry` if the system cannot start that many.
+    pub fn pool(&self) -> Result<ThreadPool> {
+        machine::pool(self.threads)
+    }
+}
+
+/// The instruction set of the kernels.
+#[derive(Debug, Args)]
+pub struct KernelArgs {
+    /// Instruction set of our own kernels [default: the best of this machine]
+    #[arg(long, value_name = "NAME")]
+    pub isa: Option<Isa>,
+}
+
+impl KernelArgs {
+    /// Returns the instruction set of `--isa`, or the best of this machine.
+    ///
+    /// # Errors
+    /// `Unsupported` if this machine or this build lacks it.
+    pub fn isa(&self) -> Result<Isa> {
+        self.isa.map_or(Ok(Isa::detect()), |isa| machine::check_isa("--isa", isa))
+    }
+}
+
+/// How much a command without a progress display prints to stderr.
+#[derive(Debug, Args)]
+pub struct MessageArgs {
+    /// Only errors on stderr
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+impl MessageArgs {
+    /// Prints a message to stderr unless `--quiet` is given.
+    pub fn note(&self, text: &str) {
+        if !self.quiet {
+            print::note(text);
+        }
+    }
+}
+
+/// The size of the picture.
+#[derive(Debug, Args)]
+pub struct SizeArgs {
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+}
+
+/// Overrides of a scene for commands without the flags of [`SceneArgs`].
+#[derive(Debug, Args)]
+pub struct SetArgs {
+    /// Set any value of the scene; VALUE is JSON, or else a string; repeatable
+    #[arg(long, value_name = "/json/pointer=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// Flags for the placement of a mesh without a scene.
+#[derive(Debug, Args)]
+pub struct PlacementArgs {
+    /// Which axis of the .ply points up [default: y]
+    #[arg(long, value_name = "AXIS")]
+    pub up: Option<Axis>,
+
+    /// Rotate the .ply by degrees about its x, then y, then z axis, in place of --up
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_angles, allow_hyphen_values = true, conflicts_with = "up")]
+    pub rotate: Option<[f64; 3]>,
+
+    /// Free space around the mesh at each border, as a fraction of the picture [default: 0.08]
+    #[arg(long, value_name = "FRACTION", value_parser = parse_margin, allow_negative_numbers = true)]
+    pub margin: Option<f64>,
+}
+
+/// Flags for reading mesh files.
+#[derive(Debug, Args)]
+pub struct MeshReadArgs {
+    /// Drop triangles that use missing or non-finite vertices instead of refusing the mesh
+    #[arg(long)]
+    pub repair: bool,
+
+    /// Read mesh files instead of mapping them into memory
+    #[arg(long)]
+    pub no_mmap: bool,
+}
+
+/// Flags for the values in EXR files.
+#[derive(Debug, Args)]
+pub struct ExrArgs {
+    /// Store 32-bit floats in the EXR instead of 16-bit floats
+    #[arg(long)]
+    pub float: bool,
+
+    /// Compression of the EXR; dwaa is lossy
+    #[arg(long, value_name = "NAME")]
+    pub compression: Option<Compression>,
+}
+
+/// The division of EXR files into parts.
+#[derive(Debug, Args)]
+pub struct MultipartArgs {
+    /// Write one part of the EXR per layer
+    #[arg(long)]
+    pub multipart: bool,
+}
+
+/// Flags for the files of one picture, which share a prefix.
+#[derive(Debug, Args)]
+pub struct PrefixArgs {
+    /// Write the object names of cryptomattes to PREFIX.CryptoObject.json and
+    /// PREFIX.CryptoMaterial.json instead of the EXR's header
+    #[arg(long)]
+    pub crypto_sidecar: bool,
+
+    /// Fail (exit code 1) if a pixel is NaN or infinite; the files are written all the same
+    #[arg(long)]
+    pub strict: bool,
+}

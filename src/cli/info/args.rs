@@ -1,0 +1,27 @@
+//! Arguments of `lightpath info`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueHint};
+
+use crate::scene::written::Accelerator;
+
+/// Arguments of `lightpath info`.
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// Scenes, .ply and .exr files
+    #[arg(required = true, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub files: Vec<PathBuf>,
+
+    /// Print one JSON object per file and line
+    #[arg(long)]
+    pub json: bool,
+
+    /// Read mesh files instead of mapping them into memory
+    #[arg(long)]
+    pub no_mmap: bool,
+
+    /// Backend whose memory is predicted [default: the scene's]
+    #[arg(long, value_name = "NAME")]
+    pub backend: Option<Accelerator>,
+}

@@ -1,0 +1,292 @@
+//! `lightpath info`: describes files and checks whether they would render.
+//!
+//! The first bytes decide the type of a file, not its name. An invalid file does not hide the next
+//! one: all files are checked, and all errors are reported at the end.
+
+pub mod args;
+mod facts;
+mod scene;
+
+use std::{
+    fs::File,
+    io::{ErrorKind, Read},
+    path::Path,
+};
+
+use ::exr::meta::{MetaData, attribute::AttributeValue, header::Header};
+use serde_json::{Map, Value, json};
+
+use crate::{
+    accel::Footprint,
+    error::{Error, Problem, Result},
+    film::Window,
+    memory::{self, Prediction},
+    mesh,
+    monitor::Monitor,
+    output::{exr::text::decode, exr_check::exr_error},
+    scene::{Backend, Overrides},
+    studio::{self, Points, Subject, Template},
+    units,
+    world::{Bounds, Resolution, ulp},
+};
+
+use super::print;
+
+use self::{
+    args::InfoArgs,
+    facts::{Extent, Facts},
+};
+
+/// Describes every file, then reports all errors.
+pub fn run(args: &InfoArgs) -> Result<()> {
+    let mut kind = None;
+    let mut problems: Vec<Problem> = Vec::new();
+    for path in &args.files {
+        match describe(path, args) {
+            Ok(facts) if args.json => print::json(&facts.json())?,
+            Ok(mut facts) => print::text(&facts.begin(path))?,
+            Err(error) => {
+                if args.json {
+                    print::json(&error_json(path, &error))?;
+                }
+                kind = kind.or(Some(error.kind));
+                problems.extend(error.problems);
+            }
+        }
+    }
+    match kind {
+        None => Ok(()),
+        Some(kind) => Err(Error { kind, problems }),
+    }
+}
+
+fn error_json(path: &Path, error: &Error) -> Value {
+    let one = |p: &Problem| json!({ "place": p.place, "message": p.message, "help": p.help });
+    let errors: Vec<Value> = error.problems.iter().map(one).collect();
+    json!({ "file": path.display().to_string(), "ok": false, "errors": errors })
+}
+
+fn describe(path: &Path, args: &InfoArgs) -> Result<Facts> {
+    let mut start = Vec::new();
+    let opened = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
+    let mut facts = Facts::default();
+    facts.add("file", json!(path.display().to_string()), "");
+    facts.add("ok", json!(true), "");
+    match opened {
+        // A folder can be opened but not read. The scene parser gives the best message for it.
+        Err(error) if error.kind() != ErrorKind::IsADirectory => {
+            return Err(Error::io(path, "read", &error));
+        }
+        _ => {}
+    }
+    match start.as_slice() {
+        b"ply\n" | b"ply\r" => ply(path, args, &mut facts)?,
+        [0x76, 0x2f, 0x31, 0x01] => exr(path, &mut facts)?,
+        _ if studio::is_mesh(path) => ply(path, args, &mut facts)?,
+        _ => scene::describe(path, args, &mut facts)?,
+    }
+    Ok(facts)
+}
+
+/// Array size in bytes above which the header's facts are printed before the mesh is read.
+const LARGE_MESH_BYTES: u64 = 256 << 20;
+
+fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
+    let summary = mesh::inspect_ply(path)?;
+    let packed = summary.packed.map_or(String::new(), |packing| format!(", packed with {packing}"));
+    facts.add("type", json!("ply"), format!("PLY, {}{packed}", summary.format));
+    let elements = summary.elements.iter().map(|element| {
+        let names = element.properties.iter().map(|p| p.name.as_str());
+        let names: Vec<&str> = names.collect();
+        format!("{} {} ({})", units::count(element.count), element.name, names.join(" "))
+    });
+    let line = format!("elements: {}", elements.collect::<Vec<_>>().join(", "));
+    facts.add("header", json!(summary), line);
+    let list = |names: &[String]| match names.is_empty() {
+        true => "none".to_string(),
+        false => names.join(", "),
+    };
+    facts.add("used", json!(summary.used), format!("used: {}", list(&summary.used)));
+    facts.add("ignored", json!(summary.ignored), format!("ignored: {}", list(&summary.ignored)));
+    let missing = match summary.missing.is_empty() {
+        true => "nothing".to_string(),
+        false => summary.missing.join(", "),
+    };
+    facts.add("missing", json!(summary.missing), format!("missing: {missing}"));
+    if let Some(texture) = summary.texture_files.first() {
+        facts.add("texture_file", json!(texture), format!("texture: {texture}"));
+    }
+    if let Some(prediction) = prediction(path, args) {
+        let line = format!(
+            "memory in the studio: about {} at most: {prediction}",
+            units::bytes(prediction.peak_bytes)
+        );
+        facts.add("memory", json!(prediction), line);
+    }
+    if summary.array_bytes > LARGE_MESH_BYTES && !args.json {
+        print::text(&facts.begin(path))?;
+    }
+    let room = memory::machine();
+    let subject = Subject { no_mmap: args.no_mmap, room, ..Subject::new(path) };
+    let mesh = studio::read(&subject, &Monitor::default())?;
+    let triangles = mesh.triangles.len() as u64;
+    facts.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
+    notes(&mesh.notes, facts);
+    let line = match mesh.stitches.len() {
+        0 => String::new(),
+        n => format!(
+            "{} of them have three collinear corners: kept where they close a T-junction",
+            units::count(n as u64)
+        ),
+    };
+    facts.add("stitches", json!(mesh.stitches.len()), line);
+    let points = Points::new(&mesh);
+    let unused = points.unused();
+    let line = match unused {
+        0 => String::new(),
+        _ => format!("{} vertices that no triangle uses", units::count(unused)),
+    };
+    facts.add("vertices_unused", json!(unused), line);
+    let Bounds { min: low, max: high } = points.bounds(|p| p);
+    let size = high - low;
+    let line = format!("bounds of the triangles: {low} to {high}, size {size}");
+    facts.add("bounds", json!([low.to_array(), high.to_array()]), line);
+    resolution(&mesh, Bounds { min: low, max: high }, facts);
+    Ok(())
+}
+
+/// Adds the resolution of single precision relative to the middle of the mesh.
+fn resolution(mesh: &mesh::Mesh, bounds: Bounds, facts: &mut Facts) {
+    let origin = bounds.origin();
+    let exact = |i: u32| mesh.positions.get(i as usize);
+    let rounded = |p: glam::DVec3| (p - origin).as_vec3().to_array();
+    let (edge, collapsed) = Resolution::edges(&mesh.triangles, 1.0, exact, rounded);
+    let farthest = (bounds.min - origin).abs().max((bounds.max - origin).abs()).max_element();
+    let one = Extent { ulp: ulp(farthest), edge, collapsed };
+    facts.add("resolution", one.json(), one.line(" around its middle"));
+}
+
+/// Predicts the memory of a render in the built-in studio from the header alone.
+fn prediction(path: &Path, args: &InfoArgs) -> Option<Prediction> {
+    let loaded =
+        studio::with_default_placement(path, &Template::studio(), &Overrides::default()).ok()?;
+    let camera = &loaded.scene.camera;
+    let window = Window::full(camera.width, camera.height);
+    let prediction = memory::predict(&loaded.scene, window).ok()?;
+    let backend = args.backend.map_or(loaded.scene.backend, Backend::from);
+    let footprint = Footprint::of(backend, rayon::current_num_threads());
+    Some(match footprint {
+        Ok(footprint) => prediction.with(&footprint),
+        Err(_) => prediction,
+    })
+}
+
+fn notes(notes: &mesh::Notes, facts: &mut Facts) {
+    let counts = [
+        ("faces", notes.faces, "faces"),
+        ("polygons_split", notes.polygons_split, "polygons split into triangles"),
+        ("faces_too_small", notes.faces_too_small, "faces with fewer than three corners skipped"),
+        ("degenerate_dropped", notes.degenerate_dropped, "triangles without area dropped"),
+        ("duplicates_dropped", notes.duplicates_dropped, "duplicate triangles dropped"),
+        (
+            "textures",
+            notes.textures.saturating_sub(1),
+            "more textures named by texnumber, not shown",
+        ),
+        ("trailing_bytes", notes.trailing_bytes, "bytes after the last declared row"),
+    ];
+    for (key, count, what) in counts {
+        let line = match count {
+            0 => String::new(),
+            _ => format!("{} {what}", units::count(count)),
+        };
+        facts.add(key, json!(count), line);
+    }
+}
+
+fn exr(path: &Path, facts: &mut Facts) -> Result<()> {
+    let read = MetaData::read_from_file(path, true);
+    let meta = read.map_err(|error| exr_error(path, error))?;
+    let parts = meta.headers.len();
+    facts.add(
+        "type",
+        json!("exr"),
+        format!("EXR, {parts} part{}", if parts == 1 { "" } else { "s" }),
+    );
+    let parts: Vec<Value> = meta.headers.iter().map(|header| part(header, facts)).collect();
+    facts.add("parts", json!(parts), "");
+    Ok(())
+}
+
+fn part(header: &Header, facts: &mut Facts) -> Value {
+    let display = header.shared_attributes.display_window;
+    let data = header.own_attributes.layer_position;
+    let size = header.layer_size;
+    facts.lines.push(format!(
+        "frame {} x {}, data {} x {} at {}, {}; {}, {:?}",
+        display.size.x(),
+        display.size.y(),
+        size.x(),
+        size.y(),
+        data.x(),
+        data.y(),
+        header.compression,
+        header.line_order
+    ));
+    let own = &header.own_attributes;
+    let name = own.layer_name.as_ref().map(ToString::to_string);
+    facts.lines.extend(name.as_ref().map(|name| format!("part {name}")));
+    let channels = header.channels.list.iter();
+    let channels: Vec<[String; 2]> = channels
+        .map(|c| [c.name.to_string(), format!("{:?}", c.sample_type).to_lowercase()])
+        .collect();
+    let names: Vec<String> = channels.iter().map(|[name, kind]| format!("{name} {kind}")).collect();
+    facts.lines.push(format!("channels: {}", names.join(", ")));
+    let mut attributes: Map<String, Value> = Map::new();
+    if let Some(software) = &header.own_attributes.software_name {
+        attributes.insert("software".into(), software.to_string().into());
+    }
+    let mut numbers = |name: &str, values: &[f32]| {
+        let values: Vec<String> = values.iter().map(f32::to_string).collect();
+        attributes.insert(name.into(), values.join(" ").into());
+    };
+    if let Some(c) = &header.shared_attributes.chromaticities {
+        let [r, g, b, w] = [c.red, c.green, c.blue, c.white].map(|c| [c.x(), c.y()]);
+        numbers("chromaticities", [r, g, b, w].as_flattened());
+    }
+    numbers("pixelAspectRatio", &[header.shared_attributes.pixel_aspect]);
+    let center = own.screen_window_center;
+    numbers("screenWindowCenter", &[center.x(), center.y()]);
+    numbers("screenWindowWidth", &[own.screen_window_width]);
+    if let Some(matrix) = &own.world_to_camera {
+        numbers("worldToCamera", matrix);
+    }
+    if let Some(matrix) = &own.world_to_normalized_device {
+        numbers("worldToNDC", matrix);
+    }
+    if let Some((above, below)) = own.frames_per_second {
+        attributes.insert("framesPerSecond".into(), format!("{above}/{below}").into());
+    }
+    let mut others: Vec<_> = own.other.iter().collect();
+    others.sort_by_key(|(name, _)| name.to_string());
+    for (name, value) in others {
+        let text = match value {
+            AttributeValue::Text(text) => decode(text),
+            AttributeValue::I32(number) => number.to_string(),
+            AttributeValue::F32(number) => number.to_string(),
+            other => format!("{other:?}"),
+        };
+        attributes.insert(name.to_string(), text.into());
+    }
+    for (name, value) in &attributes {
+        facts.lines.push(format!("{name}: {}", value.as_str().unwrap_or_default()));
+    }
+    json!({
+        "name": name,
+        "display_window": [display.position.x(), display.position.y(), display.size.x(), display.size.y()],
+        "data_window": [data.x(), data.y(), size.x(), size.y()],
+        "compression": header.compression.to_string(),
+        "channels": channels,
+        "attributes": attributes,
+    })
+}

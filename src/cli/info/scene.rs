@@ -1,0 +1,154 @@
+//! `lightpath info scene.json`: runs every check that needs no rays. An error that would stop a
+//! render is an error here, too, so meshes and textures are read completely.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use crate::{
+    accel::Footprint,
+    cli::print,
+    error::{Problem, Result},
+    film::Window,
+    memory,
+    monitor::Monitor,
+    scene::{self, Backend, LightKind, Scene, ShapeKind, Source},
+    units,
+    world::{LoadOptions, World},
+};
+
+use super::{
+    args::InfoArgs,
+    facts::{Extent, Facts},
+};
+
+/// Checks a scene and adds its facts to the facts.
+pub fn describe(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
+    let loaded = scene::load(Source::File(path), &[])?;
+    let scene = &loaded.scene;
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let options =
+        LoadOptions { resolutions: true, no_mmap: args.no_mmap, ..LoadOptions::default() };
+    let (world, more) = World::load(scene, options, &Monitor::default())?;
+    let mut prediction = memory::predict(scene, Window::full(width, height))?;
+    let backend = args.backend.map_or(scene.backend, Backend::from);
+    let footprint = Footprint::of(backend, rayon::current_num_threads());
+    facts.add("type", json!("scene"), "scene");
+    let picture = format!(
+        "{width} x {height} pixels, {} spp, {}, backend {}",
+        scene.spp,
+        units::plural(scene.nbounces as usize, "mirror bounce"),
+        backend.name()
+    );
+    facts.add("size", json!([width, height]), picture);
+    facts.add("spp", json!(scene.spp), "");
+    facts.add("backend", json!(backend.name()), "");
+    contents(scene, facts);
+    let triangles = world.triangles();
+    facts.add("triangles", json!(triangles), units::plural(triangles as usize, "triangle"));
+    resolution(&world, facts);
+    precision(&world, facts);
+    let mut warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
+    match footprint {
+        Ok(footprint) => prediction = prediction.with(&footprint),
+        Err(error) => warnings.extend(error.problems.into_iter().map(|problem| {
+            let message = format!("{}: the accelerator's memory is not predicted", problem.message);
+            Problem { message, ..problem }
+        })),
+    }
+    let memory =
+        format!("memory: about {} at most: {prediction}", units::bytes(prediction.peak_bytes));
+    facts.add("memory", json!(prediction), memory);
+    facts.add("scene_hash", json!(loaded.hash), format!("hash {}", loaded.hash));
+    let texts: Vec<String> = warnings.iter().map(Problem::to_string).collect();
+    for text in &texts {
+        print::note(&format!("warning: {text}"));
+    }
+    facts.add("warnings", json!(texts), "");
+    Ok(())
+}
+
+/// Adds the resolution of single precision relative to the scene's origin.
+fn resolution(world: &World, facts: &mut Facts) {
+    let extents: Vec<Extent> = world
+        .resolutions
+        .iter()
+        .map(|r| Extent { ulp: r.ulp, edge: r.shortest_edge, collapsed: r.collapsed_edges })
+        .collect();
+    let worst = extents.iter().copied().reduce(|a, b| Extent {
+        ulp: a.ulp.max(b.ulp),
+        edge: a.edge.min(b.edge),
+        collapsed: a.collapsed + b.collapsed,
+    });
+    let Some(worst) = worst else { return };
+    let mut meshes = Vec::new();
+    let mut lines = Vec::new();
+    for (one, extent) in world.resolutions.iter().zip(&extents) {
+        let mut value = extent.json();
+        value["place"] = json!(one.place);
+        value["path"] = json!(one.path.display().to_string());
+        meshes.push(value);
+        lines.push(extent.line(&format!(" of {}", one.path.display())));
+    }
+    let mut value = worst.json();
+    value["origin"] = json!(world.geometry.origin.to_array());
+    value["meshes"] = json!(meshes);
+    facts.add("resolution", value, worst.line(" of the scene"));
+    if extents.len() > 1 {
+        facts.lines.append(&mut lines);
+    }
+}
+
+/// Adds the rounding error of positions near the camera.
+fn precision(world: &World, facts: &mut Facts) {
+    let origin = &world.origin;
+    if !origin.nearest.is_finite() {
+        return;
+    }
+    let place = if origin.at_camera { "the camera" } else { "the middle of the scene" };
+    let line = format!(
+        "precision: positions {:.1e} from the camera are rounded to {:.1e}, {:.1e} of a pixel, relative to {place}",
+        origin.nearest, origin.rounding, origin.pixels
+    );
+    let value = json!({
+        "origin": origin.position.to_array(),
+        "at_camera": origin.at_camera,
+        "extent": origin.extent,
+        "nearest": origin.nearest,
+        "rounding": origin.rounding,
+        "pixels": origin.pixels,
+    });
+    facts.add("precision", value, line);
+}
+
+fn contents(scene: &Scene, facts: &mut Facts) {
+    let mut counts = [0usize; 4];
+    for shape in &scene.shapes {
+        counts[match shape.kind {
+            ShapeKind::Sphere { .. } => 0,
+            ShapeKind::Plane { .. } => 1,
+            ShapeKind::Triangle { .. } => 2,
+            ShapeKind::Trimesh(_) => 3,
+        }] += 1;
+    }
+    let [spheres, planes, triangles, meshes] = counts;
+    let shapes =
+        json!({ "sphere": spheres, "plane": planes, "triangle": triangles, "trimesh": meshes });
+    let line = format!(
+        "shapes: {}, {}, {}, {}",
+        units::plural(spheres, "sphere"),
+        units::plural(planes, "plane"),
+        units::plural(triangles, "triangle"),
+        if meshes == 1 {
+            "1 mesh".to_string()
+        } else {
+            format!("{} meshes", units::count(meshes as u64))
+        }
+    );
+    facts.add("shapes", shapes, line);
+    let is_area = |light: &&scene::Light| matches!(light.kind, LightKind::Area { .. });
+    let area = scene.lights.iter().filter(is_area).count();
+    let point = scene.lights.len() - area;
+    let line = format!("lights: {point} point, {area} area");
+    facts.add("lights", json!({ "pointlight": point, "arealight": area }), line);
+}

@@ -1,0 +1,134 @@
+//! Loads the scene that a command asks for: a file, stdin, or a mesh in a template.
+
+use std::path::{Path, PathBuf};
+
+use crate::{
+    error::{Problem, Result},
+    memory,
+    mesh::Mesh,
+    monitor::Monitor,
+    paths::seen_from,
+    scene::{Description, Loaded, Overrides, Source, written},
+    studio::{self, MeshScene, Subject, Template},
+    world::{own_texture, sources},
+};
+
+/// A checked scene, ready to be rendered.
+#[derive(Debug)]
+pub struct Job {
+    /// The scene with all overrides applied.
+    pub loaded: Loaded,
+    /// Folder that the scene's paths are relative to.
+    pub folder: PathBuf,
+    /// Warnings of loading the input.
+    pub warnings: Vec<Problem>,
+    /// Meshes that had to be read to frame them.
+    pub ready: Vec<(PathBuf, Mesh)>,
+}
+
+impl Job {
+    /// Returns the paths of all files that the render reads, `input` first.
+    pub fn inputs(&self, input: &Path) -> Vec<PathBuf> {
+        let own = self.ready.iter().filter_map(|(path, mesh)| own_texture(path, mesh));
+        let named = sources(&self.loaded.scene).into_iter().chain(own);
+        [input.to_owned()].into_iter().chain(named).collect()
+    }
+}
+
+/// The scene that a command asks [`load`] for: an input with checked options.
+#[derive(Debug)]
+pub struct SceneRequest<'a> {
+    /// Overrides of the scene's values.
+    pub overrides: Overrides,
+    /// Samples on every area light.
+    pub light_samples: Option<u32>,
+    /// Scene file in which a mesh is shown.
+    pub template: Option<&'a Path>,
+    /// Text of the scene in which a mesh is shown if there is no template.
+    pub studio: &'a str,
+    /// Limit of the memory in bytes.
+    pub max_memory: Option<u64>,
+    /// The input, with the options for a mesh.
+    pub subject: Subject<'a>,
+}
+
+impl<'a> SceneRequest<'a> {
+    /// Makes a request for `input` with default options: a scene file, `-` for stdin, or a mesh.
+    pub fn new(input: &'a Path) -> Self {
+        Self {
+            overrides: Overrides::default(),
+            light_samples: None,
+            template: None,
+            studio: Template::STUDIO,
+            max_memory: None,
+            subject: Subject::new(input),
+        }
+    }
+}
+
+/// Loads a scene, or a mesh in a scene.
+///
+/// # Errors
+/// All problems of the scene and its overrides; a mesh that does not fit the memory limit.
+pub fn load(request: SceneRequest) -> Result<Job> {
+    let input = request.subject.path;
+    if studio::is_mesh(input) {
+        return load_mesh(request);
+    }
+    let SceneRequest { overrides, light_samples, .. } = request;
+    let mut warnings = Vec::new();
+    let load = |source| studio::load(source, overrides, light_samples, &mut warnings);
+    let (loaded, folder) = if input == Path::new("-") {
+        (load(Template::stdin()?.source())?, PathBuf::new())
+    } else {
+        let folder = input.parent().unwrap_or(Path::new("")).to_owned();
+        (load(Source::File(input))?, folder)
+    };
+    Ok(Job { loaded, folder, warnings, ready: Vec::new() })
+}
+
+/// Reads a mesh and frames it in the template.
+fn load_mesh(request: SceneRequest) -> Result<Job> {
+    let SceneRequest { overrides, light_samples, template, studio, max_memory, subject } = request;
+    let template = match template {
+        Some(template) => Template::file(template)?,
+        None => Template::builtin("<studio>", studio),
+    };
+    if let Some(limit) = max_memory {
+        memory::predict_mesh(subject.path)?.check(limit)?;
+    }
+    let room = max_memory.map(memory::room).or_else(memory::machine);
+    let subject = Subject { room, ..subject };
+    // Nothing watches signals yet: a signal ends the program at once.
+    let monitor = Monitor::default();
+    let shown = studio::show(&subject, &template, overrides, light_samples, &monitor)?;
+    let MeshScene { loaded, warnings, mesh, .. } = shown;
+    Ok(Job { loaded, folder: template.folder, warnings, ready: vec![mesh] })
+}
+
+/// Returns the text of the scene for the file `target`, with paths relative to its folder.
+///
+/// # Errors
+/// A path that is not UTF-8.
+pub fn saved(job: &Job, target: &Path) -> Result<String> {
+    let to = target.parent().unwrap_or(Path::new(""));
+    let mut description: Description = job.loaded.description.clone();
+    let move_path = |path: &mut String| -> Result<()> {
+        *path = seen_from(&job.folder.join(&*path), to)?;
+        Ok(())
+    };
+    let material = |material: &mut written::Material| match &mut material.texture_path {
+        Some(path) => move_path(&mut path.0),
+        None => Ok(()),
+    };
+    description.scene.materials.values_mut().try_for_each(material)?;
+    for shape in &mut description.scene.shapes {
+        if let written::Shape::TriMesh(mesh) = shape {
+            move_path(&mut mesh.path.0)?;
+        }
+        if let written::MaterialUse::Inline(inline) = shape.material_mut() {
+            material(inline)?;
+        }
+    }
+    Ok(description.to_text())
+}

@@ -1,0 +1,89 @@
+//! Prints results to stdout and messages to stderr.
+
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use clap::builder::Styles;
+
+use crate::error::{Error, Result, is_hidden, printable_lines};
+
+/// Prints a message to stderr. Ignores errors: a closed or full stderr must not stop a render.
+///
+/// Colours follow clap's rules: on a terminal, unless the environment disables them (`NO_COLOR`,
+/// `CLICOLOR`, `TERM=dumb`).
+pub fn note(text: &str) {
+    let text = printable_lines(text);
+    let lines: Vec<String> = text.lines().map(colored).collect();
+    let _ = writeln!(anstream::stderr(), "{}", lines.join("\n"));
+}
+
+/// Colours the first word of a message line as clap does.
+fn colored(line: &str) -> String {
+    let styles = Styles::styled();
+    let words = [
+        ("error:", styles.get_error()),
+        ("warning:", styles.get_invalid()),
+        ("  help:", styles.get_valid()),
+    ];
+    for (word, style) in words {
+        if let Some(rest) = line.strip_prefix(word) {
+            return format!("{style}{word}{style:#}{rest}");
+        }
+    }
+    line.to_string()
+}
+
+/// Writes a result to stdout. A closed reader (`| head`) is not an error.
+pub fn text(text: &str) -> Result<()> {
+    bytes(printable_lines(text).as_bytes())
+}
+
+/// Writes a JSON value and a line break to stdout.
+pub fn json(value: &impl serde::Serialize) -> Result<()> {
+    let text = serde_json::to_string(value).unwrap_or_default();
+    // serde_json leaves some hidden characters unescaped. They occur only in strings, so `\u`
+    // escapes are valid.
+    let escaped = |c: char| match is_hidden(c) {
+        true => format!("\\u{:04x}", u32::from(c)),
+        false => c.to_string(),
+    };
+    let text = match text.contains(is_hidden) {
+        true => text.chars().map(escaped).collect(),
+        false => text,
+    };
+    bytes((text + "\n").as_bytes())
+}
+
+/// Prints the paths of written files, one per line.
+pub fn paths(paths: &[PathBuf]) -> Result<()> {
+    bytes(&path_lines(paths))
+}
+
+/// Formats the paths of written files, one per line. Output names contain no control characters.
+pub fn path_lines(paths: &[PathBuf]) -> Vec<u8> {
+    let mut lines = Vec::new();
+    for path in paths.iter().filter(|path| *path != Path::new("/dev/stdout")) {
+        // A name may be invalid UTF-8.
+        let name = path.as_os_str().as_encoded_bytes();
+        // Render farms read such a prefix at the start of a line as a command.
+        if name.starts_with(b"openjd_") || name.starts_with(b"ALF_") {
+            lines.extend_from_slice(b"./");
+        }
+        lines.extend_from_slice(name);
+        lines.push(b'\n');
+    }
+    lines
+}
+
+/// Writes bytes to stdout. A closed reader is not an error.
+pub fn bytes(bytes: &[u8]) -> Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Error::io("<stdout>".as_ref(), "write", &error))
+        }
+        _ => Ok(()),
+    }
+}

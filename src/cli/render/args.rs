@@ -1,0 +1,187 @@
+//! Arguments of `lightpath render`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueHint};
+
+use crate::{
+    cli::{
+        flags::{
+            ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, PlacementArgs, PrefixArgs,
+            SceneArgs,
+        },
+        names::ProgressMode,
+    },
+    integrate::Relative,
+    output::{exr::Sequence, tonemap::Depth},
+    picture::Storage,
+    studio::Subject,
+    units::parse_rate,
+};
+
+use super::part::SplitArgs;
+
+/// Arguments of `lightpath render`.
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// A scene.json, a mesh.ply (in the built-in studio), or - for a scene on stdin
+    #[arg(value_name = "SCENE|FILE.ply|-", value_hint = ValueHint::FilePath)]
+    pub input: PathBuf,
+
+    /// Write PREFIX.exr and PREFIX.png [default: the input's name, in the working folder]
+    #[arg(short, long, value_name = "PREFIX", value_hint = ValueHint::FilePath)]
+    pub output: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub scene: SceneArgs,
+
+    #[command(flatten)]
+    pub sampling: SamplingArgs,
+
+    #[command(flatten)]
+    pub mesh: MeshArgs,
+
+    #[command(flatten)]
+    pub files: FileArgs,
+
+    #[command(flatten)]
+    pub split: SplitArgs,
+
+    #[command(flatten)]
+    pub machine: MachineArgs,
+
+    #[command(flatten)]
+    pub report: ReportArgs,
+}
+
+/// Flags for the number of samples of each pixel.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Sampling")]
+pub struct SamplingArgs {
+    /// Take more samples where the relative standard error around a pixel is above TARGET, e.g.
+    /// 0.02; every pixel gets --spp samples (16 at least)
+    #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
+    pub noise: Option<f64>,
+
+    /// What the error is relative to [default: pixel]
+    #[arg(long, value_name = "OF", requires = "noise")]
+    pub noise_of: Option<Relative>,
+
+    /// Maximum number of samples per pixel with --noise or --time, a power of two [default: 4096
+    /// with --noise, else 65536]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub max_spp: Option<u32>,
+
+    /// Take more samples until rendering has taken SECONDS; the picture is not reproducible
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    pub time: Option<f64>,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Meshes")]
+pub struct MeshArgs {
+    #[command(flatten)]
+    pub placement: PlacementArgs,
+
+    /// Show the .ply in this scene instead of the built-in studio; its first trimesh is replaced
+    #[arg(long, value_name = "SCENE", value_hint = ValueHint::FilePath)]
+    pub template: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub looks: LookArgs,
+
+    /// Save the scene that is rendered, overrides and framing included
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub write_scene: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub reading: MeshReadArgs,
+}
+
+impl MeshArgs {
+    /// Returns the mesh at `path` with the settings of these flags.
+    pub fn subject<'a>(&self, path: &'a Path) -> Subject<'a> {
+        let plain = Subject::new(path);
+        Subject {
+            up: self.placement.up,
+            rotate: self.placement.rotate,
+            margin: self.placement.margin.unwrap_or(plain.margin),
+            looks: self.looks.of(),
+            repair: self.reading.repair,
+            no_mmap: self.reading.no_mmap,
+            ..plain
+        }
+    }
+}
+
+/// Flags for output files.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Files")]
+pub struct FileArgs {
+    #[command(flatten)]
+    pub parts: MultipartArgs,
+
+    /// Number of the frame in a sequence, for the EXR's imageCounter
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub frame: Option<i32>,
+
+    /// Frame rate for the EXR: 24 or 24000/1001
+    #[arg(long, value_name = "RATE", value_parser = parse_rate)]
+    pub fps: Option<(i32, u32)>,
+
+    /// Write the render time into the EXR; its bytes then differ from run to run
+    #[arg(long)]
+    pub record_time: bool,
+
+    #[command(flatten)]
+    pub values: ExrArgs,
+
+    /// Bits per channel of the PNG [default: 8]
+    #[arg(long, value_name = "BITS")]
+    pub png_bits: Option<Depth>,
+
+    /// Write layers of the EXR as pictures, too: PREFIX.NAME.png each; `all` for every layer
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub png_layer: Vec<String>,
+
+    #[command(flatten)]
+    pub prefix: PrefixArgs,
+}
+
+impl FileArgs {
+    /// Returns frame number and frame rate for the EXR header.
+    pub fn sequence(&self) -> Sequence {
+        Sequence { frame: self.frame, per_second: self.fps }
+    }
+
+    /// Returns the format of the pictures.
+    pub fn storage(&self) -> Storage {
+        Storage {
+            float: self.values.float,
+            compression: self.values.compression.unwrap_or_default(),
+            multipart: self.parts.multipart,
+            depth: self.png_bits.unwrap_or_default(),
+            crypto_sidecar: self.prefix.crypto_sidecar,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Messages")]
+pub struct ReportArgs {
+    /// Write times, rays and memory as JSON
+    #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath)]
+    pub stats: Option<PathBuf>,
+
+    /// Print the statistics and the written paths as one JSON object on stdout
+    #[arg(long)]
+    pub json: bool,
+
+    /// Only errors on stderr
+    #[arg(long, conflicts_with = "progress")]
+    pub quiet: bool,
+
+    /// Progress on stderr; auto is a bar on a terminal, else plain
+    #[arg(long, value_name = "MODE")]
+    pub progress: Option<ProgressMode>,
+}

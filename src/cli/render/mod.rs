@@ -1,0 +1,301 @@
+//! `lightpath render`: runs the stages of the data flow in order and times each.
+
+pub mod args;
+pub mod layers;
+mod options;
+pub mod part;
+pub mod progress;
+mod sampling;
+mod stats;
+
+use std::{path::PathBuf, sync::Arc, time::Instant};
+
+use serde_json::json;
+
+use crate::{
+    accel::{self, BuildInfo, BuildOptions},
+    error::{Error, Kind, Problem, Result},
+    film::{Film, ReservedFilm},
+    layers::LayerPlan,
+    memory::{self, Budget},
+    mesh::Mesh,
+    monitor::Monitor,
+    output::{ValueCounts, atomic::Part},
+    picture::{self, PictureHeader},
+    render::{self as renderer, SampleCounts},
+    world::{Contents, LoadOptions, World, fingerprint},
+};
+
+use super::{
+    about,
+    load::{self, Job},
+    machine,
+    outputs::{self, TextOutputs},
+    print,
+    progress::Progress,
+    signals,
+};
+
+use self::{
+    args::{RenderArgs, ReportArgs},
+    options::RenderOptions,
+    stats::{Memory, Rays, Samples, Seconds, Stats},
+};
+
+/// Flags that name output files.
+const OUTPUT_FLAGS: &str = "-o PREFIX, --stats FILE, --write-scene FILE";
+
+/// All output files, created before the render so that a bad output folder is found at once.
+struct Files {
+    picture: picture::Files,
+    previews: Vec<(String, Part)>,
+    /// Files of `--stats` and `--write-scene`.
+    texts: TextOutputs,
+}
+
+impl Files {
+    fn create(options: &RenderOptions) -> Result<Self> {
+        let RenderOptions { prefix, plan, storage, previews, .. } = options;
+        Ok(Self {
+            picture: picture::Files::create(prefix, plan, *storage)?,
+            previews: layers::open_previews(previews.clone())?,
+            texts: options.text_files().create()?,
+        })
+    }
+}
+
+/// Renders one scene or mesh.
+pub fn run(args: &RenderArgs) -> Result<()> {
+    let start = Instant::now();
+    let monitor = Arc::new(Monitor::default());
+    let pool = args.machine.workers.pool()?;
+    let threads = pool.current_num_threads();
+    let mut job = pool.install(|| load::load(options::request(args)?))?;
+    let ready = std::mem::take(&mut job.ready);
+    let options = pool.install(|| RenderOptions::resolve(args, &job, threads))?;
+    job.warnings.extend(options.warning());
+    let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
+    outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;
+    // No signal handler before this point: a signal ends the program at once, and no file exists
+    // yet.
+    signals::watch(&monitor)?;
+    let files = Files::create(&options)?;
+    let run = Run {
+        job: &job,
+        threads,
+        monitor: &monitor,
+        progress: Progress::start(options.progress, progress::meter(&monitor)),
+        options,
+        start,
+    };
+    let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
+    report(&args.report, &stats, &paths)?;
+    match &oddities.first_non_finite {
+        Some(spot) if args.files.prefix.strict => {
+            let message =
+                format!("{} pixels are NaN or infinite, the first {spot}", oddities.non_finite);
+            Err(Error::new(Kind::Check, Problem::new("--strict", message)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// State shared by the stages of a render.
+struct Run<'a> {
+    job: &'a Job,
+    options: RenderOptions,
+    threads: usize,
+    monitor: &'a Monitor,
+    progress: Progress,
+    start: Instant,
+}
+
+impl Run<'_> {
+    /// Runs all stages, from reading meshes to writing files. Consumes the progress bar, so later
+    /// messages appear below it.
+    fn all(
+        self,
+        files: Files,
+        ready: Vec<(PathBuf, Mesh)>,
+    ) -> Result<(Stats, Vec<PathBuf>, ValueCounts)> {
+        self.warn(&self.job.warnings);
+        let scene = &self.job.loaded.scene;
+        let (plan, part) = (&self.options.plan, &self.options.part);
+        let frame = [scene.camera.width, scene.camera.height];
+        let blank = ReservedFilm::new(frame, part.window, part.channels())?;
+        let budget = self.options.budget.as_ref();
+        let options = LoadOptions {
+            repair: self.options.repair,
+            no_mmap: self.options.no_mmap,
+            ready,
+            room: budget.map(Budget::for_meshes).or_else(memory::machine),
+            texture_bytes: budget.map(Budget::for_textures),
+            ..LoadOptions::default()
+        };
+        let mut contents = Contents::default();
+        let (loaded, hash) = rayon::join(
+            || World::load(scene, options, self.monitor),
+            || fingerprint(&self.job.loaded, self.options.repair, &mut contents),
+        );
+        let (world, warnings) = loaded?;
+        let mut world = world.with_margin(part.margin);
+        let hash = hash?;
+        if hash.is_some() {
+            world.read.check(&contents)?;
+        }
+        // A mesh from a pipe names its texture only when it is read.
+        outputs::refuse_overwrites(world.read.paths(), self.options.outputs(), OUTPUT_FLAGS)?;
+        self.warn(&warnings);
+        let loaded = self.start.elapsed().as_secs_f64();
+
+        let world_bytes = world.mesh_bytes() + world.texture_bytes();
+        let isa = scene.backend.isa();
+        if budget.is_none() {
+            let film = memory::film_bytes(part.window, part.channels().len());
+            memory::ensure_build_fits(scene.backend, self.threads, world.primitives(), film)?;
+        }
+        let options = BuildOptions {
+            threads: self.threads,
+            max_bytes: budget.map(|budget| budget.for_accelerator(world_bytes)),
+        };
+        let accelerator = accel::build(&world.geometry, scene.backend, &options, self.monitor)?;
+        let info = accelerator.info();
+        if let Some(budget) = budget {
+            budget.check_film(world_bytes + info.bytes)?;
+        }
+        let mut film = blank.film();
+        film.margin = world.margin;
+        let built = self.start.elapsed().as_secs_f64();
+
+        let accelerator = accelerator.as_ref();
+        let (film, monitor) = (&mut film, self.monitor);
+        let (counts, taken) = match (self.options.adaptive, &part.raw) {
+            (Some(adaptive), _) => {
+                world.spp = adaptive.most;
+                let (counts, taken) = renderer::render_adaptive(
+                    &world,
+                    accelerator,
+                    isa,
+                    film,
+                    plan,
+                    adaptive,
+                    monitor,
+                )?;
+                (counts, Some(taken))
+            }
+            (None, None) => {
+                (renderer::render_layers(&world, accelerator, isa, film, plan, monitor)?, None)
+            }
+            (None, Some(raw)) => {
+                let counts =
+                    renderer::render_samples(&world, accelerator, isa, film, plan, raw, monitor)?;
+                (counts, None)
+            }
+        };
+        let rendered = self.start.elapsed().as_secs_f64();
+
+        let mut stats = self.stats(&info);
+        stats.triangles = world.triangles();
+        stats.memory.mesh_bytes = world.mesh_bytes();
+        stats.memory.texture_bytes = world.texture_bytes();
+        stats.rays = Rays {
+            primary: counts.primary,
+            shadow: counts.shadow,
+            reflection: counts.reflection,
+            false_hits: accelerator.false_hits(),
+        };
+        stats.samples =
+            taken.map(|SampleCounts { least, most, mean }| Samples { least, most, mean });
+        stats.seconds = Seconds {
+            load: loaded,
+            build: built - loaded,
+            render: rendered - built,
+            ..Seconds::default()
+        };
+        let (paths, oddities) =
+            self.write(files, film, plan, &info, hash.as_deref(), &mut stats)?;
+        Ok((stats, paths, oddities))
+    }
+
+    /// Returns the statistics that are known before the first ray.
+    fn stats(&self, info: &BuildInfo) -> Stats {
+        let loaded = &self.job.loaded;
+        Stats {
+            backend: loaded.scene.backend.name().to_string(),
+            threads: self.threads,
+            versions: about::versions(&info.version),
+            cpu: machine::cpu(),
+            isa: format!("{} rays, {} shading", info.isa, loaded.scene.backend.isa()),
+            scene_hash: loaded.hash.clone(),
+            seed: loaded.scene.seed,
+            memory: Memory {
+                accelerator_bytes: info.bytes,
+                accelerator_peak_bytes: info.peak_bytes,
+                ..Memory::default()
+            },
+            ..Stats::default()
+        }
+    }
+
+    fn write(
+        &self,
+        files: Files,
+        film: &Film,
+        plan: &LayerPlan,
+        info: &BuildInfo,
+        hash: Option<&str>,
+        stats: &mut Stats,
+    ) -> Result<(Vec<PathBuf>, ValueCounts)> {
+        let started = Instant::now();
+        let (options, scene) = (&self.options, &self.job.loaded.scene);
+        let mut more: Vec<(String, String)> =
+            options.part.attribute(options.storage, scene, info, hash)?.into_iter().collect();
+        more.extend(options.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
+        let spp = sampling::spp(options.adaptive.as_ref(), scene);
+        let says = PictureHeader {
+            plan,
+            more: &more,
+            info,
+            scene_hash: hash,
+            spp: Some(&spp),
+            sequence: options.sequence,
+            render_seconds: options.record_time.then_some(stats.seconds.render as f32),
+            fingerprint: None,
+        };
+        let Files { mut picture, previews, mut texts } = files;
+        let previews = layers::write_previews(film, previews, |part| picture.add(part))?;
+        let (mut paths, oddities) =
+            picture::write(picture, film, scene, says, options.file_storage(), self.monitor)?;
+        self.warn(&picture::oddity_warnings(&oddities));
+        paths.extend(previews);
+        if let Some(target) = &options.write_scene {
+            texts.try_write("--write-scene", || load::saved(self.job, target))?;
+        }
+        stats.seconds.write = started.elapsed().as_secs_f64();
+        stats.seconds.total = self.start.elapsed().as_secs_f64();
+        stats.memory.peak_bytes = memory::peak_bytes();
+        texts.write_json("--stats", stats)?;
+        paths.extend(texts.written());
+        Ok((paths, oddities))
+    }
+
+    fn warn(&self, warnings: &[Problem]) {
+        if !self.options.quiet {
+            for warning in warnings {
+                self.progress.message(&format!("warning: {warning}"));
+            }
+        }
+    }
+}
+
+fn report(args: &ReportArgs, stats: &Stats, paths: &[PathBuf]) -> Result<()> {
+    if !args.quiet {
+        print::note(&stats.summary());
+    }
+    if args.json {
+        let mut value = json!(stats);
+        value["outputs"] = paths.iter().map(|path| path.display().to_string()).collect();
+        return print::json(&value);
+    }
+    print::paths(paths)
+}

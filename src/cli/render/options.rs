@@ -1,0 +1,177 @@
+//! Turns the arguments of `render` into checked options: [`request`] before the scene is loaded,
+//! [`RenderOptions::resolve`] with the scene.
+
+use std::path::PathBuf;
+
+use crate::{
+    cli::{
+        load::{Job, SceneRequest},
+        names::ProgressMode,
+        outputs::OutputFlags,
+        overrides,
+    },
+    error::{Error, Problem, Result},
+    layers::LayerPlan,
+    memory::{self, Budget},
+    output::exr::Sequence,
+    paths,
+    picture::{self, Storage},
+    render::Adaptive,
+    scene::Overrides,
+    studio,
+};
+
+use super::{args::RenderArgs, layers, part::PicturePart, sampling};
+
+/// Returns the scene that the arguments ask for.
+///
+/// # Errors
+/// Flags for a mesh without a mesh; an instruction set that this machine or this build lacks.
+pub fn request(args: &RenderArgs) -> Result<SceneRequest<'_>> {
+    if !studio::is_mesh(&args.input) {
+        refuse_mesh_flags(args)?;
+    }
+    let mut overrides = overrides::from_flags(&args.scene, &args.machine)?;
+    if args.scene.spp.is_none() {
+        let mut count = Overrides::default();
+        count.flag("--of", "/spp", args.split.of);
+        overrides.prepend(count);
+    }
+    Ok(SceneRequest {
+        overrides,
+        light_samples: args.scene.light_samples,
+        template: args.mesh.template.as_deref(),
+        max_memory: args.machine.max_memory,
+        subject: args.mesh.subject(&args.input),
+        ..SceneRequest::new(&args.input)
+    })
+}
+
+/// Refuses flags that apply only to a mesh without a scene.
+fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
+    let mesh = &args.mesh;
+    let flags = [
+        ("--up", mesh.placement.up.is_some()),
+        ("--rotate", mesh.placement.rotate.is_some()),
+        ("--margin", mesh.placement.margin.is_some()),
+        ("--template", mesh.template.is_some()),
+        ("--smooth", mesh.looks.smooth.is_some()),
+        ("--texture", mesh.looks.texture.is_some()),
+        ("--no-ground", mesh.looks.no_ground),
+    ];
+    let Some((flag, _)) = flags.into_iter().find(|(_, given)| *given) else {
+        return Ok(());
+    };
+    let message = format!("found with {}, expected with a .ply file", args.input.display());
+    Err(Error::invalid(flag, message)
+        .help("a scene sets this in its trimesh: `rotate`, `smooth`, `material`"))
+}
+
+/// Options of one render that fit its scene. The stages of the render see nothing else of the
+/// command line.
+#[derive(Debug)]
+pub struct RenderOptions {
+    /// Channels of the film.
+    pub plan: LayerPlan,
+    /// The part of the picture that this render makes.
+    pub part: PicturePart,
+    /// Settings of adaptive sampling; `None` if every pixel gets the same number of samples.
+    pub adaptive: Option<Adaptive>,
+    /// Limits that follow from `--max-memory`.
+    pub budget: Option<Budget>,
+    /// Start of the names of the picture's files.
+    pub prefix: PathBuf,
+    /// Format of the whole picture.
+    pub storage: Storage,
+    /// Layers that become pictures of their own, with the paths of these.
+    pub previews: Vec<(String, PathBuf)>,
+    /// Place of the picture in a sequence.
+    pub sequence: Sequence,
+    /// True to write the render time into the EXR.
+    pub record_time: bool,
+    /// True to drop triangles with invalid vertices.
+    pub repair: bool,
+    /// True to read mesh files instead of mapping them.
+    pub no_mmap: bool,
+    /// Path of `--write-scene`.
+    pub write_scene: Option<PathBuf>,
+    /// Path of `--stats`.
+    pub stats: Option<PathBuf>,
+    /// How to show the progress.
+    pub progress: ProgressMode,
+    /// True to print only errors.
+    pub quiet: bool,
+}
+
+impl RenderOptions {
+    /// Checks the arguments against the loaded scene. `threads` is the size of the thread pool.
+    ///
+    /// # Errors
+    /// Flags that contradict each other or the scene; a scene that does not fit the memory limit.
+    pub fn resolve(args: &RenderArgs, job: &Job, threads: usize) -> Result<Self> {
+        let scene = &job.loaded.scene;
+        let (storage, report) = (args.files.storage(), &args.report);
+        picture::check_storage(scene, storage)?;
+        let plan = LayerPlan::new(scene);
+        let part = PicturePart::new(args, scene, &plan)?;
+        let adaptive = sampling::adaptive(&args.sampling, scene)?;
+        part.check_sampling(adaptive.is_some())?;
+        let budget = args.machine.max_memory.map(|limit| {
+            let window = part.window;
+            let sums = adaptive.map_or(0, |adaptive| sampling::bytes(&adaptive, scene, window));
+            let deeper = memory::deeper_png_bytes(window, storage.depth);
+            let beside = sums.saturating_add(deeper);
+            Budget::check(limit, scene, (window, part.channels().len(), beside), threads)
+        });
+        let budget = budget.transpose()?;
+        let prefix = paths::prefix(args.output.as_deref(), &args.input);
+        let previews = layers::preview_paths(&args.files.png_layer, scene, &prefix)?;
+        Ok(Self {
+            plan,
+            part,
+            adaptive,
+            budget,
+            prefix,
+            storage,
+            previews,
+            sequence: args.files.sequence(),
+            record_time: args.files.record_time,
+            repair: args.mesh.reading.repair,
+            no_mmap: args.mesh.reading.no_mmap,
+            write_scene: args.mesh.write_scene.clone(),
+            stats: report.stats.clone(),
+            progress: match report.quiet {
+                true => ProgressMode::Off,
+                false => report.progress.unwrap_or(ProgressMode::Auto),
+            },
+            quiet: report.quiet,
+        })
+    }
+
+    /// Returns a warning for options that make the picture irreproducible.
+    pub fn warning(&self) -> Option<Problem> {
+        self.adaptive.as_ref().and_then(sampling::warning)
+    }
+
+    /// Returns the format of the picture's files. The file of a part keeps every bit; its attribute
+    /// holds the format of the merged picture.
+    pub fn file_storage(&self) -> Storage {
+        match self.part.exact {
+            true => Storage { float: true, depth: self.storage.depth, ..Storage::default() },
+            false => self.storage,
+        }
+    }
+
+    /// Returns the flags that name text files.
+    pub fn text_files(&self) -> OutputFlags<'_> {
+        OutputFlags(vec![("--stats", &self.stats), ("--write-scene", &self.write_scene)])
+    }
+
+    /// Returns the paths of all files that will be written.
+    pub fn outputs(&self) -> Vec<PathBuf> {
+        let pictures = picture::Files::names(&self.prefix, &self.plan, self.storage).into_iter();
+        let previews = self.previews.iter().map(|(_, path)| path.clone());
+        let others = [&self.stats, &self.write_scene].into_iter().flatten().cloned();
+        pictures.chain(previews).chain(others).collect()
+    }
+}

@@ -1,0 +1,287 @@
+//! Parts of a picture: `--tile`, `--samples`, `--part`, and the EXR attribute that `merge` reads.
+
+use std::ops::Range;
+
+use clap::Args;
+
+use crate::{
+    accel::BuildInfo,
+    error::{Error, Kind, Problem, Result},
+    film::{Channel, Window},
+    integrate::{Pattern, TILE},
+    layers::{LayerPlan, PixelLayout, RawLayout},
+    merge::{PictureFormat, PictureTile, part},
+    picture::Storage,
+    scene::{Backend, MAX_PIXELS, Scene},
+};
+
+use super::args::RenderArgs;
+
+/// Flags for parts of a picture.
+#[derive(Debug, Args)]
+#[command(
+    next_help_heading = "Parts (`lightpath merge` joins them to the same bytes as one render)"
+)]
+pub struct SplitArgs {
+    /// Render only part I of N, from 1: a band of rows of the frame or the --crop
+    #[arg(long, value_name = "I/N", value_parser = parse_tile)]
+    pub tile: Option<[u32; 2]>,
+
+    /// Render only the samples A to B - 1 of each pixel, counted from 0
+    #[arg(long, value_name = "A..B", value_parser = parse_range)]
+    pub samples: Option<[u32; 2]>,
+
+    /// With --samples: number of samples of all parts together [default: the scene's spp]
+    #[arg(long, value_name = "N", requires = "samples")]
+    pub of: Option<u32>,
+
+    /// Keep all bits in the EXR, so that merging --crops gives the same PNG, too
+    #[arg(long)]
+    pub part: bool,
+}
+
+/// Parses `3/8` to [3, 8].
+fn parse_tile(text: &str) -> std::result::Result<[u32; 2], String> {
+    let expected = || "expected I/N with I from 1 to N, for example 3/8".to_string();
+    let (i, n) = text.split_once('/').ok_or_else(expected)?;
+    let number = |text: &str| text.parse().map_err(|_| expected());
+    let [i, n]: [u32; 2] = [number(i)?, number(n)?];
+    if i >= 1 && i <= n { Ok([i, n]) } else { Err(expected()) }
+}
+
+/// Parses `16..32` to [16, 32].
+pub fn parse_range(text: &str) -> std::result::Result<[u32; 2], String> {
+    let expected =
+        || "expected A..B with A < B, from 0 and without B, for example 16..32".to_string();
+    let (a, b) = text.split_once("..").ok_or_else(expected)?;
+    let number = |text: &str| text.parse().map_err(|_| expected());
+    let [a, b]: [u32; 2] = [number(a)?, number(b)?];
+    if a < b { Ok([a, b]) } else { Err(expected()) }
+}
+
+/// The part of the picture that this render makes.
+#[derive(Debug)]
+pub struct PicturePart {
+    /// Pixels of the whole picture that the parts form.
+    whole: Window,
+    /// Pixels of this part.
+    pub window: Window,
+    /// Width of the overscan in pixels, in whole tiles. Windows are counted from its top left
+    /// corner.
+    pub margin: u32,
+    samples: Range<u32>,
+    /// The tile and the number of tiles, if the picture is split into tiles.
+    tile: Option<[u32; 2]>,
+    /// True if the EXR must keep every bit.
+    pub exact: bool,
+    /// Recipe for the layers of the merged picture.
+    recipe: PixelLayout,
+    /// Storage of partial sums; `None` if all samples are rendered.
+    pub raw: Option<RawLayout>,
+}
+
+impl PicturePart {
+    /// Reads the part from the flags.
+    ///
+    /// # Errors
+    /// Tiles and samples that the picture does not have; flags that only work for a whole picture.
+    pub fn new(args: &RenderArgs, scene: &Scene, plan: &LayerPlan) -> Result<Self> {
+        let split = &args.split;
+        let (margin, whole) = match args.scene.overscan {
+            0 => (0, window(args.scene.crop.as_deref(), scene)?),
+            pixels => overscan(pixels, scene)?,
+        };
+        let window = match split.tile {
+            Some([i, n]) if n <= whole.height() => part::band(whole, i, n),
+            Some([_, n]) => {
+                let message = format!("found {n} tiles, expected at most {}", whole.height());
+                return Err(Error::invalid("--tile", message).help("a tile has one row or more"));
+            }
+            None => whole,
+        };
+        let spp = scene.spp;
+        if let Some(of) = split.of.filter(|of| *of != spp) {
+            let message = format!("found {of}, but --spp or --set sets {spp} samples");
+            return Err(Error::invalid("--of", message).help("leave out --spp: --of replaces it"));
+        }
+        let samples = match split.samples {
+            Some([a, b]) if b > spp => {
+                let message = format!("found {a}..{b}, expected samples within 0..{spp}");
+                return Err(
+                    Error::invalid("--samples", message).help("--of N for a picture of N samples")
+                );
+            }
+            Some([a, b]) => a..b,
+            None => 0..spp,
+        };
+        refuse_cut_packets(&samples, scene)?;
+        let recipe = plan.recipe.clone();
+        let raw = (samples != (0..spp)).then(|| RawLayout::new(&recipe, samples.clone()));
+        let is_split = split.tile.is_some() || split.samples.is_some();
+        let (tile, exact) = (split.tile, split.part || is_split);
+        let piece = Self { whole, window, margin, samples, tile, exact, recipe, raw };
+        let frame = Window::full(scene.camera.width, scene.camera.height);
+        // A crop is a part of the frame. Tiles and samples of a crop are parts of the crop.
+        let piece = if is_split || margin > 0 { piece } else { Self { whole: frame, ..piece } };
+        if piece.exact {
+            let for_merge = "give it to `lightpath merge`";
+            let set = [
+                ("--png-layer", !args.files.png_layer.is_empty(), for_merge),
+                ("--crypto-sidecar", args.files.prefix.crypto_sidecar, for_merge),
+                ("--overscan", margin > 0, "parts are pieces of the frame: render it at once"),
+                (
+                    "--time",
+                    args.sampling.time.is_some(),
+                    "no two runs make the same picture: use --noise without --time",
+                ),
+            ];
+            if let Some((flag, _, help)) = set.into_iter().find(|(_, set, _)| *set) {
+                let message = "found with a part of a picture, expected with the whole";
+                return Err(Error::invalid(flag, message).help(help));
+            }
+        }
+        Ok(piece)
+    }
+
+    /// Refuses a range of samples together with adaptive sampling, where each pixel has its own
+    /// number of samples.
+    ///
+    /// # Errors
+    /// `Invalid` for both together.
+    pub fn check_sampling(&self, adaptive: bool) -> Result<()> {
+        if !(adaptive && self.raw.is_some()) {
+            return Ok(());
+        }
+        let message =
+            "found with --noise or --time, where each pixel has its own number of samples";
+        Err(Error::invalid("--samples", message).help("split with --tile"))
+    }
+
+    /// Returns the channels of the film besides R, G, B, A.
+    pub fn channels(&self) -> Vec<Channel> {
+        self.raw.as_ref().map_or_else(|| self.recipe.channels.clone(), RawLayout::channels)
+    }
+
+    /// Returns the attribute that `merge` reads, or `None` for a whole picture. `fingerprint` is
+    /// the hash of the scene and its files, and `storage` the format of the merged picture.
+    ///
+    /// # Errors
+    /// A failure to serialize, which cannot occur with the present types.
+    pub fn attribute(
+        &self,
+        storage: Storage,
+        scene: &Scene,
+        info: &BuildInfo,
+        fingerprint: Option<&str>,
+    ) -> Result<Option<(String, String)>> {
+        if !self.exact && self.window == self.whole {
+            return Ok(None);
+        }
+        let files = PictureFormat {
+            float: storage.float,
+            compression: storage.compression,
+            multipart: storage.multipart,
+            depth: storage.depth,
+            transparent: scene.transparent,
+            ..PictureFormat::new(&scene.tonemap)
+        };
+        let Window { x0, y0, x1, y1 } = self.whole;
+        let part = PictureTile {
+            fingerprint: fingerprint.map(str::to_string),
+            isa: matches!(scene.backend, Backend::Embree(_)).then(|| info.isa.clone()),
+            whole: [x0, y0, x1, y1],
+            tile: self.tile,
+            samples: [self.samples.start, self.samples.end],
+            of: scene.spp,
+            exact: self.exact || storage.float,
+            files,
+            recipe: self.recipe.clone(),
+        };
+        let text =
+            serde_json::to_string(&part).map_err(|e| Error::invalid("--part", e.to_string()))?;
+        Ok(Some((part::ATTRIBUTE.to_string(), text)))
+    }
+}
+
+/// Returns the window of pixels to render.
+///
+/// # Errors
+/// A crop that is empty or exceeds the frame.
+fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let Some([x0, y0, x1, y1]) = crop.and_then(|c| <[u32; 4]>::try_from(c).ok()) else {
+        return Ok(Window::full(width, height));
+    };
+    let found = format!("found {x0} {y0} {x1} {y1}");
+    let wrong = match (x0 < x1 && y0 < y1, x1 <= width && y1 <= height) {
+        (true, true) => return Ok(Window { x0, y0, x1, y1 }),
+        (false, _) => format!("{found}, which is empty, expected X0 < X1 and Y0 < Y1"),
+        (_, false) => format!("{found}, expected pixels within the frame of {width} x {height}"),
+    };
+    Err(Error::new(Kind::Invalid, Problem::new("--crop", wrong)))
+}
+
+/// Returns the margin for `pixels` of overscan, and the window in the coordinates of the enlarged
+/// frame.
+///
+/// The margin is a whole number of tiles, so the packets of the frame stay the same.
+///
+/// # Errors
+/// More pixels than a picture may have.
+fn overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
+    let (width, height) = (scene.camera.width, scene.camera.height);
+    let margin = pixels.next_multiple_of(TILE);
+    let [x0, y0] = [margin - pixels; 2];
+    let [x1, y1] = [width, height].map(|side| margin + side + pixels);
+    let window = Window { x0, y0, x1, y1 };
+    if u64::from(window.width()) * u64::from(window.height()) > MAX_PIXELS {
+        let [w, h] = [window.width(), window.height()];
+        let message = format!("found {pixels}, a picture of {w} x {h} pixels with the frame");
+        let message = format!("{message}, expected at most {MAX_PIXELS} pixels");
+        return Err(Error::invalid("--overscan", message));
+    }
+    Ok((margin, window))
+}
+
+/// Refuses a range of samples that cuts a packet if the scene has adaptive shadows, which decide
+/// about whole packets.
+///
+/// # Errors
+/// `Invalid` for such a range.
+fn refuse_cut_packets(samples: &Range<u32>, scene: &Scene) -> Result<()> {
+    let packet = Pattern::for_spp(scene.spp).samples;
+    let cut = |at: u32| at % packet != 0 && at != scene.spp;
+    let Range { start, end } = *samples;
+    if !scene.can_skip_shadow_rays() || !(cut(start) || cut(end)) {
+        return Ok(());
+    }
+    let message = format!(
+        "found {start}..{end}, expected multiples of {packet} or the end, {}: adaptive shadows decide about {packet} \
+         samples of a pixel together",
+        scene.spp
+    );
+    let start = start / packet * packet;
+    let [below, above] = [end / packet * packet, end.next_multiple_of(packet).min(scene.spp)];
+    let help = match below > start && below != above {
+        true => format!("{start}..{below} or {start}..{above}"),
+        false => format!("{start}..{above}"),
+    };
+    Err(Error::invalid("--samples", message).help(help))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_and_ranges() {
+        assert_eq!(parse_tile("3/8"), Ok([3, 8]));
+        assert_eq!(parse_range("0..16"), Ok([0, 16]));
+        for bad in ["", "3", "0/8", "9/8", "-1/8", "1/0", "a/b", "1/2/3", "1/99999999999"] {
+            assert!(parse_tile(bad).is_err(), "{bad}");
+        }
+        for bad in ["", "3", "3..3", "4..3", "..3", "3..", "-1..3", "0..=3", "1..99999999999"] {
+            assert!(parse_range(bad).is_err(), "{bad}");
+        }
+    }
+}

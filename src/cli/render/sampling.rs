@@ -1,0 +1,115 @@
+//! Checks `--noise`, `--max-spp` and `--time` together, and describes them in the EXR.
+
+use std::time::Duration;
+
+use crate::{
+    error::{Error, Problem, Result},
+    film::Window,
+    integrate::{MIN_PASS_SAMPLES, Relative},
+    layers::LayerPlan,
+    render::Adaptive,
+    scene::Scene,
+};
+
+use super::args::SamplingArgs;
+
+/// Maximum number of samples per pixel: the length of one Sobol sequence.
+const MAX_SAMPLES: u32 = 1 << 16;
+
+/// Default maximum number of samples per pixel with `--noise`.
+const DEFAULT_MAX_SPP: u32 = 4096;
+
+/// Maximum of `--time` in seconds: one year.
+const MAX_SECONDS: f64 = 31_536_000.0;
+
+/// Returns the settings of adaptive sampling, or `None` if every pixel gets the same number of
+/// samples.
+///
+/// # Errors
+/// Values out of range; flags that contradict each other or the scene.
+pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> {
+    let (noise, time) = (args.noise, args.time);
+    if let Some(noise) = noise.filter(|noise| !(*noise > 0.0 && *noise <= 1.0)) {
+        let message = format!("found {noise}, expected a number above 0 and up to 1");
+        return Err(Error::invalid("--noise", message).help("0.02 is 2% of a pixel's value"));
+    }
+    if let Some(time) = time.filter(|time| !(*time > 0.0 && *time <= MAX_SECONDS)) {
+        let message = format!("found {time}, expected seconds above 0 and up to {MAX_SECONDS}");
+        return Err(Error::invalid("--time", message));
+    }
+    if noise.is_none() && time.is_none() {
+        return match args.max_spp {
+            None => Ok(None),
+            Some(_) => Err(Error::invalid("--max-spp", "found without --noise and --time")
+                .help("--spp N takes N samples of every pixel")),
+        };
+    }
+    let first = scene.spp.checked_next_power_of_two().unwrap_or(u32::MAX).max(MIN_PASS_SAMPLES);
+    let most = args.max_spp.unwrap_or(match noise {
+        Some(_) => DEFAULT_MAX_SPP.max(first.saturating_mul(16)).min(MAX_SAMPLES),
+        None => MAX_SAMPLES,
+    });
+    if most > MAX_SAMPLES || !most.is_power_of_two() {
+        let below = (1 << most.max(1).ilog2()).min(MAX_SAMPLES);
+        let message = format!("found {most}, expected a power of two up to {MAX_SAMPLES}");
+        let help = match most < MAX_SAMPLES {
+            true => format!("{below} or {}", 2 * below),
+            false => MAX_SAMPLES.to_string(),
+        };
+        return Err(Error::invalid("--max-spp", message).help(help));
+    }
+    if most <= first {
+        let place = if args.max_spp.is_some() { "--max-spp" } else { "--spp" };
+        let message = format!(
+            "there is no room for more samples: every pixel gets {first} (spp {}, rounded up to a \
+             power of two, at least {MIN_PASS_SAMPLES}), and none more than {most}",
+            scene.spp
+        );
+        let help = match first < MAX_SAMPLES {
+            true => format!("--max-spp {} or more, or fewer --spp", 2 * first),
+            false => format!("--spp {} or fewer", MAX_SAMPLES / 2),
+        };
+        return Err(Error::invalid(place, message).help(help));
+    }
+    let relative = args.noise_of.unwrap_or_default();
+    Ok(Some(Adaptive { first, most, noise, relative, time: time.map(Duration::from_secs_f64) }))
+}
+
+/// Returns the bytes that adaptive sampling keeps in addition to the film.
+pub fn bytes(adaptive: &Adaptive, scene: &Scene, window: Window) -> u64 {
+    let each = adaptive.bytes_per_pixel(LayerPlan::new(scene).recipe.channels.len());
+    u64::from(window.width()) * u64::from(window.height()) * each
+}
+
+/// Returns the EXR attributes that describe adaptive sampling.
+pub fn attributes(adaptive: &Adaptive) -> Vec<(String, String)> {
+    let mut attributes = Vec::new();
+    let mut add = |name: &str, text: String| attributes.push((format!("lightpath:{name}"), text));
+    if let Some(noise) = adaptive.noise {
+        add("noise", noise.to_string());
+        if adaptive.relative == Relative::Picture {
+            add("noiseof", "picture".into());
+        }
+    }
+    if let Some(time) = adaptive.time {
+        add("time", time.as_secs_f64().to_string());
+        add("reproducible", "no".to_string());
+    }
+    attributes
+}
+
+/// Returns the value of the attribute `lightpath:spp`: the number or range of samples per pixel.
+pub fn spp(adaptive: Option<&Adaptive>, scene: &Scene) -> String {
+    match adaptive {
+        Some(Adaptive { first, most, .. }) => format!("{first}-{most}"),
+        None => scene.spp.to_string(),
+    }
+}
+
+/// Returns a warning if `--time` makes the picture irreproducible.
+pub fn warning(adaptive: &Adaptive) -> Option<Problem> {
+    adaptive.time?;
+    let message =
+        "the picture depends on the speed of this machine: it is marked as not reproducible";
+    Some(Problem::new("--time", message).help("--noise alone always gives the same picture"))
+}
