@@ -24,8 +24,8 @@ mod with_embree {
 
     use lightpath::accel::{self, Accelerator, BuildInfo, BuildOptions};
     use lightpath::film::{Film, Window};
-    use lightpath::measure::ab::{Plan, interleave};
-    use lightpath::measure::stats::{Estimate, mad, median, paired_ratio};
+    use lightpath::lab::ab::{Plan, interleave};
+    use lightpath::lab::stats::{Estimate, mad, median, paired_ratio};
     use lightpath::monitor::Monitor;
     use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
     use lightpath::render::render;

@@ -2,7 +2,7 @@
 
 mod program;
 
-use lightpath::measure::result::{Report, What};
+use lightpath::lab::result::{Report, What};
 use program::{PYRAMID, Scratch};
 
 fn bench(scratch: &Scratch, flags: &[&str]) -> program::Done {

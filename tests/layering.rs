@@ -15,7 +15,7 @@ const FLOORS: &[(&str, u32)] = &[
     ("exhausted", 9), // of the program alone: no memory is left
     ("cli", 9),       // one file per subcommand
     ("batch", 8),     // many meshes, many frames
-    ("measure", 8),   // clocks, comparisons, convergence
+    ("lab", 8),       // clocks, comparisons, convergence
     ("renderer", 8),  // the library's front
     ("render", 7),    // World + settings -> Film
     ("integrate", 6), // one tile, packet by packet

@@ -4,9 +4,9 @@ mod backends;
 
 use backends::on_both;
 use lightpath::accel::{Accelerator, BuildInfo};
-use lightpath::measure::answers::compare;
-use lightpath::measure::rays::{Class, Recording, record};
-use lightpath::measure::replay::{Mode, Replay};
+use lightpath::lab::answers::compare;
+use lightpath::lab::rays::{Class, Recording, record};
+use lightpath::lab::replay::{Mode, Replay};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, Mask, NONE, RayPacket, Rays};
 use lightpath::scene;

@@ -4,7 +4,7 @@ mod backends;
 
 use backends::on_both;
 use lightpath::film::{Film, Window};
-use lightpath::measure::rays::{Class, Recorded, Recording, record};
+use lightpath::lab::rays::{Class, Recorded, Recording, record};
 use lightpath::monitor::Monitor;
 use lightpath::ray::LANES;
 use lightpath::render::render;

@@ -5,7 +5,7 @@ use std::{path::PathBuf, sync::Arc};
 use crate::{
     error::{Error, Kind, Problem, Result},
     files,
-    measure::accuracy::{self, Case, Column, Report, Settings},
+    lab::accuracy::{self, Case, Column, Report, Settings},
     monitor::Monitor,
     output::atomic::TextFile,
     simd::Isa,

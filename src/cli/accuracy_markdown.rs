@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::measure::accuracy::{Entry, Report, Row};
+use crate::lab::accuracy::{Entry, Report, Row};
 
 use super::{accuracy_table as table, units};
 

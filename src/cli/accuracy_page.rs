@@ -1,7 +1,7 @@
 //! Report page of `accuracy`, with pictures of the failures.
 
 use crate::{
-    measure::accuracy::{ColumnReport, Entry, Kind, Report, Row},
+    lab::accuracy::{ColumnReport, Entry, Kind, Report, Row},
     report::{Bar, Bars, Cell, Group, Page, Section, picture},
 };
 

@@ -1,6 +1,6 @@
 //! Formats the results of `accuracy` as table cells and lines of text.
 
-use crate::measure::accuracy::{Entry, Report, Row, Settings};
+use crate::lab::accuracy::{Entry, Report, Row, Settings};
 
 use super::units;
 

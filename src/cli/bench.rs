@@ -11,7 +11,7 @@ use clap::ValueEnum;
 use crate::{
     error::{Error, Failures, Kind, Problem, Result, printable},
     files,
-    measure::{
+    lab::{
         ab::Plan,
         accuracy::{self, Column},
         bench::{Contestant, Settings, measure},

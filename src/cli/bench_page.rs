@@ -1,7 +1,7 @@
 //! Report page of `bench`, with charts.
 
 use crate::{
-    measure::{
+    lab::{
         growth::{Growth, Quantity},
         result::{Entry, Report, Row, SceneResult, Since, What},
     },
@@ -269,7 +269,7 @@ fn baseline(since: &Since) -> Option<Section> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::result::{BackendResult, Machine, Run, VERSION};
+    use crate::lab::result::{BackendResult, Machine, Run, VERSION};
 
     fn scene(name: &str, triangles: u64, wrong: u64) -> SceneResult {
         let samples = |t: f64| (0..10).map(|i| t * (1.0 + 0.002 * f64::from(i))).collect();

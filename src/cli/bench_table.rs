@@ -2,7 +2,7 @@
 
 use crate::{
     error::printable,
-    measure::{
+    lab::{
         growth::{Growth, Quantity},
         result::{Change, Entry, Report, Row, SceneResult, Since, What},
         stats::Estimate,

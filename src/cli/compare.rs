@@ -6,7 +6,7 @@ use std::{io::Write, path::PathBuf};
 use crate::{
     error::{Error, Failures, Kind, Problem, Result},
     files,
-    measure::{
+    lab::{
         compare::{self, Compared, Comparison, Settings, file::Picture},
         metrics::Metric,
     },

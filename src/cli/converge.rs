@@ -9,7 +9,7 @@ use std::{
 use crate::{
     error::{Error, Result},
     files,
-    measure::{
+    lab::{
         bench::Contestant,
         compare::{
             file::{Format, Picture},

@@ -1,7 +1,7 @@
 //! Report page of `converge`: results, charts, pictures side by side, all numbers.
 
 use crate::{
-    measure::{
+    lab::{
         compare::{
             layer::{Layer, Meaning},
             map,
@@ -71,7 +71,7 @@ fn against_time(report: &Report) -> String {
     };
     let dots: Vec<Vec<[f64; 2]>> = contestants.iter().map(of).collect();
     let lines = contestants.iter().zip(&dots).map(|((backend, sampler), dots)| {
-        let front = crate::measure::converge::front(dots);
+        let front = crate::lab::converge::front(dots);
         Line {
             name: text::shorter(report, backend, sampler),
             points: front.into_iter().map(|i| dots[i]).collect(),

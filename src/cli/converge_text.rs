@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::error::printable;
-use crate::measure::{
+use crate::lab::{
     converge::{Estimate, PointResult, Report, Series},
     metrics::Metric,
 };
@@ -103,7 +103,7 @@ pub fn reached(report: &Report, most: usize) -> Vec<String> {
 }
 
 /// Returns the pair of samplers whose number of samples is closest to `samples`.
-pub fn ratio_near(report: &Report, samples: u64) -> Option<&crate::measure::converge::Ratio> {
+pub fn ratio_near(report: &Report, samples: u64) -> Option<&crate::lab::converge::Ratio> {
     report.ratios.iter().min_by_key(|ratio| ratio.samples.abs_diff(samples))
 }
 

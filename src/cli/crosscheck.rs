@@ -12,7 +12,7 @@ use crate::{
     },
     error::{Error, Kind, Problem, Result, printable},
     files,
-    measure::cross_check::{
+    lab::crosscheck::{
         Answer, Check, Contender, Finding, Tree, Verdict, answers, check_rays, compare_pictures,
         judge,
     },

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::measure::cross_check::{Answer, Finding, MOST_NEAR, Report, Tally, Tree, Verdict};
+use crate::lab::crosscheck::{Answer, Finding, MOST_NEAR, Report, Tally, Tree, Verdict};
 
 use super::units;
 

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 use lightpath::geometry::{Geometry, TriangleMesh};
-use lightpath::measure::accuracy::meshes::{Shape, cube, icosphere};
+use lightpath::lab::accuracy::meshes::{Shape, cube, icosphere};
 use lightpath::ray::{LANES, Rays};
 
 use super::random::Random;

@@ -1,0 +1,187 @@
+//! Tests with backends that give wrong answers on purpose.
+
+use std::collections::HashSet;
+
+use glam::DVec3;
+
+use super::case::{Mark, oracle};
+use super::column::{Built, Column};
+use super::judge::{Expect, Judge, Shot};
+use super::meshes::{corners, icosphere, inside, scene};
+use super::tally::{Kind, Tally};
+use super::{Settings, catalogue};
+use crate::accel::{Accelerator, BuildInfo};
+use crate::lab::random::Random;
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
+
+/// Fault of a backend.
+#[derive(Clone, Copy, PartialEq)]
+enum Fault {
+    None,
+    /// Lane 3 always misses.
+    MissesLane3,
+    /// Every t is multiplied by this factor.
+    ScalesT(f32),
+    /// Lane 5 always reports the first triangle.
+    WrongPrimitive,
+    /// Writes to a lane that is not active.
+    WritesInactive,
+}
+
+/// A backend with a fault.
+struct Faulty<'a>(Box<dyn Accelerator + 'a>, Fault);
+
+impl Accelerator for Faulty<'_> {
+    fn info(&self) -> BuildInfo {
+        self.0.info()
+    }
+
+    fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+        let before = packet.rays.tfar;
+        self.0.closest(active, packet, coherence);
+        match self.1 {
+            Fault::None => {}
+            Fault::MissesLane3 => (packet.hits.geom[3], packet.rays.tfar[3]) = (NONE, before[3]),
+            Fault::ScalesT(by) => packet.rays.tfar.iter_mut().for_each(|t| *t *= by),
+            Fault::WrongPrimitive => packet.hits.prim[5] = 0,
+            Fault::WritesInactive => packet.rays.tfar[7] = 1.0,
+        }
+    }
+
+    fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+        self.0.occluded(active, rays, coherence);
+        if self.1 == Fault::MissesLane3 {
+            rays.tfar[3] = 1.0;
+        }
+    }
+}
+
+/// Counts of `brute` with a fault, on a sphere. If `closed`, all rays start at its centre.
+fn tally(fault: Fault, closed: bool) -> Tally {
+    let geometry = scene(icosphere(2).placed(DVec3::ZERO, 1.0));
+    let monitor = Monitor::default();
+    let columns = Column::all();
+    let column = columns.last().unwrap();
+    let within = column.build(&geometry, 1, &monitor).unwrap();
+    let oracle = oracle(&geometry, &monitor).unwrap();
+    let faulty: Box<dyn Accelerator> = Box::new(Faulty(within, fault));
+    let built = Built { geometry: &geometry, columns: vec![(column, faulty)], oracle };
+    let judge = Judge { built: &built };
+    let mut sum = Tally::default();
+    for index in 0..64 {
+        let mut random = Random::new(1, index);
+        let expect = match closed {
+            true => Expect::Closed([f64::INFINITY; LANES]),
+            false => Expect::Oracle,
+        };
+        let mut shot = Shot::new(expect);
+        for i in 0..LANES {
+            let goal = inside(&mut random, corners(&geometry.meshes[0], i as u32 * 3));
+            let origin = if closed { DVec3::ZERO } else { random.direction() * 3.0 };
+            shot.through(i, origin, goal);
+        }
+        if fault == Fault::WritesInactive {
+            shot.rays.dir[1][7] = f32::NAN;
+        }
+        sum.add(&judge.shot(&shot, index, !closed, true)[0]);
+    }
+    sum
+}
+
+#[test]
+fn a_backend_without_fault_passes() {
+    for closed in [false, true] {
+        let tally = tally(Fault::None, closed);
+        assert_eq!(tally.rays, 64 * LANES as u64);
+        assert_eq!(Mark::Exact.missed(&tally), None);
+    }
+}
+
+#[test]
+fn every_fault_is_found_with_its_kind() {
+    let cases = [
+        (Fault::MissesLane3, true, Kind::Leak),
+        (Fault::MissesLane3, false, Kind::Leak),
+        (Fault::WrongPrimitive, false, Kind::WrongPrimitive),
+        (Fault::ScalesT(1.001), false, Kind::WrongDistance),
+        (Fault::WritesInactive, false, Kind::FalseHit),
+    ];
+    for (fault, closed, kind) in cases {
+        let tally = tally(fault, closed);
+        assert!(tally.failures.contains_key(&kind), "{kind:?}: {:?}", tally.failures);
+        assert!(Mark::Exact.missed(&tally).is_some(), "{kind:?}");
+        assert!(Mark::Zero("").missed(&tally).is_some(), "{kind:?}");
+        assert!(!tally.places.is_empty());
+    }
+}
+
+#[test]
+fn an_inaccurate_t_does_not_meet_the_exact_mark() {
+    // 4, then 16 times 2^-23, relative. The error bound of a test in f32 would allow the first.
+    for (ulps, says) in [(4.0, "more than 2 ulp"), (16.0, "expected at most 8")] {
+        let off = 1.0 + ulps * f32::EPSILON;
+        let tally = tally(Fault::ScalesT(off), false);
+        let missed = Mark::Exact.missed(&tally).unwrap_or_default();
+        let failed = tally.failed() > 0;
+        assert!(missed.contains(says) || failed, "{missed}");
+        assert!(tally.beyond_2 > 0);
+    }
+}
+
+#[test]
+fn marks_allow_as_many_failures_as_documented() {
+    let mut tally = Tally { rays: 1_000_000, ..Tally::default() };
+    assert_eq!(Mark::Exact.missed(&tally), None);
+    for _ in 0..3 {
+        tally.fail(Kind::Leak, DVec3::ZERO);
+    }
+    assert!(Mark::Exact.missed(&tally).is_some());
+    assert_eq!(Mark::Rate(3e-6, "why").missed(&tally), None);
+    assert!(Mark::Rate(2e-6, "why").missed(&tally).is_some());
+    assert!(Mark::Exact.missed(&Tally::default()).is_some(), "no rays, no mark");
+    let coarse = Tally { rays: 1000, measured: 1000, beyond_2: 5, ..Tally::default() };
+    assert!(Mark::Exact.missed(&coarse).is_some());
+    assert!(Mark::Coarse(0.004, "why").missed(&coarse).is_some());
+    assert_eq!(Mark::Coarse(0.005, "why").missed(&coarse), None);
+    let heavy = Tally { rays: 1, worst_weight: 2e-6, ..Tally::default() };
+    assert!(Mark::Exact.missed(&heavy).is_some());
+}
+
+#[test]
+fn names_are_unique_and_the_catalogue_has_all_groups() {
+    let cases = catalogue();
+    let names: HashSet<(&str, &str)> = cases.iter().map(|c| (c.group, c.name.as_str())).collect();
+    assert_eq!(names.len(), cases.len());
+    let groups: HashSet<&str> = cases.iter().map(|case| case.group).collect();
+    assert_eq!(groups.len(), 10);
+}
+
+#[test]
+fn robust_embree_may_leak_but_not_report_false_hits_or_self_shadows() {
+    let column = |name: &str| Column::all().into_iter().find(|c| c.name() == name).unwrap();
+    let tally = |kind| Tally { rays: 9, failures: [(kind, 1)].into(), ..Tally::default() };
+    let forbidden = column("embree").forbidden();
+    assert!(tally(Kind::FalseHit).has_any(forbidden).is_some_and(|why| why.contains("false hit")));
+    assert!(tally(Kind::SelfShadow).has_any(forbidden).is_some());
+    assert_eq!(tally(Kind::Leak).has_any(forbidden), None);
+    assert_eq!(tally(Kind::FalseHit).has_any(column("embree-fast").forbidden()), None);
+    assert!(column("brute").must_hold() && !column("embree").must_hold());
+}
+
+#[test]
+fn counts_do_not_depend_on_the_number_of_threads() {
+    let columns: Vec<Column> = Column::all().into_iter().filter(Column::must_hold).collect();
+    let settings = Settings { columns, seed: 5, times: 1, pictures: false };
+    let case = |case: &super::Case| case.name.contains("tfar and tnear");
+    let count = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let cases = catalogue();
+        let case = cases.iter().find(|c| case(c)).unwrap();
+        let row = pool.install(|| case.run(&settings, &Monitor::default())).unwrap();
+        let of =
+            |entry: &super::Entry| (entry.rays, entry.failed, entry.within_bound, entry.worst_ulp);
+        row.entries.iter().map(of).collect::<Vec<_>>()
+    };
+    assert_eq!(count(1), count(2));
+}

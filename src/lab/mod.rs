@@ -1,0 +1,19 @@
+//! Measurements: recorded rays, timings, statistics, and comparisons of answers and pictures.
+//!
+//! The commands `bench`, `crosscheck`, `accuracy`, `compare` and `converge` are built on it.
+
+pub mod ab;
+pub mod accuracy;
+pub mod answers;
+pub mod bench;
+pub mod compare;
+pub mod converge;
+pub mod crosscheck;
+pub mod growth;
+pub mod judge;
+pub mod metrics;
+pub mod random;
+pub mod rays;
+pub mod replay;
+pub mod result;
+pub mod stats;
