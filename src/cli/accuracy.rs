@@ -5,7 +5,10 @@ use std::{path::PathBuf, sync::Arc};
 use crate::{
     error::{Error, Kind, Problem, Result},
     files,
-    lab::accuracy::{self, Case, Column, Report, Settings},
+    lab::{
+        accuracy::{self, Case, Report, Settings},
+        backend::{self, TestedBackend},
+    },
     monitor::Monitor,
     output::atomic::TextFile,
     simd::Isa,
@@ -72,30 +75,21 @@ fn cases(text: Option<&str>) -> Result<Vec<Case>> {
 }
 
 fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
-    let mut columns: Vec<Column> = Vec::new();
-    for name in &args.backend {
-        let named = match name.as_str() {
-            "bvh" => Column::tiers(),
-            _ => vec![Column { contestant: bench::contestant("--backend", name, Isa::detect())? }],
-        };
-        for column in named {
-            if columns.contains(&column) {
-                let message = format!("found {} twice, expected each backend once", column.name());
-                return Err(Error::invalid("--backend", message));
-            }
-            columns.push(column);
-        }
-    }
-    if columns.is_empty() {
-        let (available, without) = accuracy::available(Column::all(), monitor)?;
+    let parsed = args.backend.iter().flat_map(|name| match name.as_str() {
+        "bvh" => TestedBackend::tiers().into_iter().map(Ok).collect(),
+        _ => vec![TestedBackend::parse("--backend", name, Isa::detect())],
+    });
+    let mut tested_backends = TestedBackend::distinct("--backend", parsed)?;
+    if tested_backends.is_empty() {
+        let (available, without) = backend::available(TestedBackend::all(), monitor)?;
         without.iter().for_each(|line| super::note(line));
-        columns = available;
+        tested_backends = available;
     }
     let times = match args.full {
         true => FULL,
         false => args.times.unwrap_or(1),
     };
-    Ok(Settings { columns, seed: args.seed, times, pictures: args.html.is_some() })
+    Ok(Settings { tested_backends, seed: args.seed, times, pictures: args.html.is_some() })
 }
 
 /// Refuses two outputs with the same path.

@@ -49,7 +49,7 @@ pub fn worst(names: &[String], row: &Row, of: fn(&Entry) -> Option<f64>) -> Opti
 }
 
 fn names(settings: &Settings) -> Vec<String> {
-    settings.columns.iter().map(|column| column.name().to_string()).collect()
+    settings.tested_backends.iter().map(|backend| backend.name.clone()).collect()
 }
 
 fn width(name: &str) -> usize {

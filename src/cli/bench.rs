@@ -6,28 +6,26 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use clap::ValueEnum;
-
 use crate::{
     error::{Error, Failures, Kind, Problem, Result, printable},
     files,
     lab::{
         ab::Plan,
-        accuracy::{self, Column},
-        bench::{Contestant, Settings, measure},
+        backend::{self, TestedBackend},
+        bench::{Settings, measure},
         rays::Class,
         result::{self, Machine, Report, Run, SceneResult, Since},
     },
     monitor::Monitor,
     output::atomic::TextFile,
-    scene::{self, Backend, EmbreeMode, Source},
+    scene::{self, Backend, Source},
     simd::Isa,
     studio,
     world::{LoadOptions, World},
 };
 
 use super::{
-    args::{BenchArgs, IsaName, RenderArgs, SceneArgs},
+    args::{BenchArgs, RenderArgs, SceneArgs},
     bench_page, bench_table,
     job::{self, Job},
     machine, memory, signals, stats, version,
@@ -132,17 +130,11 @@ fn measure_scene(
 /// Checks the flags and returns the settings.
 fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
     let isa = machine::isa(args.isa)?;
-    let mut contestants: Vec<Contestant> = Vec::new();
-    for name in &args.backends {
-        let contestant = contestant("--backends", name, isa)?;
-        if contestants.contains(&contestant) {
-            let message = format!("found {name} twice, expected each backend once");
-            return Err(Error::invalid("--backends", message));
-        }
-        contestants.push(contestant);
-    }
-    if contestants.is_empty() {
-        contestants = ours_against_embree(isa, monitor)?;
+    let names = args.backends.iter();
+    let parsed = names.map(|name| TestedBackend::parse("--backends", name, isa));
+    let mut tested_backends = TestedBackend::distinct("--backends", parsed)?;
+    if tested_backends.is_empty() {
+        tested_backends = ours_against_embree(isa, monitor)?;
     }
     let mut classes = Vec::new();
     for name in &args.classes {
@@ -173,7 +165,7 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
     let mut threads = vec![1, all];
     threads.dedup();
     Ok(Settings {
-        contestants,
+        tested_backends,
         classes,
         threads,
         rays,
@@ -185,51 +177,12 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
 }
 
 /// Returns the default backends: Embree and our tree, or our tree alone where Embree is missing.
-fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<Contestant>> {
-    let both = ["embree", "bvh"].map(|name| contestant("--backends", name, isa));
-    let both: Vec<Contestant> = both.into_iter().collect::<Result<_>>()?;
-    let columns = both.into_iter().map(|contestant| Column { contestant }).collect();
-    let (columns, without) = accuracy::available(columns, monitor)?;
+fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<TestedBackend>> {
+    let both = ["embree", "bvh"].map(|name| TestedBackend::parse("--backends", name, isa));
+    let both = both.into_iter().collect::<Result<_>>()?;
+    let (available, without) = backend::available(both, monitor)?;
     without.iter().for_each(|line| super::note(line));
-    Ok(columns.into_iter().map(|column| column.contestant).collect())
-}
-
-/// Parses a backend name such as `bvh:avx2`. `flag` is for messages.
-pub fn contestant(flag: &str, name: &str, isa: Isa) -> Result<Contestant> {
-    let (kind, forced) = match name.split_once(':') {
-        Some((kind, forced)) => (kind, Some(forced)),
-        None => (name, None),
-    };
-    let backend = match kind {
-        "bvh" => Backend::Bvh(isa),
-        "embree" => Backend::Embree(EmbreeMode::Robust),
-        "embree-fast" => Backend::Embree(EmbreeMode::Fast),
-        "embree-compact" => Backend::Embree(EmbreeMode::Compact),
-        "coursework" => Backend::Coursework,
-        "brute" => Backend::Brute,
-        _ => {
-            let message = format!(
-                "found {name:?}, expected some of bvh, embree, embree-fast, embree-compact, \
-                 coursework, brute"
-            );
-            return Err(Error::invalid(flag, message));
-        }
-    };
-    let backend = match (backend, forced) {
-        (backend, None) => backend,
-        (Backend::Bvh(_), Some(forced)) => {
-            let name = IsaName::from_str(forced, false).map_err(|_| {
-                let message = format!("found {forced:?}, expected portable, avx2 or avx512");
-                Error::invalid(flag, message)
-            })?;
-            Backend::Bvh(machine::tier(flag, name)?)
-        }
-        (_, Some(_)) => {
-            let message = format!("found {name:?}, expected an instruction set only after bvh");
-            return Err(Error::invalid(flag, message));
-        }
-    };
-    Ok(Contestant { name: name.to_string(), backend })
+    Ok(available)
 }
 
 /// Describes this machine. `isa` is the instruction set in use.
@@ -296,8 +249,8 @@ impl Files {
 fn check_answers(report: &Report, settings: &Settings) -> Result<()> {
     let mut problems = Vec::new();
     for scene in &report.scenes {
-        for (contestant, backend) in settings.contestants.iter().zip(&scene.backends) {
-            if matches!(contestant.backend, Backend::Bvh(_)) && backend.wrong > 0 {
+        for (tested_backend, backend) in settings.tested_backends.iter().zip(&scene.backends) {
+            if matches!(tested_backend.backend, Backend::Bvh(_)) && backend.wrong > 0 {
                 let message = format!("{}: {} wrong answers", backend.name, backend.wrong);
                 problems.push(
                     Problem::new(&scene.name, message)

@@ -10,7 +10,7 @@ use crate::{
     error::{Error, Result},
     files,
     lab::{
-        bench::Contestant,
+        backend::TestedBackend,
         compare::{
             file::{Format, Picture},
             layer::{Layer, Meaning},
@@ -48,8 +48,8 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let job = job::load(&render)?;
     not_over_inputs(args, &job)?;
     let Job { loaded, warnings, ready, .. } = job;
-    let contestants = contestants(args, &loaded.scene, isa)?;
-    let grid = grid(args, &loaded.scene, contestants.len())?;
+    let tested_backends = tested_backends(args, &loaded.scene, isa)?;
+    let grid = grid(args, &loaded.scene, tested_backends.len())?;
     let given =
         args.reference.as_deref().map(|path| read_reference(path, &loaded.scene)).transpose()?;
     signals::watch(&monitor)?;
@@ -68,7 +68,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
             ));
         }
     }
-    let settings = Settings { contestants, grid, limits, started, isa };
+    let settings = Settings { tested_backends, grid, limits, started, isa };
     let pool = machine::pool(args.threads)?;
     let study = pool.install(|| {
         let options = LoadOptions { ready, ..LoadOptions::default() };
@@ -89,7 +89,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         scene: args.input.display().to_string(),
         hash: loaded.hash,
         size: [loaded.scene.camera.width, loaded.scene.camera.height],
-        backends: settings.contestants.into_iter().map(|c| c.name).collect(),
+        backends: settings.tested_backends.into_iter().map(|c| c.name).collect(),
         reference: file.zip(given.map(|layer| layer.half)),
     };
     let found = report(&study, subject, limits, started.elapsed().as_secs_f64());
@@ -105,22 +105,14 @@ fn limits(args: &ConvergeArgs) -> Result<Limits> {
     Ok(Limits { budget: args.budget, repeats: args.repeats, seed: args.seed.unwrap_or(0) })
 }
 
-fn contestants(args: &ConvergeArgs, scene: &Scene, isa: Isa) -> Result<Vec<Contestant>> {
+fn tested_backends(args: &ConvergeArgs, scene: &Scene, isa: Isa) -> Result<Vec<TestedBackend>> {
     let own = [scene.backend.name().to_string()];
     let names = if args.backends.is_empty() { &own[..] } else { &args.backends };
-    let mut contestants: Vec<Contestant> = Vec::new();
-    for name in names {
-        let contestant = bench::contestant("--backends", name, isa)?;
-        if contestants.contains(&contestant) {
-            let message = format!("found {name} twice, expected each backend once");
-            return Err(Error::invalid("--backends", message));
-        }
-        contestants.push(contestant);
-    }
-    Ok(contestants)
+    let parsed = names.iter().map(|name| TestedBackend::parse("--backends", name, isa));
+    TestedBackend::distinct("--backends", parsed)
 }
 
-fn grid(args: &ConvergeArgs, scene: &Scene, contestants: usize) -> Result<Grid> {
+fn grid(args: &ConvergeArgs, scene: &Scene, backend_count: usize) -> Result<Grid> {
     let sorted = |values: &[u32]| {
         let mut values = values.to_vec();
         values.sort_unstable();
@@ -151,7 +143,7 @@ fn grid(args: &ConvergeArgs, scene: &Scene, contestants: usize) -> Result<Grid> 
         true => vec![None],
         false => light_samples.into_iter().map(Some).collect(),
     };
-    Ok(Grid { contestants, samplers, spp: sorted(&args.spp), light_samples })
+    Ok(Grid { backend_count, samplers, spp: sorted(&args.spp), light_samples })
 }
 
 /// Reads the seed from the EXR header of a picture of this program.

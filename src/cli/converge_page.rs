@@ -49,7 +49,7 @@ fn capital(text: String) -> String {
 
 /// Returns backends and samplers, with `random` first: the first colour of a chart is drawn in the
 /// background.
-fn contestants(report: &Report) -> Vec<(String, String)> {
+fn compared(report: &Report) -> Vec<(String, String)> {
     let mut all: Vec<(String, String)> = Vec::new();
     for point in &report.points {
         let name = (point.backend.clone(), point.sampler.clone());
@@ -62,15 +62,15 @@ fn contestants(report: &Report) -> Vec<(String, String)> {
 }
 
 fn against_time(report: &Report) -> String {
-    let contestants = contestants(report);
+    let compared = compared(report);
     let at = |p: &PointResult| [p.median_s, p.relmse.value];
     let of = |(backend, sampler): &(String, String)| -> Vec<[f64; 2]> {
         let points = report.points.iter();
         let own = points.filter(|p| (&p.backend, &p.sampler) == (backend, sampler));
         own.map(at).filter(|p| p[1] > 0.0).collect()
     };
-    let dots: Vec<Vec<[f64; 2]>> = contestants.iter().map(of).collect();
-    let lines = contestants.iter().zip(&dots).map(|((backend, sampler), dots)| {
+    let dots: Vec<Vec<[f64; 2]>> = compared.iter().map(of).collect();
+    let lines = compared.iter().zip(&dots).map(|((backend, sampler), dots)| {
         let front = crate::lab::converge::front(dots);
         Line {
             name: text::shorter(report, backend, sampler),

@@ -109,7 +109,7 @@ pub fn ratio_near(report: &Report, samples: u64) -> Option<&crate::lab::converge
 
 /// Returns the series whose slopes can be compared because they vary the same parameter.
 ///
-/// Prefers the kind for which most contestants have a slope, then the kind with the most points,
+/// Prefers the kind for which most backends have a slope, then the kind with the most points,
 /// then the first one.
 pub fn headline(report: &Report) -> Vec<&Series> {
     let mut best: Vec<&Series> = Vec::new();

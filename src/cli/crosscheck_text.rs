@@ -54,7 +54,7 @@ pub fn report(report: &Report) -> String {
         );
     }
     for picture in &report.pictures {
-        let [a, b] = picture.backends;
+        let [a, b] = &picture.backends;
         let _ = writeln!(
             out,
             "picture of {b} against {a}: {:.4}% of {} pixels the same; of the rest {} at outlines, \

@@ -62,15 +62,5 @@ pub fn tier(flag: &str, name: IsaName) -> Result<Isa> {
         IsaName::Avx2 => Isa::Avx2,
         IsaName::Avx512 => Isa::Avx512,
     };
-    if Isa::available().any(|isa| isa == wanted) {
-        return Ok(wanted);
-    }
-    let lacks = match Isa::compiled().contains(&wanted) {
-        true => "this machine",
-        false => "this build",
-    };
-    let available: Vec<String> = Isa::available().map(|isa| isa.to_string()).collect();
-    let message = format!("found {wanted}, which {lacks} lacks");
-    let help = format!("available: {}", available.join(", "));
-    Err(Error::new(Kind::Unsupported, Problem::new(flag, message).help(help)))
+    wanted.supported(flag)
 }

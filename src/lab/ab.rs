@@ -19,7 +19,7 @@ impl Plan {
     const MAX_ROUNDS: usize = 500;
 }
 
-/// Times `contestants` backends in turns and returns the samples of each.
+/// Times `count` backends in turns and returns the samples of each.
 ///
 /// `run(i)` runs backend i once and returns its sample. The first run of each is a warm-up and is
 /// discarded. Then each round runs all backends in order and in reverse order (A B B A). So sample
@@ -28,19 +28,19 @@ impl Plan {
 /// # Errors
 /// The errors of `run`; `Interrupted` after a signal.
 pub fn interleave(
-    contestants: usize,
+    count: usize,
     plan: Plan,
     monitor: &Monitor,
     mut run: impl FnMut(usize) -> Result<f64>,
 ) -> Result<Vec<Vec<f64>>> {
-    let mut samples = vec![Vec::new(); contestants];
-    for i in 0..contestants {
+    let mut samples = vec![Vec::new(); count];
+    for i in 0..count {
         run(i)?;
     }
     let started = Instant::now();
     let mut round = 0;
     while round < plan.rounds || (started.elapsed() < plan.budget && round < Plan::MAX_ROUNDS) {
-        for i in (0..contestants).chain((0..contestants).rev()) {
+        for i in (0..count).chain((0..count).rev()) {
             monitor.check()?;
             samples[i].push(run(i)?);
         }

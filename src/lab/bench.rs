@@ -6,35 +6,26 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::ab::{Plan, interleave};
 use super::answers::{self, Agreement};
+use super::backend::{TestedBackend, build_all};
 use super::rays::{Class, Recording, record};
 use super::replay::{Mode, Replay};
 use super::result::{BackendResult, PairResult, Row, What};
-use crate::accel::{self, Accelerator, BuildOptions};
+use crate::accel::{self, Accelerator};
 use crate::error::{Error, Kind, Problem, Result};
 use crate::film::{Film, Window};
 use crate::monitor::Monitor;
 use crate::ray::LANES;
 use crate::render::render;
-use crate::scene::Backend;
 use crate::simd::Isa;
 use crate::units::plural;
 use crate::world::World;
-
-/// A backend under test, with its name in reports.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Contestant {
-    /// Name in reports, as on the command line.
-    pub name: String,
-    /// The backend, with its mode or instruction set.
-    pub backend: Backend,
-}
 
 /// Backends, rays and repetitions of a measurement.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// Backends to compare. The first is the reference of all ratios. It also finds the hits from
     /// which secondary rays start.
-    pub contestants: Vec<Contestant>,
+    pub tested_backends: Vec<TestedBackend>,
     /// Classes of rays to replay.
     pub classes: Vec<Class>,
     /// Numbers of worker threads, each >= 1.
@@ -63,8 +54,6 @@ pub struct Measured {
     /// Agreement of every pair of backends, for each replay.
     pub agreement: Vec<PairResult>,
 }
-
-type Built<'w> = Vec<Box<dyn Accelerator + 'w>>;
 
 /// Runs all measurements of a scene. Calls `note` with the name of each step when it begins.
 ///
@@ -111,8 +100,9 @@ impl<'a> Bench<'a> {
         for pool in pools {
             rows.push(pool.install(|| self.builds())?);
         }
-        let built = self.settings.contestants.iter().map(|c| self.build(c));
-        let built = built.collect::<Result<Built>>()?;
+        let tested = &self.settings.tested_backends;
+        let built =
+            build_all(tested, &self.world.geometry, rayon::current_num_threads(), self.monitor)?;
         (self.note)("recording rays");
         let packets = (self.settings.rays.div_ceil(LANES as u64) as usize).max(1);
         let seed = self.settings.seed;
@@ -123,11 +113,11 @@ impl<'a> Bench<'a> {
             rows.extend(pool.install(|| self.rays(&backends, &recording, &judged))?);
             rows.push(pool.install(|| self.image(&backends))?);
         }
-        let backends = self.settings.contestants.iter().zip(&built).enumerate();
-        let backends = backends.map(|(i, (contestant, accelerator))| {
+        let backends = self.settings.tested_backends.iter().zip(&built).enumerate();
+        let backends = backends.map(|(i, (tested_backend, accelerator))| {
             let info = accelerator.info();
             BackendResult {
-                name: contestant.name.clone(),
+                name: tested_backend.name.clone(),
                 version: info.version,
                 isa: info.isa,
                 bytes: info.bytes,
@@ -139,24 +129,18 @@ impl<'a> Bench<'a> {
         Ok(Measured { backends: backends.collect(), rays: rays.collect(), rows, agreement })
     }
 
-    /// Builds a backend on the threads of the current pool.
-    fn build(&self, contestant: &Contestant) -> Result<Box<dyn Accelerator + 'a>> {
-        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
-        accel::build(&self.world.geometry, contestant.backend, &options, self.monitor)
-    }
-
     fn builds(&self) -> Result<Row> {
         let threads = rayon::current_num_threads();
         (self.note)(&format!("build, {}", plural(threads, "thread")));
-        let contestants = &self.settings.contestants;
-        let samples = interleave(contestants.len(), self.settings.slow_plan, self.monitor, |i| {
+        let tested = &self.settings.tested_backends;
+        let samples = interleave(tested.len(), self.settings.slow_plan, self.monitor, |i| {
             let started = Instant::now();
-            let built = self.build(&contestants[i])?;
+            let built = tested[i].build(&self.world.geometry, threads, self.monitor)?;
             let seconds = started.elapsed().as_secs_f64();
             drop(built);
             Ok(seconds)
         })?;
-        let work = vec![self.world.primitives(); contestants.len()];
+        let work = vec![self.world.primitives(); tested.len()];
         Ok(Row::new(What::Build, "build", "", threads, &work, samples))
     }
 
@@ -181,7 +165,7 @@ impl<'a> Bench<'a> {
             let (scores, pairs) = answers::compare(&replay, &self.world.geometry, built);
             let visits = built.iter().map(|b| replay.visits(*b)).collect();
             judged.push(Judged { class, mode, scores, visits });
-            let name = |i: usize| self.settings.contestants[i].name.clone();
+            let name = |i: usize| self.settings.tested_backends[i].name.clone();
             let pair = |(i, j, agreement): (usize, usize, Agreement)| PairResult {
                 name: class.name().into(),
                 mode: mode.name().into(),

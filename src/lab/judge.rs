@@ -11,16 +11,13 @@
 //! So every answer that is called wrong here is wrong. Errors that all backends share are not
 //! found; `crosscheck` finds those.
 
+use super::backend::MAX_ERROR_FACTOR;
 use super::crosscheck::layers;
 use super::replay::Answer;
 use crate::accel::brute::{Near, near_primitive};
 use crate::accel::lane::Ray;
 use crate::geometry::Geometry;
 use crate::ray::Rays;
-
-/// Largest shift of a corner by single precision, in units of the error bound of the shear of Woop
-/// et al. 2013. It is the factor that `crosscheck` uses for Embree.
-const FACTOR: f64 = 4.0;
 
 /// Largest relative rounding of t: four f32 ulp.
 const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
@@ -79,7 +76,7 @@ pub fn occluded(
 /// Checks one reported hit, without its t: does the ray hit that primitive within its segment?
 pub fn examine(geometry: &Geometry, rays: &Rays, i: usize, hit: &Answer) -> Claim {
     let ray = Ray::of(rays, i);
-    let near = near_primitive(geometry, &ray, hit.geom, hit.prim, FACTOR);
+    let near = near_primitive(geometry, &ray, hit.geom, hit.prim, MAX_ERROR_FACTOR);
     // A sphere has two entries, one for each root.
     let layers = layers(&near);
     let first = layers

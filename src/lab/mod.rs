@@ -5,6 +5,7 @@
 pub mod ab;
 pub mod accuracy;
 pub mod answers;
+pub mod backend;
 pub mod bench;
 pub mod compare;
 pub mod converge;

@@ -11,8 +11,8 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
+use super::Built;
 use super::case::{Case, Mark, Run};
-use super::column::Built;
 use super::judge::trace;
 use super::shadow::Points;
 use super::tally::{Kind, Tally, ulp};
@@ -20,6 +20,7 @@ use crate::accel::Accelerator;
 use crate::accel::lane::lanes;
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE};
+use crate::lab::backend::{BuiltBackend, TestedBackend};
 use crate::lab::random::Random;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
@@ -186,24 +187,18 @@ pub(super) fn check(
             .map(|index| {
                 let first = first_rays(&mut run.random(salt << 40 | index << 1));
                 let mut tallies = Vec::new();
-                for (column, accelerator) in &built.columns {
+                for BuiltBackend { tested, accelerator } in built.backends() {
                     let mut tally = Tally::default();
-                    if !column.slow() || index % SLOW == 0 {
+                    if !tested.is_slow() || index % SLOW == 0 {
                         // The same random numbers, and so the same lights, for all columns.
                         let mut random = run.random(salt << 40 | index << 1 | 1);
                         let mut packet = first.clone();
                         let all = Mask([-1; LANES]);
                         tally.nanoseconds +=
-                            trace(&**accelerator, &all, &mut packet, false, Coherence::Coherent);
-                        let scene = (geometry, &**accelerator);
+                            trace(accelerator, &all, &mut packet, false, Coherence::Coherent);
+                        let scene = (geometry, accelerator);
                         let points = Points::new(scene, &packet.hit(&all), &mut packet);
-                        let seen = Seen {
-                            geometry,
-                            column,
-                            accelerator: &**accelerator,
-                            packet: &packet,
-                            points,
-                        };
+                        let seen = Seen { geometry, tested, accelerator, packet: &packet, points };
                         judge(&mut random, &seen, &mut tally);
                     }
                     tallies.push(tally);
@@ -222,7 +217,7 @@ pub(super) fn check(
 /// The hits of one column on a packet, and their surface points.
 pub(super) struct Seen<'a> {
     geometry: &'a Geometry,
-    pub column: &'a super::column::Column,
+    pub tested: &'a TestedBackend,
     accelerator: &'a dyn Accelerator,
     packet: &'a RayPacket,
     pub points: Points,
@@ -241,9 +236,9 @@ impl Seen<'_> {
         for (i, light) in lights.iter().enumerate() {
             set_lane(&mut q, i, light.as_vec3());
         }
-        let backend = self.column.backend();
+        let backend = self.tested.backend;
         let (aimed, rays) = self.points.shadow_rays(backend, (&q, area));
-        let ways = self.column.ways(Coherence::Coherent).into_iter();
+        let ways = self.tested.coherences(Coherence::Coherent).into_iter();
         ways.map(|way| {
             let (mut rays, started) = (rays.clone(), Instant::now());
             self.points.trace(backend, self.scene(), &aimed, &mut rays, way);

@@ -4,12 +4,13 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::column::{Built, Column};
+use super::Built;
 use super::tally::{Kind, Tally, kind_of, ulp};
 use crate::accel::Accelerator;
 use crate::accel::brute::Brute;
 use crate::accel::lane::{Hit, Ray, lanes};
 use crate::geometry::{Geometry, GeometryKind, Surfaces, refine};
+use crate::lab::backend::{BuiltBackend, MAX_ERROR_FACTOR, TestedBackend};
 use crate::lab::crosscheck::{Answer, Verdict, judge};
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 
@@ -18,10 +19,6 @@ const MAX_CROSSINGS: usize = 64;
 
 /// Largest number of primitives within the error bound for a line that is judged.
 const MAX_NEAR: usize = 1000;
-
-/// Embree's factor of the error bound, the largest. A line that is clear of edges within it is
-/// clear for every backend.
-const LARGEST_FACTOR: f64 = 4.0;
 
 /// The right answers of a shot.
 #[derive(Debug, Clone, Copy)]
@@ -109,19 +106,19 @@ impl Judge<'_> {
         let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Incoherent };
         // One packet in four is an occlusion query.
         let shadow = index % 4 == 3;
-        let mut tallies = Vec::with_capacity(self.built.columns.len());
-        for (column, accelerator) in &self.built.columns {
+        let mut tallies = Vec::with_capacity(self.built.tested.len());
+        for BuiltBackend { tested, accelerator } in self.built.backends() {
             let mut tally = Tally::default();
-            if slow || !column.slow() {
-                let one = One { shot, active, truths: exact.then_some(&truths), column, oracle };
+            if slow || !tested.is_slow() {
+                let one = One { shot, active, truths: exact.then_some(&truths), tested, oracle };
                 match shot.expect {
                     Expect::Crossings => {
-                        one.crossings(&**accelerator, self.built.geometry, &mut tally)
+                        one.crossings(accelerator, self.built.geometry, &mut tally)
                     }
                     _ => {
-                        for (nth, way) in column.ways(packets).into_iter().enumerate() {
+                        for (nth, way) in tested.coherences(packets).into_iter().enumerate() {
                             one.answers(
-                                &**accelerator,
+                                accelerator,
                                 shadow,
                                 way,
                                 nth == 0,
@@ -143,7 +140,7 @@ struct One<'a> {
     shot: &'a Shot,
     active: Mask,
     truths: Option<&'a [Option<Hit>; LANES]>,
-    column: &'a Column,
+    tested: &'a TestedBackend,
     oracle: &'a Brute<'a>,
 }
 
@@ -209,7 +206,7 @@ impl One<'_> {
             };
         }
         let ray = Ray::of(&self.shot.rays, i);
-        let verdict = judge(self.oracle, &ray, exact, answer, self.column.factor());
+        let verdict = judge(self.oracle, &ray, exact, answer, self.tested.error_factor());
         if matches!((self.shot.expect, verdict), (Expect::Lowest, Verdict::Tie)) {
             return Some(Kind::Tie);
         }
@@ -239,7 +236,8 @@ impl One<'_> {
     }
 
     fn clear(&self, ray: &Ray) -> bool {
-        let Some(mut near) = self.oracle.near(ray, LARGEST_FACTOR, MAX_NEAR) else {
+        // A line that is clear of edges within the largest bound is clear for every backend.
+        let Some(mut near) = self.oracle.near(ray, MAX_ERROR_FACTOR, MAX_NEAR) else {
             return false;
         };
         near.sort_by(|a, b| a.t.total_cmp(&b.t));

@@ -104,14 +104,14 @@ fn moved(run: &mut Run, shape: &Shape, shift: DVec3, same: fn(f32, f32) -> bool)
         let run = &*run;
         let [a, b] = [run.build(&here.geometry)?, run.build(&there.geometry)?];
         let mut sums = Vec::new();
-        for ((column, one), (_, other)) in a.columns.iter().zip(&b.columns) {
-            let isa = column.backend().isa();
+        for (one, other) in a.backends().zip(b.backends()) {
+            let isa = one.tested.backend.isa();
             let mut tally = Tally::default();
             let started = std::time::Instant::now();
             let mut pictures = Vec::new();
-            for (world, accelerator) in [(&here, one), (&there, other)] {
+            for (world, backend) in [(&here, one), (&there, other)] {
                 let mut film = Film::new(frame, Window::full(frame[0], frame[1]))?;
-                render(world, &**accelerator, isa, &mut film, run.monitor)?;
+                render(world, backend.accelerator, isa, &mut film, run.monitor)?;
                 pictures.push(film.pixels);
             }
             run.monitor.check()?;

@@ -1,13 +1,12 @@
 //! Hard cases with known answers, traced on every backend, for `lightpath accuracy`.
 //!
 //! A [`Case`] is a row of the table: its rays, their right answers and its pass criterion, a
-//! [`Mark`]. A backend is a [`Column`]. The files `watertight`, `degenerate`, `rays`, `grazing`,
+//! [`Mark`]. A column is a [`TestedBackend`]. The files `watertight`, `degenerate`, `rays`, `grazing`,
 //! `quads`, `contact`, `secondary`, `spheres`, `map_coordinates` and `conservative` build the
 //! geometry and aim the rays. [`Run`] traces the rays on every column, and `judge` counts wrong
 //! answers.
 
 mod case;
-mod column;
 mod conservative;
 mod contact;
 mod degenerate;
@@ -28,12 +27,48 @@ mod tests;
 mod watertight;
 
 pub use self::case::{Case, Mark, Run};
-pub use self::column::{Column, Settings};
-pub use self::report::{ColumnReport, Entry, Picture, Report, Row, VERSION, available};
+pub use self::report::{ColumnReport, Entry, Picture, Report, Row, VERSION};
 pub use self::tally::{Kind, Tally};
 
+use super::backend::{BuiltBackend, TestedBackend};
+use crate::accel::Accelerator;
+use crate::accel::brute::Brute;
 use crate::error::Result;
+use crate::geometry::Geometry;
 use crate::monitor::Monitor;
+
+/// Backends, seed and number of rays of a run.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// The columns of the table, in order.
+    pub tested_backends: Vec<TestedBackend>,
+    /// Seed of all random rays.
+    pub seed: u64,
+    /// Number of rays, in multiples of the quick run.
+    pub times: u64,
+    /// Whether to draw pictures of failures.
+    pub pictures: bool,
+}
+
+/// All columns and the oracle, built over one geometry.
+struct Built<'g> {
+    /// The geometry that all of them are built over.
+    geometry: &'g Geometry,
+    /// The columns, in the order of the settings.
+    tested: &'g [TestedBackend],
+    /// The accelerator of each column.
+    accelerators: Vec<Box<dyn Accelerator + 'g>>,
+    /// The oracle, which computes the exact answers.
+    oracle: Brute<'g>,
+}
+
+impl Built<'_> {
+    /// The columns with their accelerators.
+    fn backends(&self) -> impl Iterator<Item = BuiltBackend<'_>> {
+        let built = self.tested.iter().zip(&self.accelerators);
+        built.map(|(tested, accelerator)| BuiltBackend { tested, accelerator: &**accelerator })
+    }
+}
 
 /// All cases, in the order of the table.
 pub fn catalogue() -> Vec<Case> {

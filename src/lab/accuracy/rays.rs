@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
+use super::Built;
 use super::case::{Amount, Case, Mark, Run};
-use super::column::Built;
 use super::judge::{Expect, Shot, trace};
 use super::meshes::{corners, inside, scan, scene};
 use super::tally::{Kind, Tally};
@@ -112,9 +112,9 @@ fn quickly(run: &mut Run) -> Result<()> {
 fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<Tally>, String) {
     let mut worst: f64 = 0.0;
     let mut sums = Vec::new();
-    for (column, accelerator) in &built.columns {
+    for backend in built.backends() {
         let mut tally = Tally::default();
-        for way in column.ways(Coherence::Coherent) {
+        for way in backend.tested.coherences(Coherence::Coherent) {
             let mut least = [u64::MAX; 2];
             for _ in 0..ROUNDS {
                 for (set, least) in sets.iter().zip(&mut least) {
@@ -124,7 +124,7 @@ fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<Tally>, String) {
                             let active = rays.possible(&Mask([-1; LANES]));
                             let rays = rays.clone();
                             let mut packet = RayPacket { rays, ..RayPacket::EMPTY };
-                            trace(&**accelerator, &active, &mut packet, false, way)
+                            trace(backend.accelerator, &active, &mut packet, false, way)
                         })
                         .sum();
                     *least = nanoseconds.min(*least);

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::column::Settings;
+use super::Settings;
 use super::tally::Tally;
-use crate::error::{Kind, Result};
-use crate::lab::accuracy::Column;
+use crate::error::Result;
+use crate::lab::backend::empty_geometry;
 use crate::lab::result::Machine;
 use crate::monitor::Monitor;
 
@@ -140,16 +140,16 @@ pub struct Picture {
 impl Report {
     /// Creates a report without rows. Builds every column once to learn its version.
     pub(super) fn new(settings: &Settings, monitor: &Monitor) -> Result<Self> {
-        let empty = super::meshes::geometry(vec![], vec![], vec![]);
+        let empty = empty_geometry();
         let mut columns = Vec::new();
-        for column in &settings.columns {
-            let info = column.build(&empty, 1, monitor)?.info();
+        for backend in &settings.tested_backends {
+            let info = backend.build(&empty, 1, monitor)?.info();
             columns.push(ColumnReport {
-                name: column.name().into(),
+                name: backend.name.clone(),
                 version: info.version,
                 isa: info.isa,
-                must_hold: column.must_hold(),
-                bound: column.factor(),
+                must_hold: backend.must_be_right(),
+                bound: backend.error_factor(),
             });
         }
         let (seed, times) = (settings.seed, settings.times);
@@ -169,25 +169,4 @@ impl Report {
         }
         failures
     }
-}
-
-/// Returns the columns that can be built here, and for every other column a message with the
-/// reason.
-///
-/// # Errors
-/// The errors of the builds, except `Unsupported`.
-pub fn available(columns: Vec<Column>, monitor: &Monitor) -> Result<(Vec<Column>, Vec<String>)> {
-    let empty = super::meshes::geometry(vec![], vec![], vec![]);
-    let (mut built, mut without) = (Vec::new(), Vec::new());
-    for column in columns {
-        let problem = column.build(&empty, 1, monitor).err();
-        match problem {
-            None => built.push(column),
-            Some(error) if error.kind == Kind::Unsupported => {
-                without.push(format!("without `{}`: {error}", column.name()));
-            }
-            Some(error) => return Err(error),
-        }
-    }
-    Ok((built, without))
 }

@@ -336,7 +336,7 @@ fn mirrors() -> Case {
                     packet
                 },
                 |_, seen, tally| {
-                    for way in seen.column.ways(Coherence::Coherent) {
+                    for way in seen.tested.coherences(Coherence::Coherent) {
                         let (active, packet) = seen.points.mirrored(seen.scene(), way);
                         for i in lanes(&active).filter(|&i| seen.primitive(i).is_some()) {
                             tally.rays += 1;

@@ -7,8 +7,8 @@ use glam::DVec3;
 use num_bigint::BigInt;
 use rayon::prelude::*;
 
+use super::Built;
 use super::case::{Case, Mark, Run};
-use super::column::Built;
 use super::judge::trace;
 use super::meshes::geometry;
 use super::tally::{Kind, Tally, ulp};
@@ -169,12 +169,12 @@ fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<Ta
     }
     let active = Mask([-1; LANES]);
     let mut tallies = Vec::new();
-    for (column, accelerator) in &built.columns {
+    for backend in built.backends() {
         let mut tally = Tally::default();
-        if !column.slow() || index % SLOW == 0 {
-            for way in column.ways(Coherence::Incoherent) {
+        if !backend.tested.is_slow() || index % SLOW == 0 {
+            for way in backend.tested.coherences(Coherence::Incoherent) {
                 let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
-                tally.nanoseconds += trace(&**accelerator, &active, &mut packet, false, way);
+                tally.nanoseconds += trace(backend.accelerator, &active, &mut packet, false, way);
                 judge(built.geometry, setup, &packet, &truths, &mut tally);
             }
         }

@@ -4,16 +4,18 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
-use super::case::{Mark, oracle};
-use super::column::{Built, Column};
+use super::case::{Mark, forbidden, oracle};
 use super::judge::{Expect, Judge, Shot};
 use super::meshes::{corners, icosphere, inside, scene};
 use super::tally::{Kind, Tally};
-use super::{Settings, catalogue};
+use super::{Built, Settings, catalogue};
 use crate::accel::{Accelerator, BuildInfo};
+use crate::lab::backend::TestedBackend;
 use crate::lab::random::Random;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
+use crate::scene::Backend;
+use crate::simd::Isa;
 
 /// Fault of a backend.
 #[derive(Clone, Copy, PartialEq)]
@@ -61,12 +63,12 @@ impl Accelerator for Faulty<'_> {
 fn tally(fault: Fault, closed: bool) -> Tally {
     let geometry = scene(icosphere(2).placed(DVec3::ZERO, 1.0));
     let monitor = Monitor::default();
-    let columns = Column::all();
-    let column = columns.last().unwrap();
-    let within = column.build(&geometry, 1, &monitor).unwrap();
+    let backend = TestedBackend::new("brute", Backend::Brute);
+    let within = backend.build(&geometry, 1, &monitor).unwrap();
     let oracle = oracle(&geometry, &monitor).unwrap();
     let faulty: Box<dyn Accelerator> = Box::new(Faulty(within, fault));
-    let built = Built { geometry: &geometry, columns: vec![(column, faulty)], oracle };
+    let tested = std::slice::from_ref(&backend);
+    let built = Built { geometry: &geometry, tested, accelerators: vec![faulty], oracle };
     let judge = Judge { built: &built };
     let mut sum = Tally::default();
     for index in 0..64 {
@@ -159,20 +161,21 @@ fn names_are_unique_and_the_catalogue_has_all_groups() {
 
 #[test]
 fn robust_embree_may_leak_but_not_report_false_hits_or_self_shadows() {
-    let column = |name: &str| Column::all().into_iter().find(|c| c.name() == name).unwrap();
+    let named = |name: &str| TestedBackend::parse("", name, Isa::detect()).unwrap();
     let tally = |kind| Tally { rays: 9, failures: [(kind, 1)].into(), ..Tally::default() };
-    let forbidden = column("embree").forbidden();
-    assert!(tally(Kind::FalseHit).has_any(forbidden).is_some_and(|why| why.contains("false hit")));
-    assert!(tally(Kind::SelfShadow).has_any(forbidden).is_some());
-    assert_eq!(tally(Kind::Leak).has_any(forbidden), None);
-    assert_eq!(tally(Kind::FalseHit).has_any(column("embree-fast").forbidden()), None);
-    assert!(column("brute").must_hold() && !column("embree").must_hold());
+    let of_embree = forbidden(named("embree").backend);
+    assert!(tally(Kind::FalseHit).has_any(of_embree).is_some_and(|why| why.contains("false hit")));
+    assert!(tally(Kind::SelfShadow).has_any(of_embree).is_some());
+    assert_eq!(tally(Kind::Leak).has_any(of_embree), None);
+    assert_eq!(tally(Kind::FalseHit).has_any(forbidden(named("embree-fast").backend)), None);
+    assert!(named("brute").must_be_right() && !named("embree").must_be_right());
 }
 
 #[test]
 fn counts_do_not_depend_on_the_number_of_threads() {
-    let columns: Vec<Column> = Column::all().into_iter().filter(Column::must_hold).collect();
-    let settings = Settings { columns, seed: 5, times: 1, pictures: false };
+    let tested_backends =
+        TestedBackend::all().into_iter().filter(TestedBackend::must_be_right).collect();
+    let settings = Settings { tested_backends, seed: 5, times: 1, pictures: false };
     let case = |case: &super::Case| case.name.contains("tfar and tnear");
     let count = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -7,7 +7,7 @@ use crate::scene::SamplerKind;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Setting {
     /// Index of the backend.
-    pub contestant: usize,
+    pub backend: usize,
     /// Sampler of camera and light points.
     pub sampler: SamplerKind,
     /// Camera samples per pixel.
@@ -32,7 +32,7 @@ impl Setting {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
     /// Number of backends that are compared.
-    pub contestants: usize,
+    pub backend_count: usize,
     /// Samplers that are compared.
     pub samplers: Vec<SamplerKind>,
     /// Camera samples per pixel.
@@ -45,11 +45,11 @@ impl Grid {
     /// All settings, in the order of tables.
     pub fn settings(&self) -> Vec<Setting> {
         let mut all = Vec::new();
-        for contestant in 0..self.contestants {
+        for backend in 0..self.backend_count {
             for &sampler in &self.samplers {
                 for &light_samples in &self.light_samples {
                     for &spp in &self.spp {
-                        all.push(Setting { contestant, sampler, spp, light_samples });
+                        all.push(Setting { backend, sampler, spp, light_samples });
                     }
                 }
             }
@@ -64,13 +64,13 @@ impl Grid {
     }
 
     /// The setting of a backend with the least work, with the Sobol sampler.
-    pub fn least(&self, contestant: usize) -> Setting {
-        self.times(contestant, 1.0)
+    pub fn least(&self, backend: usize) -> Setting {
+        self.times(backend, 1.0)
     }
 
     /// A Sobol setting with about `factor` (>= 1) times the samples of the least setting. The
     /// factor is rounded down to a power of two.
-    pub fn times(&self, contestant: usize, factor: f64) -> Setting {
+    pub fn times(&self, backend: usize, factor: f64) -> Setting {
         let least = |values: &[u32]| values.iter().copied().min().unwrap_or(1);
         let lights: Vec<u32> = self.light_samples.iter().flatten().copied().collect();
         let more = |n: u32| {
@@ -82,10 +82,8 @@ impl Grid {
         let sampler = SamplerKind::Sobol;
         match (self.antialiased(), light_samples) {
             // More camera samples would give a different, antialiased picture.
-            (false, Some(_)) => {
-                Setting { contestant, sampler, spp, light_samples: Some(more(light)) }
-            }
-            _ => Setting { contestant, sampler, spp: more(spp), light_samples },
+            (false, Some(_)) => Setting { backend, sampler, spp, light_samples: Some(more(light)) },
+            _ => Setting { backend, sampler, spp: more(spp), light_samples },
         }
     }
 
@@ -104,7 +102,7 @@ impl Grid {
             }
             (true, None) => (power(samples).max(16), None),
         };
-        Setting { contestant: 0, sampler, spp, light_samples }
+        Setting { backend: 0, sampler, spp, light_samples }
     }
 }
 
@@ -114,7 +112,7 @@ mod tests {
 
     fn grid(spp: &[u32], lights: &[Option<u32>]) -> Grid {
         let samplers = SamplerKind::ALL.to_vec();
-        Grid { contestants: 2, samplers, spp: spp.to_vec(), light_samples: lights.to_vec() }
+        Grid { backend_count: 2, samplers, spp: spp.to_vec(), light_samples: lights.to_vec() }
     }
 
     #[test]
@@ -139,7 +137,7 @@ mod tests {
         assert_eq!(of(&[4, 64], &[None], 5000.0), (4096, None));
         assert_eq!(of(&[4], &[Some(1)], 1.0), (16, Some(1)));
         let probe = grid(&[4, 16], &[Some(2)]).times(1, 9.0);
-        assert_eq!((probe.contestant, probe.spp, probe.light_samples), (1, 32, Some(2)));
+        assert_eq!((probe.backend, probe.spp, probe.light_samples), (1, 32, Some(2)));
         assert_eq!(grid(&[1], &[Some(2)]).times(0, 9.0).light_samples, Some(16));
     }
 }

@@ -33,9 +33,9 @@ pub use result::{
 pub use study::{Limits, Point, Study};
 
 use self::clock::Clock;
-use super::bench::Contestant;
+use super::backend::TestedBackend;
 use super::metrics::non_finite;
-use crate::accel::{self, Accelerator, BuildOptions};
+use crate::accel::Accelerator;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::film::{Film, Window};
 use crate::monitor::Monitor;
@@ -51,7 +51,7 @@ const BUDGET: i32 = -1;
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// Backends to compare. The first renders the reference.
-    pub contestants: Vec<Contestant>,
+    pub tested_backends: Vec<TestedBackend>,
     /// Settings that are compared.
     pub grid: Grid,
     /// Budget, number of renders and first seed.
@@ -67,7 +67,7 @@ pub struct Settings {
 /// Sampler, seed and numbers of samples of `world` are changed.
 ///
 /// # Errors
-/// - The errors of [`accel::build`].
+/// - The errors of [`accel::build`](crate::accel::build).
 /// - `Check`: a pixel is not finite.
 /// - `Limit`: the budget does not suffice for a reference and one picture.
 /// - `Interrupted`: a signal arrived.
@@ -119,10 +119,9 @@ fn work(
     note: &(dyn Fn(&str) + Sync),
 ) -> Result<Study> {
     let mut built: Vec<Box<dyn Accelerator + '_>> = Vec::new();
-    for contestant in &settings.contestants {
-        note(&format!("building {}", contestant.name));
-        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
-        built.push(accel::build(&world.geometry, contestant.backend, &options, monitor)?);
+    for backend in &settings.tested_backends {
+        note(&format!("building {}", backend.name));
+        built.push(backend.build(&world.geometry, rayon::current_num_threads(), monitor)?);
     }
     let [width, height] = world.frame;
     let mut film = Film::new([width, height], Window::full(width, height))?;
@@ -130,7 +129,7 @@ fn work(
     let mut values = Vec::with_capacity(3 * film.pixels.len());
     while let Some(job) = study.next(clock.elapsed_s()) {
         let setting = job.setting;
-        note(&describe(&job, &settings.contestants[setting.contestant].name));
+        note(&describe(&job, &settings.tested_backends[setting.backend].name));
         (world.spp, world.sampler, world.seed) = (setting.spp, setting.sampler, job.seed);
         for light in &mut world.lights {
             if let (Emitter::Area(area), Some(n)) = (&mut light.emitter, setting.light_samples) {
@@ -138,7 +137,7 @@ fn work(
             }
         }
         let started_s = clock.elapsed_s();
-        let accelerator = &*built[setting.contestant];
+        let accelerator = &*built[setting.backend];
         let counts = match render(world, accelerator, settings.isa, &mut film, monitor) {
             // An interrupted render does not count. The results so far may suffice.
             Err(error) if error.kind == Kind::Interrupted(BUDGET) => break,
@@ -150,7 +149,7 @@ fn work(
         let (bad, _) = non_finite(&values, 3);
         if bad > 0 {
             let message = format!("{bad} pixels are NaN or infinite: they have no error");
-            let place = describe(&job, &settings.contestants[setting.contestant].name);
+            let place = describe(&job, &settings.tested_backends[setting.backend].name);
             return Err(Error::new(Kind::Check, Problem::new(place, message)));
         }
         let rays = counts.primary + counts.shadow + counts.reflection;

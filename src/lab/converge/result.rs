@@ -181,7 +181,7 @@ pub fn report(study: &Study, subject: Subject, limits: Limits, seconds: f64) -> 
     let antialiased = study.points.iter().any(|point| point.setting.spp > 1);
     let measured = study.points.iter().filter(|point| !point.errors.is_empty());
     let measured: Vec<&Point> = measured.collect();
-    let name = |setting: &Setting| subject.backends[setting.contestant].clone();
+    let name = |setting: &Setting| subject.backends[setting.backend].clone();
     let points = measured.iter().map(|p| point(p, name(&p.setting), study, antialiased));
     let points: Vec<PointResult> = points.collect();
     let left_out = study.points.iter().filter(|point| point.errors.is_empty()).map(|point| {
@@ -234,7 +234,7 @@ impl PointResult {
         shown(&self.backend, &self.sampler, self.spp, self.light_samples)
     }
 
-    fn contestant(&self) -> (&str, &str) {
+    fn backend_and_sampler(&self) -> (&str, &str) {
         (&self.backend, &self.sampler)
     }
 }
@@ -293,7 +293,7 @@ fn series(points: &[PointResult]) -> Vec<Series> {
         ];
         // Without area lights only spp varies.
         for fixed in fixed.into_iter().take(if lights.is_some() { 2 } else { 1 }) {
-            let (backend, sampler) = point.contestant();
+            let (backend, sampler) = point.backend_and_sampler();
             let same = |s: &(Series, Vec<[f64; 2]>)| {
                 (s.0.backend.as_str(), s.0.sampler.as_str(), &s.0.fixed)
                     == (backend, sampler, &fixed)
@@ -354,7 +354,7 @@ fn reached(points: &[PointResult]) -> Vec<Reached> {
         }
         let mut best: Vec<usize> = Vec::new();
         for (i, point) in points.iter().enumerate().filter(|(_, p)| p.relmse.value <= relmse) {
-            let same = |j: &usize| points[*j].contestant() == point.contestant();
+            let same = |j: &usize| points[*j].backend_and_sampler() == point.backend_and_sampler();
             match best.iter().position(same) {
                 Some(at) if points[best[at]].median_s > point.median_s => best[at] = i,
                 Some(_) => {}

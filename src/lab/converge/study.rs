@@ -110,7 +110,7 @@ impl Study {
         };
         Self {
             points: grid.settings().into_iter().map(point).collect(),
-            cost: vec![0.0; grid.contestants],
+            cost: vec![0.0; grid.backend_count],
             grid,
             limits,
             width,
@@ -128,15 +128,15 @@ impl Study {
         let left = SHARES[1] * budget - elapsed;
         loop {
             match self.stage {
-                Stage::Probe(contestant, _) if contestant >= self.grid.contestants => {
+                Stage::Probe(backend, _) if backend >= self.grid.backend_count => {
                     self.stage = Stage::Reference;
                 }
-                Stage::Probe(contestant, second) => {
-                    let least = self.grid.least(contestant);
+                Stage::Probe(backend, second) => {
+                    let least = self.grid.least(backend);
                     // A hundredth of the budget is long enough to time, and costs little.
-                    let factor = 0.01 * budget / (self.cost[contestant] * least.work());
+                    let factor = 0.01 * budget / (self.cost[backend] * least.work());
                     let setting = match second {
-                        true => self.grid.times(contestant, factor.min(256.0)),
+                        true => self.grid.times(backend, factor.min(256.0)),
                         false => least,
                     };
                     return (left > 0.0).then_some(Job { setting, seed, purpose: Purpose::Probe });
@@ -200,7 +200,7 @@ impl Study {
     fn expected(&self, index: usize) -> f64 {
         let point = &self.points[index];
         match point.seconds.is_empty() {
-            true => self.cost[point.setting.contestant] * point.setting.work(),
+            true => self.cost[point.setting.backend] * point.setting.work(),
             false => point.seconds.iter().sum::<f64>() / point.seconds.len() as f64,
         }
     }
@@ -222,9 +222,9 @@ impl Study {
     /// Adds the result of a render. `values` are R, G, B of all pixels.
     pub fn take(&mut self, job: &Job, values: &[f32], rays: u64, seconds: f64) {
         match (&mut self.stage, job.purpose) {
-            (Stage::Probe(contestant, second), Purpose::Probe) => {
-                self.cost[*contestant] = seconds / job.setting.work();
-                (*contestant, *second) = (*contestant + usize::from(*second), !*second);
+            (Stage::Probe(backend, second), Purpose::Probe) => {
+                self.cost[*backend] = seconds / job.setting.work();
+                (*backend, *second) = (*backend + usize::from(*second), !*second);
             }
             (Stage::Reference, Purpose::Reference) => self.passes.add(values),
             (_, Purpose::Point(index)) => {

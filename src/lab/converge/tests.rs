@@ -38,7 +38,7 @@ fn run_all(grid: &Grid, limits: Limits, per_work: f64) -> (Study, Vec<Job>, f64)
 
 fn grid() -> Grid {
     Grid {
-        contestants: 1,
+        backend_count: 1,
         samplers: SamplerKind::ALL.to_vec(),
         spp: vec![1, 4, 16, 64],
         light_samples: vec![Some(1), Some(4)],

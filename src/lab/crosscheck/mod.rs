@@ -19,16 +19,14 @@ mod verdict;
 
 pub use self::cover::{Layer, layers};
 pub use self::pictures::{PictureReport, compare_pictures};
-pub use self::report::{
-    BackendReport, Finding, PlainLoop, Report, SavedRay, Tally, Tree, must_be_right,
-};
+pub use self::report::{BackendReport, Finding, PlainLoop, Report, SavedRay, Tally, Tree};
 pub use self::source::Source;
 pub use self::verdict::{Answer, MOST_NEAR, Verdict, judge};
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use self::plan::Plan;
+use super::backend::BuiltBackend;
 use super::rays::Recorded;
 use crate::accel::brute::Brute;
 use crate::accel::coursework::Coursework;
@@ -37,7 +35,6 @@ use crate::accel::{Accelerator, Visits};
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Hits, LANES, RayPacket};
-use crate::scene::Backend;
 use crate::world::World;
 
 /// Largest number of primitives that the plain loop of `coursework` tests in all. It bounds the
@@ -50,66 +47,6 @@ const KEPT: usize = 10;
 /// Number of packets between two checks of the monitor.
 const PORTION: usize = 4096;
 
-/// How a packet is traced.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Mode {
-    /// Packets of 16 rays, announced as coherent.
-    Coherent,
-    /// Packets of 16 rays, announced as incoherent.
-    Incoherent,
-    /// Single rays, one query for each lane.
-    Single,
-}
-
-impl Mode {
-    fn coherence(self) -> Coherence {
-        match self {
-            Self::Coherent => Coherence::Coherent,
-            Self::Incoherent => Coherence::Incoherent,
-            Self::Single => Coherence::Single,
-        }
-    }
-}
-
-/// A built backend that is checked.
-#[derive(Clone, Copy)]
-pub struct Contender<'a> {
-    /// Backend that is checked.
-    pub backend: Backend,
-    /// Its accelerator, built over the geometry of the world.
-    pub accelerator: &'a dyn Accelerator,
-}
-
-/// Error bound of a backend's own test, in units of the bound of the shear ([`Brute::near`]).
-pub fn factor(backend: Backend) -> f64 {
-    match backend {
-        Backend::Embree(_) => 4.0,
-        Backend::Bvh(_) | Backend::Coursework => 1.0,
-        Backend::Brute => 0.0,
-    }
-}
-
-impl Contender<'_> {
-    /// Error bound of the backend's own test: [`factor`].
-    pub fn factor(&self) -> f64 {
-        factor(self.backend)
-    }
-
-    /// The modes whose answers may differ.
-    fn modes(&self, coherence: Coherence) -> Vec<Mode> {
-        let packets = match coherence {
-            Coherence::Coherent => Mode::Coherent,
-            Coherence::Incoherent | Coherence::Single => Mode::Incoherent,
-        };
-        match self.backend {
-            Backend::Embree(_) | Backend::Bvh(_) => vec![packets, Mode::Single],
-            // These trace rays one by one in every mode.
-            Backend::Coursework | Backend::Brute => vec![packets],
-        }
-    }
-}
-
 /// Scene, oracle, backends and number of rays of a check.
 #[derive(Clone, Copy)]
 pub struct Check<'a> {
@@ -118,7 +55,7 @@ pub struct Check<'a> {
     /// The oracle, built over the scene's geometry.
     pub oracle: &'a Brute<'a>,
     /// The backends to check. The first one finds the camera hits.
-    pub contenders: &'a [Contender<'a>],
+    pub built_backends: &'a [BuiltBackend<'a>],
     /// `coursework`, to compare with its own plain loop.
     pub coursework: Option<&'a Coursework<'a>>,
     /// Largest number of rays. At least one packet of each source is checked.
@@ -142,15 +79,15 @@ pub struct Case {
 
 /// Traces a packet and returns the answers of all lanes. Ignore the answers of lanes that are not
 /// active.
-pub fn answers(accelerator: &dyn Accelerator, case: &Case, mode: Mode) -> Vec<Answer> {
+pub fn answers(accelerator: &dyn Accelerator, case: &Case, coherence: Coherence) -> Vec<Answer> {
     let Recorded { active, rays } = &case.packet;
     if case.shadow {
         let mut rays = rays.clone();
-        accelerator.occluded(active, &mut rays, mode.coherence());
+        accelerator.occluded(active, &mut rays, coherence);
         (0..LANES).map(|i| Answer::occluded(&rays, i)).collect()
     } else {
         let mut packet = RayPacket { rays: rays.clone(), hits: Hits::EMPTY };
-        accelerator.closest(active, &mut packet, mode.coherence());
+        accelerator.closest(active, &mut packet, coherence);
         (0..LANES).map(|i| Answer::closest(&packet, i)).collect()
     }
 }
@@ -180,15 +117,15 @@ pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
         portion.iter().for_each(|part| report.add(part, KEPT));
         monitor.set_done((first + portion.len()) as u64);
     }
-    report.allow_known(check.contenders);
+    report.allow_known(check.built_backends);
     Ok(report)
 }
 
 /// All verdicts on one packet.
 pub struct Part {
     case: Case,
-    /// Index of the backend, mode, lane, verdict and answer.
-    verdicts: Vec<(usize, Mode, usize, Verdict, Answer)>,
+    /// Index of the backend, coherence, lane, verdict and answer.
+    verdicts: Vec<(usize, Coherence, usize, Verdict, Answer)>,
     /// The oracle's answer for each lane.
     truths: Vec<Answer>,
     /// Number of rays that the plain loop traced.
@@ -206,11 +143,11 @@ pub fn check_packet(check: &Check, case: &Case, with_loop: bool) -> Part {
         truths[i] = Answer::truth(check.oracle, &Ray::of(rays, i), case.shadow);
     }
     let mut verdicts = Vec::new();
-    for (index, contender) in check.contenders.iter().enumerate() {
-        for mode in contender.modes(case.coherence) {
-            let answers = answers(contender.accelerator, case, mode);
+    for (index, backend) in check.built_backends.iter().enumerate() {
+        for mode in backend.tested.coherences(case.coherence) {
+            let answers = answers(backend.accelerator, case, mode);
             for i in lanes(active) {
-                let (ray, factor) = (Ray::of(rays, i), contender.factor());
+                let (ray, factor) = (Ray::of(rays, i), backend.tested.error_factor());
                 let verdict = judge(check.oracle, &ray, truths[i], answers[i], factor);
                 verdicts.push((index, mode, i, verdict, answers[i]));
             }

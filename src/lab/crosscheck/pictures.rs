@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Answer, Case, Contender, Mode, Verdict, answers, judge, must_be_right};
+use super::{Answer, Case, Verdict, answers, judge};
 use crate::accel::brute::Brute;
 use crate::accel::lane::{Ray, lanes};
 use crate::accel::{Accelerator, BuildInfo};
@@ -14,6 +14,7 @@ use crate::error::Result;
 use crate::film::{Film, Window};
 use crate::geometry::{Geometry, Nearby};
 use crate::integrate::{RenderContext, TileKernel};
+use crate::lab::backend::{BuiltBackend, is_trusted};
 use crate::lab::rays::Recorded;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
@@ -34,7 +35,7 @@ const EXPLAINED: usize = 10_000;
 #[derive(Debug, Clone, Serialize)]
 pub struct PictureReport {
     /// Names of the two backends.
-    pub backends: [&'static str; 2],
+    pub backends: [String; 2],
     /// Number of pixels of the frame.
     pub pixels: u64,
     /// Number of pixels that are the same, to a relative 1e-5.
@@ -56,10 +57,10 @@ pub struct PictureReport {
 impl PictureReport {
     /// Reason why the pictures fail the check, or `None`.
     pub fn failure(&self) -> Option<String> {
-        let [a, b] = self.backends;
+        let [a, b] = &self.backends;
         let share = self.same as f64 / self.pixels as f64;
-        let mut wrong = self.backends.into_iter().zip(self.wrong);
-        if let Some((name, n)) = wrong.find(|&(name, n)| n > 0 && must_be_right(name)) {
+        let mut wrong = self.backends.iter().zip(self.wrong);
+        if let Some((name, n)) = wrong.find(|&(name, n)| n > 0 && is_trusted(name)) {
             return Some(format!(
                 "pictures of `{a}` and `{b}`: {n} pixels differ by rays that `{name}` answers wrong"
             ));
@@ -87,17 +88,17 @@ impl PictureReport {
 pub fn compare_pictures(
     world: &World,
     oracle: &Brute,
-    contenders: &[Contender],
+    built_backends: &[BuiltBackend],
     isa: Isa,
     monitor: &Monitor,
 ) -> Result<Vec<PictureReport>> {
     let [width, height] = world.frame;
-    let picture = |contender: &Contender| -> Result<Film> {
+    let picture = |built: &BuiltBackend| -> Result<Film> {
         let mut film = Film::new(world.frame, Window::full(width, height))?;
-        render(world, contender.accelerator, isa, &mut film, monitor)?;
+        render(world, built.accelerator, isa, &mut film, monitor)?;
         Ok(film)
     };
-    let Some((first, others)) = contenders.split_first() else { return Ok(Vec::new()) };
+    let Some((first, others)) = built_backends.split_first() else { return Ok(Vec::new()) };
     let reference = picture(first)?;
     let mut reports = Vec::new();
     for other in others {
@@ -119,7 +120,7 @@ pub fn compare_pictures(
         let unexplained = reasons.iter().position(|r| *r == Reason::default());
         let pixel = |i: usize| [i as u32 % width, i as u32 / width];
         reports.push(PictureReport {
-            backends: [first.backend.name(), other.backend.name()],
+            backends: [&first.tested.name, &other.tested.name].map(String::clone),
             pixels: film.pixels.len() as u64,
             same: (film.pixels.len() - different.len()) as u64,
             explained: count(|r| r.bound && r.wrong == [false; 2]),
@@ -149,13 +150,13 @@ struct Reason {
 fn explain(
     world: &World,
     oracle: &Brute,
-    [first, other]: [&Contender; 2],
+    [first, other]: [&BuiltBackend; 2],
     isa: Isa,
     [x, y]: [u32; 2],
     monitor: &Monitor,
 ) -> Reason {
     let reason = Mutex::new(Reason::default());
-    let witness = Witness { oracle, contenders: [*first, *other], reason };
+    let witness = Witness { oracle, built_backends: [*first, *other], reason };
     let mut pixel = [[0.0; 4]];
     let mut rows = [&mut pixel[..]];
     let integrator = RenderContext { world, accelerator: &witness, monitor };
@@ -170,7 +171,7 @@ fn explain(
 /// Packets are the same as in the render, so some of their rays belong to neighbours of the pixel.
 struct Witness<'a> {
     oracle: &'a Brute<'a>,
-    contenders: [Contender<'a>; 2],
+    built_backends: [BuiltBackend<'a>; 2],
     reason: Mutex<Reason>,
 }
 
@@ -180,17 +181,19 @@ impl Witness<'_> {
     fn compare(&self, active: &Mask, rays: &Rays, shadow: bool, coherence: Coherence) {
         let packet = Recorded { active: *active, rays: rays.clone() };
         let case = Case { source: String::new(), shadow, coherence, packet };
-        let mode = match coherence {
-            Coherence::Coherent => Mode::Coherent,
-            Coherence::Incoherent => Mode::Incoherent,
-            Coherence::Single => Mode::Single,
-        };
-        let both = self.contenders.map(|c| answers(c.accelerator, &case, mode));
+        let both = self.built_backends.map(|c| answers(c.accelerator, &case, coherence));
         for i in lanes(active).filter(|&i| both[0][i] != both[1][i]) {
             let ray = Ray::of(rays, i);
             let truth = Answer::truth(self.oracle, &ray, shadow);
-            let verdict =
-                |k: usize| judge(self.oracle, &ray, truth, both[k][i], self.contenders[k].factor());
+            let verdict = |k: usize| {
+                judge(
+                    self.oracle,
+                    &ray,
+                    truth,
+                    both[k][i],
+                    self.built_backends[k].tested.error_factor(),
+                )
+            };
             let verdicts = [verdict(0), verdict(1)];
             if let Ok(mut reason) = self.reason.lock() {
                 // Two agreeing answers differ only in the rounding of t, which shading does not
@@ -206,20 +209,20 @@ impl Witness<'_> {
 
 impl Accelerator for Witness<'_> {
     fn info(&self) -> BuildInfo {
-        self.contenders[0].accelerator.info()
+        self.built_backends[0].accelerator.info()
     }
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         self.compare(active, &packet.rays, false, coherence);
-        self.contenders[0].accelerator.closest(active, packet, coherence);
+        self.built_backends[0].accelerator.closest(active, packet, coherence);
     }
 
     fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
-        self.contenders[0].accelerator.near(geometry, nearby, found);
+        self.built_backends[0].accelerator.near(geometry, nearby, found);
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         self.compare(active, rays, true, coherence);
-        self.contenders[0].accelerator.occluded(active, rays, coherence);
+        self.built_backends[0].accelerator.occluded(active, rays, coherence);
     }
 }

@@ -29,7 +29,7 @@ impl<'g> Plan<'g> {
         let kinds = Class::ALL.len() + Source::AIMED.len();
         let each = (check.rays / LANES as u64 / kinds as u64).clamp(1, u32::MAX.into()) as usize;
         // The first backend finds the camera hits, from which the other rays start.
-        let first = check.contenders[0].accelerator;
+        let first = check.built_backends[0].accelerator;
         let recording = record(world, first, each, seed, monitor)?;
         let recorded = Class::ALL
             .into_iter()

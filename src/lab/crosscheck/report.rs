@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Answer, Case, Check, Contender, Mode, Part, PictureReport, Verdict, known};
+use super::{Answer, Case, Check, Part, PictureReport, Verdict, known};
 use crate::accel::BuildInfo;
 use crate::accel::bvh::Stats;
+use crate::lab::backend::{BuiltBackend, is_trusted};
 use crate::lab::rays::Recorded;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
-use crate::scene::{Backend, written::Accelerator};
+use crate::scene::Backend;
 
 /// Number of answers by verdict.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -73,7 +74,7 @@ impl Tally {
 #[derive(Debug, Clone, Serialize)]
 pub struct BackendReport {
     /// Name of the backend.
-    pub backend: &'static str,
+    pub backend: String,
     /// Name and version of the code that finds the hits.
     pub version: String,
     /// Instruction set in use.
@@ -111,7 +112,7 @@ impl BackendReport {
     }
 
     fn failures(&self) -> Vec<String> {
-        let (name, wrong, rays) = (self.backend, self.total.wrong(), self.total.rays);
+        let (name, wrong, rays) = (&self.backend, self.total.wrong(), self.total.rays);
         if self.must_be_right {
             let failure = || format!("`{name}` gives wrong answers to {wrong} of {rays} rays");
             return (wrong > 0).then(failure).into_iter().collect();
@@ -184,7 +185,7 @@ pub struct Finding {
     /// Kind of the error.
     pub verdict: Verdict,
     /// How the packet was traced.
-    pub mode: Mode,
+    pub mode: Coherence,
     /// Name of the source of the rays.
     pub source: String,
     /// Whether the query is `occluded`, not `closest`.
@@ -227,8 +228,8 @@ impl Finding {
             return Err("found a ray without direction, or one that is not finite".into());
         }
         let coherence = match self.mode {
-            Mode::Coherent => Coherence::Coherent,
-            Mode::Incoherent | Mode::Single => Coherence::Incoherent,
+            Coherence::Coherent => Coherence::Coherent,
+            Coherence::Incoherent | Coherence::Single => Coherence::Incoherent,
         };
         let packet = Recorded { active, rays };
         Ok(Case { source: self.source.clone(), shadow: self.shadow, coherence, packet })
@@ -236,15 +237,8 @@ impl Finding {
 
     /// Returns whether the finding fails a check.
     pub fn fails(&self) -> bool {
-        self.against != "oracle" || must_be_right(&self.backend)
+        self.against != "oracle" || is_trusted(&self.backend)
     }
-}
-
-/// Returns whether a wrong answer of the backend of this name fails a check.
-pub fn must_be_right(backend: &str) -> bool {
-    [Accelerator::Bvh, Accelerator::Brute]
-        .iter()
-        .any(|&right| Backend::from(right).name() == backend)
 }
 
 fn saved(case: &Case) -> Vec<SavedRay> {
@@ -287,16 +281,16 @@ pub struct Report {
 impl Report {
     /// Creates a report without any verdict.
     pub fn new(check: &Check) -> Self {
-        let backends = check.contenders.iter().map(|contender| {
-            let BuildInfo { version, isa, .. } = contender.accelerator.info();
+        let backends = check.built_backends.iter().map(|built| {
+            let BuildInfo { version, isa, .. } = built.accelerator.info();
             BackendReport {
-                backend: contender.backend.name(),
+                backend: built.tested.name.clone(),
                 version,
                 isa,
-                bound: contender.factor(),
+                bound: built.tested.error_factor(),
                 sources: Vec::new(),
                 total: Tally::default(),
-                must_be_right: must_be_right(contender.backend.name()),
+                must_be_right: built.tested.must_be_right(),
                 allowed: Vec::new(),
             }
         });
@@ -322,7 +316,8 @@ impl Report {
             let report = &mut self.backends[index];
             report.count(source, verdict);
             if verdict.is_wrong() {
-                let who = [report.backend, "oracle"];
+                let backend = report.backend.clone();
+                let who = [&backend, "oracle"];
                 self.keep(part, who, (mode, lane, verdict), [answer, part.truths[lane]], most);
             }
         }
@@ -337,14 +332,14 @@ impl Report {
                 _ => Verdict::WrongPrimitive,
             };
             let who = [Backend::Coursework.name(), "plain loop"];
-            self.keep(part, who, (Mode::Incoherent, lane, verdict), [tree, all], most);
+            self.keep(part, who, (Coherence::Incoherent, lane, verdict), [tree, all], most);
         }
     }
 
     /// Sets the numbers of wrong answers that known rates allow. Call it when all rays are counted.
-    pub fn allow_known(&mut self, contenders: &[Contender]) {
-        for (report, contender) in self.backends.iter_mut().zip(contenders) {
-            report.allow(contender.backend);
+    pub fn allow_known(&mut self, built_backends: &[BuiltBackend]) {
+        for (report, built) in self.backends.iter_mut().zip(built_backends) {
+            report.allow(built.tested.backend);
         }
     }
 
@@ -352,7 +347,7 @@ impl Report {
         &mut self,
         part: &Part,
         [backend, against]: [&str; 2],
-        (mode, lane, verdict): (Mode, usize, Verdict),
+        (mode, lane, verdict): (Coherence, usize, Verdict),
         [answer, truth]: [Answer; 2],
         most: usize,
     ) {

@@ -2,8 +2,9 @@ use std::path::Path;
 
 use super::*;
 use crate::accel::{BuildInfo, BuildOptions};
+use crate::lab::backend::TestedBackend;
 use crate::ray::{Mask, Rays};
-use crate::scene::{self, EmbreeMode, Source as SceneSource};
+use crate::scene::{self, Backend, EmbreeMode, Source as SceneSource};
 use crate::simd::Isa;
 use crate::world::LoadOptions;
 
@@ -105,21 +106,23 @@ fn report_on(backend: Backend, fault: Fault) -> Report {
     let world = world();
     let oracle = Brute::build(&world.geometry, &OPTIONS, &Monitor::default()).unwrap();
     let faulty = Faulty(&oracle, fault);
-    let contenders = [
-        Contender { backend: Backend::Brute, accelerator: &oracle },
-        Contender { backend, accelerator: &faulty },
+    let tested = [Backend::Brute, backend].map(|b| TestedBackend::new(b.name(), b));
+    let built_backends = [
+        BuiltBackend { tested: &tested[0], accelerator: &oracle },
+        BuiltBackend { tested: &tested[1], accelerator: &faulty },
     ];
     let check = Check {
         world: &world,
         oracle: &oracle,
-        contenders: &contenders,
+        built_backends: &built_backends,
         coursework: None,
         rays: 4000,
         seed: 7,
     };
     let mut report = check_rays(&check, &Monitor::default()).unwrap();
     report.pictures =
-        compare_pictures(&world, &oracle, &contenders, Isa::Portable, &Monitor::default()).unwrap();
+        compare_pictures(&world, &oracle, &built_backends, Isa::Portable, &Monitor::default())
+            .unwrap();
     report
 }
 
@@ -177,8 +180,8 @@ fn every_fault_is_found_with_its_verdict() {
 
 #[test]
 fn one_pixel_fails_if_bvh_is_wrong() {
-    let picture = |backends, wrong| PictureReport {
-        backends,
+    let picture = |backends: [&str; 2], wrong| PictureReport {
+        backends: backends.map(String::from),
         pixels: 10_000,
         same: 9_999,
         explained: 0,
