@@ -4,7 +4,7 @@ mod backends;
 
 use backends::on_both;
 use lightpath::accel::{Accelerator, BuildInfo};
-use lightpath::lab::answers::compare;
+use lightpath::lab::agreement::compare;
 use lightpath::lab::rays::{Class, Recording, record};
 use lightpath::lab::replay::{Mode, Replay};
 use lightpath::monitor::Monitor;
@@ -78,7 +78,7 @@ fn in_lane_3(recording: &Recording, class: Class, mode: Mode, right: &dyn Accele
     let replay = Replay { class, mode, packets: recording.of(class) };
     let answers = replay.answers(right);
     let rays = replay.packets.iter().zip(answers).filter(|(p, _)| p.active.0[3] != 0);
-    rays.fold([0, 0], |[hit, miss], (_, a)| match a[3].hit {
+    rays.fold([0, 0], |[hit, miss], (_, a)| match a[3].is_hit() {
         true => [hit + 1, miss],
         false => [hit, miss + 1],
     })

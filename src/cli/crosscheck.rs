@@ -13,10 +13,10 @@ use crate::{
     error::{Error, Kind, Problem, Result, printable},
     files,
     lab::{
+        answer::Answer,
         backend::{BuiltBackend, TestedBackend},
-        crosscheck::{
-            Answer, Check, Finding, Tree, Verdict, answers, check_rays, compare_pictures, judge,
-        },
+        crosscheck::{Check, Finding, Tree, check_rays, compare_pictures},
+        verdict::{Verdict, judge},
     },
     monitor::Monitor,
     output::atomic::TextFile,
@@ -285,7 +285,7 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
                 Replayed { finding, answer, truth, verdict }
             }
             _ => {
-                let answer = answers(backend.accelerator, &case, finding.mode)[finding.lane];
+                let answer = case.answers(backend.accelerator, finding.mode)[finding.lane];
                 let truth = Answer::truth(&built.oracle, &ray, case.shadow);
                 let verdict =
                     judge(&built.oracle, &ray, truth, answer, backend.tested.error_factor());

@@ -2,7 +2,11 @@
 
 use std::fmt::Write;
 
-use crate::lab::crosscheck::{Answer, Finding, MOST_NEAR, Report, Tally, Tree, Verdict};
+use crate::lab::{
+    answer::Answer,
+    crosscheck::{Finding, Report, Tally, Tree},
+    verdict::{MAX_NEAR, Verdict},
+};
 
 use super::units;
 
@@ -35,7 +39,7 @@ pub fn report(report: &Report) -> String {
             let _ = writeln!(
                 out,
                 "  {} answers differ from the oracle's but are not judged: the ray passes within the bound of more \
-                 than {MOST_NEAR} primitives",
+                 than {MAX_NEAR} primitives",
                 units::count(backend.total.crowd)
             );
         }

@@ -5,7 +5,7 @@ use std::time::Instant;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::ab::{Plan, interleave};
-use super::answers::{self, Agreement};
+use super::agreement::{self, Agreement};
 use super::backend::{TestedBackend, build_all};
 use super::rays::{Class, Recording, record};
 use super::replay::{Mode, Replay};
@@ -82,7 +82,7 @@ fn pool(threads: usize) -> Result<ThreadPool> {
 struct Judged {
     class: Class,
     mode: Mode,
-    scores: Vec<answers::Score>,
+    scores: Vec<agreement::Score>,
     visits: Vec<Option<accel::Visits>>,
 }
 
@@ -162,7 +162,7 @@ impl<'a> Bench<'a> {
         let (mut judged, mut agreements) = (Vec::new(), Vec::new());
         for replay in self.replays(recording) {
             let Replay { class, mode, .. } = replay;
-            let (scores, pairs) = answers::compare(&replay, &self.world.geometry, built);
+            let (scores, pairs) = agreement::compare(&replay, &self.world.geometry, built);
             let visits = built.iter().map(|b| replay.visits(*b)).collect();
             judged.push(Judged { class, mode, scores, visits });
             let name = |i: usize| self.settings.tested_backends[i].name.clone();

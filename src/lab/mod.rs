@@ -4,17 +4,19 @@
 
 pub mod ab;
 pub mod accuracy;
-pub mod answers;
+pub mod agreement;
+pub mod answer;
 pub mod backend;
 pub mod bench;
 pub mod compare;
 pub mod converge;
 pub mod crosscheck;
 pub mod growth;
-pub mod judge;
 pub mod metrics;
+pub mod query;
 pub mod random;
 pub mod rays;
 pub mod replay;
 pub mod result;
 pub mod stats;
+pub mod verdict;

@@ -6,9 +6,11 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::answer::Answer;
+use super::query::answers;
 use super::rays::{Class, Recorded};
 use crate::accel::{Accelerator, Visits};
-use crate::ray::{Coherence, LANES, NONE, RayPacket, Rays};
+use crate::ray::{Coherence, LANES, RayPacket, Rays};
 
 /// Number of packets between two readings of the clock.
 ///
@@ -36,24 +38,6 @@ impl Mode {
             Self::Packets => "packets",
         }
     }
-}
-
-/// A backend's answer to the query of one ray.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Answer {
-    /// Whether the ray hits anything or is occluded.
-    pub hit: bool,
-    /// Geometry id of the closest hit; [`NONE`] for a miss or a shadow ray.
-    pub geom: u32,
-    /// Primitive within its geometry; [`NONE`] like `geom`.
-    pub prim: u32,
-    /// Ray parameter of the closest hit; infinite for a miss or a shadow ray.
-    pub t: f32,
-}
-
-impl Answer {
-    /// The answer to a miss, also of a lane that is not active.
-    pub const MISS: Self = Self { hit: false, geom: NONE, prim: NONE, t: f32::INFINITY };
 }
 
 /// Rays of one class, traced in one mode.
@@ -149,28 +133,4 @@ impl Replay<'_> {
             .try_reduce(Visits::default, |a, b| Some(add(a, b)))
             .filter(|_| !self.packets.is_empty())
     }
-}
-
-/// Traces one packet and returns the answers of its lanes.
-pub fn answers(
-    accelerator: &dyn Accelerator,
-    packet: &Recorded,
-    shadow: bool,
-    coherence: Coherence,
-) -> [Answer; LANES] {
-    let mut answers = [Answer::MISS; LANES];
-    let mut traced = RayPacket { rays: packet.rays.clone(), ..RayPacket::EMPTY };
-    match shadow {
-        true => accelerator.occluded(&packet.active, &mut traced.rays, coherence),
-        false => accelerator.closest(&packet.active, &mut traced, coherence),
-    }
-    for i in (0..LANES).filter(|&i| packet.active.0[i] != 0) {
-        let (t, hits) = (traced.rays.tfar[i], &traced.hits);
-        if shadow {
-            answers[i].hit = t < 0.0;
-        } else if hits.geom[i] != NONE {
-            answers[i] = Answer { hit: true, geom: hits.geom[i], prim: hits.prim[i], t };
-        }
-    }
-    answers
 }

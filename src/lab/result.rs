@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::answers::Agreement;
+use super::agreement::Agreement;
 use super::stats::{Estimate, mad, median_interval, paired_ratio, unpaired_ratio};
 use crate::units::plural;
 

@@ -12,7 +12,7 @@ use layouts::{Corners, Layout, TinyBvh};
 use lightpath::accel::{self, Accelerator, BuildOptions};
 use lightpath::error::Result;
 use lightpath::lab::ab::{Plan, interleave};
-use lightpath::lab::answers::{self, Agreement};
+use lightpath::lab::agreement::{self, Agreement};
 use lightpath::lab::rays::{Class, Recording, record};
 use lightpath::lab::replay::{Mode, Replay};
 use lightpath::lab::stats::{mad, median, paired_ratio};
@@ -214,7 +214,7 @@ impl Bench<'_> {
             println!("{}", head.map(|name| format!(" {name:>8}")).concat());
             for (i, tested_backend) in self.tested_backends.iter().enumerate() {
                 let pair: [&dyn Accelerator; 2] = [&*built[ours], &*built[i]];
-                let (scores, pairs) = answers::compare(&replay, &self.world.geometry, &pair);
+                let (scores, pairs) = agreement::compare(&replay, &self.world.geometry, &pair);
                 let Agreement { same, tie, depth, missed } = pairs[0].2;
                 let numbers = [rays, scores[1].hits, same, tie, depth, missed, scores[1].wrong];
                 print!("{:24}", tested_backend.name());

@@ -13,7 +13,6 @@ use serde_json::{Value, json};
 
 use super::Built;
 use super::case::{Case, Mark, Run};
-use super::judge::trace;
 use super::shadow::Points;
 use super::tally::{Kind, Tally, ulp};
 use crate::accel::Accelerator;
@@ -21,6 +20,7 @@ use crate::accel::lane::lanes;
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE};
 use crate::lab::backend::{BuiltBackend, TestedBackend};
+use crate::lab::query::trace;
 use crate::lab::random::Random;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
@@ -195,7 +195,8 @@ pub(super) fn check(
                         let mut packet = first.clone();
                         let all = Mask([-1; LANES]);
                         tally.nanoseconds +=
-                            trace(accelerator, &all, &mut packet, false, Coherence::Coherent);
+                            trace(accelerator, &all, &mut packet, false, Coherence::Coherent)
+                                .as_nanos() as u64;
                         let scene = (geometry, accelerator);
                         let points = Points::new(scene, &packet.hit(&all), &mut packet);
                         let seen = Seen { geometry, tested, accelerator, packet: &packet, points };

@@ -10,15 +10,14 @@ use crate::accel::Accelerator;
 use crate::accel::brute::Brute;
 use crate::accel::lane::{Hit, Ray, lanes};
 use crate::geometry::{Geometry, GeometryKind, Surfaces, refine};
+use crate::lab::answer::Answer;
 use crate::lab::backend::{BuiltBackend, MAX_ERROR_FACTOR, TestedBackend};
-use crate::lab::crosscheck::{Answer, Verdict, judge};
+use crate::lab::query::trace;
+use crate::lab::verdict::{MAX_NEAR, Verdict, judge};
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 
 /// Largest number of crossings that are followed along a line.
 const MAX_CROSSINGS: usize = 64;
-
-/// Largest number of primitives within the error bound for a line that is judged.
-const MAX_NEAR: usize = 1000;
 
 /// The right answers of a shot.
 #[derive(Debug, Clone, Copy)]
@@ -66,22 +65,6 @@ impl Shot {
         }
         self.goals[i] = origin;
     }
-}
-
-/// Traces a packet and returns the time in nanoseconds.
-pub fn trace(
-    accelerator: &dyn Accelerator,
-    active: &Mask,
-    packet: &mut RayPacket,
-    shadow: bool,
-    coherence: Coherence,
-) -> u64 {
-    let started = Instant::now();
-    match shadow {
-        true => accelerator.occluded(active, &mut packet.rays, coherence),
-        false => accelerator.closest(active, packet, coherence),
-    }
-    started.elapsed().as_nanos() as u64
 }
 
 /// Traces shots on all columns and judges the answers.
@@ -155,7 +138,8 @@ impl One<'_> {
         tally: &mut Tally,
     ) {
         let mut packet = RayPacket { rays: self.shot.rays.clone(), ..RayPacket::EMPTY };
-        tally.nanoseconds += trace(accelerator, &self.active, &mut packet, shadow, way);
+        tally.nanoseconds +=
+            trace(accelerator, &self.active, &mut packet, shadow, way).as_nanos() as u64;
         for i in 0..LANES {
             tally.rays += 1;
             let kind = self.judge(i, &packet, shadow, tally);
@@ -170,10 +154,7 @@ impl One<'_> {
 
     /// Returns the kind of error in lane `i`, or `None` if its answer is right.
     fn judge(&self, i: usize, packet: &RayPacket, shadow: bool, tally: &mut Tally) -> Option<Kind> {
-        let answer = match shadow {
-            true => Answer::occluded(&packet.rays, i),
-            false => Answer::closest(packet, i),
-        };
+        let answer = Answer::in_lane(packet, i, shadow);
         if self.active.0[i] == 0 {
             let same = packet.rays.tfar[i].to_bits() == self.shot.rays.tfar[i].to_bits();
             return (!same || packet.hits.geom[i] != NONE).then_some(Kind::FalseHit);

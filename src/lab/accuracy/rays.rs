@@ -4,11 +4,12 @@ use glam::DVec3;
 
 use super::Built;
 use super::case::{Amount, Case, Mark, Run};
-use super::judge::{Expect, Shot, trace};
+use super::judge::{Expect, Shot};
 use super::meshes::{corners, inside, scan, scene};
 use super::tally::{Kind, Tally};
 use crate::error::Result;
 use crate::geometry::{Sphere, TriangleMesh};
+use crate::lab::query::trace;
 use crate::lab::random::Random;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 
@@ -124,7 +125,8 @@ fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<Tally>, String) {
                             let active = rays.possible(&Mask([-1; LANES]));
                             let rays = rays.clone();
                             let mut packet = RayPacket { rays, ..RayPacket::EMPTY };
-                            trace(backend.accelerator, &active, &mut packet, false, way)
+                            trace(backend.accelerator, &active, &mut packet, false, way).as_nanos()
+                                as u64
                         })
                         .sum();
                     *least = nanoseconds.min(*least);

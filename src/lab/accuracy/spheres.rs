@@ -9,13 +9,13 @@ use rayon::prelude::*;
 
 use super::Built;
 use super::case::{Case, Mark, Run};
-use super::judge::trace;
 use super::meshes::geometry;
 use super::tally::{Kind, Tally, ulp};
 use crate::accel::brute::Fraction;
 use crate::accel::lane::Ray;
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
+use crate::lab::query::trace;
 use crate::lab::random::Random;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 
@@ -174,7 +174,8 @@ fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<Ta
         if !backend.tested.is_slow() || index % SLOW == 0 {
             for way in backend.tested.coherences(Coherence::Incoherent) {
                 let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
-                tally.nanoseconds += trace(backend.accelerator, &active, &mut packet, false, way);
+                tally.nanoseconds +=
+                    trace(backend.accelerator, &active, &mut packet, false, way).as_nanos() as u64;
                 judge(built.geometry, setup, &packet, &truths, &mut tally);
             }
         }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::lab::crosscheck::Verdict;
+use crate::lab::verdict::Verdict;
 
 /// Largest number of failures whose places are kept for the pictures.
 const PLACES: usize = 400;
@@ -81,7 +81,7 @@ impl Kind {
     }
 }
 
-/// Kind of error of a verdict of [`crate::lab::crosscheck::judge`]; `None` if it is no error.
+/// Kind of error of a verdict of [`crate::lab::verdict::judge`]; `None` if it is no error.
 pub fn kind_of(verdict: Verdict) -> Option<Kind> {
     match verdict {
         Verdict::Agree | Verdict::Tie | Verdict::Edge | Verdict::Crowd => None,

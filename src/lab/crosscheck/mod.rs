@@ -9,32 +9,31 @@
 //! works in f64.
 
 mod aimed;
-mod cover;
 mod known;
 mod pictures;
 mod plan;
 mod report;
 mod source;
-mod verdict;
 
-pub use self::cover::{Layer, layers};
 pub use self::pictures::{PictureReport, compare_pictures};
 pub use self::report::{BackendReport, Finding, PlainLoop, Report, SavedRay, Tally, Tree};
 pub use self::source::Source;
-pub use self::verdict::{Answer, MOST_NEAR, Verdict, judge};
 
 use rayon::prelude::*;
 
 use self::plan::Plan;
+use super::answer::Answer;
 use super::backend::BuiltBackend;
+use super::query::QueryPacket;
 use super::rays::Recorded;
+use super::verdict::{Verdict, judge};
+use crate::accel::Visits;
 use crate::accel::brute::Brute;
 use crate::accel::coursework::Coursework;
 use crate::accel::lane::{Hit, Ray, lanes};
-use crate::accel::{Accelerator, Visits};
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};
-use crate::ray::{Coherence, Hits, LANES, RayPacket};
+use crate::ray::{Coherence, LANES};
 use crate::world::World;
 
 /// Largest number of primitives that the plain loop of `coursework` tests in all. It bounds the
@@ -62,34 +61,6 @@ pub struct Check<'a> {
     pub rays: u64,
     /// Seed of all random rays.
     pub seed: i64,
-}
-
-/// A packet with its query.
-#[derive(Debug, Clone)]
-pub struct Case {
-    /// Name of the source of the rays.
-    pub source: String,
-    /// Whether the query is `occluded`, not `closest`.
-    pub shadow: bool,
-    /// Coherence of the packet in the renderer.
-    pub coherence: Coherence,
-    /// The rays before the query.
-    pub packet: Recorded,
-}
-
-/// Traces a packet and returns the answers of all lanes. Ignore the answers of lanes that are not
-/// active.
-pub fn answers(accelerator: &dyn Accelerator, case: &Case, coherence: Coherence) -> Vec<Answer> {
-    let Recorded { active, rays } = &case.packet;
-    if case.shadow {
-        let mut rays = rays.clone();
-        accelerator.occluded(active, &mut rays, coherence);
-        (0..LANES).map(|i| Answer::occluded(&rays, i)).collect()
-    } else {
-        let mut packet = RayPacket { rays: rays.clone(), hits: Hits::EMPTY };
-        accelerator.closest(active, &mut packet, coherence);
-        (0..LANES).map(|i| Answer::closest(&packet, i)).collect()
-    }
 }
 
 /// Checks the rays of a scene on the current rayon pool.
@@ -123,7 +94,7 @@ pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
 
 /// All verdicts on one packet.
 pub struct Part {
-    case: Case,
+    case: QueryPacket,
     /// Index of the backend, coherence, lane, verdict and answer.
     verdicts: Vec<(usize, Coherence, usize, Verdict, Answer)>,
     /// The oracle's answer for each lane.
@@ -136,7 +107,7 @@ pub struct Part {
 
 /// Judges the answers of all backends to one packet. Compares `coursework` with its plain loop if
 /// `with_loop`.
-pub fn check_packet(check: &Check, case: &Case, with_loop: bool) -> Part {
+pub fn check_packet(check: &Check, case: &QueryPacket, with_loop: bool) -> Part {
     let Recorded { active, rays } = &case.packet;
     let mut truths = vec![Answer::Miss; LANES];
     for i in lanes(active) {
@@ -145,7 +116,7 @@ pub fn check_packet(check: &Check, case: &Case, with_loop: bool) -> Part {
     let mut verdicts = Vec::new();
     for (index, backend) in check.built_backends.iter().enumerate() {
         for mode in backend.tested.coherences(case.coherence) {
-            let answers = answers(backend.accelerator, case, mode);
+            let answers = case.answers(backend.accelerator, mode);
             for i in lanes(active) {
                 let (ray, factor) = (Ray::of(rays, i), backend.tested.error_factor());
                 let verdict = judge(check.oracle, &ray, truths[i], answers[i], factor);

@@ -6,7 +6,6 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Answer, Case, Verdict, answers, judge};
 use crate::accel::brute::Brute;
 use crate::accel::lane::{Ray, lanes};
 use crate::accel::{Accelerator, BuildInfo};
@@ -14,8 +13,11 @@ use crate::error::Result;
 use crate::film::{Film, Window};
 use crate::geometry::{Geometry, Nearby};
 use crate::integrate::{RenderContext, TileKernel};
+use crate::lab::answer::Answer;
 use crate::lab::backend::{BuiltBackend, is_trusted};
+use crate::lab::query::QueryPacket;
 use crate::lab::rays::Recorded;
+use crate::lab::verdict::{Verdict, judge};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 use crate::render::render;
@@ -180,8 +182,8 @@ impl Witness<'_> {
     /// traces it on the first backend once more, which is simpler.
     fn compare(&self, active: &Mask, rays: &Rays, shadow: bool, coherence: Coherence) {
         let packet = Recorded { active: *active, rays: rays.clone() };
-        let case = Case { source: String::new(), shadow, coherence, packet };
-        let both = self.built_backends.map(|c| answers(c.accelerator, &case, coherence));
+        let case = QueryPacket { source: String::new(), shadow, coherence, packet };
+        let both = self.built_backends.map(|c| case.answers(c.accelerator, coherence));
         for i in lanes(active).filter(|&i| both[0][i] != both[1][i]) {
             let ray = Ray::of(rays, i);
             let truth = Answer::truth(self.oracle, &ray, shadow);

@@ -1,9 +1,10 @@
 //! The packets of a check: rays of the scene and aimed rays, equally many of each class and source.
 
+use super::Check;
 use super::aimed::Aim;
 use super::source::Source;
-use super::{Case, Check};
 use crate::error::Result;
+use crate::lab::query::QueryPacket;
 use crate::lab::random::Random;
 use crate::lab::rays::{Class, Recorded, record};
 use crate::monitor::Monitor;
@@ -45,18 +46,18 @@ impl<'g> Plan<'g> {
     }
 
     /// Packet number `index`, which is below [`Plan::packets`].
-    pub fn case(&self, index: usize) -> Case {
+    pub fn case(&self, index: usize) -> QueryPacket {
         let aimed = index.checked_sub(self.recorded.len()).zip(self.aim.as_ref());
         let Some((index, aim)) = aimed else {
             let (class, packet) = self.recorded[index].clone();
             let (shadow, coherence) = (class.is_shadow(), class.coherence());
-            return Case { source: class.name().into(), shadow, coherence, packet };
+            return QueryPacket { source: class.name().into(), shadow, coherence, packet };
         };
         let source = Source::AIMED[index / self.each];
         let mut random = Random::new(self.seed as u64, index as u64);
         let shadow = index % 2 == 1;
         let packet = aim.packet(source, shadow, &mut random);
         let coherence = Coherence::Incoherent;
-        Case { source: source.name().into(), shadow, coherence, packet }
+        QueryPacket { source: source.name().into(), shadow, coherence, packet }
     }
 }

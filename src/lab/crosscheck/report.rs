@@ -4,11 +4,14 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Answer, Case, Check, Part, PictureReport, Verdict, known};
+use super::{Check, Part, PictureReport, known};
 use crate::accel::BuildInfo;
 use crate::accel::bvh::Stats;
+use crate::lab::answer::Answer;
 use crate::lab::backend::{BuiltBackend, is_trusted};
+use crate::lab::query::QueryPacket;
 use crate::lab::rays::Recorded;
+use crate::lab::verdict::Verdict;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::scene::Backend;
 
@@ -205,7 +208,7 @@ impl Finding {
     ///
     /// # Errors
     /// A message that describes an invalid packet.
-    pub fn case(&self) -> Result<Case, String> {
+    pub fn case(&self) -> Result<QueryPacket, String> {
         let (mut active, mut rays) = (Mask::NONE, Rays::EMPTY);
         for ray in &self.packet {
             let i = ray.lane;
@@ -232,7 +235,7 @@ impl Finding {
             Coherence::Incoherent | Coherence::Single => Coherence::Incoherent,
         };
         let packet = Recorded { active, rays };
-        Ok(Case { source: self.source.clone(), shadow: self.shadow, coherence, packet })
+        Ok(QueryPacket { source: self.source.clone(), shadow: self.shadow, coherence, packet })
     }
 
     /// Returns whether the finding fails a check.
@@ -241,7 +244,7 @@ impl Finding {
     }
 }
 
-fn saved(case: &Case) -> Vec<SavedRay> {
+fn saved(case: &QueryPacket) -> Vec<SavedRay> {
     let Recorded { active, rays } = &case.packet;
     crate::accel::lane::lanes(active)
         .map(|i| SavedRay {

@@ -1,9 +1,9 @@
 use std::path::Path;
 
 use super::*;
-use crate::accel::{BuildInfo, BuildOptions};
+use crate::accel::{Accelerator, BuildInfo, BuildOptions};
 use crate::lab::backend::TestedBackend;
-use crate::ray::{Mask, Rays};
+use crate::ray::{Hits, Mask, RayPacket, Rays};
 use crate::scene::{self, Backend, EmbreeMode, Source as SceneSource};
 use crate::simd::Isa;
 use crate::world::LoadOptions;
@@ -281,7 +281,7 @@ fn a_saved_finding_reproduces_the_case() {
         let ray = Ray::of(&case.packet.rays, back.lane);
         let truth = Answer::truth(&oracle, &ray, case.shadow);
         let faulty = Faulty(&oracle, Fault::Misses(0, 0));
-        let answer = answers(&faulty, &case, back.mode)[back.lane];
+        let answer = case.answers(&faulty, back.mode)[back.lane];
         assert_eq!((truth, answer), (back.truth, back.answer));
         assert_eq!(judge(&oracle, &ray, truth, answer, 1.0), back.verdict);
     }

@@ -11,12 +11,12 @@
 //! So every answer that is called wrong here is wrong. Errors that all backends share are not
 //! found; `crosscheck` finds those.
 
-use super::backend::MAX_ERROR_FACTOR;
-use super::crosscheck::layers;
-use super::replay::Answer;
+use super::layers::layers;
 use crate::accel::brute::{Near, near_primitive};
 use crate::accel::lane::Ray;
 use crate::geometry::Geometry;
+use crate::lab::answer::Answer;
+use crate::lab::backend::MAX_ERROR_FACTOR;
 use crate::ray::Rays;
 
 /// Largest relative rounding of t: four f32 ulp.
@@ -24,36 +24,36 @@ const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 
 /// Result of the check of one reported hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Claim {
+enum HitCheck {
     /// The ray certainly misses the primitive, or must not hit it: it leaves the primitive, or its
     /// segment ends elsewhere.
-    False,
+    Impossible,
     /// The ray passes an edge too closely to decide.
     Edge,
     /// The ray certainly hits the primitive, at a t between these two.
-    Solid([f64; 2]),
+    Certain([f64; 2]),
 }
 
 /// Returns which of the answers to one closest-hit query (lane `i` of `rays`) are wrong.
 pub fn closest(geometry: &Geometry, rays: &Rays, i: usize, answers: &[Answer]) -> Vec<bool> {
-    let claims: Vec<Option<Claim>> =
-        answers.iter().map(|a| a.hit.then(|| examine(geometry, rays, i, a))).collect();
+    let checks: Vec<Option<HitCheck>> =
+        answers.iter().map(|answer| check(geometry, rays, i, answer)).collect();
     let mut nearest = f64::INFINITY;
-    for claim in claims.iter().flatten() {
-        if let Claim::Solid([_, far]) = claim {
+    for check in checks.iter().flatten() {
+        if let HitCheck::Certain([_, far]) = check {
             nearest = nearest.min(*far);
         }
     }
-    let wrong = |(claim, answer): (&Option<Claim>, &Answer)| match claim {
+    let wrong = |(check, answer): (&Option<HitCheck>, &Answer)| match check {
         None => nearest < f64::INFINITY,
-        Some(Claim::False) => true,
-        Some(Claim::Edge) => nearest < f64::from(answer.t) * (1.0 - ROUNDING),
-        Some(Claim::Solid([near, far])) => {
-            let t = f64::from(answer.t);
+        Some(HitCheck::Impossible) => true,
+        Some(HitCheck::Edge) => nearest < answer.t() * (1.0 - ROUNDING),
+        Some(HitCheck::Certain([near, far])) => {
+            let t = answer.t();
             nearest < *near || t < *near || t > *far
         }
     };
-    claims.iter().zip(answers).map(wrong).collect()
+    checks.iter().zip(answers).map(wrong).collect()
 }
 
 /// Returns which of the answers to one occlusion query are wrong.
@@ -66,17 +66,19 @@ pub fn occluded(
     answers: &[bool],
     witnesses: &[Answer],
 ) -> Vec<bool> {
-    let claims = witnesses.iter().filter(|w| w.hit).map(|w| examine(geometry, rays, i, w));
-    let claims: Vec<Claim> = claims.collect();
-    let solid = claims.iter().any(|claim| matches!(claim, Claim::Solid(_)));
-    let edge = claims.contains(&Claim::Edge);
-    answers.iter().map(|&hit| if hit { !solid && !edge } else { solid }).collect()
+    let checks = witnesses.iter().filter_map(|witness| check(geometry, rays, i, witness));
+    let checks: Vec<HitCheck> = checks.collect();
+    let certain = checks.iter().any(|check| matches!(check, HitCheck::Certain(_)));
+    let edge = checks.contains(&HitCheck::Edge);
+    answers.iter().map(|&hit| if hit { !certain && !edge } else { certain }).collect()
 }
 
 /// Checks one reported hit, without its t: does the ray hit that primitive within its segment?
-pub fn examine(geometry: &Geometry, rays: &Rays, i: usize, hit: &Answer) -> Claim {
+/// `None` if the answer is no hit.
+fn check(geometry: &Geometry, rays: &Rays, i: usize, answer: &Answer) -> Option<HitCheck> {
+    let [geom, prim] = answer.primitive()?;
     let ray = Ray::of(rays, i);
-    let near = near_primitive(geometry, &ray, hit.geom, hit.prim, MAX_ERROR_FACTOR);
+    let near = near_primitive(geometry, &ray, geom, prim, MAX_ERROR_FACTOR);
     // A sphere has two entries, one for each root.
     let layers = layers(&near);
     let first = layers
@@ -85,11 +87,11 @@ pub fn examine(geometry: &Geometry, rays: &Rays, i: usize, hit: &Answer) -> Clai
         .min_by(|a, b| a.near.total_cmp(&b.near));
     let may_count =
         |part: &Near| part.t + part.t_error >= ray.tnear && part.t - part.t_error <= ray.tfar;
-    match first {
-        Some(layer) => Claim::Solid([layer.near, layer.far]),
-        None if near.iter().any(may_count) => Claim::Edge,
-        None => Claim::False,
-    }
+    Some(match first {
+        Some(layer) => HitCheck::Certain([layer.near, layer.far]),
+        None if near.iter().any(may_count) => HitCheck::Edge,
+        None => HitCheck::Impossible,
+    })
 }
 
 #[cfg(test)]
@@ -116,7 +118,7 @@ mod tests {
     }
 
     const fn hit(geom: u32, prim: u32, t: f32) -> Answer {
-        Answer { hit: true, geom, prim, t }
+        Answer::Hit { geom, prim, t: t as f64 }
     }
 
     const FIRST: Answer = hit(0, 0, 1.0);
@@ -124,13 +126,13 @@ mod tests {
 
     #[test]
     fn a_certain_hit_proves_a_farther_hit_and_a_miss_wrong() {
-        let answers = [FIRST, SECOND, Answer::MISS, hit(0, 0, 1.5)];
+        let answers = [FIRST, SECOND, Answer::Miss, hit(0, 0, 1.5)];
         assert_eq!(closest(&geometry(), &ray(0.25, 0.25), 0, &answers), [false, true, true, true]);
     }
 
     #[test]
     fn a_false_hit_is_wrong() {
-        let answers = [FIRST, Answer::MISS];
+        let answers = [FIRST, Answer::Miss];
         assert_eq!(closest(&geometry(), &ray(0.75, 0.75), 0, &answers), [true, false]);
         let mut leaving = ray(0.25, 0.25);
         leaving.leaving[0] = 0;
@@ -143,11 +145,11 @@ mod tests {
     #[test]
     fn no_answer_is_wrong_along_an_edge() {
         for x in [0.0, 1e-7, -1e-7] {
-            let answers = [FIRST, SECOND, Answer::MISS];
+            let answers = [FIRST, SECOND, Answer::Miss];
             assert_eq!(closest(&geometry(), &ray(x, 0.25), 0, &answers), [false; 3], "{x}");
         }
         // Ten thousand ulps from the edge, one answer is wrong.
-        let answers = [FIRST, Answer::MISS];
+        let answers = [FIRST, Answer::Miss];
         assert_eq!(closest(&geometry(), &ray(1e-3, 0.25), 0, &answers), [false, true]);
         assert_eq!(closest(&geometry(), &ray(-1e-3, 0.25), 0, &answers), [true, false]);
     }
@@ -157,10 +159,10 @@ mod tests {
         let geometry = geometry();
         let sphere = hit(2, 0, 4.0);
         let front = hit(2, 0, 5.0 - 0.99f32.sqrt());
-        let answers = [front, Answer::MISS, hit(2, 0, 5.0 + 0.99f32.sqrt())];
+        let answers = [front, Answer::Miss, hit(2, 0, 5.0 + 0.99f32.sqrt())];
         assert_eq!(closest(&geometry, &ray(0.0, 0.1), 0, &answers), [false, true, true]);
-        assert_eq!(closest(&geometry, &ray(-2.0, 0.0), 0, &[sphere, Answer::MISS]), [true, false]);
-        let silhouette = [hit(2, 0, 5.0), Answer::MISS];
+        assert_eq!(closest(&geometry, &ray(-2.0, 0.0), 0, &[sphere, Answer::Miss]), [true, false]);
+        let silhouette = [hit(2, 0, 5.0), Answer::Miss];
         assert_eq!(closest(&geometry, &ray(-1.0, 0.0), 0, &silhouette), [false; 2]);
     }
 
@@ -171,7 +173,7 @@ mod tests {
             |rays: &Rays, witness| occluded(&geometry, rays, 0, &[true, false], &[witness]);
         assert_eq!(judged(&ray(0.25, 0.25), FIRST), [false, true]);
         assert_eq!(judged(&ray(0.0, 0.25), FIRST), [false, false]);
-        assert_eq!(judged(&ray(0.75, 0.75), Answer::MISS), [true, false]);
+        assert_eq!(judged(&ray(0.75, 0.75), Answer::Miss), [true, false]);
         assert_eq!(judged(&ray(0.75, 0.75), FIRST), [true, false]);
     }
 }

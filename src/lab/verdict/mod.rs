@@ -1,67 +1,20 @@
-//! Judges one backend's answer to one ray by the oracle.
+//! Decides whether one backend's answer to one ray is right.
+//!
+//! - [`judge`] compares it with the oracle's answer.
+//! - [`refute`] needs no oracle: it finds the wrong answers where backends disagree.
+//!
+//! An answer within the error bound of the backend's own test is not wrong. Bounds are multiples of
+//! the bound of `bvh`'s test ([`Brute::near`]).
 
-use serde::{Deserialize, Deserializer, Serialize};
+mod layers;
+pub mod refute;
 
-use super::cover::layers;
+use serde::{Deserialize, Serialize};
+
+use self::layers::layers;
+use super::answer::Answer;
 use crate::accel::brute::{Brute, Near, near_primitive};
-use crate::accel::lane::{Hit, Ray};
-use crate::ray::{NONE, RayPacket, Rays};
-
-/// A backend's answer to the query of one ray.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "says", rename_all = "snake_case")]
-pub enum Answer {
-    /// The ray hits nothing, or is not occluded.
-    Miss,
-    /// The closest hit of the ray.
-    Hit {
-        /// Geometry id of the hit.
-        geom: u32,
-        /// Primitive within its geometry.
-        prim: u32,
-        /// Ray parameter of the hit. JSON writes infinity as null.
-        #[serde(deserialize_with = "infinite")]
-        t: f64,
-    },
-    /// The ray is occluded.
-    Occluded,
-}
-
-/// Reads a number, or null as infinity: a t beyond the range of f32.
-fn infinite<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
-    Ok(Option::deserialize(value)?.unwrap_or(f64::INFINITY))
-}
-
-impl Answer {
-    /// The answer in lane `i` of a packet traced by `closest`.
-    pub fn closest(packet: &RayPacket, i: usize) -> Self {
-        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-        match geom {
-            NONE => Self::Miss,
-            _ => Self::Hit { geom, prim, t: packet.rays.tfar[i].into() },
-        }
-    }
-
-    /// The answer in lane `i` of rays traced by `occluded`.
-    pub fn occluded(rays: &Rays, i: usize) -> Self {
-        if rays.tfar[i] == f32::NEG_INFINITY { Self::Occluded } else { Self::Miss }
-    }
-
-    /// The oracle's answer: occlusion if `shadow`, else the closest hit.
-    pub fn truth(oracle: &Brute, ray: &Ray, shadow: bool) -> Self {
-        match oracle.closest_hit(ray) {
-            None => Self::Miss,
-            Some(_) if shadow => Self::Occluded,
-            Some(hit) => hit.into(),
-        }
-    }
-}
-
-impl From<Hit> for Answer {
-    fn from(Hit { geom, prim, t, .. }: Hit) -> Self {
-        Self::Hit { geom, prim, t }
-    }
-}
+use crate::accel::lane::Ray;
 
 /// Result of comparing an answer with the oracle's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -123,7 +76,7 @@ impl Verdict {
 
 /// Largest number of primitives within the error bound for a ray that is judged. A ray from far
 /// away may have more: then right and wrong answers cannot be distinguished.
-pub const MOST_NEAR: usize = 1000;
+pub const MAX_NEAR: usize = 1000;
 
 /// Judges `answer` by `truth`, the oracle's answer to the same query.
 ///
@@ -144,7 +97,7 @@ pub fn judge(oracle: &Brute, ray: &Ray, truth: Answer, answer: Answer, factor: f
             if place { Verdict::Agree } else { Verdict::WrongDistance }
         }
         (Answer::Miss, Answer::Miss) | (Answer::Occluded, Answer::Occluded) => Verdict::Agree,
-        _ => match oracle.near(ray, factor, MOST_NEAR) {
+        _ => match oracle.near(ray, factor, MAX_NEAR) {
             Some(near) => explain(&near, ray, truth, answer),
             None => Verdict::Crowd,
         },

@@ -2,9 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::judge;
+use super::answer::Answer;
+use super::query::answers;
 use super::rays::Recorded;
-use super::replay::{Answer, Replay, answers};
+use super::replay::Replay;
+use super::verdict::refute;
 use crate::accel::Accelerator;
 use crate::geometry::Geometry;
 use crate::ray::{Coherence, LANES};
@@ -28,17 +30,19 @@ pub struct Agreement {
 
 impl Agreement {
     fn add(&mut self, a: &Answer, b: &Answer) -> bool {
-        let near = (a.t - b.t).abs() <= SAME_T * a.t.abs().max(b.t.abs());
-        let shadow = a.t == f32::INFINITY && b.t == f32::INFINITY;
-        let count = match (a.hit == b.hit, !a.hit || shadow, near) {
+        // Backends report t in f32.
+        let [s, t] = [a, b].map(|answer| answer.t() as f32);
+        let near = (s - t).abs() <= SAME_T * s.abs().max(t.abs());
+        let (hit, no_t) = (a.is_hit(), s == f32::INFINITY && t == f32::INFINITY);
+        let count = match (hit == b.is_hit(), !hit || no_t, near) {
             (false, ..) => &mut self.missed,
             (_, true, _) => &mut self.same,
             (.., false) => &mut self.depth,
-            _ if (a.geom, a.prim) == (b.geom, b.prim) => &mut self.same,
+            _ if a.primitive() == b.primitive() => &mut self.same,
             _ => &mut self.tie,
         };
         *count += 1;
-        a.hit == b.hit && (!a.hit || shadow || near)
+        hit == b.is_hit() && (!hit || no_t || near)
     }
 
     /// Number of rays whose answers differ by more than a tie.
@@ -76,7 +80,7 @@ pub fn compare(
                 agree &= agreement.add(&said[*i], &said[*j]);
             }
             for (score, answer) in scores.iter_mut().zip(&said) {
-                score.hits += u64::from(answer.hit);
+                score.hits += u64::from(answer.is_hit());
             }
             if !agree {
                 let shadow = replay.class.is_shadow();
@@ -99,12 +103,12 @@ fn judged(
     shadow: bool,
 ) -> Vec<bool> {
     if !shadow {
-        return judge::closest(geometry, &packet.rays, lane, said);
+        return refute::closest(geometry, &packet.rays, lane, said);
     }
-    let hits: Vec<bool> = said.iter().map(|answer| answer.hit).collect();
+    let hits: Vec<bool> = said.iter().map(Answer::is_hit).collect();
     let closest = |b: &&dyn Accelerator| answers(*b, packet, false, Coherence::Single)[lane];
     let witnesses: Vec<Answer> = backends.iter().map(closest).collect();
-    judge::occluded(geometry, &packet.rays, lane, &hits, &witnesses)
+    refute::occluded(geometry, &packet.rays, lane, &hits, &witnesses)
 }
 
 #[cfg(test)]
@@ -113,8 +117,8 @@ mod tests {
 
     #[test]
     fn pairs_of_answers_are_classified() {
-        let hit = |prim, t| Answer { hit: true, geom: 0, prim, t };
-        let occluded = Answer { hit: true, ..Answer::MISS };
+        let hit = |prim, t: f32| Answer::Hit { geom: 0, prim, t: f64::from(t) };
+        let occluded = Answer::Occluded;
         let of = |a, b| {
             let mut agreement = Agreement::default();
             let agree = agreement.add(&a, &b);
@@ -122,13 +126,13 @@ mod tests {
             let Agreement { same, tie, depth, missed } = agreement;
             [same, tie, depth, missed]
         };
-        assert_eq!(of(Answer::MISS, Answer::MISS), [1, 0, 0, 0]);
+        assert_eq!(of(Answer::Miss, Answer::Miss), [1, 0, 0, 0]);
         assert_eq!(of(occluded, occluded), [1, 0, 0, 0]);
-        assert_eq!(of(occluded, Answer::MISS), [0, 0, 0, 1]);
+        assert_eq!(of(occluded, Answer::Miss), [0, 0, 0, 1]);
         assert_eq!(of(hit(1, 2.0), hit(1, 2.000001)), [1, 0, 0, 0]);
         assert_eq!(of(hit(1, 2.0), hit(2, 2.0)), [0, 1, 0, 0]);
         assert_eq!(of(hit(1, 2.0), hit(1, 2.001)), [0, 0, 1, 0]);
         assert_eq!(of(hit(1, 2.0), hit(2, f32::NAN)), [0, 0, 1, 0]);
-        assert_eq!(of(Answer::MISS, hit(1, 2.0)), [0, 0, 0, 1]);
+        assert_eq!(of(Answer::Miss, hit(1, 2.0)), [0, 0, 0, 1]);
     }
 }
