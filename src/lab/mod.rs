@@ -13,6 +13,7 @@ pub mod converge;
 pub mod crosscheck;
 pub mod growth;
 pub mod metrics;
+mod parallel;
 pub mod query;
 pub mod random;
 pub mod rays;

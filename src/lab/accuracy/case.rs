@@ -3,8 +3,6 @@
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
-use rayon::prelude::*;
-
 use super::judge::{Judge, Shot};
 use super::picture;
 use super::report::{Entry, Picture, Row};
@@ -15,13 +13,11 @@ use crate::accel::brute::Brute;
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::lab::backend::build_all;
+use crate::lab::parallel::in_portions;
 use crate::lab::random::Random;
 use crate::monitor::Monitor;
 use crate::ray::LANES;
 use crate::scene::{Backend, EmbreeMode};
-
-/// Number of packets between two checks of the monitor.
-const PORTION: u64 = 2048;
 
 /// Largest share of hits whose t may be off by more than 2 ulp.
 const COARSE: f64 = 1e-4;
@@ -215,33 +211,44 @@ impl Run<'_> {
         amount: Amount,
         aim: impl Fn(&mut Random) -> Shot + Sync,
     ) -> Result<()> {
+        let times = self.settings.times;
+        // In a long run the slow columns trace at most 16 times the rays of the quick run.
+        let slow = amount.slow * times.div_ceil(16);
+        self.check_packets(geometry, amount.packets * times, |run, built, index| {
+            let shot = aim(&mut run.random(index));
+            let known = index % amount.truth == 0;
+            Judge { built }.shot(&shot, index, known, index % slow == 0)
+        })
+    }
+
+    /// Builds every column over a geometry and judges packets on the threads of the current rayon
+    /// pool. Keeps the counts: see [`Run::keep`].
+    ///
+    /// `judge` returns the counts of each column for the packet of an index.
+    ///
+    /// # Errors
+    /// The errors of the builds; `Interrupted` after a signal.
+    pub(super) fn check_packets(
+        &mut self,
+        geometry: &Geometry,
+        packets: u64,
+        judge: impl Fn(&Run, &Built, u64) -> Vec<Tally> + Sync,
+    ) -> Result<()> {
         let mut sums = vec![Tally::default(); self.tallies.len()];
         {
             let run = &*self;
             let built = run.build(geometry)?;
-            let judge = Judge { built: &built };
-            let times = run.settings.times;
-            let packets = amount.packets * times;
-            // In a long run the slow columns trace at most 16 times the rays of the quick run.
-            let slow = amount.slow * times.div_ceil(16);
-            for first in (0..packets).step_by(PORTION as usize) {
-                let last = packets.min(first + PORTION);
-                let portion: Vec<Vec<Tally>> = (first..last)
-                    .into_par_iter()
-                    .filter(|_| !run.monitor.stopped())
-                    .map(|index| {
-                        let shot = aim(&mut run.random(index));
-                        let known = index % amount.truth == 0;
-                        judge.shot(&shot, index, known, index % slow == 0)
-                    })
-                    .collect();
-                run.monitor.check()?;
-                for tallies in &portion {
-                    sums.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
-                }
-                let rays = (last - first) * LANES as u64;
-                run.monitor.rays.fetch_add(rays, Relaxed);
-            }
+            in_portions(
+                packets,
+                run.monitor,
+                |index| judge(run, &built, index),
+                |portion: Vec<Vec<Tally>>| {
+                    for tallies in &portion {
+                        sums.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
+                    }
+                    run.monitor.rays.fetch_add((portion.len() * LANES) as u64, Relaxed);
+                },
+            )?;
         }
         self.keep(geometry, sums)
     }

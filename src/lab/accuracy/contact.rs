@@ -8,10 +8,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::Built;
 use super::case::{Case, Mark, Run};
 use super::shadow::Points;
 use super::tally::{Kind, Tally, ulp};
@@ -177,42 +175,20 @@ pub(super) fn check(
     first_rays: impl Fn(&mut Random) -> RayPacket + Sync,
     judge: impl Fn(&mut Random, &Seen, &mut Tally) + Sync,
 ) -> Result<()> {
-    let mut sums = vec![Tally::default(); run.tallies.len()];
-    {
-        let run = &*run;
-        let built: Built = run.build(geometry)?;
-        let portion: Vec<Vec<Tally>> = (0..PACKETS * run.settings.times)
-            .into_par_iter()
-            .filter(|_| !run.monitor.stopped())
-            .map(|index| {
-                let first = first_rays(&mut run.random(salt << 40 | index << 1));
-                let mut tallies = Vec::new();
-                for BuiltBackend { tested, accelerator } in built.backends() {
-                    let mut tally = Tally::default();
-                    if !tested.is_slow() || index % SLOW == 0 {
-                        // The same random numbers, and so the same lights, for all columns.
-                        let mut random = run.random(salt << 40 | index << 1 | 1);
-                        let mut packet = first.clone();
-                        let all = Mask([-1; LANES]);
-                        tally.nanoseconds +=
-                            trace(accelerator, &all, &mut packet, false, Coherence::Coherent)
-                                .as_nanos() as u64;
-                        let scene = (geometry, accelerator);
-                        let points = Points::new(scene, &packet.hit(&all), &mut packet);
-                        let seen = Seen { geometry, tested, accelerator, packet: &packet, points };
-                        judge(&mut random, &seen, &mut tally);
-                    }
-                    tallies.push(tally);
-                }
-                tallies
-            })
-            .collect();
-        run.monitor.check()?;
-        for tallies in &portion {
-            sums.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
-        }
-    }
-    run.keep(geometry, sums)
+    run.check_packets(geometry, PACKETS * run.settings.times, |run, built, index| {
+        let first = first_rays(&mut run.random(salt << 40 | index << 1));
+        built.counts(index % SLOW == 0, |BuiltBackend { tested, accelerator }, tally| {
+            // The same random numbers, and so the same lights, for all columns.
+            let mut random = run.random(salt << 40 | index << 1 | 1);
+            let mut packet = first.clone();
+            let all = Mask([-1; LANES]);
+            let time = trace(accelerator, &all, &mut packet, false, Coherence::Coherent);
+            tally.nanoseconds += time.as_nanos() as u64;
+            let points = Points::new((geometry, accelerator), &packet.hit(&all), &mut packet);
+            let seen = Seen { geometry, tested, accelerator, packet: &packet, points };
+            judge(&mut random, &seen, tally);
+        })
+    })
 }
 
 /// The hits of one column on a packet, and their surface points.
@@ -254,8 +230,8 @@ impl Seen<'_> {
         (self.geometry, self.accelerator)
     }
 
-    /// Returns which points are off a light's plane by more than rounding.
-    pub fn is_below(&self, area: &Area) -> [bool; LANES] {
+    /// Returns which points are off an area light's plane by more than rounding.
+    pub fn is_off_plane(&self, area: &Area) -> [bool; LANES] {
         std::array::from_fn(|i| {
             let at = self.points.position(i) - area.corner.as_dvec3();
             at.dot(area.plane).abs() > 1e-4 * at.length()

@@ -89,32 +89,16 @@ impl Judge<'_> {
         let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Incoherent };
         // One packet in four is an occlusion query.
         let shadow = index % 4 == 3;
-        let mut tallies = Vec::with_capacity(self.built.tested.len());
-        for BuiltBackend { tested, accelerator } in self.built.backends() {
-            let mut tally = Tally::default();
-            if slow || !tested.is_slow() {
-                let one = One { shot, active, truths: exact.then_some(&truths), tested, oracle };
-                match shot.expect {
-                    Expect::Crossings => {
-                        one.crossings(accelerator, self.built.geometry, &mut tally)
-                    }
-                    _ => {
-                        for (nth, way) in tested.coherences(packets).into_iter().enumerate() {
-                            one.answers(
-                                accelerator,
-                                shadow,
-                                way,
-                                nth == 0,
-                                self.built.geometry,
-                                &mut tally,
-                            );
-                        }
-                    }
-                }
+        self.built.counts(slow, |BuiltBackend { tested, accelerator }, tally| {
+            let one = One { shot, active, truths: exact.then_some(&truths), tested, oracle };
+            let geometry = self.built.geometry;
+            if matches!(shot.expect, Expect::Crossings) {
+                return one.crossings(accelerator, geometry, tally);
             }
-            tallies.push(tally);
-        }
-        tallies
+            for (nth, way) in tested.coherences(packets).into_iter().enumerate() {
+                one.answers(accelerator, shadow, way, nth == 0, geometry, tally);
+            }
+        })
     }
 }
 

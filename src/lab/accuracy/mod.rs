@@ -68,6 +68,23 @@ impl Built<'_> {
         let built = self.tested.iter().zip(&self.accelerators);
         built.map(|(tested, accelerator)| BuiltBackend { tested, accelerator: &**accelerator })
     }
+
+    /// Calls `judge` for every column and returns its counts. Slow columns are left out, with
+    /// counts of 0, unless `with_slow`.
+    fn counts(
+        &self,
+        with_slow: bool,
+        mut judge: impl FnMut(BuiltBackend, &mut Tally),
+    ) -> Vec<Tally> {
+        let count = |backend: BuiltBackend| {
+            let mut tally = Tally::default();
+            if with_slow || !backend.tested.is_slow() {
+                judge(backend, &mut tally);
+            }
+            tally
+        };
+        self.backends().map(count).collect()
+    }
 }
 
 /// All cases, in the order of the table.

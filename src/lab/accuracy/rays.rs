@@ -112,9 +112,7 @@ fn quickly(run: &mut Run) -> Result<()> {
 
 fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<Tally>, String) {
     let mut worst: f64 = 0.0;
-    let mut sums = Vec::new();
-    for backend in built.backends() {
-        let mut tally = Tally::default();
+    let sums = built.counts(true, |backend, tally| {
         for way in backend.tested.coherences(Coherence::Coherent) {
             let mut least = [u64::MAX; 2];
             for _ in 0..ROUNDS {
@@ -139,8 +137,7 @@ fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<Tally>, String) {
                 tally.fail(Kind::Slow, DVec3::ZERO);
             }
         }
-        sums.push(tally);
-    }
+    });
     (
         sums,
         format!(

@@ -259,7 +259,7 @@ fn flush(side: Side, what: &str) -> Case {
                         });
                         for (active, occluded) in seen.occluded(&lights, Some(&area), tally) {
                             // Points on the ceiling itself are not judged.
-                            let last = seen.is_below(&area);
+                            let last = seen.is_off_plane(&area);
                             for i in lanes(&active).filter(|&i| last[i]) {
                                 tally.rays += 1;
                                 let wrong = occluded[i] != (side == Side::Behind);

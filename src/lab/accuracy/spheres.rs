@@ -1,19 +1,15 @@
 //! Cases with spheres: tiny and far, huge and near, from inside, from their surface, along their
 //! outline. The right answers are roots computed in integers.
 
-use std::sync::atomic::Ordering::Relaxed;
-
 use glam::DVec3;
 use num_bigint::BigInt;
-use rayon::prelude::*;
 
 use super::Built;
-use super::case::{Case, Mark, Run};
+use super::case::{Case, Mark};
 use super::meshes::geometry;
 use super::tally::{Kind, Tally, ulp};
 use crate::accel::brute::Fraction;
 use crate::accel::lane::Ray;
-use crate::error::Result;
 use crate::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
 use crate::lab::query::trace;
 use crate::lab::random::Random;
@@ -113,35 +109,16 @@ fn case(name: &'static str, what: &'static str, mark: Mark, setups: Vec<Setup>) 
     Case::new(GROUP, name, what, mark, move |run| {
         for (k, setup) in setups.iter().enumerate() {
             let geometry = geometry(vec![], vec![], vec![setup.sphere]);
-            check(run, &geometry, setup, (k as u64) << 40)?;
+            let first = (k as u64) << 40;
+            run.check_packets(&geometry, PACKETS * run.settings.times, |run, built, index| {
+                shot(built, setup, &mut run.random(first + index), index)
+            })?;
         }
         Ok(())
     })
 }
 
-/// As [`Run::shoot`], but judged by the roots in integers.
-fn check(run: &mut Run, geometry: &Geometry, setup: &Setup, first: u64) -> Result<()> {
-    let mut sums = vec![Tally::default(); run.tallies.len()];
-    {
-        let run = &*run;
-        let built = run.build(geometry)?;
-        let packets = PACKETS * run.settings.times;
-        for start in (0..packets).step_by(2048) {
-            let portion: Vec<Vec<Tally>> = (start..packets.min(start + 2048))
-                .into_par_iter()
-                .filter(|_| !run.monitor.stopped())
-                .map(|index| shot(&built, setup, &mut run.random(first + index), index))
-                .collect();
-            run.monitor.check()?;
-            run.monitor.rays.fetch_add(portion.len() as u64 * LANES as u64, Relaxed);
-            for tallies in &portion {
-                sums.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
-            }
-        }
-    }
-    run.keep(geometry, sums)
-}
-
+/// Traces one packet on every column and judges it by the roots in integers.
 fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<Tally> {
     let mut rays = Rays::EMPTY;
     let mut truths = [(None, false); LANES];
@@ -168,20 +145,14 @@ fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<Ta
         };
     }
     let active = Mask([-1; LANES]);
-    let mut tallies = Vec::new();
-    for backend in built.backends() {
-        let mut tally = Tally::default();
-        if !backend.tested.is_slow() || index % SLOW == 0 {
-            for way in backend.tested.coherences(Coherence::Incoherent) {
-                let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
-                tally.nanoseconds +=
-                    trace(backend.accelerator, &active, &mut packet, false, way).as_nanos() as u64;
-                judge(built.geometry, setup, &packet, &truths, &mut tally);
-            }
+    built.counts(index % SLOW == 0, |backend, tally| {
+        for way in backend.tested.coherences(Coherence::Incoherent) {
+            let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
+            let time = trace(backend.accelerator, &active, &mut packet, false, way);
+            tally.nanoseconds += time.as_nanos() as u64;
+            judge(built.geometry, setup, &packet, &truths, tally);
         }
-        tallies.push(tally);
-    }
-    tallies
+    })
 }
 
 fn judge(

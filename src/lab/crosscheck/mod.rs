@@ -19,11 +19,10 @@ pub use self::pictures::{PictureReport, compare_pictures};
 pub use self::report::{BackendReport, Finding, PlainLoop, Report, SavedRay, Tally, Tree};
 pub use self::source::Source;
 
-use rayon::prelude::*;
-
 use self::plan::Plan;
 use super::answer::Answer;
 use super::backend::BuiltBackend;
+use super::parallel::in_portions;
 use super::query::QueryPacket;
 use super::rays::Recorded;
 use super::verdict::{Verdict, judge};
@@ -42,9 +41,6 @@ const PLAIN_LOOP_TESTS: u64 = 200_000_000;
 
 /// Largest number of wrong answers that are kept for each backend, verdict and source of rays.
 const KEPT: usize = 10;
-
-/// Number of packets between two checks of the monitor.
-const PORTION: usize = 4096;
 
 /// Scene, oracle, backends and number of rays of a check.
 #[derive(Clone, Copy)]
@@ -74,20 +70,20 @@ pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
     let primitives = u64::from(*check.world.geometry.bases().last().unwrap_or(&0));
     let loops = (PLAIN_LOOP_TESTS / primitives.max(1)).max(1);
     // The plain loop traces one packet in `stride`.
-    let stride = (plan.packets() as u64 * LANES as u64).div_ceil(loops).max(1) as usize;
+    let stride = (plan.packets() as u64 * LANES as u64).div_ceil(loops).max(1);
     let mut report = Report::new(check);
     monitor.begin(Phase::Check, plan.packets() as u64);
-    // Portions bound the memory, and signals are checked between them.
-    for first in (0..plan.packets()).step_by(PORTION) {
-        let portion: Vec<Part> = (first..plan.packets().min(first + PORTION))
-            .into_par_iter()
-            .filter(|_| !monitor.stopped())
-            .map(|index| check_packet(check, &plan.case(index), index % stride == 0))
-            .collect();
-        monitor.check()?;
-        portion.iter().for_each(|part| report.add(part, KEPT));
-        monitor.set_done((first + portion.len()) as u64);
-    }
+    let mut done = 0;
+    in_portions(
+        plan.packets() as u64,
+        monitor,
+        |index| check_packet(check, &plan.case(index as usize), index % stride == 0),
+        |portion: Vec<Part>| {
+            portion.iter().for_each(|part| report.add(part, KEPT));
+            done += portion.len() as u64;
+            monitor.set_done(done);
+        },
+    )?;
     report.allow_known(check.built_backends);
     Ok(report)
 }
