@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::result::{Report, SceneResult, What};
+use super::stats::log_fit;
 use crate::studio;
 
 /// Smallest ratio of the largest to the smallest size for a fit. With a smaller ratio the
@@ -75,13 +76,7 @@ impl Growth {
         if !(most >= SPAN * least) {
             return None;
         }
-        let logs = self.points.iter().map(|point| point.map(f64::ln));
-        let count = self.points.len() as f64;
-        let [x, y] = logs.clone().fold([0.0; 2], |[x, y], [a, b]| [x + a, y + b]);
-        let [x, y] = [x / count, y / count];
-        let [xx, xy] = logs
-            .fold([0.0; 2], |[xx, xy], [a, b]| [xx + (a - x) * (a - x), xy + (a - x) * (b - y)]);
-        Some(xy / xx)
+        Some(log_fit(&self.points).exponent)
     }
 }
 

@@ -11,9 +11,12 @@ pub mod bench;
 pub mod compare;
 pub mod converge;
 pub mod crosscheck;
+#[cfg(test)]
+mod faulty;
 pub mod growth;
 pub mod metrics;
 mod parallel;
+mod png;
 pub mod query;
 pub mod random;
 pub mod rays;

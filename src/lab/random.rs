@@ -8,9 +8,14 @@ pub struct Random(u64);
 impl Random {
     /// Starts the sequence number `index` of a seed.
     pub fn new(seed: u64, index: u64) -> Self {
-        let mut first = Self(seed);
+        let mut first = Self::from_state(seed);
         let start = first.bits();
         Self(start ^ index.wrapping_mul(0xd134_2543_de82_ef95))
+    }
+
+    /// Starts the generator in this state.
+    pub fn from_state(state: u64) -> Self {
+        Self(state)
     }
 
     /// Returns 64 random bits.

@@ -4,6 +4,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::random::Random;
+
 /// Number of resamples of a bootstrap.
 const RESAMPLES: usize = 2000;
 
@@ -65,8 +67,8 @@ pub fn median_interval(values: &[f64]) -> Estimate {
         let half = student(logs.len()) * standard_error(&logs);
         return around(median(values), mean(&logs), half);
     }
-    let mut random = Random(1);
-    let medians = (0..RESAMPLES).map(|_| median(&random.resample(values)));
+    let mut random = Random::from_state(1);
+    let medians = (0..RESAMPLES).map(|_| median(&resample(&mut random, values)));
     percentiles(median(values), medians.collect())
 }
 
@@ -89,13 +91,15 @@ pub fn unpaired_ratio(a: &[f64], b: &[f64]) -> Estimate {
         let half = student(fewer) * standard_error(&la).hypot(standard_error(&lb));
         return around(median(a) / median(b), mean(&la) - mean(&lb), half);
     }
-    let mut random = Random(1);
+    let mut random = Random::from_state(1);
     let ratio = |a: &[f64], b: &[f64]| median(a) / median(b);
-    let ratios = (0..RESAMPLES).map(|_| ratio(&random.resample(a), &random.resample(b)));
+    let ratios =
+        (0..RESAMPLES).map(|_| ratio(&resample(&mut random, a), &resample(&mut random, b)));
     percentiles(ratio(a, b), ratios.collect())
 }
 
-fn mean(values: &[f64]) -> f64 {
+/// The mean; NaN if there are no values.
+pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
@@ -124,21 +128,29 @@ fn percentiles(value: f64, mut values: Vec<f64>) -> Estimate {
     Estimate { value, low: at(0.025), high: at(0.975) }
 }
 
-/// The generator SplitMix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
+/// Draws as many values as there are, with replacement.
+fn resample(random: &mut Random, values: &[f64]) -> Vec<f64> {
+    let n = values.len() as u64;
+    values.iter().map(|_| values[(random.bits() % n) as usize]).collect()
+}
 
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        x ^ (x >> 31)
-    }
+/// Fit of a power law y = c x^exponent to points: a line through their logarithms.
+pub struct LogFit {
+    /// Mean logarithms of x and y.
+    pub mean: [f64; 2],
+    /// Sum of the squared deviations of log x from their mean.
+    pub xx: f64,
+    /// Exponent of x: the slope of the line. NaN if all x are the same.
+    pub exponent: f64,
+}
 
-    fn resample(&mut self, values: &[f64]) -> Vec<f64> {
-        let n = values.len() as u64;
-        values.iter().map(|_| values[(self.next() % n) as usize]).collect()
-    }
+/// Fits a power law to points with coordinates > 0, by least squares of log y over log x.
+pub fn log_fit(points: &[[f64; 2]]) -> LogFit {
+    let logs: Vec<[f64; 2]> = points.iter().map(|point| point.map(f64::ln)).collect();
+    let [x, y] = [0, 1].map(|k| logs.iter().map(|p| p[k]).sum::<f64>() / points.len() as f64);
+    let xx: f64 = logs.iter().map(|p| (p[0] - x) * (p[0] - x)).sum();
+    let xy: f64 = logs.iter().map(|p| (p[0] - x) * (p[1] - y)).sum();
+    LogFit { mean: [x, y], xx, exponent: xy / xx }
 }
 
 #[cfg(test)]
@@ -191,8 +203,8 @@ mod tests {
     /// seeds are fixed, so the result does not vary.
     #[test]
     fn bootstrap_intervals_contain_the_truth_as_often_as_promised() {
-        let mut random = Random(9);
-        let mut uniform = || (random.next() >> 11) as f64 / (1u64 << 53) as f64;
+        let mut random = Random::from_state(9);
+        let mut uniform = || random.unit();
         let held = (0..400).filter(|_| {
             let a: Vec<f64> = (0..30).map(|_| 1.0 + uniform()).collect();
             let b: Vec<f64> = (0..30).map(|_| 1.0 + uniform()).collect();
@@ -205,9 +217,9 @@ mod tests {
     /// At least 93 % of 2000 intervals from 2 to 9 values contain the true ratio.
     #[test]
     fn intervals_of_few_values_contain_the_truth_as_often_as_promised() {
-        let mut random = Random(5);
+        let mut random = Random::from_state(5);
         let mut noisy = || {
-            let twelve = (0..12).map(|_| (random.next() >> 11) as f64 / (1u64 << 53) as f64);
+            let twelve = (0..12).map(|_| random.unit());
             // The sum of twelve uniform numbers is nearly normal.
             (0.1 * (twelve.sum::<f64>() - 6.0)).exp()
         };

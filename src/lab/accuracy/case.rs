@@ -35,8 +35,6 @@ pub enum Mark {
     Zero(&'static str),
     /// No wrong answer. Largest share of hits with t off by more than 2 ulp, and the reason.
     Coarse(f64, &'static str),
-    /// Largest share of rays with a wrong answer, and the reason.
-    Rate(f64, &'static str),
 }
 
 impl Mark {
@@ -48,21 +46,14 @@ impl Mark {
             Self::Coarse(share, why) => {
                 format!("0; t within 2 ulp for {}% ({why})", 100.0 - share * 100.0)
             }
-            Self::Rate(share, why) => {
-                format!("at most {} failures per million ({why})", share * 1e6)
-            }
         }
     }
 
     /// Returns why the counts do not meet the criterion, or `None` if they do.
     pub fn missed(&self, tally: &Tally) -> Option<String> {
         let (failed, rays) = (tally.failed(), tally.rays);
-        let allowed = match self {
-            Self::Rate(share, _) => (share * rays as f64) as u64,
-            _ => 0,
-        };
-        if failed > allowed {
-            return Some(format!("{failed} of {rays} answers fail, expected at most {allowed}"));
+        if failed > 0 {
+            return Some(format!("{failed} of {rays} answers fail, expected at most 0"));
         }
         if rays == 0 {
             return Some("no ray was traced".into());
@@ -70,7 +61,7 @@ impl Mark {
         let share = match self {
             Self::Exact => COARSE,
             Self::Coarse(share, _) => *share,
-            Self::Zero(_) | Self::Rate(..) => return None,
+            Self::Zero(_) => return None,
         };
         let (coarse, hits) = (tally.beyond_2, tally.measured);
         if *self == Self::Exact && tally.beyond_8 > 0 {

@@ -1,15 +1,14 @@
 //! Draws a small picture of a geometry with a dot at each failure, coloured by its kind.
 
-use std::io::Cursor;
-
 use glam::DVec3;
-use image::{ImageFormat, Rgb, RgbImage};
+use image::{Rgb, RgbImage};
 
 use super::tally::Kind;
 use crate::accel::bvh::Bvh;
 use crate::accel::{Accelerator, BuildOptions};
 use crate::error::Result;
 use crate::geometry::{Geometry, Surfaces, refine};
+use crate::lab::png;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket};
 use crate::simd::Isa;
@@ -119,12 +118,7 @@ impl View {
                 }
             }
         }
-        let mut file = Cursor::new(Vec::new());
-        // Writing to memory cannot fail; only the encoder itself can.
-        match image.write_to(&mut file, ImageFormat::Png) {
-            Ok(()) => file.into_inner(),
-            Err(_) => Vec::new(),
-        }
+        png::encode(&image)
     }
 }
 

@@ -3,11 +3,10 @@
 //! The colour scale is magma (van der Walt and Smith 2015) from the crate `colorous`. Equal steps
 //! look equally large, also in grey and with most kinds of colour blindness.
 
-use std::io::Cursor;
-
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
 
 use crate::lab::metrics::Errors;
+use crate::lab::png;
 
 use super::layer::{Layer, Meaning};
 
@@ -72,13 +71,8 @@ pub fn color(position: f64) -> [u8; 3] {
 /// Encodes 8-bit pixels as a PNG file.
 pub fn png(pixels: &[[u8; 3]], width: usize) -> Vec<u8> {
     let (across, down) = (width as u32, (pixels.len() / width.max(1)) as u32);
-    let mut file = Cursor::new(Vec::new());
     let image = RgbImage::from_raw(across, down, pixels.as_flattened().to_vec());
-    // Writing to memory cannot fail; only the encoder itself can.
-    match image.map(|image| image.write_to(&mut file, ImageFormat::Png)) {
-        Some(Ok(())) => file.into_inner(),
-        _ => Vec::new(),
-    }
+    image.map_or_else(Vec::new, |image| png::encode(&image))
 }
 
 #[cfg(test)]

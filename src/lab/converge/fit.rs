@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::lab::stats::{LogFit, log_fit};
+
 /// A power law y = c x^slope, fitted to points.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Slope {
@@ -23,21 +25,16 @@ pub fn slope(points: &[[f64; 2]]) -> Option<Slope> {
     if points.len() < 3 || points.iter().flatten().any(|v| !(*v > 0.0 && v.is_finite())) {
         return None;
     }
-    let logs: Vec<[f64; 2]> = points.iter().map(|p| p.map(f64::ln)).collect();
-    let mean = |axis: usize| logs.iter().map(|p| p[axis]).sum::<f64>() / n;
-    let (mx, my) = (mean(0), mean(1));
-    let sxx: f64 = logs.iter().map(|p| (p[0] - mx).powi(2)).sum();
-    let sxy: f64 = logs.iter().map(|p| (p[0] - mx) * (p[1] - my)).sum();
-    if sxx == 0.0 {
+    let LogFit { mean: [x, y], xx, exponent: slope } = log_fit(points);
+    if xx == 0.0 {
         return None;
     }
-    let slope = sxy / sxx;
-    let residual = |p: &[f64; 2]| (p[1] - my - slope * (p[0] - mx)).powi(2);
-    let squares: f64 = logs.iter().map(residual).sum();
+    let residual = |p: &[f64; 2]| (p[1].ln() - y - slope * (p[0].ln() - x)).powi(2);
+    let squares: f64 = points.iter().map(residual).sum();
     Some(Slope {
         slope,
-        standard_error: (squares / (n - 2.0) / sxx).sqrt(),
-        factor: (my - slope * mx).exp(),
+        standard_error: (squares / (n - 2.0) / xx).sqrt(),
+        factor: (y - slope * x).exp(),
         points: points.len(),
     })
 }

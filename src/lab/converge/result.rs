@@ -6,7 +6,7 @@ use super::fit::{Slope, front, slope};
 use super::grid::Setting;
 use super::study::{Limits, Point, Study};
 use crate::lab::result::Machine;
-use crate::lab::stats::{mad, median};
+use crate::lab::stats::{mad, mean, median};
 use crate::units::plural;
 
 /// Version of the file format. It changes if a reader of older files would misread newer ones.
@@ -241,7 +241,7 @@ impl PointResult {
 
 fn point(point: &Point, backend: String, study: &Study, antialiased: bool) -> PointResult {
     let of = |f: fn(&crate::lab::metrics::Errors) -> f64| {
-        mean(&point.errors.iter().map(f).collect::<Vec<_>>())
+        mean_with_error(&point.errors.iter().map(f).collect::<Vec<_>>())
     };
     let mse = of(|e| e.mse);
     let floor = study.reference.as_ref().and_then(|reference| reference.floor);
@@ -264,9 +264,8 @@ fn point(point: &Point, backend: String, study: &Study, antialiased: bool) -> Po
     }
 }
 
-fn mean(values: &[f64]) -> Estimate {
-    let n = values.len() as f64;
-    let value = values.iter().sum::<f64>() / n;
+fn mean_with_error(values: &[f64]) -> Estimate {
+    let (n, value) = (values.len() as f64, mean(values));
     let squares: f64 = values.iter().map(|v| (v - value).powi(2)).sum();
     let standard_error = (values.len() > 1).then(|| (squares / (n - 1.0) / n).sqrt());
     Estimate { value, standard_error }

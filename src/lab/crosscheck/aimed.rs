@@ -124,7 +124,6 @@ impl<'g> Aim<'g> {
                 target = distance / least;
                 (from, (inside - from).normalize_or(DVec3::X) * least)
             }
-            Source::Scene(_) => (from, inside - from),
         };
         (origin, direction, target)
     }

@@ -1,12 +1,8 @@
-//! Sources of the rays of a check.
+//! Sources of aimed rays.
 
-use crate::lab::rays::Class;
-
-/// Source of rays: the scene's own, or a kind of aimed rays.
+/// Source of aimed rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Source {
-    /// Recorded rays of the scene, of one class.
-    Scene(Class),
     /// Rays from anywhere in any direction.
     Random,
     /// Rays through corners of primitives.
@@ -24,14 +20,13 @@ pub enum Source {
 }
 
 impl Source {
-    /// All aimed sources, in the order of reports.
-    pub const AIMED: [Self; 7] =
+    /// All sources, in the order of reports.
+    pub const ALL: [Self; 7] =
         [Self::Random, Self::Vertex, Self::Edge, Self::Axis, Self::BoxFace, Self::Far, Self::Tiny];
 
     /// Name of the source in reports.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Scene(class) => class.name(),
             Self::Random => "random",
             Self::Vertex => "vertex",
             Self::Edge => "edge",

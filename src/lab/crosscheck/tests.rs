@@ -1,9 +1,9 @@
 use std::path::Path;
 
 use super::*;
-use crate::accel::{Accelerator, BuildInfo, BuildOptions};
+use crate::accel::BuildOptions;
 use crate::lab::backend::TestedBackend;
-use crate::ray::{Hits, Mask, RayPacket, Rays};
+use crate::lab::faulty::{Fault, Faulty};
 use crate::scene::{self, Backend, EmbreeMode, Source as SceneSource};
 use crate::simd::Isa;
 use crate::world::LoadOptions;
@@ -34,68 +34,6 @@ fn world() -> World {
 }
 
 const EMBREE: Backend = Backend::Embree(EmbreeMode::Robust);
-
-/// Fault of a backend.
-#[derive(Clone, Copy)]
-enum Fault {
-    None,
-    /// Never hits one primitive.
-    Misses(u32, u32),
-    /// Reports a hit for every miss.
-    HitsNothing,
-    /// Reports another primitive of the same geometry.
-    WrongPrimitive,
-    /// Adds this share of t to t.
-    ScalesT(f32),
-    /// Misses everything along the shortest directions.
-    MissesTiny,
-}
-
-/// The oracle with a fault.
-struct Faulty<'a>(&'a Brute<'a>, Fault);
-
-impl Accelerator for Faulty<'_> {
-    fn info(&self) -> BuildInfo {
-        BuildInfo::default()
-    }
-
-    fn closest(&self, active: &Mask, packet: &mut RayPacket, _: Coherence) {
-        for i in lanes(active) {
-            let missed =
-                |hit: &Hit| matches!(self.1, Fault::Misses(g, p) if (hit.geom, hit.prim) == (g, p));
-            let ray = Ray::of(&packet.rays, i);
-            if matches!(self.1, Fault::MissesTiny) && ray.direction.length() < 1e-29 {
-                continue;
-            }
-            let hits = self.0.all_hits(&ray);
-            match (hits.into_iter().find(|hit| !missed(hit)), self.1) {
-                (Some(mut hit), fault) => {
-                    match fault {
-                        Fault::WrongPrimitive if hit.geom == 0 => hit.prim = 1 - hit.prim,
-                        Fault::ScalesT(share) => hit.t *= 1.0 + f64::from(share),
-                        _ => {}
-                    }
-                    hit.store(packet, i);
-                }
-                (None, Fault::HitsNothing) => {
-                    (packet.hits.geom[i], packet.hits.prim[i]) = (0, 0);
-                    packet.rays.tfar[i] = 1.0;
-                }
-                (None, _) => {}
-            }
-        }
-    }
-
-    fn occluded(&self, active: &Mask, rays: &mut Rays, _: Coherence) {
-        for i in lanes(active) {
-            let mut packet = RayPacket { rays: rays.clone(), hits: Hits::EMPTY };
-            self.closest(active, &mut packet, Coherence::Single);
-            if packet.hits.geom[i] != crate::ray::NONE {
-                rays.tfar[i] = f32::NEG_INFINITY;
-            }
-        }
-    }
-}
 
 /// The report of a check whose second backend, checked as `bvh`, has a fault.
 fn report(fault: Fault) -> Report {
@@ -172,9 +110,9 @@ fn every_fault_is_found_with_its_verdict() {
     assert!(picture.failure().is_some());
     let t = wrong(Fault::HitsNothing).backends[1].total;
     assert!(t.false_hit > 100 && t.leak + t.wrong_distance + t.wrong_primitive == 0, "{t:?}");
-    let t = wrong(Fault::WrongPrimitive).backends[1].total;
+    let t = wrong(Fault::OtherPrimitive).backends[1].total;
     assert!(t.wrong_primitive > 100 && t.leak + t.false_hit == 0, "{t:?}");
-    let t = wrong(Fault::ScalesT(1e-3)).backends[1].total;
+    let t = wrong(Fault::ScalesT(1.0 + 1e-3)).backends[1].total;
     assert!(t.wrong_distance > 100 && t.leak + t.wrong_primitive == 0, "{t:?}");
 }
 
@@ -262,9 +200,9 @@ fn a_ray_through_a_crowd_is_not_judged() {
 #[test]
 fn the_error_bound_of_t_is_tight() {
     // An error of one or two roundings passes. An error of a hundred fails.
-    let t = report(Fault::ScalesT(1.2e-7)).backends[1].total;
+    let t = report(Fault::ScalesT(1.0 + 1.2e-7)).backends[1].total;
     assert_eq!(t.wrong(), 0, "{t:?}");
-    let t = report(Fault::ScalesT(1e-5)).backends[1].total;
+    let t = report(Fault::ScalesT(1.0 + 1e-5)).backends[1].total;
     assert!(t.wrong_distance > t.rays / 10, "{t:?}");
 }
 

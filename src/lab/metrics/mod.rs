@@ -207,7 +207,7 @@ pub fn linear_from_srgb(x: f64) -> f64 {
 
 /// The mean of `values`; 0 if there are none.
 pub fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
+    if values.is_empty() { 0.0 } else { super::stats::mean(values) }
 }
 
 /// Number of pixels, of `channels` values each, with a NaN or an infinity, and the index of the
