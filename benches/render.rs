@@ -24,7 +24,7 @@ mod with_embree {
 
     use lightpath::accel::{self, Accelerator, BuildInfo, BuildOptions};
     use lightpath::film::{Film, Window};
-    use lightpath::lab::ab::{Plan, interleave};
+    use lightpath::lab::ab::{TimingPlan, interleave};
     use lightpath::lab::stats::{Estimate, mad, median, paired_ratio};
     use lightpath::monitor::Monitor;
     use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
@@ -92,7 +92,7 @@ mod with_embree {
         let replay = Replay::record(&world, &*embree, &mut film);
         let counts = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
         let rays = (counts.primary + counts.shadow) as f64;
-        let plan = Plan { rounds: ROUNDS, budget: Duration::ZERO };
+        let plan = TimingPlan { rounds: ROUNDS, budget: Duration::ZERO };
         let unchecked = Unchecked(&*embree);
         let samples = interleave(3, plan, &monitor, |side| {
             let started = Instant::now();

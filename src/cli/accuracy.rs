@@ -6,7 +6,7 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     files,
     lab::{
-        accuracy::{self, Case, Report, Settings},
+        accuracy::{self, AccuracyReport, AccuracySettings, Case},
         backend::{self, TestedBackend},
     },
     monitor::Monitor,
@@ -74,7 +74,7 @@ fn cases(text: Option<&str>) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
+fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<AccuracySettings> {
     let parsed = args.backend.iter().flat_map(|name| match name.as_str() {
         "bvh" => TestedBackend::tiers().into_iter().map(Ok).collect(),
         _ => vec![TestedBackend::parse("--backend", name, Isa::detect())],
@@ -89,7 +89,7 @@ fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
         true => FULL,
         false => args.times.unwrap_or(1),
     };
-    Ok(Settings { tested_backends, seed: args.seed, times, pictures: args.html.is_some() })
+    Ok(AccuracySettings { tested_backends, seed: args.seed, times, pictures: args.html.is_some() })
 }
 
 /// Refuses two outputs with the same path.
@@ -116,7 +116,7 @@ impl Files {
         })
     }
 
-    fn finish(self, report: &Report) -> Result<()> {
+    fn finish(self, report: &AccuracyReport) -> Result<()> {
         let mut written = Vec::new();
         if let Some(file) = self.json {
             let json = serde_json::to_string_pretty(report).unwrap_or_default();

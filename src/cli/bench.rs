@@ -10,11 +10,11 @@ use crate::{
     error::{Error, Failures, Kind, Problem, Result, printable},
     files,
     lab::{
-        ab::Plan,
+        ab::TimingPlan,
         backend::{self, TestedBackend},
-        bench::{Settings, measure},
+        bench::{BenchSettings, measure},
         rays::Class,
-        result::{self, Machine, Report, Run, SceneResult, Since},
+        result::{self, BaselineComparison, BenchReport, Machine, RunStamp, SceneResult},
     },
     monitor::Monitor,
     output::atomic::TextFile,
@@ -43,12 +43,12 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let settings = settings(args, &monitor)?;
     let then = args.baseline.as_deref().map(read_baseline).transpose()?;
     let command = std::env::args_os().skip(1).map(|part| part.to_string_lossy().into_owned());
-    let run = Run { unix_seconds: unix_seconds(), command: command.collect() };
+    let run = RunStamp { unix_seconds: unix_seconds(), command: command.collect() };
     refuse_overwrites(&args.inputs, args)?;
     check_inputs(&args.inputs)?;
     signals::watch(&monitor)?;
     let files = Files::create(args)?;
-    let mut report = Report {
+    let mut report = BenchReport {
         version: result::VERSION,
         machine: machine(settings.isa),
         run,
@@ -61,7 +61,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     }
     super::print(&bench_table::growth_text(&report))?;
     let name = args.baseline.as_deref().unwrap_or(Path::new("")).display().to_string();
-    let since = then.map(|then| Since::new(&report, &name, &then));
+    let since = then.map(|then| BaselineComparison::new(&report, &name, &then));
     if let Some(since) = &since {
         super::print(&bench_table::since(since))?;
     }
@@ -90,7 +90,7 @@ fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
 fn measure_scene(
     args: &BenchArgs,
     input: &Path,
-    settings: &Settings,
+    settings: &BenchSettings,
     monitor: &Monitor,
 ) -> Result<SceneResult> {
     let name = input.display().to_string();
@@ -128,7 +128,7 @@ fn measure_scene(
 }
 
 /// Checks the flags and returns the settings.
-fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
+fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<BenchSettings> {
     let isa = machine::isa(args.isa)?;
     let names = args.backends.iter();
     let parsed = names.map(|name| TestedBackend::parse("--backends", name, isa));
@@ -158,13 +158,13 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
         (false, rounds) => (args.rays, rounds.map(usize::from)),
     };
     let plan = |least: usize| match rounds {
-        Some(rounds) => Plan { rounds, budget: Duration::ZERO },
-        None => Plan { rounds: least, budget: Duration::from_secs_f64(args.seconds) },
+        Some(rounds) => TimingPlan { rounds, budget: Duration::ZERO },
+        None => TimingPlan { rounds: least, budget: Duration::from_secs_f64(args.seconds) },
     };
     let all = machine::threads(args.threads);
     let mut threads = vec![1, all];
     threads.dedup();
-    Ok(Settings {
+    Ok(BenchSettings {
         tested_backends,
         classes,
         threads,
@@ -197,11 +197,11 @@ pub fn machine(isa: Isa) -> Machine {
     }
 }
 
-fn read_baseline(path: &Path) -> Result<Report> {
+fn read_baseline(path: &Path) -> Result<BenchReport> {
     let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, "read", &error))?;
     let place = || path.display().to_string();
     let expected = "expected a file of `lightpath bench --save-baseline`";
-    let report: Report = serde_json::from_str(&text)
+    let report: BenchReport = serde_json::from_str(&text)
         .map_err(|error| Error::invalid(place(), format!("{error}; {expected}")))?;
     if report.version != result::VERSION {
         let message = format!("found version {}, expected {}", report.version, result::VERSION);
@@ -232,7 +232,7 @@ impl Files {
         })
     }
 
-    fn finish(self, report: &Report, since: Option<&Since>) -> Result<()> {
+    fn finish(self, report: &BenchReport, since: Option<&BaselineComparison>) -> Result<()> {
         let mut written = Vec::new();
         let json = serde_json::to_string_pretty(report).unwrap_or_default() + "\n";
         for file in self.json {
@@ -246,7 +246,7 @@ impl Files {
 }
 
 /// Fails if our own tree gave wrong answers. Wrong answers of other backends are only reported.
-fn check_answers(report: &Report, settings: &Settings) -> Result<()> {
+fn check_answers(report: &BenchReport, settings: &BenchSettings) -> Result<()> {
     let mut problems = Vec::new();
     for scene in &report.scenes {
         for (tested_backend, backend) in settings.tested_backends.iter().zip(&scene.backends) {

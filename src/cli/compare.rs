@@ -7,7 +7,7 @@ use crate::{
     error::{Error, Failures, Kind, Problem, Result},
     files,
     lab::{
-        compare::{self, Compared, Comparison, Settings, file::Picture},
+        compare::{self, CompareSettings, Compared, Comparison, file::Picture},
         metrics::Metric,
     },
     output::atomic::{Part, TextFile},
@@ -93,7 +93,7 @@ fn limit(flag: &str, text: &str, below: bool) -> Result<Limit> {
     }
 }
 
-fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<Settings> {
+fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings> {
     if !args.exposure.is_finite() {
         let message = format!("found {}, expected a finite number of stops", args.exposure);
         return Err(Error::invalid("--exposure", message));
@@ -122,7 +122,7 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<Settings> {
         ToneName::Clamp => ToneOperator::Clamp,
         ToneName::Reinhard => ToneOperator::Reinhard,
     });
-    Ok(Settings { layers: args.layer.clone(), tonemap, exposure: args.exposure })
+    Ok(CompareSettings { layers: args.layer.clone(), tonemap, exposure: args.exposure })
 }
 
 /// Returns the reasons why the check fails: pixels that are not finite, and exceeded thresholds.

@@ -15,7 +15,7 @@ use crate::{
             file::{Format, Picture},
             layer::{Layer, Meaning},
         },
-        converge::{self, Grid, Limits, Reference, Settings, Subject, report},
+        converge::{self, Grid, Limits, Reference, StudyNames, StudySettings, report},
     },
     monitor::Monitor,
     output::{atomic::TextFile, exr_read},
@@ -68,7 +68,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
             ));
         }
     }
-    let settings = Settings { tested_backends, grid, limits, started, isa };
+    let settings = StudySettings { tested_backends, grid, limits, started, isa };
     let pool = machine::pool(args.threads)?;
     let study = pool.install(|| {
         let options = LoadOptions { ready, ..LoadOptions::default() };
@@ -83,7 +83,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         converge::run(&mut world, &settings, reference, &monitor, &note)
     })?;
     let file = args.reference.as_ref().map(|path| path.display().to_string());
-    let subject = Subject {
+    let subject = StudyNames {
         machine: bench::machine(isa),
         threads: pool.current_num_threads(),
         scene: args.input.display().to_string(),
@@ -202,7 +202,7 @@ impl Files {
         Ok(Self { json: create(&args.json)?, csv: create(&args.csv)?, html: create(&args.html)? })
     }
 
-    fn finish(self, found: &converge::Report, study: &converge::Study) -> Result<()> {
+    fn finish(self, found: &converge::StudyReport, study: &converge::Study) -> Result<()> {
         let mut written = Vec::new();
         if let Some(file) = self.json {
             let json = serde_json::to_string_pretty(found).unwrap_or_default();

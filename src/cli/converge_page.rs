@@ -6,7 +6,7 @@ use crate::{
             layer::{Layer, Meaning},
             map,
         },
-        converge::{Crop, PointResult, Report, Study},
+        converge::{Crop, PointResult, Study, StudyReport},
     },
     output::tonemap::Curve,
     report::{Cell, Line, Lines, Page, Section, picture_of_width},
@@ -16,7 +16,7 @@ use crate::{
 use super::{compare_page, converge_text as text};
 
 /// Builds the page. `study` holds the pictures.
-pub fn page(report: &Report, study: &Study) -> Page {
+pub fn page(report: &StudyReport, study: &Study) -> Page {
     let m = &report.machine;
     let versions = m.versions.iter().map(|(name, version)| format!("{name} {version}"));
     let versions: Vec<String> = versions.collect();
@@ -31,7 +31,7 @@ pub fn page(report: &Report, study: &Study) -> Page {
     }
 }
 
-fn answer(report: &Report) -> Section {
+fn answer(report: &StudyReport) -> Section {
     let findings = text::findings(report).into_iter().map(|finding| (capital(finding), false));
     Section {
         title: "What it takes".into(),
@@ -49,7 +49,7 @@ fn capital(text: String) -> String {
 
 /// Returns backends and samplers, with `random` first: the first colour of a chart is drawn in the
 /// background.
-fn compared(report: &Report) -> Vec<(String, String)> {
+fn compared(report: &StudyReport) -> Vec<(String, String)> {
     let mut all: Vec<(String, String)> = Vec::new();
     for point in &report.points {
         let name = (point.backend.clone(), point.sampler.clone());
@@ -61,7 +61,7 @@ fn compared(report: &Report) -> Vec<(String, String)> {
     all
 }
 
-fn against_time(report: &Report) -> String {
+fn against_time(report: &StudyReport) -> String {
     let compared = compared(report);
     let at = |p: &PointResult| [p.median_s, p.relmse.value];
     let of = |(backend, sampler): &(String, String)| -> Vec<[f64; 2]> {
@@ -92,7 +92,7 @@ fn level(error: Option<f64>) -> Option<(f64, String)> {
     error.filter(|error| *error > 0.0).map(|error| (error, "error of the reference".into()))
 }
 
-fn against_samples(report: &Report) -> String {
+fn against_samples(report: &StudyReport) -> String {
     let mut chosen = text::headline(report);
     chosen.sort_by_key(|series| series.sampler == "sobol");
     let at = |i: &usize| [report.points[*i].samples as f64, report.points[*i].rmse.value];
@@ -118,7 +118,7 @@ fn against_samples(report: &Report) -> String {
 
 /// Chooses two settings to show as pictures: both samplers with the same number of samples, or both
 /// ends of the Pareto front.
-fn chosen(report: &Report) -> Vec<usize> {
+fn chosen(report: &StudyReport) -> Vec<usize> {
     let usable = |p: &&PointResult| !p.not_antialiased && p.relmse.value > 0.0;
     let mut sobol: Vec<&PointResult> = report.points.iter().filter(usable).collect();
     sobol.retain(|p| p.sampler == "sobol");
@@ -142,7 +142,7 @@ fn chosen(report: &Report) -> Vec<usize> {
     }
 }
 
-fn pictures(report: &Report, study: &Study) -> Option<Section> {
+fn pictures(report: &StudyReport, study: &Study) -> Option<Section> {
     let (crop, reference) = (study.crop?, study.reference.as_ref()?);
     let exact = crop.cut(&reference.values, report.size[0] as usize);
     let measured: Vec<_> = study.points.iter().filter(|point| !point.errors.is_empty()).collect();
@@ -195,7 +195,7 @@ fn eight_bits(values: &[f32], reference: &[f32], crop: Crop) -> Vec<u8> {
     map::png(&pixels.collect::<Vec<_>>(), crop.size[0])
 }
 
-fn numbers(report: &Report) -> Section {
+fn numbers(report: &StudyReport) -> Section {
     let cells = |rows: Vec<Vec<String>>| -> Vec<Vec<Cell>> {
         rows.into_iter().map(|row| row.into_iter().map(Cell::from).collect()).collect()
     };

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::lab::{
     answer::Answer,
-    crosscheck::{Finding, Report, Tally, Tree},
+    crosscheck::{CrosscheckReport, Finding, Tree, VerdictCounts},
     verdict::{MAX_NEAR, Verdict},
 };
 
@@ -14,7 +14,7 @@ use super::units;
 const MAX_FINDINGS: usize = 12;
 
 /// Formats the whole report.
-pub fn report(report: &Report) -> String {
+pub fn report(report: &CrosscheckReport) -> String {
     let mut out = format!(
         "{} rays, {} primitives, seed {}; the oracle is `brute`\n",
         units::count(report.rays),
@@ -88,9 +88,9 @@ pub fn report(report: &Report) -> String {
 const HEADING: &str = "  rays                 all      agree       tie      edge     crowd      leak \
                        false hit  wrong prim  wrong dist  wrong / known";
 
-fn row(name: &str, tally: &Tally, known: Option<u64>) -> String {
-    let Tally { rays, agree, tie, edge, crowd, .. } = tally;
-    let Tally { leak, false_hit, wrong_primitive, wrong_distance, .. } = tally;
+fn row(name: &str, tally: &VerdictCounts, known: Option<u64>) -> String {
+    let VerdictCounts { rays, agree, tie, edge, crowd, .. } = tally;
+    let VerdictCounts { leak, false_hit, wrong_primitive, wrong_distance, .. } = tally;
     let known = known.map_or(String::new(), |most| format!("{:>6} / {most}", tally.wrong()));
     let line = format!(
         "  {name:<14}{rays:>10} {agree:>10} {tie:>9} {edge:>9} {crowd:>9} {leak:>9} {false_hit:>9} \

@@ -7,14 +7,14 @@ use crate::monitor::Monitor;
 
 /// Number of rounds and time limit of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plan {
+pub struct TimingPlan {
     /// Smallest number of rounds. Each round takes two samples of every backend.
     pub rounds: usize,
     /// Time in which further rounds begin.
     pub budget: Duration,
 }
 
-impl Plan {
+impl TimingPlan {
     /// Largest number of rounds, whatever the budget.
     const MAX_ROUNDS: usize = 500;
 }
@@ -29,7 +29,7 @@ impl Plan {
 /// The errors of `run`; `Interrupted` after a signal.
 pub fn interleave(
     count: usize,
-    plan: Plan,
+    plan: TimingPlan,
     monitor: &Monitor,
     mut run: impl FnMut(usize) -> Result<f64>,
 ) -> Result<Vec<Vec<f64>>> {
@@ -39,7 +39,8 @@ pub fn interleave(
     }
     let started = Instant::now();
     let mut round = 0;
-    while round < plan.rounds || (started.elapsed() < plan.budget && round < Plan::MAX_ROUNDS) {
+    while round < plan.rounds || (started.elapsed() < plan.budget && round < TimingPlan::MAX_ROUNDS)
+    {
         for i in (0..count).chain((0..count).rev()) {
             monitor.check()?;
             samples[i].push(run(i)?);
@@ -56,7 +57,7 @@ mod tests {
     #[test]
     fn rounds_run_forwards_and_backwards_after_a_warm_up() {
         let mut order = Vec::new();
-        let plan = Plan { rounds: 2, budget: Duration::ZERO };
+        let plan = TimingPlan { rounds: 2, budget: Duration::ZERO };
         let samples = interleave(3, plan, &Monitor::default(), |i| {
             order.push(i);
             Ok(order.len() as f64)
@@ -71,7 +72,7 @@ mod tests {
     fn a_budget_adds_rounds_and_a_signal_ends_them() {
         let monitor = Monitor::default();
         let mut runs = 0;
-        let plan = Plan { rounds: 1, budget: Duration::from_secs(3600) };
+        let plan = TimingPlan { rounds: 1, budget: Duration::from_secs(3600) };
         let result = interleave(1, plan, &monitor, |_| {
             runs += 1;
             if runs == 10 {

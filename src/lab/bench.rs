@@ -4,12 +4,12 @@ use std::time::Instant;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::ab::{Plan, interleave};
+use super::ab::{TimingPlan, interleave};
 use super::agreement::{self, Agreement};
 use super::backend::{TestedBackend, build_all};
 use super::rays::{Class, Recording, record};
 use super::replay::{Mode, Replay};
-use super::result::{BackendResult, PairResult, Row, What};
+use super::result::{BackendResult, PairResult, TimingRow, WorkKind};
 use crate::accel::{self, Accelerator};
 use crate::error::{Error, Kind, Problem, Result};
 use crate::film::{Film, Window};
@@ -22,7 +22,7 @@ use crate::world::World;
 
 /// Backends, rays and repetitions of a measurement.
 #[derive(Debug, Clone)]
-pub struct Settings {
+pub struct BenchSettings {
     /// Backends to compare. The first is the reference of all ratios. It also finds the hits from
     /// which secondary rays start.
     pub tested_backends: Vec<TestedBackend>,
@@ -37,9 +37,9 @@ pub struct Settings {
     /// Instruction set of the shading in whole pictures, for all backends.
     pub isa: Isa,
     /// Rounds and time for replays of rays.
-    pub plan: Plan,
+    pub plan: TimingPlan,
     /// Rounds and time for builds and whole pictures.
-    pub slow_plan: Plan,
+    pub slow_plan: TimingPlan,
 }
 
 /// Measurements of one scene.
@@ -47,10 +47,10 @@ pub struct Settings {
 pub struct Measured {
     /// Version and memory of every backend.
     pub backends: Vec<BackendResult>,
-    /// Number of rays for each class of [`Settings::classes`].
+    /// Number of rays for each class of [`BenchSettings::classes`].
     pub rays: Vec<(Class, u64)>,
     /// Timings: builds, classes of rays, whole pictures.
-    pub rows: Vec<Row>,
+    pub rows: Vec<TimingRow>,
     /// Agreement of every pair of backends, for each replay.
     pub agreement: Vec<PairResult>,
 }
@@ -61,7 +61,7 @@ pub struct Measured {
 /// The errors of [`accel::build`]; `Interrupted` after a signal.
 pub fn measure(
     world: &World,
-    settings: &Settings,
+    settings: &BenchSettings,
     monitor: &Monitor,
     note: &(dyn Fn(&str) + Sync),
 ) -> Result<Measured> {
@@ -88,7 +88,7 @@ struct Judged {
 
 struct Bench<'a> {
     world: &'a World,
-    settings: &'a Settings,
+    settings: &'a BenchSettings,
     monitor: &'a Monitor,
     note: &'a (dyn Fn(&str) + Sync),
 }
@@ -129,7 +129,7 @@ impl<'a> Bench<'a> {
         Ok(Measured { backends: backends.collect(), rays: rays.collect(), rows, agreement })
     }
 
-    fn builds(&self) -> Result<Row> {
+    fn builds(&self) -> Result<TimingRow> {
         let threads = rayon::current_num_threads();
         (self.note)(&format!("build, {}", plural(threads, "thread")));
         let tested = &self.settings.tested_backends;
@@ -141,13 +141,13 @@ impl<'a> Bench<'a> {
             Ok(seconds)
         })?;
         let work = vec![self.world.primitives(); tested.len()];
-        Ok(Row::new(What::Build, "build", "", threads, &work, samples))
+        Ok(TimingRow::new(WorkKind::Build, "build", "", threads, &work, samples))
     }
 
     /// The replays of all chosen classes for which the scene has rays, in both modes.
     fn replays<'r>(&self, recording: &'r Recording) -> Vec<Replay<'r>> {
         let classes = self.settings.classes.iter().flat_map(|&class| {
-            let packets = recording.of(class);
+            let packets = recording.packets(class);
             Mode::ALL.map(|mode| Replay { class, mode, packets })
         });
         classes.filter(|replay| !replay.packets.is_empty()).collect()
@@ -182,7 +182,7 @@ impl<'a> Bench<'a> {
         built: &[&dyn Accelerator],
         recording: &Recording,
         judged: &[Judged],
-    ) -> Result<Vec<Row>> {
+    ) -> Result<Vec<TimingRow>> {
         let threads = rayon::current_num_threads();
         let mut rows = Vec::new();
         for replay in self.replays(recording) {
@@ -198,7 +198,8 @@ impl<'a> Bench<'a> {
             })?;
             let rays = recording.count(class);
             let work = vec![rays; built.len()];
-            let mut row = Row::new(What::Rays, class.name(), mode.name(), threads, &work, samples);
+            let mut row =
+                TimingRow::new(WorkKind::Rays, class.name(), mode.name(), threads, &work, samples);
             let judged = judged.iter().find(|j| (j.class, j.mode) == (class, mode));
             for (i, entry) in row.entries.iter_mut().enumerate() {
                 let Some(judged) = judged else { continue };
@@ -213,7 +214,7 @@ impl<'a> Bench<'a> {
         Ok(rows)
     }
 
-    fn image(&self, built: &[&dyn Accelerator]) -> Result<Row> {
+    fn image(&self, built: &[&dyn Accelerator]) -> Result<TimingRow> {
         let threads = rayon::current_num_threads();
         (self.note)(&format!("image, {}", plural(threads, "thread")));
         let [width, height] = self.world.frame;
@@ -226,6 +227,6 @@ impl<'a> Bench<'a> {
             work[i] = counts.primary + counts.shadow + counts.reflection;
             Ok(seconds)
         })?;
-        Ok(Row::new(What::Image, "image", "", threads, &work, samples))
+        Ok(TimingRow::new(WorkKind::Image, "image", "", threads, &work, samples))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::result::{Report, SceneResult, What};
+use super::result::{BenchReport, SceneResult, WorkKind};
 use super::stats::log_fit;
 use crate::studio;
 
@@ -28,7 +28,7 @@ impl Quantity {
     fn of(self, scene: &SceneResult, backend: usize) -> Option<f64> {
         match self {
             Self::BuildTime => {
-                let builds = scene.rows.iter().filter(|row| row.what == What::Build);
+                let builds = scene.rows.iter().filter(|row| row.what == WorkKind::Build);
                 let row = builds.max_by_key(|row| row.threads)?;
                 Some(row.entries.get(backend)?.median_s.value)
             }
@@ -51,7 +51,7 @@ impl Growth {
     /// Collects a quantity of every backend over the scenes that are a single mesh.
     ///
     /// Other scenes are left out: they have too little in common.
-    pub fn of(report: &Report, quantity: Quantity) -> Vec<Self> {
+    pub fn of_report(report: &BenchReport, quantity: Quantity) -> Vec<Self> {
         let alone = |scene: &&SceneResult| studio::is_mesh(Path::new(&scene.name));
         let mut scenes: Vec<&SceneResult> = report.scenes.iter().filter(alone).collect();
         scenes.sort_by_key(|scene| scene.triangles);

@@ -83,13 +83,13 @@ pub struct Recording {
 
 impl Recording {
     /// The packets of a class, in the renderer's order. Empty if the scene has no such rays.
-    pub fn of(&self, class: Class) -> &[Recorded] {
+    pub fn packets(&self, class: Class) -> &[Recorded] {
         &self.packets[class as usize]
     }
 
     /// Number of rays of a class.
     pub fn count(&self, class: Class) -> u64 {
-        self.of(class).iter().map(|packet| u64::from(packet.active.count())).sum()
+        self.packets(class).iter().map(|packet| u64::from(packet.active.count())).sum()
     }
 }
 
@@ -211,7 +211,7 @@ impl State {
     /// Begins the next camera packet. Classes that have less than their even share record its rays.
     fn next(&mut self) {
         self.taking = Class::ALL.map(|class| {
-            let have = self.recording.of(class).len() as u128;
+            let have = self.recording.packets(class).len() as u128;
             have * (self.primary as u128) <= self.limit as u128 * self.seen as u128
         });
         self.seen += 1;

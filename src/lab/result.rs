@@ -1,4 +1,6 @@
 //! Results of `lightpath bench`, as they are written to JSON and read back.
+//!
+//! `serde(rename)` gives the names in messages about bad files.
 
 use std::collections::BTreeMap;
 
@@ -13,14 +15,15 @@ pub const VERSION: u32 = 1;
 
 /// Results of one run of `lightpath bench`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+#[serde(rename = "Report")]
+pub struct BenchReport {
     /// Format of the file: [`VERSION`] when it was written.
     pub version: u32,
     /// The machine that the run took place on.
     pub machine: Machine,
     /// Time and command line of the run; empty if an older file lacks them.
     #[serde(default)]
-    pub run: Run,
+    pub run: RunStamp,
     /// One entry for each scene, in the order of the command line.
     pub scenes: Vec<SceneResult>,
 }
@@ -40,7 +43,8 @@ pub struct Machine {
 
 /// Time and command line of a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Run {
+#[serde(rename = "Run")]
+pub struct RunStamp {
     /// Start, in seconds since 1970, UTC.
     pub unix_seconds: u64,
     /// The command line, without the program.
@@ -61,7 +65,7 @@ pub struct SceneResult {
     /// The compared backends. Ratios refer to the first.
     pub backends: Vec<BackendResult>,
     /// Timings of builds, rays and whole pictures.
-    pub rows: Vec<Row>,
+    pub rows: Vec<TimingRow>,
     /// Agreement of the answers of every pair of backends.
     pub agreement: Vec<PairResult>,
 }
@@ -86,7 +90,7 @@ pub struct BackendResult {
 /// Kind of work that a row times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum What {
+pub enum WorkKind {
     /// A build of the accelerator. Its work is counted in triangles.
     Build,
     /// Queries of one class of rays. Their work is counted in rays.
@@ -97,9 +101,10 @@ pub enum What {
 
 /// Timings of one piece of work by every backend.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+#[serde(rename = "Row")]
+pub struct TimingRow {
     /// Kind of work that is timed.
-    pub what: What,
+    pub what: WorkKind,
     /// `build`, `image` or a class of rays.
     pub name: String,
     /// `single` or `packets` for rays; empty otherwise.
@@ -107,12 +112,13 @@ pub struct Row {
     /// Number of worker threads.
     pub threads: usize,
     /// One entry for each backend, in the order of [`SceneResult::backends`].
-    pub entries: Vec<Entry>,
+    pub entries: Vec<TimingEntry>,
 }
 
 /// Timings of one backend in one row.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+#[serde(rename = "Entry")]
+pub struct TimingEntry {
     /// Number of triangles or rays of one sample.
     pub work: u64,
     /// Seconds of every sample. Samples k of all backends were taken next to each other.
@@ -148,7 +154,7 @@ pub struct PairResult {
     pub agreement: Agreement,
 }
 
-impl Entry {
+impl TimingEntry {
     /// Creates an entry from the samples of its backend and of the first backend.
     pub fn new(work: u64, seconds: Vec<f64>, first: Option<&[f64]>) -> Self {
         let median_s = median_interval(&seconds);
@@ -167,7 +173,7 @@ impl Entry {
     }
 }
 
-impl Row {
+impl TimingRow {
     /// Name for tables: `primary, packets` or `build`.
     pub fn label(&self) -> String {
         match self.mode.is_empty() {
@@ -178,7 +184,7 @@ impl Row {
 
     /// Creates a row from the samples of all backends. The first backend is the reference.
     pub fn new(
-        what: What,
+        what: WorkKind,
         name: &str,
         mode: &str,
         threads: usize,
@@ -187,7 +193,7 @@ impl Row {
     ) -> Self {
         let first = samples[0].clone();
         let entry = |(i, (seconds, work)): (usize, (Vec<f64>, &u64))| {
-            Entry::new(*work, seconds, (i > 0).then_some(&first))
+            TimingEntry::new(*work, seconds, (i > 0).then_some(&first))
         };
         let entries = samples.into_iter().zip(work).enumerate().map(entry).collect();
         Self { what, name: name.into(), mode: mode.into(), threads, entries }
@@ -210,7 +216,7 @@ impl Estimate {
 pub struct Change {
     /// Name of the scene.
     pub scene: String,
-    /// The row, as [`Row::label`] names it.
+    /// The row, as [`TimingRow::label`] names it.
     pub row: String,
     /// Number of worker threads.
     pub threads: usize,
@@ -222,7 +228,7 @@ pub struct Change {
 
 /// Comparison of this run with an earlier run, the baseline.
 #[derive(Debug, Clone)]
-pub struct Since {
+pub struct BaselineComparison {
     /// File and commit of the baseline.
     pub baseline: String,
     /// Differences between the two machines, in words; `None` if there are none.
@@ -232,9 +238,9 @@ pub struct Since {
     pub changes: Vec<Change>,
 }
 
-impl Since {
+impl BaselineComparison {
     /// Compares `now` with `then`, the baseline read from the file `name`.
-    pub fn new(now: &Report, name: &str, then: &Report) -> Self {
+    pub fn new(now: &BenchReport, name: &str, then: &BenchReport) -> Self {
         let commit = then.machine.versions.get("commit").map_or("unknown", String::as_str);
         Self {
             baseline: format!("{name}, commit {commit}"),
@@ -245,7 +251,7 @@ impl Since {
 }
 
 /// Describes how machine or kernels of two runs differ; `None` if they do not.
-fn elsewhere(now: &Report, then: &Report) -> Option<String> {
+fn elsewhere(now: &BenchReport, then: &BenchReport) -> Option<String> {
     let (a, b) = (&now.machine, &then.machine);
     let pairs = [(&a.cpu, &b.cpu), (&a.isa, &b.isa)];
     let cores = [a.cores, b.cores].map(|n| plural(n, "processor"));
@@ -256,19 +262,19 @@ fn elsewhere(now: &Report, then: &Report) -> Option<String> {
 }
 
 /// Compares all timings that two runs have in common.
-fn changes(now: &Report, then: &Report) -> Vec<Change> {
+fn changes(now: &BenchReport, then: &BenchReport) -> Vec<Change> {
     let mut changes = Vec::new();
     for scene in &now.scenes {
         let same = |s: &&SceneResult| s.name == scene.name && s.hash == scene.hash;
         let Some(old) = then.scenes.iter().find(same) else { continue };
         for row in &scene.rows {
-            let key = |r: &Row| (r.what as u8, r.name.clone(), r.mode.clone(), r.threads);
+            let key = |r: &TimingRow| (r.what as u8, r.name.clone(), r.mode.clone(), r.threads);
             let Some(old_row) = old.rows.iter().find(|r| key(r) == key(row)) else { continue };
             for (backend, entry) in scene.backends.iter().zip(&row.entries) {
                 let index = old.backends.iter().position(|b| b.name == backend.name);
                 let Some(old_entry) = index.and_then(|i| old_row.entries.get(i)) else { continue };
                 // Seconds per unit of work, because the number of rays may differ.
-                let unit = |e: &Entry| -> Vec<f64> {
+                let unit = |e: &TimingEntry| -> Vec<f64> {
                     e.seconds.iter().map(|s| s / e.work.max(1) as f64).collect()
                 };
                 changes.push(Change {
@@ -288,10 +294,10 @@ fn changes(now: &Report, then: &Report) -> Vec<Change> {
 mod tests {
     use super::*;
 
-    fn report(factor: f64, hash: &str) -> Report {
+    fn report(factor: f64, hash: &str) -> BenchReport {
         let samples = |t: f64| (0..10).map(|i| factor * t * (1.0 + 0.001 * f64::from(i))).collect();
-        let row = Row::new(
-            What::Rays,
+        let row = TimingRow::new(
+            WorkKind::Rays,
             "primary",
             "single",
             1,
@@ -317,7 +323,7 @@ mod tests {
         };
         let machine =
             Machine { cpu: "c".into(), cores: 1, isa: "i".into(), versions: BTreeMap::new() };
-        Report { version: VERSION, machine, run: Run::default(), scenes: vec![scene] }
+        BenchReport { version: VERSION, machine, run: RunStamp::default(), scenes: vec![scene] }
     }
 
     #[test]
@@ -336,7 +342,7 @@ mod tests {
     fn a_report_is_the_same_after_writing_and_reading() {
         let report = report(1.0 / 3.0, "h");
         let text = serde_json::to_string(&report).unwrap();
-        assert_eq!(serde_json::from_str::<Report>(&text).unwrap(), report);
+        assert_eq!(serde_json::from_str::<BenchReport>(&text).unwrap(), report);
     }
 
     #[test]

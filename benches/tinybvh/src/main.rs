@@ -11,7 +11,7 @@ use clap::Parser;
 use layouts::{Corners, Layout, TinyBvh};
 use lightpath::accel::{self, Accelerator, BuildOptions};
 use lightpath::error::Result;
-use lightpath::lab::ab::{Plan, interleave};
+use lightpath::lab::ab::{TimingPlan, interleave};
 use lightpath::lab::agreement::{self, Agreement};
 use lightpath::lab::rays::{Class, Recording, record};
 use lightpath::lab::replay::{Mode, Replay};
@@ -166,7 +166,7 @@ impl Bench<'_> {
     /// Builds all accelerators on the current pool, in turns, and prints their build times and
     /// memory.
     fn build(&self) -> Result<Built<'_>> {
-        let plan = Plan { rounds: self.arguments.rounds.div_ceil(3), budget: Duration::ZERO };
+        let plan = TimingPlan { rounds: self.arguments.rounds.div_ceil(3), budget: Duration::ZERO };
         let samples = interleave(self.tested_backends.len(), plan, self.monitor, |i| {
             let started = Instant::now();
             let built = self.one(&self.tested_backends[i])?;
@@ -198,7 +198,7 @@ impl Bench<'_> {
     /// Returns the rays of each class, to be traced one at a time.
     fn replays<'r>(&self, recording: &'r Recording) -> impl Iterator<Item = Replay<'r>> {
         Class::ALL.into_iter().filter_map(|class| {
-            let packets = recording.of(class);
+            let packets = recording.packets(class);
             (!packets.is_empty()).then_some(Replay { class, mode: Mode::Single, packets })
         })
     }
@@ -230,7 +230,7 @@ impl Bench<'_> {
 
     /// Prints rays per second, measured in turns on the current pool.
     fn rays(&self, built: &Built<'_>, recording: &Recording, threads: usize) -> Result<()> {
-        let plan = Plan { rounds: self.arguments.rounds, budget: Duration::ZERO };
+        let plan = TimingPlan { rounds: self.arguments.rounds, budget: Duration::ZERO };
         for replay in self.replays(recording) {
             let samples =
                 interleave(built.len(), plan, self.monitor, |i| Ok(replay.seconds(&*built[i])))?;

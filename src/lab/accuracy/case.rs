@@ -3,11 +3,11 @@
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
-use super::judge::{Judge, Shot};
+use super::judge::{AimedPacket, Judge};
 use super::picture;
-use super::report::{Entry, Picture, Row};
-use super::tally::{Kind, Tally};
-use super::{Built, Settings};
+use super::report::{BackendCounts, CaseResult, FailurePicture};
+use super::tally::{CaseCounts, Kind};
+use super::{AccuracySettings, Built};
 use crate::accel::BuildOptions;
 use crate::accel::brute::Brute;
 use crate::error::Result;
@@ -27,7 +27,7 @@ const WEIGHT: f64 = 1e-6;
 
 /// Pass criterion of a case, for the columns that must meet it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Mark {
+pub enum PassCriterion {
     /// No wrong answer. t within 2 ulp for 99.99% of the hits and within 8 ulp for all, weights
     /// within 1e-6.
     Exact,
@@ -37,7 +37,7 @@ pub enum Mark {
     Coarse(f64, &'static str),
 }
 
-impl Mark {
+impl PassCriterion {
     /// The criterion as the table of results shows it.
     pub fn text(&self) -> String {
         match self {
@@ -50,7 +50,7 @@ impl Mark {
     }
 
     /// Returns why the counts do not meet the criterion, or `None` if they do.
-    pub fn missed(&self, tally: &Tally) -> Option<String> {
+    pub fn missed(&self, tally: &CaseCounts) -> Option<String> {
         let (failed, rays) = (tally.failed(), tally.rays);
         if failed > 0 {
             return Some(format!("{failed} of {rays} answers fail, expected at most 0"));
@@ -75,8 +75,8 @@ impl Mark {
     }
 }
 
-/// Function that runs a case and adds its counts to the [`Run`].
-type Work = Box<dyn Fn(&mut Run) -> Result<()> + Send + Sync>;
+/// Function that runs a case and adds its counts to the [`CaseRun`].
+type Work = Box<dyn Fn(&mut CaseRun) -> Result<()> + Send + Sync>;
 
 /// A case of the catalogue: geometry and rays with known answers.
 pub struct Case {
@@ -87,7 +87,7 @@ pub struct Case {
     /// Description of the rays and of the right answers.
     pub what: String,
     /// Criterion that a backend must meet to pass.
-    pub mark: Mark,
+    pub mark: PassCriterion,
     work: Work,
 }
 
@@ -97,29 +97,29 @@ impl Case {
         group: &'static str,
         name: impl Into<String>,
         what: impl Into<String>,
-        mark: Mark,
-        work: impl Fn(&mut Run) -> Result<()> + Send + Sync + 'static,
+        mark: PassCriterion,
+        work: impl Fn(&mut CaseRun) -> Result<()> + Send + Sync + 'static,
     ) -> Self {
         Self { group, name: name.into(), what: what.into(), mark, work: Box::new(work) }
     }
 
     /// Runs the case on every column and returns its row of results.
-    pub(super) fn run(&self, settings: &Settings, monitor: &Monitor) -> Result<Row> {
+    pub(super) fn run(&self, settings: &AccuracySettings, monitor: &Monitor) -> Result<CaseResult> {
         let started = Instant::now();
         // The seed depends on the name of the case, not on its place in the catalogue.
         let salt = self.name.bytes().fold(settings.seed, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
         });
         let columns = &settings.tested_backends;
-        let tallies = vec![Tally::default(); columns.len()];
-        let mut run = Run { settings, monitor, salt, tallies, pictures: vec![], note: None };
+        let tallies = vec![CaseCounts::default(); columns.len()];
+        let mut run = CaseRun { settings, monitor, salt, tallies, pictures: vec![], note: None };
         (self.work)(&mut run)?;
-        let Run { tallies, pictures, note, .. } = run;
+        let CaseRun { tallies, pictures, note, .. } = run;
         let entries = columns.iter().zip(&tallies).map(|(column, tally)| {
             let missed = self.mark.missed(tally).filter(|_| column.must_be_right());
-            Entry::new(tally, missed.or_else(|| tally.has_any(forbidden(column.backend))))
+            BackendCounts::new(tally, missed.or_else(|| tally.has_any(forbidden(column.backend))))
         });
-        Ok(Row {
+        Ok(CaseResult {
             group: self.group.into(),
             name: self.name.clone(),
             what: self.what.clone(),
@@ -147,17 +147,17 @@ pub fn forbidden(backend: Backend) -> &'static [Kind] {
 }
 
 /// State of a case while it runs: settings in, counts out.
-pub struct Run<'a> {
+pub struct CaseRun<'a> {
     /// Backends, seed and number of rays.
-    pub settings: &'a Settings,
+    pub settings: &'a AccuracySettings,
     /// Receives progress and carries signals.
     pub monitor: &'a Monitor,
     /// Seed of the random numbers of this case.
     salt: u64,
     /// Counts of each column so far.
-    pub tallies: Vec<Tally>,
+    pub tallies: Vec<CaseCounts>,
     /// Pictures of failures, at most one for each column.
-    pictures: Vec<Picture>,
+    pictures: Vec<FailurePicture>,
     /// Remark for the table of results.
     pub note: Option<String>,
 }
@@ -173,7 +173,7 @@ pub struct Amount {
     pub truth: u64,
 }
 
-impl Run<'_> {
+impl CaseRun<'_> {
     /// Random numbers of this case, number `index`.
     pub fn random(&self, index: u64) -> Random {
         Random::new(self.salt, index)
@@ -200,7 +200,7 @@ impl Run<'_> {
         &mut self,
         geometry: &Geometry,
         amount: Amount,
-        aim: impl Fn(&mut Random) -> Shot + Sync,
+        aim: impl Fn(&mut Random) -> AimedPacket + Sync,
     ) -> Result<()> {
         let times = self.settings.times;
         // In a long run the slow columns trace at most 16 times the rays of the quick run.
@@ -213,7 +213,7 @@ impl Run<'_> {
     }
 
     /// Builds every column over a geometry and judges packets on the threads of the current rayon
-    /// pool. Keeps the counts: see [`Run::keep`].
+    /// pool. Keeps the counts: see [`CaseRun::keep`].
     ///
     /// `judge` returns the counts of each column for the packet of an index.
     ///
@@ -223,9 +223,9 @@ impl Run<'_> {
         &mut self,
         geometry: &Geometry,
         packets: u64,
-        judge: impl Fn(&Run, &Built, u64) -> Vec<Tally> + Sync,
+        judge: impl Fn(&CaseRun, &Built, u64) -> Vec<CaseCounts> + Sync,
     ) -> Result<()> {
-        let mut sums = vec![Tally::default(); self.tallies.len()];
+        let mut sums = vec![CaseCounts::default(); self.tallies.len()];
         {
             let run = &*self;
             let built = run.build(geometry)?;
@@ -233,7 +233,7 @@ impl Run<'_> {
                 packets,
                 run.monitor,
                 |index| judge(run, &built, index),
-                |portion: Vec<Vec<Tally>>| {
+                |portion: Vec<Vec<CaseCounts>>| {
                     for tallies in &portion {
                         sums.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
                     }
@@ -248,7 +248,7 @@ impl Run<'_> {
     ///
     /// # Errors
     /// The errors of the build that the pictures need.
-    pub fn keep(&mut self, geometry: &Geometry, sums: Vec<Tally>) -> Result<()> {
+    pub fn keep(&mut self, geometry: &Geometry, sums: Vec<CaseCounts>) -> Result<()> {
         if self.settings.pictures && sums.iter().any(|sum| !sum.places.is_empty()) {
             let view = picture::View::new(geometry, self.monitor)?;
             for (index, sum) in sums.iter().enumerate() {
@@ -257,7 +257,11 @@ impl Run<'_> {
                     continue;
                 }
                 let name = self.settings.tested_backends[index].name.clone();
-                self.pictures.push(Picture { column: index, name, png: view.png(&sum.places) });
+                self.pictures.push(FailurePicture {
+                    column: index,
+                    name,
+                    png: view.png(&sum.places),
+                });
             }
         }
         for (tally, sum) in self.tallies.iter_mut().zip(&sums) {

@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 
-use super::case::{Amount, Case, Mark};
-use super::judge::{Expect, Shot};
+use super::case::{Amount, Case, PassCriterion};
+use super::judge::{AimedPacket, Expect};
 use super::meshes::{corners, geometry, inside, soup};
 use crate::geometry::{Geometry, Sphere};
 use crate::lab::random::Random;
@@ -57,8 +57,10 @@ fn scene(random: &mut Random) -> Geometry {
 /// All cases of this group.
 pub fn cases() -> Vec<Case> {
     let row = |name: &'static str, what: &'static str, aimed: bool, packets: u64| {
-        let mark =
-            Mark::Coarse(0.01, "needles 16 decades long: f64 has too few digits for their planes");
+        let mark = PassCriterion::Coarse(
+            0.01,
+            "needles 16 decades long: f64 has too few digits for their planes",
+        );
         Case::new(GROUP, name, what, mark, move |run| {
             // A longer run has more soups, not only more rays.
             let times = run.settings.times;
@@ -71,7 +73,7 @@ pub fn cases() -> Vec<Case> {
                 let mesh = &geometry.meshes[0];
                 let amount = Amount { packets, slow: 4, truth: 1 };
                 run.shoot(&geometry, amount, |random| {
-                    let mut shot = Shot::new(Expect::Oracle);
+                    let mut shot = AimedPacket::new(Expect::Oracle);
                     let one = (random.below(2) == 0).then(|| wide_point(random));
                     for i in 0..LANES {
                         let origin = one.unwrap_or_else(|| wide_point(random));

@@ -10,9 +10,9 @@ use std::time::Instant;
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
-use super::case::{Case, Mark, Run};
+use super::case::{Case, CaseRun, PassCriterion};
 use super::shadow::Points;
-use super::tally::{Kind, Tally, ulp};
+use super::tally::{CaseCounts, Kind, ulp};
 use crate::accel::Accelerator;
 use crate::accel::lane::lanes;
 use crate::error::Result;
@@ -169,11 +169,11 @@ fn rays_at_object(
 /// `first_rays` creates the first rays. `judge` traces secondary rays from the hits of one column,
 /// and counts wrong answers.
 pub(super) fn check(
-    run: &mut Run,
+    run: &mut CaseRun,
     geometry: &Geometry,
     salt: u64,
     first_rays: impl Fn(&mut Random) -> RayPacket + Sync,
-    judge: impl Fn(&mut Random, &Seen, &mut Tally) + Sync,
+    judge: impl Fn(&mut Random, &ColumnHits, &mut CaseCounts) + Sync,
 ) -> Result<()> {
     run.check_packets(geometry, PACKETS * run.settings.times, |run, built, index| {
         let first = first_rays(&mut run.random(salt << 40 | index << 1));
@@ -185,14 +185,14 @@ pub(super) fn check(
             let time = trace(accelerator, &all, &mut packet, false, Coherence::Coherent);
             tally.nanoseconds += time.as_nanos() as u64;
             let points = Points::new((geometry, accelerator), &packet.hit(&all), &mut packet);
-            let seen = Seen { geometry, tested, accelerator, packet: &packet, points };
+            let seen = ColumnHits { geometry, tested, accelerator, packet: &packet, points };
             judge(&mut random, &seen, tally);
         })
     })
 }
 
 /// The hits of one column on a packet, and their surface points.
-pub(super) struct Seen<'a> {
+pub(super) struct ColumnHits<'a> {
     geometry: &'a Geometry,
     pub tested: &'a TestedBackend,
     accelerator: &'a dyn Accelerator,
@@ -200,14 +200,14 @@ pub(super) struct Seen<'a> {
     pub points: Points,
 }
 
-impl Seen<'_> {
+impl ColumnHits<'_> {
     /// Traces shadow rays to `lights`. Returns, for each way to trace them, the lanes that have a
     /// shadow ray, and which of these are occluded.
     pub fn occluded(
         &self,
         lights: &[DVec3; LANES],
         area: Option<&Area>,
-        tally: &mut Tally,
+        tally: &mut CaseCounts,
     ) -> Vec<(Mask, [bool; LANES])> {
         let mut q = [[0.0; LANES]; 3];
         for (i, light) in lights.iter().enumerate() {
@@ -252,7 +252,7 @@ fn self_shadow(scale: f64) -> Case {
         "an octahedron, a cube of quads, a sphere of size {scale:e}, at 0, 1e3 and 1e7 times that from \
          the world's origin: lights above the surface must reach it. `coursework` with its offset of 1e-4"
     );
-    let mark = Mark::Zero("shadow rays have no t");
+    let mark = PassCriterion::Zero("shadow rays have no t");
     Case::new(GROUP, name, what, mark, move |run| {
         let mut salt = 0;
         for solid in SOLIDS {
@@ -334,7 +334,7 @@ fn largest(geometry: &Geometry) -> f64 {
 
 /// A case with occluders `ulps` above a surface. From [`CONTACT`] ulp on they must shadow it.
 fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case {
-    let mark = Mark::Zero("occluders nearer than 4 ulp are counted, not failed");
+    let mark = PassCriterion::Zero("occluders nearer than 4 ulp are counted, not failed");
     Case::new(GROUP, name, what, mark, move |run| {
         let mut salt = 0;
         for (&scale, &ulps) in scales.iter().flat_map(|s| ulps.iter().map(move |u| (s, u))) {
@@ -353,7 +353,7 @@ fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case
 }
 
 fn in_contact(
-    run: &mut Run,
+    run: &mut CaseRun,
     geometry: &Geometry,
     solid: Solid,
     place: &Place,

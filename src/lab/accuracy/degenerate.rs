@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::case::{Amount, Case, Mark};
-use super::judge::{Expect, Shot};
+use super::case::{Amount, Case, PassCriterion};
+use super::judge::{AimedPacket, Expect};
 use super::meshes::{corners, inside, scene, soup};
 use crate::geometry::TriangleMesh;
 use crate::lab::random::Random;
@@ -14,9 +14,9 @@ const GROUP: &str = "degenerate";
 const AMOUNT: Amount = Amount { packets: 160, slow: 4, truth: 1 };
 
 /// Rays from a sphere of radius `distance` at corners, edges and insides of triangles.
-fn aim(random: &mut Random, mesh: &TriangleMesh, distance: f64, expect: Expect) -> Shot {
+fn aim(random: &mut Random, mesh: &TriangleMesh, distance: f64, expect: Expect) -> AimedPacket {
     let count = mesh.triangles().len() as u32;
-    let mut shot = Shot::new(expect);
+    let mut shot = AimedPacket::new(expect);
     let together = random.below(2) == 0;
     let mut from = DVec3::ZERO;
     for i in 0..LANES {
@@ -37,7 +37,7 @@ fn aim(random: &mut Random, mesh: &TriangleMesh, distance: f64, expect: Expect) 
 fn case(
     name: &'static str,
     what: &'static str,
-    mark: Mark,
+    mark: PassCriterion,
     distance: f64,
     expect: Expect,
     make: fn(&mut Random) -> TriangleMesh,
@@ -84,7 +84,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "zero area",
             "triangles with two or three equal corners among whole ones: never hit, nothing hidden",
-            Mark::Exact,
+            PassCriterion::Exact,
             4.0,
             Expect::Oracle,
             |random| {
@@ -97,7 +97,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "collinear",
             "triangles whose corners stand on a line, exactly or up to rounding",
-            Mark::Exact,
+            PassCriterion::Exact,
             4.0,
             Expect::Oracle,
             |random| {
@@ -114,7 +114,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "duplicates",
             "three copies of every triangle: the lowest primitive is the hit",
-            Mark::Exact,
+            PassCriterion::Exact,
             4.0,
             Expect::Lowest,
             |random| copied(random, false),
@@ -122,7 +122,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "coincident, opposite winding",
             "every triangle again with its corners in the other order: the lowest primitive is the hit",
-            Mark::Exact,
+            PassCriterion::Exact,
             4.0,
             Expect::Lowest,
             |random| copied(random, true),
@@ -130,7 +130,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "slivers 1:1e7",
             "triangles 1e7 times as long as wide",
-            Mark::Exact,
+            PassCriterion::Exact,
             4.0,
             Expect::Oracle,
             |random| {
@@ -144,7 +144,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "needle fans",
             "fans of 2,000 needles around one vertex",
-            Mark::Exact,
+            PassCriterion::Exact,
             3.0,
             Expect::Oracle,
             fan,
@@ -152,7 +152,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "1e-25 triangles",
             "triangles of size 1e-25 around the origin, seen from 4e-25 away",
-            Mark::Exact,
+            PassCriterion::Exact,
             4e-25,
             Expect::Oracle,
             |random| {
@@ -164,7 +164,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "1e18 coordinates",
             "triangles of size 1e18, seen from 4e18 away",
-            Mark::Exact,
+            PassCriterion::Exact,
             4e18,
             Expect::Oracle,
             |random| {

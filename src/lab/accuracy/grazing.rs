@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::case::{Amount, Case, Mark};
-use super::judge::{Expect, Shot};
+use super::case::{Amount, Case, PassCriterion};
+use super::judge::{AimedPacket, Expect};
 use super::meshes::{corners, inside, scene, soup};
 use crate::geometry::TriangleMesh;
 use crate::lab::random::Random;
@@ -25,8 +25,8 @@ fn strips(random: &mut Random, width: f64) -> TriangleMesh {
 }
 
 /// Rays at `degrees` to the plane of the triangle that they are aimed at, from 1 to 8 away.
-fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> Shot {
-    let mut shot = Shot::new(Expect::Oracle);
+fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> AimedPacket {
+    let mut shot = AimedPacket::new(Expect::Oracle);
     for i in 0..LANES {
         let [a, b, c] = corners(mesh, random.below(mesh.triangles().len() as u32));
         let goal = match random.below(3) {
@@ -50,7 +50,7 @@ pub fn cases() -> Vec<Case> {
             let name = format!("{degrees:?} degrees to triangles 1:{:e}", 1.0 / width);
             let what =
                 format!("strips of width {width:e}, rays at {degrees:?} degrees to their planes");
-            Case::new(GROUP, name, what, Mark::Exact, move |run| {
+            Case::new(GROUP, name, what, PassCriterion::Exact, move |run| {
                 let geometry = scene(strips(&mut run.random(u64::MAX), width));
                 let amount = Amount { packets: 200, slow: 4, truth: 1 };
                 run.shoot(&geometry, amount, |random| aim(random, &geometry.meshes[0], degrees))

@@ -5,7 +5,7 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::Built;
-use super::tally::{Kind, Tally, kind_of, ulp};
+use super::tally::{CaseCounts, Kind, kind_of, ulp};
 use crate::accel::Accelerator;
 use crate::accel::brute::Brute;
 use crate::accel::lane::{Hit, Ray, lanes};
@@ -35,7 +35,7 @@ pub enum Expect {
 }
 
 /// 16 rays with the right answers.
-pub struct Shot {
+pub struct AimedPacket {
     /// The rays. Lanes that do not pass [`Rays::possible`] are never traced.
     pub rays: Rays,
     /// Points that the rays are aimed at, for the pictures.
@@ -44,7 +44,7 @@ pub struct Shot {
     pub expect: Expect,
 }
 
-impl Shot {
+impl AimedPacket {
     /// Creates a shot without rays.
     pub fn new(expect: Expect) -> Self {
         Self { rays: Rays::EMPTY, goals: [DVec3::ZERO; LANES], expect }
@@ -78,7 +78,7 @@ impl Judge<'_> {
     ///
     /// If `known`, answers are compared with the oracle. Otherwise [`Expect::Closed`] is judged
     /// without it. If `slow`, slow columns trace the packet too.
-    pub fn shot(&self, shot: &Shot, index: u64, known: bool, slow: bool) -> Vec<Tally> {
+    pub fn shot(&self, shot: &AimedPacket, index: u64, known: bool, slow: bool) -> Vec<CaseCounts> {
         let oracle = &self.built.oracle;
         let active = shot.rays.possible(&Mask([-1; LANES]));
         let exact = known || !matches!(shot.expect, Expect::Closed(_));
@@ -104,7 +104,7 @@ impl Judge<'_> {
 
 /// One packet traced on one column.
 struct One<'a> {
-    shot: &'a Shot,
+    shot: &'a AimedPacket,
     active: Mask,
     truths: Option<&'a [Option<Hit>; LANES]>,
     tested: &'a TestedBackend,
@@ -119,7 +119,7 @@ impl One<'_> {
         way: Coherence,
         measure: bool,
         geometry: &Geometry,
-        tally: &mut Tally,
+        tally: &mut CaseCounts,
     ) {
         let mut packet = RayPacket { rays: self.shot.rays.clone(), ..RayPacket::EMPTY };
         tally.nanoseconds +=
@@ -137,7 +137,13 @@ impl One<'_> {
     }
 
     /// Returns the kind of error in lane `i`, or `None` if its answer is right.
-    fn judge(&self, i: usize, packet: &RayPacket, shadow: bool, tally: &mut Tally) -> Option<Kind> {
+    fn judge(
+        &self,
+        i: usize,
+        packet: &RayPacket,
+        shadow: bool,
+        tally: &mut CaseCounts,
+    ) -> Option<Kind> {
         let answer = Answer::in_lane(packet, i, shadow);
         if self.active.0[i] == 0 {
             let same = packet.rays.tfar[i].to_bits() == self.shot.rays.tfar[i].to_bits();
@@ -183,7 +189,12 @@ impl One<'_> {
     ///
     /// Only clear lines are judged: no edge lies within the error bound, and no two crossings are
     /// too close to separate.
-    fn crossings(&self, accelerator: &dyn Accelerator, geometry: &Geometry, tally: &mut Tally) {
+    fn crossings(
+        &self,
+        accelerator: &dyn Accelerator,
+        geometry: &Geometry,
+        tally: &mut CaseCounts,
+    ) {
         for i in lanes(&self.active) {
             let ray = Ray::of(&self.shot.rays, i);
             if !self.clear(&ray) {
@@ -254,7 +265,7 @@ pub fn measure_hits(
     active: &Mask,
     packet: &RayPacket,
     truths: &[Option<Hit>; LANES],
-    tally: &mut Tally,
+    tally: &mut CaseCounts,
 ) {
     let mut surfaces = Surfaces::EMPTY;
     let hit = packet.hit(active);

@@ -7,10 +7,10 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 use serde_json::json;
 
-use super::case::{Amount, Case, Mark, Run};
-use super::judge::{Expect, Shot};
-use super::meshes::{Shape, corners, icosphere, inside, scan};
-use super::tally::{Kind, Tally, ulp};
+use super::case::{Amount, Case, CaseRun, PassCriterion};
+use super::judge::{AimedPacket, Expect};
+use super::meshes::{TestMesh, corners, icosphere, inside, scan};
+use super::tally::{CaseCounts, Kind, ulp};
 use crate::error::{Error, Result};
 use crate::film::{Film, Window};
 use crate::monitor::Monitor;
@@ -34,7 +34,7 @@ const PIXEL: f32 = 1e-5;
 const FRAME: [u32; 2] = [64, 48];
 
 /// Text of a PLY file with double coordinates.
-fn ply(shape: &Shape, shift: DVec3) -> String {
+fn ply(shape: &TestMesh, shift: DVec3) -> String {
     let (vertices, faces) = (shape.vertices.len(), shape.triangles.len());
     let mut text = format!(
         "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty double x\nproperty double y\n\
@@ -85,14 +85,19 @@ fn write(folder: &Path, name: &str, text: &str) -> Result<()> {
 }
 
 /// Rounds vertices to multiples of 2^-20, so that a shift by whole numbers is exact.
-fn on_a_grid(mut shape: Shape) -> Shape {
+fn on_a_grid(mut shape: TestMesh) -> TestMesh {
     let grid = f64::from(1 << 20);
     shape.vertices.iter_mut().for_each(|v| *v = (*v * grid).round() / grid);
     shape
 }
 
 /// Compares the picture of a shifted scene with the picture at the origin, pixel by pixel.
-fn moved(run: &mut Run, shape: &Shape, shift: DVec3, same: fn(f32, f32) -> bool) -> Result<()> {
+fn moved(
+    run: &mut CaseRun,
+    shape: &TestMesh,
+    shift: DVec3,
+    same: fn(f32, f32) -> bool,
+) -> Result<()> {
     let folder = folder()?;
     write(folder.path(), "here.ply", &ply(shape, DVec3::ZERO))?;
     write(folder.path(), "there.ply", &ply(shape, shift))?;
@@ -106,7 +111,7 @@ fn moved(run: &mut Run, shape: &Shape, shift: DVec3, same: fn(f32, f32) -> bool)
         let mut sums = Vec::new();
         for (one, other) in a.backends().zip(b.backends()) {
             let isa = one.tested.backend.isa();
-            let mut tally = Tally::default();
+            let mut tally = CaseCounts::default();
             let started = std::time::Instant::now();
             let mut pictures = Vec::new();
             for (world, backend) in [(&here, one), (&there, other)] {
@@ -133,7 +138,7 @@ fn moved(run: &mut Run, shape: &Shape, shift: DVec3, same: fn(f32, f32) -> bool)
 }
 
 /// Checks two meshes 1e6 apart: vertices within half an ulp, and no leak in either.
-fn apart(run: &mut Run) -> Result<()> {
+fn apart(run: &mut CaseRun) -> Result<()> {
     let folder = folder()?;
     let shape = icosphere(4).squashed(DVec3::splat(50.0 + 1.0 / 3.0));
     let places =
@@ -145,7 +150,7 @@ fn apart(run: &mut Run) -> Result<()> {
     let world = load(folder.path(), &names, places[0].lerp(places[1], 0.5), FRAME)?;
     let geometry = &world.geometry;
     let mut off: f64 = 0.0;
-    let mut tally = Tally::default();
+    let mut tally = CaseCounts::default();
     for (mesh, place) in geometry.meshes.iter().zip(places) {
         for (stored, v) in mesh.vertices().iter().zip(&shape.vertices) {
             let exact = (*v + place) - geometry.origin;
@@ -165,7 +170,7 @@ fn apart(run: &mut Run) -> Result<()> {
     run.keep(geometry, sums)?;
     let amount = Amount { packets: 600, slow: 8, truth: 8 };
     run.shoot(geometry, amount, |random| {
-        let mut shot = Shot::new(Expect::Closed([f64::INFINITY; LANES]));
+        let mut shot = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
         let which = random.below(2) as usize;
         let mesh = &geometry.meshes[which];
         let center = places[which] - geometry.origin;
@@ -184,7 +189,7 @@ fn apart(run: &mut Run) -> Result<()> {
 
 /// All cases of this group.
 pub fn cases() -> Vec<Case> {
-    let pixels = || Mark::Zero("pixels are compared");
+    let pixels = || PassCriterion::Zero("pixels are compared");
     vec![
         Case::new(
             GROUP,
@@ -210,7 +215,7 @@ pub fn cases() -> Vec<Case> {
             "two meshes 1e6 apart",
             "closed meshes of size 100 in map coordinates, 1e6 from each other: vertices to half an f32 \
              ulp around the common origin, and no ray from within escapes",
-            Mark::Exact,
+            PassCriterion::Exact,
             apart,
         ),
     ]

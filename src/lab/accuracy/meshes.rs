@@ -9,7 +9,7 @@ use crate::lab::random::Random;
 
 /// A generated mesh around the origin, in f64.
 #[derive(Debug, Clone, Default)]
-pub struct Shape {
+pub struct TestMesh {
     /// Positions in f64, not rounded to f32.
     pub vertices: Vec<DVec3>,
     /// Indices into `vertices`, three for each triangle.
@@ -19,7 +19,7 @@ pub struct Shape {
     pub core: f64,
 }
 
-/// [`Shape::core`] of a shape without spikes.
+/// [`TestMesh::core`] of a shape without spikes.
 const CORE: f64 = 0.3;
 
 /// Shared vertices, found by their coordinates.
@@ -42,7 +42,7 @@ impl Welded {
 }
 
 /// A sphere of radius 1 with 20 * 4^levels triangles.
-pub fn icosphere(levels: usize) -> Shape {
+pub fn icosphere(levels: usize) -> TestMesh {
     let mut vertices = Welded::default();
     let phi = (1.0 + 5f64.sqrt()) / 2.0;
     let mut faces: Vec<[DVec3; 3]> = Vec::new();
@@ -78,11 +78,11 @@ pub fn icosphere(levels: usize) -> Shape {
             .collect();
     }
     let triangles = faces.iter().map(|face| face.map(|v| vertices.index(v))).collect();
-    Shape { vertices: vertices.vertices, triangles, core: CORE }
+    TestMesh { vertices: vertices.vertices, triangles, core: CORE }
 }
 
 /// A cube from -1 to 1 whose sides have 2 n^2 triangles each.
-pub fn cube(n: u32) -> Shape {
+pub fn cube(n: u32) -> TestMesh {
     let mut vertices = Welded::default();
     let mut triangles = Vec::new();
     for axis in 0..3 {
@@ -102,14 +102,14 @@ pub fn cube(n: u32) -> Shape {
             }
         }
     }
-    Shape { vertices: vertices.vertices, triangles, core: CORE }
+    TestMesh { vertices: vertices.vertices, triangles, core: CORE }
 }
 
 /// 27 cells from -1 to 1 that share their walls. Four walls meet at every inner edge, so the mesh
 /// is not a manifold.
 ///
 /// Without `all` it has only the walls of the middle cell, over the same vertices.
-pub fn cells(all: bool) -> Shape {
+pub fn cells(all: bool) -> TestMesh {
     let mut vertices = Welded::default();
     let mut triangles = Vec::new();
     let at = |k: u32| f64::from(k) / 1.5 - 1.0;
@@ -127,14 +127,14 @@ pub fn cells(all: bool) -> Shape {
             }
         }
     }
-    Shape { vertices: vertices.vertices, triangles, core: CORE }
+    TestMesh { vertices: vertices.vertices, triangles, core: CORE }
 }
 
 /// A ball of radius 1/3 with a spike of length 2/3 on each of its 20 * 4^levels faces.
 ///
 /// A spike consists of three thin triangles whose first vertex is the tip.
-pub fn spiky_ball(levels: usize) -> Shape {
-    let Shape { mut vertices, triangles, .. } = icosphere(levels);
+pub fn spiky_ball(levels: usize) -> TestMesh {
+    let TestMesh { mut vertices, triangles, .. } = icosphere(levels);
     let mut spikes = Vec::with_capacity(3 * triangles.len());
     for [a, b, c] in triangles {
         let sum: DVec3 = [a, b, c].map(|v| vertices[v as usize]).iter().sum();
@@ -143,12 +143,12 @@ pub fn spiky_ball(levels: usize) -> Shape {
         spikes.extend([[tip, a, b], [tip, b, c], [tip, c, a]]);
     }
     vertices.iter_mut().for_each(|v| *v /= 3.0);
-    Shape { vertices, triangles: spikes, core: 0.01 }
+    TestMesh { vertices, triangles: spikes, core: 0.01 }
 }
 
 /// A closed mesh like a scan: 20,480 triangles of uneven size with folds and noise. All of it is
 /// visible from its middle.
-pub fn scan() -> Shape {
+pub fn scan() -> TestMesh {
     let mut shape = icosphere(5);
     let mut random = Random::new(0x5ca4, 0);
     for v in &mut shape.vertices {
@@ -163,7 +163,7 @@ pub fn scan() -> Shape {
     shape
 }
 
-impl Shape {
+impl TestMesh {
     /// Multiplies each coordinate by a factor.
     #[must_use]
     pub fn squashed(mut self, by: DVec3) -> Self {

@@ -1,10 +1,10 @@
 //! Hard cases with known answers, traced on every backend, for `lightpath accuracy`.
 //!
 //! A [`Case`] is a row of the table: its rays, their right answers and its pass criterion, a
-//! [`Mark`]. A column is a [`TestedBackend`]. The files `watertight`, `degenerate`, `rays`, `grazing`,
-//! `quads`, `contact`, `secondary`, `spheres`, `map_coordinates` and `conservative` build the
-//! geometry and aim the rays. [`Run`] traces the rays on every column, and `judge` counts wrong
-//! answers.
+//! [`PassCriterion`]. A column is a [`TestedBackend`]. The files `watertight`, `degenerate`,
+//! `rays`, `grazing`, `quads`, `contact`, `secondary`, `spheres`, `map_coordinates` and
+//! `conservative` build the geometry and aim the rays. [`CaseRun`] traces the rays on every column,
+//! and `judge` counts wrong answers.
 
 mod case;
 mod conservative;
@@ -26,9 +26,11 @@ mod tally;
 mod tests;
 mod watertight;
 
-pub use self::case::{Case, Mark, Run};
-pub use self::report::{ColumnReport, Entry, Picture, Report, Row, VERSION};
-pub use self::tally::{Kind, Tally};
+pub use self::case::{Case, CaseRun, PassCriterion};
+pub use self::report::{
+    AccuracyReport, BackendCounts, CaseResult, ColumnReport, FailurePicture, VERSION,
+};
+pub use self::tally::{CaseCounts, Kind};
 
 use super::backend::{BuiltBackend, TestedBackend};
 use crate::accel::Accelerator;
@@ -39,7 +41,7 @@ use crate::monitor::Monitor;
 
 /// Backends, seed and number of rays of a run.
 #[derive(Debug, Clone)]
-pub struct Settings {
+pub struct AccuracySettings {
     /// The columns of the table, in order.
     pub tested_backends: Vec<TestedBackend>,
     /// Seed of all random rays.
@@ -74,10 +76,10 @@ impl Built<'_> {
     fn counts(
         &self,
         with_slow: bool,
-        mut judge: impl FnMut(BuiltBackend, &mut Tally),
-    ) -> Vec<Tally> {
+        mut judge: impl FnMut(BuiltBackend, &mut CaseCounts),
+    ) -> Vec<CaseCounts> {
         let count = |backend: BuiltBackend| {
-            let mut tally = Tally::default();
+            let mut tally = CaseCounts::default();
             if with_slow || !backend.tested.is_slow() {
                 judge(backend, &mut tally);
             }
@@ -113,12 +115,12 @@ pub fn catalogue() -> Vec<Case> {
 /// The errors of the builds and of `done`; `Interrupted` after a signal.
 pub fn run(
     cases: &[Case],
-    settings: &Settings,
+    settings: &AccuracySettings,
     monitor: &Monitor,
     begun: &(dyn Fn(usize, &Case) + Sync),
-    done: &mut dyn FnMut(&Row) -> Result<()>,
-) -> Result<Report> {
-    let mut report = Report::new(settings, monitor)?;
+    done: &mut dyn FnMut(&CaseResult) -> Result<()>,
+) -> Result<AccuracyReport> {
+    let mut report = AccuracyReport::new(settings, monitor)?;
     for (index, case) in cases.iter().enumerate() {
         begun(index, case);
         let row = case.run(settings, monitor)?;

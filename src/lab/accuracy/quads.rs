@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 
-use super::case::{Amount, Case, Mark};
-use super::judge::{Expect, Shot};
+use super::case::{Amount, Case, PassCriterion};
+use super::judge::{AimedPacket, Expect};
 use super::meshes::geometry;
 use crate::lab::random::Random;
 use crate::ray::LANES;
@@ -34,9 +34,9 @@ fn quads(random: &mut Random, bend: f64) -> Vec<Quad> {
         .collect()
 }
 
-type Aim = fn(&mut Random, &Quad, &mut Shot, usize);
+type Aim = fn(&mut Random, &Quad, &mut AimedPacket, usize);
 
-fn case(name: &'static str, what: &'static str, mark: Mark, bend: f64, aim: Aim) -> Case {
+fn case(name: &'static str, what: &'static str, mark: PassCriterion, bend: f64, aim: Aim) -> Case {
     Case::new(GROUP, name, what, mark, move |run| {
         let quads = quads(&mut run.random(u64::MAX), bend);
         let f32s = quads.iter().map(|quad| quad.map(|v| v.as_vec3().to_array())).collect();
@@ -45,7 +45,7 @@ fn case(name: &'static str, what: &'static str, mark: Mark, bend: f64, aim: Aim)
         let rounded: Vec<Quad> =
             geometry.quads.iter().map(|quad| quad.map(|v| DVec3::from(v.map(f64::from)))).collect();
         run.shoot(&geometry, Amount { packets: 200, slow: 4, truth: 1 }, |random| {
-            let mut shot = Shot::new(Expect::Oracle);
+            let mut shot = AimedPacket::new(Expect::Oracle);
             for i in 0..LANES {
                 let quad = &rounded[random.below(rounded.len() as u32) as usize];
                 aim(random, quad, &mut shot, i);
@@ -60,7 +60,7 @@ fn within(random: &mut Random, [a, b, _, d]: &Quad) -> DVec3 {
 }
 
 /// Sets a ray at `angle` radians to the plane, through a point of the quad.
-fn at_angle(random: &mut Random, quad: &Quad, angle: f64, shot: &mut Shot, i: usize) {
+fn at_angle(random: &mut Random, quad: &Quad, angle: f64, shot: &mut AimedPacket, i: usize) {
     let [a, b, _, d] = *quad;
     let normal = (b - a).cross(d - a).normalize_or(DVec3::Z);
     let turn = random.within(0.0, std::f64::consts::TAU);
@@ -72,12 +72,12 @@ fn at_angle(random: &mut Random, quad: &Quad, angle: f64, shot: &mut Shot, i: us
 
 /// All cases of this group.
 pub fn cases() -> Vec<Case> {
-    let seen_edge_on = Mark::Coarse(0.01, "seen edge-on, t may be that of the other half");
+    let seen_edge_on = PassCriterion::Coarse(0.01, "seen edge-on, t may be that of the other half");
     vec![
         case(
             "parallel",
             "rays parallel to a quad's plane, beside it",
-            Mark::Exact,
+            PassCriterion::Exact,
             0.0,
             |random, quad, shot, i| {
                 let [a, b, _, d] = *quad;
@@ -109,7 +109,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "corners and diagonals",
             "rays at corners, edges and the diagonal where the two halves meet",
-            Mark::Exact,
+            PassCriterion::Exact,
             0.0,
             |random, quad, shot, i| {
                 let [a, b, c, d] = *quad;
@@ -124,21 +124,21 @@ pub fn cases() -> Vec<Case> {
         case(
             "grazing at 0.1 degrees",
             "rays at 0.1 degrees to a quad's plane",
-            Mark::Exact,
+            PassCriterion::Exact,
             0.0,
             |random, quad, shot, i| at_angle(random, quad, 0.1f64.to_radians(), shot, i),
         ),
         case(
             "grazing at 0.01 degrees",
             "rays at 0.01 degrees to a quad's plane",
-            Mark::Exact,
+            PassCriterion::Exact,
             0.0,
             |random, quad, shot, i| at_angle(random, quad, 0.01f64.to_radians(), shot, i),
         ),
         case(
             "not quite flat",
             "one corner 1e-6 off the plane of the others: two triangles",
-            Mark::Exact,
+            PassCriterion::Exact,
             1e-6,
             |random, quad, shot, i| {
                 let goal = within(random, quad);

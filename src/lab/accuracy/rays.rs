@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 use super::Built;
-use super::case::{Amount, Case, Mark, Run};
-use super::judge::{Expect, Shot};
+use super::case::{Amount, Case, CaseRun, PassCriterion};
+use super::judge::{AimedPacket, Expect};
 use super::meshes::{corners, inside, scan, scene};
-use super::tally::{Kind, Tally};
+use super::tally::{CaseCounts, Kind};
 use crate::error::Result;
 use crate::geometry::{Sphere, TriangleMesh};
 use crate::lab::query::trace;
@@ -23,9 +23,9 @@ const SLOW: f64 = 2.5;
 /// Number of timings, of which the fastest counts.
 const ROUNDS: usize = 7;
 
-type Change = fn(&mut Random, &TriangleMesh, &mut Shot, usize);
+type Change = fn(&mut Random, &TriangleMesh, &mut AimedPacket, usize);
 
-fn case(name: &'static str, what: &'static str, mark: Mark, change: Change) -> Case {
+fn case(name: &'static str, what: &'static str, mark: PassCriterion, change: Change) -> Case {
     Case::new(GROUP, name, what, mark, move |run| {
         let geometry = scene(scan().placed(DVec3::ZERO, 1.0));
         run.shoot(&geometry, AMOUNT, |random| shot(random, &geometry.meshes[0], change))
@@ -33,8 +33,8 @@ fn case(name: &'static str, what: &'static str, mark: Mark, change: Change) -> C
 }
 
 /// Rays from around the mesh at its points, each changed by `change`.
-fn shot(random: &mut Random, mesh: &TriangleMesh, change: Change) -> Shot {
-    let mut shot = Shot::new(Expect::Oracle);
+fn shot(random: &mut Random, mesh: &TriangleMesh, change: Change) -> AimedPacket {
+    let mut shot = AimedPacket::new(Expect::Oracle);
     for i in 0..LANES {
         let goal = point(random, mesh);
         shot.through(i, random.direction() * 3.0, goal);
@@ -54,7 +54,7 @@ fn vertex(random: &mut Random, mesh: &TriangleMesh) -> DVec3 {
 
 /// Replaces one or two components of the direction by values of `small`. The origin moves along, so
 /// the ray still passes near its goal.
-fn flatten(random: &mut Random, shot: &mut Shot, i: usize, small: fn(&mut Random) -> f32) {
+fn flatten(random: &mut Random, shot: &mut AimedPacket, i: usize, small: fn(&mut Random) -> f32) {
     let axis = random.below(3) as usize;
     let goal = shot.goals[i];
     // One component, or two, which gives a ray along an axis.
@@ -65,7 +65,7 @@ fn flatten(random: &mut Random, shot: &mut Shot, i: usize, small: fn(&mut Random
     }
 }
 
-fn stretch(shot: &mut Shot, i: usize, by: f64) {
+fn stretch(shot: &mut AimedPacket, i: usize, by: f64) {
     let direction = DVec3::from([0, 1, 2].map(|k| f64::from(shot.rays.dir[k][i])));
     let stretched = direction.normalize_or(DVec3::X) * by;
     for k in 0..3 {
@@ -74,12 +74,12 @@ fn stretch(shot: &mut Shot, i: usize, by: f64) {
 }
 
 /// Sets ray `i` from `origin` in a random direction.
-fn start(random: &mut Random, shot: &mut Shot, i: usize, origin: DVec3) {
+fn start(random: &mut Random, shot: &mut AimedPacket, i: usize, origin: DVec3) {
     let direction = random.direction();
     shot.put(i, origin, direction);
 }
 
-fn impossible(random: &mut Random, _: &TriangleMesh, shot: &mut Shot, i: usize) {
+fn impossible(random: &mut Random, _: &TriangleMesh, shot: &mut AimedPacket, i: usize) {
     let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
     let value = bad[random.below(3) as usize];
     let axis = random.below(3) as usize;
@@ -94,7 +94,7 @@ fn impossible(random: &mut Random, _: &TriangleMesh, shot: &mut Shot, i: usize) 
 
 /// Judges packets with impossible rays, and compares their time with packets without: at most
 /// [`SLOW`] times as long.
-fn quickly(run: &mut Run) -> Result<()> {
+fn quickly(run: &mut CaseRun) -> Result<()> {
     let geometry = scene(scan().placed(DVec3::ZERO, 1.0));
     run.shoot(&geometry, AMOUNT, |random| shot(random, &geometry.meshes[0], impossible))?;
     let (sums, note) = {
@@ -110,7 +110,7 @@ fn quickly(run: &mut Run) -> Result<()> {
     run.keep(&geometry, sums)
 }
 
-fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<Tally>, String) {
+fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<CaseCounts>, String) {
     let mut worst: f64 = 0.0;
     let sums = built.counts(true, |backend, tally| {
         for way in backend.tested.coherences(Coherence::Coherent) {
@@ -152,7 +152,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "components 0 and -0",
             "directions with one or two components 0 or -0",
-            Mark::Exact,
+            PassCriterion::Exact,
             |random, _, shot, i| {
                 flatten(random, shot, i, |random| 0f32.copysign(random.sign() as f32));
             },
@@ -160,23 +160,33 @@ pub fn cases() -> Vec<Case> {
         case(
             "denormal components",
             "directions with one or two denormal components",
-            Mark::Exact,
+            PassCriterion::Exact,
             |random, _, shot, i| {
                 flatten(random, shot, i, |random| {
                     f32::from_bits(1 + random.below(0x7f_fffe)).copysign(random.sign() as f32)
                 });
             },
         ),
-        case("direction of length 1e-30", "t is around 1e30", Mark::Exact, |_, _, shot, i| {
-            stretch(shot, i, 1e-30);
-        }),
-        case("direction of length 1e30", "t is around 1e-30", Mark::Exact, |_, _, shot, i| {
-            stretch(shot, i, 1e30);
-        }),
+        case(
+            "direction of length 1e-30",
+            "t is around 1e30",
+            PassCriterion::Exact,
+            |_, _, shot, i| {
+                stretch(shot, i, 1e-30);
+            },
+        ),
+        case(
+            "direction of length 1e30",
+            "t is around 1e-30",
+            PassCriterion::Exact,
+            |_, _, shot, i| {
+                stretch(shot, i, 1e30);
+            },
+        ),
         case(
             "origins on vertices",
             "from vertices of the mesh in any direction",
-            Mark::Exact,
+            PassCriterion::Exact,
             |random, mesh, shot, i| {
                 let origin = vertex(random, mesh);
                 start(random, shot, i, origin);
@@ -185,7 +195,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "origins on edges and faces",
             "from points on the mesh, rounded to f32, in any direction",
-            Mark::Coarse(1e-3, "from points on the mesh t is next to 0"),
+            PassCriterion::Coarse(1e-3, "from points on the mesh t is next to 0"),
             |random, mesh, shot, i| {
                 let [a, b, c] = corners(mesh, random.below(mesh.triangles().len() as u32));
                 let origin = match random.below(2) {
@@ -198,7 +208,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "origins on box planes",
             "from within a plane of a primitive's box, often along that plane",
-            Mark::Exact,
+            PassCriterion::Exact,
             |random, mesh, shot, i| {
                 let axis = random.below(3) as usize;
                 shot.rays.org[axis][i] = vertex(random, mesh)[axis] as f32;
@@ -212,20 +222,30 @@ pub fn cases() -> Vec<Case> {
             "NaN and infinity",
             "rays of which some have NaN or infinite components: these miss, their neighbours do \
              not notice, and it takes at most 2.5 times as long",
-            Mark::Exact,
+            PassCriterion::Exact,
             quickly,
         ),
-        case("tnear beyond tfar", "empty segments miss", Mark::Exact, |random, _, shot, i| {
-            if random.below(4) > 0 {
-                (shot.rays.tnear[i], shot.rays.tfar[i]) = (2.0, random.unit() as f32);
-            }
-        }),
-        case("zero direction", "rays without direction miss", Mark::Exact, |random, _, shot, i| {
-            if random.below(4) > 0 {
-                let zero = 0f32.copysign(random.sign() as f32);
-                (0..3).for_each(|k| shot.rays.dir[k][i] = zero);
-            }
-        }),
+        case(
+            "tnear beyond tfar",
+            "empty segments miss",
+            PassCriterion::Exact,
+            |random, _, shot, i| {
+                if random.below(4) > 0 {
+                    (shot.rays.tnear[i], shot.rays.tfar[i]) = (2.0, random.unit() as f32);
+                }
+            },
+        ),
+        case(
+            "zero direction",
+            "rays without direction miss",
+            PassCriterion::Exact,
+            |random, _, shot, i| {
+                if random.below(4) > 0 {
+                    let zero = 0f32.copysign(random.sign() as f32);
+                    (0..3).for_each(|k| shot.rays.dir[k][i] = zero);
+                }
+            },
+        ),
         ends(),
         on_a_surface(),
     ]
@@ -236,7 +256,7 @@ fn on_a_surface() -> Case {
     let what = "from points that a floor holds exactly - within a triangle, on its edge, on its corner, within a quad, on \
                 a sphere, axis-parallel and tilted - in any direction: the floor is not met there, what is behind it is. \
                 Whatever the bound of a backend's test, the primitive must be right";
-    let mark = Mark::Coarse(1e-3, "a sphere may be met again just behind its start");
+    let mark = PassCriterion::Coarse(1e-3, "a sphere may be met again just behind its start");
     Case::new(GROUP, "origin on a surface", what, mark, |run| {
         for slope in [0.0, 0.25, 0.625] {
             // Multiples of 1/64, so that points of the plane are exact in f32.
@@ -250,7 +270,7 @@ fn on_a_surface() -> Case {
             let ball = Sphere { center: DVec3::new(-4.0, 0.0, 0.0), radius: 1.0 };
             let geometry = super::meshes::geometry(vec![mesh], vec![quad], vec![ball]);
             run.shoot(&geometry, Amount { packets: 100, slow: 5, truth: 1 }, |random| {
-                let mut shot = Shot::new(Expect::Primitive);
+                let mut shot = AimedPacket::new(Expect::Primitive);
                 for i in 0..LANES {
                     let share = f64::from(random.below(5)) / 4.0;
                     let origin = match random.below(5) {
@@ -277,7 +297,7 @@ fn on_a_surface() -> Case {
 fn ends() -> Case {
     let what = "a wall met at t = 4 exactly; segments that end or begin there, one float before, \
                 one float behind";
-    Case::new(GROUP, "t exactly at tfar and tnear", what, Mark::Exact, |run| {
+    Case::new(GROUP, "t exactly at tfar and tnear", what, PassCriterion::Exact, |run| {
         let corners = |z: f64| {
             let at = |x: f64, y: f64| DVec3::new(x, y, z);
             let (a, b, c, d) = (at(-8.0, -8.0), at(8.0, -8.0), at(8.0, 8.0), at(-8.0, 8.0));
@@ -285,7 +305,7 @@ fn ends() -> Case {
         };
         let geometry = scene(super::meshes::soup(&[corners(4.0), corners(8.0)].concat()));
         run.shoot(&geometry, Amount { packets: 60, ..AMOUNT }, |random| {
-            let mut shot = Shot::new(Expect::Oracle);
+            let mut shot = AimedPacket::new(Expect::Oracle);
             for i in 0..LANES {
                 let mut origin = (random.cube() * 512.0).round() / 128.0;
                 origin.z = 0.0;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::Settings;
-use super::tally::Tally;
+use super::AccuracySettings;
+use super::tally::CaseCounts;
 use crate::error::Result;
 use crate::lab::backend::empty_geometry;
 use crate::lab::result::Machine;
@@ -16,7 +16,7 @@ pub const VERSION: u32 = 1;
 
 /// Results of one run of `lightpath accuracy`.
 #[derive(Debug, Clone, Serialize)]
-pub struct Report {
+pub struct AccuracyReport {
     /// Format of the file: [`VERSION`] when it was written.
     pub version: u32,
     /// The machine that the run took place on.
@@ -28,7 +28,7 @@ pub struct Report {
     /// The columns, in the order of every row's entries.
     pub columns: Vec<ColumnReport>,
     /// One row for each case, in the order of the catalogue.
-    pub rows: Vec<Row>,
+    pub rows: Vec<CaseResult>,
 }
 
 /// Name, version and error bound of a column.
@@ -49,7 +49,7 @@ pub struct ColumnReport {
 
 /// Results of one case.
 #[derive(Debug, Clone, Serialize)]
-pub struct Row {
+pub struct CaseResult {
     /// Name of the part of the catalogue.
     pub group: String,
     /// Name of the case, unique in the catalogue.
@@ -62,18 +62,18 @@ pub struct Row {
     pub note: Option<String>,
     /// Largest number of judged answers of a column.
     pub rays: u64,
-    /// Results of each column, in the order of [`Report::columns`].
-    pub entries: Vec<Entry>,
+    /// Results of each column, in the order of [`AccuracyReport::columns`].
+    pub entries: Vec<BackendCounts>,
     /// Seconds for the whole case: builds, tracing and judging.
     pub seconds: f64,
     /// Pictures of failures, not written to JSON.
     #[serde(skip)]
-    pub pictures: Vec<Picture>,
+    pub pictures: Vec<FailurePicture>,
 }
 
 /// Results of one column in one case.
 #[derive(Debug, Clone, Serialize)]
-pub struct Entry {
+pub struct BackendCounts {
     /// Number of judged answers.
     pub rays: u64,
     /// Number of wrong answers.
@@ -105,8 +105,8 @@ pub struct Entry {
     pub missed: Option<String>,
 }
 
-impl Entry {
-    pub(super) fn new(tally: &Tally, missed: Option<String>) -> Self {
+impl BackendCounts {
+    pub(super) fn new(tally: &CaseCounts, missed: Option<String>) -> Self {
         let measured = tally.measured > 0;
         Self {
             rays: tally.rays,
@@ -128,7 +128,7 @@ impl Entry {
 
 /// Picture of a geometry with the failures of one column.
 #[derive(Debug, Clone)]
-pub struct Picture {
+pub struct FailurePicture {
     /// Index of the column in the settings.
     pub column: usize,
     /// Name of the column.
@@ -137,9 +137,9 @@ pub struct Picture {
     pub png: Vec<u8>,
 }
 
-impl Report {
+impl AccuracyReport {
     /// Creates a report without rows. Builds every column once to learn its version.
-    pub(super) fn new(settings: &Settings, monitor: &Monitor) -> Result<Self> {
+    pub(super) fn new(settings: &AccuracySettings, monitor: &Monitor) -> Result<Self> {
         let empty = empty_geometry();
         let mut columns = Vec::new();
         for backend in &settings.tested_backends {

@@ -3,7 +3,7 @@
 
 use glam::{DMat3, DVec3, Vec3};
 
-use super::case::{Case, Mark};
+use super::case::{Case, PassCriterion};
 use super::contact::{above, check};
 use super::meshes::{self, geometry};
 use super::tally::Kind;
@@ -125,7 +125,7 @@ fn closed(room: Room, name: &str) -> Case {
          and corners, exactly and a little beside. Shadow rays from there to lights outside must be stopped, mirrored \
          rays must hit; where the room is convex, lights inside must be seen"
     );
-    let mark = Mark::Zero("shadow rays have no t");
+    let mark = PassCriterion::Zero("shadow rays have no t");
     Case::new(GROUP, format!("closed room, {name}"), what, mark, move |run| {
         let turns = if room == Room::Scan { 1 } else { 3 };
         let cases = PLACES.iter().flat_map(|&place| (0..turns).map(move |k| (place, k)));
@@ -226,7 +226,7 @@ fn flush(side: Side, what: &str) -> Case {
          to the light's plane, {}",
         if side == Side::Behind { "must not see it" } else { "must see it" }
     );
-    Case::new(GROUP, name, text, Mark::Zero("shadow rays have no t"), move |run| {
+    Case::new(GROUP, name, text, PassCriterion::Zero("shadow rays have no t"), move |run| {
         let mut salt = 0;
         for (scale, distance) in PLACES {
             for (k, quads) in (0..6).map(|k| (k / 2, k % 2 == 0)) {
@@ -299,7 +299,7 @@ fn at_room(random: &mut Random, place: &dyn Fn(DVec3) -> DVec3) -> RayPacket {
 fn mirrors() -> Case {
     let what = "a floor of coplanar triangles, turned, mirrors rays that come at 1e-6 to 0.1 of a right angle: there is \
                 nothing above it to be hit";
-    let mark = Mark::Zero("mirrored rays that hit nothing have no t");
+    let mark = PassCriterion::Zero("mirrored rays that hit nothing have no t");
     Case::new(GROUP, "grazing mirrors", what, mark, move |run| {
         for k in 0..6 {
             let turn = turn(k);

@@ -5,9 +5,9 @@ use glam::DVec3;
 use num_bigint::BigInt;
 
 use super::Built;
-use super::case::{Case, Mark};
+use super::case::{Case, PassCriterion};
 use super::meshes::geometry;
-use super::tally::{Kind, Tally, ulp};
+use super::tally::{CaseCounts, Kind, ulp};
 use crate::accel::brute::Fraction;
 use crate::accel::lane::Ray;
 use crate::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
@@ -105,7 +105,7 @@ struct Setup {
     aim: Aim,
 }
 
-fn case(name: &'static str, what: &'static str, mark: Mark, setups: Vec<Setup>) -> Case {
+fn case(name: &'static str, what: &'static str, mark: PassCriterion, setups: Vec<Setup>) -> Case {
     Case::new(GROUP, name, what, mark, move |run| {
         for (k, setup) in setups.iter().enumerate() {
             let geometry = geometry(vec![], vec![], vec![setup.sphere]);
@@ -119,7 +119,7 @@ fn case(name: &'static str, what: &'static str, mark: Mark, setups: Vec<Setup>) 
 }
 
 /// Traces one packet on every column and judges it by the roots in integers.
-fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<Tally> {
+fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<CaseCounts> {
     let mut rays = Rays::EMPTY;
     let mut truths = [(None, false); LANES];
     for i in 0..LANES {
@@ -160,7 +160,7 @@ fn judge(
     setup: &Setup,
     packet: &RayPacket,
     truths: &[(Option<f64>, bool); LANES],
-    tally: &mut Tally,
+    tally: &mut CaseCounts,
 ) {
     let hit = packet.hit(&Mask([-1; LANES]));
     let mut surfaces = Surfaces::EMPTY;
@@ -222,7 +222,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "tiny and far",
             "radius 1e-3 at 1e5, seen from the origin and from anywhere",
-            Mark::Exact,
+            PassCriterion::Exact,
             [[0.0, 0.0, 1e5], [7e4, -3e4, 6.5e4]]
                 .map(|center| Setup {
                     sphere: sphere(center, 1e-3),
@@ -240,7 +240,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "huge ground, camera 1 above it",
             "radius 1e7, rays from 1 above its surface in any direction below the horizon",
-            Mark::Exact,
+            PassCriterion::Exact,
             vec![Setup {
                 sphere: sphere([0.0, -1e7, 0.0], 1e7),
                 aim: |random, _| {
@@ -253,7 +253,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "from inside",
             "origins anywhere within the sphere: every ray meets it",
-            Mark::Exact,
+            PassCriterion::Exact,
             units(|random, sphere| {
                 let origin = sphere.center + random.cube() * 0.57 * sphere.radius;
                 (origin, random.direction() * 10f64.powf(random.within(-3.0, 3.0)), false)
@@ -262,7 +262,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "from its own surface",
             "rays that leave the sphere: outwards nothing, inwards the other side",
-            Mark::Zero("t is as uncertain as the rounded origin; held to that"),
+            PassCriterion::Zero("t is as uncertain as the rounded origin; held to that"),
             units(|random, sphere| {
                 let origin = sphere.center + random.direction() * sphere.radius;
                 (origin, random.direction(), true)
@@ -271,7 +271,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "grazing within 1e-7 of tangency",
             "rays that pass the outline at 1e-7 of the radius inside or outside",
-            Mark::Exact,
+            PassCriterion::Exact,
             units(|random, sphere| {
                 let from =
                     sphere.center + random.direction() * sphere.radius * random.within(1.5, 20.0);

@@ -94,7 +94,7 @@ pub fn kind_of(verdict: Verdict) -> Option<Kind> {
 
 /// Counts and worst errors of one backend.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Tally {
+pub struct CaseCounts {
     /// Number of judged answers.
     pub rays: u64,
     /// Number of wrong answers of each kind.
@@ -124,7 +124,7 @@ pub struct Tally {
     pub places: Vec<(DVec3, Kind)>,
 }
 
-impl Tally {
+impl CaseCounts {
     /// Returns a message if any failure of these kinds was counted.
     pub fn has_any(&self, kinds: &[Kind]) -> Option<String> {
         let count = |kind: &Kind| self.failures.get(kind).copied().unwrap_or(0);
@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn tallies_add_up() {
-        let mut one = Tally { rays: 3, worst_ulp: 1.0, ..Tally::default() };
+        let mut one = CaseCounts { rays: 3, worst_ulp: 1.0, ..CaseCounts::default() };
         one.fail(Kind::Leak, DVec3::ONE);
         let mut two = one.clone();
         two.measure(9.0);

@@ -4,11 +4,11 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
-use super::case::{Mark, forbidden, oracle};
-use super::judge::{Expect, Judge, Shot};
+use super::case::{PassCriterion, forbidden, oracle};
+use super::judge::{AimedPacket, Expect, Judge};
 use super::meshes::{corners, icosphere, inside, scene};
-use super::tally::{Kind, Tally};
-use super::{Built, Settings, catalogue};
+use super::tally::{CaseCounts, Kind};
+use super::{AccuracySettings, Built, catalogue};
 use crate::accel::Accelerator;
 use crate::lab::backend::TestedBackend;
 use crate::lab::faulty::{Fault, Faulty};
@@ -19,7 +19,7 @@ use crate::scene::Backend;
 use crate::simd::Isa;
 
 /// Counts of `brute` with a fault, on a sphere. If `closed`, all rays start at its centre.
-fn tally(fault: Fault, closed: bool) -> Tally {
+fn tally(fault: Fault, closed: bool) -> CaseCounts {
     let geometry = scene(icosphere(2).placed(DVec3::ZERO, 1.0));
     let monitor = Monitor::default();
     let backend = TestedBackend::new("brute", Backend::Brute);
@@ -29,14 +29,14 @@ fn tally(fault: Fault, closed: bool) -> Tally {
     let tested = std::slice::from_ref(&backend);
     let built = Built { geometry: &geometry, tested, accelerators: vec![faulty], oracle };
     let judge = Judge { built: &built };
-    let mut sum = Tally::default();
+    let mut sum = CaseCounts::default();
     for index in 0..64 {
         let mut random = Random::new(1, index);
         let expect = match closed {
             true => Expect::Closed([f64::INFINITY; LANES]),
             false => Expect::Oracle,
         };
-        let mut shot = Shot::new(expect);
+        let mut shot = AimedPacket::new(expect);
         for i in 0..LANES {
             let goal = inside(&mut random, corners(&geometry.meshes[0], i as u32 * 3));
             let origin = if closed { DVec3::ZERO } else { random.direction() * 3.0 };
@@ -55,7 +55,7 @@ fn a_backend_without_fault_passes() {
     for closed in [false, true] {
         let tally = tally(Fault::None, closed);
         assert_eq!(tally.rays, 64 * LANES as u64);
-        assert_eq!(Mark::Exact.missed(&tally), None);
+        assert_eq!(PassCriterion::Exact.missed(&tally), None);
     }
 }
 
@@ -71,8 +71,8 @@ fn every_fault_is_found_with_its_kind() {
     for (fault, closed, kind) in cases {
         let tally = tally(fault, closed);
         assert!(tally.failures.contains_key(&kind), "{kind:?}: {:?}", tally.failures);
-        assert!(Mark::Exact.missed(&tally).is_some(), "{kind:?}");
-        assert!(Mark::Zero("").missed(&tally).is_some(), "{kind:?}");
+        assert!(PassCriterion::Exact.missed(&tally).is_some(), "{kind:?}");
+        assert!(PassCriterion::Zero("").missed(&tally).is_some(), "{kind:?}");
         assert!(!tally.places.is_empty());
     }
 }
@@ -83,7 +83,7 @@ fn an_inaccurate_t_does_not_meet_the_exact_mark() {
     for (ulps, says) in [(4.0, "more than 2 ulp"), (16.0, "expected at most 8")] {
         let off = 1.0 + ulps * f64::from(f32::EPSILON);
         let tally = tally(Fault::ScalesT(off), false);
-        let missed = Mark::Exact.missed(&tally).unwrap_or_default();
+        let missed = PassCriterion::Exact.missed(&tally).unwrap_or_default();
         let failed = tally.failed() > 0;
         assert!(missed.contains(says) || failed, "{missed}");
         assert!(tally.beyond_2 > 0);
@@ -92,19 +92,19 @@ fn an_inaccurate_t_does_not_meet_the_exact_mark() {
 
 #[test]
 fn marks_allow_as_many_failures_as_documented() {
-    let mut tally = Tally { rays: 1_000_000, ..Tally::default() };
-    assert_eq!(Mark::Exact.missed(&tally), None);
+    let mut tally = CaseCounts { rays: 1_000_000, ..CaseCounts::default() };
+    assert_eq!(PassCriterion::Exact.missed(&tally), None);
     for _ in 0..3 {
         tally.fail(Kind::Leak, DVec3::ZERO);
     }
-    assert!(Mark::Exact.missed(&tally).is_some());
-    assert!(Mark::Exact.missed(&Tally::default()).is_some(), "no rays, no mark");
-    let coarse = Tally { rays: 1000, measured: 1000, beyond_2: 5, ..Tally::default() };
-    assert!(Mark::Exact.missed(&coarse).is_some());
-    assert!(Mark::Coarse(0.004, "why").missed(&coarse).is_some());
-    assert_eq!(Mark::Coarse(0.005, "why").missed(&coarse), None);
-    let heavy = Tally { rays: 1, worst_weight: 2e-6, ..Tally::default() };
-    assert!(Mark::Exact.missed(&heavy).is_some());
+    assert!(PassCriterion::Exact.missed(&tally).is_some());
+    assert!(PassCriterion::Exact.missed(&CaseCounts::default()).is_some(), "no rays, no mark");
+    let coarse = CaseCounts { rays: 1000, measured: 1000, beyond_2: 5, ..CaseCounts::default() };
+    assert!(PassCriterion::Exact.missed(&coarse).is_some());
+    assert!(PassCriterion::Coarse(0.004, "why").missed(&coarse).is_some());
+    assert_eq!(PassCriterion::Coarse(0.005, "why").missed(&coarse), None);
+    let heavy = CaseCounts { rays: 1, worst_weight: 2e-6, ..CaseCounts::default() };
+    assert!(PassCriterion::Exact.missed(&heavy).is_some());
 }
 
 #[test]
@@ -119,7 +119,8 @@ fn names_are_unique_and_the_catalogue_has_all_groups() {
 #[test]
 fn robust_embree_may_leak_but_not_report_false_hits_or_self_shadows() {
     let named = |name: &str| TestedBackend::parse("", name, Isa::detect()).unwrap();
-    let tally = |kind| Tally { rays: 9, failures: [(kind, 1)].into(), ..Tally::default() };
+    let tally =
+        |kind| CaseCounts { rays: 9, failures: [(kind, 1)].into(), ..CaseCounts::default() };
     let of_embree = forbidden(named("embree").backend);
     assert!(tally(Kind::FalseHit).has_any(of_embree).is_some_and(|why| why.contains("false hit")));
     assert!(tally(Kind::SelfShadow).has_any(of_embree).is_some());
@@ -132,15 +133,16 @@ fn robust_embree_may_leak_but_not_report_false_hits_or_self_shadows() {
 fn counts_do_not_depend_on_the_number_of_threads() {
     let tested_backends =
         TestedBackend::all().into_iter().filter(TestedBackend::must_be_right).collect();
-    let settings = Settings { tested_backends, seed: 5, times: 1, pictures: false };
+    let settings = AccuracySettings { tested_backends, seed: 5, times: 1, pictures: false };
     let case = |case: &super::Case| case.name.contains("tfar and tnear");
     let count = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let cases = catalogue();
         let case = cases.iter().find(|c| case(c)).unwrap();
         let row = pool.install(|| case.run(&settings, &Monitor::default())).unwrap();
-        let of =
-            |entry: &super::Entry| (entry.rays, entry.failed, entry.within_bound, entry.worst_ulp);
+        let of = |entry: &super::BackendCounts| {
+            (entry.rays, entry.failed, entry.within_bound, entry.worst_ulp)
+        };
         row.entries.iter().map(of).collect::<Vec<_>>()
     };
     assert_eq!(count(1), count(2));

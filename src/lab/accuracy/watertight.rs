@@ -3,9 +3,9 @@
 
 use glam::DVec3;
 
-use super::case::{Amount, Case, Mark};
-use super::judge::{Expect, Shot};
-use super::meshes::{Shape, cells, corners, cube, icosphere, inside, scan, scene, spiky_ball};
+use super::case::{Amount, Case, PassCriterion};
+use super::judge::{AimedPacket, Expect};
+use super::meshes::{TestMesh, cells, corners, cube, icosphere, inside, scan, scene, spiky_ball};
 use crate::geometry::TriangleMesh;
 use crate::lab::random::Random;
 use crate::ray::LANES;
@@ -59,16 +59,16 @@ struct Place {
     core: DVec3,
 }
 
-fn place(shape: &Shape, center: DVec3, scale: f64) -> Place {
+fn place(shape: &TestMesh, center: DVec3, scale: f64) -> Place {
     let half = shape.vertices.iter().fold(DVec3::ZERO, |most, v| most.max(v.abs())) * scale;
     Place { mesh: shape.placed(center, scale), center, core: half * shape.core }
 }
 
 /// 16 rays that must all hit. Half of the packets start inside. The others start outside and point
 /// through their goals at a point well inside.
-fn aim(random: &mut Random, target: Target, at: &Place) -> Shot {
+fn aim(random: &mut Random, target: Target, at: &Place) -> AimedPacket {
     let count = at.mesh.triangles().len() as u32;
-    let mut shot = Shot::new(Expect::Closed([f64::INFINITY; LANES]));
+    let mut shot = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
     let mut before = [f64::INFINITY; LANES];
     let outside = random.below(2) == 0;
     // Half of the packets have one origin and neighbouring goals.
@@ -93,12 +93,18 @@ fn aim(random: &mut Random, target: Target, at: &Place) -> Shot {
     shot
 }
 
-fn closed(name: String, shape: fn() -> Shape, target: Target, center: DVec3, scale: f64) -> Case {
+fn closed(
+    name: String,
+    shape: fn() -> TestMesh,
+    target: Target,
+    center: DVec3,
+    scale: f64,
+) -> Case {
     let what = format!(
         "rays {} of a closed mesh, from inside and from outside: each must hit before the far side",
         target.name()
     );
-    Case::new(GROUP, name, what, Mark::Exact, move |run| {
+    Case::new(GROUP, name, what, PassCriterion::Exact, move |run| {
         let at = place(&shape(), center, scale);
         let geometry = scene(place(&shape(), center, scale).mesh);
         run.shoot(&geometry, AMOUNT, |random| aim(random, target, &at))
@@ -109,12 +115,12 @@ fn closed(name: String, shape: fn() -> Shape, target: Target, center: DVec3, sca
 /// vertices.
 fn grid_lines() -> Case {
     let what = "axis-parallel rays exactly on the lines of a cube's grid, from inside and outside";
-    Case::new(GROUP, "cube grid, along the axes on grid lines", what, Mark::Exact, |run| {
+    Case::new(GROUP, "cube grid, along the axes on grid lines", what, PassCriterion::Exact, |run| {
         let n = 32;
         let mesh = cube(n).placed(DVec3::ZERO, 1.0);
         let geometry = scene(mesh);
         run.shoot(&geometry, AMOUNT, |random| {
-            let mut shot = Shot::new(Expect::Closed([f64::INFINITY; LANES]));
+            let mut shot = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
             let axis = random.below(3) as usize;
             let from = [0.0, 0.5, 2.0][random.below(3) as usize] * random.sign();
             let line =
@@ -139,16 +145,16 @@ fn grid_lines() -> Case {
     })
 }
 
-fn crossings(name: &str, shape: fn() -> Shape) -> Case {
+fn crossings(name: &str, shape: fn() -> TestMesh) -> Case {
     let what = "hits along lines from outside, one behind the other: as many as there are, an even \
                 number; lines that pass no edge within the error bound";
-    let mark = Mark::Zero("t is held to its bound in the other rows");
+    let mark = PassCriterion::Zero("t is held to its bound in the other rows");
     Case::new(GROUP, format!("{name}, crossings along lines"), what, mark, move |run| {
         let at = place(&shape(), DVec3::ZERO, 1.0);
         let geometry = scene(place(&shape(), DVec3::ZERO, 1.0).mesh);
         let amount = Amount { packets: 80, slow: 4, truth: 1 };
         run.shoot(&geometry, amount, |random| {
-            let mut shot = Shot::new(Expect::Crossings);
+            let mut shot = AimedPacket::new(Expect::Crossings);
             let count = at.mesh.triangles().len() as u32;
             for i in 0..LANES {
                 let triangle = corners(&at.mesh, random.below(count));
@@ -163,7 +169,7 @@ fn crossings(name: &str, shape: fn() -> Shape) -> Case {
 
 /// All cases of this group.
 pub fn cases() -> Vec<Case> {
-    type Make = fn() -> Shape;
+    type Make = fn() -> TestMesh;
     let shapes: [(&str, Make, Make); 4] = [
         ("icosphere", || icosphere(5), || icosphere(5).squashed(DVec3::new(1.0, 1.0, 1e-3))),
         ("cube grid", || cube(32), || cube(32).squashed(DVec3::new(1e-3, 1.0, 1.0))),

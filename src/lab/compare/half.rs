@@ -6,7 +6,7 @@ use crate::lab::metrics::Errors;
 ///
 /// A value that lies anywhere between two halves has a squared error of step^2 / 12.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Floor {
+pub struct HalfRounding {
     /// Expected root mean squared error, as
     /// [`Metric::Rmse`](crate::lab::metrics::Metric::Rmse).
     pub rmse: f64,
@@ -15,7 +15,7 @@ pub struct Floor {
     pub relmse: f64,
 }
 
-impl Floor {
+impl HalfRounding {
     /// Expected errors for `values` that are stored as half floats in `files` (1 or 2) of the
     /// files.
     pub fn of(values: &[f32], files: u32) -> Self {
@@ -48,7 +48,7 @@ mod tests {
             (0..40_000).map(|i| ((f64::from(i) * 0.618_033_988_7).fract() * 3.0) as f32).collect();
         let rounded: Vec<f32> = values.iter().map(|v| f16::from_f32(*v).to_f32()).collect();
         let errors = Errors::of(&rounded, &values);
-        let floor = Floor::of(&values, 1);
+        let floor = HalfRounding::of(&values, 1);
         assert!((floor.rmse / errors.mse.sqrt() - 1.0).abs() < 0.05, "{floor:?} {errors:?}");
         assert!((floor.relmse / errors.relmse - 1.0).abs() < 0.05, "{floor:?} {errors:?}");
     }

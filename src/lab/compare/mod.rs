@@ -15,23 +15,23 @@ use crate::{
 
 use super::metrics::{self, Metric, Values, flip};
 use file::{Format, Picture};
-use half::Floor;
+use half::HalfRounding;
 use layer::{Layer, Meaning};
 use mattes::Names;
 
 /// Layers to compare, and the tone mapping of light to 8-bit pictures.
 #[derive(Debug, Clone)]
-pub struct Settings {
+pub struct CompareSettings {
     /// Names of the layers to compare. If empty, all layers that both files have.
     pub layers: Vec<String>,
-    /// Tone curve; `None` for [`Settings::default_tonemap`]. `Max` divides both pictures by the
-    /// largest value of the reference.
+    /// Tone curve; `None` for [`CompareSettings::default_tonemap`]. `Max` divides both pictures by
+    /// the largest value of the reference.
     pub tonemap: Option<ToneOperator>,
     /// Exposure in stops, applied before the tone curve.
     pub exposure: f32,
 }
 
-impl Settings {
+impl CompareSettings {
     /// Default tone curve: `Max` as in `render`, or `Clamp` if a file is a PNG, which is already
     /// tone mapped.
     pub fn default_tonemap(files: [&Picture; 2]) -> ToneOperator {
@@ -65,7 +65,7 @@ pub struct Compared {
     /// Whether picture and reference are stored as half floats.
     pub half: [bool; 2],
     /// Expected errors by rounding to half floats alone.
-    pub floor: Option<Floor>,
+    pub floor: Option<HalfRounding>,
     /// Picture and reference as tone mapped 8-bit pixels, for light.
     pub pictures: Option<[Vec<[u8; 3]>; 2]>,
     /// FLIP of each pixel, for light: HDR-FLIP of two EXRs, else LDR-FLIP.
@@ -90,9 +90,14 @@ pub struct Comparison {
 /// # Errors
 /// If no chosen layer is in both files, or if a layer has another size, position or meaning in the
 /// reference.
-pub fn compare(test: Picture, reference: Picture, settings: &Settings) -> Result<Comparison> {
+pub fn compare(
+    test: Picture,
+    reference: Picture,
+    settings: &CompareSettings,
+) -> Result<Comparison> {
     let operator = settings.tonemap;
-    let operator = operator.unwrap_or_else(|| Settings::default_tonemap([&test, &reference]));
+    let operator =
+        operator.unwrap_or_else(|| CompareSettings::default_tonemap([&test, &reference]));
     let tonemap = Tonemap { operator, exposure: settings.exposure, srgb: true };
     let both_exr = test.format == Format::Exr && reference.format == Format::Exr;
     let names = |p: &Picture| p.layers.iter().map(|l| l.shown().to_string()).collect::<Vec<_>>();
@@ -154,7 +159,7 @@ fn compare_layer(test: Layer, reference: Layer, tonemap: &Tonemap, both_exr: boo
     let half = [test.half, reference.half];
     let files = half.iter().filter(|half| **half).count() as u32;
     let floor = (files > 0 && test.meaning != Meaning::Ids)
-        .then(|| Floor::of(&reference.values, files))
+        .then(|| HalfRounding::of(&reference.values, files))
         .filter(|floor| floor.rmse.is_finite());
     let non_finite = non_finite(&test, &reference);
     let mut compared = Compared {

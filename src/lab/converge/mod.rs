@@ -25,10 +25,10 @@ use std::time::{Duration, Instant};
 pub use crop::Crop;
 pub use fit::{Slope, front, slope};
 pub use grid::{Grid, Setting};
-pub use reference::{Floor, Reference};
+pub use reference::{Reference, ReferenceError};
 pub use result::{
-    Estimate, PointResult, Ratio, Reached, ReferenceResult, Report, Series, Subject, VERSION,
-    report,
+    CheapestPoint, MeanWithError, PointResult, ReferenceResult, SamplerRatio, Series, StudyNames,
+    StudyReport, VERSION, report,
 };
 pub use study::{Limits, Point, Study};
 
@@ -49,7 +49,7 @@ const BUDGET: i32 = -1;
 
 /// What a study renders, and its limits.
 #[derive(Debug, Clone)]
-pub struct Settings {
+pub struct StudySettings {
     /// Backends to compare. The first renders the reference.
     pub tested_backends: Vec<TestedBackend>,
     /// Settings that are compared.
@@ -73,7 +73,7 @@ pub struct Settings {
 /// - `Interrupted`: a signal arrived.
 pub fn run(
     world: &mut World,
-    settings: &Settings,
+    settings: &StudySettings,
     reference: Option<Reference>,
     monitor: &Monitor,
     note: &(dyn Fn(&str) + Sync),
@@ -113,7 +113,7 @@ pub fn run(
 
 fn work(
     world: &mut World,
-    settings: &Settings,
+    settings: &StudySettings,
     reference: Option<Reference>,
     (monitor, clock): (&Monitor, &Clock),
     note: &(dyn Fn(&str) + Sync),
@@ -159,7 +159,7 @@ fn work(
 }
 
 /// Describes a job for progress and messages.
-fn describe(job: &study::Job, backend: &str) -> String {
+fn describe(job: &study::StudyRender, backend: &str) -> String {
     let Setting { sampler, spp, light_samples, .. } = job.setting;
     let lights = light_samples.map_or(String::new(), |n| format!(" x {n}"));
     let what = match job.purpose {

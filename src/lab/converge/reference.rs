@@ -4,7 +4,7 @@ use crate::lab::metrics::Errors;
 
 /// Expected contribution of the reference's own error to measured errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Floor {
+pub struct ReferenceError {
     /// Contribution to the mean squared error.
     pub mse: f64,
     /// Contribution to the relative squared error.
@@ -17,7 +17,7 @@ pub struct Reference {
     /// R, G, B of all pixels.
     pub values: Vec<f32>,
     /// Contribution of its own error; `None` if it is unknown.
-    pub floor: Option<Floor>,
+    pub floor: Option<ReferenceError>,
 }
 
 /// Sums and squares of independent passes.
@@ -58,7 +58,7 @@ impl Passes {
             values.push(mean as f32);
         }
         let count = values.len().max(1) as f64;
-        let floor = Floor { mse: mse / count, relmse: relmse / count };
+        let floor = ReferenceError { mse: mse / count, relmse: relmse / count };
         Reference { values, floor: (self.count > 1).then_some(floor) }
     }
 }

@@ -18,7 +18,7 @@ const FLOOR: f64 = 10.0;
 
 /// Results of one study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub struct StudyReport {
     /// Format of the file: [`VERSION`] when it was written.
     pub version: u32,
     /// The machine that the study ran on.
@@ -44,11 +44,11 @@ pub struct Report {
     /// Slopes of error against samples.
     pub series: Vec<Series>,
     /// Error of `random` divided by the error of `sobol`, at equal settings.
-    pub ratios: Vec<Ratio>,
+    pub ratios: Vec<SamplerRatio>,
     /// Indices of points that no other point beats in time and relmse.
     pub front: Vec<usize>,
     /// The cheapest points that reach given errors.
-    pub reached: Vec<Reached>,
+    pub reached: Vec<CheapestPoint>,
 }
 
 /// The reference of a study, and its own error.
@@ -72,7 +72,7 @@ pub struct ReferenceResult {
 
 /// A mean and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Estimate {
+pub struct MeanWithError {
     /// The mean over all renders.
     pub value: f64,
     /// Standard error of the mean; `None` for a single render.
@@ -101,13 +101,13 @@ pub struct PointResult {
     /// Median absolute deviation of `seconds`.
     pub mad_s: f64,
     /// Root mean squared error: sqrt(mean d^2), with the mean over pixels and renders.
-    pub rmse: Estimate,
+    pub rmse: MeanWithError,
     /// Relative squared error: mean d^2 / (r^2 + 0.01).
-    pub relmse: Estimate,
+    pub relmse: MeanWithError,
     /// Mean absolute error: mean |d|.
-    pub mae: Estimate,
+    pub mae: MeanWithError,
     /// Mean signed error: mean d.
-    pub bias: Estimate,
+    pub bias: MeanWithError,
     /// Whether the reference's own error is a considerable part of the squared error.
     pub at_floor: bool,
     /// Whether it has one camera sample per pixel and the reference more. Then its error is mostly
@@ -133,7 +133,7 @@ pub struct Series {
 
 /// Ratio of the errors of both samplers at the same settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Ratio {
+pub struct SamplerRatio {
     /// Name of the backend, as on the command line.
     pub backend: String,
     /// Camera samples per pixel.
@@ -143,12 +143,12 @@ pub struct Ratio {
     /// Samples per pixel: the product of both numbers.
     pub samples: u64,
     /// RMSE of `random` divided by RMSE of `sobol`.
-    pub rmse: Estimate,
+    pub rmse: MeanWithError,
 }
 
 /// The cheapest point that reaches an error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Reached {
+pub struct CheapestPoint {
     /// The relmse that is reached, a power of ten.
     pub relmse: f64,
     /// Index of the point with the shortest time.
@@ -159,7 +159,7 @@ pub struct Reached {
 
 /// Names of machine, scene, backends and reference of a study.
 #[derive(Debug, Clone)]
-pub struct Subject {
+pub struct StudyNames {
     /// The machine that the study ran on.
     pub machine: Machine,
     /// Number of worker threads.
@@ -177,7 +177,7 @@ pub struct Subject {
 }
 
 /// Computes the report of a finished study. `seconds` is its duration.
-pub fn report(study: &Study, subject: Subject, limits: Limits, seconds: f64) -> Report {
+pub fn report(study: &Study, subject: StudyNames, limits: Limits, seconds: f64) -> StudyReport {
     let antialiased = study.points.iter().any(|point| point.setting.spp > 1);
     let measured = study.points.iter().filter(|point| !point.errors.is_empty());
     let measured: Vec<&Point> = measured.collect();
@@ -195,7 +195,7 @@ pub fn report(study: &Study, subject: Subject, limits: Limits, seconds: f64) -> 
         Some((file, half)) => (Some(file), half),
         None => (None, false),
     };
-    Report {
+    StudyReport {
         version: VERSION,
         machine: subject.machine,
         threads: subject.threads,
@@ -264,21 +264,21 @@ fn point(point: &Point, backend: String, study: &Study, antialiased: bool) -> Po
     }
 }
 
-fn mean_with_error(values: &[f64]) -> Estimate {
+fn mean_with_error(values: &[f64]) -> MeanWithError {
     let (n, value) = (values.len() as f64, mean(values));
     let squares: f64 = values.iter().map(|v| (v - value).powi(2)).sum();
     let standard_error = (values.len() > 1).then(|| (squares / (n - 1.0) / n).sqrt());
-    Estimate { value, standard_error }
+    MeanWithError { value, standard_error }
 }
 
 /// Root of a mean square, with its standard error to first order.
-fn root(square: Estimate) -> Estimate {
+fn root(square: MeanWithError) -> MeanWithError {
     let value = square.value.sqrt();
     let standard_error = square.standard_error.map(|error| match value > 0.0 {
         true => error / (2.0 * value),
         false => 0.0,
     });
-    Estimate { value, standard_error }
+    MeanWithError { value, standard_error }
 }
 
 /// Collects the series along spp, and along light samples, of every backend and sampler.
@@ -318,7 +318,7 @@ fn series(points: &[PointResult]) -> Vec<Series> {
     fitted.filter(|series| series.points.len() > 1).collect()
 }
 
-fn ratios(points: &[PointResult]) -> Vec<Ratio> {
+fn ratios(points: &[PointResult]) -> Vec<SamplerRatio> {
     let mut ratios = Vec::new();
     for sobol in points.iter().filter(|p| p.sampler == "sobol" && !p.at_floor) {
         let key = |p: &PointResult| (p.backend.clone(), p.spp, p.light_samples);
@@ -328,22 +328,22 @@ fn ratios(points: &[PointResult]) -> Vec<Ratio> {
             continue;
         }
         let value = random.rmse.value / sobol.rmse.value;
-        let relative = |e: Estimate| e.standard_error.map(|error| (error / e.value).powi(2));
+        let relative = |e: MeanWithError| e.standard_error.map(|error| (error / e.value).powi(2));
         let errors = relative(random.rmse).zip(relative(sobol.rmse));
         let standard_error = errors.map(|(a, b)| value * (a + b).sqrt());
-        ratios.push(Ratio {
+        ratios.push(SamplerRatio {
             backend: sobol.backend.clone(),
             spp: sobol.spp,
             light_samples: sobol.light_samples,
             samples: sobol.samples,
-            rmse: Estimate { value, standard_error },
+            rmse: MeanWithError { value, standard_error },
         });
     }
     ratios
 }
 
 /// Finds the cheapest points for every power of ten of relmse that some points reach, but not all.
-fn reached(points: &[PointResult]) -> Vec<Reached> {
+fn reached(points: &[PointResult]) -> Vec<CheapestPoint> {
     let mut reached = Vec::new();
     let largest = points.iter().map(|p| p.relmse.value).fold(0.0, f64::max);
     for exponent in -12..=2 {
@@ -362,7 +362,7 @@ fn reached(points: &[PointResult]) -> Vec<Reached> {
         }
         best.sort_by(|&a, &b| points[a].median_s.total_cmp(&points[b].median_s));
         if let [first, others @ ..] = best.as_slice() {
-            reached.push(Reached { relmse, point: *first, others: others.to_vec() });
+            reached.push(CheapestPoint { relmse, point: *first, others: others.to_vec() });
         }
     }
     reached.reverse();

@@ -40,7 +40,7 @@ pub enum Purpose {
 
 /// A render of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Job {
+pub struct StudyRender {
     /// Setting to render with.
     pub setting: Setting,
     /// Seed of the render.
@@ -123,7 +123,7 @@ impl Study {
     }
 
     /// Chooses the next render, `elapsed` seconds after the study began. `None` ends the study.
-    pub fn next(&mut self, elapsed: f64) -> Option<Job> {
+    pub fn next(&mut self, elapsed: f64) -> Option<StudyRender> {
         let Limits { budget, seed, .. } = self.limits;
         let left = SHARES[1] * budget - elapsed;
         loop {
@@ -139,7 +139,11 @@ impl Study {
                         true => self.grid.times(backend, factor.min(256.0)),
                         false => least,
                     };
-                    return (left > 0.0).then_some(Job { setting, seed, purpose: Purpose::Probe });
+                    return (left > 0.0).then_some(StudyRender {
+                        setting,
+                        seed,
+                        purpose: Purpose::Probe,
+                    });
                 }
                 Stage::Reference => {
                     let setting = match (&self.reference, self.pass) {
@@ -159,7 +163,7 @@ impl Study {
                     }
                     self.pass = Some(setting);
                     let seed = seed.wrapping_sub(1 + i64::from(count));
-                    return (left > 0.0).then_some(Job {
+                    return (left > 0.0).then_some(StudyRender {
                         setting,
                         seed,
                         purpose: Purpose::Reference,
@@ -181,7 +185,7 @@ impl Study {
                     }
                     let (setting, purpose) = (self.points[index].setting, Purpose::Point(index));
                     let seed = seed.wrapping_add(i64::from(round));
-                    return Some(Job { setting, seed, purpose });
+                    return Some(StudyRender { setting, seed, purpose });
                 }
             }
         }
@@ -220,7 +224,7 @@ impl Study {
     }
 
     /// Adds the result of a render. `values` are R, G, B of all pixels.
-    pub fn take(&mut self, job: &Job, values: &[f32], rays: u64, seconds: f64) {
+    pub fn take(&mut self, job: &StudyRender, values: &[f32], rays: u64, seconds: f64) {
         match (&mut self.stage, job.purpose) {
             (Stage::Probe(backend, second), Purpose::Probe) => {
                 self.cost[*backend] = seconds / job.setting.work();

@@ -1,7 +1,7 @@
 //! Tests of studies with known errors and times, without a renderer and a clock.
 
-use super::result::Subject;
-use super::study::{Job, Purpose};
+use super::result::StudyNames;
+use super::study::{Purpose, StudyRender};
 use super::*;
 use crate::lab::random::Random;
 use crate::lab::result::Machine;
@@ -12,7 +12,7 @@ const PIXELS: usize = WIDTH * 48;
 
 /// Renders a picture of value 1 plus uniform noise of width `samples^-p`, so that
 /// RMSE = samples^-p / sqrt(12).
-fn render(job: &Job) -> Vec<f32> {
+fn render(job: &StudyRender) -> Vec<f32> {
     let power = match job.setting.sampler {
         SamplerKind::Sobol => -0.75,
         SamplerKind::Random => -0.5,
@@ -24,7 +24,7 @@ fn render(job: &Job) -> Vec<f32> {
 }
 
 /// Runs a study whose renders take `per_work` seconds per unit of work.
-fn run_all(grid: &Grid, limits: Limits, per_work: f64) -> (Study, Vec<Job>, f64) {
+fn run_all(grid: &Grid, limits: Limits, per_work: f64) -> (Study, Vec<StudyRender>, f64) {
     let mut study = Study::new(grid.clone(), limits, WIDTH, None);
     let (mut now, mut jobs) = (0.0, Vec::new());
     while let Some(job) = study.next(now) {
@@ -49,10 +49,10 @@ fn limits(budget: f64) -> Limits {
     Limits { budget, repeats: 3, seed: 5 }
 }
 
-fn found(study: &Study, limits: Limits) -> Report {
+fn found(study: &Study, limits: Limits) -> StudyReport {
     let machine =
         Machine { cpu: String::new(), cores: 1, isa: String::new(), versions: Default::default() };
-    let subject = Subject {
+    let subject = StudyNames {
         machine,
         threads: 1,
         scene: "s".into(),
@@ -102,7 +102,8 @@ fn known_slopes_ratios_and_errors_are_found() {
 #[test]
 fn the_reference_has_more_samples_than_the_grid_and_a_known_error() {
     let (study, jobs, _) = run_all(&grid(), limits(100.0), 1e-3);
-    let passes: Vec<&Job> = jobs.iter().filter(|j| j.purpose == Purpose::Reference).collect();
+    let passes: Vec<&StudyRender> =
+        jobs.iter().filter(|j| j.purpose == Purpose::Reference).collect();
     assert_eq!((passes.len(), study.passes.count), (4, 4));
     assert!(passes.iter().all(|job| job.setting.samples() > 256 && job.setting.spp > 1));
     let mut seeds: Vec<i64> = passes.iter().map(|job| job.seed).collect();

@@ -16,10 +16,12 @@ mod report;
 mod source;
 
 pub use self::pictures::{PictureReport, compare_pictures};
-pub use self::report::{BackendReport, Finding, PlainLoop, Report, SavedRay, Tally, Tree};
+pub use self::report::{
+    BackendReport, CrosscheckReport, Finding, PlainLoop, SavedRay, Tree, VerdictCounts,
+};
 pub use self::source::Source;
 
-use self::plan::Plan;
+use self::plan::CheckPackets;
 use super::answer::Answer;
 use super::backend::BuiltBackend;
 use super::parallel::in_portions;
@@ -65,20 +67,20 @@ pub struct Check<'a> {
 ///
 /// # Errors
 /// `Interrupted` after a signal.
-pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
-    let plan = Plan::new(check, monitor)?;
+pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<CrosscheckReport> {
+    let plan = CheckPackets::new(check, monitor)?;
     let primitives = u64::from(*check.world.geometry.bases().last().unwrap_or(&0));
     let loops = (PLAIN_LOOP_TESTS / primitives.max(1)).max(1);
     // The plain loop traces one packet in `stride`.
     let stride = (plan.packets() as u64 * LANES as u64).div_ceil(loops).max(1);
-    let mut report = Report::new(check);
+    let mut report = CrosscheckReport::new(check);
     monitor.begin(Phase::Check, plan.packets() as u64);
     let mut done = 0;
     in_portions(
         plan.packets() as u64,
         monitor,
         |index| check_packet(check, &plan.case(index as usize), index % stride == 0),
-        |portion: Vec<Part>| {
+        |portion: Vec<PacketVerdicts>| {
             portion.iter().for_each(|part| report.add(part, KEPT));
             done += portion.len() as u64;
             monitor.set_done(done);
@@ -89,7 +91,7 @@ pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<Report> {
 }
 
 /// All verdicts on one packet.
-pub struct Part {
+pub struct PacketVerdicts {
     case: QueryPacket,
     /// Index of the backend, coherence, lane, verdict and answer.
     verdicts: Vec<(usize, Coherence, usize, Verdict, Answer)>,
@@ -103,7 +105,7 @@ pub struct Part {
 
 /// Judges the answers of all backends to one packet. Compares `coursework` with its plain loop if
 /// `with_loop`.
-pub fn check_packet(check: &Check, case: &QueryPacket, with_loop: bool) -> Part {
+pub fn check_packet(check: &Check, case: &QueryPacket, with_loop: bool) -> PacketVerdicts {
     let Recorded { active, rays } = &case.packet;
     let mut truths = vec![Answer::Miss; LANES];
     for i in lanes(active) {
@@ -121,7 +123,7 @@ pub fn check_packet(check: &Check, case: &QueryPacket, with_loop: bool) -> Part 
         }
     }
     let mut part =
-        Part { case: case.clone(), verdicts, truths, looped: 0, unlike_loop: Vec::new() };
+        PacketVerdicts { case: case.clone(), verdicts, truths, looped: 0, unlike_loop: Vec::new() };
     if let Some(coursework) = check.coursework.filter(|_| with_loop) {
         for i in lanes(active) {
             let ray = Ray::of(rays, i);

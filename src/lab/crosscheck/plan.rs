@@ -11,7 +11,7 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES};
 
 /// All packets of a check, by index. Aimed packets are generated on demand.
-pub struct Plan<'g> {
+pub struct CheckPackets<'g> {
     /// The recorded packets of the scene.
     recorded: Vec<(Class, Recorded)>,
     aim: Option<Aim<'g>>,
@@ -20,7 +20,7 @@ pub struct Plan<'g> {
     seed: i64,
 }
 
-impl<'g> Plan<'g> {
+impl<'g> CheckPackets<'g> {
     /// Records the rays of the scene, and plans the aimed rays.
     ///
     /// # Errors
@@ -34,7 +34,7 @@ impl<'g> Plan<'g> {
         let recording = record(world, first, each, seed, monitor)?;
         let recorded = Class::ALL
             .into_iter()
-            .flat_map(|class| recording.of(class).iter().map(move |r| (class, r.clone())))
+            .flat_map(|class| recording.packets(class).iter().map(move |r| (class, r.clone())))
             .collect();
         Ok(Self { recorded, aim: Aim::new(&world.geometry), each, seed })
     }
@@ -45,7 +45,7 @@ impl<'g> Plan<'g> {
         self.recorded.len() + aimed
     }
 
-    /// Packet number `index`, which is below [`Plan::packets`].
+    /// Packet number `index`, which is below [`CheckPackets::packets`].
     pub fn case(&self, index: usize) -> QueryPacket {
         let aimed = index.checked_sub(self.recorded.len()).zip(self.aim.as_ref());
         let Some((index, aim)) = aimed else {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Check, Part, PictureReport, known};
+use super::{Check, PacketVerdicts, PictureReport, known};
 use crate::accel::BuildInfo;
 use crate::accel::bvh::Stats;
 use crate::lab::answer::Answer;
@@ -17,7 +17,7 @@ use crate::scene::Backend;
 
 /// Number of answers by verdict.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct Tally {
+pub struct VerdictCounts {
     /// Number of answers that were judged.
     pub rays: u64,
     /// Number of answers with [`Verdict::Agree`].
@@ -38,7 +38,7 @@ pub struct Tally {
     pub wrong_distance: u64,
 }
 
-impl Tally {
+impl VerdictCounts {
     /// Counts the verdict on one answer.
     pub fn count(&mut self, verdict: Verdict) {
         self.rays += 1;
@@ -85,9 +85,9 @@ pub struct BackendReport {
     /// Error bound that explains answers, in units of the bound of the shear.
     pub bound: f64,
     /// Name and verdicts of each source of rays, in the order of the check.
-    pub sources: Vec<(String, Tally)>,
+    pub sources: Vec<(String, VerdictCounts)>,
     /// Verdicts of all sources and modes together.
-    pub total: Tally,
+    pub total: VerdictCounts,
     /// Whether a wrong answer fails the check.
     pub must_be_right: bool,
     /// Largest number of wrong answers for each of `sources`. Empty if all answers must be right.
@@ -99,7 +99,7 @@ impl BackendReport {
     fn count(&mut self, source: &str, verdict: Verdict) {
         self.total.count(verdict);
         if self.sources.last().is_none_or(|(last, _)| last != source) {
-            self.sources.push((source.into(), Tally::default()));
+            self.sources.push((source.into(), VerdictCounts::default()));
         }
         if let Some((_, tally)) = self.sources.last_mut() {
             tally.count(verdict);
@@ -108,7 +108,7 @@ impl BackendReport {
 
     /// Sets `allowed` from the known rates of the backend.
     fn allow(&mut self, backend: Backend) {
-        let most = |(source, tally): &(String, Tally)| {
+        let most = |(source, tally): &(String, VerdictCounts)| {
             known::rate(backend, source).map(|rate| known::most(rate, tally.rays).min(tally.rays))
         };
         self.allowed = self.sources.iter().filter_map(most).collect();
@@ -122,7 +122,7 @@ impl BackendReport {
         }
         let sources = self.sources.iter().zip(&self.allowed);
         let above = sources.filter(|((_, tally), most)| tally.wrong() > **most);
-        let failure = |((source, tally), most): (&(String, Tally), &u64)| {
+        let failure = |((source, tally), most): (&(String, VerdictCounts), &u64)| {
             let (wrong, rays) = (tally.wrong(), tally.rays);
             format!(
                 "`{name}` gives wrong answers to {wrong} of {rays} {source} rays, more than the known {most}"
@@ -260,7 +260,7 @@ fn saved(case: &QueryPacket) -> Vec<SavedRay> {
 
 /// All results of a check.
 #[derive(Debug, Clone, Serialize)]
-pub struct Report {
+pub struct CrosscheckReport {
     /// Seed of all random rays.
     pub seed: i64,
     /// Number of rays, each counted once.
@@ -281,7 +281,7 @@ pub struct Report {
     kept: BTreeMap<(String, String, Verdict, String), usize>,
 }
 
-impl Report {
+impl CrosscheckReport {
     /// Creates a report without any verdict.
     pub fn new(check: &Check) -> Self {
         let backends = check.built_backends.iter().map(|built| {
@@ -292,7 +292,7 @@ impl Report {
                 isa,
                 bound: built.tested.error_factor(),
                 sources: Vec::new(),
-                total: Tally::default(),
+                total: VerdictCounts::default(),
                 must_be_right: built.tested.must_be_right(),
                 allowed: Vec::new(),
             }
@@ -312,7 +312,7 @@ impl Report {
 
     /// Adds the verdicts on a packet. Keeps at most `most` wrong answers of each backend, verdict
     /// and source of rays.
-    pub fn add(&mut self, part: &Part, most: usize) {
+    pub fn add(&mut self, part: &PacketVerdicts, most: usize) {
         let source = &part.case.source;
         self.rays += u64::from(part.case.packet.active.count());
         for &(index, mode, lane, verdict, answer) in &part.verdicts {
@@ -348,7 +348,7 @@ impl Report {
 
     fn keep(
         &mut self,
-        part: &Part,
+        part: &PacketVerdicts,
         [backend, against]: [&str; 2],
         (mode, lane, verdict): (Coherence, usize, Verdict),
         [answer, truth]: [Answer; 2],

@@ -36,11 +36,11 @@ fn world() -> World {
 const EMBREE: Backend = Backend::Embree(EmbreeMode::Robust);
 
 /// The report of a check whose second backend, checked as `bvh`, has a fault.
-fn report(fault: Fault) -> Report {
+fn report(fault: Fault) -> CrosscheckReport {
     report_on(Backend::default(), fault)
 }
 
-fn report_on(backend: Backend, fault: Fault) -> Report {
+fn report_on(backend: Backend, fault: Fault) -> CrosscheckReport {
     let world = world();
     let oracle = Brute::build(&world.geometry, &OPTIONS, &Monitor::default()).unwrap();
     let faulty = Faulty(&oracle, fault);

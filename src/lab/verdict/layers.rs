@@ -8,14 +8,14 @@ use crate::accel::brute::{Near, Outline};
 
 /// Range of t of one layer of surface, with the errors of t.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Layer {
+pub struct SurfaceLayer {
     /// Smallest t of the layer.
     pub near: f64,
     /// Largest t of the layer.
     pub far: f64,
 }
 
-impl Layer {
+impl SurfaceLayer {
     fn of<'a>(parts: impl Iterator<Item = &'a Near>) -> Self {
         let none = Self { near: f64::INFINITY, far: f64::NEG_INFINITY };
         parts.fold(none, |layer, part| Self {
@@ -39,14 +39,15 @@ type Edge = [[u64; 3]; 2];
 /// equals the winding number of the rim modulo 2. So at least one triangle contains the ray, and
 /// the patch is a layer. At a silhouette both triangles of an edge lie on the same side of the ray.
 /// Then the number is even, and the patch is no layer.
-pub fn layers(near: &[Near]) -> Vec<Layer> {
+pub fn layers(near: &[Near]) -> Vec<SurfaceLayer> {
     let sure = near.iter().filter(|part| match &part.outline {
         Outline::Sphere(sure) => *sure,
         // A triangle that contains the ray beyond the error bound of its edges is a layer by
         // itself.
         outline => Triangle::of(outline).is_some_and(|triangle| triangle.holds(outline)),
     });
-    let mut layers: Vec<Layer> = sure.map(|part| Layer::of([part].into_iter())).collect();
+    let mut layers: Vec<SurfaceLayer> =
+        sure.map(|part| SurfaceLayer::of([part].into_iter())).collect();
     for patch in patches(near) {
         let mut rim: BTreeMap<Edge, (bool, f64, [DVec2; 2])> = BTreeMap::new();
         for &(part, triangle) in &patch {
@@ -64,7 +65,7 @@ pub fn layers(near: &[Near]) -> Vec<Layer> {
         rim.retain(|_, (odd, ..)| *odd);
         let clear = rim.values().all(|&(_, clearance, _)| clearance > 0.0);
         if clear && goes_round(rim.values().map(|&(.., ends)| ends)) {
-            layers.push(Layer::of(patch.iter().map(|(part, _)| *part)));
+            layers.push(SurfaceLayer::of(patch.iter().map(|(part, _)| *part)));
         }
     }
     layers
