@@ -24,8 +24,8 @@ mod with_embree {
 
     use lightpath::accel::{self, Accelerator, BuildInfo, BuildOptions};
     use lightpath::film::{Film, Window};
-    use lightpath::measure::ab::{Plan, interleave};
-    use lightpath::measure::stats::{Estimate, mad, median, paired_ratio};
+    use lightpath::lab::ab::{TimingPlan, interleave};
+    use lightpath::lab::stats::{Estimate, mad, median, paired_ratio};
     use lightpath::monitor::Monitor;
     use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
     use lightpath::render::render;
@@ -92,7 +92,7 @@ mod with_embree {
         let replay = Replay::record(&world, &*embree, &mut film);
         let counts = render(&world, &*embree, isa, &mut film, &monitor).expect("a render");
         let rays = (counts.primary + counts.shadow) as f64;
-        let plan = Plan { rounds: ROUNDS, budget: Duration::ZERO };
+        let plan = TimingPlan { rounds: ROUNDS, budget: Duration::ZERO };
         let unchecked = Unchecked(&*embree);
         let samples = interleave(3, plan, &monitor, |side| {
             let started = Instant::now();

@@ -1,6 +1,8 @@
 //! Packets of 16 rays and their hits, as structures of arrays. The layout is exactly
 //! Embree's `RTCRay16` and `RTCRayHit16` (Embree >= 4.3), so that nothing is copied.
 
+use serde::{Deserialize, Serialize};
+
 /// Id of no primitive and no geometry (Embree's `RTC_INVALID_GEOMETRY_ID`).
 pub const NONE: u32 = u32::MAX;
 
@@ -177,7 +179,8 @@ impl RayPacket {
 }
 
 /// How similar the rays of a packet are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Coherence {
     /// Similar paths: camera rays, or shadow rays of neighbouring points.
     Coherent,

@@ -6,6 +6,8 @@
 
 use std::{fmt, sync::OnceLock};
 
+use crate::error::{Error, Kind, Problem, Result};
+
 /// An instruction set for which kernels are compiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Isa {
@@ -65,6 +67,25 @@ impl Isa {
         return &[Self::Portable, Self::Avx2];
         #[cfg(not(target_arch = "x86_64"))]
         return &[Self::Portable];
+    }
+
+    /// Returns the instruction set itself if kernels can run with it. `flag` is the place in
+    /// messages.
+    ///
+    /// # Errors
+    /// `Unsupported` if this machine or this build lacks it.
+    pub fn supported(self, flag: &str) -> Result<Self> {
+        if Self::available().any(|isa| isa == self) {
+            return Ok(self);
+        }
+        let lacks = match Self::compiled().contains(&self) {
+            true => "this machine",
+            false => "this build",
+        };
+        let available: Vec<String> = Self::available().map(|isa| isa.to_string()).collect();
+        let message = format!("found {self}, which {lacks} lacks");
+        let help = format!("available: {}", available.join(", "));
+        Err(Error::new(Kind::Unsupported, Problem::new(flag, message).help(help)))
     }
 }
 

@@ -172,7 +172,7 @@ impl KernelArgs {
     /// # Errors
     /// `Unsupported` if this machine or this build lacks it.
     pub fn isa(&self) -> Result<Isa> {
-        self.isa.map_or(Ok(Isa::detect()), |isa| machine::check_isa("--isa", isa))
+        self.isa.map_or(Ok(Isa::detect()), |isa| isa.supported("--isa"))
     }
 }
 

@@ -4,7 +4,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
-    measure::result::Machine,
+    lab::result::Machine,
     simd::Isa,
 };
 
@@ -42,24 +42,6 @@ pub fn default_pool() -> Result<()> {
         let message = format!("cannot start threads: {error}");
         Error::new(Kind::Retry, Problem::new("", message))
     })
-}
-
-/// Returns `wanted`, the instruction set that `flag` names, if it can run here.
-///
-/// # Errors
-/// `Unsupported` if this machine or this build lacks it.
-pub fn check_isa(flag: &str, wanted: Isa) -> Result<Isa> {
-    if Isa::available().any(|isa| isa == wanted) {
-        return Ok(wanted);
-    }
-    let lacks = match Isa::compiled().contains(&wanted) {
-        true => "this machine",
-        false => "this build",
-    };
-    let available: Vec<String> = Isa::available().map(|isa| isa.to_string()).collect();
-    let message = format!("found {wanted}, which {lacks} lacks");
-    let help = format!("available: {}", available.join(", "));
-    Err(Error::new(Kind::Unsupported, Problem::new(flag, message).help(help)))
 }
 
 /// Returns the model name of the processor, or the architecture if the system does not report one.

@@ -7,7 +7,6 @@
 mod about;
 mod accuracy;
 mod args;
-mod backends;
 mod batch;
 mod bench;
 mod compare;

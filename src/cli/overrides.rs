@@ -8,10 +8,7 @@ use crate::{
     scene::{BackendFlags, Overrides},
 };
 
-use super::{
-    flags::{MachineArgs, SceneArgs},
-    machine,
-};
+use super::flags::{MachineArgs, SceneArgs};
 
 /// Returns the overrides of all scene and machine flags.
 ///
@@ -19,7 +16,7 @@ use super::{
 /// An instruction set that this machine or this build lacks.
 pub fn from_flags(args: &SceneArgs, machine: &MachineArgs) -> Result<Overrides> {
     let mut all = scene_overrides(args);
-    let isa = machine.isa.map(|isa| machine::check_isa("--isa", isa)).transpose()?;
+    let isa = machine.isa.map(|isa| isa.supported("--isa")).transpose()?;
     all.backend(BackendFlags { fast: machine.fast, isa });
     Ok(all)
 }

@@ -11,11 +11,11 @@ use clap::Parser;
 use layouts::{Corners, Layout, TinyBvh};
 use lightpath::accel::{self, Accelerator, BuildOptions};
 use lightpath::error::Result;
-use lightpath::measure::ab::{Plan, interleave};
-use lightpath::measure::answers::{self, Agreement};
-use lightpath::measure::rays::{Class, Recording, record};
-use lightpath::measure::replay::{Mode, Replay};
-use lightpath::measure::stats::{mad, median, paired_ratio};
+use lightpath::lab::ab::{TimingPlan, interleave};
+use lightpath::lab::agreement::{self, Agreement};
+use lightpath::lab::rays::{Class, Recording, record};
+use lightpath::lab::replay::{Mode, Replay};
+use lightpath::lab::stats::{mad, median, paired_ratio};
 use lightpath::monitor::Monitor;
 use lightpath::ray::LANES;
 use lightpath::scene::{Backend, EmbreeMode, Overrides};
@@ -62,12 +62,12 @@ fn main() -> ExitCode {
 }
 
 /// A backend under test.
-enum Contestant {
+enum TestedBackend {
     Own(&'static str, Backend),
     Tiny(Layout),
 }
 
-impl Contestant {
+impl TestedBackend {
     fn all() -> Vec<Self> {
         let mut all = vec![
             Self::Own("embree", Backend::Embree(EmbreeMode::Robust)),
@@ -94,7 +94,7 @@ struct Bench<'a> {
     arguments: &'a Arguments,
     world: &'a World,
     corners: &'a Corners,
-    contestants: Vec<Contestant>,
+    tested_backends: Vec<TestedBackend>,
     monitor: &'a Monitor,
 }
 
@@ -111,11 +111,11 @@ fn run(arguments: &Arguments) -> Result<bool> {
         arguments,
         world: &world,
         corners: &corners,
-        contestants: Contestant::all(),
+        tested_backends: TestedBackend::all(),
         monitor: &monitor,
     };
     let built = pool(most).install(|| bench.build())?;
-    let ours = bench.contestants.iter().position(|c| c.name() == "bvh").unwrap_or(0);
+    let ours = bench.tested_backends.iter().position(|c| c.name() == "bvh").unwrap_or(0);
     let packets = arguments.rays.div_ceil(LANES).max(1);
     let recording = record(&world, &*built[ours], packets, 0, &monitor)?;
     let right = bench.answers(&built, &recording, ours);
@@ -145,17 +145,17 @@ fn world(arguments: &Arguments, monitor: &Monitor) -> Result<World> {
 
 impl Bench<'_> {
     /// Builds one accelerator. Also returns how many of its bytes queries read.
-    fn one(&self, contestant: &Contestant) -> Result<(Box<dyn Accelerator + '_>, u64)> {
+    fn one(&self, tested_backend: &TestedBackend) -> Result<(Box<dyn Accelerator + '_>, u64)> {
         let threads = rayon::current_num_threads();
         let options = BuildOptions { threads, max_bytes: None };
-        match contestant {
-            Contestant::Own(_, backend) => {
+        match tested_backend {
+            TestedBackend::Own(_, backend) => {
                 let geometry = &self.world.geometry;
                 let built = accel::build(geometry, *backend, &options, self.monitor)?;
                 let bytes = built.info().bytes;
                 Ok((built, bytes))
             }
-            Contestant::Tiny(layout) => {
+            TestedBackend::Tiny(layout) => {
                 let built = TinyBvh::build(self.corners, *layout, self.arguments.offset);
                 let bytes = built.cost.read;
                 Ok((Box::new(built), bytes))
@@ -166,10 +166,10 @@ impl Bench<'_> {
     /// Builds all accelerators on the current pool, in turns, and prints their build times and
     /// memory.
     fn build(&self) -> Result<Built<'_>> {
-        let plan = Plan { rounds: self.arguments.rounds.div_ceil(3), budget: Duration::ZERO };
-        let samples = interleave(self.contestants.len(), plan, self.monitor, |i| {
+        let plan = TimingPlan { rounds: self.arguments.rounds.div_ceil(3), budget: Duration::ZERO };
+        let samples = interleave(self.tested_backends.len(), plan, self.monitor, |i| {
             let started = Instant::now();
-            let built = self.one(&self.contestants[i])?;
+            let built = self.one(&self.tested_backends[i])?;
             let seconds = started.elapsed().as_secs_f64();
             drop(built);
             Ok(seconds)
@@ -180,13 +180,13 @@ impl Bench<'_> {
             "", "build ms", "MAD %", "held B/tri", "read B/tri"
         );
         let mut all = Built::new();
-        for (contestant, samples) in self.contestants.iter().zip(&samples) {
-            let (built, read) = self.one(contestant)?;
+        for (tested_backend, samples) in self.tested_backends.iter().zip(&samples) {
+            let (built, read) = self.one(tested_backend)?;
             let [held, read] = [built.info().bytes, read].map(|bytes| bytes as f64 / triangles);
             let (middle, spread) = (median(samples), mad(samples));
             println!(
                 "{:24} {:10.1} {:8.1} {held:10.1} {read:10.1}",
-                contestant.name(),
+                tested_backend.name(),
                 middle * 1e3,
                 100.0 * spread / middle
             );
@@ -198,7 +198,7 @@ impl Bench<'_> {
     /// Returns the rays of each class, to be traced one at a time.
     fn replays<'r>(&self, recording: &'r Recording) -> impl Iterator<Item = Replay<'r>> {
         Class::ALL.into_iter().filter_map(|class| {
-            let packets = recording.of(class);
+            let packets = recording.packets(class);
             (!packets.is_empty()).then_some(Replay { class, mode: Mode::Single, packets })
         })
     }
@@ -212,12 +212,12 @@ impl Bench<'_> {
             let rays = recording.count(replay.class);
             print!("\n{:24}", replay.class.name());
             println!("{}", head.map(|name| format!(" {name:>8}")).concat());
-            for (i, contestant) in self.contestants.iter().enumerate() {
+            for (i, tested_backend) in self.tested_backends.iter().enumerate() {
                 let pair: [&dyn Accelerator; 2] = [&*built[ours], &*built[i]];
-                let (scores, pairs) = answers::compare(&replay, &self.world.geometry, &pair);
+                let (scores, pairs) = agreement::compare(&replay, &self.world.geometry, &pair);
                 let Agreement { same, tie, depth, missed } = pairs[0].2;
                 let numbers = [rays, scores[1].hits, same, tie, depth, missed, scores[1].wrong];
-                print!("{:24}", contestant.name());
+                print!("{:24}", tested_backend.name());
                 println!("{}", numbers.map(|n| format!(" {n:8}")).concat());
                 right &= (depth + missed) as f64 <= MOST_DIFFERENT * rays as f64;
             }
@@ -230,18 +230,18 @@ impl Bench<'_> {
 
     /// Prints rays per second, measured in turns on the current pool.
     fn rays(&self, built: &Built<'_>, recording: &Recording, threads: usize) -> Result<()> {
-        let plan = Plan { rounds: self.arguments.rounds, budget: Duration::ZERO };
+        let plan = TimingPlan { rounds: self.arguments.rounds, budget: Duration::ZERO };
         for replay in self.replays(recording) {
             let samples =
                 interleave(built.len(), plan, self.monitor, |i| Ok(replay.seconds(&*built[i])))?;
             let rays = recording.count(replay.class) as f64;
             let title = format!("{}, {threads} thread(s)", replay.class.name());
             println!("\n{title:24} {:>8} {:>8}   / embree", "Mray/s", "MAD %");
-            for (contestant, own) in self.contestants.iter().zip(&samples) {
+            for (tested_backend, own) in self.tested_backends.iter().zip(&samples) {
                 let (middle, ratio) = (median(own), paired_ratio(&samples[0], own));
                 println!(
                     "{:24} {:8.2} {:8.1}   {:.2} [{:.2}, {:.2}]",
-                    contestant.name(),
+                    tested_backend.name(),
                     rays / middle / 1e6,
                     100.0 * mad(own) / middle,
                     ratio.value,

@@ -2,14 +2,14 @@
 
 use std::fmt::Write;
 
-use crate::measure::accuracy::{Entry, Report, Row};
+use crate::lab::accuracy::{AccuracyReport, BackendCounts, CaseResult};
 
 use crate::units;
 
 use super::table;
 
 /// Returns the page in Markdown.
-pub fn page(report: &Report) -> String {
+pub fn page(report: &AccuracyReport) -> String {
     let mut text = String::from(
         "# Accuracy\n\nWritten by `lightpath accuracy --markdown`; do not edit. Rays that are hard to \
          answer, on every backend,\ncompared with exact answers. Numbers are wrong answers unless \
@@ -32,7 +32,9 @@ pub fn page(report: &Report) -> String {
         let _ = write!(text, "| {group} |");
         for index in 0..report.columns.len() {
             let rows = report.rows.iter().filter(|row| row.group == *group);
-            let sum = |of: fn(&Entry) -> u64| rows.clone().map(|row| of(&row.entries[index])).sum();
+            let sum = |of: fn(&BackendCounts) -> u64| {
+                rows.clone().map(|row| of(&row.entries[index])).sum()
+            };
             let _ = write!(text, " {} |", table::per_million(sum(|e| e.failed), sum(|e| e.rays)));
         }
         text.push('\n');
@@ -66,7 +68,7 @@ from the ray's origin. Both count only hits of the right primitive.
 ";
 
 /// Returns lines about the machine and the size of the run.
-pub fn machine(report: &Report) -> Vec<String> {
+pub fn machine(report: &AccuracyReport) -> Vec<String> {
     let mut lines = Vec::new();
     if let Some(m) = &report.machine {
         let versions = m.versions.iter().filter(|(name, _)| *name != "commit");
@@ -104,7 +106,7 @@ pub fn meaning(name: &str) -> &'static str {
     }
 }
 
-fn head(text: &mut String, report: &Report, first: &[&str], last: &[&str]) {
+fn head(text: &mut String, report: &AccuracyReport, first: &[&str], last: &[&str]) {
     let names = report.columns.iter().map(|column| format!("`{}`", column.name));
     let first = first.iter().map(ToString::to_string);
     let cells: Vec<String> =
@@ -112,8 +114,8 @@ fn head(text: &mut String, report: &Report, first: &[&str], last: &[&str]) {
     let _ = writeln!(text, "| {} |\n|{}", cells.join(" | "), "---|".repeat(cells.len()));
 }
 
-fn section(text: &mut String, report: &Report, group: &str) {
-    let rows: Vec<&Row> = report.rows.iter().filter(|row| row.group == group).collect();
+fn section(text: &mut String, report: &AccuracyReport, group: &str) {
+    let rows: Vec<&CaseResult> = report.rows.iter().filter(|row| row.group == group).collect();
     let _ = writeln!(text, "\n## {}\n", capital(group));
     head(text, report, &["case", "answers"], &["mark of `bvh`, `brute`"]);
     for row in &rows {
@@ -152,7 +154,7 @@ fn section(text: &mut String, report: &Report, group: &str) {
 }
 
 /// Formats the number of wrong answers and their kinds.
-fn failures(entry: &Entry) -> String {
+fn failures(entry: &BackendCounts) -> String {
     let total = table::failures(entry);
     let rate = match entry.failed {
         0 => String::new(),

@@ -9,15 +9,15 @@ use std::sync::Arc;
 
 use crate::{
     error::{Error, Kind, Problem, Result},
-    measure::accuracy::{self, Case, Column, Settings},
+    lab::{
+        accuracy::{self, AccuracySettings, Case},
+        backend::{self, TestedBackend},
+    },
     monitor::Monitor,
     simd::Isa,
 };
 
-use super::{
-    backends::{contestant, each_once},
-    machine, print, signals,
-};
+use super::{machine, print, signals};
 
 use self::args::AccuracyArgs;
 
@@ -81,22 +81,20 @@ fn cases(text: Option<&str>) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<Settings> {
-    let named = args.backend.iter().flat_map(|name| match name.as_str() {
-        "bvh" => Column::tiers().into_iter().map(|tier| Ok(tier.contestant)).collect(),
-        _ => vec![contestant("--backend", name, Isa::detect())],
+fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<AccuracySettings> {
+    let parsed = args.backend.iter().flat_map(|name| match name.as_str() {
+        "bvh" => TestedBackend::tiers().into_iter().map(Ok).collect(),
+        _ => vec![TestedBackend::parse("--backend", name, Isa::detect())],
     });
-    let contestants = each_once("--backend", named)?;
-    let mut columns: Vec<Column> =
-        contestants.into_iter().map(|contestant| Column { contestant }).collect();
-    if columns.is_empty() {
-        let (available, without) = accuracy::available(Column::all(), monitor)?;
+    let mut tested_backends = TestedBackend::distinct("--backend", parsed)?;
+    if tested_backends.is_empty() {
+        let (available, without) = backend::available(TestedBackend::all(), monitor)?;
         without.iter().for_each(|line| print::note(line));
-        columns = available;
+        tested_backends = available;
     }
     let times = match args.full {
         true => FULL,
         false => args.times.unwrap_or(1),
     };
-    Ok(Settings { columns, seed: args.seed, times, pictures: args.html.is_some() })
+    Ok(AccuracySettings { tested_backends, seed: args.seed, times, pictures: args.html.is_some() })
 }

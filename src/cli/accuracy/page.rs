@@ -1,7 +1,7 @@
 //! Report page of `accuracy`, with pictures of the failures.
 
 use crate::{
-    measure::accuracy::{ColumnReport, Entry, Kind, Report, Row},
+    lab::accuracy::{AccuracyReport, BackendCounts, CaseResult, ColumnReport, Kind},
     report::{Bar, Bars, Cell, Group, Page, Section, picture},
     units,
 };
@@ -9,7 +9,7 @@ use crate::{
 use super::{markdown, table};
 
 /// Builds the page of a report.
-pub fn page(report: &Report) -> Page {
+pub fn page(report: &AccuracyReport) -> Page {
     let mut groups: Vec<&str> = report.rows.iter().map(|row| row.group.as_str()).collect();
     groups.dedup();
     let mut sections = vec![overview(report, &groups)];
@@ -20,7 +20,7 @@ pub fn page(report: &Report) -> Page {
 }
 
 /// Builds the table of failures per million by group, and a chart of the rays at vertices.
-fn overview(report: &Report, groups: &[&str]) -> Section {
+fn overview(report: &AccuracyReport, groups: &[&str]) -> Section {
     let failures = report.failures();
     let mut findings: Vec<(String, bool)> =
         failures.iter().map(|failure| (failure.clone(), true)).collect();
@@ -53,7 +53,7 @@ fn overview(report: &Report, groups: &[&str]) -> Section {
     }
 }
 
-fn vertices(report: &Report) -> String {
+fn vertices(report: &AccuracyReport) -> String {
     let aimed = report.rows.iter().filter(|row| row.name.ends_with(", at vertices"));
     let groups = aimed.map(|row| Group {
         label: row.name.trim_end_matches(", at vertices").into(),
@@ -79,7 +79,7 @@ fn is_fast(column: &ColumnReport) -> bool {
     column.name.starts_with("embree") || column.name.starts_with("bvh")
 }
 
-fn bar(entry: &Entry) -> Bar {
+fn bar(entry: &BackendCounts) -> Bar {
     let value = match entry.rays {
         0 => f64::NAN,
         rays => entry.failed as f64 * 1e6 / rays as f64,
@@ -88,16 +88,16 @@ fn bar(entry: &Entry) -> Bar {
     Bar { value, interval: None, wrong }
 }
 
-fn rows_of<'a>(report: &'a Report, group: &'a str) -> impl Iterator<Item = &'a Row> {
+fn rows_of<'a>(report: &'a AccuracyReport, group: &'a str) -> impl Iterator<Item = &'a CaseResult> {
     report.rows.iter().filter(move |row| row.group == group)
 }
 
-fn head(first: &str, report: &Report, last: &[&str]) -> Vec<Cell> {
+fn head(first: &str, report: &AccuracyReport, last: &[&str]) -> Vec<Cell> {
     let names = report.columns.iter().map(|column| column.name.as_str());
     [first].into_iter().chain(names).chain(last.iter().copied()).map(Cell::from).collect()
 }
 
-fn section(report: &Report, group: &str) -> Section {
+fn section(report: &AccuracyReport, group: &str) -> Section {
     let mut failures = vec![head("failures", report, &["answers", "mark"])];
     let mut ulps = vec![head("worst error of t in f32 ulp", report, &[])];
     let mut relatives = vec![head("worst relative distance of the refined point", report, &[])];
@@ -105,7 +105,7 @@ fn section(report: &Report, group: &str) -> Section {
     let mut times = vec![head("seconds in the backend, all threads", report, &["whole case"])];
     let mut cases = vec![["case", "what"].map(Cell::from).to_vec()];
     for row in rows_of(report, group) {
-        let cells = |of: &dyn Fn(&Entry) -> Cell| -> Vec<Cell> {
+        let cells = |of: &dyn Fn(&BackendCounts) -> Cell| -> Vec<Cell> {
             [row.name.as_str().into()].into_iter().chain(row.entries.iter().map(of)).collect()
         };
         let mut line =
@@ -141,7 +141,7 @@ fn section(report: &Report, group: &str) -> Section {
 }
 
 /// Draws where the failures of a group are.
-fn pictures(report: &Report, group: &str) -> Option<Section> {
+fn pictures(report: &AccuracyReport, group: &str) -> Option<Section> {
     let mut charts = Vec::new();
     for row in rows_of(report, group) {
         for shown in &row.pictures {
@@ -178,7 +178,7 @@ fn pictures(report: &Report, group: &str) -> Option<Section> {
     })
 }
 
-fn columns(report: &Report) -> Section {
+fn columns(report: &AccuracyReport) -> Section {
     let mut rows =
         vec![["column", "what it is", "version", "instructions"].map(Cell::from).to_vec()];
     for column in &report.columns {

@@ -1,6 +1,6 @@
 //! Formats the results of `accuracy` as table cells and lines of text.
 
-use crate::measure::accuracy::{Entry, Report, Row, Settings};
+use crate::lab::accuracy::{AccuracyReport, AccuracySettings, BackendCounts, CaseResult};
 
 use crate::units;
 
@@ -8,7 +8,7 @@ use crate::units;
 const NAME: usize = 40;
 
 /// Formats a number of failures: `0`, `1,234`, with a mark if it fails the run.
-pub fn failures(entry: &Entry) -> String {
+pub fn failures(entry: &BackendCounts) -> String {
     let missed = if entry.missed.is_some() { " MISSED" } else { "" };
     match entry.rays {
         0 => "-".into(),
@@ -41,15 +41,19 @@ pub fn relative(value: Option<f64>) -> String {
 }
 
 /// Returns the largest value over the columns of `bvh`, or over all columns if none is `bvh`.
-pub fn worst(names: &[String], row: &Row, of: fn(&Entry) -> Option<f64>) -> Option<f64> {
+pub fn worst(
+    names: &[String],
+    row: &CaseResult,
+    of: fn(&BackendCounts) -> Option<f64>,
+) -> Option<f64> {
     let ours = |name: &&String| name.starts_with("bvh");
     let any = names.iter().any(|name| ours(&name));
     let entries = names.iter().zip(&row.entries).filter(|(name, _)| ours(name) || !any);
     entries.filter_map(|(_, entry)| of(entry)).reduce(f64::max)
 }
 
-fn names(settings: &Settings) -> Vec<String> {
-    settings.columns.iter().map(|column| column.name().to_string()).collect()
+fn names(settings: &AccuracySettings) -> Vec<String> {
+    settings.tested_backends.iter().map(|backend| backend.name.clone()).collect()
 }
 
 fn width(name: &str) -> usize {
@@ -57,7 +61,7 @@ fn width(name: &str) -> usize {
 }
 
 /// Formats the head of the table.
-pub fn heading(settings: &Settings) -> String {
+pub fn heading(settings: &AccuracySettings) -> String {
     let mut line = format!("{:<NAME$} {:>11}", "failures by backend", "answers");
     for name in names(settings) {
         line += &format!(" {name:>0$}", width(&name));
@@ -66,7 +70,7 @@ pub fn heading(settings: &Settings) -> String {
 }
 
 /// Formats one row. `first` adds the name of its group.
-pub fn line(settings: &Settings, row: &Row, first: bool) -> String {
+pub fn line(settings: &AccuracySettings, row: &CaseResult, first: bool) -> String {
     let names = names(settings);
     let mut line = if first { format!("{}\n", row.group) } else { String::new() };
     let indent = NAME - 2;
@@ -83,7 +87,7 @@ pub fn line(settings: &Settings, row: &Row, first: bool) -> String {
 }
 
 /// Formats the summary below the table.
-pub fn summary(report: &Report) -> String {
+pub fn summary(report: &AccuracyReport) -> String {
     let seconds: f64 = report.rows.iter().map(|row| row.seconds).sum();
     let answers: u64 =
         report.rows.iter().flat_map(|row| &row.entries).map(|entry| entry.rays).sum();

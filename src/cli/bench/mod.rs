@@ -12,12 +12,12 @@ use std::{
 
 use crate::{
     error::{Error, Failures, Kind, Problem, Result, printable},
-    measure::{
-        ab::Plan,
-        accuracy::{self, Column},
-        bench::{Contestant, Settings, measure},
+    lab::{
+        ab::TimingPlan,
+        backend::{self, TestedBackend},
+        bench::{BenchSettings, measure},
         rays::Class,
-        result::{self, Report, Run, SceneResult, Since},
+        result::{self, BaselineComparison, BenchReport, RunStamp, SceneResult},
     },
     memory,
     monitor::Monitor,
@@ -28,7 +28,6 @@ use crate::{
 };
 
 use super::{
-    backends::{contestant, each_once},
     load::{self, Job, SceneRequest},
     machine, overrides, print, signals,
 };
@@ -47,12 +46,12 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let settings = settings(args, &monitor)?;
     let then = args.baseline.as_deref().map(read_baseline).transpose()?;
     let command = std::env::args_os().skip(1).map(|part| part.to_string_lossy().into_owned());
-    let run = Run { unix_seconds: unix_seconds(), command: command.collect() };
+    let run = RunStamp { unix_seconds: unix_seconds(), command: command.collect() };
     args.outputs().refuse_overwrites(args.inputs.iter().chain(&args.baseline))?;
     check_inputs(&args.inputs)?;
     signals::watch(&monitor)?;
     let mut outputs = args.outputs().create()?;
-    let mut report = Report {
+    let mut report = BenchReport {
         version: result::VERSION,
         machine: machine::describe(settings.isa),
         run,
@@ -65,7 +64,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     }
     print::text(&table::growth_text(&report))?;
     let name = args.baseline.as_deref().unwrap_or(Path::new("")).display().to_string();
-    let since = then.map(|then| Since::new(&report, &name, &then));
+    let since = then.map(|then| BaselineComparison::new(&report, &name, &then));
     if let Some(since) = &since {
         print::text(&table::since(since))?;
     }
@@ -97,7 +96,7 @@ fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
 fn measure_scene(
     args: &BenchArgs,
     input: &Path,
-    settings: &Settings,
+    settings: &BenchSettings,
     monitor: &Monitor,
 ) -> Result<SceneResult> {
     let name = input.display().to_string();
@@ -128,12 +127,13 @@ fn measure_scene(
 }
 
 /// Checks the flags and returns the settings.
-fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
+fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<BenchSettings> {
     let isa = args.kernels.isa()?;
-    let named = args.backends.iter().map(|name| contestant("--backends", name, isa));
-    let mut contestants = each_once("--backends", named)?;
-    if contestants.is_empty() {
-        contestants = ours_against_embree(isa, monitor)?;
+    let names = args.backends.iter();
+    let parsed = names.map(|name| TestedBackend::parse("--backends", name, isa));
+    let mut tested_backends = TestedBackend::distinct("--backends", parsed)?;
+    if tested_backends.is_empty() {
+        tested_backends = ours_against_embree(isa, monitor)?;
     }
     let mut classes = Vec::new();
     for name in &args.classes {
@@ -157,14 +157,14 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
         (false, rounds) => (args.rays, rounds.map(usize::from)),
     };
     let plan = |least: usize| match rounds {
-        Some(rounds) => Plan { rounds, budget: Duration::ZERO },
-        None => Plan { rounds: least, budget: Duration::from_secs_f64(args.seconds) },
+        Some(rounds) => TimingPlan { rounds, budget: Duration::ZERO },
+        None => TimingPlan { rounds: least, budget: Duration::from_secs_f64(args.seconds) },
     };
     let all = machine::threads(args.threads);
     let mut threads = vec![1, all];
     threads.dedup();
-    Ok(Settings {
-        contestants,
+    Ok(BenchSettings {
+        tested_backends,
         classes,
         threads,
         rays,
@@ -176,20 +176,19 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<Settings> {
 }
 
 /// Returns the default backends: Embree and our tree, or our tree alone where Embree is missing.
-fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<Contestant>> {
-    let both = ["embree", "bvh"].map(|name| contestant("--backends", name, isa));
-    let both: Vec<Contestant> = both.into_iter().collect::<Result<_>>()?;
-    let columns = both.into_iter().map(|contestant| Column { contestant }).collect();
-    let (columns, without) = accuracy::available(columns, monitor)?;
+fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<TestedBackend>> {
+    let both = ["embree", "bvh"].map(|name| TestedBackend::parse("--backends", name, isa));
+    let both = both.into_iter().collect::<Result<_>>()?;
+    let (available, without) = backend::available(both, monitor)?;
     without.iter().for_each(|line| print::note(line));
-    Ok(columns.into_iter().map(|column| column.contestant).collect())
+    Ok(available)
 }
 
-fn read_baseline(path: &Path) -> Result<Report> {
+fn read_baseline(path: &Path) -> Result<BenchReport> {
     let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, "read", &error))?;
     let place = || path.display().to_string();
     let expected = "expected a file of `lightpath bench --save-baseline`";
-    let report: Report = serde_json::from_str(&text)
+    let report: BenchReport = serde_json::from_str(&text)
         .map_err(|error| Error::invalid(place(), format!("{error}; {expected}")))?;
     if report.version != result::VERSION {
         let message = format!("found version {}, expected {}", report.version, result::VERSION);
@@ -199,11 +198,11 @@ fn read_baseline(path: &Path) -> Result<Report> {
 }
 
 /// Fails if our own tree gave wrong answers. Wrong answers of other backends are only reported.
-fn check_answers(report: &Report, settings: &Settings) -> Result<()> {
+fn check_answers(report: &BenchReport, settings: &BenchSettings) -> Result<()> {
     let mut problems = Vec::new();
     for scene in &report.scenes {
-        for (contestant, backend) in settings.contestants.iter().zip(&scene.backends) {
-            if matches!(contestant.backend, Backend::Bvh(_)) && backend.wrong > 0 {
+        for (tested_backend, backend) in settings.tested_backends.iter().zip(&scene.backends) {
+            if matches!(tested_backend.backend, Backend::Bvh(_)) && backend.wrong > 0 {
                 let message = format!("{}: {} wrong answers", backend.name, backend.wrong);
                 problems.push(
                     Problem::new(&scene.name, message)

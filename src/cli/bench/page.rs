@@ -1,9 +1,9 @@
-//! Report page of `bench`, with charts.
+//! BenchReport page of `bench`, with charts.
 
 use crate::{
-    measure::{
+    lab::{
         growth::{Growth, Quantity},
-        result::{Entry, Report, Row, SceneResult, Since, What},
+        result::{BaselineComparison, BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind},
     },
     report::{Bar, Bars, Cell, Group, Line, Lines, Page, Ratio, Ratios, Section},
     units,
@@ -12,7 +12,7 @@ use crate::{
 use super::table;
 
 /// Builds the page. `since` adds the changes against a baseline.
-pub fn page(report: &Report, since: Option<&Since>) -> Page {
+pub fn page(report: &BenchReport, since: Option<&BaselineComparison>) -> Page {
     let m = &report.machine;
     let versions = m.versions.iter().map(|(name, version)| format!("{name} {version}"));
     let versions: Vec<String> = versions.collect();
@@ -52,9 +52,9 @@ fn section(scene: &SceneResult) -> Section {
             charts.push(rates(scene, n, mode));
         }
     }
-    charts.push(rest(scene, What::Build, "Build", "million triangles/s, more is better"));
+    charts.push(rest(scene, WorkKind::Build, "Build", "million triangles/s, more is better"));
     charts.push(memory(scene));
-    charts.push(rest(scene, What::Image, "Whole picture", "million rays/s, more is better"));
+    charts.push(rest(scene, WorkKind::Image, "Whole picture", "million rays/s, more is better"));
     charts.push(visits(scene));
     let mut tables = vec![("Backends".to_string(), cells(table::backends(scene)))];
     for &n in &threads {
@@ -86,7 +86,7 @@ fn findings(scene: &SceneResult) -> Vec<(String, bool)> {
     let mut findings = Vec::new();
     let first = &scene.backends[0].name;
     for (i, backend) in scene.backends.iter().enumerate().skip(1) {
-        let rows = scene.rows.iter().filter(|row| row.what == What::Rays);
+        let rows = scene.rows.iter().filter(|row| row.what == WorkKind::Rays);
         let ratios: Vec<_> = rows.filter_map(|row| row.entries[i].ratio).collect();
         if ratios.is_empty() {
             continue;
@@ -124,7 +124,7 @@ fn findings(scene: &SceneResult) -> Vec<(String, bool)> {
     findings
 }
 
-fn wrong(entry: &Entry) -> Option<String> {
+fn wrong(entry: &TimingEntry) -> Option<String> {
     entry.wrong.filter(|n| *n > 0).map(table::wrong)
 }
 
@@ -145,7 +145,7 @@ fn names(scene: &SceneResult) -> Vec<String> {
     scene.backends.iter().map(|backend| backend.name.clone()).collect()
 }
 
-fn group(label: String, row: &Row) -> Group {
+fn group(label: String, row: &TimingRow) -> Group {
     let bars = row.entries.iter().map(|entry| Bar {
         value: entry.rate.value,
         interval: Some([entry.rate.low, entry.rate.high]),
@@ -165,7 +165,7 @@ fn rates(scene: &SceneResult, threads: usize, mode: &str) -> String {
     Bars { title, unit: "million rays/s, more is better".into(), names: names(scene), groups }.svg()
 }
 
-fn rest(scene: &SceneResult, what: What, title: &str, unit: &str) -> String {
+fn rest(scene: &SceneResult, what: WorkKind, title: &str, unit: &str) -> String {
     let rows = scene.rows.iter().filter(|row| row.what == what);
     let groups = rows.map(|row| group(count(row.threads), row)).collect();
     Bars { title: title.into(), unit: unit.into(), names: names(scene), groups }.svg()
@@ -188,12 +188,12 @@ fn memory(scene: &SceneResult) -> String {
 
 /// Charts nodes and primitives per ray, for the backends that count them.
 fn visits(scene: &SceneResult) -> String {
-    let rows: Vec<&Row> =
-        scene.rows.iter().filter(|r| r.what == What::Rays && r.threads == 1).collect();
-    let counted = |row: &&&Row| row.entries.iter().any(|e| e.nodes_per_ray.is_some());
+    let rows: Vec<&TimingRow> =
+        scene.rows.iter().filter(|r| r.what == WorkKind::Rays && r.threads == 1).collect();
+    let counted = |row: &&&TimingRow| row.entries.iter().any(|e| e.nodes_per_ray.is_some());
     let groups = rows.iter().filter(counted).flat_map(|row| {
-        let group = |label: &str, value: fn(&Entry) -> Option<f64>| {
-            let value = |e: &Entry| value(e).unwrap_or(f64::NAN);
+        let group = |label: &str, value: fn(&TimingEntry) -> Option<f64>| {
+            let value = |e: &TimingEntry| value(e).unwrap_or(f64::NAN);
             let bars = row.entries.iter().map(|e| Bar { value: value(e), ..Bar::default() });
             Group { label: format!("{}: {label}", row.label()), bars: bars.collect() }
         };
@@ -209,9 +209,9 @@ fn visits(scene: &SceneResult) -> String {
 }
 
 /// Charts build time and memory against the size of the scene, if there are several scenes.
-fn growth(report: &Report) -> Option<Section> {
+fn growth(report: &BenchReport) -> Option<Section> {
     let chart = |quantity: Quantity| {
-        let lines = Growth::of(report, quantity).into_iter().map(|growth| Line {
+        let lines = Growth::of_report(report, quantity).into_iter().map(|growth| Line {
             name: match growth.exponent() {
                 Some(exponent) => format!("{} \u{2013} n^{exponent:.2}", growth.backend),
                 None => growth.backend,
@@ -234,7 +234,7 @@ fn growth(report: &Report) -> Option<Section> {
 }
 
 /// Builds the section of changes since an earlier run.
-fn baseline(since: &Since) -> Option<Section> {
+fn baseline(since: &BaselineComparison) -> Option<Section> {
     let changes = &since.changes;
     let mut names: Vec<(&str, usize)> = Vec::new();
     for change in changes {
@@ -256,7 +256,7 @@ fn baseline(since: &Since) -> Option<Section> {
     });
     let charts: Vec<String> = charts.collect();
     (!charts.is_empty()).then(|| Section {
-        title: format!("Since the baseline {}", since.baseline),
+        title: format!("BaselineComparison the baseline {}", since.baseline),
         findings: since
             .elsewhere
             .iter()
@@ -270,18 +270,18 @@ fn baseline(since: &Since) -> Option<Section> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::result::{BackendResult, Machine, Run, VERSION};
+    use crate::lab::result::{BackendResult, Machine, RunStamp, VERSION};
 
     fn scene(name: &str, triangles: u64, wrong: u64) -> SceneResult {
         let samples = |t: f64| (0..10).map(|i| t * (1.0 + 0.002 * f64::from(i))).collect();
         let row = |what, name: &str, mode: &str, first, second| {
             let samples = vec![samples(first), samples(second)];
-            Row::new(what, name, mode, 1, &[100_000; 2], samples)
+            TimingRow::new(what, name, mode, 1, &[100_000; 2], samples)
         };
         let mut rows = vec![
-            row(What::Build, "build", "", 0.01, 0.012),
-            row(What::Rays, "primary", "single", 0.02, 0.015),
-            row(What::Rays, "primary", "packets", 0.01, 0.01),
+            row(WorkKind::Build, "build", "", 0.01, 0.012),
+            row(WorkKind::Rays, "primary", "single", 0.02, 0.015),
+            row(WorkKind::Rays, "primary", "packets", 0.01, 0.01),
         ];
         rows[1].entries[1].wrong = Some(wrong);
         rows[1].entries[1].nodes_per_ray = Some(9.0);
@@ -312,7 +312,8 @@ mod tests {
             isa: "AVX2".into(),
             versions: [("rustc".to_string(), "1.85".to_string())].into(),
         };
-        page(&Report { version: VERSION, machine, run: Run::default(), scenes }, None).html()
+        page(&BenchReport { version: VERSION, machine, run: RunStamp::default(), scenes }, None)
+            .html()
     }
 
     #[test]

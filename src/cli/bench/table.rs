@@ -2,9 +2,11 @@
 
 use crate::{
     error::printable,
-    measure::{
+    lab::{
         growth::{Growth, Quantity},
-        result::{Change, Entry, Report, Row, SceneResult, Since, What},
+        result::{
+            BaselineComparison, BenchReport, Change, SceneResult, TimingEntry, TimingRow, WorkKind,
+        },
         stats::Estimate,
     },
     units,
@@ -35,7 +37,7 @@ pub fn scene(scene: &SceneResult) -> String {
 }
 
 /// Formats the changes since the baseline.
-pub fn since(since: &Since) -> String {
+pub fn since(since: &BaselineComparison) -> String {
     let elsewhere = since.elsewhere.iter();
     let warnings: String =
         elsewhere.map(|what| format!("baseline: NOT THE SAME MACHINE: {what}\n")).collect();
@@ -63,10 +65,10 @@ fn changes(changes: &[Change]) -> String {
 
 /// Returns the table of growth of build time and memory with scene size, head first. Empty for one
 /// scene.
-pub fn growth(report: &Report) -> Vec<Vec<String>> {
+pub fn growth(report: &BenchReport) -> Vec<Vec<String>> {
     let mut rows = Vec::new();
     for quantity in Quantity::ALL {
-        for growth in Growth::of(report, quantity) {
+        for growth in Growth::of_report(report, quantity) {
             let (Some(exponent), Some(n)) = (growth.exponent(), growth.points.last()) else {
                 continue;
             };
@@ -85,7 +87,7 @@ pub fn growth(report: &Report) -> Vec<Vec<String>> {
 }
 
 /// Formats [`growth`] as text; empty for one scene.
-pub fn growth_text(report: &Report) -> String {
+pub fn growth_text(report: &BenchReport) -> String {
     table(&growth(report)).iter().map(|line| format!("{line}\n")).collect()
 }
 
@@ -152,15 +154,15 @@ fn without_empty_columns(mut rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
 }
 
 /// Names what a row times, with the unit of its rate.
-fn label(row: &Row) -> String {
+fn label(row: &TimingRow) -> String {
     match row.what {
-        What::Build => "build (triangles)".into(),
-        What::Image => "image (rays)".into(),
-        What::Rays => row.label(),
+        WorkKind::Build => "build (triangles)".into(),
+        WorkKind::Image => "image (rays)".into(),
+        WorkKind::Rays => row.label(),
     }
 }
 
-fn numbers(entry: &Entry) -> [String; 8] {
+fn numbers(entry: &TimingEntry) -> [String; 8] {
     let per_ray = |n: Option<f64>| n.map_or(String::new(), |n| format!("{n:.2}"));
     [
         format!("{:.2}", entry.rate.value),

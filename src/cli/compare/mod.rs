@@ -9,8 +9,8 @@ use std::{io::Write, path::PathBuf};
 
 use crate::{
     error::{Error, Failures, Kind, Problem, Result},
-    measure::{
-        compare::{self, Compared, Comparison, Settings, file::Picture},
+    lab::{
+        compare::{self, CompareSettings, Compared, Comparison, file::Picture},
         metrics::Metric,
     },
     output::atomic::Part,
@@ -100,7 +100,7 @@ fn limit(flag: &str, text: &str, below: bool) -> Result<Limit> {
     }
 }
 
-fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<Settings> {
+fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings> {
     if !args.exposure.is_finite() {
         let message = format!("found {}, expected a finite number of stops", args.exposure);
         return Err(Error::invalid("--exposure", message));
@@ -125,7 +125,7 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<Settings> {
         }
     }
     let layers = args.layer.clone();
-    Ok(Settings { layers, tonemap: args.tonemap, exposure: args.exposure })
+    Ok(CompareSettings { layers, tonemap: args.tonemap, exposure: args.exposure })
 }
 
 /// Returns the reasons why the check fails: pixels that are not finite, and exceeded thresholds.

@@ -1,7 +1,7 @@
 //! Report page of `compare`: pictures side by side, error maps, all numbers.
 
 use crate::{
-    measure::{
+    lab::{
         compare::{
             Compared, Comparison, map,
             mattes::{self, Matte},

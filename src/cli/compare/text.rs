@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 
 use crate::{
     error::printable,
-    measure::{
+    lab::{
         compare::{Compared, Comparison, NonFinite},
         metrics::Metric,
     },

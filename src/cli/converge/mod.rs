@@ -8,13 +8,13 @@ use std::{path::Path, sync::Arc, time::Instant};
 
 use crate::{
     error::{Error, Result},
-    measure::{
-        bench::Contestant,
+    lab::{
+        backend::TestedBackend,
         compare::{
             file::{Format, Picture},
             layer::{Layer, Meaning},
         },
-        converge::{self, Grid, Limits, Reference, Settings, Subject, report},
+        converge::{self, Grid, Limits, Reference, StudyNames, StudySettings, report},
     },
     monitor::Monitor,
     output::exr_read,
@@ -24,7 +24,6 @@ use crate::{
 };
 
 use super::{
-    backends::{contestant, each_once},
     load::{self, Job, SceneRequest},
     machine, overrides, print, signals,
 };
@@ -47,8 +46,8 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
     args.outputs().refuse_overwrites(inputs)?;
     let Job { loaded, warnings, ready, .. } = job;
-    let contestants = contestants(args, &loaded.scene, isa)?;
-    let grid = grid(args, &loaded.scene, contestants.len())?;
+    let tested_backends = tested_backends(args, &loaded.scene, isa)?;
+    let grid = grid(args, &loaded.scene, tested_backends.len())?;
     let given =
         args.reference.as_deref().map(|path| read_reference(path, &loaded.scene)).transpose()?;
     signals::watch(&monitor)?;
@@ -63,7 +62,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
             ));
         }
     }
-    let settings = Settings { contestants, grid, limits, started, isa };
+    let settings = StudySettings { tested_backends, grid, limits, started, isa };
     let pool = args.workers.pool()?;
     let study = pool.install(|| {
         let options = LoadOptions { ready, ..LoadOptions::default() };
@@ -78,13 +77,13 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         converge::run(&mut world, &settings, reference, &monitor, &note)
     })?;
     let file = args.reference.as_ref().map(|path| path.display().to_string());
-    let subject = Subject {
+    let subject = StudyNames {
         machine: machine::describe(isa),
         threads: pool.current_num_threads(),
         scene: args.input.display().to_string(),
         hash: loaded.hash,
         size: [loaded.scene.camera.width, loaded.scene.camera.height],
-        backends: settings.contestants.into_iter().map(|c| c.name).collect(),
+        backends: settings.tested_backends.into_iter().map(|c| c.name).collect(),
         reference: file.zip(given.map(|layer| layer.half)),
     };
     let found = report(&study, subject, limits, started.elapsed().as_secs_f64());
@@ -103,13 +102,14 @@ fn limits(args: &ConvergeArgs) -> Result<Limits> {
     Ok(Limits { budget: args.budget, repeats: args.repeats, seed: args.seed.unwrap_or(0) })
 }
 
-fn contestants(args: &ConvergeArgs, scene: &Scene, isa: Isa) -> Result<Vec<Contestant>> {
+fn tested_backends(args: &ConvergeArgs, scene: &Scene, isa: Isa) -> Result<Vec<TestedBackend>> {
     let own = [scene.backend.name().to_string()];
     let names = if args.backends.is_empty() { &own[..] } else { &args.backends };
-    each_once("--backends", names.iter().map(|name| contestant("--backends", name, isa)))
+    let parsed = names.iter().map(|name| TestedBackend::parse("--backends", name, isa));
+    TestedBackend::distinct("--backends", parsed)
 }
 
-fn grid(args: &ConvergeArgs, scene: &Scene, contestants: usize) -> Result<Grid> {
+fn grid(args: &ConvergeArgs, scene: &Scene, backend_count: usize) -> Result<Grid> {
     let sorted = |values: &[u32]| {
         let mut values = values.to_vec();
         values.sort_unstable();
@@ -136,7 +136,7 @@ fn grid(args: &ConvergeArgs, scene: &Scene, contestants: usize) -> Result<Grid> 
         true => vec![None],
         false => light_samples.into_iter().map(Some).collect(),
     };
-    Ok(Grid { contestants, samplers, spp: sorted(&args.spp), light_samples })
+    Ok(Grid { backend_count, samplers, spp: sorted(&args.spp), light_samples })
 }
 
 /// Reads the seed from the EXR header of a picture of this program.

@@ -1,12 +1,12 @@
 //! Report page of `converge`: results, charts, pictures side by side, all numbers.
 
 use crate::{
-    measure::{
+    lab::{
         compare::{
             layer::{Layer, Meaning},
             map,
         },
-        converge::{Crop, PointResult, Report, Study},
+        converge::{Crop, PointResult, Study, StudyReport},
     },
     output::tonemap::Curve,
     report::{Cell, Line, Lines, Page, Section, picture_of_width},
@@ -18,7 +18,7 @@ use crate::cli::compare::page as compare_page;
 use super::text;
 
 /// Builds the page. `study` holds the pictures.
-pub fn page(report: &Report, study: &Study) -> Page {
+pub fn page(report: &StudyReport, study: &Study) -> Page {
     let m = &report.machine;
     let versions = m.versions.iter().map(|(name, version)| format!("{name} {version}"));
     let versions: Vec<String> = versions.collect();
@@ -33,7 +33,7 @@ pub fn page(report: &Report, study: &Study) -> Page {
     }
 }
 
-fn answer(report: &Report) -> Section {
+fn answer(report: &StudyReport) -> Section {
     let findings = text::findings(report).into_iter().map(|finding| (capital(finding), false));
     Section {
         title: "What it takes".into(),
@@ -51,7 +51,7 @@ fn capital(text: String) -> String {
 
 /// Returns backends and samplers, with `random` first: the first colour of a chart is drawn in the
 /// background.
-fn contestants(report: &Report) -> Vec<(String, String)> {
+fn compared(report: &StudyReport) -> Vec<(String, String)> {
     let mut all: Vec<(String, String)> = Vec::new();
     for point in &report.points {
         let name = (point.backend.clone(), point.sampler.clone());
@@ -63,17 +63,17 @@ fn contestants(report: &Report) -> Vec<(String, String)> {
     all
 }
 
-fn against_time(report: &Report) -> String {
-    let contestants = contestants(report);
+fn against_time(report: &StudyReport) -> String {
+    let compared = compared(report);
     let at = |p: &PointResult| [p.median_s, p.relmse.value];
     let of = |(backend, sampler): &(String, String)| -> Vec<[f64; 2]> {
         let points = report.points.iter();
         let own = points.filter(|p| (&p.backend, &p.sampler) == (backend, sampler));
         own.map(at).filter(|p| p[1] > 0.0).collect()
     };
-    let dots: Vec<Vec<[f64; 2]>> = contestants.iter().map(of).collect();
-    let lines = contestants.iter().zip(&dots).map(|((backend, sampler), dots)| {
-        let front = crate::measure::converge::front(dots);
+    let dots: Vec<Vec<[f64; 2]>> = compared.iter().map(of).collect();
+    let lines = compared.iter().zip(&dots).map(|((backend, sampler), dots)| {
+        let front = crate::lab::converge::front(dots);
         Line {
             name: text::shorter(report, backend, sampler),
             points: front.into_iter().map(|i| dots[i]).collect(),
@@ -94,7 +94,7 @@ fn level(error: Option<f64>) -> Option<(f64, String)> {
     error.filter(|error| *error > 0.0).map(|error| (error, "error of the reference".into()))
 }
 
-fn against_samples(report: &Report) -> String {
+fn against_samples(report: &StudyReport) -> String {
     let mut chosen = text::headline(report);
     chosen.sort_by_key(|series| series.sampler == "sobol");
     let at = |i: &usize| [report.points[*i].samples as f64, report.points[*i].rmse.value];
@@ -120,7 +120,7 @@ fn against_samples(report: &Report) -> String {
 
 /// Chooses two settings to show as pictures: both samplers with the same number of samples, or both
 /// ends of the Pareto front.
-fn chosen(report: &Report) -> Vec<usize> {
+fn chosen(report: &StudyReport) -> Vec<usize> {
     let usable = |p: &&PointResult| !p.not_antialiased && p.relmse.value > 0.0;
     let mut sobol: Vec<&PointResult> = report.points.iter().filter(usable).collect();
     sobol.retain(|p| p.sampler == "sobol");
@@ -144,7 +144,7 @@ fn chosen(report: &Report) -> Vec<usize> {
     }
 }
 
-fn pictures(report: &Report, study: &Study) -> Option<Section> {
+fn pictures(report: &StudyReport, study: &Study) -> Option<Section> {
     let (crop, reference) = (study.crop?, study.reference.as_ref()?);
     let exact = crop.cut(&reference.values, report.size[0] as usize);
     let measured: Vec<_> = study.points.iter().filter(|point| !point.errors.is_empty()).collect();
@@ -197,7 +197,7 @@ fn eight_bits(values: &[f32], reference: &[f32], crop: Crop) -> Vec<u8> {
     map::png(&pixels.collect::<Vec<_>>(), crop.size[0])
 }
 
-fn numbers(report: &Report) -> Section {
+fn numbers(report: &StudyReport) -> Section {
     let cells = |rows: Vec<Vec<String>>| -> Vec<Vec<Cell>> {
         rows.into_iter().map(|row| row.into_iter().map(Cell::from).collect()).collect()
     };

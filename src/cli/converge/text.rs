@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use crate::error::printable;
-use crate::measure::{
-    converge::{Estimate, PointResult, Report, Series},
+use crate::lab::{
+    converge::{MeanWithError, PointResult, Series, StudyReport},
     metrics::Metric,
 };
 use crate::units::plural;
@@ -12,7 +12,7 @@ use crate::units::plural;
 use crate::cli::bench::table::table;
 
 /// Formats the whole report for the terminal.
-pub fn text(report: &Report) -> String {
+pub fn text(report: &StudyReport) -> String {
     let mut out = format!("{}\n\n", reference(report));
     let lines = table(&points(report)).into_iter().chain([String::new()]);
     let lines = lines.chain(table(&series(report))).chain([String::new()]).chain(findings(report));
@@ -23,7 +23,7 @@ pub fn text(report: &Report) -> String {
 }
 
 /// Describes the scene, the reference and the error metrics.
-pub fn reference(report: &Report) -> String {
+pub fn reference(report: &StudyReport) -> String {
     let r = &report.reference;
     let source = match (&r.file, r.spp, r.light_samples) {
         (Some(file), ..) => format!("{file}, with unknown error"),
@@ -50,7 +50,7 @@ pub fn reference(report: &Report) -> String {
 }
 
 /// Summarizes the results in sentences.
-pub fn findings(report: &Report) -> Vec<String> {
+pub fn findings(report: &StudyReport) -> Vec<String> {
     let mut findings = reached(report, 4);
     for series in headline(report) {
         let Some(slope) = series.slope else { continue };
@@ -80,7 +80,7 @@ pub fn findings(report: &Report) -> Vec<String> {
 
 /// Formats lines such as `to reach relmse 1e-3: sobol, 16 spp, 0.41 s`, for the smallest errors
 /// that were reached. Returns at most `most` lines.
-pub fn reached(report: &Report, most: usize) -> Vec<String> {
+pub fn reached(report: &StudyReport, most: usize) -> Vec<String> {
     let skip = report.reached.len().saturating_sub(most);
     let lines = report.reached.iter().skip(skip).map(|reached| {
         let point = &report.points[reached.point];
@@ -103,15 +103,18 @@ pub fn reached(report: &Report, most: usize) -> Vec<String> {
 }
 
 /// Returns the pair of samplers whose number of samples is closest to `samples`.
-pub fn ratio_near(report: &Report, samples: u64) -> Option<&crate::measure::converge::Ratio> {
+pub fn ratio_near(
+    report: &StudyReport,
+    samples: u64,
+) -> Option<&crate::lab::converge::SamplerRatio> {
     report.ratios.iter().min_by_key(|ratio| ratio.samples.abs_diff(samples))
 }
 
 /// Returns the series whose slopes can be compared because they vary the same parameter.
 ///
-/// Prefers the kind for which most contestants have a slope, then the kind with the most points,
+/// Prefers the kind for which most backends have a slope, then the kind with the most points,
 /// then the first one.
-pub fn headline(report: &Report) -> Vec<&Series> {
+pub fn headline(report: &StudyReport) -> Vec<&Series> {
     let mut best: Vec<&Series> = Vec::new();
     let size = |of: &[&Series]| (of.len(), of.iter().map(|s| s.points.len()).sum::<usize>());
     for kind in &report.series {
@@ -126,7 +129,7 @@ pub fn headline(report: &Report) -> Vec<&Series> {
 
 /// Returns the names of backends and samplers that have no slope in [`headline`]. Empty if no
 /// series has one.
-fn without_slope(report: &Report) -> Vec<String> {
+fn without_slope(report: &StudyReport) -> Vec<String> {
     let shown = headline(report);
     if shown.is_empty() {
         return Vec::new();
@@ -151,14 +154,14 @@ pub fn at(series: &Series) -> String {
 }
 
 /// Names a setting by its sampler, and by its backend if there are several.
-pub fn shorter(report: &Report, backend: &str, sampler: &str) -> String {
+pub fn shorter(report: &StudyReport, backend: &str, sampler: &str) -> String {
     match report.points.iter().all(|point| point.backend == backend) {
         true => sampler.to_string(),
         false => format!("{backend} {sampler}"),
     }
 }
 
-fn setting(report: &Report, point: &PointResult) -> String {
+fn setting(report: &StudyReport, point: &PointResult) -> String {
     let samples = samples(point.spp, point.light_samples);
     format!("{}, {samples}", shorter(report, &point.backend, &point.sampler))
 }
@@ -170,7 +173,7 @@ fn samples(spp: u32, lights: Option<u32>) -> String {
 }
 
 /// Returns notes that a reader needs to interpret the numbers.
-pub fn notes(report: &Report) -> Vec<String> {
+pub fn notes(report: &StudyReport) -> Vec<String> {
     let mut notes = Vec::new();
     if report.reference.spp == Some(1) && report.points.iter().all(|point| point.spp == 1) {
         notes.push(
@@ -199,7 +202,7 @@ pub fn notes(report: &Report) -> Vec<String> {
 
 /// Returns the table of all settings, head first. Settings on the Pareto front of time and error
 /// are marked.
-pub fn points(report: &Report) -> Vec<Vec<String>> {
+pub fn points(report: &StudyReport) -> Vec<Vec<String>> {
     let head =
         ["setting", "samples", "s", "MAD", "Mray", "relmse", "\u{b1}", "RMSE", "\u{b1}", "n", ""];
     let mut rows = vec![head.map(str::to_string).to_vec()];
@@ -224,7 +227,7 @@ pub fn points(report: &Report) -> Vec<Vec<String>> {
 }
 
 /// Returns the table of all slopes, head first; empty if there is no slope.
-pub fn series(report: &Report) -> Vec<Vec<String>> {
+pub fn series(report: &StudyReport) -> Vec<Vec<String>> {
     let head = ["RMSE ~ samples^slope", "of", "slope", "\u{b1}", "points"];
     let mut rows = vec![head.map(str::to_string).to_vec()];
     rows.extend(report.series.iter().filter_map(|series| {
@@ -241,7 +244,7 @@ pub fn series(report: &Report) -> Vec<Vec<String>> {
 }
 
 /// Formats all settings as CSV.
-pub fn csv(report: &Report) -> String {
+pub fn csv(report: &StudyReport) -> String {
     let mut out = String::from(
         "backend,sampler,spp,light_samples,samples,renders,median_s,mad_s,rays,rmse,rmse_se,relmse,\
          relmse_se,mae,mae_se,bias,bias_se,at_floor,not_antialiased,front\n",
@@ -272,7 +275,7 @@ pub fn csv(report: &Report) -> String {
     out
 }
 
-fn share(estimate: Estimate) -> String {
+fn share(estimate: MeanWithError) -> String {
     let percent = |error: f64| format!("{:.1}%", 100.0 * error / estimate.value.max(1e-300));
     estimate.standard_error.map_or("-".into(), percent)
 }

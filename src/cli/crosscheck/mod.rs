@@ -10,16 +10,18 @@ use serde_json::{Value, json};
 
 use crate::{
     accel::{
-        self, Accelerator, BuildOptions, Visits, brute::Brute, bvh::Bvh, coursework::Coursework,
+        Accelerator, BuildOptions, Visits, brute::Brute, bvh::Bvh, coursework::Coursework,
         lane::Ray,
     },
     error::{Error, Kind, Problem, Result, printable},
-    measure::cross_check::{
-        Answer, Check, Contender, Finding, Tree, Verdict, answers, check_rays, compare_pictures,
-        judge,
+    lab::{
+        answer::Answer,
+        backend::{BuiltBackend, TestedBackend},
+        crosscheck::{Check, Finding, Tree, check_rays, compare_pictures},
+        verdict::{Verdict, judge},
     },
     monitor::Monitor,
-    scene::{self, Backend, EmbreeMode, Source, written},
+    scene::{self, Backend, Source, written},
     simd::Isa,
     world::{LoadOptions, World},
 };
@@ -61,29 +63,30 @@ pub fn run(args: &CrosscheckArgs) -> Result<()> {
 }
 
 /// Converts backend names and drops duplicates; `None` if no names are given.
-fn backends(names: Option<&[written::Accelerator]>, isa: Isa) -> Result<Option<Vec<Backend>>> {
+fn backends(
+    names: Option<&[written::Accelerator]>,
+    isa: Isa,
+) -> Result<Option<Vec<TestedBackend>>> {
     let Some(names) = names else { return Ok(None) };
-    let mut backends: Vec<Backend> = Vec::new();
+    let mut backends: Vec<TestedBackend> = Vec::new();
     for name in names {
-        let backend = match Backend::from(*name) {
-            Backend::Bvh(_) => Backend::Bvh(isa),
-            other => other,
-        };
+        let name = Backend::from(*name).name();
+        let backend = TestedBackend::parse("--backends", name, isa)?;
         if !backends.contains(&backend) {
             backends.push(backend);
         }
     }
-    if let [only] = backends[..] {
-        let message = format!("found `{}` alone, expected two or more backends", only.name());
+    if let [only] = &backends[..] {
+        let message = format!("found `{}` alone, expected two or more backends", only.name);
         return Err(Error::invalid("--backends", message).help("--backends embree,bvh"));
     }
     Ok(Some(backends))
 }
 
 /// All backends that can be compared. Our tree uses the kernels of `isa`.
-fn all_backends(isa: Isa) -> [Backend; 4] {
-    let embree = Backend::Embree(EmbreeMode::Robust);
-    [embree, Backend::Bvh(isa), Backend::Coursework, Backend::Brute]
+fn all_backends(isa: Isa) -> Result<Vec<TestedBackend>> {
+    let names = ["embree", "bvh", "coursework", "brute"];
+    names.into_iter().map(|name| TestedBackend::parse("--backends", name, isa)).collect()
 }
 
 /// Returns the scene that the arguments ask for.
@@ -103,14 +106,14 @@ struct Built<'g> {
     coursework: Option<Coursework<'g>>,
     bvh: Option<Bvh<'g>>,
     embree: Option<Box<dyn Accelerator + 'g>>,
-    order: Vec<Backend>,
+    order: Vec<TestedBackend>,
 }
 
 impl<'g> Built<'g> {
     /// Builds the backends in `asked`, or all that can run here.
     fn new(
         world: &'g World,
-        asked: Option<Vec<Backend>>,
+        asked: Option<Vec<TestedBackend>>,
         isa: Isa,
         monitor: &Monitor,
     ) -> Result<Self> {
@@ -120,45 +123,48 @@ impl<'g> Built<'g> {
         let geometry = &world.geometry;
         let oracle = Brute::build(geometry, &options, monitor)?;
         let (mut coursework, mut bvh, mut embree, mut order) = (None, None, None, Vec::new());
-        for backend in asked.unwrap_or(all_backends(isa).to_vec()) {
-            match backend {
+        let wanted = asked.map_or_else(|| all_backends(isa), Ok)?;
+        for tested in wanted {
+            match tested.backend {
                 Backend::Brute => {}
                 Backend::Coursework => {
                     coursework = Some(Coursework::build(geometry, &options, monitor)?);
                 }
                 Backend::Bvh(isa) => bvh = Some(Bvh::build(geometry, isa, &options, monitor)?),
-                Backend::Embree(_) => match accel::build(geometry, backend, &options, monitor) {
+                Backend::Embree(_) => match tested.build(geometry, threads, monitor) {
                     Ok(accelerator) => embree = Some(accelerator),
                     Err(error) if skip && error.kind == Kind::Unsupported => {
-                        print::note(&format!("without `{}`: {error}", backend.name()));
+                        print::note(&format!("without `{}`: {error}", tested.name));
                         continue;
                     }
                     Err(error) => return Err(error),
                 },
             }
-            order.push(backend);
+            order.push(tested);
         }
         Ok(Self { oracle, coursework, bvh, embree, order })
     }
 
-    fn contenders(&self) -> Vec<Contender<'_>> {
-        let of = |&backend: &Backend| -> Option<Contender<'_>> {
-            let accelerator: &dyn Accelerator = match backend {
+    fn built_backends(&self) -> Vec<BuiltBackend<'_>> {
+        let accelerator = |backend: Backend| -> Option<&dyn Accelerator> {
+            Some(match backend {
                 Backend::Brute => &self.oracle,
                 Backend::Coursework => self.coursework.as_ref()?,
                 Backend::Bvh(_) => self.bvh.as_ref()?,
                 Backend::Embree(_) => &**self.embree.as_ref()?,
-            };
-            Some(Contender { backend, accelerator })
+            })
         };
-        self.order.iter().filter_map(of).collect()
+        let built = self.order.iter().map(|tested| (tested, accelerator(tested.backend)));
+        built
+            .filter_map(|(tested, built)| Some(BuiltBackend { tested, accelerator: built? }))
+            .collect()
     }
 }
 
 fn check(
     args: &CrosscheckArgs,
     input: &Path,
-    backends: Option<Vec<Backend>>,
+    backends: Option<Vec<TestedBackend>>,
     isa: Isa,
     monitor: &Arc<Monitor>,
 ) -> Result<()> {
@@ -176,11 +182,11 @@ fn check(
         progress.message(&format!("warning: {warning}"));
     }
     let built = Built::new(&world, backends, isa, monitor)?;
-    let contenders = built.contenders();
+    let built_backends = built.built_backends();
     let check = Check {
         world: &world,
         oracle: &built.oracle,
-        contenders: &contenders,
+        built_backends: &built_backends,
         coursework: built.coursework.as_ref(),
         rays: args.rays,
         seed: scene.seed,
@@ -188,7 +194,7 @@ fn check(
     let mut report = check_rays(&check, monitor)?;
     report.tree = built.bvh.as_ref().map(|bvh| Tree::from(bvh.validate()));
     if !args.no_picture {
-        report.pictures = compare_pictures(&world, &built.oracle, &contenders, isa, monitor)?;
+        report.pictures = compare_pictures(&world, &built.oracle, &built_backends, isa, monitor)?;
     }
     drop(progress);
     if let Some(path) = &args.save {
@@ -237,19 +243,19 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     let loaded = scene::load(Source::Text { name: &name, text: text.as_bytes(), folder }, &[])?;
     signals::watch(monitor)?;
     let (world, _) = World::load(&loaded.scene, LoadOptions::default(), monitor)?;
-    let needed = all_backends(isa)
+    let needed = all_backends(isa)?
         .into_iter()
-        .filter(|b| saved.findings.iter().any(|f| f.backend == b.name()));
+        .filter(|b| saved.findings.iter().any(|f| f.backend == b.name));
     let built = Built::new(&world, Some(needed.collect()), isa, monitor)?;
-    let contenders = built.contenders();
+    let built_backends = built.built_backends();
     let primitives = *world.geometry.bases().last().unwrap_or(&0);
     let mut results = Vec::new();
     for (index, finding) in saved.findings.iter().enumerate() {
         let wrong =
             |message: String| Error::invalid(format!("{place} (/findings/{index})"), message);
         let case = finding.case().map_err(wrong)?;
-        let contender = contenders.iter().find(|c| c.backend.name() == finding.backend);
-        let contender = contender
+        let backend = built_backends.iter().find(|b| b.tested.name == finding.backend);
+        let backend = backend
             .ok_or_else(|| wrong(format!("found the unknown backend `{}`", finding.backend)))?;
         if finding.packet.iter().any(|ray| ray.leaving.is_some_and(|p| p >= primitives)) {
             return Err(wrong(format!(
@@ -266,9 +272,10 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
                 Replayed { finding, answer, truth, verdict }
             }
             _ => {
-                let answer = answers(contender.accelerator, &case, finding.mode)[finding.lane];
+                let answer = case.answers(backend.accelerator, finding.mode)[finding.lane];
                 let truth = Answer::truth(&built.oracle, &ray, case.shadow);
-                let verdict = judge(&built.oracle, &ray, truth, answer, contender.factor());
+                let verdict =
+                    judge(&built.oracle, &ray, truth, answer, backend.tested.error_factor());
                 Replayed { finding, answer, truth, verdict }
             }
         });

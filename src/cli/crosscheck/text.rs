@@ -2,7 +2,11 @@
 
 use std::fmt::Write;
 
-use crate::measure::cross_check::{Answer, Finding, MOST_NEAR, Report, Tally, Tree, Verdict};
+use crate::lab::{
+    answer::Answer,
+    crosscheck::{CrosscheckReport, Finding, Tree, VerdictCounts},
+    verdict::{MAX_NEAR, Verdict},
+};
 
 use crate::units;
 
@@ -10,7 +14,7 @@ use crate::units;
 const MAX_FINDINGS: usize = 12;
 
 /// Formats the whole report.
-pub fn report(report: &Report) -> String {
+pub fn report(report: &CrosscheckReport) -> String {
     let mut out = format!(
         "{} rays, {} primitives, seed {}; the oracle is `brute`\n",
         units::count(report.rays),
@@ -35,7 +39,7 @@ pub fn report(report: &Report) -> String {
             let _ = writeln!(
                 out,
                 "  {} answers differ from the oracle's but are not judged: the ray passes within the bound of more \
-                 than {MOST_NEAR} primitives",
+                 than {MAX_NEAR} primitives",
                 units::count(backend.total.crowd)
             );
         }
@@ -54,7 +58,7 @@ pub fn report(report: &Report) -> String {
         );
     }
     for picture in &report.pictures {
-        let [a, b] = picture.backends;
+        let [a, b] = &picture.backends;
         let _ = writeln!(
             out,
             "picture of {b} against {a}: {:.4}% of {} pixels the same; of the rest {} at outlines, \
@@ -84,9 +88,9 @@ pub fn report(report: &Report) -> String {
 const HEADING: &str = "  rays                 all      agree       tie      edge     crowd      leak \
                        false hit  wrong prim  wrong dist  wrong / known";
 
-fn row(name: &str, tally: &Tally, known: Option<u64>) -> String {
-    let Tally { rays, agree, tie, edge, crowd, .. } = tally;
-    let Tally { leak, false_hit, wrong_primitive, wrong_distance, .. } = tally;
+fn row(name: &str, tally: &VerdictCounts, known: Option<u64>) -> String {
+    let VerdictCounts { rays, agree, tie, edge, crowd, .. } = tally;
+    let VerdictCounts { leak, false_hit, wrong_primitive, wrong_distance, .. } = tally;
     let known = known.map_or(String::new(), |most| format!("{:>6} / {most}", tally.wrong()));
     let line = format!(
         "  {name:<14}{rays:>10} {agree:>10} {tie:>9} {edge:>9} {crowd:>9} {leak:>9} {false_hit:>9} \

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 use lightpath::geometry::{Geometry, TriangleMesh};
-use lightpath::measure::accuracy::meshes::{Shape, cube, icosphere};
+use lightpath::lab::accuracy::meshes::{TestMesh, cube, icosphere};
 use lightpath::ray::{LANES, Rays};
 
 use super::tiers::{ALL, Tiers, put, ray};
@@ -16,7 +16,7 @@ struct Place {
     scale: f64,
 }
 
-fn place(shape: &Shape, center: DVec3, scale: f64) -> Place {
+fn place(shape: &TestMesh, center: DVec3, scale: f64) -> Place {
     let mesh = shape.placed(center, scale);
     let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).expect("few enough");
     Place { geometry, center, scale }
@@ -38,7 +38,7 @@ fn target(random: &mut Random, mesh: &TriangleMesh, triangle: usize) -> DVec3 {
 }
 
 /// Aims `rays` rays at a shape. Each must hit its target.
-fn aim(random: &mut Random, shape: &Shape, at: &Place, tiers: &Tiers, rays: usize) {
+fn aim(random: &mut Random, shape: &TestMesh, at: &Place, tiers: &Tiers, rays: usize) {
     let mesh = &at.geometry.meshes[0];
     let extents = shape.vertices.iter().fold(DVec3::ZERO, |m, v| m.max(v.abs()));
     for _ in 0..rays.div_ceil(LANES) {

@@ -2,9 +2,9 @@
 
 use crate::support::backends::{self, on_both};
 use lightpath::accel::{Accelerator, BuildInfo};
-use lightpath::measure::answers::compare;
-use lightpath::measure::rays::{Class, Recording, record};
-use lightpath::measure::replay::{Mode, Replay};
+use lightpath::lab::agreement::compare;
+use lightpath::lab::rays::{Class, Recording, record};
+use lightpath::lab::replay::{Mode, Replay};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, Mask, NONE, RayPacket, Rays};
 use lightpath::scene;
@@ -73,10 +73,10 @@ impl Accelerator for Faulty<'_> {
 
 /// Returns how many rays of lane 3 hit and how many miss.
 fn in_lane_3(recording: &Recording, class: Class, mode: Mode, right: &dyn Accelerator) -> [u64; 2] {
-    let replay = Replay { class, mode, packets: recording.of(class) };
+    let replay = Replay { class, mode, packets: recording.packets(class) };
     let answers = replay.answers(right);
     let rays = replay.packets.iter().zip(answers).filter(|(p, _)| p.active.0[3] != 0);
-    rays.fold([0, 0], |[hit, miss], (_, a)| match a[3].hit {
+    rays.fold([0, 0], |[hit, miss], (_, a)| match a[3].is_hit() {
         true => [hit + 1, miss],
         false => [hit, miss + 1],
     })
@@ -89,7 +89,7 @@ on_both! {
         let recording = record(&world, &*right, usize::MAX >> 8, 1, &Monitor::default()).unwrap();
         for class in Class::ALL {
             for mode in Mode::ALL {
-                let replay = Replay { class, mode, packets: recording.of(class) };
+                let replay = Replay { class, mode, packets: recording.packets(class) };
                 let rays = recording.count(class);
                 let [hit, miss] = in_lane_3(&recording, class, mode, &*right);
                 assert!(hit > 0 && miss > 0, "{} {hit} {miss}", class.name());

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use lightpath::measure::{
+use lightpath::lab::{
     compare::file::Picture,
     metrics::{Metric, Values, flip, mean},
 };

@@ -2,7 +2,7 @@
 
 use crate::support::backends::{self, on_both};
 use lightpath::film::{Film, Window};
-use lightpath::measure::rays::{Class, Recorded, Recording, record};
+use lightpath::lab::rays::{Class, Recorded, Recording, record};
 use lightpath::monitor::Monitor;
 use lightpath::ray::LANES;
 use lightpath::render::render;
@@ -53,7 +53,7 @@ on_both! {
         let rays = recorded(backend, &world, usize::MAX >> 8, 1);
         for class in Class::ALL {
             assert!(rays.count(class) > 0, "{}", class.name());
-            for packet in rays.of(class) {
+            for packet in rays.packets(class) {
                 assert_eq!(packet.rays.possible(&packet.active), packet.active, "{}", class.name());
                 assert!(packet.active.any());
             }
@@ -88,9 +88,9 @@ on_both! {
         for packets in [1, 7, 80, 100, 1000] {
             let rays = recorded(backend, &world, packets, 1);
             for class in Class::ALL {
-                assert!(rays.of(class).len() <= packets, "{} {packets}", class.name());
+                assert!(rays.packets(class).len() <= packets, "{} {packets}", class.name());
             }
-            let primary = rays.of(Class::Primary);
+            let primary = rays.packets(Class::Primary);
             assert!(2 * primary.len() > packets, "{} of {packets}", primary.len());
             if packets >= 80 {
                 // Directions reach into all four corners of the picture.
@@ -111,8 +111,8 @@ on_both! {
         let world = world(64, 64, 1, &format!("{POINT}, {AREA}"));
         let [a, b, c] = [1, 1, 2].map(|seed| recorded(backend, &world, 64, seed));
         for class in Class::ALL {
-            assert_eq!(bits(a.of(class)), bits(b.of(class)), "{}", class.name());
-            assert_eq!(bits(a.of(class)) == bits(c.of(class)), class != Class::Diffuse);
+            assert_eq!(bits(a.packets(class)), bits(b.packets(class)), "{}", class.name());
+            assert_eq!(bits(a.packets(class)) == bits(c.packets(class)), class != Class::Diffuse);
         }
     }
 }
@@ -123,7 +123,7 @@ on_both! {
         let rays = recorded(backend, &world, usize::MAX >> 8, 3);
         // Rays that leave the ground, whose normal is y: their mean cosine is 2/3.
         let (mut sum, mut n) = (0.0, 0.0f64);
-        for packet in rays.of(Class::Diffuse) {
+        for packet in rays.packets(Class::Diffuse) {
             for i in (0..LANES).filter(|&i| packet.active.0[i] != 0 && packet.rays.leaving[i] == 0) {
                 assert!(packet.rays.dir[1][i] >= 0.0);
                 sum += f64::from(packet.rays.dir[1][i]);

@@ -1,7 +1,7 @@
 //! `lightpath bench` through the program: table, JSON, page, baselines, and refusals.
 
 use crate::support::program::{self, PYRAMID, Scratch};
-use lightpath::measure::result::{Report, What};
+use lightpath::lab::result::{BenchReport, WorkKind};
 
 fn bench(scratch: &Scratch, flags: &[&str]) -> program::Done {
     scratch.run(&[&["bench", "--quick", "--threads", "2"], flags].concat())
@@ -35,7 +35,7 @@ fn compact_embree_holds_less_than_three_quarters_of_the_memory() {
     let flags = ["--backends", "embree,embree-compact", "--classes", "primary", "--json", "s.json"];
     let done = bench(&scratch, &[&["sheet.ply"], &flags[..]].concat());
     assert_eq!(done.code(), 0, "{}", done.stderr());
-    let report: Report = serde_json::from_slice(&scratch.read("s.json")).unwrap();
+    let report: BenchReport = serde_json::from_slice(&scratch.read("s.json")).unwrap();
     let scene = &report.scenes[0];
     assert!(scene.triangles > 100_000 && scene.triangles >= u64::from(2 * side * side));
     let [full, compact] = &scene.backends[..] else { panic!("{:?}", scene.backends) };
@@ -64,7 +64,7 @@ fn measured([first, second]: [&str; 2], version: &str) {
     let flags = ["p.ply", "--backends", &backends, "--json", "p.json", "--html", "p.html"];
     let done = bench(&scratch, &flags);
     assert_eq!(done.code(), 0, "{}", done.stderr());
-    let report: Report = serde_json::from_slice(&scratch.read("p.json")).unwrap();
+    let report: BenchReport = serde_json::from_slice(&scratch.read("p.json")).unwrap();
     let scene = &report.scenes[0];
     assert_eq!((scene.name.as_str(), scene.backends.len()), ("p.ply", 2));
     // Only triangles of the mesh count, not the ground.
@@ -91,7 +91,7 @@ fn measured([first, second]: [&str; 2], version: &str) {
             }
         }
     }
-    for what in [What::Build, What::Image] {
+    for what in [WorkKind::Build, WorkKind::Image] {
         assert_eq!(scene.rows.iter().filter(|row| row.what == what).count(), 2);
     }
     for backend in &scene.backends {
@@ -141,7 +141,7 @@ fn a_run_is_compared_with_a_baseline() {
     let first = bench(&scratch, &[&base[..], &["--save-baseline", "b.json"]].concat());
     assert_eq!((first.code(), first.stderr().as_str()), (0, ""));
     // The baseline is a thousand times slower, so the run is faster whatever the noise.
-    let mut then: Report = serde_json::from_slice(&scratch.read("b.json")).unwrap();
+    let mut then: BenchReport = serde_json::from_slice(&scratch.read("b.json")).unwrap();
     for row in &mut then.scenes[0].rows {
         for seconds in row.entries.iter_mut().flat_map(|entry| &mut entry.seconds) {
             *seconds *= 1e3;

@@ -6,7 +6,10 @@ use lightpath::accel::Accelerator;
 use lightpath::accel::brute::Brute;
 use lightpath::accel::lane::Ray;
 use lightpath::geometry::Geometry;
-use lightpath::measure::cross_check::{Answer, Verdict, judge};
+use lightpath::lab::{
+    answer::Answer,
+    verdict::{Verdict, judge},
+};
 use lightpath::ray::{Coherence, LANES, RayPacket, Rays};
 use lightpath::scene::{Backend, EmbreeMode};
 

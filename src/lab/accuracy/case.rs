@@ -1,0 +1,277 @@
+//! Cases of the catalogue, their pass criteria, and the run of one case.
+
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Instant;
+
+use super::judge::{AimedPacket, Judge};
+use super::picture;
+use super::report::{BackendCounts, CaseResult, FailurePicture};
+use super::tally::{CaseCounts, Kind};
+use super::{AccuracySettings, Built};
+use crate::accel::BuildOptions;
+use crate::accel::brute::Brute;
+use crate::error::Result;
+use crate::geometry::Geometry;
+use crate::lab::backend::build_all;
+use crate::lab::parallel::in_portions;
+use crate::lab::random::Random;
+use crate::monitor::Monitor;
+use crate::ray::LANES;
+use crate::scene::{Backend, EmbreeMode};
+
+/// Largest share of hits whose t may be off by more than 2 ulp.
+const COARSE: f64 = 1e-4;
+
+/// Largest allowed error of a barycentric weight.
+const WEIGHT: f64 = 1e-6;
+
+/// Pass criterion of a case, for the columns that must meet it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PassCriterion {
+    /// No wrong answer. t within 2 ulp for 99.99% of the hits and within 8 ulp for all, weights
+    /// within 1e-6.
+    Exact,
+    /// No wrong answer. The reason why t has no bound.
+    Zero(&'static str),
+    /// No wrong answer. Largest share of hits with t off by more than 2 ulp, and the reason.
+    Coarse(f64, &'static str),
+}
+
+impl PassCriterion {
+    /// The criterion as the table of results shows it.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Exact => "0; t within 2 ulp, 8 at worst".into(),
+            Self::Zero(why) => format!("0 ({why})"),
+            Self::Coarse(share, why) => {
+                format!("0; t within 2 ulp for {}% ({why})", 100.0 - share * 100.0)
+            }
+        }
+    }
+
+    /// Returns why the counts do not meet the criterion, or `None` if they do.
+    pub fn missed(&self, tally: &CaseCounts) -> Option<String> {
+        let (failed, rays) = (tally.failed(), tally.rays);
+        if failed > 0 {
+            return Some(format!("{failed} of {rays} answers fail, expected at most 0"));
+        }
+        if rays == 0 {
+            return Some("no ray was traced".into());
+        }
+        let share = match self {
+            Self::Exact => COARSE,
+            Self::Coarse(share, _) => *share,
+            Self::Zero(_) => return None,
+        };
+        let (coarse, hits) = (tally.beyond_2, tally.measured);
+        if *self == Self::Exact && tally.beyond_8 > 0 {
+            return Some(format!("t is off by {:.1} ulp, expected at most 8", tally.worst_ulp));
+        }
+        if coarse as f64 > share * hits as f64 {
+            return Some(format!("{coarse} of {hits} hits have t more than 2 ulp off"));
+        }
+        let weight = tally.worst_weight;
+        (weight > WEIGHT).then(|| format!("a weight is off by {weight:.1e}, expected 1e-6"))
+    }
+}
+
+/// Function that runs a case and adds its counts to the [`CaseRun`].
+type Work = Box<dyn Fn(&mut CaseRun) -> Result<()> + Send + Sync>;
+
+/// A case of the catalogue: geometry and rays with known answers.
+pub struct Case {
+    /// Name of the part of the catalogue.
+    pub group: &'static str,
+    /// Name of the case, unique in the catalogue. It seeds the random rays.
+    pub name: String,
+    /// Description of the rays and of the right answers.
+    pub what: String,
+    /// Criterion that a backend must meet to pass.
+    pub mark: PassCriterion,
+    work: Work,
+}
+
+impl Case {
+    /// Creates a case whose function is `work`.
+    pub fn new(
+        group: &'static str,
+        name: impl Into<String>,
+        what: impl Into<String>,
+        mark: PassCriterion,
+        work: impl Fn(&mut CaseRun) -> Result<()> + Send + Sync + 'static,
+    ) -> Self {
+        Self { group, name: name.into(), what: what.into(), mark, work: Box::new(work) }
+    }
+
+    /// Runs the case on every column and returns its row of results.
+    pub(super) fn run(&self, settings: &AccuracySettings, monitor: &Monitor) -> Result<CaseResult> {
+        let started = Instant::now();
+        // The seed depends on the name of the case, not on its place in the catalogue.
+        let salt = self.name.bytes().fold(settings.seed, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+        let columns = &settings.tested_backends;
+        let tallies = vec![CaseCounts::default(); columns.len()];
+        let mut run = CaseRun { settings, monitor, salt, tallies, pictures: vec![], note: None };
+        (self.work)(&mut run)?;
+        let CaseRun { tallies, pictures, note, .. } = run;
+        let entries = columns.iter().zip(&tallies).map(|(column, tally)| {
+            let missed = self.mark.missed(tally).filter(|_| column.must_be_right());
+            BackendCounts::new(tally, missed.or_else(|| tally.has_any(forbidden(column.backend))))
+        });
+        Ok(CaseResult {
+            group: self.group.into(),
+            name: self.name.clone(),
+            what: self.what.clone(),
+            mark: self.mark.text(),
+            note,
+            rays: tallies.iter().map(|tally| tally.rays).max().unwrap_or(0),
+            entries: entries.collect(),
+            seconds: started.elapsed().as_secs_f64(),
+            pictures,
+        })
+    }
+}
+
+/// Kinds of errors that fail the run even if the backend need not be right.
+///
+/// They apply to robust Embree, because `--backend embree` renders with it. Its leaks are only
+/// published.
+pub fn forbidden(backend: Backend) -> &'static [Kind] {
+    match backend {
+        Backend::Embree(EmbreeMode::Robust | EmbreeMode::Compact) => {
+            &[Kind::FalseHit, Kind::SelfShadow]
+        }
+        _ => &[],
+    }
+}
+
+/// State of a case while it runs: settings in, counts out.
+pub struct CaseRun<'a> {
+    /// Backends, seed and number of rays.
+    pub settings: &'a AccuracySettings,
+    /// Receives progress and carries signals.
+    pub monitor: &'a Monitor,
+    /// Seed of the random numbers of this case.
+    salt: u64,
+    /// Counts of each column so far.
+    pub tallies: Vec<CaseCounts>,
+    /// Pictures of failures, at most one for each column.
+    pictures: Vec<FailurePicture>,
+    /// Remark for the table of results.
+    pub note: Option<String>,
+}
+
+/// Number of packets of a case, for fast and slow columns.
+#[derive(Debug, Clone, Copy)]
+pub struct Amount {
+    /// Number of packets in the quick run.
+    pub packets: u64,
+    /// Slow columns trace one packet in this many.
+    pub slow: u64,
+    /// The oracle computes exact answers for one packet in this many.
+    pub truth: u64,
+}
+
+impl CaseRun<'_> {
+    /// Random numbers of this case, number `index`.
+    pub fn random(&self, index: u64) -> Random {
+        Random::new(self.salt, index)
+    }
+
+    /// Builds every column and the oracle over a geometry. A small geometry is built faster with
+    /// one thread.
+    ///
+    /// # Errors
+    /// The errors of the builds.
+    pub(super) fn build<'g>(&'g self, geometry: &'g Geometry) -> Result<Built<'g>> {
+        let small = *geometry.bases().last().unwrap_or(&0) < 1000;
+        let threads = if small { 1 } else { rayon::current_num_threads() };
+        let tested = &self.settings.tested_backends;
+        let accelerators = build_all(tested, geometry, threads, self.monitor)?;
+        Ok(Built { geometry, tested, accelerators, oracle: oracle(geometry, self.monitor)? })
+    }
+
+    /// Traces packets, created by `aim`, with every column and judges the answers.
+    ///
+    /// # Errors
+    /// The errors of the builds; `Interrupted` after a signal.
+    pub fn shoot(
+        &mut self,
+        geometry: &Geometry,
+        amount: Amount,
+        aim: impl Fn(&mut Random) -> AimedPacket + Sync,
+    ) -> Result<()> {
+        let times = self.settings.times;
+        // In a long run the slow columns trace at most 16 times the rays of the quick run.
+        let slow = amount.slow * times.div_ceil(16);
+        self.check_packets(geometry, amount.packets * times, |run, built, index| {
+            let shot = aim(&mut run.random(index));
+            let known = index % amount.truth == 0;
+            Judge { built }.shot(&shot, index, known, index % slow == 0)
+        })
+    }
+
+    /// Builds every column over a geometry and judges packets on the threads of the current rayon
+    /// pool. Keeps the counts: see [`CaseRun::keep`].
+    ///
+    /// `judge` returns the counts of each column for the packet of an index.
+    ///
+    /// # Errors
+    /// The errors of the builds; `Interrupted` after a signal.
+    pub(super) fn check_packets(
+        &mut self,
+        geometry: &Geometry,
+        packets: u64,
+        judge: impl Fn(&CaseRun, &Built, u64) -> Vec<CaseCounts> + Sync,
+    ) -> Result<()> {
+        let mut sums = vec![CaseCounts::default(); self.tallies.len()];
+        {
+            let run = &*self;
+            let built = run.build(geometry)?;
+            in_portions(
+                packets,
+                run.monitor,
+                |index| judge(run, &built, index),
+                |portion: Vec<Vec<CaseCounts>>| {
+                    for tallies in &portion {
+                        sums.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
+                    }
+                    run.monitor.rays.fetch_add((portion.len() * LANES) as u64, Relaxed);
+                },
+            )?;
+        }
+        self.keep(geometry, sums)
+    }
+
+    /// Adds the counts over a geometry, and a picture of the first failures of each column.
+    ///
+    /// # Errors
+    /// The errors of the build that the pictures need.
+    pub fn keep(&mut self, geometry: &Geometry, sums: Vec<CaseCounts>) -> Result<()> {
+        if self.settings.pictures && sums.iter().any(|sum| !sum.places.is_empty()) {
+            let view = picture::View::new(geometry, self.monitor)?;
+            for (index, sum) in sums.iter().enumerate() {
+                let seen = self.pictures.iter().any(|picture| picture.column == index);
+                if sum.places.is_empty() || seen {
+                    continue;
+                }
+                let name = self.settings.tested_backends[index].name.clone();
+                self.pictures.push(FailurePicture {
+                    column: index,
+                    name,
+                    png: view.png(&sum.places),
+                });
+            }
+        }
+        for (tally, sum) in self.tallies.iter_mut().zip(&sums) {
+            tally.add(sum);
+        }
+        Ok(())
+    }
+}
+
+/// Builds the oracle over a geometry.
+pub fn oracle<'g>(geometry: &'g Geometry, monitor: &Monitor) -> Result<Brute<'g>> {
+    Brute::build(geometry, &BuildOptions { threads: 1, max_bytes: None }, monitor)
+}

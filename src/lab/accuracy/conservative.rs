@@ -1,0 +1,109 @@
+//! Cases for conservative boxes: soups of primitives whose sizes span sixteen decades. A box test
+//! must never cull a primitive that the ray hits.
+
+use glam::DVec3;
+
+use super::case::{Amount, Case, PassCriterion};
+use super::judge::{AimedPacket, Expect};
+use super::meshes::{corners, geometry, inside, soup};
+use crate::geometry::{Geometry, Sphere};
+use crate::lab::random::Random;
+use crate::ray::LANES;
+
+const GROUP: &str = "conservative";
+
+/// Number of soups in the quick run.
+const SOUPS: u64 = 16;
+
+/// Runs with at least this multiple of the quick run's rays trace four times as many again.
+const LONG: u64 = 400;
+
+/// A random number of either sign with a magnitude from 1e-8 to 1e8.
+fn wide(random: &mut Random) -> f64 {
+    10f64.powf(random.within(-8.0, 8.0)) * random.sign()
+}
+
+fn wide_point(random: &mut Random) -> DVec3 {
+    DVec3::new(wide(random), wide(random), wide(random))
+}
+
+/// Primitives of every size at every distance, half of them around one point.
+fn scene(random: &mut Random) -> Geometry {
+    let crowd = wide_point(random);
+    let corners = |random: &mut Random, n: usize| -> Vec<DVec3> {
+        let base = if random.below(2) == 0 { crowd } else { wide_point(random) };
+        let (size, far) = (wide(random).abs(), random.below(4) == 0);
+        let corner = |random: &mut Random| match far {
+            true => wide_point(random),
+            false => base + wide_point(random).normalize() * size,
+        };
+        (0..n).map(|_| corner(random)).collect()
+    };
+    let triangles: Vec<[DVec3; 3]> =
+        (0..96).filter_map(|_| corners(random, 3).try_into().ok()).collect();
+    let quads = (0..10)
+        .filter_map(|_| {
+            // Parallelograms, flat except for rounding.
+            let [a, b, d]: [DVec3; 3] = corners(random, 3).try_into().ok()?;
+            Some([a, b, b + (d - a), d].map(|v| v.as_vec3().to_array()))
+        })
+        .collect();
+    let spheres = (0..20)
+        .map(|_| Sphere { center: wide_point(random), radius: wide(random).abs() })
+        .collect();
+    geometry(vec![soup(&triangles)], quads, spheres)
+}
+
+/// All cases of this group.
+pub fn cases() -> Vec<Case> {
+    let row = |name: &'static str, what: &'static str, aimed: bool, packets: u64| {
+        let mark = PassCriterion::Coarse(
+            0.01,
+            "needles 16 decades long: f64 has too few digits for their planes",
+        );
+        Case::new(GROUP, name, what, mark, move |run| {
+            // A longer run has more soups, not only more rays.
+            let times = run.settings.times;
+            let soups = SOUPS * times.min(64);
+            // A full run has 10^8 random rays.
+            let more = if times >= LONG { 4 } else { 1 };
+            let packets = (more * packets).div_ceil(soups).max(1);
+            for k in 0..soups {
+                let geometry = scene(&mut run.random(u64::MAX - k));
+                let mesh = &geometry.meshes[0];
+                let amount = Amount { packets, slow: 4, truth: 1 };
+                run.shoot(&geometry, amount, |random| {
+                    let mut shot = AimedPacket::new(Expect::Oracle);
+                    let one = (random.below(2) == 0).then(|| wide_point(random));
+                    for i in 0..LANES {
+                        let origin = one.unwrap_or_else(|| wide_point(random));
+                        if aimed {
+                            let [a, b, c] = corners(mesh, random.below(96));
+                            let goal = match random.below(4) {
+                                0 => a,
+                                1 => a.lerp(b, random.unit()),
+                                _ => inside(random, [a, b, c]),
+                            };
+                            shot.through(i, origin, goal);
+                        } else {
+                            let direction = random.direction();
+                            shot.put(i, origin, direction);
+                        }
+                    }
+                    shot
+                })?;
+            }
+            Ok(())
+        })
+    };
+    vec![
+        row(
+            "16 decades, aimed",
+            "triangles, quads and spheres of sizes 1e-8 to 1e8 anywhere within 1e8: rays at corners, \
+             edges, insides",
+            true,
+            1024,
+        ),
+        row("16 decades, random", "the same, rays from anywhere in any direction", false, 4096),
+    ]
+}

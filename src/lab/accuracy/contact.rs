@@ -1,0 +1,439 @@
+//! Cases for false self-shadows and light leaks: a surface must not shadow itself, and an occluder
+//! in contact with it must shadow it.
+//!
+//! Scales run from 1e-6 to 1e6, and distances from the world's origin up to 1e7 times the object's
+//! size.
+
+use std::path::Path;
+use std::time::Instant;
+
+use glam::{DMat3, DVec3};
+use serde_json::{Value, json};
+
+use super::case::{Case, CaseRun, PassCriterion};
+use super::shadow::Points;
+use super::tally::{CaseCounts, Kind, ulp};
+use crate::accel::Accelerator;
+use crate::accel::lane::lanes;
+use crate::error::Result;
+use crate::geometry::{Geometry, NONE};
+use crate::lab::backend::{BuiltBackend, TestedBackend};
+use crate::lab::query::trace;
+use crate::lab::random::Random;
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, LANES, Mask, RayPacket};
+use crate::scene::{self, Source};
+use crate::shading::{Area, set_lane};
+use crate::world::{LoadOptions, World};
+
+const GROUP: &str = "contact";
+
+/// Sizes of the objects.
+const SCALES: [f64; 5] = [1e-6, 1e-3, 1.0, 1e3, 1e6];
+
+/// Distances from the world's origin, in sizes of the object.
+const OFFSETS: [f64; 3] = [0.0, 1e3, 1e7];
+
+/// Number of packets for each world in the quick run.
+const PACKETS: u64 = 24;
+
+/// Slow columns trace one packet in this many.
+const SLOW: u64 = 3;
+
+/// Smallest gap at which an occluder must shadow a surface, in ulp of the largest coordinate.
+const CONTACT: f64 = 4.0;
+
+/// Kind of primitives that an object consists of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Solid {
+    Triangles,
+    Quads,
+    Spheres,
+}
+
+const SOLIDS: [Solid; 3] = [Solid::Triangles, Solid::Quads, Solid::Spheres];
+
+/// Size, position and rotation of an object in its world.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    scale: f64,
+    offset: DVec3,
+    turn: DMat3,
+}
+
+impl Place {
+    fn new(scale: f64, offset: f64, tilted: bool) -> Self {
+        let turn = match tilted {
+            true => DMat3::from_rotation_x(0.7) * DMat3::from_rotation_y(0.6),
+            false => DMat3::IDENTITY,
+        };
+        let offset = DVec3::new(0.6, -0.5, 0.62) * scale * offset;
+        Self { scale, offset, turn }
+    }
+
+    fn point(&self, v: [f64; 3]) -> Value {
+        json!((self.offset + self.turn * DVec3::from(v) * self.scale).to_array())
+    }
+
+    fn sphere(&self, center: [f64; 3], radius: f64) -> Value {
+        json!({ "type": "sphere", "material": {}, "center": self.point(center),
+                "radius": radius * self.scale })
+    }
+
+    fn triangle(&self, [a, b, c]: [[f64; 3]; 3]) -> Value {
+        json!({ "type": "triangle", "material": {}, "v0": self.point(a), "v1": self.point(b),
+                "v2": self.point(c) })
+    }
+
+    fn plane(&self, [a, b, c, d]: [[f64; 3]; 4]) -> Value {
+        json!({ "type": "plane", "material": {}, "v0": self.point(a), "v1": self.point(b),
+                "v2": self.point(c), "v3": self.point(d) })
+    }
+
+    /// Loads a world of these shapes.
+    fn world(&self, shapes: &[Value]) -> Result<World> {
+        world(shapes, &self.offset, self.scale)
+    }
+}
+
+/// Loads a world of shapes through the scene loader, as from a file.
+pub(super) fn world(shapes: &[Value], offset: &DVec3, scale: f64) -> Result<World> {
+    let at = |v: DVec3| json!((*offset + v * scale).to_array());
+    let scene = json!({
+        "camera": { "type": "pinhole", "width": 16, "height": 16, "fov": 50,
+                    "position": at(DVec3::Z * 5.0), "lookat": [0, 0, -1], "up": [0, 1, 0] },
+        "scene": { "shapes": shapes, "lightsources": [
+            { "type": "pointlight", "position": at(DVec3::splat(9.0)), "id": [1, 1, 1] }] }
+    });
+    let text = scene.to_string();
+    let source = Source::Text { name: "contact", text: text.as_bytes(), folder: Path::new("") };
+    let loaded = scene::load(source, &[])?;
+    Ok(World::load(&loaded.scene, LoadOptions::default(), &Monitor::default())?.0)
+}
+
+/// Corner `k` of a cube from -1 to 1; bit i of `k` selects the sign of axis i.
+fn corner(k: usize) -> [f64; 3] {
+    [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -1.0 } else { 1.0 })
+}
+
+/// Scene shapes of a convex object around the origin.
+fn convex(solid: Solid, place: &Place) -> Vec<Value> {
+    let sides =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    match solid {
+        Solid::Spheres => vec![place.sphere([0.0; 3], 1.0)],
+        Solid::Quads => sides.map(|side| place.plane(side.map(corner))).to_vec(),
+        Solid::Triangles => {
+            // An octahedron.
+            let tip = |axis: usize, k: usize| {
+                let mut v = [0.0; 3];
+                v[axis] = corner(k)[axis];
+                v
+            };
+            (0..8).map(|k| place.triangle([0, 1, 2].map(|axis| tip(axis, k)))).collect()
+        }
+    }
+}
+
+/// A random direction in the hemisphere around `normal`, with a cosine of at least `least`.
+pub(super) fn above(random: &mut Random, normal: DVec3, least: f64) -> DVec3 {
+    let side = random.direction().cross(normal).normalize_or(normal.any_orthonormal_vector());
+    let cosine = random.within(least, 1.0);
+    normal * cosine + side * (1.0 - cosine * cosine).sqrt()
+}
+
+/// 16 rays from one point around the object, of size `scale`, to its targets.
+fn rays_at_object(
+    random: &mut Random,
+    scale: f64,
+    target: impl Fn(&mut Random) -> DVec3,
+    down: bool,
+) -> RayPacket {
+    let mut packet = RayPacket::EMPTY;
+    let from = random.direction() * random.within(2.0, 6.0);
+    for i in 0..LANES {
+        let mut from = from;
+        if down {
+            from.z = from.z.abs().max(1.0);
+        }
+        let origin = (from * scale).as_vec3();
+        set_lane(&mut packet.rays.org, i, origin);
+        let direction = (target(random) - origin.as_dvec3()).as_vec3();
+        set_lane(&mut packet.rays.dir, i, direction);
+    }
+    packet
+}
+
+/// Traces packets through a geometry with every column and adds the counts to `run`.
+///
+/// `first_rays` creates the first rays. `judge` traces secondary rays from the hits of one column,
+/// and counts wrong answers.
+pub(super) fn check(
+    run: &mut CaseRun,
+    geometry: &Geometry,
+    salt: u64,
+    first_rays: impl Fn(&mut Random) -> RayPacket + Sync,
+    judge: impl Fn(&mut Random, &ColumnHits, &mut CaseCounts) + Sync,
+) -> Result<()> {
+    run.check_packets(geometry, PACKETS * run.settings.times, |run, built, index| {
+        let first = first_rays(&mut run.random(salt << 40 | index << 1));
+        built.counts(index % SLOW == 0, |BuiltBackend { tested, accelerator }, tally| {
+            // The same random numbers, and so the same lights, for all columns.
+            let mut random = run.random(salt << 40 | index << 1 | 1);
+            let mut packet = first.clone();
+            let all = Mask([-1; LANES]);
+            let time = trace(accelerator, &all, &mut packet, false, Coherence::Coherent);
+            tally.nanoseconds += time.as_nanos() as u64;
+            let points = Points::new((geometry, accelerator), &packet.hit(&all), &mut packet);
+            let seen = ColumnHits { geometry, tested, accelerator, packet: &packet, points };
+            judge(&mut random, &seen, tally);
+        })
+    })
+}
+
+/// The hits of one column on a packet, and their surface points.
+pub(super) struct ColumnHits<'a> {
+    geometry: &'a Geometry,
+    pub tested: &'a TestedBackend,
+    accelerator: &'a dyn Accelerator,
+    packet: &'a RayPacket,
+    pub points: Points,
+}
+
+impl ColumnHits<'_> {
+    /// Traces shadow rays to `lights`. Returns, for each way to trace them, the lanes that have a
+    /// shadow ray, and which of these are occluded.
+    pub fn occluded(
+        &self,
+        lights: &[DVec3; LANES],
+        area: Option<&Area>,
+        tally: &mut CaseCounts,
+    ) -> Vec<(Mask, [bool; LANES])> {
+        let mut q = [[0.0; LANES]; 3];
+        for (i, light) in lights.iter().enumerate() {
+            set_lane(&mut q, i, light.as_vec3());
+        }
+        let backend = self.tested.backend;
+        let (aimed, rays) = self.points.shadow_rays(backend, (&q, area));
+        let ways = self.tested.coherences(Coherence::Coherent).into_iter();
+        ways.map(|way| {
+            let (mut rays, started) = (rays.clone(), Instant::now());
+            self.points.trace(backend, self.scene(), &aimed, &mut rays, way);
+            tally.nanoseconds += started.elapsed().as_nanos() as u64;
+            (aimed.active, rays.tfar.map(|tfar| tfar == f32::NEG_INFINITY))
+        })
+        .collect()
+    }
+
+    /// Geometry and accelerator that rays are traced in.
+    pub fn scene(&self) -> (&Geometry, &dyn Accelerator) {
+        (self.geometry, self.accelerator)
+    }
+
+    /// Returns which points are off an area light's plane by more than rounding.
+    pub fn is_off_plane(&self, area: &Area) -> [bool; LANES] {
+        std::array::from_fn(|i| {
+            let at = self.points.position(i) - area.corner.as_dvec3();
+            at.dot(area.plane).abs() > 1e-4 * at.length()
+        })
+    }
+
+    /// Primitive number that lane `i` hit, if any.
+    pub fn primitive(&self, i: usize) -> Option<u32> {
+        let hits = &self.packet.hits;
+        (hits.geom[i] != NONE).then(|| self.geometry.primitive(hits.geom[i], hits.prim[i]))
+    }
+}
+
+/// A case with one convex object: no light above its surface is occluded.
+fn self_shadow(scale: f64) -> Case {
+    let name = format!("self-intersection, scale {scale:e}");
+    let what = format!(
+        "an octahedron, a cube of quads, a sphere of size {scale:e}, at 0, 1e3 and 1e7 times that from \
+         the world's origin: lights above the surface must reach it. `coursework` with its offset of 1e-4"
+    );
+    let mark = PassCriterion::Zero("shadow rays have no t");
+    Case::new(GROUP, name, what, mark, move |run| {
+        let mut salt = 0;
+        for solid in SOLIDS {
+            for offset in OFFSETS {
+                salt += 1;
+                let place = Place::new(scale, offset, salt % 2 == 0);
+                let world = place.world(&convex(solid, &place))?;
+                let target = |random: &mut Random| random.cube() * 0.55 * scale;
+                check(
+                    run,
+                    &world.geometry,
+                    salt,
+                    |random| rays_at_object(random, scale, target, false),
+                    |random, seen, tally| {
+                        let lights = std::array::from_fn(|i| {
+                            let distance = 10f64.powf(random.within(-1.0, 3.0)) * scale;
+                            let normal = seen.points.normal(i);
+                            seen.points.position(i) + above(random, normal, 0.01) * distance
+                        });
+                        for (active, occluded) in seen.occluded(&lights, None, tally) {
+                            for i in lanes(&active) {
+                                tally.rays += 1;
+                                let (at, normal) = (seen.points.position(i), seen.points.normal(i));
+                                // The normal points inwards: the ray has leaked through the side
+                                // that faces it.
+                                if normal.dot(at) < 0.0 {
+                                    tally.fail(Kind::Leak, at);
+                                } else if occluded[i] {
+                                    tally.fail(Kind::SelfShadow, at);
+                                }
+                            }
+                        }
+                    },
+                )?;
+            }
+        }
+        Ok(())
+    })
+}
+
+/// A floor and an occluder at distance `gap` above it. The occluder is the last of its kind.
+fn stack(solid: Solid, place: &Place, gap: f64) -> Vec<Value> {
+    let triangle = |size: f64, z: f64| {
+        place.triangle([[-size, -size, z], [2.0 * size, -size, z], [-size, 2.0 * size, z]])
+    };
+    let quad = |size: f64, z: f64| {
+        place.plane([[-size, -size, z], [size, -size, z], [size, size, z], [-size, size, z]])
+    };
+    match solid {
+        Solid::Triangles => vec![triangle(1.0, 0.0), triangle(2.0, gap)],
+        Solid::Quads => vec![quad(1.0, 0.0), quad(2.0, gap)],
+        Solid::Spheres => vec![place.sphere([0.0, 0.0, -1.0], 1.0), quad(2.0, gap)],
+    }
+}
+
+/// Primitive number of the occluder, and its triangles with their f32 corners.
+fn planes(geometry: &Geometry, solid: Solid) -> (u32, Vec<[DVec3; 3]>) {
+    let f64s = |v: [f32; 3]| DVec3::from(v.map(f64::from));
+    match solid {
+        Solid::Triangles => {
+            let corners = geometry.meshes[0].corners(1).map(f64s);
+            (geometry.primitive(0, 1), vec![corners])
+        }
+        Solid::Quads | Solid::Spheres => {
+            let prim = geometry.quads.len() as u32 - 1;
+            let [a, b, c, d] = geometry.quads[prim as usize].map(f64s);
+            (geometry.primitive(geometry.quads_id(), prim), vec![[a, b, d], [c, d, b]])
+        }
+    }
+}
+
+/// The largest coordinate of any vertex.
+fn largest(geometry: &Geometry) -> f64 {
+    let vertices = geometry.meshes.iter().flat_map(|mesh| mesh.vertices());
+    let corners = geometry.quads.iter().flatten();
+    let of = |v: &[f32; 3]| v.iter().fold(0.0, |most: f64, x| most.max(f64::from(x.abs())));
+    vertices.chain(corners).map(of).fold(0.0, f64::max)
+}
+
+/// A case with occluders `ulps` above a surface. From [`CONTACT`] ulp on they must shadow it.
+fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case {
+    let mark = PassCriterion::Zero("occluders nearer than 4 ulp are counted, not failed");
+    Case::new(GROUP, name, what, mark, move |run| {
+        let mut salt = 0;
+        for (&scale, &ulps) in scales.iter().flat_map(|s| ulps.iter().map(move |u| (s, u))) {
+            for (solid, offset) in SOLIDS.into_iter().flat_map(|m| OFFSETS.map(|o| (m, o))) {
+                salt += 1;
+                let place = Place::new(scale, offset, salt % 2 == 0);
+                // The scene's origin does not depend on so small a gap.
+                let flat = place.world(&stack(solid, &place, 0.125))?;
+                let unit = ulp(largest(&flat.geometry));
+                let world = place.world(&stack(solid, &place, ulps * unit / scale))?;
+                in_contact(run, &world.geometry, solid, &place, unit, salt)?;
+            }
+        }
+        Ok(())
+    })
+}
+
+fn in_contact(
+    run: &mut CaseRun,
+    geometry: &Geometry,
+    solid: Solid,
+    place: &Place,
+    unit: f64,
+    salt: u64,
+) -> Result<()> {
+    let (occluder, planes) = planes(geometry, solid);
+    let [a, b, c] = planes[0];
+    let up = (b - a).cross(c - a).normalize();
+    let middle = match solid {
+        Solid::Triangles => a.lerp(b, 0.5).lerp(c, 1.0 / 3.0),
+        Solid::Quads | Solid::Spheres => b.lerp(c, 0.5),
+    };
+    let scale = place.scale;
+    // Rays hit the sphere near its top, and the other floors anywhere.
+    let reach = if solid == Solid::Spheres { 3e-4 } else { 0.5 };
+    check(
+        run,
+        geometry,
+        salt,
+        |random| {
+            let mut packet = RayPacket::EMPTY;
+            for i in 0..LANES {
+                let side = random.direction().cross(up);
+                let goal = middle + side * random.unit() * reach * scale;
+                let origin =
+                    (goal + above(random, up, 0.3) * random.within(1.0, 4.0) * scale).as_vec3();
+                set_lane(&mut packet.rays.org, i, origin);
+                set_lane(&mut packet.rays.dir, i, (goal - origin.as_dvec3()).as_vec3());
+                // The occluder lies between, so the ray passes through it.
+                packet.rays.leaving[i] = occluder;
+            }
+            packet
+        },
+        |random, seen, tally| {
+            let lights = std::array::from_fn(|i| {
+                let distance = 10f64.powf(random.within(-0.5, 2.0)) * scale;
+                seen.points.position(i) + above(random, up, 0.05) * distance
+            });
+            for (active, occluded) in seen.occluded(&lights, None, tally) {
+                for i in lanes(&active) {
+                    tally.rays += 1;
+                    let point = seen.points.position(i);
+                    if seen.primitive(i).is_none_or(|hit| hit == occluder) {
+                        tally.fail(Kind::Leak, point);
+                        continue;
+                    }
+                    // Gap between occluder and point. The point itself is rounded by half an ulp.
+                    let gap = planes
+                        .iter()
+                        .map(|&[a, b, c]| (a - point).dot((b - a).cross(c - a).normalize()).abs())
+                        .fold(f64::INFINITY, f64::min);
+                    match (gap >= CONTACT * unit, occluded[i]) {
+                        (true, false) => tally.fail(Kind::LightLeak, point),
+                        (false, false) => tally.counted += 1,
+                        _ => {}
+                    }
+                }
+            }
+        },
+    )
+}
+
+/// All cases of this group.
+pub fn cases() -> Vec<Case> {
+    let mut cases: Vec<Case> = SCALES.into_iter().map(self_shadow).collect();
+    cases.extend(SCALES.into_iter().map(|scale| {
+        let what = format!(
+            "an occluder 4, 8 and 1000 ulp of the largest coordinate above a triangle, a quad, a sphere \
+             of size {scale:e}, at 0, 1e3 and 1e7 times that from the world's origin: it must shadow \
+             them. `coursework` with its offset of 1e-4"
+        );
+        contact(format!("occluder in contact, scale {scale:e}"), what, vec![scale], vec![4.01, 8.0, 1000.0])
+    }));
+    let what = "the same at 0.5 to 3 ulp, size 1: light that comes through is counted".to_string();
+    cases.push(contact(
+        "occluder nearer than 4 ulp".into(),
+        what,
+        vec![1.0],
+        vec![0.5, 1.0, 2.0, 3.0],
+    ));
+    cases
+}

@@ -1,0 +1,188 @@
+//! Cases with degenerate triangles: without area, duplicated, slivers, tiny, huge.
+
+use glam::DVec3;
+
+use super::case::{Amount, Case, PassCriterion};
+use super::judge::{AimedPacket, Expect};
+use super::meshes::{corners, inside, scene, soup};
+use crate::geometry::TriangleMesh;
+use crate::lab::random::Random;
+use crate::ray::LANES;
+
+const GROUP: &str = "degenerate";
+
+const AMOUNT: Amount = Amount { packets: 160, slow: 4, truth: 1 };
+
+/// Rays from a sphere of radius `distance` at corners, edges and insides of triangles.
+fn aim(random: &mut Random, mesh: &TriangleMesh, distance: f64, expect: Expect) -> AimedPacket {
+    let count = mesh.triangles().len() as u32;
+    let mut shot = AimedPacket::new(expect);
+    let together = random.below(2) == 0;
+    let mut from = DVec3::ZERO;
+    for i in 0..LANES {
+        if i == 0 || !together {
+            from = random.direction() * distance;
+        }
+        let [a, b, c] = corners(mesh, random.below(count));
+        let goal = match random.below(4) {
+            0 if matches!(expect, Expect::Oracle) => a,
+            1 if matches!(expect, Expect::Oracle) => a.lerp(b, random.unit()),
+            _ => inside(random, [a, b, c]),
+        };
+        shot.through(i, from, goal);
+    }
+    shot
+}
+
+fn case(
+    name: &'static str,
+    what: &'static str,
+    mark: PassCriterion,
+    distance: f64,
+    expect: Expect,
+    make: fn(&mut Random) -> TriangleMesh,
+) -> Case {
+    Case::new(GROUP, name, what, mark, move |run| {
+        let geometry = scene(make(&mut run.random(u64::MAX)));
+        run.shoot(&geometry, AMOUNT, |random| aim(random, &geometry.meshes[0], distance, expect))
+    })
+}
+
+/// A triangle of about `size` around a random point in [-1, 1)^3.
+fn some(random: &mut Random, size: f64) -> [DVec3; 3] {
+    let at = random.cube();
+    [0; 3].map(|_| at + random.direction() * size)
+}
+
+/// A mesh of ordinary triangles mixed with `others`, so that rays hit something behind these.
+fn crowd(random: &mut Random, others: impl Fn(&mut Random) -> [DVec3; 3]) -> TriangleMesh {
+    let mut triangles: Vec<[DVec3; 3]> = (0..150).map(|_| some(random, 0.2)).collect();
+    triangles.extend((0..150).map(|_| others(random)));
+    soup(&triangles)
+}
+
+fn fan(random: &mut Random) -> TriangleMesh {
+    // Two parts of cones. Each consists of needles of 1:1e4 around one vertex.
+    let mut triangles = Vec::new();
+    for _ in 0..2 {
+        let apex = random.cube() * 0.5;
+        let (axis, side) = (random.direction(), random.direction());
+        let x = axis.cross(side).normalize_or(DVec3::X);
+        let y = axis.cross(x);
+        let rim = |k: u32| {
+            let angle = f64::from(k % 20_000) * std::f64::consts::TAU / 20_000.0;
+            apex + axis * 0.3 + (x * angle.cos() + y * angle.sin()) * 0.8
+        };
+        triangles.extend((0..2000).map(|k| [apex, rim(k), rim(k + 1)]));
+    }
+    soup(&triangles)
+}
+
+/// All cases of this group.
+pub fn cases() -> Vec<Case> {
+    vec![
+        case(
+            "zero area",
+            "triangles with two or three equal corners among whole ones: never hit, nothing hidden",
+            PassCriterion::Exact,
+            4.0,
+            Expect::Oracle,
+            |random| {
+                crowd(random, |random| {
+                    let [a, b, _] = some(random, 0.3);
+                    if random.below(2) == 0 { [a, a, b] } else { [a, a, a] }
+                })
+            },
+        ),
+        case(
+            "collinear",
+            "triangles whose corners stand on a line, exactly or up to rounding",
+            PassCriterion::Exact,
+            4.0,
+            Expect::Oracle,
+            |random| {
+                crowd(random, |random| {
+                    let a = (random.cube() * 64.0).round() / 64.0;
+                    let step = (random.cube() * 16.0).round() / 64.0;
+                    match random.below(2) {
+                        0 => [a, a + step, a + step * 2.0],
+                        _ => [a, a.lerp(a + step, random.unit()), a + step],
+                    }
+                })
+            },
+        ),
+        case(
+            "duplicates",
+            "three copies of every triangle: the lowest primitive is the hit",
+            PassCriterion::Exact,
+            4.0,
+            Expect::Lowest,
+            |random| copied(random, false),
+        ),
+        case(
+            "coincident, opposite winding",
+            "every triangle again with its corners in the other order: the lowest primitive is the hit",
+            PassCriterion::Exact,
+            4.0,
+            Expect::Lowest,
+            |random| copied(random, true),
+        ),
+        case(
+            "slivers 1:1e7",
+            "triangles 1e7 times as long as wide",
+            PassCriterion::Exact,
+            4.0,
+            Expect::Oracle,
+            |random| {
+                crowd(random, |random| {
+                    let a = random.cube();
+                    let (along, across) = (random.direction(), random.direction());
+                    [a, a + along, a + along * random.unit() + across * 1e-7]
+                })
+            },
+        ),
+        case(
+            "needle fans",
+            "fans of 2,000 needles around one vertex",
+            PassCriterion::Exact,
+            3.0,
+            Expect::Oracle,
+            fan,
+        ),
+        case(
+            "1e-25 triangles",
+            "triangles of size 1e-25 around the origin, seen from 4e-25 away",
+            PassCriterion::Exact,
+            4e-25,
+            Expect::Oracle,
+            |random| {
+                let triangles: Vec<_> =
+                    (0..300).map(|_| some(random, 0.3).map(|v| v * 1e-25)).collect();
+                soup(&triangles)
+            },
+        ),
+        case(
+            "1e18 coordinates",
+            "triangles of size 1e18, seen from 4e18 away",
+            PassCriterion::Exact,
+            4e18,
+            Expect::Oracle,
+            |random| {
+                let triangles: Vec<_> =
+                    (0..300).map(|_| some(random, 0.3).map(|v| v * 1e18)).collect();
+                soup(&triangles)
+            },
+        ),
+    ]
+}
+
+/// A mesh in which every triangle occurs three times.
+fn copied(random: &mut Random, opposite: bool) -> TriangleMesh {
+    let mut triangles: Vec<[DVec3; 3]> = (0..60).map(|_| some(random, 0.3)).collect();
+    // The copies have a different order.
+    for k in 0..120 {
+        let [a, b, c] = triangles[k * 7 % 60];
+        triangles.push(if opposite { [a, c, b] } else { [a, b, c] });
+    }
+    soup(&triangles)
+}

@@ -1,0 +1,297 @@
+//! Traces one packet on every column and judges the answers.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::Built;
+use super::tally::{CaseCounts, Kind, kind_of, ulp};
+use crate::accel::Accelerator;
+use crate::accel::brute::Brute;
+use crate::accel::lane::{Hit, Ray, lanes};
+use crate::geometry::{Geometry, GeometryKind, Surfaces, refine};
+use crate::lab::answer::Answer;
+use crate::lab::backend::{BuiltBackend, MAX_ERROR_FACTOR, TestedBackend};
+use crate::lab::query::trace;
+use crate::lab::verdict::{MAX_NEAR, Verdict, judge};
+use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
+
+/// Largest number of crossings that are followed along a line.
+const MAX_CROSSINGS: usize = 64;
+
+/// The right answers of a shot.
+#[derive(Debug, Clone, Copy)]
+pub enum Expect {
+    /// The oracle's answer, up to the error bound of the backend's own test.
+    Oracle,
+    /// The oracle's primitive or its miss, whatever the error bound.
+    Primitive,
+    /// As [`Expect::Oracle`], and ties must go to the lowest primitive.
+    Lowest,
+    /// A closed surface lies in the way: every ray hits at a t below its value here.
+    Closed([f64; LANES]),
+    /// Lines cross a closed mesh as often as in the oracle, and an even number of times.
+    Crossings,
+}
+
+/// 16 rays with the right answers.
+pub struct AimedPacket {
+    /// The rays. Lanes that do not pass [`Rays::possible`] are never traced.
+    pub rays: Rays,
+    /// Points that the rays are aimed at, for the pictures.
+    pub goals: [DVec3; LANES],
+    /// Rule that decides which answers are right.
+    pub expect: Expect,
+}
+
+impl AimedPacket {
+    /// Creates a shot without rays.
+    pub fn new(expect: Expect) -> Self {
+        Self { rays: Rays::EMPTY, goals: [DVec3::ZERO; LANES], expect }
+    }
+
+    /// Sets ray `i` from `origin` through `goal`, where t = 1 before rounding.
+    pub fn through(&mut self, i: usize, origin: DVec3, goal: DVec3) {
+        let origin = origin.as_vec3().as_dvec3();
+        self.put(i, origin, goal - origin);
+        self.goals[i] = goal;
+    }
+
+    /// Sets ray `i` from `origin` along `direction`, both rounded to f32.
+    pub fn put(&mut self, i: usize, origin: DVec3, direction: DVec3) {
+        for axis in 0..3 {
+            self.rays.org[axis][i] = origin[axis] as f32;
+            self.rays.dir[axis][i] = direction[axis] as f32;
+        }
+        self.goals[i] = origin;
+    }
+}
+
+/// Traces shots on all columns and judges the answers.
+pub struct Judge<'a> {
+    /// The columns and the oracle, built over one geometry.
+    pub built: &'a Built<'a>,
+}
+
+impl Judge<'_> {
+    /// Traces and judges one packet. Returns the counts of each column.
+    ///
+    /// If `known`, answers are compared with the oracle. Otherwise [`Expect::Closed`] is judged
+    /// without it. If `slow`, slow columns trace the packet too.
+    pub fn shot(&self, shot: &AimedPacket, index: u64, known: bool, slow: bool) -> Vec<CaseCounts> {
+        let oracle = &self.built.oracle;
+        let active = shot.rays.possible(&Mask([-1; LANES]));
+        let exact = known || !matches!(shot.expect, Expect::Closed(_));
+        let mut truths: [Option<Hit>; LANES] = [None; LANES];
+        for i in lanes(&active).filter(|_| exact) {
+            truths[i] = oracle.closest_hit(&Ray::of(&shot.rays, i));
+        }
+        let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Incoherent };
+        // One packet in four is an occlusion query.
+        let shadow = index % 4 == 3;
+        self.built.counts(slow, |BuiltBackend { tested, accelerator }, tally| {
+            let one = One { shot, active, truths: exact.then_some(&truths), tested, oracle };
+            let geometry = self.built.geometry;
+            if matches!(shot.expect, Expect::Crossings) {
+                return one.crossings(accelerator, geometry, tally);
+            }
+            for (nth, way) in tested.coherences(packets).into_iter().enumerate() {
+                one.answers(accelerator, shadow, way, nth == 0, geometry, tally);
+            }
+        })
+    }
+}
+
+/// One packet traced on one column.
+struct One<'a> {
+    shot: &'a AimedPacket,
+    active: Mask,
+    truths: Option<&'a [Option<Hit>; LANES]>,
+    tested: &'a TestedBackend,
+    oracle: &'a Brute<'a>,
+}
+
+impl One<'_> {
+    fn answers(
+        &self,
+        accelerator: &dyn Accelerator,
+        shadow: bool,
+        way: Coherence,
+        measure: bool,
+        geometry: &Geometry,
+        tally: &mut CaseCounts,
+    ) {
+        let mut packet = RayPacket { rays: self.shot.rays.clone(), ..RayPacket::EMPTY };
+        tally.nanoseconds +=
+            trace(accelerator, &self.active, &mut packet, shadow, way).as_nanos() as u64;
+        for i in 0..LANES {
+            tally.rays += 1;
+            let kind = self.judge(i, &packet, shadow, tally);
+            if let Some(kind) = kind {
+                tally.fail(kind, self.shot.goals[i]);
+            }
+        }
+        if let Some(truths) = self.truths.filter(|_| measure && !shadow) {
+            measure_hits(geometry, &self.active, &packet, truths, tally);
+        }
+    }
+
+    /// Returns the kind of error in lane `i`, or `None` if its answer is right.
+    fn judge(
+        &self,
+        i: usize,
+        packet: &RayPacket,
+        shadow: bool,
+        tally: &mut CaseCounts,
+    ) -> Option<Kind> {
+        let answer = Answer::in_lane(packet, i, shadow);
+        if self.active.0[i] == 0 {
+            let same = packet.rays.tfar[i].to_bits() == self.shot.rays.tfar[i].to_bits();
+            return (!same || packet.hits.geom[i] != NONE).then_some(Kind::FalseHit);
+        }
+        if let Expect::Closed(before) = &self.shot.expect {
+            let leaks = match answer {
+                Answer::Miss => true,
+                Answer::Hit { t, .. } => t >= before[i],
+                Answer::Occluded => false,
+            };
+            if leaks {
+                return Some(Kind::Leak);
+            }
+        }
+        let truth = self.truths?[i];
+        let exact = match (truth, shadow) {
+            (None, _) => Answer::Miss,
+            (Some(_), true) => Answer::Occluded,
+            (Some(hit), false) => hit.into(),
+        };
+        if matches!(self.shot.expect, Expect::Primitive) {
+            return match (exact, answer) {
+                (Answer::Miss, Answer::Miss) | (Answer::Occluded, Answer::Occluded) => None,
+                (Answer::Hit { .. }, Answer::Hit { .. }) => {
+                    let found = (packet.hits.geom[i], packet.hits.prim[i]);
+                    (truth.map(|hit| (hit.geom, hit.prim)) != Some(found)).then_some(Kind::FalseHit)
+                }
+                (_, Answer::Miss) => Some(Kind::Leak),
+                _ => Some(Kind::FalseHit),
+            };
+        }
+        let ray = Ray::of(&self.shot.rays, i);
+        let verdict = judge(self.oracle, &ray, exact, answer, self.tested.error_factor());
+        if matches!((self.shot.expect, verdict), (Expect::Lowest, Verdict::Tie)) {
+            return Some(Kind::Tie);
+        }
+        tally.within_bound += u64::from(matches!(verdict, Verdict::Tie | Verdict::Edge));
+        kind_of(verdict)
+    }
+
+    /// Counts the crossings of each line with the mesh and compares them with the oracle's.
+    ///
+    /// Only clear lines are judged: no edge lies within the error bound, and no two crossings are
+    /// too close to separate.
+    fn crossings(
+        &self,
+        accelerator: &dyn Accelerator,
+        geometry: &Geometry,
+        tally: &mut CaseCounts,
+    ) {
+        for i in lanes(&self.active) {
+            let ray = Ray::of(&self.shot.rays, i);
+            if !self.clear(&ray) {
+                continue;
+            }
+            let expected = self.oracle.all_hits(&ray).len();
+            let started = Instant::now();
+            let found = crossings(accelerator, geometry, &self.shot.rays, i);
+            tally.nanoseconds += started.elapsed().as_nanos() as u64;
+            tally.rays += 1;
+            if found != expected || found % 2 != 0 {
+                tally.fail(Kind::Crossings, self.shot.goals[i]);
+            }
+        }
+    }
+
+    fn clear(&self, ray: &Ray) -> bool {
+        // A line that is clear of edges within the largest bound is clear for every backend.
+        let Some(mut near) = self.oracle.near(ray, MAX_ERROR_FACTOR, MAX_NEAR) else {
+            return false;
+        };
+        near.sort_by(|a, b| a.t.total_cmp(&b.t));
+        let apart = near.windows(2).all(|w| w[0].t + w[0].t_error < w[1].t - w[1].t_error);
+        let inside = |part: &crate::accel::brute::Near| {
+            (0..3).all(|edge| part.outline.clearance(edge) > 0.0)
+                && (part.t - part.t_error > ray.tnear || part.t + part.t_error < ray.tnear)
+        };
+        apart && near.iter().all(inside)
+    }
+}
+
+/// Counts the hits along a line: each query starts at the hit before it and leaves its primitive.
+fn crossings(accelerator: &dyn Accelerator, geometry: &Geometry, rays: &Rays, i: usize) -> usize {
+    let mut active = Mask::NONE;
+    active.0[i] = -1;
+    let (mut tnear, mut leaving) = (rays.tnear[i], rays.leaving[i]);
+    for found in 0..MAX_CROSSINGS {
+        let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
+        (packet.rays.tnear[i], packet.rays.leaving[i]) = (tnear, leaving);
+        accelerator.closest(&active, &mut packet, Coherence::Single);
+        if packet.hits.geom[i] == NONE {
+            return found;
+        }
+        tnear = packet.rays.tfar[i];
+        leaving = geometry.primitive(packet.hits.geom[i], packet.hits.prim[i]);
+    }
+    MAX_CROSSINGS
+}
+
+/// The largest coordinate of the primitive that was hit.
+fn size(geometry: &Geometry, hit: &Hit) -> f64 {
+    let largest = |corners: &[[f32; 3]]| {
+        corners.iter().flatten().fold(f32::MIN_POSITIVE, |most, x| most.max(x.abs())).into()
+    };
+    match geometry.kind(hit.geom) {
+        GeometryKind::Mesh(mesh) => largest(&geometry.meshes[mesh].corners(hit.prim)),
+        GeometryKind::Quads => largest(&geometry.quads[hit.prim as usize]),
+        GeometryKind::Spheres => {
+            let sphere = &geometry.spheres[hit.prim as usize];
+            sphere.center.abs().max_element() + sphere.radius
+        }
+    }
+}
+
+/// Measures the errors of t, refined point and weights of hits on the right primitive.
+pub fn measure_hits(
+    geometry: &Geometry,
+    active: &Mask,
+    packet: &RayPacket,
+    truths: &[Option<Hit>; LANES],
+    tally: &mut CaseCounts,
+) {
+    let mut surfaces = Surfaces::EMPTY;
+    let hit = packet.hit(active);
+    if !hit.any() {
+        return;
+    }
+    refine(geometry, &hit, packet, &mut surfaces);
+    for i in lanes(&hit) {
+        let same = |h: &Hit| (h.geom, h.prim) == (packet.hits.geom[i], packet.hits.prim[i]);
+        let Some(exact) = truths[i].filter(same) else { continue };
+        if exact.t < f64::from(f32::MAX) {
+            tally.measure((f64::from(packet.rays.tfar[i]) - exact.t).abs() / ulp(exact.t));
+        }
+        let ray = Ray::of(&packet.rays, i);
+        let way = ray.direction * exact.t;
+        let point = ray.origin + way;
+        let refined = DVec3::from([0, 1, 2].map(|k| f64::from(surfaces.position[k][i])));
+        let scale = point.abs().max_element().max(way.length()).max(size(geometry, &exact));
+        let relative = (refined - point).abs().max_element() / scale;
+        if relative.is_finite() {
+            tally.worst_relative = tally.worst_relative.max(relative);
+        }
+        if let GeometryKind::Mesh(_) = geometry.kind(exact.geom) {
+            let error = (surfaces.u[i] - exact.u).abs();
+            let error = error.max((surfaces.v[i] - exact.v).abs());
+            tally.worst_weight = tally.worst_weight.max(error);
+        }
+    }
+}

@@ -1,0 +1,371 @@
+//! Cases with secondary rays: from the inner edges and corners of closed rooms, to lights in a
+//! wall, and mirrored at a small angle.
+
+use glam::{DMat3, DVec3, Vec3};
+
+use super::case::{Case, PassCriterion};
+use super::contact::{above, check};
+use super::meshes::{self, geometry};
+use super::tally::Kind;
+use crate::accel::lane::lanes;
+use crate::geometry::Geometry;
+use crate::lab::random::Random;
+use crate::ray::{Coherence, LANES, NONE, RayPacket};
+use crate::shading::{Area, set_lane};
+
+const GROUP: &str = "secondary rays";
+
+/// Sizes of rooms and their distances from the origin, in sizes.
+const PLACES: [(f64, f64); 5] = [(1.0, 0.0), (1e-3, 0.0), (1e3, 0.0), (1.0, 10.0), (1.0, 1e3)];
+
+/// Rotation number `k` of a room. Number 0 is the identity.
+fn turn(k: usize) -> DMat3 {
+    let k = k as f64;
+    DMat3::from_rotation_x(0.7 * k)
+        * DMat3::from_rotation_y(0.4 * k)
+        * DMat3::from_rotation_z(1.1 * k)
+}
+
+/// A closed room around the origin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Room {
+    /// A cube of six quads.
+    Quads,
+    /// A cube of triangles.
+    Triangles,
+    /// A ball of triangles, seen from inside.
+    Ball,
+    /// A ball with folds and noise, like a scan.
+    Scan,
+    /// The middle cell of several cells that share their walls.
+    Cell,
+}
+
+/// Smallest cosine between a ray and the normal: above the rounding of the direction.
+const MIN_COSINE: f64 = 1e-6;
+
+const ROOMS: [Room; 5] = [Room::Quads, Room::Triangles, Room::Ball, Room::Scan, Room::Cell];
+
+impl Room {
+    /// The geometry and the edges of the room, transformed by `place` and rounded to f32.
+    fn place(self, place: &dyn Fn(DVec3) -> DVec3) -> (Geometry, Vec<[DVec3; 2]>) {
+        let rounded = |v: DVec3| place(v).as_vec3();
+        let shape = match self {
+            Self::Quads => {
+                let corner = |k: usize| {
+                    DVec3::from([0, 1, 2].map(|a| f64::from(k as u32 >> a & 1) * 2.0 - 1.0))
+                };
+                let sides = [
+                    [0, 2, 3, 1],
+                    [4, 5, 7, 6],
+                    [0, 1, 5, 4],
+                    [2, 6, 7, 3],
+                    [0, 4, 6, 2],
+                    [1, 3, 7, 5],
+                ];
+                let quads = sides.map(|side| side.map(|k| rounded(corner(k)).to_array()));
+                let edge = |side: [usize; 4], k: usize| {
+                    [side[k], side[(k + 1) % 4]].map(|k| rounded(corner(k)).as_dvec3())
+                };
+                let edges = sides.iter().flat_map(|&side| (0..4).map(move |k| edge(side, k)));
+                return (geometry(vec![], quads.to_vec(), vec![]), edges.collect());
+            }
+            Self::Triangles => meshes::cube(2),
+            Self::Ball => meshes::icosphere(2),
+            Self::Scan => meshes::scan(),
+            Self::Cell => meshes::cells(true),
+        };
+        let at = |v: u32| rounded(shape.vertices[v as usize]).as_dvec3();
+        let of = |&[a, b, c]: &[u32; 3]| [[at(a), at(b)], [at(b), at(c)], [at(c), at(a)]];
+        let aimed = match self {
+            Self::Cell => meshes::cells(false).triangles,
+            _ => shape.triangles.clone(),
+        };
+        let edges = aimed.iter().flat_map(of).collect();
+        let vertices = shape.vertices.iter().map(|&v| rounded(v).to_array()).collect();
+        let mesh = crate::geometry::TriangleMesh::new(vertices, shape.triangles.clone(), false);
+        (geometry(vec![mesh], vec![], vec![]), edges)
+    }
+
+    /// Half the sides of a box around the middle that lies well inside the room.
+    fn within(self) -> f64 {
+        if self == Self::Cell { 0.13 } else { 0.4 }
+    }
+
+    /// Returns whether all points of the room see each other.
+    fn is_convex(self) -> bool {
+        self != Self::Scan
+    }
+}
+
+/// 16 rays from one point at edges: at their ends, at points on them, and slightly beside.
+fn at_edges(random: &mut Random, from: DVec3, edges: &[[DVec3; 2]]) -> RayPacket {
+    let mut packet = RayPacket::EMPTY;
+    let from = from.as_vec3();
+    for i in 0..LANES {
+        let [a, b] = edges[random.below(edges.len() as u32) as usize];
+        let goal = match random.below(4) {
+            0 => a,
+            _ => a.lerp(b, random.unit()),
+        };
+        let beside = match random.below(3) {
+            0 => DVec3::ZERO,
+            _ => random.direction() * (b - a).length() * 10f64.powf(random.within(-9.0, -3.0)),
+        };
+        set_lane(&mut packet.rays.org, i, from);
+        set_lane(&mut packet.rays.dir, i, (goal + beside - from.as_dvec3()).as_vec3());
+    }
+    packet
+}
+
+/// A case with a closed room: no ray from its inner edges escapes, and lights inside reach them.
+fn closed(room: Room, name: &str) -> Case {
+    let what = format!(
+        "{name}, turned, of sizes from 1e-3 to 1e3 and up to 1e3 sizes from the origin: rays at its inner edges \
+         and corners, exactly and a little beside. Shadow rays from there to lights outside must be stopped, mirrored \
+         rays must hit; where the room is convex, lights inside must be seen"
+    );
+    let mark = PassCriterion::Zero("shadow rays have no t");
+    Case::new(GROUP, format!("closed room, {name}"), what, mark, move |run| {
+        let turns = if room == Room::Scan { 1 } else { 3 };
+        let cases = PLACES.iter().flat_map(|&place| (0..turns).map(move |k| (place, k)));
+        for (salt, ((scale, distance), k)) in cases.enumerate() {
+            let (turn, offset) = (turn(k), DVec3::new(0.6, -0.5, 0.62) * scale * distance);
+            let place = move |v: DVec3| offset + turn * v * scale;
+            let (geometry, edges) = room.place(&place);
+            check(
+                run,
+                &geometry,
+                salt as u64,
+                |random| {
+                    let from = place(random.cube() * room.within());
+                    at_edges(random, from, &edges)
+                },
+                |random, seen, tally| {
+                    let outside = std::array::from_fn(|i| {
+                        let normal = seen.points.normal(i);
+                        let far = 10f64.powf(random.within(1.0, 3.0)) * scale;
+                        seen.points.position(i) + above(random, normal, MIN_COSINE) * far
+                    });
+                    for (active, occluded) in seen.occluded(&outside, None, tally) {
+                        for i in lanes(&active) {
+                            tally.rays += 1;
+                            if !occluded[i] {
+                                tally.fail(Kind::Leak, seen.points.position(i));
+                            }
+                        }
+                    }
+                    let (active, packet) = seen.points.mirrored(seen.scene(), Coherence::Coherent);
+                    for i in lanes(&active).filter(|&i| seen.primitive(i).is_some()) {
+                        tally.rays += 1;
+                        if packet.hits.geom[i] == NONE {
+                            tally.fail(Kind::Leak, seen.points.position(i));
+                        }
+                    }
+                    if !room.is_convex() {
+                        return;
+                    }
+                    let inside = std::array::from_fn(|_| place(random.cube() * room.within()));
+                    for (active, occluded) in seen.occluded(&inside, None, tally) {
+                        for i in lanes(&active) {
+                            tally.rays += 1;
+                            if occluded[i] {
+                                tally.fail(Kind::SelfShadow, seen.points.position(i));
+                            }
+                        }
+                    }
+                },
+            )?;
+        }
+        Ok(())
+    })
+}
+
+/// Position of a light relative to the wall that it belongs to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Side {
+    /// In the plane of the wall.
+    Flush,
+    /// In front of the wall, by [`HAIR`].
+    Before,
+    /// Behind the wall, by [`HAIR`].
+    Behind,
+}
+
+/// Distance of a light from its wall: far above the rounding of corners, far below visibility.
+const HAIR: f64 = 1e-5;
+
+/// A floor, a side wall and a ceiling at z = 1, transformed by `place`. The ceiling is a quad or a
+/// grid of small triangles.
+fn wall(quads: bool, place: &dyn Fn(DVec3) -> DVec3) -> Geometry {
+    let rounded = |x: f64, y: f64| place(DVec3::new(x, y, 1.0)).as_vec3().to_array();
+    let floor = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]]
+        .map(|[x, y]: [f64; 2]| place(DVec3::new(x, y, -1.0)).as_vec3().to_array());
+    let side = [[-2.0, -1.0], [-2.0, 1.0], [2.0, 1.0], [2.0, -1.0]]
+        .map(|[y, z]: [f64; 2]| place(DVec3::new(2.0, y, z)).as_vec3().to_array());
+    if quads {
+        let ceiling = [[-2.0, -2.0], [-2.0, 2.0], [2.0, 2.0], [2.0, -2.0]]
+            .map(|[x, y]: [f64; 2]| rounded(x, y));
+        return geometry(vec![], vec![floor, side, ceiling], vec![]);
+    }
+    let n = 16;
+    let at = |i: u32| f64::from(i) / f64::from(n) * 4.0 - 2.0;
+    let vertices =
+        (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j))).map(|(i, j)| rounded(at(i), at(j)));
+    let cells = (0..n).flat_map(|j| (0..n).map(move |i| j * (n + 1) + i));
+    let triangles = cells.flat_map(|k| [[k, k + n + 1, k + 1], [k + 1, k + n + 1, k + n + 2]]);
+    let mesh = crate::geometry::TriangleMesh::new(vertices.collect(), triangles.collect(), false);
+    geometry(vec![mesh], vec![floor, side], vec![])
+}
+
+/// A case with an area light at a wall: the wall must shadow it only if the light lies behind.
+fn flush(side: Side, what: &str) -> Case {
+    let name = format!("area light {what}");
+    let text = format!(
+        "a light {what} of quads or of triangles, turned, of sizes 1e-3 to 1e3: points of a floor, and of a wall up \
+         to the light's plane, {}",
+        if side == Side::Behind { "must not see it" } else { "must see it" }
+    );
+    Case::new(GROUP, name, text, PassCriterion::Zero("shadow rays have no t"), move |run| {
+        let mut salt = 0;
+        for (scale, distance) in PLACES {
+            for (k, quads) in (0..6).map(|k| (k / 2, k % 2 == 0)) {
+                salt += 1;
+                let (turn, offset) = (turn(k), DVec3::new(0.6, -0.5, 0.62) * scale * distance);
+                let place = move |v: DVec3| offset + turn * v * scale;
+                let geometry = wall(quads, &place);
+                // Far from the origin f32 is coarser, so the distance grows with it.
+                let hair = HAIR * (1.0 + distance);
+                let z = match side {
+                    Side::Flush => 1.0,
+                    Side::Before => 1.0 - hair,
+                    Side::Behind => 1.0 + hair,
+                };
+                let corner = DVec3::new(-0.5, -0.4, z);
+                let (edge, height) = (DVec3::new(1.0, 0.0, 0.0), DVec3::new(0.0, 0.7, 0.0));
+                let [edge, height] = [edge, height].map(|v| turn * v * scale);
+                let mut area = Area::new(place(corner).as_vec3(), edge, height, false, 1);
+                area.set_plane_gap(&geometry);
+                check(
+                    run,
+                    &geometry,
+                    salt,
+                    |random| at_room(random, &place),
+                    |random, seen, tally| {
+                        let lights = std::array::from_fn(|_| {
+                            let (s, t) = (random.unit() as f32, random.unit() as f32);
+                            let q: Vec3 = area.corner + area.edge * s + area.height * t;
+                            q.as_dvec3()
+                        });
+                        for (active, occluded) in seen.occluded(&lights, Some(&area), tally) {
+                            // Points on the ceiling itself are not judged.
+                            let last = seen.is_off_plane(&area);
+                            for i in lanes(&active).filter(|&i| last[i]) {
+                                tally.rays += 1;
+                                let wrong = occluded[i] != (side == Side::Behind);
+                                let kind =
+                                    if occluded[i] { Kind::SelfShadow } else { Kind::LightLeak };
+                                if wrong {
+                                    tally.fail(kind, seen.points.position(i));
+                                }
+                            }
+                        }
+                    },
+                )?;
+            }
+        }
+        Ok(())
+    })
+}
+
+/// 16 rays from the middle of the room to its floor, and to the side wall up to the ceiling.
+fn at_room(random: &mut Random, place: &dyn Fn(DVec3) -> DVec3) -> RayPacket {
+    let mut packet = RayPacket::EMPTY;
+    let from = place(random.cube() * 0.5).as_vec3();
+    for i in 0..LANES {
+        let (x, y) = (random.within(-1.9, 1.9), random.within(-1.9, 1.9));
+        let goal = match random.below(2) {
+            0 => DVec3::new(x, y, -1.0),
+            // At least 0.003 below the light's plane.
+            _ => DVec3::new(2.0, y, 1.0 - 10f64.powf(random.within(-2.5, 0.2))),
+        };
+        set_lane(&mut packet.rays.org, i, from);
+        set_lane(&mut packet.rays.dir, i, (place(goal) - from.as_dvec3()).as_vec3());
+    }
+    packet
+}
+
+/// A case with mirrored rays at a small angle: they must not hit the mirror itself.
+fn mirrors() -> Case {
+    let what = "a floor of coplanar triangles, turned, mirrors rays that come at 1e-6 to 0.1 of a right angle: there is \
+                nothing above it to be hit";
+    let mark = PassCriterion::Zero("mirrored rays that hit nothing have no t");
+    Case::new(GROUP, "grazing mirrors", what, mark, move |run| {
+        for k in 0..6 {
+            let turn = turn(k);
+            // Multiples of 1/4096, so that the rotated floor is exactly flat in f32.
+            let lattice = |v: DVec3| (v * 4096.0).round() / 4096.0;
+            let (x, y) = (lattice(turn * DVec3::X * 0.125), lattice(turn * DVec3::Y * 0.125));
+            let n = 16u32;
+            let at = |i: u32, j: u32| {
+                (x * (f64::from(i) - 8.0) + y * (f64::from(j) - 8.0)).as_vec3().to_array()
+            };
+            let vertices = (0..=n).flat_map(|j| (0..=n).map(move |i| at(i, j))).collect();
+            let cells = (0..n).flat_map(|j| (0..n).map(move |i| j * (n + 1) + i));
+            let triangles =
+                cells.flat_map(|k| [[k, k + 1, k + n + 1], [k + 1, k + n + 2, k + n + 1]]);
+            let mesh = crate::geometry::TriangleMesh::new(vertices, triangles.collect(), false);
+            let geometry = geometry(vec![mesh], vec![], vec![]);
+            let up = x.cross(y).normalize();
+            check(
+                run,
+                &geometry,
+                k as u64,
+                |random| {
+                    let mut packet = RayPacket::EMPTY;
+                    for i in 0..LANES {
+                        let goal = x * random.within(-8.0, 8.0) + y * random.within(-8.0, 8.0);
+                        let side =
+                            up.cross(random.direction()).normalize_or(up.any_orthonormal_vector());
+                        let slope = 10f64.powf(random.within(-6.0, -1.0));
+                        let origin =
+                            (goal + (side + up * slope) * random.within(0.5, 3.0)).as_vec3();
+                        set_lane(&mut packet.rays.org, i, origin);
+                        set_lane(&mut packet.rays.dir, i, (goal - origin.as_dvec3()).as_vec3());
+                    }
+                    packet
+                },
+                |_, seen, tally| {
+                    for way in seen.tested.coherences(Coherence::Coherent) {
+                        let (active, packet) = seen.points.mirrored(seen.scene(), way);
+                        for i in lanes(&active).filter(|&i| seen.primitive(i).is_some()) {
+                            tally.rays += 1;
+                            if packet.hits.geom[i] != NONE {
+                                tally.fail(Kind::SelfShadow, seen.points.position(i));
+                            }
+                        }
+                    }
+                },
+            )?;
+        }
+        Ok(())
+    })
+}
+
+/// All cases of this group.
+pub fn cases() -> Vec<Case> {
+    let names = [
+        "of six quads",
+        "of a cube's triangles",
+        "of a ball's triangles",
+        "of a scan's triangles",
+        "of a cell among others",
+    ];
+    let mut cases: Vec<Case> =
+        ROOMS.into_iter().zip(names).map(|(room, name)| closed(room, name)).collect();
+    cases.push(flush(Side::Flush, "in the plane of a wall"));
+    cases.push(flush(Side::Before, "a hair before a wall"));
+    cases.push(flush(Side::Behind, "a hair behind a wall"));
+    cases.push(mirrors());
+    cases
+}

@@ -1,0 +1,207 @@
+//! Counts of wrong answers and worst errors of one backend in one case.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::lab::verdict::Verdict;
+
+/// Largest number of failures whose places are kept for the pictures.
+const PLACES: usize = 400;
+
+/// Kind of a wrong answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// The ray passed through a surface.
+    Leak,
+    /// A hit of a primitive that the ray passes by more than the error bound.
+    FalseHit,
+    /// The right t, but on a primitive that the ray passes by more than the error bound.
+    WrongPrimitive,
+    /// The right primitive at a wrong t, or a vertex or point at a wrong place.
+    WrongDistance,
+    /// A tie that did not go to the lowest primitive.
+    Tie,
+    /// A line crosses a closed mesh an odd number of times, or misses a crossing.
+    Crossings,
+    /// A surface shadows itself although nothing lies in the way.
+    SelfShadow,
+    /// Light passes through an occluder.
+    LightLeak,
+    /// A pixel of the picture differs.
+    Pixel,
+    /// Packets with impossible rays take too long.
+    Slow,
+}
+
+impl Kind {
+    /// All kinds, in the order of reports.
+    pub const ALL: [Self; 10] = [
+        Self::Leak,
+        Self::FalseHit,
+        Self::WrongPrimitive,
+        Self::WrongDistance,
+        Self::Tie,
+        Self::Crossings,
+        Self::SelfShadow,
+        Self::LightLeak,
+        Self::Pixel,
+        Self::Slow,
+    ];
+
+    /// Name of the kind in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Leak => "leak",
+            Self::FalseHit => "false hit",
+            Self::WrongPrimitive => "wrong primitive",
+            Self::WrongDistance => "wrong distance",
+            Self::Tie => "not the lowest primitive",
+            Self::Crossings => "odd or missing crossing",
+            Self::SelfShadow => "self-shadow",
+            Self::LightLeak => "light leak",
+            Self::Pixel => "pixel differs",
+            Self::Slow => "slow",
+        }
+    }
+
+    /// Colour of the dots in pictures: R, G, B.
+    pub fn color(self) -> [u8; 3] {
+        match self {
+            Self::Leak | Self::LightLeak => [0xe6, 0x12, 0x2e],
+            Self::FalseHit => [0xff, 0x8c, 0x00],
+            Self::WrongPrimitive | Self::Tie => [0x8e, 0x24, 0xaa],
+            Self::WrongDistance | Self::Slow => [0x00, 0x8a, 0xd8],
+            Self::Crossings => [0x00, 0xa1, 0x5c],
+            Self::SelfShadow => [0xc2, 0x18, 0x5b],
+            Self::Pixel => [0xd4, 0xb1, 0x06],
+        }
+    }
+}
+
+/// Kind of error of a verdict of [`crate::lab::verdict::judge`]; `None` if it is no error.
+pub fn kind_of(verdict: Verdict) -> Option<Kind> {
+    match verdict {
+        Verdict::Agree | Verdict::Tie | Verdict::Edge | Verdict::Crowd => None,
+        Verdict::Leak => Some(Kind::Leak),
+        Verdict::FalseHit => Some(Kind::FalseHit),
+        Verdict::WrongPrimitive => Some(Kind::WrongPrimitive),
+        Verdict::WrongDistance => Some(Kind::WrongDistance),
+    }
+}
+
+/// Counts and worst errors of one backend.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CaseCounts {
+    /// Number of judged answers.
+    pub rays: u64,
+    /// Number of wrong answers of each kind.
+    pub failures: BTreeMap<Kind, u64>,
+    /// Answers that differ from the exact one within the error bound of the backend's own test.
+    pub within_bound: u64,
+    /// Answers that a case counts without failing it.
+    pub counted: u64,
+    /// Number of hits whose t was compared with the exact t.
+    pub measured: u64,
+    /// Number of these hits with t off by more than 2 f32 ulp.
+    pub beyond_2: u64,
+    /// Number of these hits with t off by more than 8 f32 ulp.
+    pub beyond_8: u64,
+    /// Largest error of t, in f32 ulp of the exact t.
+    pub worst_ulp: f64,
+    /// Largest error of a refined point, relative to its scale.
+    ///
+    /// The scale is the largest of its coordinates, the coordinates of the primitive, and its
+    /// distance from the ray's origin.
+    pub worst_relative: f64,
+    /// Largest error of a refined barycentric weight.
+    pub worst_weight: f64,
+    /// Nanoseconds spent in the backend, summed over threads.
+    pub nanoseconds: u64,
+    /// Places and kinds of the first failures.
+    pub places: Vec<(DVec3, Kind)>,
+}
+
+impl CaseCounts {
+    /// Returns a message if any failure of these kinds was counted.
+    pub fn has_any(&self, kinds: &[Kind]) -> Option<String> {
+        let count = |kind: &Kind| self.failures.get(kind).copied().unwrap_or(0);
+        let found = kinds.iter().find(|kind| count(kind) > 0)?;
+        Some(format!("{} answers are wrong ({}), expected none", count(found), found.name()))
+    }
+
+    /// Counts a wrong answer, shown at `place` in pictures.
+    pub fn fail(&mut self, kind: Kind, place: DVec3) {
+        *self.failures.entry(kind).or_default() += 1;
+        if self.places.len() < PLACES {
+            self.places.push((place, kind));
+        }
+    }
+
+    /// Counts an error of t, in f32 ulp. NaN counts as beyond all limits.
+    pub fn measure(&mut self, ulp: f64) {
+        self.measured += 1;
+        self.beyond_2 += u64::from(!(ulp <= 2.0));
+        self.beyond_8 += u64::from(!(ulp <= 8.0));
+        self.worst_ulp = self.worst_ulp.max(ulp);
+    }
+
+    /// Number of wrong answers of all kinds.
+    pub fn failed(&self) -> u64 {
+        self.failures.values().sum()
+    }
+
+    /// Adds the counts of `other` and keeps the larger of each worst error.
+    pub fn add(&mut self, other: &Self) {
+        self.rays += other.rays;
+        for (kind, n) in &other.failures {
+            *self.failures.entry(*kind).or_default() += n;
+        }
+        self.within_bound += other.within_bound;
+        self.counted += other.counted;
+        self.measured += other.measured;
+        self.beyond_2 += other.beyond_2;
+        self.beyond_8 += other.beyond_8;
+        self.worst_ulp = self.worst_ulp.max(other.worst_ulp);
+        self.worst_relative = self.worst_relative.max(other.worst_relative);
+        self.worst_weight = self.worst_weight.max(other.worst_weight);
+        self.nanoseconds += other.nanoseconds;
+        let room = PLACES - self.places.len();
+        self.places.extend(other.places.iter().take(room));
+    }
+}
+
+/// One f32 ulp at `exact`: 2^-23 times its power of two.
+pub fn ulp(exact: f64) -> f64 {
+    let smallest = f64::from(f32::MIN_POSITIVE);
+    let power = exact.abs().max(smallest).log2().floor();
+    f64::from(f32::EPSILON) * power.exp2()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ulp_is_the_distance_to_the_next_float() {
+        for x in [1.0f32, 1.5, 1.999_999_9, 2.0, 3e-20, 7e30, 0.1] {
+            let next = f32::from_bits(x.to_bits() + 1);
+            assert_eq!(ulp(x.into()), f64::from(next) - f64::from(x), "{x}");
+        }
+    }
+
+    #[test]
+    fn tallies_add_up() {
+        let mut one = CaseCounts { rays: 3, worst_ulp: 1.0, ..CaseCounts::default() };
+        one.fail(Kind::Leak, DVec3::ONE);
+        let mut two = one.clone();
+        two.measure(9.0);
+        two.add(&one);
+        assert_eq!((two.rays, two.failed(), two.beyond_8), (6, 2, 1));
+        assert_eq!((two.worst_ulp, two.places.len()), (9.0, 2));
+        two.measure(f64::NAN);
+        assert_eq!(two.beyond_8, 2);
+    }
+}

@@ -1,0 +1,149 @@
+//! Tests with backends that give wrong answers on purpose.
+
+use std::collections::HashSet;
+
+use glam::DVec3;
+
+use super::case::{PassCriterion, forbidden, oracle};
+use super::judge::{AimedPacket, Expect, Judge};
+use super::meshes::{corners, icosphere, inside, scene};
+use super::tally::{CaseCounts, Kind};
+use super::{AccuracySettings, Built, catalogue};
+use crate::accel::Accelerator;
+use crate::lab::backend::TestedBackend;
+use crate::lab::faulty::{Fault, Faulty};
+use crate::lab::random::Random;
+use crate::monitor::Monitor;
+use crate::ray::LANES;
+use crate::scene::Backend;
+use crate::simd::Isa;
+
+/// Counts of `brute` with a fault, on a sphere. If `closed`, all rays start at its centre.
+fn tally(fault: Fault, closed: bool) -> CaseCounts {
+    let geometry = scene(icosphere(2).placed(DVec3::ZERO, 1.0));
+    let monitor = Monitor::default();
+    let backend = TestedBackend::new("brute", Backend::Brute);
+    let within = oracle(&geometry, &monitor).unwrap();
+    let oracle = oracle(&geometry, &monitor).unwrap();
+    let faulty: Box<dyn Accelerator> = Box::new(Faulty(&within, fault));
+    let tested = std::slice::from_ref(&backend);
+    let built = Built { geometry: &geometry, tested, accelerators: vec![faulty], oracle };
+    let judge = Judge { built: &built };
+    let mut sum = CaseCounts::default();
+    for index in 0..64 {
+        let mut random = Random::new(1, index);
+        let expect = match closed {
+            true => Expect::Closed([f64::INFINITY; LANES]),
+            false => Expect::Oracle,
+        };
+        let mut shot = AimedPacket::new(expect);
+        for i in 0..LANES {
+            let goal = inside(&mut random, corners(&geometry.meshes[0], i as u32 * 3));
+            let origin = if closed { DVec3::ZERO } else { random.direction() * 3.0 };
+            shot.through(i, origin, goal);
+        }
+        if fault == Fault::WritesLane7 {
+            shot.rays.dir[1][7] = f32::NAN;
+        }
+        sum.add(&judge.shot(&shot, index, !closed, true)[0]);
+    }
+    sum
+}
+
+#[test]
+fn a_backend_without_fault_passes() {
+    for closed in [false, true] {
+        let tally = tally(Fault::None, closed);
+        assert_eq!(tally.rays, 64 * LANES as u64);
+        assert_eq!(PassCriterion::Exact.missed(&tally), None);
+    }
+}
+
+#[test]
+fn every_fault_is_found_with_its_kind() {
+    let cases = [
+        (Fault::MissesLane3, true, Kind::Leak),
+        (Fault::MissesLane3, false, Kind::Leak),
+        (Fault::FirstPrimitiveInLane5, false, Kind::WrongPrimitive),
+        (Fault::ScalesT(1.001), false, Kind::WrongDistance),
+        (Fault::WritesLane7, false, Kind::FalseHit),
+    ];
+    for (fault, closed, kind) in cases {
+        let tally = tally(fault, closed);
+        assert!(tally.failures.contains_key(&kind), "{kind:?}: {:?}", tally.failures);
+        assert!(PassCriterion::Exact.missed(&tally).is_some(), "{kind:?}");
+        assert!(PassCriterion::Zero("").missed(&tally).is_some(), "{kind:?}");
+        assert!(!tally.places.is_empty());
+    }
+}
+
+#[test]
+fn an_inaccurate_t_does_not_meet_the_exact_mark() {
+    // 4, then 16 times 2^-23, relative. The error bound of a test in f32 would allow the first.
+    for (ulps, says) in [(4.0, "more than 2 ulp"), (16.0, "expected at most 8")] {
+        let off = 1.0 + ulps * f64::from(f32::EPSILON);
+        let tally = tally(Fault::ScalesT(off), false);
+        let missed = PassCriterion::Exact.missed(&tally).unwrap_or_default();
+        let failed = tally.failed() > 0;
+        assert!(missed.contains(says) || failed, "{missed}");
+        assert!(tally.beyond_2 > 0);
+    }
+}
+
+#[test]
+fn marks_allow_as_many_failures_as_documented() {
+    let mut tally = CaseCounts { rays: 1_000_000, ..CaseCounts::default() };
+    assert_eq!(PassCriterion::Exact.missed(&tally), None);
+    for _ in 0..3 {
+        tally.fail(Kind::Leak, DVec3::ZERO);
+    }
+    assert!(PassCriterion::Exact.missed(&tally).is_some());
+    assert!(PassCriterion::Exact.missed(&CaseCounts::default()).is_some(), "no rays, no mark");
+    let coarse = CaseCounts { rays: 1000, measured: 1000, beyond_2: 5, ..CaseCounts::default() };
+    assert!(PassCriterion::Exact.missed(&coarse).is_some());
+    assert!(PassCriterion::Coarse(0.004, "why").missed(&coarse).is_some());
+    assert_eq!(PassCriterion::Coarse(0.005, "why").missed(&coarse), None);
+    let heavy = CaseCounts { rays: 1, worst_weight: 2e-6, ..CaseCounts::default() };
+    assert!(PassCriterion::Exact.missed(&heavy).is_some());
+}
+
+#[test]
+fn names_are_unique_and_the_catalogue_has_all_groups() {
+    let cases = catalogue();
+    let names: HashSet<(&str, &str)> = cases.iter().map(|c| (c.group, c.name.as_str())).collect();
+    assert_eq!(names.len(), cases.len());
+    let groups: HashSet<&str> = cases.iter().map(|case| case.group).collect();
+    assert_eq!(groups.len(), 10);
+}
+
+#[test]
+fn robust_embree_may_leak_but_not_report_false_hits_or_self_shadows() {
+    let named = |name: &str| TestedBackend::parse("", name, Isa::detect()).unwrap();
+    let tally =
+        |kind| CaseCounts { rays: 9, failures: [(kind, 1)].into(), ..CaseCounts::default() };
+    let of_embree = forbidden(named("embree").backend);
+    assert!(tally(Kind::FalseHit).has_any(of_embree).is_some_and(|why| why.contains("false hit")));
+    assert!(tally(Kind::SelfShadow).has_any(of_embree).is_some());
+    assert_eq!(tally(Kind::Leak).has_any(of_embree), None);
+    assert_eq!(tally(Kind::FalseHit).has_any(forbidden(named("embree-fast").backend)), None);
+    assert!(named("brute").must_be_right() && !named("embree").must_be_right());
+}
+
+#[test]
+fn counts_do_not_depend_on_the_number_of_threads() {
+    let tested_backends =
+        TestedBackend::all().into_iter().filter(TestedBackend::must_be_right).collect();
+    let settings = AccuracySettings { tested_backends, seed: 5, times: 1, pictures: false };
+    let case = |case: &super::Case| case.name.contains("tfar and tnear");
+    let count = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let cases = catalogue();
+        let case = cases.iter().find(|c| case(c)).unwrap();
+        let row = pool.install(|| case.run(&settings, &Monitor::default())).unwrap();
+        let of = |entry: &super::BackendCounts| {
+            (entry.rays, entry.failed, entry.within_bound, entry.worst_ulp)
+        };
+        row.entries.iter().map(of).collect::<Vec<_>>()
+    };
+    assert_eq!(count(1), count(2));
+}

@@ -1,0 +1,206 @@
+//! Cases for watertightness: rays at vertices, edges and faces of closed meshes, from inside and
+//! outside. None may pass through.
+
+use glam::DVec3;
+
+use super::case::{Amount, Case, PassCriterion};
+use super::judge::{AimedPacket, Expect};
+use super::meshes::{TestMesh, cells, corners, cube, icosphere, inside, scan, scene, spiky_ball};
+use crate::geometry::TriangleMesh;
+use crate::lab::random::Random;
+use crate::ray::LANES;
+
+const GROUP: &str = "watertight";
+
+const SPIKY: &str = "spiky ball";
+
+const AMOUNT: Amount = Amount { packets: 700, slow: 14, truth: 14 };
+
+/// Part of a triangle that a ray is aimed at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Target {
+    Vertices,
+    Edges,
+    Faces,
+    /// One of the three, at random.
+    Any,
+}
+
+impl Target {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Vertices => "at vertices",
+            Self::Edges => "at edges",
+            Self::Faces => "anywhere",
+            Self::Any => "at vertices, edges, anywhere",
+        }
+    }
+
+    fn point(self, random: &mut Random, [a, b, c]: [DVec3; 3]) -> DVec3 {
+        let which = match self {
+            Self::Vertices => 0,
+            Self::Edges => 1,
+            Self::Faces => 2,
+            Self::Any => random.below(3),
+        };
+        match which {
+            0 => a,
+            1 => a.lerp(b, random.unit()),
+            _ => inside(random, [a, b, c]),
+        }
+    }
+}
+
+/// A closed mesh, scaled and moved.
+struct Place {
+    mesh: TriangleMesh,
+    center: DVec3,
+    /// Half the sides of a box around the centre. The whole mesh is visible from every point of it.
+    core: DVec3,
+}
+
+fn place(shape: &TestMesh, center: DVec3, scale: f64) -> Place {
+    let half = shape.vertices.iter().fold(DVec3::ZERO, |most, v| most.max(v.abs())) * scale;
+    Place { mesh: shape.placed(center, scale), center, core: half * shape.core }
+}
+
+/// 16 rays that must all hit. Half of the packets start inside. The others start outside and point
+/// through their goals at a point well inside.
+fn aim(random: &mut Random, target: Target, at: &Place) -> AimedPacket {
+    let count = at.mesh.triangles().len() as u32;
+    let mut shot = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
+    let mut before = [f64::INFINITY; LANES];
+    let outside = random.below(2) == 0;
+    // Half of the packets have one origin and neighbouring goals.
+    let together = random.below(2) == 0;
+    let start = random.below(count);
+    let (mut inner, mut steps) = (at.center, 1.0);
+    for i in 0..LANES {
+        if i == 0 || !together {
+            inner = at.center + random.cube() * at.core;
+            steps = random.within(0.25, 4.0);
+        }
+        let triangle = if together { (start + i as u32) % count } else { random.below(count) };
+        let goal = target.point(random, corners(&at.mesh, triangle));
+        let origin = if outside { goal + (goal - inner) * steps } else { inner };
+        shot.through(i, origin, goal);
+        // The hit must lie before the point inside; the far side lies behind it.
+        if outside {
+            before[i] = 1.0 + 0.9 / steps;
+        }
+    }
+    shot.expect = Expect::Closed(before);
+    shot
+}
+
+fn closed(
+    name: String,
+    shape: fn() -> TestMesh,
+    target: Target,
+    center: DVec3,
+    scale: f64,
+) -> Case {
+    let what = format!(
+        "rays {} of a closed mesh, from inside and from outside: each must hit before the far side",
+        target.name()
+    );
+    Case::new(GROUP, name, what, PassCriterion::Exact, move |run| {
+        let at = place(&shape(), center, scale);
+        let geometry = scene(place(&shape(), center, scale).mesh);
+        run.shoot(&geometry, AMOUNT, |random| aim(random, target, &at))
+    })
+}
+
+/// A case with rays along the axes on the lines of a grid: they pass exactly through edges and
+/// vertices.
+fn grid_lines() -> Case {
+    let what = "axis-parallel rays exactly on the lines of a cube's grid, from inside and outside";
+    Case::new(GROUP, "cube grid, along the axes on grid lines", what, PassCriterion::Exact, |run| {
+        let n = 32;
+        let mesh = cube(n).placed(DVec3::ZERO, 1.0);
+        let geometry = scene(mesh);
+        run.shoot(&geometry, AMOUNT, |random| {
+            let mut shot = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
+            let axis = random.below(3) as usize;
+            let from = [0.0, 0.5, 2.0][random.below(3) as usize] * random.sign();
+            let line =
+                |random: &mut Random| f64::from(1 + random.below(n - 1)) / f64::from(n) * 2.0 - 1.0;
+            for i in 0..LANES {
+                let mut origin = DVec3::splat(from);
+                origin[(axis + 1) % 3] = line(random);
+                // On a line of the grid, or halfway between two lines.
+                let shift = f64::from(random.below(2)) / f64::from(n);
+                origin[(axis + 2) % 3] = line(random) + shift;
+                let mut direction = DVec3::ZERO;
+                let inwards = if from == 0.0 { random.sign() } else { -from.signum() };
+                direction[axis] = inwards;
+                shot.put(i, origin, direction);
+                shot.goals[i][axis] = if from.abs() > 1.0 { -inwards } else { inwards };
+            }
+            // From 2, the near side is at t = 1 and the far side at t = 3.
+            let before = if from.abs() > 1.0 { 2.0 } else { f64::INFINITY };
+            shot.expect = Expect::Closed([before; LANES]);
+            shot
+        })
+    })
+}
+
+fn crossings(name: &str, shape: fn() -> TestMesh) -> Case {
+    let what = "hits along lines from outside, one behind the other: as many as there are, an even \
+                number; lines that pass no edge within the error bound";
+    let mark = PassCriterion::Zero("t is held to its bound in the other rows");
+    Case::new(GROUP, format!("{name}, crossings along lines"), what, mark, move |run| {
+        let at = place(&shape(), DVec3::ZERO, 1.0);
+        let geometry = scene(place(&shape(), DVec3::ZERO, 1.0).mesh);
+        let amount = Amount { packets: 80, slow: 4, truth: 1 };
+        run.shoot(&geometry, amount, |random| {
+            let mut shot = AimedPacket::new(Expect::Crossings);
+            let count = at.mesh.triangles().len() as u32;
+            for i in 0..LANES {
+                let triangle = corners(&at.mesh, random.below(count));
+                let goal = inside(random, triangle);
+                let origin = random.direction() * random.within(2.0, 8.0);
+                shot.through(i, origin, goal);
+            }
+            shot
+        })
+    })
+}
+
+/// All cases of this group.
+pub fn cases() -> Vec<Case> {
+    type Make = fn() -> TestMesh;
+    let shapes: [(&str, Make, Make); 4] = [
+        ("icosphere", || icosphere(5), || icosphere(5).squashed(DVec3::new(1.0, 1.0, 1e-3))),
+        ("cube grid", || cube(32), || cube(32).squashed(DVec3::new(1e-3, 1.0, 1.0))),
+        ("scan", scan, || scan().squashed(DVec3::new(1.0, 1e-3, 1.0))),
+        // The worst mesh found for Embree: tips of few thin triangles, seen from inside the spikes.
+        (SPIKY, || spiky_ball(3), || spiky_ball(3).squashed(DVec3::new(1.0, 1.0, 1e-3))),
+    ];
+    let places: [(&str, DVec3, f64); 3] = [
+        ("1e3 large at 1e5", DVec3::new(1e5, -1e5, 1e5), 1e3),
+        ("1e-4 small", DVec3::ZERO, 1e-4),
+        ("1e6 large", DVec3::ZERO, 1e6),
+    ];
+    let mut cases = Vec::new();
+    for (name, make, squashed) in shapes {
+        for target in [Target::Vertices, Target::Edges, Target::Faces] {
+            let name = format!("{name}, {}", target.name());
+            cases.push(closed(name, make, target, DVec3::ZERO, 1.0));
+        }
+        let any = Target::Any;
+        let name_of = |place: &str| format!("{name}, {place}");
+        cases.push(closed(name_of("squashed 1:1:1e-3"), squashed, any, DVec3::ZERO, 1.0));
+        for (place, center, scale) in places {
+            cases.push(closed(name_of(place), make, any, center, scale));
+        }
+    }
+    cases.push(grid_lines());
+    let name = "cells that share walls, at vertices, edges, anywhere".to_owned();
+    cases.push(closed(name, || cells(true), Target::Any, DVec3::ZERO, 1.0));
+    // The spiky ball is left out: a line crosses it more often than is followed.
+    for (name, make, _) in shapes.into_iter().filter(|(name, ..)| *name != SPIKY) {
+        cases.push(crossings(name, make));
+    }
+    cases
+}

@@ -1,0 +1,122 @@
+//! Error maps in false colour.
+//!
+//! The colour scale is magma (van der Walt and Smith 2015) from the crate `colorous`. Equal steps
+//! look equally large, also in grey and with most kinds of colour blindness.
+
+use image::RgbImage;
+
+use crate::lab::metrics::Errors;
+use crate::lab::png;
+
+use super::layer::{Layer, Meaning};
+
+/// Errors at the dark and the bright end of the logarithmic scale.
+pub const RANGE: [f64; 2] = [1e-4, 1.0];
+
+/// Colour of pixels that are not finite. It is not in the scale.
+pub const NOT_FINITE: [u8; 3] = [0, 230, 255];
+
+/// Computes the relative error of every pixel. NaN if a value is not finite.
+///
+/// - Light: the root of the mean over its channels of d^2 / (r^2 + 0.01).
+/// - Data: the length of d over the root mean square length of all r.
+/// - Ids: 1 if they differ, else 0.
+pub fn errors(test: &Layer, reference: &Layer) -> Vec<f64> {
+    let channels = match test.meaning {
+        Meaning::Light => 3,
+        _ => test.channels.len(),
+    };
+    let pixels = test.values.chunks_exact(channels).zip(reference.values.chunks_exact(channels));
+    let square = |v: f32| f64::from(v) * f64::from(v);
+    let finite = reference.values.iter().filter(|v| v.is_finite());
+    let whole: f64 = finite.map(|v| square(*v)).sum();
+    let power = whole * channels as f64 / reference.values.len().max(1) as f64;
+    let pixel = |(x, r): (&[f32], &[f32])| {
+        let pairs = || x.iter().zip(r);
+        if test.meaning == Meaning::Ids {
+            return f64::from(u8::from(pairs().any(|(x, r)| x.to_bits() != r.to_bits())));
+        }
+        let d2 = |x: f32, r: f32| (f64::from(x) - f64::from(r)).powi(2);
+        let sum: f64 = match test.meaning {
+            Meaning::Light => {
+                let terms = pairs().map(|(x, r)| d2(*x, *r) / (square(*r) + Errors::EPSILON));
+                terms.sum::<f64>() / channels as f64
+            }
+            _ => match pairs().map(|(x, r)| d2(*x, *r)).sum::<f64>() {
+                0.0 => 0.0,
+                sum => sum / power,
+            },
+        };
+        // One infinity alone would give an infinite error, not NaN.
+        if pairs().all(|(x, r)| x.is_finite() && r.is_finite()) { sum.sqrt() } else { f64::NAN }
+    };
+    pixels.map(pixel).collect()
+}
+
+/// Position of an error on the logarithmic scale: 0 at the dark end, 1 at the bright end.
+pub fn position(error: f64) -> f64 {
+    let [low, high] = RANGE;
+    (error / low).log10() / (high / low).log10()
+}
+
+/// Colour at a position of the scale, clamped to [0, 1]. NaN gives [`NOT_FINITE`].
+pub fn color(position: f64) -> [u8; 3] {
+    if position.is_nan() {
+        return NOT_FINITE;
+    }
+    let c = colorous::MAGMA.eval_continuous(position.clamp(0.0, 1.0));
+    [c.r, c.g, c.b]
+}
+
+/// Encodes 8-bit pixels as a PNG file.
+pub fn png(pixels: &[[u8; 3]], width: usize) -> Vec<u8> {
+    let (across, down) = (width as u32, (pixels.len() / width.max(1)) as u32);
+    let image = RgbImage::from_raw(across, down, pixels.as_flattened().to_vec());
+    image.map_or_else(Vec::new, |image| png::encode(&image))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layer(meaning: Meaning, channels: usize, values: &[f32]) -> Layer {
+        Layer {
+            name: String::new(),
+            meaning,
+            size: [values.len() / channels, 1],
+            origin: [0, 0],
+            channels: vec![String::new(); channels],
+            values: values.to_vec(),
+            half: false,
+        }
+    }
+
+    #[test]
+    fn errors_of_pixels() {
+        let light = |values: &[f32]| layer(Meaning::Light, 3, values);
+        let nan = f32::NAN;
+        let found = errors(
+            &light(&[1.0, 1.0, 1.0, 0.5, 0.5, 0.5, nan, 0.0, 0.0]),
+            &light(&[0.0, 0.0, 0.0, 0.5, 0.5, 0.5, 0.0, 0.0, 0.0]),
+        );
+        assert!((found[0] - 10.0).abs() < 1e-9 && found[1] == 0.0 && found[2].is_nan());
+        let data = |values: &[f32]| layer(Meaning::Data, 1, values);
+        assert_eq!(errors(&data(&[2.0, 2.5]), &data(&[2.0, 2.0])), [0.0, 0.25]);
+        assert!(errors(&data(&[f32::INFINITY]), &data(&[1.0]))[0].is_nan());
+        let ids = |values: &[f32]| layer(Meaning::Ids, 1, values);
+        assert_eq!(errors(&ids(&[nan, 1.0]), &ids(&[nan, 2.0])), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn the_scale_is_monotonic_in_brightness() {
+        let light = |p: f64| color(p).iter().map(|c| u32::from(*c)).sum::<u32>();
+        for step in 0..20 {
+            assert!(light(f64::from(step) / 20.0) < light(f64::from(step + 1) / 20.0));
+        }
+        assert_eq!(color(f64::NEG_INFINITY), color(0.0));
+        assert_eq!(color(position(100.0)), color(1.0));
+        assert_eq!(color(position(0.0)), [0, 0, 4]);
+        assert_eq!((position(1e-4), position(1e-2), position(1.0)), (0.0, 0.5, 1.0));
+        assert_eq!(color(f64::NAN), NOT_FINITE);
+    }
+}

@@ -1,0 +1,231 @@
+//! Compares two picture files layer by layer, for `lightpath compare`.
+
+pub mod file;
+pub mod half;
+pub mod layer;
+pub mod map;
+pub mod mattes;
+mod png;
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    output::tonemap,
+    scene::{ToneOperator, Tonemap},
+};
+
+use super::metrics::{self, Metric, Values, flip};
+use file::{Format, Picture};
+use half::HalfRounding;
+use layer::{Layer, Meaning};
+use mattes::Names;
+
+/// Layers to compare, and the tone mapping of light to 8-bit pictures.
+#[derive(Debug, Clone)]
+pub struct CompareSettings {
+    /// Names of the layers to compare. If empty, all layers that both files have.
+    pub layers: Vec<String>,
+    /// Tone curve; `None` for [`CompareSettings::default_tonemap`]. `Max` divides both pictures by
+    /// the largest value of the reference.
+    pub tonemap: Option<ToneOperator>,
+    /// Exposure in stops, applied before the tone curve.
+    pub exposure: f32,
+}
+
+impl CompareSettings {
+    /// Default tone curve: `Max` as in `render`, or `Clamp` if a file is a PNG, which is already
+    /// tone mapped.
+    pub fn default_tonemap(files: [&Picture; 2]) -> ToneOperator {
+        match files.iter().any(|file| file.format == Format::Png) {
+            true => ToneOperator::Clamp,
+            false => ToneOperator::Max,
+        }
+    }
+}
+
+/// Pixels with a NaN or an infinity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NonFinite {
+    /// Number of such pixels in the picture and in the reference.
+    pub pixels: [u64; 2],
+    /// Position in the frame of the first such pixel of either.
+    pub first: [i64; 2],
+}
+
+/// One layer of both files with its metrics.
+#[derive(Debug)]
+pub struct Compared {
+    /// Layer of the picture.
+    pub test: Layer,
+    /// Layer of the reference.
+    pub reference: Layer,
+    /// Metrics of the layer. Empty if a pixel is not finite.
+    pub values: Values,
+    /// Pixels that are not finite, if any.
+    pub non_finite: Option<NonFinite>,
+    /// Whether picture and reference are stored as half floats.
+    pub half: [bool; 2],
+    /// Expected errors by rounding to half floats alone.
+    pub floor: Option<HalfRounding>,
+    /// Picture and reference as tone mapped 8-bit pixels, for light.
+    pub pictures: Option<[Vec<[u8; 3]>; 2]>,
+    /// FLIP of each pixel, for light: HDR-FLIP of two EXRs, else LDR-FLIP.
+    pub flip: Option<Vec<f64>>,
+}
+
+/// Result of the comparison of two files.
+#[derive(Debug)]
+pub struct Comparison {
+    /// Layers that both files have; at least one.
+    pub layers: Vec<Compared>,
+    /// Names of layers that only the picture has, and that only the reference has.
+    pub alone: [Vec<String>; 2],
+    /// Tone mapping of light.
+    pub tonemap: Tonemap,
+    /// Names of the mattes of both files.
+    pub mattes: Names,
+}
+
+/// Compares all layers of the same name.
+///
+/// # Errors
+/// If no chosen layer is in both files, or if a layer has another size, position or meaning in the
+/// reference.
+pub fn compare(
+    test: Picture,
+    reference: Picture,
+    settings: &CompareSettings,
+) -> Result<Comparison> {
+    let operator = settings.tonemap;
+    let operator =
+        operator.unwrap_or_else(|| CompareSettings::default_tonemap([&test, &reference]));
+    let tonemap = Tonemap { operator, exposure: settings.exposure, srgb: true };
+    let both_exr = test.format == Format::Exr && reference.format == Format::Exr;
+    let names = |p: &Picture| p.layers.iter().map(|l| l.shown().to_string()).collect::<Vec<_>>();
+    let (own, other) = (names(&test), names(&reference));
+    let missing = |a: &[String], b: &[String]| -> Vec<String> {
+        a.iter().filter(|name| !b.contains(name)).cloned().collect()
+    };
+    let alone = [missing(&own, &other), missing(&other, &own)];
+    let chosen = |layer: &Layer| {
+        settings.layers.is_empty() || settings.layers.iter().any(|name| name == layer.shown())
+    };
+    let mut mattes = reference.mattes;
+    for (kind, names) in test.mattes {
+        mattes.entry(kind).or_default().extend(names);
+    }
+    let (test_path, reference_path) = (test.path.clone(), reference.path.clone());
+    let mut others = reference.layers;
+    let mut layers = Vec::new();
+    for layer in test.layers.into_iter().filter(chosen) {
+        if let Some(at) = others.iter().position(|other| other.name == layer.name) {
+            let other = others.swap_remove(at);
+            fit([&test_path, &reference_path], &layer, &other)?;
+            layers.push(compare_layer(layer, other, &tonemap, both_exr));
+        }
+    }
+    if layers.is_empty() {
+        let list = |names: &[String]| names.join(", ");
+        let message = format!("found the layers {}; none of them can be compared", list(&own));
+        return Err(Error::invalid(test_path, message)
+            .help(format!("{reference_path} has {}", list(&other))));
+    }
+    Ok(Comparison { layers, alone, tonemap, mattes })
+}
+
+/// Returns an error unless both layers have the same size, position and meaning.
+fn fit([test, reference]: [&str; 2], own: &Layer, other: &Layer) -> Result<()> {
+    let window = |l: &Layer| {
+        let at = match l.origin {
+            [0, 0] => String::new(),
+            [x, y] => format!(" at {x}, {y}"),
+        };
+        format!("{} x {} pixels{at}", l.size[0], l.size[1])
+    };
+    let what = match (own.size == other.size && own.origin == other.origin, own.meaning) {
+        (false, _) => [window(own), window(other)],
+        (true, meaning) if meaning == other.meaning => return Ok(()),
+        (true, meaning) => [meaning.name().to_string(), other.meaning.name().to_string()],
+    };
+    let [found, expected] = what;
+    let message = format!(
+        "found {found} in the layer {}, expected {expected} as in {reference}",
+        own.shown()
+    );
+    Err(Error::new(Kind::Invalid, Problem::new(test, message)))
+}
+
+fn compare_layer(test: Layer, reference: Layer, tonemap: &Tonemap, both_exr: bool) -> Compared {
+    let width = test.size[0];
+    let half = [test.half, reference.half];
+    let files = half.iter().filter(|half| **half).count() as u32;
+    let floor = (files > 0 && test.meaning != Meaning::Ids)
+        .then(|| HalfRounding::of(&reference.values, files))
+        .filter(|floor| floor.rmse.is_finite());
+    let non_finite = non_finite(&test, &reference);
+    let mut compared = Compared {
+        values: Values::default(),
+        non_finite,
+        half,
+        floor,
+        pictures: None,
+        flip: None,
+        test,
+        reference,
+    };
+    let (x, r) = (&compared.test.values, &compared.reference.values);
+    if compared.test.meaning == Meaning::Light {
+        compared.pictures = Some(pictures(x, r, tonemap));
+    }
+    if compared.non_finite.is_some() {
+        return compared;
+    }
+    let mut values = match compared.test.meaning {
+        Meaning::Light => Values::of_light(x, r),
+        Meaning::Data => Values::of_data(x, r),
+        Meaning::Ids => Values::of_ids(x, r),
+    };
+    if let Some([a, b]) = &compared.pictures {
+        let (more, map) = Values::of_pictures(a, b, width);
+        values.extend(more.iter());
+        compared.flip = Some(map);
+        if both_exr {
+            let map = flip::hdr(&pixels(x), &pixels(r), width);
+            values.extend([(Metric::HdrFlip, metrics::mean(&map))]);
+            compared.flip = Some(map);
+        }
+    }
+    compared.values = values;
+    compared
+}
+
+fn pixels(values: &[f32]) -> Vec<[f32; 3]> {
+    values.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect()
+}
+
+/// Tone maps picture and reference with the curve of the reference.
+fn pictures(test: &[f32], reference: &[f32], tonemap: &Tonemap) -> [Vec<[u8; 3]>; 2] {
+    let opaque = |values: &[f32]| -> Vec<[f32; 4]> {
+        values.chunks_exact(3).map(|p| [p[0], p[1], p[2], 1.0]).collect()
+    };
+    let curve = tonemap::Curve::new(&opaque(reference), tonemap, false);
+    [test, reference].map(|values| {
+        let byte = |v: f32| curve.to_byte(if v.is_nan() { 0.0 } else { f64::from(v) });
+        values.chunks_exact(3).map(|p| [byte(p[0]), byte(p[1]), byte(p[2])]).collect()
+    })
+}
+
+fn non_finite(test: &Layer, reference: &Layer) -> Option<NonFinite> {
+    if test.meaning == Meaning::Ids {
+        return None;
+    }
+    let of = |layer: &Layer| {
+        let channels = layer.values.len() / (layer.size[0] * layer.size[1]).max(1);
+        metrics::non_finite(&layer.values, channels)
+    };
+    let ((a, first_a), (b, first_b)) = (of(test), of(reference));
+    let first = [first_a, first_b].into_iter().flatten().min()?;
+    let [width, _] = test.size;
+    let at = [first % width, first / width];
+    let first = [0, 1].map(|i| i64::from(test.origin[i]) + at[i] as i64);
+    Some(NonFinite { pixels: [a, b], first })
+}

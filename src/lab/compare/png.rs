@@ -1,0 +1,119 @@
+//! Reads PNG files as linear light: grey, palettes, 1 to 16 bits, alpha.
+//!
+//! A `gAMA` chunk defines the curve. Without one, values are sRGB.
+
+use std::{fs::File, io::BufReader, path::Path};
+
+use png::{BitDepth, ColorType, Decoder, DecodingError, Info, Limits, Transformations};
+
+use crate::{
+    error::{Error, Kind, Problem, Result},
+    lab::metrics::linear_from_srgb,
+};
+
+use super::layer::{Layer, MAX_BYTES, Meaning, fits};
+
+/// Reads the light of a PNG file, and its alpha if it has any.
+pub fn layers(path: &Path) -> Result<Vec<Layer>> {
+    let failed = |error| decoding_error(path, error);
+    let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
+    let limits = Limits { bytes: MAX_BYTES as usize };
+    let mut decoder = Decoder::new_with_limits(BufReader::new(file), limits);
+    decoder.set_transformations(Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(failed)?;
+    let curve = Curve::of(reader.info());
+    let bytes = reader.output_buffer_size().unwrap_or(usize::MAX);
+    fits(path, bytes as u64)?;
+    let mut buffer = Vec::new();
+    buffer.try_reserve_exact(bytes).map_err(|_| {
+        let message = format!("no memory for {bytes} bytes of pixels");
+        Error::new(Kind::Retry, Problem::new(path.display().to_string(), message))
+    })?;
+    buffer.resize(bytes, 0);
+    let frame = reader.next_frame(&mut buffer).map_err(failed)?;
+    let values: Vec<f64> = match frame.bit_depth {
+        BitDepth::Sixteen => {
+            let pairs = buffer.chunks_exact(2);
+            pairs.map(|p| f64::from(u16::from_be_bytes([p[0], p[1]])) / 65535.0).collect()
+        }
+        _ => buffer.iter().map(|byte| f64::from(*byte) / 255.0).collect(),
+    };
+    let size = [frame.width as usize, frame.height as usize];
+    let (channels, with_alpha) = match frame.color_type {
+        ColorType::Grayscale | ColorType::Indexed => (1, false),
+        ColorType::GrayscaleAlpha => (2, true),
+        ColorType::Rgb => (3, false),
+        ColorType::Rgba => (4, true),
+    };
+    let mut light = Vec::with_capacity(3 * size[0] * size[1]);
+    let mut alpha = Vec::new();
+    for pixel in values.chunks_exact(channels) {
+        let a = if with_alpha { pixel[channels - 1] } else { 1.0 };
+        let at = |c: usize| pixel[if channels < 3 { 0 } else { c }];
+        light.extend((0..3).map(|c| (curve.linear(at(c)) * a) as f32));
+        if with_alpha {
+            alpha.push(a as f32);
+        }
+    }
+    let layer = |name: &str, meaning: Meaning, channels: &[&str], values: Vec<f32>| Layer {
+        name: name.to_string(),
+        meaning,
+        size,
+        origin: [0, 0],
+        channels: channels.iter().map(|c| c.to_string()).collect(),
+        values,
+        half: false,
+    };
+    let names: &[&str] = if channels < 3 { &["Y"] } else { &["R", "G", "B"] };
+    let mut layers = vec![layer("", Meaning::Light, names, light)];
+    if with_alpha {
+        layers.push(layer("A", Meaning::Data, &["A"], alpha));
+    }
+    Ok(layers)
+}
+
+/// Encoding of the values in the file.
+#[derive(Debug, Clone, Copy)]
+enum Curve {
+    Srgb,
+    /// A value raised to this power is linear.
+    Power(f64),
+}
+
+impl Curve {
+    fn of(info: &Info) -> Self {
+        match (info.srgb, info.gama_chunk) {
+            (None, Some(gamma)) if gamma.into_value() > 0.0 => {
+                let gamma = f64::from(gamma.into_value());
+                // A gamma of 1 / 2.2 is a common approximation of sRGB.
+                match (gamma - 1.0 / 2.2).abs() < 1e-3 {
+                    true => Self::Srgb,
+                    false => Self::Power(1.0 / gamma),
+                }
+            }
+            _ => Self::Srgb,
+        }
+    }
+
+    fn linear(self, value: f64) -> f64 {
+        match self {
+            Self::Srgb => linear_from_srgb(value),
+            Self::Power(1.0) => value,
+            Self::Power(power) => value.powf(power),
+        }
+    }
+}
+
+fn decoding_error(path: &Path, error: DecodingError) -> Error {
+    let place = path.display().to_string();
+    let (kind, message) = match error {
+        DecodingError::IoError(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => {
+            return Error::io(path, "read", &error);
+        }
+        DecodingError::LimitsExceeded => {
+            (Kind::Limit, format!("its pixels need more than {MAX_BYTES} bytes"))
+        }
+        other => (Kind::Invalid, format!("cannot read the PNG: {other}")),
+    };
+    Error::new(kind, Problem::new(place, message))
+}

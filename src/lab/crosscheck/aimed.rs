@@ -1,0 +1,146 @@
+//! Seeded random rays that are hard to answer, aimed at the primitives of a scene.
+
+use glam::DVec3;
+
+use super::source::Source;
+use crate::geometry::{Geometry, GeometryKind};
+use crate::lab::random::Random;
+use crate::lab::rays::Recorded;
+use crate::ray::{LANES, Mask, Rays};
+
+/// Generates rays that are aimed at a geometry.
+pub struct Aim<'g> {
+    geometry: &'g Geometry,
+    center: DVec3,
+    /// Half the sides of the scene's bounding box.
+    half: DVec3,
+    /// Largest half side of the bounding box of each geometry id.
+    sizes: Vec<f64>,
+}
+
+impl<'g> Aim<'g> {
+    /// Measures the geometry. Returns `None` if it has no primitive.
+    pub fn new(geometry: &'g Geometry) -> Option<Self> {
+        let bases = geometry.bases();
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let mut sizes = Vec::new();
+        for range in bases.windows(2) {
+            let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+            for p in (range[0]..range[1]).flat_map(|primitive| corners(geometry, primitive)) {
+                (low, high) = (low.min(p), high.max(p));
+            }
+            sizes.push((high - low).max_element() / 2.0);
+            (min, max) = (min.min(low), max.max(high));
+        }
+        let (center, half) = ((min + max) / 2.0, (max - min) / 2.0);
+        center.is_finite().then_some(Self { geometry, center, half, sizes })
+    }
+
+    /// A packet of rays of one source. Shadow rays end before or behind their target.
+    pub fn packet(&self, source: Source, shadow: bool, random: &mut Random) -> Recorded {
+        let mut rays = Rays::EMPTY;
+        for i in 0..LANES {
+            let (origin, direction, target) = self.ray(source, random);
+            let ends = [0.5, 0.999, 1.5, f64::INFINITY];
+            let end = ends[random.below(4) as usize];
+            for axis in 0..3 {
+                rays.org[axis][i] = origin[axis] as f32;
+                rays.dir[axis][i] = direction[axis] as f32;
+            }
+            if shadow {
+                rays.tfar[i] = (target * end) as f32;
+            }
+        }
+        let active = rays.possible(&Mask([-1; LANES]));
+        Recorded { active, rays }
+    }
+
+    /// A random point in the scene's bounding box, enlarged by the factor `times`.
+    fn somewhere(&self, times: f64, random: &mut Random) -> DVec3 {
+        self.center + self.half * times * random.cube()
+    }
+
+    /// Returns origin, direction, and t of the target.
+    fn ray(&self, source: Source, random: &mut Random) -> (DVec3, DVec3, f64) {
+        let count = self.geometry.bases().last().copied().unwrap_or(1);
+        let primitive = random.below(count);
+        let geom = self.geometry.bases().partition_point(|&base| base <= primitive) - 1;
+        let corners = corners(self.geometry, primitive);
+        let corner = corners[random.below(corners.len() as u32) as usize];
+        let next = corners[random.below(corners.len() as u32) as usize];
+        let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+        let inside = middle.lerp(corner, random.unit()).lerp(next, random.unit() * 0.5);
+        let rounded = |v: DVec3| v.as_vec3().as_dvec3();
+        let from = rounded(self.somewhere(2.0, random));
+        let mut target = 1.0;
+        let (origin, direction) = match source {
+            Source::Random => (self.somewhere(1.5, random), random.direction()),
+            Source::Vertex => {
+                if random.bits() % 2 == 0 {
+                    (from, corner - from)
+                } else {
+                    // A step of few bits, so that the ray passes exactly through the corner where
+                    // its coordinates allow.
+                    let step = rounded((random.cube() * 4.0).round())
+                        * 2f64.powi(random.below(6) as i32 - 3);
+                    (corner - step, step)
+                }
+            }
+            Source::Edge => {
+                let target = rounded(corner.lerp(next, random.unit()));
+                (from, target - from)
+            }
+            Source::Axis => {
+                let axis = random.below(3) as usize;
+                let mut direction = DVec3::ZERO;
+                direction[axis] = random.sign();
+                let mut origin = if random.bits() % 4 == 0 { inside } else { corner };
+                origin[axis] = self.somewhere(2.0, random)[axis];
+                (origin, direction)
+            }
+            Source::BoxFace => {
+                let axis = random.below(3) as usize;
+                let (mut origin, mut direction) =
+                    (from.lerp(inside, random.unit()), random.direction());
+                origin[axis] = corner[axis];
+                if random.bits() % 2 == 0 {
+                    direction[axis] = 0.0 * random.sign();
+                }
+                if random.bits() % 4 == 0 {
+                    direction[(axis + 1) % 3] = 0.0;
+                }
+                (origin, direction)
+            }
+            Source::Far => {
+                let away = random.direction() * self.sizes[geom].max(f64::MIN_POSITIVE);
+                let origin = rounded(inside + away * 10f64.powf(1.0 + 3.0 * random.unit()));
+                (origin, inside - origin)
+            }
+            Source::Tiny => {
+                let least = 10f64.powf(-30.0 - 7.0 * random.unit());
+                let distance = inside.distance(from);
+                // A shorter direction would give a t beyond the range of f32.
+                let least = least.max(distance * 1e-37);
+                target = distance / least;
+                (from, (inside - from).normalize_or(DVec3::X) * least)
+            }
+        };
+        (origin, direction, target)
+    }
+}
+
+/// Points of a primitive to aim at: its corners, or six points of a sphere.
+fn corners(geometry: &Geometry, primitive: u32) -> Vec<DVec3> {
+    let geom = geometry.bases().partition_point(|&base| base <= primitive) - 1;
+    let prim = primitive - geometry.bases()[geom];
+    let corner = |v: [f32; 3]| DVec3::from(v.map(f64::from));
+    match geometry.kind(geom as u32) {
+        GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim).map(corner).to_vec(),
+        GeometryKind::Quads => geometry.quads[prim as usize].map(corner).to_vec(),
+        GeometryKind::Spheres => {
+            let sphere = &geometry.spheres[prim as usize];
+            let axes = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
+            axes.map(|axis| sphere.center + axis * sphere.radius).to_vec()
+        }
+    }
+}

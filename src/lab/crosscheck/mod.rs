@@ -1,0 +1,143 @@
+//! Traces rays on every backend and judges each answer by the oracle, for `lightpath crosscheck`.
+//!
+//! The rays are those of the scene and seeded random rays that are hard to answer. An answer
+//! agrees, or the error bound of the backend's own test explains it (a tie, an edge), or it is
+//! wrong.
+//!
+//! Error bounds are multiples of the bound of `bvh`'s test ([`Brute::near`]): 1 for `bvh` and
+//! `coursework`, 4 for Embree, 0 for `brute`. Embree's own bound is not published. `coursework`
+//! works in f64.
+
+mod aimed;
+mod known;
+mod pictures;
+mod plan;
+mod report;
+mod source;
+
+pub use self::pictures::{PictureReport, compare_pictures};
+pub use self::report::{
+    BackendReport, CrosscheckReport, Finding, PlainLoop, SavedRay, Tree, VerdictCounts,
+};
+pub use self::source::Source;
+
+use self::plan::CheckPackets;
+use super::answer::Answer;
+use super::backend::BuiltBackend;
+use super::parallel::in_portions;
+use super::query::QueryPacket;
+use super::rays::Recorded;
+use super::verdict::{Verdict, judge};
+use crate::accel::Visits;
+use crate::accel::brute::Brute;
+use crate::accel::coursework::Coursework;
+use crate::accel::lane::{Hit, Ray, lanes};
+use crate::error::Result;
+use crate::monitor::{Monitor, Phase};
+use crate::ray::{Coherence, LANES};
+use crate::world::World;
+
+/// Largest number of primitives that the plain loop of `coursework` tests in all. It bounds the
+/// time.
+const PLAIN_LOOP_TESTS: u64 = 200_000_000;
+
+/// Largest number of wrong answers that are kept for each backend, verdict and source of rays.
+const KEPT: usize = 10;
+
+/// Scene, oracle, backends and number of rays of a check.
+#[derive(Clone, Copy)]
+pub struct Check<'a> {
+    /// The scene whose rays are checked.
+    pub world: &'a World,
+    /// The oracle, built over the scene's geometry.
+    pub oracle: &'a Brute<'a>,
+    /// The backends to check. The first one finds the camera hits.
+    pub built_backends: &'a [BuiltBackend<'a>],
+    /// `coursework`, to compare with its own plain loop.
+    pub coursework: Option<&'a Coursework<'a>>,
+    /// Largest number of rays. At least one packet of each source is checked.
+    pub rays: u64,
+    /// Seed of all random rays.
+    pub seed: i64,
+}
+
+/// Checks the rays of a scene on the current rayon pool.
+///
+/// The report does not depend on the number of threads.
+///
+/// # Errors
+/// `Interrupted` after a signal.
+pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<CrosscheckReport> {
+    let plan = CheckPackets::new(check, monitor)?;
+    let primitives = u64::from(*check.world.geometry.bases().last().unwrap_or(&0));
+    let loops = (PLAIN_LOOP_TESTS / primitives.max(1)).max(1);
+    // The plain loop traces one packet in `stride`.
+    let stride = (plan.packets() as u64 * LANES as u64).div_ceil(loops).max(1);
+    let mut report = CrosscheckReport::new(check);
+    monitor.begin(Phase::Check, plan.packets() as u64);
+    let mut done = 0;
+    in_portions(
+        plan.packets() as u64,
+        monitor,
+        |index| check_packet(check, &plan.case(index as usize), index % stride == 0),
+        |portion: Vec<PacketVerdicts>| {
+            portion.iter().for_each(|part| report.add(part, KEPT));
+            done += portion.len() as u64;
+            monitor.set_done(done);
+        },
+    )?;
+    report.allow_known(check.built_backends);
+    Ok(report)
+}
+
+/// All verdicts on one packet.
+pub struct PacketVerdicts {
+    case: QueryPacket,
+    /// Index of the backend, coherence, lane, verdict and answer.
+    verdicts: Vec<(usize, Coherence, usize, Verdict, Answer)>,
+    /// The oracle's answer for each lane.
+    truths: Vec<Answer>,
+    /// Number of rays that the plain loop traced.
+    looped: u64,
+    /// Lanes where trees and plain loop differ, with the answers of both.
+    unlike_loop: Vec<(usize, Answer, Answer)>,
+}
+
+/// Judges the answers of all backends to one packet. Compares `coursework` with its plain loop if
+/// `with_loop`.
+pub fn check_packet(check: &Check, case: &QueryPacket, with_loop: bool) -> PacketVerdicts {
+    let Recorded { active, rays } = &case.packet;
+    let mut truths = vec![Answer::Miss; LANES];
+    for i in lanes(active) {
+        truths[i] = Answer::truth(check.oracle, &Ray::of(rays, i), case.shadow);
+    }
+    let mut verdicts = Vec::new();
+    for (index, backend) in check.built_backends.iter().enumerate() {
+        for mode in backend.tested.coherences(case.coherence) {
+            let answers = case.answers(backend.accelerator, mode);
+            for i in lanes(active) {
+                let (ray, factor) = (Ray::of(rays, i), backend.tested.error_factor());
+                let verdict = judge(check.oracle, &ray, truths[i], answers[i], factor);
+                verdicts.push((index, mode, i, verdict, answers[i]));
+            }
+        }
+    }
+    let mut part =
+        PacketVerdicts { case: case.clone(), verdicts, truths, looped: 0, unlike_loop: Vec::new() };
+    if let Some(coursework) = check.coursework.filter(|_| with_loop) {
+        for i in lanes(active) {
+            let ray = Ray::of(rays, i);
+            let tree = coursework.closest_hit(&ray, &mut Visits::default());
+            let all = coursework.plain_loop(&ray);
+            part.looped += 1;
+            if tree != all {
+                let answer = |hit: Option<Hit>| hit.map_or(Answer::Miss, Answer::from);
+                part.unlike_loop.push((i, answer(tree), answer(all)));
+            }
+        }
+    }
+    part
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,63 @@
+//! The packets of a check: rays of the scene and aimed rays, equally many of each class and source.
+
+use super::Check;
+use super::aimed::Aim;
+use super::source::Source;
+use crate::error::Result;
+use crate::lab::query::QueryPacket;
+use crate::lab::random::Random;
+use crate::lab::rays::{Class, Recorded, record};
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, LANES};
+
+/// All packets of a check, by index. Aimed packets are generated on demand.
+pub struct CheckPackets<'g> {
+    /// The recorded packets of the scene.
+    recorded: Vec<(Class, Recorded)>,
+    aim: Option<Aim<'g>>,
+    /// Number of packets for each aimed source.
+    each: usize,
+    seed: i64,
+}
+
+impl<'g> CheckPackets<'g> {
+    /// Records the rays of the scene, and plans the aimed rays.
+    ///
+    /// # Errors
+    /// `Interrupted` after a signal.
+    pub fn new(check: &Check<'g>, monitor: &Monitor) -> Result<Self> {
+        let Check { world, seed, .. } = *check;
+        let kinds = Class::ALL.len() + Source::ALL.len();
+        let each = (check.rays / LANES as u64 / kinds as u64).clamp(1, u32::MAX.into()) as usize;
+        // The first backend finds the camera hits, from which the other rays start.
+        let first = check.built_backends[0].accelerator;
+        let recording = record(world, first, each, seed, monitor)?;
+        let recorded = Class::ALL
+            .into_iter()
+            .flat_map(|class| recording.packets(class).iter().map(move |r| (class, r.clone())))
+            .collect();
+        Ok(Self { recorded, aim: Aim::new(&world.geometry), each, seed })
+    }
+
+    /// Number of packets, recorded and aimed.
+    pub fn packets(&self) -> usize {
+        let aimed = if self.aim.is_some() { Source::ALL.len() * self.each } else { 0 };
+        self.recorded.len() + aimed
+    }
+
+    /// Packet number `index`, which is below [`CheckPackets::packets`].
+    pub fn case(&self, index: usize) -> QueryPacket {
+        let aimed = index.checked_sub(self.recorded.len()).zip(self.aim.as_ref());
+        let Some((index, aim)) = aimed else {
+            let (class, packet) = self.recorded[index].clone();
+            let (shadow, coherence) = (class.is_shadow(), class.coherence());
+            return QueryPacket { source: class.name().into(), shadow, coherence, packet };
+        };
+        let source = Source::ALL[index / self.each];
+        let mut random = Random::new(self.seed as u64, index as u64);
+        let shadow = index % 2 == 1;
+        let packet = aim.packet(source, shadow, &mut random);
+        let coherence = Coherence::Incoherent;
+        QueryPacket { source: source.name().into(), shadow, coherence, packet }
+    }
+}

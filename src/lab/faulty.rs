@@ -1,0 +1,84 @@
+//! A backend that gives wrong answers on purpose, for tests.
+
+use crate::accel::brute::Brute;
+use crate::accel::lane::{Hit, Ray, lanes};
+use crate::accel::{Accelerator, BuildInfo};
+use crate::ray::{Coherence, Hits, Mask, NONE, RayPacket, Rays};
+
+/// Fault of a backend.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Fault {
+    /// All answers are right.
+    None,
+    /// Never hits one primitive of one geometry.
+    Misses(u32, u32),
+    /// Lane 3 always misses.
+    MissesLane3,
+    /// Misses everything along the shortest directions.
+    MissesTiny,
+    /// Reports a hit for every miss.
+    HitsNothing,
+    /// Reports another primitive of the first geometry, which has two.
+    OtherPrimitive,
+    /// Lane 5 always reports the first primitive of its geometry.
+    FirstPrimitiveInLane5,
+    /// Every t is multiplied by this factor.
+    ScalesT(f64),
+    /// Writes to lane 7, even if it is not active.
+    WritesLane7,
+}
+
+/// The oracle with a fault.
+pub struct Faulty<'a>(pub &'a Brute<'a>, pub Fault);
+
+impl Faulty<'_> {
+    /// Returns what a closest-hit query of one ray reports, before the faults of single lanes.
+    fn hit(&self, ray: &Ray) -> Option<Hit> {
+        let Self(oracle, fault) = *self;
+        if fault == Fault::MissesTiny && ray.direction.length() < 1e-29 {
+            return None;
+        }
+        let missed = |hit: &Hit| fault == Fault::Misses(hit.geom, hit.prim);
+        let mut hit = oracle.all_hits(ray).into_iter().find(|hit| !missed(hit))?;
+        match fault {
+            Fault::OtherPrimitive if hit.geom == 0 => hit.prim = 1 - hit.prim,
+            Fault::ScalesT(factor) => hit.t *= factor,
+            _ => {}
+        }
+        Some(hit)
+    }
+}
+
+impl Accelerator for Faulty<'_> {
+    fn info(&self) -> BuildInfo {
+        BuildInfo::default()
+    }
+
+    fn closest(&self, active: &Mask, packet: &mut RayPacket, _: Coherence) {
+        let before = packet.rays.tfar;
+        for i in lanes(active) {
+            match self.hit(&Ray::of(&packet.rays, i)) {
+                Some(hit) => hit.store(packet, i),
+                None if self.1 == Fault::HitsNothing => {
+                    (packet.hits.geom[i], packet.hits.prim[i]) = (0, 0);
+                    packet.rays.tfar[i] = 1.0;
+                }
+                None => {}
+            }
+        }
+        match self.1 {
+            Fault::MissesLane3 => (packet.hits.geom[3], packet.rays.tfar[3]) = (NONE, before[3]),
+            Fault::FirstPrimitiveInLane5 => packet.hits.prim[5] = 0,
+            Fault::WritesLane7 => packet.rays.tfar[7] = 1.0,
+            _ => {}
+        }
+    }
+
+    fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+        let mut packet = RayPacket { rays: rays.clone(), hits: Hits::EMPTY };
+        self.closest(active, &mut packet, coherence);
+        for i in lanes(active).filter(|&i| packet.hits.geom[i] != NONE) {
+            rays.tfar[i] = f32::NEG_INFINITY;
+        }
+    }
+}

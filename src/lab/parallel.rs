@@ -1,0 +1,34 @@
+//! The parallel loop over the packets of a check.
+
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::monitor::Monitor;
+
+/// Number of packets between two checks of the monitor.
+const PORTION: u64 = 4096;
+
+/// Calls `work` for every index below `count` on the current rayon pool. Calls `take` with the
+/// results of each portion of indices, in order.
+///
+/// Portions bound the memory of the results, and signals are checked between them.
+///
+/// # Errors
+/// `Interrupted` after a signal.
+pub fn in_portions<T: Send>(
+    count: u64,
+    monitor: &Monitor,
+    work: impl Fn(u64) -> T + Sync,
+    mut take: impl FnMut(Vec<T>),
+) -> Result<()> {
+    for first in (0..count).step_by(PORTION as usize) {
+        let portion = (first..count.min(first + PORTION))
+            .into_par_iter()
+            .filter(|_| !monitor.stopped())
+            .map(&work)
+            .collect();
+        monitor.check()?;
+        take(portion);
+    }
+    Ok(())
+}

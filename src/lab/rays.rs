@@ -1,0 +1,286 @@
+//! Records the rays of a scene once, to replay them on every backend that is measured or checked.
+//!
+//! The renderer itself generates the rays: it runs over a `Recorder`, an accelerator that records
+//! every query. So order, packets and masks are those of a render, and no formula is duplicated.
+//! The renderer has no diffuse bounces; these rays are generated here.
+
+use std::sync::{Mutex, PoisonError};
+
+use glam::Vec3;
+
+use crate::accel::{Accelerator, BuildInfo};
+use crate::error::Result;
+use crate::film::Window;
+use crate::geometry::{Geometry, Nearby, Surfaces, refine};
+use crate::integrate::{Pattern, RenderContext, TILE, TileKernel};
+use crate::monitor::Monitor;
+use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
+use crate::sampler::{Sampler, disk};
+use crate::shading::{Emitter, lane, set_lane};
+use crate::simd::{self, Isa};
+use crate::world::World;
+
+/// Class of rays by their purpose. It decides which way they run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Class {
+    /// Rays from the camera.
+    Primary,
+    /// Shadow rays from camera hits to point lights.
+    ShadowPoint,
+    /// Shadow rays from camera hits to area lights.
+    ShadowArea,
+    /// Mirrored rays from camera hits on mirrors.
+    Mirror,
+    /// Rays from camera hits in random directions, cosine-distributed around the geometric normal.
+    Diffuse,
+}
+
+impl Class {
+    /// All classes, in the order of reports.
+    pub const ALL: [Self; 5] =
+        [Self::Primary, Self::ShadowPoint, Self::ShadowArea, Self::Mirror, Self::Diffuse];
+
+    /// Name of the class in flags and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Primary => "primary",
+            Self::ShadowPoint => "shadow-point",
+            Self::ShadowArea => "shadow-area",
+            Self::Mirror => "mirror",
+            Self::Diffuse => "diffuse",
+        }
+    }
+
+    /// Returns whether the query of these rays is [`Accelerator::occluded`], not
+    /// [`Accelerator::closest`].
+    pub fn is_shadow(self) -> bool {
+        matches!(self, Self::ShadowPoint | Self::ShadowArea)
+    }
+
+    /// Coherence of packets of this class.
+    pub fn coherence(self) -> Coherence {
+        match self {
+            Self::Primary | Self::ShadowPoint | Self::ShadowArea => Coherence::Coherent,
+            Self::Mirror | Self::Diffuse => Coherence::Incoherent,
+        }
+    }
+}
+
+/// A packet of rays as it was before its query.
+#[derive(Debug, Clone)]
+pub struct Recorded {
+    /// Lanes that hold rays; at least one.
+    pub active: Mask,
+    /// The rays. Active lanes pass [`Rays::possible`].
+    pub rays: Rays,
+}
+
+/// All recorded rays of one scene, by class.
+#[derive(Debug, Clone, Default)]
+pub struct Recording {
+    packets: [Vec<Recorded>; Class::ALL.len()],
+}
+
+impl Recording {
+    /// The packets of a class, in the renderer's order. Empty if the scene has no such rays.
+    pub fn packets(&self, class: Class) -> &[Recorded] {
+        &self.packets[class as usize]
+    }
+
+    /// Number of rays of a class.
+    pub fn count(&self, class: Class) -> u64 {
+        self.packets(class).iter().map(|packet| u64::from(packet.active.count())).sum()
+    }
+}
+
+/// Records the rays of `world`, at most `packets` (> 0) packets of each class.
+///
+/// The rays come from the whole frame if so many packets suffice, else from equal windows spread
+/// evenly over its tiles. `accelerator` finds the camera hits, from which all other rays start.
+/// `seed` is the seed of the diffuse rays.
+///
+/// # Errors
+/// `Interrupted` after a signal.
+pub fn record(
+    world: &World,
+    accelerator: &dyn Accelerator,
+    packets: usize,
+    seed: i64,
+    monitor: &Monitor,
+) -> Result<Recording> {
+    let (windows, primary) = windows(world, packets);
+    let state = State {
+        recording: Recording::default(),
+        seen: 0,
+        primary,
+        limit: packets,
+        taking: [true; Class::ALL.len()],
+        surfaces: Surfaces::EMPTY,
+    };
+    let points = world.lights.iter().filter_map(|light| match light.emitter {
+        Emitter::Point(q) => Some(q),
+        Emitter::Area(_) => None,
+    });
+    let recorder = Recorder {
+        inner: accelerator,
+        geometry: &world.geometry,
+        points: points.collect(),
+        sampler: Sampler::new(seed),
+        state: Mutex::new(state),
+    };
+    for window in windows {
+        monitor.check()?;
+        let width = window.width() as usize;
+        let mut pixels = vec![[0.0; 4]; width * window.height() as usize];
+        let mut rows: Vec<_> = pixels.chunks_mut(width).collect();
+        let integrator = RenderContext { world, accelerator: &recorder, monitor };
+        simd::dispatch(Isa::detect(), TileKernel::beauty(integrator, window, &mut rows));
+    }
+    monitor.check()?;
+    let state = recorder.state.into_inner().unwrap_or_else(PoisonError::into_inner);
+    Ok(state.recording)
+}
+
+/// Returns one window for each chosen tile, and the number of camera packets of all windows.
+fn windows(world: &World, packets: usize) -> (Vec<Window>, usize) {
+    let [width, height] = world.frame;
+    let pattern = Pattern::for_spp(world.spp);
+    let [bw, bh] = pattern.block;
+    let passes = u64::from(world.spp.div_ceil(pattern.samples));
+    let blocks = (packets as u64 / passes).max(1);
+    let [across, down] = [width.div_ceil(TILE), height.div_ceil(TILE)];
+    let tiles = u64::from(across) * u64::from(down);
+    // Tiles are left out only if there are fewer blocks than tiles.
+    let share = (blocks as f64 / tiles as f64).sqrt().min(1.0);
+    let part = |n: u32| ((f64::from(n) * share) as u32).max(1);
+    let [columns, rows] = [part(across), part(down)];
+    let each = (blocks / (u64::from(columns) * u64::from(rows))).max(1);
+    let most = [TILE / bw, TILE / bh];
+    let wide = ((each as f64).sqrt().ceil() as u64).min(u64::from(most[0]));
+    let high = (each / wide).clamp(1, u64::from(most[1]));
+    let middle = |i: u32, chosen: u32, all: u32| {
+        ((u64::from(2 * i + 1) * u64::from(all)) / u64::from(2 * chosen)) as u32 * TILE
+    };
+    let mut windows = Vec::new();
+    let mut count = 0;
+    for (j, i) in (0..rows).flat_map(|j| (0..columns).map(move |i| (j, i))) {
+        let (x0, y0) = (middle(i, columns, across), middle(j, rows, down));
+        let x1 = (x0 + wide as u32 * bw).min(width);
+        let y1 = (y0 + high as u32 * bh).min(height);
+        count += u64::from((x1 - x0).div_ceil(bw) * (y1 - y0).div_ceil(bh)) * passes;
+        windows.push(Window { x0, y0, x1, y1 });
+    }
+    (windows, count as usize)
+}
+
+/// An accelerator that records every query.
+///
+/// Only camera rays get an answer. Rays that start from later hits are not recorded, so these hits
+/// are not needed.
+struct Recorder<'a> {
+    inner: &'a dyn Accelerator,
+    geometry: &'a Geometry,
+    /// Positions of the point lights.
+    points: Vec<Vec3>,
+    sampler: Sampler,
+    state: Mutex<State>,
+}
+
+struct State {
+    recording: Recording,
+    /// Number of camera packets so far.
+    seen: usize,
+    /// Number of camera packets of the whole recording.
+    primary: usize,
+    /// Most packets of each class.
+    limit: usize,
+    /// Classes that record the rays of the current camera packet, all of them or none. So rays from
+    /// one place stay together, as in a render.
+    taking: [bool; Class::ALL.len()],
+    surfaces: Surfaces,
+}
+
+impl State {
+    fn push(&mut self, class: Class, active: &Mask, rays: &Rays) {
+        let packets = &mut self.recording.packets[class as usize];
+        if packets.len() < self.limit && self.taking[class as usize] && active.any() {
+            packets.push(Recorded { active: *active, rays: rays.clone() });
+        }
+    }
+
+    /// Begins the next camera packet. Classes that have less than their even share record its rays.
+    fn next(&mut self) {
+        self.taking = Class::ALL.map(|class| {
+            let have = self.recording.packets(class).len() as u128;
+            have * (self.primary as u128) <= self.limit as u128 * self.seen as u128
+        });
+        self.seen += 1;
+    }
+}
+
+impl Recorder<'_> {
+    fn with(&self, note: impl FnOnce(&mut State)) {
+        note(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// Returns whether all rays end at one point light. `light_rays` computes such a direction as
+    /// `q - origin`, so the comparison is exact.
+    fn towards_a_point(&self, active: &Mask, rays: &Rays) -> bool {
+        self.points.iter().any(|&q| {
+            let mut lanes = (0..LANES).filter(|&i| active.0[i] != 0);
+            lanes.all(|i| lane(&rays.dir, i) == q - lane(&rays.org, i))
+        })
+    }
+
+    /// Records cosine-distributed rays from the hits of a camera packet.
+    fn diffuse(&self, state: &mut State, hit: &Mask, packet: &RayPacket) {
+        refine(self.geometry, hit, packet, &mut state.surfaces);
+        let mut rays = Rays::EMPTY;
+        for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
+            // All rays take points of one sequence, as if they belonged to one pixel.
+            let index = (state.seen * LANES + i) as u32;
+            let [x, y] = disk(self.sampler.light([0; 2], index, 0, 0));
+            let normal = lane(&state.surfaces.ng, i);
+            let (tangent, bitangent) = normal.any_orthonormal_pair();
+            let up = (1.0 - x * x - y * y).max(0.0).sqrt();
+            let direction = (tangent * x + bitangent * y + normal * up).normalize();
+            set_lane(&mut rays.org, i, lane(&state.surfaces.outside, i));
+            set_lane(&mut rays.dir, i, direction);
+            rays.leaving[i] = state.surfaces.primitive[i];
+        }
+        state.push(Class::Diffuse, hit, &rays);
+    }
+}
+
+impl Accelerator for Recorder<'_> {
+    fn info(&self) -> BuildInfo {
+        self.inner.info()
+    }
+
+    fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+        // Only mirrored rays leave a primitive; camera rays do not.
+        if (0..LANES).any(|i| active.0[i] != 0 && packet.rays.leaving[i] != NONE) {
+            return self.with(|state| state.push(Class::Mirror, active, &packet.rays));
+        }
+        self.with(|state| {
+            state.next();
+            state.push(Class::Primary, active, &packet.rays);
+        });
+        self.inner.closest(active, packet, coherence);
+        self.with(|state| self.diffuse(state, &packet.hit(active), packet));
+    }
+
+    fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+        self.inner.near(geometry, nearby, found);
+    }
+
+    fn occluded(&self, active: &Mask, rays: &mut Rays, _: Coherence) {
+        self.with(|state| {
+            let class = match self.towards_a_point(active, rays) {
+                true => Class::ShadowPoint,
+                false => Class::ShadowArea,
+            };
+            state.push(class, active, rays);
+        });
+    }
+}

@@ -1,0 +1,136 @@
+//! Replays recorded rays on a backend: its time, its answers and its visits.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::answer::Answer;
+use super::query::answers;
+use super::rays::{Class, Recorded};
+use crate::accel::{Accelerator, Visits};
+use crate::ray::{Coherence, LANES, RayPacket, Rays};
+
+/// Number of packets between two readings of the clock.
+///
+/// Their copies stay in the cache, and reading the clock costs a thousandth of the fastest queries.
+const BATCH: usize = 32;
+
+/// How rays are traced: single or in packets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// Single rays, one query for each lane.
+    Single,
+    /// Packets of 16 rays, with the coherence of their class.
+    Packets,
+}
+
+impl Mode {
+    /// Both modes, in the order of reports.
+    pub const ALL: [Self; 2] = [Self::Single, Self::Packets];
+
+    /// Name of the mode in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Single => "single",
+            Self::Packets => "packets",
+        }
+    }
+}
+
+/// Rays of one class, traced in one mode.
+#[derive(Debug, Clone, Copy)]
+pub struct Replay<'a> {
+    /// Class of the rays: decides the query and its coherence.
+    pub class: Class,
+    /// Single rays or packets.
+    pub mode: Mode,
+    /// The recorded packets of the class.
+    pub packets: &'a [Recorded],
+}
+
+impl Replay<'_> {
+    /// Coherence that the queries announce to the backend.
+    pub fn coherence(&self) -> Coherence {
+        match self.mode {
+            Mode::Single => Coherence::Single,
+            Mode::Packets => self.class.coherence(),
+        }
+    }
+
+    /// Times all queries on the current rayon pool: the seconds that its threads spend in queries,
+    /// divided by the number of threads.
+    ///
+    /// The copies of the rays are not included. Neither is the refinement that a renderer adds to
+    /// the backend's own answer ([`Accelerator::closest_unfiltered`]).
+    pub fn seconds(&self, accelerator: &dyn Accelerator) -> f64 {
+        let coherence = self.coherence();
+        let spent: Duration = match self.class.is_shadow() {
+            true => self
+                .packets
+                .par_chunks(BATCH)
+                .map_init(
+                    || vec![Rays::EMPTY; BATCH],
+                    |scratch, batch| {
+                        for (rays, packet) in scratch.iter_mut().zip(batch) {
+                            rays.clone_from(&packet.rays);
+                        }
+                        let started = Instant::now();
+                        for (rays, packet) in scratch.iter_mut().zip(batch) {
+                            accelerator.occluded_unfiltered(&packet.active, rays, coherence);
+                        }
+                        let spent = started.elapsed();
+                        black_box(&scratch);
+                        spent
+                    },
+                )
+                .sum(),
+            false => self
+                .packets
+                .par_chunks(BATCH)
+                .map_init(
+                    || vec![RayPacket::EMPTY; BATCH],
+                    |scratch, batch| {
+                        for (to, packet) in scratch.iter_mut().zip(batch) {
+                            to.rays.clone_from(&packet.rays);
+                            to.clear_hits();
+                        }
+                        let started = Instant::now();
+                        for (to, packet) in scratch.iter_mut().zip(batch) {
+                            accelerator.closest_unfiltered(&packet.active, to, coherence);
+                        }
+                        let spent = started.elapsed();
+                        black_box(&scratch);
+                        spent
+                    },
+                )
+                .sum(),
+        };
+        spent.as_secs_f64() / rayon::current_num_threads() as f64
+    }
+
+    /// Answers of every lane of every packet, computed on the current rayon pool.
+    pub fn answers(&self, accelerator: &dyn Accelerator) -> Vec<[Answer; LANES]> {
+        let (shadow, coherence) = (self.class.is_shadow(), self.coherence());
+        let packets = self.packets.par_iter();
+        packets.map(|packet| answers(accelerator, packet, shadow, coherence)).collect()
+    }
+
+    /// Nodes and primitives visited by all queries; `None` if the backend cannot count them or
+    /// there are no packets.
+    pub fn visits(&self, accelerator: &dyn Accelerator) -> Option<Visits> {
+        let (shadow, coherence) = (self.class.is_shadow(), self.coherence());
+        let visits = |p: &Recorded| accelerator.visits(&p.active, &p.rays, shadow, coherence);
+        let add = |a: Visits, b: Visits| Visits {
+            nodes: a.nodes + b.nodes,
+            primitives: a.primitives + b.primitives,
+        };
+        self.packets
+            .par_iter()
+            .map(visits)
+            .try_reduce(Visits::default, |a, b| Some(add(a, b)))
+            .filter(|_| !self.packets.is_empty())
+    }
+}

@@ -1,0 +1,375 @@
+//! Results of `lightpath bench`, as they are written to JSON and read back.
+//!
+//! `serde(rename)` gives the names in messages about bad files.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::agreement::Agreement;
+use super::stats::{Estimate, mad, median_interval, paired_ratio, unpaired_ratio};
+use crate::units::plural;
+
+/// Version of the file format. It changes if a reader of older files would misread newer ones.
+pub const VERSION: u32 = 1;
+
+/// Results of one run of `lightpath bench`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Report")]
+pub struct BenchReport {
+    /// Format of the file: [`VERSION`] when it was written.
+    pub version: u32,
+    /// The machine that the run took place on.
+    pub machine: Machine,
+    /// Time and command line of the run; empty if an older file lacks them.
+    #[serde(default)]
+    pub run: RunStamp,
+    /// One entry for each scene, in the order of the command line.
+    pub scenes: Vec<SceneResult>,
+}
+
+/// Machine and program versions of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Machine {
+    /// Model name of the processor.
+    pub cpu: String,
+    /// Number of processors that this process may use.
+    pub cores: usize,
+    /// Instruction set of our own kernels, unless a backend names its own.
+    pub isa: String,
+    /// Versions of the program and its compiler, by name.
+    pub versions: BTreeMap<String, String>,
+}
+
+/// Time and command line of a run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Run")]
+pub struct RunStamp {
+    /// Start, in seconds since 1970, UTC.
+    pub unix_seconds: u64,
+    /// The command line, without the program.
+    pub command: Vec<String>,
+}
+
+/// Results of one scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SceneResult {
+    /// Name of the scene, as on the command line.
+    pub name: String,
+    /// SHA-256 of the canonical scene.
+    pub hash: String,
+    /// Number of triangles of all meshes and single triangles. A plane counts as two.
+    pub triangles: u64,
+    /// Number of recorded rays of each class.
+    pub rays: BTreeMap<String, u64>,
+    /// The compared backends. Ratios refer to the first.
+    pub backends: Vec<BackendResult>,
+    /// Timings of builds, rays and whole pictures.
+    pub rows: Vec<TimingRow>,
+    /// Agreement of the answers of every pair of backends.
+    pub agreement: Vec<PairResult>,
+}
+
+/// Version, memory and wrong answers of a backend.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BackendResult {
+    /// Name of the backend, as on the command line.
+    pub name: String,
+    /// Name and version of the code that finds the hits.
+    pub version: String,
+    /// Instruction set in use.
+    pub isa: String,
+    /// Bytes held after the build.
+    pub bytes: u64,
+    /// Largest number of bytes held during the build.
+    pub peak_bytes: u64,
+    /// Number of provably wrong answers over all rays.
+    pub wrong: u64,
+}
+
+/// Kind of work that a row times.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum WorkKind {
+    /// A build of the accelerator. Its work is counted in triangles.
+    Build,
+    /// Queries of one class of rays. Their work is counted in rays.
+    Rays,
+    /// A whole picture by the renderer. Its work is counted in traced rays.
+    Image,
+}
+
+/// Timings of one piece of work by every backend.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Row")]
+pub struct TimingRow {
+    /// Kind of work that is timed.
+    pub what: WorkKind,
+    /// `build`, `image` or a class of rays.
+    pub name: String,
+    /// `single` or `packets` for rays; empty otherwise.
+    pub mode: String,
+    /// Number of worker threads.
+    pub threads: usize,
+    /// One entry for each backend, in the order of [`SceneResult::backends`].
+    pub entries: Vec<TimingEntry>,
+}
+
+/// Timings of one backend in one row.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Entry")]
+pub struct TimingEntry {
+    /// Number of triangles or rays of one sample.
+    pub work: u64,
+    /// Seconds of every sample. Samples k of all backends were taken next to each other.
+    pub seconds: Vec<f64>,
+    /// Median of `seconds` with its interval.
+    pub median_s: Estimate,
+    /// Median absolute deviation of `seconds`, not scaled.
+    pub mad_s: f64,
+    /// Work per microsecond: Mray/s, Mtri/s.
+    pub rate: Estimate,
+    /// Speed relative to the first backend, above 1 if faster; `None` for the first.
+    pub ratio: Option<Estimate>,
+    /// Number of rays that hit something.
+    pub hits: Option<u64>,
+    /// Number of provably wrong answers.
+    pub wrong: Option<u64>,
+    /// Nodes visited per ray.
+    pub nodes_per_ray: Option<f64>,
+    /// Primitives tested per ray.
+    pub primitives_per_ray: Option<f64>,
+}
+
+/// Agreement of two backends on the rays of one class and mode.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PairResult {
+    /// Name of the class of rays.
+    pub name: String,
+    /// How rays are traced: `single` or `packets`.
+    pub mode: String,
+    /// Names of the two backends.
+    pub backends: [String; 2],
+    /// Counts of rays by how the two answers compare.
+    pub agreement: Agreement,
+}
+
+impl TimingEntry {
+    /// Creates an entry from the samples of its backend and of the first backend.
+    pub fn new(work: u64, seconds: Vec<f64>, first: Option<&[f64]>) -> Self {
+        let median_s = median_interval(&seconds);
+        Self {
+            work,
+            median_s,
+            mad_s: mad(&seconds),
+            rate: median_s.rate(work as f64 / 1e6),
+            ratio: first.map(|first| paired_ratio(first, &seconds)),
+            hits: None,
+            wrong: None,
+            nodes_per_ray: None,
+            primitives_per_ray: None,
+            seconds,
+        }
+    }
+}
+
+impl TimingRow {
+    /// Name for tables: `primary, packets` or `build`.
+    pub fn label(&self) -> String {
+        match self.mode.is_empty() {
+            true => self.name.clone(),
+            false => format!("{}, {}", self.name, self.mode),
+        }
+    }
+
+    /// Creates a row from the samples of all backends. The first backend is the reference.
+    pub fn new(
+        what: WorkKind,
+        name: &str,
+        mode: &str,
+        threads: usize,
+        work: &[u64],
+        samples: Vec<Vec<f64>>,
+    ) -> Self {
+        let first = samples[0].clone();
+        let entry = |(i, (seconds, work)): (usize, (Vec<f64>, &u64))| {
+            TimingEntry::new(*work, seconds, (i > 0).then_some(&first))
+        };
+        let entries = samples.into_iter().zip(work).enumerate().map(entry).collect();
+        Self { what, name: name.into(), mode: mode.into(), threads, entries }
+    }
+}
+
+impl Estimate {
+    /// The conclusion from a speed ratio, in words.
+    pub fn verdict(&self) -> &'static str {
+        match (self.holds_one(), self.value > 1.0) {
+            (true, _) => "no difference shown",
+            (_, true) => "faster",
+            (_, false) => "slower",
+        }
+    }
+}
+
+/// One timing of this run compared with the same timing of an earlier run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// Name of the scene.
+    pub scene: String,
+    /// The row, as [`TimingRow::label`] names it.
+    pub row: String,
+    /// Number of worker threads.
+    pub threads: usize,
+    /// Name of the backend.
+    pub backend: String,
+    /// Speed relative to the earlier run, above 1 if faster now.
+    pub ratio: Estimate,
+}
+
+/// Comparison of this run with an earlier run, the baseline.
+#[derive(Debug, Clone)]
+pub struct BaselineComparison {
+    /// File and commit of the baseline.
+    pub baseline: String,
+    /// Differences between the two machines, in words; `None` if there are none.
+    pub elsewhere: Option<String>,
+    /// Changes of all timings that both runs have: the same scene (by name and content), row and
+    /// backend.
+    pub changes: Vec<Change>,
+}
+
+impl BaselineComparison {
+    /// Compares `now` with `then`, the baseline read from the file `name`.
+    pub fn new(now: &BenchReport, name: &str, then: &BenchReport) -> Self {
+        let commit = then.machine.versions.get("commit").map_or("unknown", String::as_str);
+        Self {
+            baseline: format!("{name}, commit {commit}"),
+            elsewhere: elsewhere(now, then),
+            changes: changes(now, then),
+        }
+    }
+}
+
+/// Describes how machine or kernels of two runs differ; `None` if they do not.
+fn elsewhere(now: &BenchReport, then: &BenchReport) -> Option<String> {
+    let (a, b) = (&now.machine, &then.machine);
+    let pairs = [(&a.cpu, &b.cpu), (&a.isa, &b.isa)];
+    let cores = [a.cores, b.cores].map(|n| plural(n, "processor"));
+    let pairs = pairs.into_iter().chain([(&cores[0], &cores[1])]);
+    let different: Vec<String> =
+        pairs.filter(|(a, b)| a != b).map(|(a, b)| format!("{b} then, {a} now")).collect();
+    (!different.is_empty()).then(|| different.join("; "))
+}
+
+/// Compares all timings that two runs have in common.
+fn changes(now: &BenchReport, then: &BenchReport) -> Vec<Change> {
+    let mut changes = Vec::new();
+    for scene in &now.scenes {
+        let same = |s: &&SceneResult| s.name == scene.name && s.hash == scene.hash;
+        let Some(old) = then.scenes.iter().find(same) else { continue };
+        for row in &scene.rows {
+            let key = |r: &TimingRow| (r.what as u8, r.name.clone(), r.mode.clone(), r.threads);
+            let Some(old_row) = old.rows.iter().find(|r| key(r) == key(row)) else { continue };
+            for (backend, entry) in scene.backends.iter().zip(&row.entries) {
+                let index = old.backends.iter().position(|b| b.name == backend.name);
+                let Some(old_entry) = index.and_then(|i| old_row.entries.get(i)) else { continue };
+                // Seconds per unit of work, because the number of rays may differ.
+                let unit = |e: &TimingEntry| -> Vec<f64> {
+                    e.seconds.iter().map(|s| s / e.work.max(1) as f64).collect()
+                };
+                changes.push(Change {
+                    scene: scene.name.clone(),
+                    row: row.label(),
+                    threads: row.threads,
+                    backend: backend.name.clone(),
+                    ratio: unpaired_ratio(&unit(old_entry), &unit(entry)),
+                });
+            }
+        }
+    }
+    changes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(factor: f64, hash: &str) -> BenchReport {
+        let samples = |t: f64| (0..10).map(|i| factor * t * (1.0 + 0.001 * f64::from(i))).collect();
+        let row = TimingRow::new(
+            WorkKind::Rays,
+            "primary",
+            "single",
+            1,
+            &[1000, 1000],
+            vec![samples(2e-3), samples(1e-3)],
+        );
+        let backend = |name: &str| BackendResult {
+            name: name.into(),
+            version: String::new(),
+            isa: String::new(),
+            bytes: 1,
+            peak_bytes: 2,
+            wrong: 0,
+        };
+        let scene = SceneResult {
+            name: "s".into(),
+            hash: hash.into(),
+            triangles: 1,
+            rays: BTreeMap::new(),
+            backends: vec![backend("a"), backend("b")],
+            rows: vec![row],
+            agreement: vec![],
+        };
+        let machine =
+            Machine { cpu: "c".into(), cores: 1, isa: "i".into(), versions: BTreeMap::new() };
+        BenchReport { version: VERSION, machine, run: RunStamp::default(), scenes: vec![scene] }
+    }
+
+    #[test]
+    fn ratios_refer_to_the_first_backend() {
+        let report = report(1.0, "h");
+        let [a, b] = [0, 1].map(|i| &report.scenes[0].rows[0].entries[i]);
+        assert_eq!(a.ratio, None);
+        let ratio = b.ratio.unwrap();
+        assert!((ratio.value - 2.0).abs() < 1e-12 && ratio.verdict() == "faster");
+        // 1000 rays in 1 ms are a million rays per second.
+        assert!((b.rate.value - 1.0).abs() < 0.01, "{:?}", b.rate);
+        assert!(b.rate.low < b.rate.value && b.rate.value < b.rate.high);
+    }
+
+    #[test]
+    fn a_report_is_the_same_after_writing_and_reading() {
+        let report = report(1.0 / 3.0, "h");
+        let text = serde_json::to_string(&report).unwrap();
+        assert_eq!(serde_json::from_str::<BenchReport>(&text).unwrap(), report);
+    }
+
+    #[test]
+    fn a_different_machine_is_described() {
+        let (now, mut then) = (report(1.0, "h"), report(1.0, "h"));
+        assert_eq!(elsewhere(&now, &then), None);
+        then.machine.versions.clear();
+        assert_eq!(elsewhere(&now, &then), None);
+        then.machine.cpu = "another".into();
+        then.machine.cores += 1;
+        let text = elsewhere(&now, &then).unwrap();
+        assert!(
+            text.contains("another then") && text.contains("2 processors then, 1 processor now"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn only_the_same_scene_is_compared() {
+        let changed = changes(&report(0.5, "h"), &report(1.0, "h"));
+        assert_eq!(changed.len(), 2);
+        for change in &changed {
+            assert!((change.ratio.value - 2.0).abs() < 1e-9, "{change:?}");
+            assert_eq!(change.ratio.verdict(), "faster");
+        }
+        let same = changes(&report(1.0, "h"), &report(1.0, "h"));
+        assert!(same.iter().all(|change| change.ratio.verdict() == "no difference shown"));
+        assert_eq!(changes(&report(1.0, "h"), &report(1.0, "other")), []);
+    }
+}
