@@ -67,18 +67,10 @@ impl TextOutputs {
     /// # Errors
     /// As for [`TextFile::finish`].
     pub fn write(&mut self, flag: &str, text: impl FnOnce() -> String) -> Result<()> {
-        self.try_write(flag, || Ok(text()))
-    }
-
-    /// Writes like [`TextOutputs::write`], where the text may not exist.
-    ///
-    /// # Errors
-    /// The errors of `text`, and as for [`TextFile::finish`].
-    pub fn try_write(&mut self, flag: &str, text: impl FnOnce() -> Result<String>) -> Result<()> {
         let named = |name: &str| name.split(' ').next() == Some(flag);
         if let Some(index) = self.files.iter().position(|(name, _)| named(name)) {
             let (_, file) = self.files.remove(index);
-            self.written.push(file.finish(&text()?)?);
+            self.written.push(file.finish(&text())?);
         }
         Ok(())
     }

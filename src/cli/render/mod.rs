@@ -269,7 +269,8 @@ impl Run<'_> {
         self.warn(&picture::oddity_warnings(&oddities));
         paths.extend(previews);
         if let Some(target) = &options.write_scene {
-            texts.try_write("--write-scene", || load::saved(self.job, target))?;
+            let text = load::saved(self.job, target)?;
+            texts.write("--write-scene", || text)?;
         }
         stats.seconds.write = started.elapsed().as_secs_f64();
         stats.seconds.total = self.start.elapsed().as_secs_f64();
