@@ -1,6 +1,6 @@
 //! Results of `lightpath bench`, as they are written to JSON and read back.
 //!
-//! `serde(rename)` gives the names in messages about bad files.
+//! `serde(expecting)` gives the text in messages about bad files.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ pub const VERSION: u32 = 1;
 
 /// Results of one run of `lightpath bench`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename = "Report")]
+#[serde(expecting = "struct Report")]
 pub struct BenchReport {
     /// Format of the file: [`VERSION`] when it was written.
     pub version: u32,
@@ -43,7 +43,7 @@ pub struct Machine {
 
 /// Time and command line of a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename = "Run")]
+#[serde(expecting = "struct Run")]
 pub struct RunStamp {
     /// Start, in seconds since 1970, UTC.
     pub unix_seconds: u64,
@@ -101,7 +101,7 @@ pub enum WorkKind {
 
 /// Timings of one piece of work by every backend.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename = "Row")]
+#[serde(expecting = "struct Row")]
 pub struct TimingRow {
     /// Kind of work that is timed.
     pub what: WorkKind,
@@ -117,7 +117,7 @@ pub struct TimingRow {
 
 /// Timings of one backend in one row.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename = "Entry")]
+#[serde(expecting = "struct Entry")]
 pub struct TimingEntry {
     /// Number of triangles or rays of one sample.
     pub work: u64,

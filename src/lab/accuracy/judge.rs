@@ -19,7 +19,7 @@ use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 /// Largest number of crossings that are followed along a line.
 const MAX_CROSSINGS: usize = 64;
 
-/// The right answers of a shot.
+/// The right answers of a packet.
 #[derive(Debug, Clone, Copy)]
 pub enum Expect {
     /// The oracle's answer, up to the error bound of the backend's own test.
@@ -45,7 +45,7 @@ pub struct AimedPacket {
 }
 
 impl AimedPacket {
-    /// Creates a shot without rays.
+    /// Creates a packet without rays.
     pub fn new(expect: Expect) -> Self {
         Self { rays: Rays::EMPTY, goals: [DVec3::ZERO; LANES], expect }
     }
@@ -67,7 +67,7 @@ impl AimedPacket {
     }
 }
 
-/// Traces shots on all columns and judges the answers.
+/// Traces packets on all columns and judges the answers.
 pub struct Judge<'a> {
     /// The columns and the oracle, built over one geometry.
     pub built: &'a Built<'a>,
