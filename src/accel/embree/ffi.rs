@@ -260,7 +260,7 @@ api! {
 pub type Layout = (&'static str, usize, usize, &'static [(&'static str, usize)]);
 
 /// Rust's layouts of the structures declared here, for the test that compares them with the C
-/// headers. [`QueryContext`] is missing, because it is longer than its C counterpart.
+/// headers. `QueryContext` is missing, because it is longer than its C counterpart.
 /// `RTCOccludedFunctionNArguments` has only its last members: the others are those of
 /// `RTCIntersectFunctionNArguments`.
 pub const LAYOUTS: &[Layout] = &[
