@@ -271,8 +271,8 @@ pub fn placement(spec: &Trimesh, in_file: Bounds) -> (DMat3, DVec3) {
     let [x, y, z] = spec.rotate_deg.to_array().map(f64::to_radians);
     let rotation =
         DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
-    // Quarter turns are made exact: they only swap and negate coordinates. So the mesh keeps the
-    // bits of its coordinates.
+    // Quarter turns are made exact: they only swap and negate coordinates. So the mesh keeps its
+    // exact shape.
     let exact = |x: f64| if (x - x.round()).abs() < 1e-15 { x.round() } else { x };
     let rotation = DMat3::from_cols_array(&rotation.to_cols_array().map(exact));
     match spec.fit {
