@@ -1,5 +1,8 @@
-//! The job file as written. These types are the only table of its keys: the JSON Schema, the checks
-//! and the help in editors are generated from them.
+//! The keys of a job file, before they are checked and defaults are filled in.
+//!
+//! These types are the only definition of the keys. The JSON Schema and the help in editors are
+//! generated from them. A [`Name`] is a text that is not empty: a path, a pattern, the name of a
+//! layer, a memory size or a frame rate.
 
 use std::collections::BTreeMap;
 
@@ -21,41 +24,46 @@ pub struct JobFile {
     /// depth). A folder stands for all meshes in it, or for all scenes if it has no mesh.
     #[schemars(length(min = 1))]
     pub inputs: Vec<Input>,
-    /// The scene that shows the meshes; each mesh replaces its first trimesh. Default: the built-in
-    /// studio.
+    /// Path of the template: the scene that shows the meshes. Each mesh is rendered in place of the
+    /// first shape of type `trimesh` in the template. Default: the built-in scene (ground and
+    /// lights).
     #[serde(default)]
     pub template: Option<Name>,
-    /// Which axis of the meshes points up.
+    /// Which axis of the meshes points up. Default: y. Excludes `rotate`.
     #[serde(default)]
     pub up: Option<Axis>,
-    /// Rotation of the meshes in degrees, in place of `up`.
+    /// Rotation of the meshes in degrees about the x, then y, then z axis. Excludes `up`.
     #[serde(default)]
     pub rotate: Option<Angles>,
-    /// Free space around a mesh at each border, as a fraction of the picture.
+    /// Free space around a mesh at each border, as a fraction of the picture's width (left and
+    /// right) and height (top and bottom). Default: 0.08.
     #[serde(default)]
     #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 0.5))]
     pub margin: Option<f64>,
-    /// Where the normals of meshes are interpolated, in place of the template's `smooth`.
+    /// Edges across which the normals of meshes are interpolated, in place of the template's
+    /// `smooth`.
     #[serde(default)]
     pub smooth: Option<Smooth>,
-    /// The image for the meshes' texture coordinates.
+    /// Path of the texture of all meshes, in place of those that the mesh files or the template
+    /// name.
     #[serde(default)]
     pub texture: Option<Name>,
-    /// false: removes the template's plane named `ground`.
+    /// false: removes the template's plane named `ground`. Default: true.
     #[serde(default)]
     pub ground: Option<bool>,
     /// Picture width and height in pixels.
     #[serde(default)]
     pub size: Option<[u32; 2]>,
-    /// EXR layers by name, as for `--aov`.
+    /// Names of layers to add to the EXR, as for `--aov`.
     #[serde(default)]
     pub layers: Option<Vec<Name>>,
     /// Number of objects that one pixel of a cryptomatte can hold, as for `--crypto-ranks`.
     #[serde(default)]
     #[schemars(range(min = 2, max = 16), extend("multipleOf" = 2))]
     pub cryptoranks: Option<u32>,
-    /// Keys of `camera`, set in every scene. With `position`, meshes are not framed. A run prints
-    /// the camera of each mesh; with that camera here, the next run makes the same pictures.
+    /// Keys of the scene's `camera`, set in every scene. Unless `position` is among them, the
+    /// camera of each mesh moves to where it sees the whole mesh. A run prints this camera.
+    /// Repeated in the mesh's entry in `inputs`, it gives the same picture again.
     #[serde(default)]
     #[schemars(schema_with = "open_object")]
     pub camera: BTreeMap<String, Value>,
@@ -63,66 +71,69 @@ pub struct JobFile {
     #[serde(default)]
     #[schemars(schema_with = "open_object")]
     pub set: BTreeMap<String, Value>,
-    /// Several frames of each input, seen from all around.
+    /// Renders several frames of each input: a full turn around it.
     #[serde(default)]
     pub turntable: Option<TurntableKeys>,
     /// Folder, names and format of the pictures.
     #[serde(default)]
     pub output: OutputKeys,
-    /// Limits of memory and threads. Flags win over them.
+    /// Limits of memory and threads. Flags of the command line win over them.
     #[serde(default)]
     pub limits: LimitKeys,
 }
 
-/// A path or pattern, or an object with a path or pattern and settings for its files only.
+/// A path or pattern, or an object that adds settings for the files of one path or pattern.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Input {
     /// A file, folder or pattern.
     Path(Name),
-    /// The same with settings of its own.
+    /// A file, folder or pattern, and settings for its files only.
     Entry(Box<Entry>),
 }
 
-/// Inputs with settings of their own.
+/// A file, folder or pattern, and settings for its files only. They win over those of the job.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 pub struct Entry {
     /// A file, folder or pattern.
     pub path: Name,
-    /// Which axis of the mesh points up.
+    /// Which axis of the mesh points up, in place of the job's `up` or `rotate`. Excludes `rotate`.
     #[serde(default)]
     pub up: Option<Axis>,
-    /// Rotation of the mesh in degrees, in place of `up`.
+    /// Rotation of the mesh in degrees about the x, then y, then z axis, in place of the job's `up`
+    /// or `rotate`. Excludes `up`.
     #[serde(default)]
     pub rotate: Option<Angles>,
-    /// Keys of the scene's `camera`.
+    /// Keys of the scene's `camera`, set after the job's `camera` and `set`.
     #[serde(default)]
     #[schemars(schema_with = "open_object")]
     pub camera: BTreeMap<String, Value>,
-    /// Values set in the scene, by JSON pointer.
+    /// Values set in the scene, by JSON pointer, after the job's `camera` and `set`.
     #[serde(default)]
     #[schemars(schema_with = "open_object")]
     pub set: BTreeMap<String, Value>,
 }
 
-/// Frames spread evenly over one full turn, counterclockwise as seen from above.
+/// Frames at equal angles over one full turn. The object or the camera (`turn`) moves
+/// counterclockwise as seen from above.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 pub struct TurntableKeys {
     /// Number of frames in one turn.
     #[schemars(range(min = 1, max = 100000))]
     pub frames: u32,
-    /// Which of the two turns: the object or the camera.
+    /// What turns: the object or the camera.
     #[serde(default)]
     pub turn: Turning,
     /// Whether the lights stay with the camera or with the object. Default: with the camera if the
     /// object turns, with the object if the camera turns.
     #[serde(default)]
     pub lights: Option<LightsFollow>,
-    /// Angle of the first frame in degrees.
+    /// Angle of the first frame in degrees. At 0 this frame is the scene itself.
     #[serde(default)]
     #[schemars(range(min = -360.0, max = 360.0))]
     pub start: f64,
-    /// A point on the axis. Default: the middle of a mesh, or the `target` of a scene's camera.
+    /// A point on the vertical axis of the turn. Default: the middle of a mesh, or the `target` of
+    /// a scene's camera.
     #[serde(default)]
     pub pivot: Option<Point>,
 }
@@ -133,9 +144,9 @@ pub struct TurntableKeys {
 pub struct OutputKeys {
     /// Output folder; default `out`.
     pub folder: Option<Name>,
-    /// Name of a frame within the folder. Fields: `{stem}` of the input, `{parent}` (the name of
-    /// its folder), and the numbers `{input}` and `{frame}`, with a minimum of digits as in
-    /// `{frame:04}`.
+    /// Name of a frame within the folder. Fields: `{stem}` (the input's file name without its
+    /// ending), `{parent}` (the name of the input's folder), `{input}` and `{frame}` (numbers from
+    /// 0). `{frame:04}` pads with zeros to 4 digits.
     pub name: Option<Name>,
     /// Stores 32-bit floats in the EXR instead of 16-bit floats.
     pub float: bool,
@@ -148,7 +159,7 @@ pub struct OutputKeys {
     /// Bits per channel of the PNG: 8 or 16.
     #[schemars(range(min = 8, max = 16))]
     pub pngbits: Option<u8>,
-    /// Frame rate for the EXR header in frames per second: 24 or 24000/1001.
+    /// Frame rate for the EXR header in frames per second, as a text such as "24" or "24000/1001".
     pub fps: Option<Name>,
 }
 
@@ -156,12 +167,12 @@ pub struct OutputKeys {
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct LimitKeys {
-    /// Limit of memory, as for `--max-memory`: 8G, 512MiB.
+    /// Limit of memory, as for `--max-memory`, such as "8G" or "512MiB".
     pub memory: Option<Name>,
     /// Number of worker threads.
     #[schemars(range(min = 1, max = 1024))]
     pub threads: Option<u16>,
-    /// Number of frames rendered at a time.
+    /// Number of frames rendered at the same time, as for `--jobs`.
     #[schemars(range(min = 1, max = 1024))]
     pub jobs: Option<u16>,
 }

@@ -1,29 +1,30 @@
-//! A chart of ratios around 1 on a logarithmic axis: which backend is faster, and whether the
-//! interval shows it.
+//! A chart of speeds relative to a baseline, on a logarithmic axis around 1. A backend is shown as
+//! faster or slower only if the confidence interval of its ratio excludes 1.
 
 use super::svg::{Anchor, GRID, INK, Svg, WRONG, text_width};
 
-/// A chart of speed ratios. Bars to the right of the line at 1 are faster.
+/// A chart of speed ratios. A bar to the right of the line at 1: faster than the baseline.
 #[derive(Debug, Clone, Default)]
 pub struct Ratios {
     /// Heading of the chart.
     pub title: String,
-    /// Meaning of the ratios.
+    /// Subtitle: the meaning of the ratios, such as `how many times as fast as embree`.
     pub unit: String,
     /// The ratios from top to bottom.
     pub rows: Vec<Ratio>,
 }
 
-/// One ratio with its interval.
+/// The speed of one measurement relative to the baseline.
 #[derive(Debug, Clone, Default)]
 pub struct Ratio {
     /// Text at the left of the row.
     pub label: String,
-    /// The ratio, > 0; above 1 is faster.
+    /// Speed divided by the baseline's speed, > 0.
     pub value: f64,
-    /// Lower and upper end of its interval.
+    /// Lower and upper end of the 95% confidence interval of `value`.
     pub interval: [f64; 2],
-    /// Reason why the ratio does not count, shown in red.
+    /// The wrong answers of the backend, if there are any. Its speed then does not count, and the
+    /// row is red.
     pub wrong: Option<String>,
 }
 
@@ -40,13 +41,15 @@ impl Ratios {
             return String::new();
         }
         let widest = self.rows.iter().map(|r| text_width(&r.label)).fold(0.0, f64::max);
-        let bold = |r: &Ratio| if r.wrong.is_some() { 1.25 } else { 1.0 };
-        let texts = self.rows.iter().map(|r| text_width(&r.text()) * bold(r));
+        // Red text is bold, and so up to a quarter wider.
+        let bold_factor = |r: &Ratio| if r.wrong.is_some() { 1.25 } else { 1.0 };
+        let texts = self.rows.iter().map(|r| text_width(&r.text()) * bold_factor(r));
         let rightmost = texts.fold(0.0, f64::max);
         let (left, right) = (widest + 14.0, WIDTH - rightmost - 14.0);
-        // The axis fits the values. Wider intervals are cut off: they would make the bars small.
-        let sizes = self.rows.iter().map(|r| 1.2 * r.value.ln().abs());
-        let span = sizes.filter(|v| v.is_finite()).fold(1.3f64.ln(), f64::max);
+        // The axis fits the values, with a margin of 20%, and shows at least 1/1.3 to 1.3. Wider
+        // intervals are cut off: they would make the bars small.
+        let lengths = self.rows.iter().map(|r| 1.2 * r.value.ln().abs());
+        let span = lengths.filter(|v| v.is_finite()).fold(1.3f64.ln(), f64::max);
         let x = |v: f64| left + (right - left) * (0.5 + 0.5 * (v.ln() / span).clamp(-1.0, 1.0));
         let mut svg = Svg::new(WIDTH);
         svg.text([0.0, 16.0], Anchor::Start, "title", &self.title);
@@ -86,6 +89,7 @@ impl Ratio {
         }
     }
 
+    /// Returns the colour of the bar and the CSS class of the text.
     fn color(&self) -> (&'static str, &'static str) {
         let [low, high] = self.interval;
         match () {
@@ -132,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_hold_one_at_every_scale() {
+    fn every_scale_has_three_marks_and_one_of_them_is_1() {
         for span in [1.3f64.ln(), 0.6, 0.7, 1.0, 2.0, 2.4, 5.0] {
             let marks = marks(span);
             assert!(marks.contains(&1.0) && marks.len() >= 3, "{span}: {marks:?}");

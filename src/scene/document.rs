@@ -1,8 +1,9 @@
 //! A JSON text as a tree that stores where every value was written.
 //!
-//! A message about `/camera/fov` must name line and column, even if the value is wrong in meaning
-//! and not in syntax. The tree keeps what a JSON value type loses: places, duplicate keys, the
-//! source text of numbers. This module does not depend on the scene format.
+//! Messages name line and column, for syntax errors and for values that a later check rejects. The
+//! tree keeps what a plain JSON value loses: places, duplicate keys, the source text of numbers.
+//! Scenes and job files are parsed here. The only key with a meaning here is `comment`, which any
+//! object may have.
 
 use serde_json::Value;
 
@@ -11,7 +12,7 @@ use crate::error::{Error, Kind, Problem, Result};
 use super::node::{Node, Place};
 use super::parse::{self, SyntaxError};
 
-/// Maximum number of input characters that a place repeats.
+/// Maximum number of characters that a message quotes from the input. Longer text ends in `...`.
 const MAX_SHOWN_CHARS: usize = 200;
 
 /// A parsed JSON text.
@@ -47,7 +48,7 @@ impl Document {
         Self { name: name.to_string(), root: Node::from_value(value) }
     }
 
-    /// Returns the node at a JSON pointer.
+    /// Returns the node at a JSON pointer. The empty pointer is the root.
     pub fn get(&self, pointer: &str) -> Option<&Node> {
         tokens(pointer).try_fold(&self.root, |node, token| node.step(&token))
     }
@@ -64,29 +65,31 @@ impl Document {
         node
     }
 
-    /// Returns the place of the node at `pointer` for messages: `FILE:LINE:COL (/json/pointer)`.
+    /// Formats the place of the node at `pointer` for messages. If there is no such node, line and
+    /// column are those of its nearest ancestor.
     pub fn place(&self, pointer: &str) -> String {
         self.describe(&self.nearest(pointer).place, pointer)
     }
 
-    /// Formats a place for messages: `FILE:LINE:COL (/json/pointer)`, or `--set /pointer` for an
-    /// override.
+    /// Formats a place for messages: `FILE:LINE:COL (/json/pointer)`. A node that an override set
+    /// is `--set /a`; a node below it is `--set /a (/a/b)`.
     pub fn describe(&self, place: &Place, pointer: &str) -> String {
-        let shown = shown(pointer);
+        let shown_pointer = shown(pointer);
         let what = match place {
             Place::Text { line, column } => format!("{}:{line}:{column}", self.name),
-            Place::Set(at) if **at == *pointer => return format!("--set {shown}"),
-            Place::Set(at) => format!("--set {}", self::shown(at)),
+            Place::Set(at) if **at == *pointer => return format!("--set {shown_pointer}"),
+            Place::Set(at) => format!("--set {}", shown(at)),
             Place::Code => self.name.clone(),
         };
         match pointer {
             "" => what,
-            _ => format!("{what} ({shown})"),
+            _ => format!("{what} ({shown_pointer})"),
         }
     }
 }
 
-/// Formats a piece of the input for a message: shortened, control characters escaped.
+/// Formats a piece of the input for a message: cut after [`MAX_SHOWN_CHARS`] characters, control
+/// characters escaped.
 pub(super) fn shown(text: &str) -> String {
     let mut shown = String::new();
     for (i, c) in text.chars().enumerate() {
@@ -99,7 +102,8 @@ pub(super) fn shown(text: &str) -> String {
     shown
 }
 
-/// Returns the unescaped steps of a JSON pointer (RFC 6901).
+/// Returns the unescaped steps of a JSON pointer (RFC 6901). The empty pointer has none, and
+/// neither has a text without a leading `/`.
 pub(super) fn tokens(pointer: &str) -> impl Iterator<Item = String> + '_ {
     let steps = pointer.strip_prefix('/').map(|rest| rest.split('/'));
     steps.into_iter().flatten().map(|t| t.replace("~1", "/").replace("~0", "~"))
@@ -121,8 +125,8 @@ fn syntax_error(name: &str, error: SyntaxError) -> Error {
     Error::new(Kind::Invalid, problem)
 }
 
-/// Recognises by its first bytes a file that is not JSON. These are often given in place of a
-/// scene.
+/// Returns the format of a file that is not JSON, by its first bytes. Users often pass such files
+/// in place of a scene. `None` for any other file.
 fn other_format(bytes: &[u8]) -> Option<&'static str> {
     const KNOWN: [(&[u8], &str); 7] = [
         (b"\x89PNG", "a PNG picture"),

@@ -16,12 +16,12 @@ pub enum Place {
     },
     /// An override: `--set` with this JSON pointer.
     Set(Arc<str>),
-    /// A value made by code: there is no text.
+    /// No place in a text: code made the value.
     Code,
 }
 
 impl Place {
-    /// Sort key for problems: positions in the text first, then overrides.
+    /// Sort key for error messages and warnings: positions in the text first, then all others.
     pub(super) fn order(&self) -> (u32, u32) {
         match self {
             Self::Text { line, column } => (*line, *column),
@@ -33,7 +33,7 @@ impl Place {
 /// A JSON value and its place.
 #[derive(Debug, Clone)]
 pub struct Node {
-    /// Where the value starts.
+    /// Where the value starts in the text, or its override.
     pub place: Place,
     /// The type and the value.
     pub kind: NodeKind,
@@ -42,9 +42,9 @@ pub struct Node {
 /// A JSON value. Numbers are stored as written.
 #[derive(Debug, Clone)]
 pub enum NodeKind {
-    /// The JSON value `null`.
+    /// The value `null`.
     Null,
-    /// The JSON value `true` or `false`.
+    /// The value `true` or `false`.
     Bool(bool),
     /// The source text of a number.
     Number(String),
@@ -96,7 +96,7 @@ impl Node {
             return Some(integer);
         }
         let number = text.parse::<f64>().ok()?;
-        // Beyond 2^53 a float no longer determines one integer.
+        // Beyond 2^53, f64 does not hold every integer: the text may have been rounded.
         let exact = number.fract() == 0.0 && number.abs() <= 9_007_199_254_740_992.0;
         exact.then_some(number as i128)
     }
@@ -109,8 +109,9 @@ impl Node {
         }
     }
 
-    /// Converts to a plain JSON value without `comment` keys. The last of duplicate keys counts.
-    /// Whole numbers become integers. A number beyond f64 becomes `null`.
+    /// Converts to a plain JSON value. Keys called `comment` are dropped: any object may have one.
+    /// The last of duplicate keys counts. Whole numbers within i64 become integers, other numbers
+    /// floats. A number beyond f64 becomes `null`.
     pub fn to_value(&self) -> Value {
         match &self.kind {
             NodeKind::Null => Value::Null,

@@ -1,7 +1,7 @@
-//! Places the mesh of a file in the world: fit, rotate, size, center, then the scene's origin.
+//! Places the mesh of a file in the world, and rounds it to f32 relative to the scene's origin.
 //!
-//! Differences come first: large coordinates become small exactly before they are rotated, scaled
-//! and rounded.
+//! A vertex p becomes `linear (p - middle) + center - origin`, in f64. `linear` rotates and scales
+//! (keys `rotate`, `size`, `fit`). `middle` is the middle of the mesh with `fit`, else 0.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -15,16 +15,18 @@ use crate::reserve::{self, MemoryLimit};
 use crate::scene::{ColorSpace, Smooth, Trimesh};
 use crate::shading::{Shape, UvSource, VertexColors};
 
-/// Largest coordinate. Embree silently drops primitives beyond it (its `FLT_LARGE`), and its square
-/// in f32 would overflow.
+/// Bound on coordinates. Embree silently drops primitives beyond it (its `FLT_LARGE`). Its square
+/// is a hundredth of the largest f32.
 pub(super) const MAX_COORDINATE: f64 = 1.844e18;
 
-/// A mesh with its transform: `linear (p - middle) + center`.
+/// A mesh with its transform to world space: `linear (p - middle) + center`.
 pub struct PlacedMesh {
     mesh: Mesh,
     spec: Trimesh,
+    /// Rotation and uniform scale.
     linear: DMat3,
     middle: DVec3,
+    /// Bounding box of the used vertices, in world space.
     bounds: Bounds,
 }
 
@@ -48,14 +50,15 @@ impl PlacedMesh {
             .help("give the file `s t` or `u v` vertex properties, or drop `tPath`"));
         }
         let used = mesh.used_vertices();
-        let own = match spec.fit {
+        let in_file = match spec.fit {
             Some(_) => bounds(&mesh, &used, |p| p),
             None => Bounds::EMPTY,
         };
-        let (linear, middle) = placement(spec, own);
+        let (linear, middle) = placement(spec, in_file);
         let offset = spec.center - linear * middle;
         let bounds = bounds(&mesh, &used, |p| linear * p + offset);
         let furthest = bounds.min.abs().max(bounds.max.abs()).max_element();
+        // `!(a < b)` also refuses NaN.
         if !(furthest < MAX_COORDINATE) {
             return Err(Error::invalid(
                 &spec.place,
@@ -73,7 +76,8 @@ impl PlacedMesh {
         self.bounds
     }
 
-    /// Maps vertices of an f32 file to f32 positions around `origin`.
+    /// Maps vertices of an f32 file to f32 positions relative to `origin`. One multiplication and
+    /// one addition are precise enough: f64 has 29 bits more than the file's coordinates.
     #[inline(always)]
     fn placed(&self, origin: DVec3) -> impl Fn(DVec3) -> [f32; 3] + Sync + use<> {
         let linear = self.linear;
@@ -81,23 +85,24 @@ impl PlacedMesh {
         move |p| (linear * p + offset).as_vec3().to_array()
     }
 
-    /// Maps vertices of an f64 file to f32 positions around `origin`. Large coordinates of the file
-    /// become small exactly first.
+    /// Maps vertices of an f64 file to f32 positions relative to `origin`. The differences come
+    /// first, so large coordinates become small before they are rotated, scaled and rounded.
     #[inline(always)]
     fn placed_exactly(&self, origin: DVec3) -> impl Fn(DVec3) -> [f32; 3] + Sync + use<> {
         let (linear, middle, center) = (self.linear, self.middle, self.spec.center - origin);
         move |p| (linear * (p - middle) + center).as_vec3().to_array()
     }
 
-    /// Magnitude of the largest coordinate around `origin`.
+    /// Largest absolute coordinate of the mesh relative to `origin`, in world units.
     fn reach(&self, origin: DVec3) -> f64 {
         let Bounds { min, max } = self.bounds;
         (min - origin).abs().max((max - origin).abs()).max_element()
     }
 
-    /// Measures the resolution of the mesh in f32 around `origin`.
+    /// Measures the resolution of the mesh in f32 relative to `origin`.
     pub fn resolution(&self, origin: DVec3) -> Resolution {
         let (mesh, spec) = (&self.mesh, &self.spec);
+        // The scale is uniform, so any axis gives it.
         let scale = self.linear.x_axis.length();
         let exact = |i: u32| mesh.positions.get(i as usize);
         let (shortest_edge, collapsed_edges) = match mesh.positions {
@@ -117,17 +122,21 @@ impl PlacedMesh {
         }
     }
 
-    /// Decides from the box alone whether edges may collapse around `origin`. They may if the file
-    /// has doubles, or if f32 around `origin` is more than two bits coarser than the file's own.
+    /// Returns a suspect if the two ends of an edge may round to the same f32 point relative to
+    /// `origin`. Conservative, and cheap: looks at the bounding box and at no edge.
+    ///
+    /// Every f64 file is a suspect. An f32 file is one if the f32 grid at the mesh's largest
+    /// coordinate relative to `origin` is more than two bits coarser than in the file.
     pub fn doubt(&self, origin: DVec3) -> Option<CollapseSuspect> {
         let Trimesh { place, path, center, .. } = &self.spec;
         let scale = self.linear.x_axis.length();
-        // The file's largest coordinate, in world units.
-        let own = self.reach(*center - self.linear * self.middle);
+        // The largest coordinate in the file, in world units: relative to where the zero of the
+        // file is in the world.
+        let in_file = self.reach(*center - self.linear * self.middle);
         let ulp_there = ulp(self.reach(origin));
         let doubtful = match self.mesh.positions {
             Positions::F64(_) => true,
-            Positions::F32(_) => ulp_there > 4.0 * scale * ulp(own / scale),
+            Positions::F32(_) => ulp_there > 4.0 * scale * ulp(in_file / scale),
         };
         doubtful.then(|| CollapseSuspect {
             place: place.clone(),
@@ -136,7 +145,8 @@ impl PlacedMesh {
         })
     }
 
-    /// The triangles without area, for warnings once the mesh is placed. `None` if there are none.
+    /// Returns the number of triangles without area in the file, for the warnings after
+    /// [`Self::finish`]. `None` if there are none.
     pub fn without_area(&self) -> Option<WithoutArea> {
         let count = self.mesh.notes.degenerate_dropped;
         let path = || self.spec.path.display().to_string();
@@ -144,7 +154,8 @@ impl PlacedMesh {
     }
 
     /// Checks that the memory of [`Self::finish`] fits into `room`. Returns the room that is left
-    /// after it.
+    /// after it: computed normals stay, 12 bytes per vertex. f32 positions need none, because they
+    /// replace larger or equal ones.
     ///
     /// # Errors
     /// As [`MemoryLimit::check`].
@@ -157,7 +168,7 @@ impl PlacedMesh {
     /// Returns the mesh relative to `origin`, and sets the vertex data of `shape`.
     ///
     /// # Errors
-    /// `Retry` if memory is short.
+    /// `Retry` (exit code 3) if the system refuses the memory, and those of the normals.
     pub fn finish(self, origin: DVec3, shape: &mut Shape) -> Result<TriangleMesh> {
         reserve::probe(self.finish_bytes(), &self.spec.path.display().to_string())?;
         let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
@@ -180,6 +191,7 @@ impl PlacedMesh {
             (Smooth::Off, _) => None,
             (_, Some(normals)) => Some(rotated(normals, linear).into()),
             (Smooth::All, None) => Some(mesh::vertex_normals(&vertices, &mesh.triangles).into()),
+            // `flat` is the smaller angle that flat parts have.
             (Smooth::Below { angle, flat }, None) => {
                 let angles = [angle, flat];
                 Some(mesh::creased_normals(&vertices, &mesh.triangles, angles, &name())?)
@@ -197,12 +209,15 @@ impl PlacedMesh {
             };
             VertexColors { values, space: spec.vertex_color_space.unwrap_or(stored) }
         });
+        // The last argument is `loop_only`: a linear list of triangles, for `bvh: false`.
         let placed = TriangleMesh::new(vertices, mesh.triangles, !spec.bvh);
         Ok(placed.with_stitches(&mesh.stitches))
     }
 
-    /// Memory of [`PlacedMesh::finish`] beyond the mesh: floats for doubles, and normals with a
-    /// list of the faces of each vertex.
+    /// Memory in bytes that [`PlacedMesh::finish`] needs beside the mesh.
+    ///
+    /// An f64 file needs f32 positions, 12 bytes per vertex. Computed normals need 24 bytes per
+    /// vertex and 12 per triangle: the normals, and a table of the faces around each vertex.
     fn finish_bytes(&self) -> u64 {
         let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
         let rounded = match self.mesh.positions {
@@ -217,15 +232,17 @@ impl PlacedMesh {
     }
 }
 
-/// The triangles of a file that have no area.
+/// Number of triangles without area in a file. Some of them are kept as stitches
+/// ([`TriangleMesh::with_stitches`]), which close T-junctions; the others are dropped.
 pub struct WithoutArea {
     path: String,
+    /// Dropped triangles and stitches together.
     count: u64,
 }
 
 impl WithoutArea {
-    /// Warnings with the number of dropped triangles and the number kept as stitches of the placed
-    /// `mesh`.
+    /// Returns a warning with the number of dropped triangles, and one with the number of stitches
+    /// in the placed `mesh`.
     pub fn warnings(&self, mesh: &TriangleMesh) -> impl Iterator<Item = Problem> {
         let kept = mesh.stitches() as u64;
         let dropped = self.count.saturating_sub(kept);
@@ -247,17 +264,19 @@ fn rotated(mut normals: Vec<[f32; 3]>, linear: DMat3) -> Vec<[f32; 3]> {
     normals
 }
 
-/// Rotation and scale of a mesh, and the point of the file that is placed at `center`: world =
-/// linear (file - middle) + center. `own` is the mesh's own box; only `fit` uses it.
-pub fn placement(spec: &Trimesh, own: Bounds) -> (DMat3, DVec3) {
+/// Returns `linear` (rotation and uniform scale) and `middle` (the point of the file that is placed
+/// at `center`): world = linear (file - middle) + center. `in_file` is the bounding box in the
+/// coordinates of the file; only `fit` uses it.
+pub fn placement(spec: &Trimesh, in_file: Bounds) -> (DMat3, DVec3) {
     let [x, y, z] = spec.rotate_deg.to_array().map(f64::to_radians);
     let rotation =
         DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
-    // Quarter turns must be exact, or a rotated mesh would not be the same mesh.
+    // Quarter turns are made exact: they only swap and negate coordinates. So the mesh keeps its
+    // exact shape.
     let exact = |x: f64| if (x - x.round()).abs() < 1e-15 { x.round() } else { x };
     let rotation = DMat3::from_cols_array(&rotation.to_cols_array().map(exact));
     match spec.fit {
-        Some(fit) => (rotation * (fit / own.longest_side() * spec.size), own.center()),
+        Some(fit) => (rotation * (fit / in_file.longest_side() * spec.size), in_file.center()),
         None => (rotation * spec.size, DVec3::ZERO),
     }
 }

@@ -1,8 +1,8 @@
-//! Bounding boxes around blocks of neighbouring primitives: the oracle skips blocks that a ray
-//! cannot hit.
+//! A tree of bounding boxes that culls primitives for `brute`, the backend that decides hits
+//! without rounding.
 //!
-//! The boxes are conservative: they are widened by far more than the box test rounds. So they never
-//! decide a hit.
+//! The box test is conservative. Every box is widened by far more than the rounding error of the
+//! test, so a primitive that the ray hits is never culled.
 
 use std::ops::Range;
 
@@ -11,10 +11,11 @@ use rayon::prelude::*;
 
 use crate::accel::lane::Ray;
 
-/// Number of boxes or items in one block.
+/// Number of neighbouring items, or of neighbouring boxes of one level, that share a box.
 const BLOCK: usize = 8;
 
-/// Smallest widening of a box, relative to its largest coordinate as seen from the ray's origin.
+/// Minimum widening of a box, in units of max |corner - ray origin| over its corners and axes. It
+/// is far above the rounding error of the box test. Callers must not pass less.
 pub const ROUNDING: f64 = 1.0 / (1u64 << 40) as f64;
 
 #[derive(Debug, Clone, Copy)]
@@ -41,10 +42,15 @@ impl Box3 {
 
     /// Returns whether the ray may hit the widened box at a t between `near` and `far`.
     ///
-    /// Let M be the largest coordinate of the box as seen from the ray's origin. Every plane of the
-    /// box moves outwards by w = `widen` M. A difference, a reciprocal and a product round, by less
-    /// than 4u(M + w) together (u = 2^-53). That is far below w for `widen` >= [`ROUNDING`]. A NaN
-    /// (0 times infinity) is dropped by `min` and `max` and rejects no box.
+    /// Let M be the largest |corner - ray origin| over all corners and axes. Every plane of the box
+    /// moves outwards by w = `widen` M. The difference, the reciprocal and the product have
+    /// rounding errors. Together they are equivalent to a shift of the plane by less than 4u(M +
+    /// w), u = 2^-53. That is far below w for `widen` >= [`ROUNDING`].
+    ///
+    /// 0 times infinity gives NaN: the ray runs parallel to a widened plane and lies in it. `min`
+    /// and `max` drop the NaN, and the other plane may then reject the box. That is right, because
+    /// the ray passes the box itself at a distance of w. If w is 0, both values are NaN and reject
+    /// nothing.
     #[inline(always)]
     fn may_hit(&self, ray: &Ray, inverse: DVec3, widen: f64, [near, far]: [f64; 2]) -> bool {
         let (min, max) = (self.min - ray.origin, self.max - ray.origin);
@@ -60,12 +66,12 @@ impl Box3 {
     }
 }
 
-/// A tree of boxes: items in Morton order, a box around each [`BLOCK`] of them, a box around each
-/// [`BLOCK`] of those boxes, and so on.
+/// A tree of boxes over items in Morton order. The lowest level has a box around every [`BLOCK`]
+/// items, each further level a box around every [`BLOCK`] boxes of the level below.
 pub struct Blocks {
     /// Indices into the caller's list of items, in Morton order.
     order: Vec<u32>,
-    /// Boxes of each level, from the items upwards. The last level has at most [`BLOCK`] boxes.
+    /// Boxes of each level, the lowest level first. The last level has at most [`BLOCK`] boxes.
     levels: Vec<Vec<Box3>>,
 }
 
@@ -73,6 +79,8 @@ impl Blocks {
     /// Builds the tree over items with these boxes.
     pub fn new(boxes: &[Box3]) -> Self {
         let all = boxes.iter().fold(Box3::EMPTY, |all, &b| all.union(b));
+        // Along an axis without extent, infinity times 0 gives NaN, which casts to 0. A centre on
+        // the upper bound wraps to 0 in `morton`. The order affects only speed.
         let scale = (DVec3::ONE / (all.max - all.min)).max(DVec3::ZERO) * f64::from(1 << 21);
         let mut order: Vec<(u64, u32)> = (0..boxes.len() as u32)
             .into_par_iter()
@@ -92,23 +100,25 @@ impl Blocks {
         Self { order, levels }
     }
 
-    /// Calls `found` for every item in a block that the ray may hit at a t in `range`.
+    /// Calls `candidate` with every item whose block of [`BLOCK`] items has a box that the ray may
+    /// hit at a t in `range`. The caller tests the item itself.
     ///
-    /// Boxes are widened by `widen` times their largest coordinate as seen from the ray's origin;
-    /// `widen` is at least [`ROUNDING`].
-    pub fn each(&self, ray: &Ray, widen: f64, range: [f64; 2], mut found: impl FnMut(u32)) {
+    /// Every box is widened by `widen` times its largest |corner - ray origin|, over all corners
+    /// and axes. `widen` must be at least [`ROUNDING`].
+    pub fn each(&self, ray: &Ray, widen: f64, range: [f64; 2], mut candidate: impl FnMut(u32)) {
         let top = self.levels.len() - 1;
         let query = Query { ray, inverse: ray.direction.recip(), widen, range };
-        self.descend(top, 0..self.levels[top].len(), &query, &mut found);
+        self.descend(top, 0..self.levels[top].len(), &query, &mut candidate);
     }
 
-    /// Visits `boxes` of one level and the levels below. Recursion is at most eleven levels deep.
+    /// Visits `boxes` of one level and the levels below. Recursion is at most ten levels deep: 2^32
+    /// items give levels of 2^29, 2^26, and so on to 2^2 boxes.
     fn descend(
         &self,
         level: usize,
         boxes: Range<usize>,
         query: &Query,
-        found: &mut impl FnMut(u32),
+        candidate: &mut impl FnMut(u32),
     ) {
         for index in boxes {
             if !self.levels[level][index].may_hit(
@@ -123,11 +133,11 @@ impl Blocks {
             match level.checked_sub(1) {
                 None => {
                     let end = self.order.len().min(first + BLOCK);
-                    self.order[first..end].iter().for_each(|&item| found(item));
+                    self.order[first..end].iter().for_each(|&item| candidate(item));
                 }
                 Some(below) => {
                     let end = self.levels[below].len().min(first + BLOCK);
-                    self.descend(below, first..end, query, found);
+                    self.descend(below, first..end, query, candidate);
                 }
             }
         }

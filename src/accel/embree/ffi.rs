@@ -1,15 +1,19 @@
 //! Embree 4's C API, declared by hand for the layout of 4.3 and later, and loaded at run time.
 //!
-//! Only the functions and types that are used are declared. Sizes and offsets are asserted here.
-//! `tests/repository/embree_layout.rs` compares them with the C headers if these are installed.
-//! Packets of rays and hits are [`crate::ray::Rays`] and [`crate::ray::RayPacket`].
+//! Only the functions and types that are used are declared. The end of this file asserts their
+//! sizes and some offsets. `tests/repository/embree_layout.rs` compares [`LAYOUTS`]
+//! with the C headers if
+//! these are installed.
+//!
+//! The packets of 16 rays are declared in [`crate::ray`]: [`Rays`] is `RTCRay16`, `Hits` is
+//! `RTCHit16`, and [`RayPacket`] (rays with their hits) is `RTCRayHit16`.
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 use std::mem::{align_of, offset_of, size_of};
 
 use crate::ray::{Mask, RayPacket, Rays};
 
-/// A C enumeration (4 bytes).
+/// A C enumeration or a set of flags (4 bytes).
 pub type Enum = c_int;
 
 /// Opaque C type `RTCDevice`.
@@ -85,12 +89,13 @@ pub struct Bounds {
     pub align1: f32,
 }
 
-/// `RTCRayQueryContext`, followed by the data of our filters.
+/// `RTCRayQueryContext`, followed by two pointers of our own that the filter callbacks read.
 #[repr(C)]
 pub struct QueryContext {
     pub inst_id: c_uint,
     pub inst_prim_id: c_uint,
-    /// First primitive number of each geometry.
+    /// By geometry id: the number in the whole scene of the geometry's first primitive. Adding
+    /// Embree's `prim_id` gives the number of a primitive in the whole scene.
     pub bases: *const u32,
     /// Data of the filter function, from [`super::filter::Filter::data`].
     pub filter: *const c_void,
@@ -103,12 +108,15 @@ pub struct QueryArguments {
     pub feature_mask: c_uint,
     pub context: *mut QueryContext,
     pub filter: Option<unsafe extern "C" fn(*const FilterArguments)>,
+    /// `intersect` or `occluded` of the C structure: the callback for user geometries. Always null:
+    /// the callbacks are set at the geometries.
     pub user_geometry: Option<unsafe extern "C" fn(*const c_void)>,
 }
 
 /// `RTCBoundsFunctionArguments`: arguments of a user geometry's bounds callback.
 #[repr(C)]
 pub struct BoundsArguments {
+    /// `geometryUserPtr`: the pointer that `set_user_data` gave to the geometry.
     pub user: *const c_void,
     pub prim_id: c_uint,
     pub time_step: c_uint,
@@ -119,7 +127,9 @@ pub struct BoundsArguments {
 /// `rays` is an `RTCRayHitN` or an `RTCRayN` of `n` lanes.
 #[repr(C)]
 pub struct UserArguments {
+    /// `n` values: -1 for active lanes, 0 for the others.
     pub valid: *mut c_int,
+    /// `geometryUserPtr`: the pointer that `set_user_data` gave to the geometry.
     pub user: *const c_void,
     pub prim_id: c_uint,
     pub context: *const c_void,
@@ -131,7 +141,10 @@ pub struct UserArguments {
 /// `RTCFilterFunctionNArguments`: arguments of a filter callback, for `n` lanes.
 #[repr(C)]
 pub struct FilterArguments {
+    /// `n` values: -1 for lanes with a candidate, else 0. The filter rejects a candidate by writing
+    /// 0.
     pub valid: *mut c_int,
+    /// `geometryUserPtr`: the pointer that `set_user_data` gave to the geometry.
     pub user: *const c_void,
     pub context: *const QueryContext,
     pub ray: *mut f32,
@@ -161,6 +174,7 @@ pub struct PointQueryContext {
 #[repr(C, align(16))]
 pub struct PointQueryArguments {
     pub query: *mut PointQuery,
+    /// `userPtr`: the last argument of `rtcPointQuery`.
     pub user: *mut c_void,
     pub prim_id: c_uint,
     pub geom_id: c_uint,
@@ -246,7 +260,10 @@ api! {
 /// Layout of one declared structure: `(C name, size, alignment, [(C member, offset)])`.
 pub type Layout = (&'static str, usize, usize, &'static [(&'static str, usize)]);
 
-/// Layouts of all declared structures in Rust. The layout test compares them with the C headers.
+/// Rust's layouts of the structures declared here, for the test that compares them with the C
+/// headers. `QueryContext` is missing, because it is longer than its C counterpart.
+/// `RTCOccludedFunctionNArguments` has only its last members: the others are those of
+/// `RTCIntersectFunctionNArguments`.
 pub const LAYOUTS: &[Layout] = &[
     (
         "RTCRay",
@@ -289,6 +306,7 @@ pub const LAYOUTS: &[Layout] = &[
             ("time", offset_of!(Rays, time)),
             ("tfar", offset_of!(Rays, tfar)),
             ("mask", offset_of!(Rays, mask)),
+            // Embree only stores the id. Ours is the primitive that the ray leaves.
             ("id", offset_of!(Rays, leaving)),
             ("flags", offset_of!(Rays, flags)),
         ],

@@ -1,10 +1,12 @@
 //! Decides which properties of a header become which array, and which are skipped.
+//!
+//! A role is the meaning of one number of a vertex row, as an index below [`ROLES`].
 
 use super::header::{Element, Header, Property, PropertyType};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 
-/// Number of vertex values: 0-2 position, 3-5 normal, 6-7 texture coordinate, 8-10 colour.
+/// Number of roles: 0-2 position, 3-5 normal, 6-7 texture coordinate, 8-10 colour.
 pub(super) const ROLES: usize = 11;
 
 const NORMAL: usize = 3;
@@ -27,7 +29,7 @@ pub(super) enum ColorType {
 /// How one property of a row is read.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Step {
-    /// A vertex value with this role.
+    /// A number of a vertex: its type and its role.
     Value(Scalar, usize),
     /// The corners of a face or strip.
     Corners {
@@ -54,9 +56,10 @@ pub(super) struct VertexPlan {
     /// Index of the element in the header.
     pub(super) element: usize,
     pub(super) steps: Vec<Step>,
-    /// Index of the property for each role.
+    /// For each role, the index of its property within the element.
     pub(super) columns: [Option<usize>; ROLES],
-    /// True if `f32` cannot hold the coordinates.
+    /// True if a coordinate has a declared type that `f32` cannot hold exactly: `double`, `int` or
+    /// `uint`.
     pub(super) double: bool,
     pub(super) normals: bool,
     pub(super) uvs: bool,
@@ -68,7 +71,7 @@ pub(super) struct VertexPlan {
 pub(super) struct FacePlan {
     pub(super) element: usize,
     pub(super) steps: Vec<Step>,
-    /// Index of the property that holds the corners.
+    /// Index within the element of the property that holds the corners.
     pub(super) corners: usize,
     pub(super) texcoords: bool,
     pub(super) strips: bool,
@@ -78,30 +81,34 @@ pub(super) struct FacePlan {
 pub(super) struct MeshPlan {
     pub(super) vertex: VertexPlan,
     pub(super) faces: Vec<FacePlan>,
+    /// Names `element.property` of the properties that are read.
     pub(super) used: Vec<String>,
+    /// Names `element.property` of the properties that are skipped.
     pub(super) ignored: Vec<String>,
 }
 
-/// Decides which properties are read. Returns an error if the file cannot be a mesh.
-pub(super) fn plan(header: &Header, name: &str) -> Result<MeshPlan> {
-    let vertex = vertex_plan(header, name)?;
+/// Decides which properties are read. Returns an error if the file cannot be a mesh. Messages name
+/// the file as `file`.
+pub(super) fn plan(header: &Header, file: &str) -> Result<MeshPlan> {
+    let vertex = vertex_plan(header, file)?;
     let mut faces = Vec::new();
     for (element, strips) in [("face", false), ("tristrips", true)] {
-        faces.extend(face_plan(header, element, strips, name)?);
+        faces.extend(face_plan(header, element, strips, file)?);
     }
+    // In file order: rows are read in this order.
     faces.sort_by_key(|face| face.element);
     if faces.iter().all(|face| header.elements[face.element].count == 0) {
-        return Err(no_faces(header, &vertex, name));
+        return Err(no_faces(header, &vertex, file));
     }
     let mut used = Vec::new();
     let mut ignored = Vec::new();
-    for (place, element) in header.elements.iter().enumerate() {
+    for (element_index, element) in header.elements.iter().enumerate() {
         let steps = std::iter::once((vertex.element, &vertex.steps))
             .chain(faces.iter().map(|f| (f.element, &f.steps)))
-            .find(|(at, _)| *at == place);
-        for (at, property) in element.properties.iter().enumerate() {
+            .find(|(index, _)| *index == element_index);
+        for (property_index, property) in element.properties.iter().enumerate() {
             let skipped = steps.is_none_or(|(_, steps)| {
-                matches!(steps[at], Step::Skip(_) | Step::SkipList { .. })
+                matches!(steps[property_index], Step::Skip(_) | Step::SkipList { .. })
             });
             let list = if skipped { &mut ignored } else { &mut used };
             list.push(format!("{}.{}", element.name, property.name));
@@ -110,30 +117,32 @@ pub(super) fn plan(header: &Header, name: &str) -> Result<MeshPlan> {
     Ok(MeshPlan { vertex, faces, used, ignored })
 }
 
-fn no_faces(header: &Header, vertex: &VertexPlan, name: &str) -> Error {
+fn no_faces(header: &Header, vertex: &VertexPlan, file: &str) -> Error {
     let points = header.elements[vertex.element].count;
-    Error::invalid(name, format!("has no faces: it is a point cloud of {points} points"))
+    Error::invalid(file, format!("has no faces: it is a point cloud of {points} points"))
         .help("make a mesh of it first, for example with Poisson reconstruction in MeshLab or CloudCompare")
 }
 
-fn vertex_plan(header: &Header, name: &str) -> Result<VertexPlan> {
-    let place = header.elements.iter().position(|e| e.name == "vertex").ok_or_else(|| {
-        let names: Vec<_> = header.elements.iter().map(|e| e.name.as_str()).collect();
-        Error::invalid(name, format!("has no element 'vertex', only: [{}]", names.join(", ")))
-    })?;
-    let element = &header.elements[place];
+fn vertex_plan(header: &Header, file: &str) -> Result<VertexPlan> {
+    let element_index =
+        header.elements.iter().position(|e| e.name == "vertex").ok_or_else(|| {
+            let names: Vec<_> = header.elements.iter().map(|e| e.name.as_str()).collect();
+            Error::invalid(file, format!("has no element 'vertex', only: [{}]", names.join(", ")))
+        })?;
+    let element = &header.elements[element_index];
     if element.count > u32::MAX as u64 {
         let message = format!("has {} vertices; the most is {}", element.count, u32::MAX);
-        return Err(Error::invalid(name, message).help("split the mesh into several files"));
+        return Err(Error::invalid(file, message).help("split the mesh into several files"));
     }
     let mut columns = [None; ROLES];
     for (role, axis) in ["x", "y", "z"].into_iter().enumerate() {
         columns[role] = Some(single(element, axis).ok_or_else(|| {
-            Error::invalid(name, format!("element vertex has no number '{axis}'"))
+            Error::invalid(file, format!("element vertex has no scalar property '{axis}'"))
                 .help("positions are the properties x y z")
         })?);
     }
     assign(element, &["nx", "ny", "nz"], &mut columns[NORMAL..UV]);
+    // Takes the first complete pair: `any` stops at the first `true`.
     UV_NAMES.iter().any(|names| assign(element, names, &mut columns[UV..COLOR]));
     let colors = COLOR_NAMES.iter().find_map(|names| {
         let kind = color_type(element, names)?;
@@ -151,7 +160,7 @@ fn vertex_plan(header: &Header, name: &str) -> Result<VertexPlan> {
         }
     });
     Ok(VertexPlan {
-        element: place,
+        element: element_index,
         steps: steps.collect(),
         columns,
         double,
@@ -168,7 +177,7 @@ fn skip(shape: PropertyType) -> Step {
     }
 }
 
-/// Returns the index of the property called `name` if it is a single number.
+/// Returns the index of the property called `name` if it is a scalar and not a list.
 fn single(element: &Element, name: &str) -> Option<usize> {
     let at = element.find(name)?;
     matches!(element.properties[at].shape, PropertyType::Single(_)).then_some(at)
@@ -185,7 +194,8 @@ fn assign(element: &Element, names: &[&str], columns: &mut [Option<usize>]) -> b
     true
 }
 
-/// Returns the type of three colour channels. `None` if they differ, or if it is not a colour type.
+/// Returns the common type of three colour channels. `None` if a channel is missing, if the types
+/// differ, or if colours cannot have this type.
 fn color_type(element: &Element, names: &[&str; 3]) -> Option<ColorType> {
     let shapes = names.map(|name| element.find(name).map(|at| element.properties[at].shape));
     if shapes.iter().any(|shape| *shape != shapes[0]) {
@@ -199,11 +209,11 @@ fn color_type(element: &Element, names: &[&str; 3]) -> Option<ColorType> {
     }
 }
 
-fn face_plan(header: &Header, which: &str, strips: bool, name: &str) -> Result<Option<FacePlan>> {
-    let Some(place) = header.elements.iter().position(|e| e.name == which) else {
+fn face_plan(header: &Header, which: &str, strips: bool, file: &str) -> Result<Option<FacePlan>> {
+    let Some(element_index) = header.elements.iter().position(|e| e.name == which) else {
         return Ok(None);
     };
-    let element = &header.elements[place];
+    let element = &header.elements[element_index];
     let corners = element.find("vertex_indices").or_else(|| element.find("vertex_index"));
     let integers = |at: usize| match element.properties[at].shape {
         PropertyType::List { item, .. } => item.is_integer(),
@@ -214,15 +224,15 @@ fn face_plan(header: &Header, which: &str, strips: bool, name: &str) -> Result<O
             return Ok(None);
         }
         return Err(Error::invalid(
-            name,
+            file,
             format!("element {which} has no list of integers 'vertex_indices' or 'vertex_index'"),
         ));
     };
-    let has_texcoords = |p: &Property| matches!(p.shape, PropertyType::List { item, .. } if p.name == "texcoord" && !item.is_integer());
-    let texcoords = !strips && element.properties.iter().any(has_texcoords);
+    let is_texcoord_list = |p: &Property| matches!(p.shape, PropertyType::List { item, .. } if p.name == "texcoord" && !item.is_integer());
+    let texcoords = !strips && element.properties.iter().any(is_texcoord_list);
     let steps = element.properties.iter().enumerate().map(|(at, property)| match property.shape {
         PropertyType::List { count, item } if at == corners => Step::Corners { count, item },
-        PropertyType::List { count, item } if texcoords && has_texcoords(property) => {
+        PropertyType::List { count, item } if texcoords && is_texcoord_list(property) => {
             Step::Texcoords { count, item }
         }
         PropertyType::Single(kind)
@@ -233,5 +243,5 @@ fn face_plan(header: &Header, which: &str, strips: bool, name: &str) -> Result<O
         shape => skip(shape),
     });
     let steps = steps.collect();
-    Ok(Some(FacePlan { element: place, steps, corners, texcoords, strips }))
+    Ok(Some(FacePlan { element: element_index, steps, corners, texcoords, strips }))
 }

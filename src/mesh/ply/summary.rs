@@ -15,9 +15,11 @@ use crate::error::Result;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TriangleCount {
-    /// Computed from the sizes. Triangles that the reader will drop are not subtracted.
+    /// Exact for what the file declares, computed from the sizes of file and rows. Includes the
+    /// triangles that the reader will drop.
     Exact,
-    /// An upper bound of the number.
+    /// An upper bound for triangle strips, which may have restarts. Too small for a file that has
+    /// faces with fewer than three corners.
     AtMost,
     /// An estimate that takes every face for one triangle.
     Estimate,
@@ -45,7 +47,7 @@ pub struct ElementSummary {
     pub properties: Vec<PropertySummary>,
 }
 
-/// The contents of a header, and the mesh that reading the file would give.
+/// The contents of a header, and a description of the mesh that reading the file would give.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct PlySummary {
     /// The encoding: `ascii`, `binary_little_endian` or `binary_big_endian`.
@@ -76,16 +78,17 @@ pub struct PlySummary {
     pub colors: Option<&'static str>,
     /// Optional data that the file lacks: `normals`, `texture coordinates`, `colours`.
     pub missing: Vec<&'static str>,
-    /// The name in every `comment TextureFile NAME`.
+    /// The names in the lines `comment TextureFile NAME`, in file order.
     pub texture_files: Vec<String>,
-    /// Size in bytes of the arrays of the mesh, computed from the numbers above.
+    /// Size in bytes of the arrays of the mesh. Computed from `vertices` and `triangles`, and as
+    /// reliable as `triangles`.
     pub array_bytes: u64,
 }
 
 /// Summarises the file at `path` from its header.
 ///
 /// # Errors
-/// If [`super::read`] cannot read a mesh for a reason that the header shows.
+/// If the header alone shows that [`super::read`] would reject the file.
 pub fn inspect(path: &Path) -> Result<PlySummary> {
     let name = path.display().to_string();
     let Head { bytes, file_bytes, packing } = Head::read(path, MAX_HEADER as u64)?;
@@ -98,6 +101,7 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
         Some(_) => (faces(&header, &plan), TriangleCount::Estimate),
     };
     let corner_uvs = plan.faces.iter().any(|face| face.texcoords);
+    // Three indices a triangle, and three pairs of texture coordinates if corners have them.
     let array_bytes = vertices
         .saturating_mul(vertex_bytes(&plan, corner_uvs))
         .saturating_add(triangles.saturating_mul(if corner_uvs { 36 } else { 12 }));
@@ -167,8 +171,11 @@ fn faces(header: &Header, plan: &MeshPlan) -> u64 {
     counts.fold(0, u64::saturating_add)
 }
 
-/// Returns the number of triangles. If a binary file has one list only, in its one element of
-/// faces, all bytes beyond the minimum size of the rows are corners.
+/// Returns the number of triangles.
+///
+/// It can be computed if a binary file has a single list property: the corners of its faces or
+/// strips. All rows without their list items take `fixed` bytes. The other bytes are corners, and a
+/// face with n corners gives n - 2 triangles. Any other file is estimated.
 fn triangles(header: &Header, plan: &MeshPlan, data_bytes: u64) -> (u64, TriangleCount) {
     let faces = faces(header, plan);
     let rows = || header.elements.iter().flat_map(|e| e.properties.iter().map(|p| (e.count, p)));
@@ -187,7 +194,8 @@ fn triangles(header: &Header, plan: &MeshPlan, data_bytes: u64) -> (u64, Triangl
     });
     let corners = data_bytes.saturating_sub(fixed) / item.size() as u64;
     let triangles = corners.saturating_sub(faces.saturating_mul(2));
-    // The sizes show neither restarts of strips nor faces with fewer than three corners.
+    // Strips may have restarts, which the sizes do not show. Fewer triangles than faces prove that
+    // some faces have fewer than three corners. Such faces beside large polygons are not noticed.
     let exact = !face.strips && triangles >= faces;
     (triangles, if exact { TriangleCount::Exact } else { TriangleCount::AtMost })
 }

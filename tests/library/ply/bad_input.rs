@@ -169,7 +169,7 @@ fn mesh_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         (
             "no z",
             h("format ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y"),
-            "t.ply: element vertex has no number 'z'",
+            "t.ply: element vertex has no scalar property 'z'",
         ),
         ("point cloud", h(START), "t.ply: has no faces: it is a point cloud of 3 points"),
         (

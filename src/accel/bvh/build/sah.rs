@@ -1,5 +1,9 @@
-//! Finds the best split of a set of references: the surface area heuristic over bins of centroids
-//! (Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies").
+//! Finds the best split of a set of primitive references: the surface area heuristic over bins of
+//! centroids (Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies").
+//!
+//! A [`Reference`] is a primitive's number and bounding box. Centroids are doubled, lower + upper
+//! corner, because no comparison needs the division by 2. [`Bounds3`] stores the upper corner
+//! negated, so `b[i] - b[i + 4]` is the doubled centroid along axis i.
 
 use super::super::bounds::Bounds3;
 use super::reference::Reference;
@@ -7,27 +11,28 @@ use super::reference::Reference;
 /// Number of bins along each axis.
 pub const BINS: usize = 16;
 
-/// Sets of at least this many references are subsampled: only every third reference is binned. The
-/// splits are about as good.
+/// [`Bins::add`] subsamples a slice of at least this many references: it bins only every third one.
+/// The trees have about the same SAH cost as without subsampling.
 const MIN_SUBSAMPLED: usize = 1024;
 
-/// Distance of the binned references of a subsampled set. Odd, because scans list triangles in
-/// pairs.
+/// Stride of the subsampling: every third reference is binned. It is odd because many 3D scans list
+/// the two triangles of a grid cell in turn. An even stride would bin only the first of each pair.
 const SUBSAMPLE_STRIDE: usize = 3;
 
-/// Number and box of the references in each bin, for three axes. The centroid decides the bin.
+/// Number and bounding box of the references in each bin, along each axis. A reference is in the
+/// bin of its centroid. Arrays are indexed by bin, then by axis.
 #[derive(Clone)]
 pub struct Bins {
     bounds: [[Bounds3; 3]; BINS],
     counts: [[u32; 3]; BINS],
 }
 
-/// The mapping from centroids to bins.
+/// The mapping from doubled centroids to bins.
 #[derive(Debug, Clone, Copy)]
 pub struct Grid {
     /// Smallest doubled centroid along each axis.
     origin: [f32; 4],
-    /// Bins per unit; 0 along an axis without extent.
+    /// Bins per unit of the doubled centroid; 0 along an axis without extent.
     scale: [f32; 4],
 }
 
@@ -40,10 +45,11 @@ pub struct Split {
 }
 
 impl Grid {
-    /// Returns the grid over a box of doubled centroids.
+    /// Returns the grid over the bounding box of doubled centroids.
     #[inline(always)]
     pub fn new(centroids: &Bounds3) -> Self {
         let [x, y, z] = centroids.extent().map(|extent| {
+            // Slightly below BINS: the largest centroid stays inside the last bin.
             let scale = (BINS as f32 - 0.01) / extent;
             if extent > 0.0 && scale.is_finite() { scale } else { 0.0 }
         });
@@ -65,16 +71,18 @@ impl Grid {
     /// Whether a reference belongs to the left side.
     #[inline(always)]
     pub fn is_left(&self, split: &Split, reference: &Reference) -> bool {
+        // `% 3` changes nothing: it removes the bounds checks.
         let axis = split.axis % 3;
         let Bounds3(b) = reference.bounds;
         bin(b[axis] - b[axis + 4], self.origin[axis], self.scale[axis]) < split.bin
     }
 }
 
-/// Returns the bin of one coordinate.
+/// Returns the bin of one coordinate: `(center2 - origin) * scale`, rounded down.
 #[inline(always)]
 fn bin(center2: f32, origin: f32, scale: f32) -> u32 {
-    // Adding 2^23 leaves the integer nearest to x - 0.5 in the low bits.
+    // A floor without a conversion. After `- 0.5`, the nearest integer is the floor. Adding 2^23
+    // leaves this integer in the low bits.
     let x = (center2 - origin) * scale - 0.5;
     let x = if x > 0.0 { x } else { 0.0 };
     let bits = (x + 8_388_608.0).to_bits() & 0x7f_ffff;
@@ -84,13 +92,14 @@ fn bin(center2: f32, origin: f32, scale: f32) -> u32 {
 impl Bins {
     pub const EMPTY: Self = Self { bounds: [[Bounds3::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
 
-    /// Adds the references to their bins.
+    /// Adds the references to their bins; every third one if there are [`MIN_SUBSAMPLED`] or more.
     #[inline(always)]
     pub fn add(&mut self, grid: &Grid, references: &[Reference]) {
         let stride = if references.len() >= MIN_SUBSAMPLED { SUBSAMPLE_STRIDE } else { 1 };
         for reference in references.iter().step_by(stride) {
             let bins = grid.bin(reference);
             for axis in 0..3 {
+                // `% BINS` changes nothing: it removes the bounds checks.
                 let bin = bins[axis] as usize % BINS;
                 let bounds = &mut self.bounds[bin][axis];
                 *bounds = bounds.union(reference.bounds);
@@ -111,8 +120,9 @@ impl Bins {
         self
     }
 
-    /// Returns the split with the smallest sum of area times number of references, or `None` if
-    /// there is none.
+    /// Returns the split with the smallest SAH cost: surface area times number of references,
+    /// summed over both sides. `None` if all centroids coincide (no axis has an extent). One side
+    /// of the split may be empty.
     #[inline(always)]
     pub fn best(&self, grid: &Grid) -> Option<Split> {
         let mut right_cost = [[0.0; 3]; BINS];
