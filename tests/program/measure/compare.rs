@@ -384,7 +384,10 @@ fn incomparable_files_are_refused() {
         (&["a.exr", "cut.png", "--out", "cut.png"], "would overwrite"),
         (&["a.exr", "a.exr", "--out", "no/map.png"], "there is no such folder"),
         (&["a.exr", "a.exr", "--out", "map.jpg"], "expected a name that ends in .png"),
-        (&["z.exr", "a.exr", "--layer", "Z"], "found `Z`, which a.exr does not have: it has `beauty`"),
+        (
+            &["z.exr", "a.exr", "--layer", "Z"],
+            "found `Z`, which a.exr does not have: it has `beauty`",
+        ),
         (&["a.exr"], "required"),
     ];
     let before = scratch.names();
