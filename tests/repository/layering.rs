@@ -1,5 +1,5 @@
-//! The layers of the source tree: a module uses only modules of lower floors. The table of floors is
-//! that of ARCHITECTURE.md.
+//! The layers of the source tree: a module uses only modules of lower floors. The table of floors
+//! is that of ARCHITECTURE.md.
 //!
 //! This reads the tokens of every file under `src/`, not only its `use` lines, so a path within a
 //! function counts, too. Comments and links in documentation do not count.

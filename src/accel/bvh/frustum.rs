@@ -82,8 +82,8 @@ impl Frustum {
     /// Bounds the active rays of a query, in a tree over `scene`. Also returns where they end: see
     /// [`Frustum::end`].
     ///
-    /// The rays must be aligned ([`Query::aligned`]) and `lane` one of them. `tfar` holds the ends of their segments,
-    /// scaled like [`Query::tfar`].
+    /// The rays must be aligned ([`Query::aligned`]) and `lane` one of them. `tfar` holds the ends
+    /// of their segments, scaled like [`Query::tfar`].
     #[inline(always)]
     pub fn new(
         tier: impl HorizontalMin,
