@@ -21,7 +21,6 @@ fn main() {
 }
 
 const TIERS: &[Isa] = Isa::compiled();
-const ALL: Mask = Mask([-1; LANES]);
 
 /// Defines a kernel from its arguments and an expression. A closure would not be compiled per
 /// instruction set.
@@ -42,7 +41,7 @@ macro_rules! kernel {
 }
 
 kernel!(Refine<'a>(geometry: &'a Geometry, packet: &'a RayPacket, out: &'a mut Surfaces) -> () {
-    refine(geometry, &ALL, packet, out)
+    refine(geometry, &Mask::ALL, packet, out)
 });
 
 kernel!(Light<'a>(
@@ -86,7 +85,7 @@ fn refine_16_hits(bencher: Bencher, isa: Isa) {
 #[divan::bench(args = TIERS, consts = [false, true])]
 fn light_16_points<const GLOSSY: bool>(bencher: Bencher, isa: Isa) {
     let mut points = ShadowPoints::EMPTY;
-    points.hit = ALL;
+    points.hit = Mask::ALL;
     points.n = [lanes(|_| 0.0), lanes(|_| 1.0), lanes(|_| 0.0)];
     points.ng = points.n;
     points.view = [lanes(|_| 0.6), lanes(|_| 0.8), lanes(|_| 0.0)];
@@ -188,7 +187,7 @@ fn bvh_closest_16<const PACKET: bool>(bencher: Bencher, isa: Isa) {
     let packet = down(spread);
     bencher.counter(ItemsCount::new(LANES)).bench_local(|| {
         let mut packet = black_box(&packet).clone();
-        bvh.closest(&ALL, &mut packet, coherence);
+        bvh.closest(&Mask::ALL, &mut packet, coherence);
         packet
     });
 }

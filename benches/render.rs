@@ -264,7 +264,7 @@ mod with_embree {
             let mut found = [0; 2];
             let mut packet = RayPacket::EMPTY;
             let mut rays = Rays::EMPTY;
-            let all = Mask([-1; LANES]);
+            let all = Mask::ALL;
             for query in self.tile {
                 match query {
                     Query::Camera(corner) => {

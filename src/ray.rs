@@ -208,7 +208,7 @@ mod tests {
         rays.tnear[7] = f32::NAN;
         (rays.tnear[8], rays.tfar[8]) = (2.0, 1.0);
         rays.dir[2][9] = 1e-40;
-        let mut active = Mask([-1; LANES]);
+        let mut active = Mask::ALL;
         active.0[15] = 0;
         let expected = std::array::from_fn(|i| -i32::from(i == 0 || (10..15).contains(&i)));
         assert_eq!(rays.possible(&active), Mask(expected));

@@ -738,7 +738,7 @@ mod tests {
         // Lane 5 leaves the sphere: it hits the far side, not the near one.
         (packet.rays.org[2][5], packet.rays.dir[2][5]) = (2.0, 2.0);
         packet.rays.leaving[5] = geometry.primitive(1, 0);
-        let mut active = Mask([-1; LANES]);
+        let mut active = Mask::ALL;
         active.0[15] = 0;
         let mut shadow = packet.rays.clone();
         trees.closest(&active, &mut packet, Coherence::Coherent);

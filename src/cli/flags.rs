@@ -111,7 +111,7 @@ pub struct LookArgs {
 
 impl LookArgs {
     /// Converts the flags to [`Appearance`].
-    pub fn of(&self) -> Appearance {
+    pub fn appearance(&self) -> Appearance {
         Appearance {
             smooth: self.smooth.map(smooth),
             texture: self.texture.clone(),

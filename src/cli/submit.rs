@@ -55,7 +55,7 @@ pub struct SlurmArgs {
     #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub cpus: u16,
 
-    /// Memory per task [default: the predicted need of the largest input, and a quarter more]
+    /// Memory per task [default: 2.5 times the predicted need of the largest input]
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub memory: Option<u64>,
 

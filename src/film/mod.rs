@@ -47,9 +47,9 @@ impl Window {
 pub struct Film {
     /// Width and height of the full frame (the display window).
     pub frame: [u32; 2],
-    /// Pixels of overscan on every side of the frame. The frame's top left is at (`margin`,
-    /// `margin`) in the window's coordinates.
-    pub margin: u32,
+    /// Pixels of overscan on every side of the frame. The frame's top left is at (`overscan`,
+    /// `overscan`) in the window's coordinates.
+    pub overscan: u32,
     /// The rendered window (the data window).
     pub window: Window,
     /// R, G, B, A of `window.width() * window.height()` pixels.
@@ -63,7 +63,7 @@ pub struct Film {
 impl Film {
     /// Left and top of the data window, relative to the frame's top left.
     pub fn origin(&self) -> [i32; 2] {
-        [self.window.x0, self.window.y0].map(|side| side.wrapping_sub(self.margin) as i32)
+        [self.window.x0, self.window.y0].map(|side| side.wrapping_sub(self.overscan) as i32)
     }
 
     /// A black, transparent film whose memory is allocated and touched. So a lack of memory shows
@@ -114,7 +114,7 @@ impl ReservedFilm {
         touch(&mut pixels, count, [0.0; 4]);
         let words = count * planes.channels.len();
         touch(&mut planes.words, words, 0);
-        Film { frame, margin: 0, window, pixels, planes, dropped: Dropped::default() }
+        Film { frame, overscan: 0, window, pixels, planes, dropped: Dropped::default() }
     }
 }
 

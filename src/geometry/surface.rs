@@ -336,7 +336,7 @@ mod tests {
             packet.rays.tfar[i] = 1.0;
         }
         let (mut together, mut alone) = (Surfaces::EMPTY, Surfaces::EMPTY);
-        refine(&geometry, &Mask([-1; LANES]), &packet, &mut together);
+        refine(&geometry, &Mask::ALL, &packet, &mut together);
         for i in 0..LANES {
             let mut one = Mask::NONE;
             one.0[i] = -1;

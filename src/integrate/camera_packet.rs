@@ -146,8 +146,8 @@ impl CameraPacket {
         for i in 0..LANES {
             let (x, y) = (corner[0] + pattern.x[i], corner[1] + pattern.y[i]);
             let sample = self.sample[i];
-            self.x[i] = x.wrapping_sub(world.margin);
-            self.y[i] = y.wrapping_sub(world.margin);
+            self.x[i] = x.wrapping_sub(world.overscan);
+            self.y[i] = y.wrapping_sub(world.overscan);
             let taken = (sample >= samples.start) & (sample < samples.end);
             let active = (x < width) & (y < height) & taken;
             self.active.0[i] = -i32::from(active);

@@ -72,7 +72,7 @@ impl<'a> EmptyBlocks<'a> {
 
     /// The same for one square. `None` if the backend never answers such queries.
     fn query(&self, [x, y]: [u32; 2], side: u32) -> Option<bool> {
-        let at = |pixel: u32| pixel.wrapping_sub(self.world.margin) as i32 as f32;
+        let at = |pixel: u32| pixel.wrapping_sub(self.world.overscan) as i32 as f32;
         let mut rays = Rays::EMPTY;
         let mut active = Mask::NONE;
         for (i, [dx, dy]) in [[0, 0], [side, 0], [0, side], [side, side]].into_iter().enumerate() {

@@ -54,7 +54,7 @@ pub fn pipeline<F: ShadePacket>(
             slot.first = first;
             slot.quarter = by_quarters && quarters.has(first, samples);
             slot.sample = if slot.quarter {
-                let pixel = corner.map(|x| x.wrapping_sub(world.margin));
+                let pixel = corner.map(|x| x.wrapping_sub(world.overscan));
                 quarters.samples(&sampler, pixel, first)
             } else {
                 pattern.numbers(first)

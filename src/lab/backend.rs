@@ -104,15 +104,12 @@ impl TestedBackend {
 
     /// `bvh` in each instruction set that this machine supports.
     pub fn tiers() -> Vec<Self> {
-        let tier = |isa: Isa| {
-            let name = match isa {
-                Isa::Portable => "bvh:portable",
-                Isa::Avx2 => "bvh:avx2",
-                Isa::Avx512 => "bvh:avx512",
-            };
-            Self::new(name, Backend::Bvh(isa))
-        };
-        Isa::available().map(tier).collect()
+        let supported = |&(_, isa): &(&str, Isa)| Isa::available().any(|other| other == isa);
+        ISA_NAMES
+            .into_iter()
+            .filter(supported)
+            .map(|(name, isa)| Self::new(&format!("bvh:{name}"), Backend::Bvh(isa)))
+            .collect()
     }
 
     /// Returns whether a wrong answer of the backend fails a check. Wrong answers of other backends

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 
 use super::ab::{TimingPlan, interleave};
 use super::agreement::{self, Agreement};
@@ -11,12 +11,13 @@ use super::rays::{Class, Recording, record};
 use super::replay::{Mode, Replay};
 use super::result::{BackendResult, PairResult, TimingRow, WorkKind};
 use crate::accel::{self, Accelerator};
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::Result;
 use crate::film::{Film, Window};
 use crate::monitor::Monitor;
 use crate::ray::LANES;
 use crate::render::render;
 use crate::simd::Isa;
+use crate::threads;
 use crate::units::plural;
 use crate::world::World;
 
@@ -66,16 +67,9 @@ pub fn measure(
     note: &(dyn Fn(&str) + Sync),
 ) -> Result<Measured> {
     let most = settings.threads.iter().copied().max().unwrap_or(1);
-    let pools = settings.threads.iter().map(|&n| pool(n)).collect::<Result<Vec<_>>>()?;
+    let pools = settings.threads.iter().map(|&n| threads::pool(n)).collect::<Result<Vec<_>>>()?;
     let bench = Bench { world, settings, monitor, note };
-    pool(most)?.install(|| bench.all(&pools))
-}
-
-fn pool(threads: usize) -> Result<ThreadPool> {
-    ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
-        let message = format!("cannot start {threads} threads: {error}");
-        Error::new(Kind::Retry, Problem::new("--threads", message))
-    })
+    threads::pool(most)?.install(|| bench.all(&pools))
 }
 
 /// Scores and visits of one replay. They do not depend on the number of threads.

@@ -211,7 +211,7 @@ impl Job<'_> {
         let world = self.integrator.world;
         let other = World { seed: independent_seed(world.seed), ..world.clone() };
         let job = Job { integrator: RenderContext { world: &other, ..self.integrator }, ..*self };
-        let [width, height] = world.frame.map(|side| side - 2 * world.margin);
+        let [width, height] = world.frame.map(|side| side - 2 * world.overscan);
         let area = f64::from(width) * f64::from(height);
         let distance = ((area / PROBES).sqrt().ceil() as u32).max(PROBE_DISTANCE);
         let middle = |size: u32| {
@@ -224,7 +224,7 @@ impl Job<'_> {
         let sums: Vec<(f64, RayCounts)> = probes
             .par_iter()
             .map(|&[x, y]| {
-                let [x0, y0] = [x, y].map(|at| at + world.margin);
+                let [x0, y0] = [x, y].map(|at| at + world.overscan);
                 let pixel = Window { x0, y0, x1: x0 + 1, y1: y0 + 1 };
                 let mut passes = Passes::new(pixel, MIN_PASS_SAMPLES, || ());
                 let rays = job.pass(&mut passes, &mut Beauty(None));

@@ -154,7 +154,6 @@ fn not_utf8(name: &str, bytes: &[u8], at: usize) -> Error {
         [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => {
             error.help("this looks like UTF-16: save the file as UTF-8")
         }
-        [0x1f, 0x8b, ..] => error.help("this looks like a gzip file: unpack it first"),
         _ => error.help("save the file as UTF-8"),
     }
 }

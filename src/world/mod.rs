@@ -85,7 +85,7 @@ pub struct World {
     /// Width and height of the area that can be rendered: the camera's frame and its overscan.
     pub frame: [u32; 2],
     /// Pixels of overscan on every side of the camera's frame.
-    pub margin: u32,
+    pub overscan: u32,
     /// Whether shadow rays of area lights are traced adaptively.
     pub adaptive_shadows: bool,
     /// Camera samples per pixel; the maximum in an adaptive render.
@@ -208,7 +208,7 @@ impl World {
             lights: scene.lights.iter().map(|light| recentre(light, &geometry)).collect(),
             camera: Camera::new(&scene.camera, origin),
             frame: [scene.camera.width, scene.camera.height],
-            margin: 0,
+            overscan: 0,
             adaptive_shadows: scene.adaptive_shadows,
             spp: scene.spp,
             nbounces: scene.nbounces,
@@ -232,17 +232,17 @@ impl World {
         Self::over(Arc::clone(&self.geometry), Arc::clone(&self.shapes), self.origin, scene)
     }
 
-    /// Adds `margin` pixels of overscan on every side of the camera's frame. The frame's own pixels
-    /// do not change. Windows count from the top left of the overscan.
-    pub fn with_margin(mut self, margin: u32) -> Self {
-        self.frame = self.frame.map(|side| side - 2 * self.margin + 2 * margin);
-        self.margin = margin;
+    /// Adds `overscan` pixels of overscan on every side of the camera's frame. The frame's own
+    /// pixels do not change. Windows count from the top left of the overscan.
+    pub fn with_overscan(mut self, overscan: u32) -> Self {
+        self.frame = self.frame.map(|side| side - 2 * self.overscan + 2 * overscan);
+        self.overscan = overscan;
         self
     }
 
     /// Right and bottom end (exclusive) of the camera's frame, in the coordinates of windows.
     pub fn frame_end(&self) -> [u32; 2] {
-        self.frame.map(|side| side - self.margin)
+        self.frame.map(|side| side - self.overscan)
     }
 
     /// Number of triangles, of meshes and single ones. Planes and spheres are not counted.

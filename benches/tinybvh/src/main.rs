@@ -26,7 +26,7 @@ use rayon::ThreadPool;
 
 /// Maximum share of rays whose answer may differ from that of `bvh`. Above it, the benchmark itself
 /// is wrong.
-const MOST_DIFFERENT: f64 = 0.01;
+const MAX_DIFFERENT: f64 = 0.01;
 
 #[derive(Parser)]
 struct Arguments {
@@ -61,13 +61,13 @@ fn main() -> ExitCode {
     }
 }
 
-/// A backend under test.
-enum TestedBackend {
+/// A backend of lightpath or a tree of tinybvh.
+enum ComparedTree {
     Own(&'static str, Backend),
     Tiny(Layout),
 }
 
-impl TestedBackend {
+impl ComparedTree {
     fn all() -> Vec<Self> {
         let mut all = vec![
             Self::Own("embree", Backend::Embree(EmbreeMode::Robust)),
@@ -94,7 +94,7 @@ struct Bench<'a> {
     arguments: &'a Arguments,
     world: &'a World,
     corners: &'a Corners,
-    tested_backends: Vec<TestedBackend>,
+    trees: Vec<ComparedTree>,
     monitor: &'a Monitor,
 }
 
@@ -111,11 +111,11 @@ fn run(arguments: &Arguments) -> Result<bool> {
         arguments,
         world: &world,
         corners: &corners,
-        tested_backends: TestedBackend::all(),
+        trees: ComparedTree::all(),
         monitor: &monitor,
     };
     let built = pool(most).install(|| bench.build())?;
-    let ours = bench.tested_backends.iter().position(|c| c.name() == "bvh").unwrap_or(0);
+    let ours = bench.trees.iter().position(|c| c.name() == "bvh").unwrap_or(0);
     let packets = arguments.rays.div_ceil(LANES).max(1);
     let recording = record(&world, &*built[ours], packets, 0, &monitor)?;
     let right = bench.answers(&built, &recording, ours);
@@ -145,17 +145,17 @@ fn world(arguments: &Arguments, monitor: &Monitor) -> Result<World> {
 
 impl Bench<'_> {
     /// Builds one accelerator. Also returns how many of its bytes queries read.
-    fn one(&self, tested_backend: &TestedBackend) -> Result<(Box<dyn Accelerator + '_>, u64)> {
+    fn one(&self, tree: &ComparedTree) -> Result<(Box<dyn Accelerator + '_>, u64)> {
         let threads = rayon::current_num_threads();
         let options = BuildOptions { threads, max_bytes: None };
-        match tested_backend {
-            TestedBackend::Own(_, backend) => {
+        match tree {
+            ComparedTree::Own(_, backend) => {
                 let geometry = &self.world.geometry;
                 let built = accel::build(geometry, *backend, &options, self.monitor)?;
                 let bytes = built.info().bytes;
                 Ok((built, bytes))
             }
-            TestedBackend::Tiny(layout) => {
+            ComparedTree::Tiny(layout) => {
                 let built = TinyBvh::build(self.corners, *layout, self.arguments.offset);
                 let bytes = built.cost.read;
                 Ok((Box::new(built), bytes))
@@ -167,9 +167,9 @@ impl Bench<'_> {
     /// memory.
     fn build(&self) -> Result<Built<'_>> {
         let plan = TimingPlan { rounds: self.arguments.rounds.div_ceil(3), budget: Duration::ZERO };
-        let samples = interleave(self.tested_backends.len(), plan, self.monitor, |i| {
+        let samples = interleave(self.trees.len(), plan, self.monitor, |i| {
             let started = Instant::now();
-            let built = self.one(&self.tested_backends[i])?;
+            let built = self.one(&self.trees[i])?;
             let seconds = started.elapsed().as_secs_f64();
             drop(built);
             Ok(seconds)
@@ -180,13 +180,13 @@ impl Bench<'_> {
             "", "build ms", "MAD %", "held B/tri", "read B/tri"
         );
         let mut all = Built::new();
-        for (tested_backend, samples) in self.tested_backends.iter().zip(&samples) {
-            let (built, read) = self.one(tested_backend)?;
+        for (tree, samples) in self.trees.iter().zip(&samples) {
+            let (built, read) = self.one(tree)?;
             let [held, read] = [built.info().bytes, read].map(|bytes| bytes as f64 / triangles);
             let (middle, spread) = (median(samples), mad(samples));
             println!(
                 "{:24} {:10.1} {:8.1} {held:10.1} {read:10.1}",
-                tested_backend.name(),
+                tree.name(),
                 middle * 1e3,
                 100.0 * spread / middle
             );
@@ -212,18 +212,18 @@ impl Bench<'_> {
             let rays = recording.count(replay.class);
             print!("\n{:24}", replay.class.name());
             println!("{}", head.map(|name| format!(" {name:>8}")).concat());
-            for (i, tested_backend) in self.tested_backends.iter().enumerate() {
+            for (i, tree) in self.trees.iter().enumerate() {
                 let pair: [&dyn Accelerator; 2] = [&*built[ours], &*built[i]];
                 let (scores, pairs) = agreement::compare(&replay, &self.world.geometry, &pair);
                 let Agreement { same, tie, depth, missed } = pairs[0].2;
                 let numbers = [rays, scores[1].hits, same, tie, depth, missed, scores[1].wrong];
-                print!("{:24}", tested_backend.name());
+                print!("{:24}", tree.name());
                 println!("{}", numbers.map(|n| format!(" {n:8}")).concat());
-                right &= (depth + missed) as f64 <= MOST_DIFFERENT * rays as f64;
+                right &= (depth + missed) as f64 <= MAX_DIFFERENT * rays as f64;
             }
         }
         if !right {
-            eprintln!("more than {} % of some answers differ", 100.0 * MOST_DIFFERENT);
+            eprintln!("more than {} % of some answers differ", 100.0 * MAX_DIFFERENT);
         }
         right
     }
@@ -237,11 +237,11 @@ impl Bench<'_> {
             let rays = recording.count(replay.class) as f64;
             let title = format!("{}, {threads} thread(s)", replay.class.name());
             println!("\n{title:24} {:>8} {:>8}   / embree", "Mray/s", "MAD %");
-            for (tested_backend, own) in self.tested_backends.iter().zip(&samples) {
+            for (tree, own) in self.trees.iter().zip(&samples) {
                 let (middle, ratio) = (median(own), paired_ratio(&samples[0], own));
                 println!(
                     "{:24} {:8.2} {:8.1}   {:.2} [{:.2}, {:.2}]",
-                    tested_backend.name(),
+                    tree.name(),
                     rays / middle / 1e6,
                     100.0 * mad(own) / middle,
                     ratio.value,

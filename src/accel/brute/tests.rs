@@ -229,7 +229,7 @@ fn packets_get_hits_and_builds_respect_limits_and_signals() {
     packet.rays.org[2] = [3.0; LANES];
     packet.rays.dir[2] = [-2.0; LANES];
     packet.rays.org[0] = std::array::from_fn(|i| i as f32 - 1.0);
-    let mut active = Mask([-1; LANES]);
+    let mut active = Mask::ALL;
     active.0[2] = 0;
     let mut shadow = packet.rays.clone();
     brute.closest(&active, &mut packet, Coherence::Coherent);

@@ -59,7 +59,7 @@ bound of the test explains it: 6u max|v - o| for `bvh` and `coursework`, u = 2^-
 which publishes none; nothing for `brute`. Triangles that share an edge have its corners in common, which move
 together, so the bound explains no gap between them. Such answers are counted apart, as *within the bound*. The
 bound does not excuse a hit at the ray's origin: in `origin on a surface` the primitive itself must be right. The
-rows before it did not show that Embree hits such surfaces at t = 0, because that lies within its bound.
+other rows cannot show a hit of such a surface at t = 0, because it lies within the bound.
 
 **ulp** is the largest error of t in units of the last place of the exact t. **relative** is the largest
 distance between the refined point (computed in f64 from the primitive, stored as f32) and the exact point. It is

@@ -106,7 +106,7 @@ impl MeshArgs {
             up: self.placement.up,
             rotate: self.placement.rotate,
             margin: self.placement.margin.unwrap_or(plain.margin),
-            looks: self.looks.of(),
+            looks: self.looks.appearance(),
             repair: self.reading.repair,
             no_mmap: self.reading.no_mmap,
             ..plain

@@ -138,7 +138,7 @@ impl Run<'_> {
             || fingerprint(&self.job.loaded, self.options.repair, &mut contents),
         );
         let (world, warnings) = loaded?;
-        let mut world = world.with_margin(part.margin);
+        let mut world = world.with_overscan(part.overscan);
         let hash = hash?;
         if hash.is_some() {
             world.read.check(&contents)?;
@@ -164,7 +164,7 @@ impl Run<'_> {
             budget.check_film(world_bytes + info.bytes)?;
         }
         let mut film = blank.film();
-        film.margin = world.margin;
+        film.overscan = world.overscan;
         let built = self.start.elapsed().as_secs_f64();
 
         let accelerator = accelerator.as_ref();

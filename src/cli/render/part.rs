@@ -68,7 +68,7 @@ pub struct PicturePart {
     pub window: Window,
     /// Width of the overscan in pixels, in whole tiles. Windows are counted from its top left
     /// corner.
-    pub margin: u32,
+    pub overscan: u32,
     samples: Range<u32>,
     /// The tile and the number of tiles, if the picture is split into tiles.
     tile: Option<[u32; 2]>,
@@ -87,9 +87,9 @@ impl PicturePart {
     /// Tiles and samples that the picture does not have; flags that only work for a whole picture.
     pub fn new(args: &RenderArgs, scene: &Scene, plan: &LayerPlan) -> Result<Self> {
         let split = &args.split;
-        let (margin, whole) = match args.scene.overscan {
+        let (overscan, whole) = match args.scene.overscan {
             0 => (0, window(args.scene.crop.as_deref(), scene)?),
-            pixels => overscan(pixels, scene)?,
+            pixels => with_overscan(pixels, scene)?,
         };
         let window = match split.tile {
             Some([i, n]) if n <= whole.height() => part::band(whole, i, n),
@@ -119,16 +119,16 @@ impl PicturePart {
         let raw = (samples != (0..spp)).then(|| RawLayout::new(&recipe, samples.clone()));
         let is_split = split.tile.is_some() || split.samples.is_some();
         let (tile, exact) = (split.tile, split.part || is_split);
-        let piece = Self { whole, window, margin, samples, tile, exact, recipe, raw };
+        let piece = Self { whole, window, overscan, samples, tile, exact, recipe, raw };
         let frame = Window::full(scene.camera.width, scene.camera.height);
         // A crop is a part of the frame. Tiles and samples of a crop are parts of the crop.
-        let piece = if is_split || margin > 0 { piece } else { Self { whole: frame, ..piece } };
+        let piece = if is_split || overscan > 0 { piece } else { Self { whole: frame, ..piece } };
         if piece.exact {
             let for_merge = "give it to `lightpath merge`";
             let set = [
                 ("--png-layer", !args.files.png_layer.is_empty(), for_merge),
                 ("--crypto-sidecar", args.files.prefix.crypto_sidecar, for_merge),
-                ("--overscan", margin > 0, "parts are pieces of the frame: render it at once"),
+                ("--overscan", overscan > 0, "parts are pieces of the frame: render it at once"),
                 (
                     "--time",
                     args.sampling.time.is_some(),
@@ -221,18 +221,18 @@ fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
     Err(Error::new(Kind::Invalid, Problem::new("--crop", wrong)))
 }
 
-/// Returns the margin for `pixels` of overscan, and the window in the coordinates of the enlarged
+/// Returns `pixels` rounded up to whole tiles, and the window in the coordinates of the enlarged
 /// frame.
 ///
-/// The margin is a whole number of tiles, so the packets of the frame stay the same.
+/// With whole tiles, the packets of the frame stay the same.
 ///
 /// # Errors
 /// More pixels than a picture may have.
-fn overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
+fn with_overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
     let (width, height) = (scene.camera.width, scene.camera.height);
-    let margin = pixels.next_multiple_of(TILE);
-    let [x0, y0] = [margin - pixels; 2];
-    let [x1, y1] = [width, height].map(|side| margin + side + pixels);
+    let overscan = pixels.next_multiple_of(TILE);
+    let [x0, y0] = [overscan - pixels; 2];
+    let [x1, y1] = [width, height].map(|side| overscan + side + pixels);
     let window = Window { x0, y0, x1, y1 };
     if u64::from(window.width()) * u64::from(window.height()) > MAX_PIXELS {
         let [w, h] = [window.width(), window.height()];
@@ -240,7 +240,7 @@ fn overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
         let message = format!("{message}, expected at most {MAX_PIXELS} pixels");
         return Err(Error::invalid("--overscan", message));
     }
-    Ok((margin, window))
+    Ok((overscan, window))
 }
 
 /// Refuses a range of samples that cuts a packet if the scene has adaptive shadows, which decide

@@ -181,7 +181,7 @@ pub(super) fn check(
             // The same random numbers, and so the same lights, for all columns.
             let mut random = run.random(salt << 40 | index << 1 | 1);
             let mut packet = first.clone();
-            let all = Mask([-1; LANES]);
+            let all = Mask::ALL;
             let time = trace(accelerator, &all, &mut packet, false, Coherence::Coherent);
             tally.nanoseconds += time.as_nanos() as u64;
             let points = Points::new((geometry, accelerator), &packet.hit(&all), &mut packet);

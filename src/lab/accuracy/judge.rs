@@ -80,7 +80,7 @@ impl Judge<'_> {
     /// without it. If `slow`, slow columns trace the packet too.
     pub fn shot(&self, shot: &AimedPacket, index: u64, known: bool, slow: bool) -> Vec<CaseCounts> {
         let oracle = &self.built.oracle;
-        let active = shot.rays.possible(&Mask([-1; LANES]));
+        let active = shot.rays.possible(&Mask::ALL);
         let exact = known || !matches!(shot.expect, Expect::Closed(_));
         let mut truths: [Option<Hit>; LANES] = [None; LANES];
         for i in lanes(&active).filter(|_| exact) {

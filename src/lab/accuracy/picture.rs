@@ -89,7 +89,7 @@ impl View {
                     packet.rays.dir[k][i] = forward[k] as f32;
                 }
             }
-            let active = packet.rays.possible(&Mask([-1; LANES]));
+            let active = packet.rays.possible(&Mask::ALL);
             tree.closest(&active, &mut packet, Coherence::Coherent);
             refine(geometry, &packet.hit(&active), &packet, &mut surfaces);
             for i in 0..LANES {

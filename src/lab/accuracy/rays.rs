@@ -120,7 +120,7 @@ fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<CaseCounts>, String) {
                     let nanoseconds: u64 = set
                         .iter()
                         .map(|rays| {
-                            let active = rays.possible(&Mask([-1; LANES]));
+                            let active = rays.possible(&Mask::ALL);
                             let rays = rays.clone();
                             let mut packet = RayPacket { rays, ..RayPacket::EMPTY };
                             trace(backend.accelerator, &active, &mut packet, false, way).as_nanos()

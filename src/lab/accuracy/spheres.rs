@@ -144,7 +144,7 @@ fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<Ca
             }
         };
     }
-    let active = Mask([-1; LANES]);
+    let active = Mask::ALL;
     built.counts(index % SLOW == 0, |backend, tally| {
         for way in backend.tested.coherences(Coherence::Incoherent) {
             let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
@@ -162,7 +162,7 @@ fn judge(
     truths: &[(Option<f64>, bool); LANES],
     tally: &mut CaseCounts,
 ) {
-    let hit = packet.hit(&Mask([-1; LANES]));
+    let hit = packet.hit(&Mask::ALL);
     let mut surfaces = Surfaces::EMPTY;
     refine(geometry, &hit, packet, &mut surfaces);
     for i in 0..LANES {

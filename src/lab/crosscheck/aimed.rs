@@ -51,7 +51,7 @@ impl<'g> Aim<'g> {
                 rays.tfar[i] = (target * end) as f32;
             }
         }
-        let active = rays.possible(&Mask([-1; LANES]));
+        let active = rays.possible(&Mask::ALL);
         Recorded { active, rays }
     }
 

@@ -59,7 +59,7 @@ pub fn run(bytes: &[u8]) {
     let tiers = Tiers::new(&geometry);
     for _ in 0..4 {
         let rays = rays(&mut bytes, &points, geometry.primitive(geometry.spheres_id(), 0));
-        let mut active = Mask([-1; LANES]);
+        let mut active = Mask::ALL;
         if bytes.below(4) == 0 {
             let some = [bytes.u8(), bytes.u8()];
             active.0 = std::array::from_fn(|i| -i32::from((some[i / 8] >> (i % 8)) & 1));
@@ -94,7 +94,7 @@ fn between(bytes: &mut Bytes, geometry: &Geometry, tiers: &Tiers, rays: &Rays) {
         let largest = direction.iter().fold(0.0, |most: f64, x: &f64| most.max(x.abs()));
         put(&mut mixed, i, cone.org.map(|o| o[0]), direction.map(|x| (x / largest) as f32));
     }
-    let active = mixed.possible(&Mask([-1; LANES]));
+    let active = mixed.possible(&Mask::ALL);
     let hits = tiers.trace(&active, &mixed);
     if let Some(i) = hits.iter().position(Option::is_some) {
         let (ray, cone) = (super::tiers::ray(&mixed, i), cone.dir.map(|d| d[..corners].to_vec()));

@@ -7,7 +7,7 @@ use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 use lightpath::simd::Isa;
 
-pub const ALL: Mask = Mask([-1; LANES]);
+pub const ALL: Mask = Mask::ALL;
 
 /// Every mode of a query.
 const WAYS: [Coherence; 3] = [Coherence::Single, Coherence::Incoherent, Coherence::Coherent];

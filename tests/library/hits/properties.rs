@@ -87,8 +87,6 @@ fn traced(packet: &RayPacket, i: usize) -> (DVec3, DVec3) {
     (lane(&packet.rays.org), lane(&packet.rays.dir))
 }
 
-const ALL: Mask = Mask([-1; LANES]);
-
 fn only(lane: usize) -> Mask {
     let mut mask = Mask::NONE;
     mask.0[lane] = -1;
@@ -210,10 +208,10 @@ fn hits_of(
             if single {
                 one_by_one(&*accelerator, &mut packet);
             } else {
-                accelerator.closest(&ALL, &mut packet, Coherence::Incoherent);
+                accelerator.closest(&Mask::ALL, &mut packet, Coherence::Incoherent);
             }
             let mut first = Surfaces::EMPTY;
-            refine(&geometry, &packet.hit(&ALL), &packet, &mut first);
+            refine(&geometry, &packet.hit(&Mask::ALL), &packet, &mut first);
             let mut second = RayPacket::EMPTY;
             for i in 0..LANES {
                 for axis in 0..3 {
@@ -419,7 +417,7 @@ fn undisturbed(
         .map(|(origin, direction)| (origin * cloud.scale, direction))
         .collect();
     let start = packet(&mixed);
-    let all = start.rays.possible(&ALL);
+    let all = start.rays.possible(&Mask::ALL);
     for coherence in [Coherence::Coherent, Coherence::Incoherent] {
         let [mut with, mut without, mut single] = [start.clone(), start.clone(), start.clone()];
         accelerator.closest(&all, &mut with, coherence);

@@ -149,7 +149,7 @@ impl Wrong {
 }
 
 fn judge(backend: Backend) -> Wrong {
-    let all = Mask([-1; LANES]);
+    let all = Mask::ALL;
     let mut wrong = Wrong::default();
     for case in cases(64) {
         let exact = roots(&case.sphere, case.origin, case.direction);
@@ -204,7 +204,7 @@ fn judge(backend: Backend) -> Wrong {
 /// Returns true if the refined point is at the exact root, and on the sphere up to its rounding.
 fn on_sphere(case: &Case, geometry: &Geometry, found: &RayPacket, t: f64) -> bool {
     let mut surfaces = Surfaces::EMPTY;
-    refine(geometry, &Mask([-1; LANES]), found, &mut surfaces);
+    refine(geometry, &Mask::ALL, found, &mut surfaces);
     let point = DVec3::from(surfaces.position.map(|lanes| f64::from(lanes[7])));
     let rounding = point.abs().max_element() * f64::from(f32::EPSILON);
     let exact = case.origin + case.direction * t;

@@ -124,17 +124,15 @@ fn packets() -> impl Iterator<Item = RayPacket> {
     })
 }
 
-const ALL: Mask = Mask([-1; LANES]);
-
 /// Traces a packet and shades its first hits.
 fn look(
     world: &World,
     accelerator: &dyn Accelerator,
     packet: &mut RayPacket,
 ) -> (Surfaces, Points) {
-    accelerator.closest(&ALL, packet, Coherence::Coherent);
+    accelerator.closest(&Mask::ALL, packet, Coherence::Coherent);
     let (mut surfaces, mut points) = (Surfaces::EMPTY, Points::EMPTY);
-    refine(&world.geometry, &packet.hit(&ALL), packet, &mut surfaces);
+    refine(&world.geometry, &packet.hit(&Mask::ALL), packet, &mut surfaces);
     world.shapes.look(&world.geometry, packet, &surfaces, &mut points);
     (surfaces, points)
 }

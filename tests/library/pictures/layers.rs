@@ -60,12 +60,12 @@ struct Rendered {
 }
 
 fn rendered(scene: &Value, window: Option<Window>, threads: usize, isa: Isa) -> Rendered {
-    with_margin(scene, 0, window, threads, isa)
+    with_overscan(scene, 0, window, threads, isa)
 }
 
-fn with_margin(
+fn with_overscan(
     scene: &Value,
-    margin: u32,
+    overscan: u32,
     window: Option<Window>,
     threads: usize,
     isa: Isa,
@@ -76,7 +76,7 @@ fn with_margin(
         let monitor = Monitor::default();
         let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).unwrap();
         let options = BuildOptions { threads, max_bytes: None };
-        let world = world.with_margin(margin);
+        let world = world.with_overscan(overscan);
         let backend = match scene.backend {
             Backend::Bvh(_) => Backend::Bvh(isa),
             other => other,
@@ -203,9 +203,9 @@ on_both! {
             let mut scene = stage(spp);
             scene["scene"]["accelerator"] = json!(backend.name());
             let full = all_of(&scene);
-            // 60 x 40 and 9 more pixels on every side, with a margin of whole tiles.
+            // 60 x 40 and 9 more pixels on every side, with an overscan of whole tiles.
             let window = Window { x0: 32 - 9, y0: 32 - 9, x1: 32 + 60 + 9, y1: 32 + 40 + 9 };
-            let wide = with_margin(&scene, 32, Some(window), 2, Isa::detect());
+            let wide = with_overscan(&scene, 32, Some(window), 2, Isa::detect());
             let stride = full.plan.recipe.channels.len();
             for y in 0..40 {
                 let (from, to) = (y * 60, (y + 9) * 78 + 9);
@@ -215,7 +215,7 @@ on_both! {
                 };
                 assert_eq!(words(&wide, to), words(&full, from));
             }
-            // Points in the margin project into their pixels, too.
+            // Points in the overscan project into their pixels, too.
             let to_ndc = camera::world_to_ndc(&checked(&scene).camera);
             let mut beside = 0;
             for pixel in (0..wide.pixels()).filter(|&pixel| wide.float("Z", pixel) < MISS_DEPTH) {

@@ -79,8 +79,8 @@ fn pictures_are_the_same_bit_for_bit() {
     let options = BuildOptions { threads: 1, max_bytes: None };
     let monitor = Monitor::default();
     for spp in [1, 3, 4, 16, 50, 64, 300] {
-        for (transparent, margin) in [(false, 0), (true, 37)] {
-            let world = world(spp, transparent).with_margin(margin);
+        for (transparent, overscan) in [(false, 0), (true, 37)] {
+            let world = world(spp, transparent).with_overscan(overscan);
             let tree = Bvh::build(&world.geometry, isa, &options, &monitor).unwrap();
             let [width, height] = world.frame;
             let crop = Window { x0: 21, y0: 5, x1: 90, y1: 78 };
@@ -115,7 +115,7 @@ fn layers_parts_and_passes_do_not_depend_on_empty_cones() {
     for (name, flags) in [
         ("layers", &["--spp", "20", "--aov", "all"][..]),
         ("part", &["--spp", "40", "--samples", "13..29"]),
-        ("margin", &["--spp", "4", "--overscan", "33", "--aov", "Z,samples"]),
+        ("overscan", &["--spp", "4", "--overscan", "33", "--aov", "Z,samples"]),
         ("noise", &["--noise", "0.1", "--spp", "16", "--aov", "samples"]),
         ("picture", &["--noise", "0.1", "--noise-of", "picture", "--spp", "16"]),
     ] {

@@ -102,18 +102,3 @@ fn sampled_scenes_have_converged() {
         assert!(verdict.is_err(), "{name}: one percent goes unnoticed");
     }
 }
-
-/// Writes the reference's five pictures for viewing into cargo's folder for tests:
-/// `cargo test --test program draw_the_reference -- --ignored --nocapture`.
-#[test]
-#[ignore = "draws pictures to look at, checks nothing"]
-fn draw_the_reference() {
-    for name in ["shapes", "textures", "meshes", "arealights", "lens"] {
-        let (_folder, scene) = stage(name);
-        let start = std::time::Instant::now();
-        let picture = reference::render(&Scene::load(&scene), Density::default());
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"));
-        compare::write_png(&path, &picture);
-        println!("{} in {:.1?}", path.display(), start.elapsed());
-    }
-}

@@ -144,7 +144,7 @@ fn write_pictures(name: &str, a: &Picture, e: &Picture, tolerance: Tolerance) ->
 }
 
 /// Writes a picture for viewing: sRGB, clamped, over black.
-pub fn write_png(path: &Path, picture: &Picture) {
+fn write_png(path: &Path, picture: &Picture) {
     let to_srgb = |x: f64| {
         let x = x.clamp(0.0, 1.0);
         let y = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };

@@ -427,7 +427,7 @@ impl Start {
         mut packet: RayPacket,
         origin: Origin,
     ) -> Self {
-        let all = packet.rays.possible(&Mask([-1; LANES]));
+        let all = packet.rays.possible(&Mask::ALL);
         accelerator.closest(&all, &mut packet, Coherence::Incoherent);
         let hit = packet.hit(&all);
         let mut surfaces = Surfaces::EMPTY;

@@ -9,7 +9,7 @@ use lightpath::ray::{LANES, Mask, RayPacket, Rays};
 use crate::support::backends::OPTIONS;
 use crate::support::random::Random;
 
-pub const ALL: Mask = Mask([-1; LANES]);
+pub const ALL: Mask = Mask::ALL;
 
 pub fn geometry(
     vertices: Vec<[f32; 3]>,

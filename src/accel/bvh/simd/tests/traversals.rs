@@ -10,8 +10,6 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket};
 use crate::simd::Isa;
 
-const ALL: Mask = Mask([-1; LANES]);
-
 /// Returns an icosahedron whose faces are split into four `levels` times, with all vertices on a
 /// sphere.
 fn icosphere(levels: usize) -> TriangleMesh {
@@ -92,9 +90,9 @@ fn hits(geometry: &Geometry, packets: &[RayPacket], how: Coherence) -> Vec<(Isa,
             let mut packets = packets.to_vec();
             for packet in &mut packets {
                 let mut shadow = packet.rays.clone();
-                bvh.closest(&ALL, packet, how);
-                bvh.occluded(&ALL, &mut shadow, how);
-                let hit = packet.hit(&ALL);
+                bvh.closest(&Mask::ALL, packet, how);
+                bvh.occluded(&Mask::ALL, &mut shadow, how);
+                let hit = packet.hit(&Mask::ALL);
                 for i in 0..LANES {
                     let occluded = shadow.tfar[i] == f32::NEG_INFINITY;
                     assert_eq!(occluded, hit.0[i] != 0, "{isa}: {i} {packet:?}");
@@ -161,7 +159,7 @@ fn every_tier_finds_the_same_hits_of_single_rays() {
     let packets: Vec<_> = (0..600).map(|i| scattered(&mut random, i % 2 == 0)).collect();
     let found = hits(&soup(), &packets, Coherence::Single);
     let (_, expected) = &found[0];
-    let count: u32 = expected.iter().map(|packet| packet.hit(&ALL).count()).sum();
+    let count: u32 = expected.iter().map(|packet| packet.hit(&Mask::ALL).count()).sum();
     assert!(count > 1000);
     for (isa, found) in &found {
         for (a, b) in found.iter().zip(expected) {
