@@ -98,6 +98,24 @@ impl Sampler {
         self.lanes([x, y], index, light_purpose(light, bounce))
     }
 
+    /// Prepares the points `first .. first + count` of a light in N lanes: see [`LightPoints`].
+    #[inline(always)]
+    pub fn light_points<'a, const N: usize>(
+        &'a self,
+        pixels: [&'a [u32; N]; 2],
+        first: &[u32; N],
+        count: u32,
+        (light, bounce): (u32, u32),
+    ) -> LightPoints<'a, N> {
+        let purpose = light_purpose(light, bounce);
+        let mut within = self.kind == Kind::Sobol;
+        for i in 0..N {
+            within &= first[i] % SEQUENCE + count <= SEQUENCE;
+        }
+        let sets = if within { Some(self.sets(pixels, first, purpose)) } else { None };
+        LightPoints { sampler: self, pixels, purpose, sets }
+    }
+
     /// Two independent numbers in [0, 1) for random decisions, independent of all sample points. A
     /// function of camera sample `index`, and of `light` after `bounce` mirror bounces.
     pub fn choices(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> [f64; 2] {
@@ -135,6 +153,17 @@ impl Sampler {
             }
             return points;
         }
+        self.sets([x, y], index, purpose).points(index)
+    }
+
+    /// The set of each lane.
+    #[inline(always)]
+    fn sets<const D: usize, const N: usize>(
+        &self,
+        [x, y]: [&[u32; N]; 2],
+        index: &[u32; N],
+        purpose: u64,
+    ) -> Sets<D, N> {
         let key = |i: usize| self.key([x[i], y[i]], index[i] / SEQUENCE, purpose) as u32;
         // A loop, because a closure would be compiled for the portable tier and called.
         let mut others = 0;
@@ -160,11 +189,7 @@ impl Sampler {
                 }
             }
         }
-        let mut indices = [0; N];
-        for i in 0..N {
-            indices[i] = shuffled(index[i], shuffles[i]);
-        }
-        scrambled(&indices, &scrambles)
+        Sets { shuffles, scrambles }
     }
 
     /// [`Sampler::camera`] for N of the samples `first .. first + STRETCH`; `first` is a multiple
@@ -251,6 +276,46 @@ fn scrambled<const D: usize, const N: usize>(
         }
     }
     points
+}
+
+/// Seeds of one set in each of N lanes.
+#[derive(Debug)]
+struct Sets<const D: usize, const N: usize> {
+    shuffles: [u32; N],
+    scrambles: [[u32; N]; D],
+}
+
+impl<const D: usize, const N: usize> Sets<D, N> {
+    /// The first D coordinates of point `index[i]` of each lane's set.
+    #[inline(always)]
+    fn points(&self, index: &[u32; N]) -> [[f32; N]; D] {
+        let mut indices = [0; N];
+        for i in 0..N {
+            indices[i] = shuffled(index[i], self.shuffles[i]);
+        }
+        scrambled(&indices, &self.scrambles)
+    }
+}
+
+/// Consecutive points of a light in N lanes. The seeds of the lanes' sets are computed only once.
+#[derive(Debug)]
+pub struct LightPoints<'a, const N: usize> {
+    sampler: &'a Sampler,
+    pixels: [&'a [u32; N]; 2],
+    purpose: u64,
+    /// `None` if the points of a lane do not belong to one set.
+    sets: Option<Sets<2, N>>,
+}
+
+impl<const N: usize> LightPoints<'_, N> {
+    /// [`Sampler::light_lanes`] for one of the prepared points in each lane.
+    #[inline(always)]
+    pub fn at(&self, index: &[u32; N]) -> [[f32; N]; 2] {
+        match &self.sets {
+            Some(sets) => sets.points(index),
+            None => self.sampler.lanes(self.pixels, index, self.purpose),
+        }
+    }
 }
 
 /// Seeds of a set: of its shuffle, and of the scramble of each dimension.

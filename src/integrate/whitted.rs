@@ -16,8 +16,14 @@ use crate::geometry::{Surfaces, refine};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::sampler::Sampler;
-use crate::shading::{Area, Emitter, Lanes3, LightWeights, Points, ShadowPoints, lane, reflect};
+use crate::shading::{
+    Area, Emitter, Lanes3, Light, LightWeights, Points, ShadowPoints, lane, reflect,
+};
 use crate::world::World;
+
+/// Fewest lanes for which a point of an area light is traced from all lanes at once. With fewer, the
+/// pairs of lanes and points fill the packets better.
+const MIN_LANES: u32 = 6;
 
 /// State and buffers for the shading of one packet; reused from packet to packet.
 pub struct WhittedIntegrator<'a> {
@@ -284,6 +290,8 @@ impl<'a> WhittedIntegrator<'a> {
         let mut sums = Sums::NONE;
         if self.world.adaptive_shadows && AdaptiveShadows::first(samples) < samples {
             self.sparing_light::<R>(lamp, area, slot, counts, &mut sums);
+        } else if hit.count() >= MIN_LANES {
+            self.point_by_point::<R>(lamp, area, slot, counts, &mut sums);
         } else {
             let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
             let pairs = lanes.flat_map(|lane| (0..samples).map(move |sample| (lane, sample)));
@@ -300,10 +308,52 @@ impl<'a> WhittedIntegrator<'a> {
         }
         for axis in 0..3 {
             for i in 0..LANES {
-                let light = (sums.light[i][axis] * share) as f32;
+                let light = (sums.light[axis][i] * share) as f32;
                 let sent = light * self.points.base[axis][i] * self.throughput[i];
                 self.radiance[axis][i] += if hit.0[i] != 0 { sent } else { 0.0 };
             }
+        }
+    }
+
+    /// Traces the points of an area light one after the other, each from all lanes.
+    #[inline(always)]
+    fn point_by_point<R: Record>(
+        &mut self,
+        lamp: &SampledLight,
+        area: Area,
+        slot: &CameraPacket,
+        counts: &mut RayCounts,
+        sums: &mut Sums,
+    ) {
+        let (world, sampler, glossy) = (self.world, self.sampler, lamp.glossy);
+        let mut number = [0; LANES];
+        for i in 0..LANES {
+            number[i] = slot.sample[i].wrapping_mul(area.samples);
+        }
+        let source = (lamp.index, lamp.bounce);
+        let squares = sampler.light_points([&slot.x, &slot.y], &number, area.samples, source);
+        for _ in 0..area.samples {
+            if self.monitor.stopped() {
+                return;
+            }
+            let q = area.points(&squares.at(&number));
+            for i in 0..LANES {
+                number[i] = number[i].wrapping_add(1);
+            }
+            let (points, rays, lit) = (&self.points.at, &mut self.shadow, &mut self.lit);
+            let aimed =
+                ShadowRays::aim(points, (&q, Some(&area)), world.falloff, glossy, rays, lit);
+            if !aimed.active.any() {
+                continue;
+            }
+            counts.shadow += u64::from(aimed.active.count());
+            let scene = (&*world.geometry, self.accelerator);
+            aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
+            let mut seen = Mask::NONE;
+            for i in 0..LANES {
+                seen.0[i] = aimed.active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
+            }
+            sums.add_lanes::<R>(lamp.light, lit, &seen);
         }
     }
 
@@ -443,21 +493,39 @@ impl<'a> WhittedIntegrator<'a> {
 /// Light of one area light, by lane, before the base colour. In f64, because there may be many
 /// points.
 struct Sums {
-    light: [[f64; 3]; LANES],
+    light: [[f64; LANES]; 3],
     /// The same light, separated for the layers.
     split: LightPartSums,
 }
 
 impl Sums {
-    const NONE: Self = Self { light: [[0.0; 3]; LANES], split: LightPartSums::NONE };
+    const NONE: Self = Self { light: [[0.0; LANES]; 3], split: LightPartSums::NONE };
+
+    /// Adds one light point to each lane of `seen`.
+    #[inline(always)]
+    fn add_lanes<R: Record>(&mut self, light: &Light, lit: &LightWeights, seen: &Mask) {
+        let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
+        for axis in 0..3 {
+            for i in 0..LANES {
+                let sent = diffuse[axis] * lit.diffuse[i] + specular[axis] * lit.specular[i];
+                let sent = if seen.0[i] != 0 { sent } else { 0.0 };
+                self.light[axis][i] += f64::from(sent);
+            }
+        }
+        if R::ON {
+            for i in (0..LANES).filter(|&i| seen.0[i] != 0) {
+                self.split.add(i, light, lit.diffuse[i], lit.specular[i]);
+            }
+        }
+    }
 
     #[inline(always)]
     fn add<R: Record>(&mut self, lamp: &SampledLight, point: &LightPoint) {
         let LightPoint { lane, diffuse, specular, .. } = *point;
         let light = lamp.light;
         let sent = light.diffuse * diffuse + light.specular * specular;
-        for (sum, sent) in self.light[lane].iter_mut().zip(sent.to_array()) {
-            *sum += f64::from(sent);
+        for (sum, sent) in self.light.iter_mut().zip(sent.to_array()) {
+            sum[lane] += f64::from(sent);
         }
         if R::ON {
             self.split.add(lane, light, diffuse, specular);
