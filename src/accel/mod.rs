@@ -7,8 +7,10 @@ pub mod coursework;
 pub mod embree;
 mod footprint;
 pub mod lane;
+mod shaft;
 
 pub use footprint::Footprint;
+pub use shaft::Shaft;
 
 use crate::error::Result;
 #[cfg(not(feature = "embree"))]
@@ -96,6 +98,14 @@ pub trait Accelerator: Send + Sync {
     /// of the cone is a sum of theirs with factors >= 0, rounded once. Conservative: may return
     /// `Some(false)` for an empty cone. Returns `None` if the backend has no such query.
     fn is_cone_empty(&self, _: &Mask, _: &Rays) -> Option<bool> {
+        None
+    }
+
+    /// Returns `Some(true)` only if no shadow ray of the shaft is occluded.
+    ///
+    /// Conservative: may return `Some(false)` although nothing occludes them. Returns `None` if the
+    /// backend has no such query.
+    fn is_shaft_empty(&self, _: &Shaft) -> Option<bool> {
         None
     }
 

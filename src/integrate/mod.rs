@@ -9,6 +9,7 @@ mod camera_packet;
 mod crevices;
 mod empty_blocks;
 mod joint;
+mod light_shafts;
 mod noise;
 mod passes;
 mod pipeline;
@@ -51,7 +52,8 @@ pub struct RayCounts {
     /// Camera rays, including the rays of empty blocks, which are not traced one by one: see
     /// [`Accelerator::is_cone_empty`].
     pub primary: u64,
-    /// Shadow rays, from surfaces to lights.
+    /// Shadow rays, from surfaces to lights, including the rays of empty shafts, which are not
+    /// traced: see [`Accelerator::is_shaft_empty`].
     pub shadow: u64,
     /// Rays of mirror bounces.
     pub reflection: u64,

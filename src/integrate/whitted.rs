@@ -7,6 +7,7 @@ use super::RayCounts;
 use super::adaptive_shadows::{AdaptiveShadows, LightPoint, Sum};
 use super::camera_packet::CameraPacket;
 use super::crevices::Crevices;
+use super::light_shafts::{LightShafts, View};
 use super::record::Record;
 use super::sampled_light::SampledLight;
 use super::shadows::{OWN_LANES, ShadowRays};
@@ -35,6 +36,7 @@ pub struct WhittedIntegrator<'a> {
     joint: Option<u32>,
     surfaces: Surfaces,
     crevices: Crevices,
+    shafts: LightShafts,
     /// Lanes whose hit is on a wall of [`Crevices`]: certain, although no test in f32 can confirm
     /// it.
     certain: Mask,
@@ -65,6 +67,7 @@ impl<'a> WhittedIntegrator<'a> {
             joint,
             surfaces: Surfaces::EMPTY,
             crevices: Crevices::default(),
+            shafts: LightShafts::new(world.lights.len()),
             certain: Mask::NONE,
             points: Points::EMPTY,
             shadow: Rays::EMPTY,
@@ -288,14 +291,23 @@ impl<'a> WhittedIntegrator<'a> {
         let samples = area.samples;
         let hit = self.points.at.hit;
         let mut sums = Sums::NONE;
-        if self.world.adaptive_shadows && AdaptiveShadows::first(samples) < samples {
-            self.sparing_light::<R>(lamp, area, slot, counts, &mut sums);
+        // Rays near edges, and rays to a light in a surface, have rules of their own.
+        let view = if self.crevices.is_empty() && area.flush == 0.0 {
+            self.shafts.view(self.accelerator, &self.points.at, lamp.index, &area)
+        } else {
+            View::Unknown
+        };
+        let clear = view == View::Clear;
+        if view == View::Dark {
+            // No shadow ray is active.
+        } else if self.world.adaptive_shadows && AdaptiveShadows::first(samples) < samples {
+            self.sparing_light::<R>((lamp, area, clear), slot, counts, &mut sums);
         } else if hit.count() >= MIN_LANES {
-            self.point_by_point::<R>(lamp, area, slot, counts, &mut sums);
+            self.point_by_point::<R>((lamp, area, clear), slot, counts, &mut sums);
         } else {
             let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
             let pairs = lanes.flat_map(|lane| (0..samples).map(move |sample| (lane, sample)));
-            self.light_points(lamp, area, slot, pairs, Some(counts), |point| {
+            self.light_points((lamp, area, clear), slot, pairs, Some(counts), |point| {
                 if point.visible {
                     sums.add::<R>(lamp, &point);
                 }
@@ -319,8 +331,7 @@ impl<'a> WhittedIntegrator<'a> {
     #[inline(always)]
     fn point_by_point<R: Record>(
         &mut self,
-        lamp: &SampledLight,
-        area: Area,
+        (lamp, area, clear): (&SampledLight, Area, bool),
         slot: &CameraPacket,
         counts: &mut RayCounts,
         sums: &mut Sums,
@@ -347,8 +358,10 @@ impl<'a> WhittedIntegrator<'a> {
                 continue;
             }
             counts.shadow += u64::from(aimed.active.count());
-            let scene = (&*world.geometry, self.accelerator);
-            aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
+            if !clear {
+                let scene = (&*world.geometry, self.accelerator);
+                aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
+            }
             let mut seen = Mask::NONE;
             for i in 0..LANES {
                 seen.0[i] = aimed.active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
@@ -361,8 +374,7 @@ impl<'a> WhittedIntegrator<'a> {
     #[inline(always)]
     fn sparing_light<R: Record>(
         &mut self,
-        lamp: &SampledLight,
-        area: Area,
+        (lamp, area, clear): (&SampledLight, Area, bool),
         slot: &CameraPacket,
         counts: &mut RayCounts,
         sums: &mut Sums,
@@ -382,7 +394,7 @@ impl<'a> WhittedIntegrator<'a> {
                 samples.map(move |sample| (lane, sample))
             });
             let counts = step.traced().then_some(&mut *counts);
-            self.light_points(lamp, area, slot, pairs, counts, |point| {
+            self.light_points((lamp, area, clear), slot, pairs, counts, |point| {
                 match sparing.take(&point) {
                     Some(Sum::Whole) => sums.add::<R>(lamp, &point),
                     Some(Sum::Part) => part.add::<R>(lamp, &point),
@@ -402,8 +414,7 @@ impl<'a> WhittedIntegrator<'a> {
     #[inline(always)]
     fn light_points(
         &mut self,
-        lamp: &SampledLight,
-        area: Area,
+        (lamp, area, clear): (&SampledLight, Area, bool),
         slot: &CameraPacket,
         mut pairs: impl Iterator<Item = (usize, u32)>,
         mut counts: Option<&mut RayCounts>,
@@ -435,8 +446,10 @@ impl<'a> WhittedIntegrator<'a> {
             }
             if let Some(counts) = &mut counts {
                 counts.shadow += u64::from(active.count());
-                let scene = (&*world.geometry, self.accelerator);
-                aimed.trace(scene, &self.crevices, &from, rays, Coherence::Coherent);
+                if !clear {
+                    let scene = (&*world.geometry, self.accelerator);
+                    aimed.trace(scene, &self.crevices, &from, rays, Coherence::Coherent);
+                }
             }
             for j in (0..count).filter(|&j| active.0[j] != 0) {
                 each(LightPoint {

@@ -48,6 +48,13 @@ pub struct Area {
 }
 
 impl Area {
+    /// The four corners of the rectangle.
+    #[inline(always)]
+    pub fn corners(&self) -> [Vec3; 4] {
+        let (edge, height) = (self.edge, self.height);
+        [Vec3::ZERO, edge, height, edge + height].map(|side| self.corner + side)
+    }
+
     /// Light points for 16 points (s, t) in the unit square.
     #[inline(always)]
     pub fn points(&self, [s, t]: &[Lanes; 2]) -> Lanes3 {

@@ -103,19 +103,9 @@ impl Frustum {
             box_slacks[i] = -query.box_slack[i];
         }
         let slack = -1.5 * tier.horizontal_min(&select(active, &box_slacks));
-        let mut frustum = Self {
-            axes,
-            octant: lane.octant,
-            a: [0.0; 4],
-            b: [0.0; 4],
-            rows: [0; 4],
-            forward,
-            start: tier.horizontal_min(&select(active, &starts)) - slack,
-            enter: k + 3 * usize::from(negative),
-            leave: k + 3 - 3 * usize::from(negative),
-            slack,
-            scene_end: scene_end + slack,
-        };
+        let start = tier.horizontal_min(&select(active, &starts)) - slack;
+        let mut frustum =
+            Self::without_sides(axes, lane.octant, forward, [start, scene_end + slack, slack]);
         let end = frustum.end(tier, query, tfar);
         let (z0, z1) = (forward * frustum.start, forward * max(end, frustum.start));
         // The coordinates of the rays at z0 and at z1, and their negatives for the high sides. The
@@ -132,20 +122,51 @@ impl Frustum {
                 ends[6 + axis][i] = if is_active { -x1 } else { f32::INFINITY };
             }
         }
-        let minima = tier.horizontal_min_rows(&ends);
+        frustum.set_sides([z0, z1], &tier.horizontal_min_rows(&ends));
+        (frustum, end)
+    }
+
+    /// A frustum along the last of `axes`. `start`, `scene_end` and `slack` are the fields of the
+    /// same names.
+    #[inline(always)]
+    pub fn without_sides(
+        axes: [usize; 3],
+        octant: usize,
+        forward: f32,
+        [start, scene_end, slack]: [f32; 3],
+    ) -> Self {
+        let (k, backward) = (axes[2], usize::from(forward < 0.0));
+        Self {
+            axes,
+            octant,
+            a: [0.0; 4],
+            b: [0.0; 4],
+            rows: [0; 4],
+            forward,
+            start,
+            enter: k + 3 * backward,
+            leave: k + 3 - 3 * backward,
+            slack,
+            scene_end,
+        }
+    }
+
+    /// Sets the side planes. `minima` holds the smallest coordinates of the rays along the two axes
+    /// and the negatives of the largest ones, at z0, then at z1.
+    #[inline(always)]
+    pub fn set_sides(&mut self, [z0, z1]: [f32; 2], minima: &[f32; 8]) {
         let inverse = 1.0 / (z1 - z0);
         for side in 0..4 {
             let (x0, x1) = (minima[side], minima[4 + side]);
             let b = slope((x1 - x0) * inverse);
-            let a = min(x0 - b * z0, x1 - b * z1) - slack;
+            let a = min(x0 - b * z0, x1 - b * z1) - self.slack;
             let high = side >= 2;
-            frustum.a[side] = if high { -a } else { a };
-            frustum.b[side] = if high { -b } else { b };
+            self.a[side] = if high { -a } else { a };
+            self.b[side] = if high { -b } else { b };
             // The end of a box along z at which the plane lies outermost.
             let far = (b < 0.0) | (high & (b == 0.0));
-            frustum.rows[side] = k as u32 + if far { 3 } else { 0 };
+            self.rows[side] = self.axes[2] as u32 + if far { 3 } else { 0 };
         }
-        (frustum, end)
     }
 
     /// Returns the planes below all rays.
@@ -189,7 +210,7 @@ fn slope(b: f32) -> f32 {
 /// Returns the values of the active lanes, and infinity in the others. (In its own loop: if the
 /// same loop also computes the values, it compiles to 16 jumps.)
 #[inline(always)]
-fn select(active: &Mask, v: &[f32; LANES]) -> [f32; LANES] {
+pub fn select(active: &Mask, v: &[f32; LANES]) -> [f32; LANES] {
     let mut selected = [f32::INFINITY; LANES];
     for i in 0..LANES {
         selected[i] = if active.0[i] != 0 { v[i] } else { f32::INFINITY };

@@ -31,6 +31,7 @@ mod near;
 mod node;
 mod packet;
 mod query;
+mod shaft;
 mod simd;
 mod single;
 #[cfg(test)]
@@ -45,10 +46,11 @@ use self::build::Tree;
 use self::hits::ClosestHits;
 use self::packet::{Bits, Packet, Stacks};
 use self::query::Query;
+use self::shaft::MayHit;
 use self::simd::{Path, Stack, Tier};
 use self::single::Single;
 use self::visits::{Counting, Counts};
-use super::{Accelerator, BuildInfo, BuildOptions, Visits};
+use super::{Accelerator, BuildInfo, BuildOptions, Shaft, Visits};
 use crate::error::Result;
 use crate::geometry::{Geometry, Nearby};
 use crate::monitor::Monitor;
@@ -298,6 +300,11 @@ impl Accelerator for Bvh<'_> {
     fn is_cone_empty(&self, active: &Mask, rays: &Rays) -> Option<bool> {
         let bvh = self;
         with_tier!(self.isa, tier => Some(!tier.run(Reaches { tier, bvh, active, rays })));
+    }
+
+    fn is_shaft_empty(&self, shaft: &Shaft) -> Option<bool> {
+        let bvh = self;
+        with_tier!(self.isa, tier => Some(!tier.run(MayHit { tier, bvh, shaft })));
     }
 
     fn near(&self, _: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {

@@ -1,0 +1,253 @@
+//! Conservative test whether nothing lies in a [`Shaft`].
+
+use super::Bvh;
+use super::bounds::Bounds3;
+use super::frustum::{Frustum, HorizontalMin, select};
+use super::node::{Block, Child, Kind};
+use super::packet::Bits;
+use super::query::{max, min};
+use super::simd::{Stack, Tier};
+use crate::accel::Shaft;
+use crate::ray::LANES;
+use crate::simd::Kernel;
+
+/// Most triangles that a query tests. A shaft near more of them seldom is empty.
+const MAX_TRIANGLES: u32 = 96;
+
+/// Margin of the signs in [`Segments::may_hit`], relative to the largest magnitude of the terms:
+/// 256u (u = 2^-24).
+///
+/// - An edge function is d.(a x b). Its terms are below 6 |d| m^2, where m is the largest
+///   coordinate of a vertex relative to the origin. The test of [`super::exact`] moves a vertex by
+///   at most 6u m, which changes the function by 72u |d| m^2. Rounding here adds 42u of it.
+/// - A shadow ray's direction differs from the cone of the corners' directions by at most 6u of the
+///   coordinates of light and origin. That changes the function by 36u of these times m^2.
+const MARGIN: f32 = 128.0 * f32::EPSILON;
+
+/// Returns whether anything may lie in a shaft.
+pub struct MayHit<'a, T> {
+    pub tier: T,
+    pub bvh: &'a Bvh<'a>,
+    pub shaft: &'a Shaft<'a>,
+}
+
+impl<T: Tier> Kernel for MayHit<'_, T> {
+    type Output = bool;
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Self { tier, bvh, shaft } = self;
+        let tree = &bvh.tree;
+        let Some((frustum, end)) = Frustum::around(tier, shaft, &tree.bounds) else { return true };
+        let mut segments = None;
+        let mut left = MAX_TRIANGLES;
+        let mut stack = Stack::new();
+        stack.push(Child::node(0), 0.0);
+        while let Some((child, _)) = stack.pop() {
+            match child.kind() {
+                Kind::Node(index) => {
+                    let node = &tree.nodes[index];
+                    for place in Bits(tier.children_in_frustum(node, &frustum, end)) {
+                        stack.push(node.children[node.ordered(frustum.octant, place)], 0.0);
+                    }
+                }
+                Kind::Triangles(index) => {
+                    let block = &tree.blocks[index];
+                    let triangles = tier.triangles_in_frustum(block, &frustum, end);
+                    if triangles == 0 {
+                        continue;
+                    }
+                    let Some(rest) = left.checked_sub(triangles.count_ones()) else { return true };
+                    left = rest;
+                    let segments = segments.get_or_insert_with(|| Segments::new(shaft));
+                    for slot in Bits(triangles) {
+                        if segments.may_hit(block, slot) {
+                            return true;
+                        }
+                    }
+                }
+                Kind::Spheres(_) => return true,
+                Kind::Empty => {}
+            }
+        }
+        false
+    }
+}
+
+/// The segments of a shaft, for tests against single triangles.
+struct Segments<'a> {
+    shaft: &'a Shaft<'a>,
+    /// Sum of the magnitudes that bounds the rounding of a direction, by lane.
+    reach: [f32; LANES],
+}
+
+impl<'a> Segments<'a> {
+    #[inline(always)]
+    fn new(shaft: &'a Shaft) -> Self {
+        let [ox, oy, oz] = shaft.origins;
+        let mut far = 0.0;
+        for corner in shaft.corners {
+            for x in corner {
+                far = max(far, x.abs());
+            }
+        }
+        let mut reach = [0.0; LANES];
+        for i in 0..LANES {
+            let origin = max(max(ox[i].abs(), oy[i].abs()), oz[i].abs());
+            // |d| is at most the sum of both.
+            reach[i] = 2.0 * (origin + far);
+        }
+        Self { shaft, reach }
+    }
+
+    /// Returns false only if no shadow ray of any lane hits the triangle in `slot`.
+    ///
+    /// A ray misses if two of its edge functions have different signs. They are linear in the
+    /// direction, so the corners of the light bound them. A ray also misses if its parameter at the
+    /// triangle's plane is negative.
+    #[inline(always)]
+    fn may_hit(&self, block: &Block, slot: usize) -> bool {
+        let [p, q, r] = block.triangle(slot);
+        let primitive = block.primitives[slot];
+        let ([ox, oy, oz], active) = (self.shaft.origins, &self.shaft.active);
+        let mut may_hit = 0;
+        for i in 0..LANES {
+            let o = [ox[i], oy[i], oz[i]];
+            let (a, b, c) = (minus(p, o), minus(q, o), minus(r, o));
+            let m = max(max(largest(a), largest(b)), largest(c));
+            let normals = [cross(a, b), cross(b, c), cross(c, a)];
+            let (mut low, mut high) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
+            for corner in self.shaft.corners {
+                let d = minus(*corner, o);
+                let e = [dot(d, normals[0]), dot(d, normals[1]), dot(d, normals[2])];
+                let all = [e[0], e[1], e[2], e[0] + e[1] + e[2]];
+                for k in 0..4 {
+                    (low[k], high[k]) = (min(low[k], all[k]), max(high[k], all[k]));
+                }
+            }
+            // The smallest normal numbers are for underflow.
+            let margin = MARGIN * m * m * self.reach[i] + 1e-30;
+            let positive = (low[0] > margin) | (low[1] > margin) | (low[2] > margin);
+            let negative = (high[0] < -margin) | (high[1] < -margin) | (high[2] < -margin);
+            let (height, slack) = (dot(a, normals[1]), MARGIN * m * m * m + 1e-30);
+            // The sum of the edge functions has three times their error.
+            let behind = ((height > slack) & (high[3] < -3.0 * margin))
+                | ((height < -slack) & (low[3] > 3.0 * margin));
+            let own = self.shaft.leaving[i] == primitive;
+            may_hit |= active.0[i] & -i32::from(!((positive & negative) | behind | own));
+        }
+        may_hit != 0
+    }
+}
+
+impl Frustum {
+    /// Bounds all segments of a shaft. Also returns where they end: see [`Frustum::end`]. Returns
+    /// `None` if the segments do not all run in one direction along an axis.
+    ///
+    /// A line from a point through the light crosses a plane normal to the dominant axis between
+    /// the lines through the corners. So the lines through the corners bound all of them.
+    #[inline(always)]
+    fn around(tier: impl HorizontalMin, shaft: &Shaft, scene: &Bounds3) -> Option<(Self, f32)> {
+        let (origins, active) = (shaft.origins, &shaft.active);
+        let (low, high) = ends(tier, shaft);
+        let (near, far) = corners(shaft);
+        // The axis along which the light is farthest from the points.
+        let mut gaps = [0.0; 3];
+        for axis in 0..3 {
+            gaps[axis] = max(near[axis] - high[axis], low[axis] - far[axis]);
+        }
+        let z = gaps[2] >= max(gaps[0], gaps[1]);
+        let k = if z { 2 } else { usize::from(gaps[1] >= gaps[0]) };
+        if !(gaps[k] > 0.0) {
+            return None;
+        }
+        let axes = [(k + 1) % 3, (k + 2) % 3, k];
+        let backward = far[k] < low[k];
+        let (lower, upper) = (scene.lower(), scene.upper());
+        let (mut reach, mut size, mut octant) = (0.0, 0.0, 0);
+        for axis in 0..3 {
+            reach = max(reach, max(high[axis] - lower[axis], upper[axis] - low[axis]));
+            size = max(size, max(low[axis].abs(), high[axis].abs()));
+            size = max(size, max(near[axis].abs(), far[axis].abs()));
+            octant |= usize::from(near[axis] < low[axis]) << axis;
+        }
+        // 1.5 times `Query::box_slack`, and 6u of the light's coordinates for its rounded points.
+        let slack = (64.0 * reach + 16.0 * size) * f32::EPSILON + 8.0 * f32::MIN_POSITIVE;
+        let (forward, scene_end, start, light) = match backward {
+            true => (-1.0, -lower[k], -high[k], -near[k]),
+            false => (1.0, upper[k], low[k], far[k]),
+        };
+        let (scene_end, start) = (scene_end + slack, start - slack);
+        let end = min(light + slack, scene_end);
+        let (z0, z1) = (forward * start, forward * max(end, start));
+        let mut rows = [[f32::INFINITY; LANES]; 8];
+        for corner in shaft.corners {
+            for axis in 0..2 {
+                let j = axes[axis];
+                for i in 0..LANES {
+                    let (x, z) = (origins[j][i], origins[k][i]);
+                    let slope = (corner[j] - x) / (corner[k] - z);
+                    let (x0, x1) = (x + slope * (z0 - z), x + slope * (z1 - z));
+                    rows[axis][i] = min(x0, rows[axis][i]);
+                    rows[2 + axis][i] = min(-x0, rows[2 + axis][i]);
+                    rows[4 + axis][i] = min(x1, rows[4 + axis][i]);
+                    rows[6 + axis][i] = min(-x1, rows[6 + axis][i]);
+                }
+            }
+        }
+        for row in &mut rows {
+            *row = select(active, row);
+        }
+        let mut frustum = Self::without_sides(axes, octant, forward, [start, scene_end, slack]);
+        frustum.set_sides([z0, z1], &tier.horizontal_min_rows(&rows));
+        Some((frustum, end))
+    }
+}
+
+/// Smallest and largest coordinates of the points of a shaft.
+#[inline(always)]
+fn ends(tier: impl HorizontalMin, shaft: &Shaft) -> ([f32; 3], [f32; 3]) {
+    let mut rows = [[f32::INFINITY; LANES]; 8];
+    for axis in 0..3 {
+        let mut minus = [0.0; LANES];
+        for i in 0..LANES {
+            minus[i] = -shaft.origins[axis][i];
+        }
+        rows[axis] = select(&shaft.active, &shaft.origins[axis]);
+        rows[3 + axis] = select(&shaft.active, &minus);
+    }
+    let [x, y, z, minus_x, minus_y, minus_z, ..] = tier.horizontal_min_rows(&rows);
+    ([x, y, z], [-minus_x, -minus_y, -minus_z])
+}
+
+/// Smallest and largest coordinates of the corners of a shaft's light.
+#[inline(always)]
+fn corners(shaft: &Shaft) -> ([f32; 3], [f32; 3]) {
+    let (mut near, mut far) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for corner in shaft.corners {
+        for axis in 0..3 {
+            near[axis] = min(corner[axis], near[axis]);
+            far[axis] = max(corner[axis], far[axis]);
+        }
+    }
+    (near, far)
+}
+
+#[inline(always)]
+fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[inline(always)]
+fn largest(a: [f32; 3]) -> f32 {
+    max(max(a[0].abs(), a[1].abs()), a[2].abs())
+}
