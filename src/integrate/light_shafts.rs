@@ -7,7 +7,10 @@ use crate::shading::{Area, ShadowPoints, lane};
 /// Relative margin of the signs of dot products in f32.
 const MARGIN: f32 = 16.0 * f32::EPSILON;
 
-/// Most packets in a row that are not queried after failed queries.
+/// Failed queries after which packets are skipped.
+const PATIENCE: u32 = 8;
+
+/// Most packets in a row that are skipped.
 const MAX_SKIPPED: u32 = 15;
 
 /// How much of an area light the points of a packet see.
@@ -32,8 +35,8 @@ pub struct LightShafts {
 struct Skips {
     /// Packets still to be skipped.
     left: u32,
-    /// Packets to skip after the next failed query.
-    next: u32,
+    /// Failed queries; halved by every other one.
+    failed: u32,
 }
 
 impl LightShafts {
@@ -79,12 +82,12 @@ impl LightShafts {
         let shaft = Shaft { active, origins: &points.origin, leaving, corners: &corners };
         match accelerator.is_shaft_empty(&shaft) {
             Some(true) => {
-                skips.next = 0;
+                skips.failed /= 2;
                 return View::Clear;
             }
             Some(false) => {
-                skips.left = skips.next;
-                skips.next = (2 * skips.next + 1).min(MAX_SKIPPED);
+                skips.failed = (skips.failed + 1).min(PATIENCE + MAX_SKIPPED);
+                skips.left = skips.failed.saturating_sub(PATIENCE);
             }
             None => self.by_light.clear(),
         }

@@ -76,9 +76,12 @@ impl<T: Tier> Kernel for MayHit<'_, T> {
 /// The segments of a shaft, for tests against single triangles.
 struct Segments<'a> {
     shaft: &'a Shaft<'a>,
-    /// Sum of the magnitudes that bounds the rounding of a direction, by lane.
-    reach: [f32; LANES],
+    /// [`MARGIN`] times a bound of |d| and of the coordinates that |d| is computed from, by lane.
+    margin: [f32; LANES],
 }
+
+/// Three coordinates by lane.
+type Lanes3 = [[f32; LANES]; 3];
 
 impl<'a> Segments<'a> {
     #[inline(always)]
@@ -90,13 +93,12 @@ impl<'a> Segments<'a> {
                 far = max(far, x.abs());
             }
         }
-        let mut reach = [0.0; LANES];
+        let mut margin = [0.0; LANES];
         for i in 0..LANES {
             let origin = max(max(ox[i].abs(), oy[i].abs()), oz[i].abs());
-            // |d| is at most the sum of both.
-            reach[i] = 2.0 * (origin + far);
+            margin[i] = MARGIN * 2.0 * (origin + far);
         }
-        Self { shaft, reach }
+        Self { shaft, margin }
     }
 
     /// Returns false only if no shadow ray of any lane hits the triangle in `slot`.
@@ -108,35 +110,81 @@ impl<'a> Segments<'a> {
     fn may_hit(&self, block: &Block, slot: usize) -> bool {
         let [p, q, r] = block.triangle(slot);
         let primitive = block.primitives[slot];
-        let ([ox, oy, oz], active) = (self.shaft.origins, &self.shaft.active);
-        let mut may_hit = 0;
-        for i in 0..LANES {
-            let o = [ox[i], oy[i], oz[i]];
-            let (a, b, c) = (minus(p, o), minus(q, o), minus(r, o));
-            let m = max(max(largest(a), largest(b)), largest(c));
-            let normals = [cross(a, b), cross(b, c), cross(c, a)];
-            let (mut low, mut high) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
-            for corner in self.shaft.corners {
-                let d = minus(*corner, o);
-                let e = [dot(d, normals[0]), dot(d, normals[1]), dot(d, normals[2])];
-                let all = [e[0], e[1], e[2], e[0] + e[1] + e[2]];
-                for k in 0..4 {
-                    (low[k], high[k]) = (min(low[k], all[k]), max(high[k], all[k]));
+        let o = self.shaft.origins;
+        let (a, b, c) = (minus(&p, o), minus(&q, o), minus(&r, o));
+        let normals = [cross(&a, &b), cross(&b, &c), cross(&c, &a)];
+        let (mut low, mut high) = ([[f32::INFINITY; LANES]; 4], [[f32::NEG_INFINITY; LANES]; 4]);
+        for corner in self.shaft.corners {
+            let d = minus(corner, o);
+            let edges = [dot(&d, &normals[0]), dot(&d, &normals[1]), dot(&d, &normals[2])];
+            for i in 0..LANES {
+                let all = edges[0][i] + edges[1][i] + edges[2][i];
+                (low[3][i], high[3][i]) = (min(low[3][i], all), max(high[3][i], all));
+            }
+            for k in 0..3 {
+                for i in 0..LANES {
+                    low[k][i] = min(low[k][i], edges[k][i]);
+                    high[k][i] = max(high[k][i], edges[k][i]);
                 }
             }
-            // The smallest normal numbers are for underflow.
-            let margin = MARGIN * m * m * self.reach[i] + 1e-30;
-            let positive = (low[0] > margin) | (low[1] > margin) | (low[2] > margin);
-            let negative = (high[0] < -margin) | (high[1] < -margin) | (high[2] < -margin);
-            let (height, slack) = (dot(a, normals[1]), MARGIN * m * m * m + 1e-30);
+        }
+        let heights = dot(&a, &normals[1]);
+        let mut may_hit = 0;
+        for i in 0..LANES {
+            let m = max(max(largest(&a, i), largest(&b, i)), largest(&c, i));
+            // The added numbers are for underflow.
+            let margin = m * m * self.margin[i] + 1e-30;
+            let positive = (low[0][i] > margin) | (low[1][i] > margin) | (low[2][i] > margin);
+            let negative = (high[0][i] < -margin) | (high[1][i] < -margin) | (high[2][i] < -margin);
+            let slack = MARGIN * m * m * m + 1e-30;
             // The sum of the edge functions has three times their error.
-            let behind = ((height > slack) & (high[3] < -3.0 * margin))
-                | ((height < -slack) & (low[3] > 3.0 * margin));
+            let behind = ((heights[i] > slack) & (high[3][i] < -3.0 * margin))
+                | ((heights[i] < -slack) & (low[3][i] > 3.0 * margin));
             let own = self.shaft.leaving[i] == primitive;
-            may_hit |= active.0[i] & -i32::from(!((positive & negative) | behind | own));
+            let misses = (positive & negative) | behind | own;
+            may_hit |= self.shaft.active.0[i] & -i32::from(!misses);
         }
         may_hit != 0
     }
+}
+
+/// A point relative to the origin of each lane.
+#[inline(always)]
+fn minus(point: &[f32; 3], origins: &Lanes3) -> Lanes3 {
+    let mut d = [[0.0; LANES]; 3];
+    for axis in 0..3 {
+        for i in 0..LANES {
+            d[axis][i] = point[axis] - origins[axis][i];
+        }
+    }
+    d
+}
+
+#[inline(always)]
+fn dot(a: &Lanes3, b: &Lanes3) -> [f32; LANES] {
+    let mut dot = [0.0; LANES];
+    for i in 0..LANES {
+        dot[i] = a[0][i] * b[0][i] + a[1][i] * b[1][i] + a[2][i] * b[2][i];
+    }
+    dot
+}
+
+#[inline(always)]
+fn cross(a: &Lanes3, b: &Lanes3) -> Lanes3 {
+    let mut cross = [[0.0; LANES]; 3];
+    for axis in 0..3 {
+        let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
+        for i in 0..LANES {
+            cross[axis][i] = a[j][i] * b[k][i] - a[k][i] * b[j][i];
+        }
+    }
+    cross
+}
+
+/// Largest magnitude of the coordinates of lane `i`.
+#[inline(always)]
+fn largest(a: &Lanes3, i: usize) -> f32 {
+    max(max(a[0][i].abs(), a[1][i].abs()), a[2][i].abs())
 }
 
 impl Frustum {
@@ -230,24 +278,4 @@ fn corners(shaft: &Shaft) -> ([f32; 3], [f32; 3]) {
         }
     }
     (near, far)
-}
-
-#[inline(always)]
-fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-#[inline(always)]
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
-fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-#[inline(always)]
-fn largest(a: [f32; 3]) -> f32 {
-    max(max(a[0].abs(), a[1].abs()), a[2].abs())
 }
