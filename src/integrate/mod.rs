@@ -9,6 +9,7 @@ mod camera_packet;
 mod crevices;
 mod empty_blocks;
 mod joint;
+mod light_batch;
 mod light_shafts;
 mod noise;
 mod passes;

@@ -39,6 +39,12 @@ impl<'a> ShadowRays<'a> {
         Self { area, active, grazing }
     }
 
+    /// Whether the backend alone decides which rays are occluded.
+    #[inline(always)]
+    pub fn is_plain(&self, crevices: &Crevices) -> bool {
+        crevices.is_empty() && !self.grazing.any()
+    }
+
     /// Traces the rays; `tfar` becomes -inf where a ray is occluded. Ray `i` starts at the point of
     /// lane `from[i]`, whose crevice may be in `crevices`. Rays from near edges, and rays along the
     /// surface that contains the light, are traced one by one.
@@ -52,7 +58,7 @@ impl<'a> ShadowRays<'a> {
         coherence: Coherence,
     ) {
         let Self { area, active, grazing } = self;
-        if crevices.is_empty() && !grazing.any() {
+        if self.is_plain(crevices) {
             return accelerator.occluded(active, rays, coherence);
         }
         let in_plane = |primitive| area.is_some_and(|area| area.holds(geometry, primitive));

@@ -7,6 +7,7 @@ use super::RayCounts;
 use super::adaptive_shadows::{AdaptiveShadows, LightPoint, Sum};
 use super::camera_packet::CameraPacket;
 use super::crevices::Crevices;
+use super::light_batch::{LightBatch, POINTS, grid};
 use super::light_shafts::{LightShafts, View};
 use super::record::Record;
 use super::sampled_light::SampledLight;
@@ -21,10 +22,6 @@ use crate::shading::{
     Area, Emitter, Lanes3, Light, LightWeights, Points, ShadowPoints, lane, reflect,
 };
 use crate::world::World;
-
-/// Fewest lanes for which a point of an area light is traced from all lanes at once. With fewer, the
-/// pairs of lanes and points fill the packets better.
-const MIN_LANES: u32 = 6;
 
 /// State and buffers for the shading of one packet; reused from packet to packet.
 pub struct WhittedIntegrator<'a> {
@@ -44,6 +41,7 @@ pub struct WhittedIntegrator<'a> {
     shadow: Rays,
     lit: LightWeights,
     gathered: ShadowPoints,
+    batch: LightBatch,
     throughput: [f32; LANES],
     /// Radiance of the packet's lanes: the result of [`WhittedIntegrator::run`].
     pub radiance: Lanes3,
@@ -73,6 +71,7 @@ impl<'a> WhittedIntegrator<'a> {
             shadow: Rays::EMPTY,
             lit: LightWeights::EMPTY,
             gathered: ShadowPoints::EMPTY,
+            batch: LightBatch::EMPTY,
             throughput: [1.0; LANES],
             radiance: [[0.0; LANES]; 3],
         }
@@ -302,16 +301,8 @@ impl<'a> WhittedIntegrator<'a> {
             // No shadow ray is active.
         } else if self.world.adaptive_shadows && AdaptiveShadows::first(samples) < samples {
             self.sparing_light::<R>((lamp, area, clear), slot, counts, &mut sums);
-        } else if hit.count() >= MIN_LANES {
-            self.point_by_point::<R>((lamp, area, clear), slot, counts, &mut sums);
         } else {
-            let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
-            let pairs = lanes.flat_map(|lane| (0..samples).map(move |sample| (lane, sample)));
-            self.light_points((lamp, area, clear), slot, pairs, Some(counts), |point| {
-                if point.visible {
-                    sums.add::<R>(lamp, &point);
-                }
-            });
+            self.all_points::<R>((lamp, area, clear), slot, counts, &mut sums);
         }
         let share = 1.0 / f64::from(samples);
         if R::ON {
@@ -327,9 +318,9 @@ impl<'a> WhittedIntegrator<'a> {
         }
     }
 
-    /// Traces the points of an area light one after the other, each from all lanes.
+    /// Adds all points of an area light, in batches.
     #[inline(always)]
-    fn point_by_point<R: Record>(
+    fn all_points<R: Record>(
         &mut self,
         (lamp, area, clear): (&SampledLight, Area, bool),
         slot: &CameraPacket,
@@ -343,30 +334,41 @@ impl<'a> WhittedIntegrator<'a> {
         }
         let source = (lamp.index, lamp.bounce);
         let squares = sampler.light_points([&slot.x, &slot.y], &number, area.samples, source);
-        for _ in 0..area.samples {
-            if self.monitor.stopped() {
-                return;
+        let (scene, grid) = ((&*world.geometry, self.accelerator), grid(area.samples));
+        let mut left = area.samples;
+        while left > 0 && !self.monitor.stopped() {
+            self.batch.clear();
+            for k in 0..POINTS.min(left as usize) {
+                let square = squares.at(&number);
+                for i in 0..LANES {
+                    number[i] = number[i].wrapping_add(1);
+                }
+                let light = (&area.points(&square), Some(&area));
+                let (rays, lit) = (&mut self.batch.rays[k], &mut self.batch.lit[k]);
+                let aimed =
+                    ShadowRays::aim(&self.points.at, light, world.falloff, glossy, rays, lit);
+                counts.shadow += u64::from(aimed.active.count());
+                self.batch.active[k] = aimed.active;
+                self.batch.waiting[k] = aimed.active;
+                self.batch.push(&square, grid);
+                if !clear && !aimed.is_plain(&self.crevices) {
+                    self.batch.waiting[k] = Mask::NONE;
+                    let rays = &mut self.batch.rays[k];
+                    aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
+                }
             }
-            let q = area.points(&squares.at(&number));
-            for i in 0..LANES {
-                number[i] = number[i].wrapping_add(1);
-            }
-            let (points, rays, lit) = (&self.points.at, &mut self.shadow, &mut self.lit);
-            let aimed =
-                ShadowRays::aim(points, (&q, Some(&area)), world.falloff, glossy, rays, lit);
-            if !aimed.active.any() {
-                continue;
-            }
-            counts.shadow += u64::from(aimed.active.count());
             if !clear {
-                let scene = (&*world.geometry, self.accelerator);
-                aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
+                self.batch.trace(self.accelerator);
             }
-            let mut seen = Mask::NONE;
-            for i in 0..LANES {
-                seen.0[i] = aimed.active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
+            for k in 0..self.batch.len() {
+                let (active, rays) = (&self.batch.active[k], &self.batch.rays[k]);
+                let mut seen = Mask::NONE;
+                for i in 0..LANES {
+                    seen.0[i] = active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
+                }
+                sums.add_lanes::<R>(lamp.light, &self.batch.lit[k], &seen);
             }
-            sums.add_lanes::<R>(lamp.light, lit, &seen);
+            left -= self.batch.len() as u32;
         }
     }
 
