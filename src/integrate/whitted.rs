@@ -519,14 +519,12 @@ impl Sums {
     /// Adds one light point to each lane of `seen`.
     #[inline(always)]
     fn add_lanes<R: Record>(&mut self, light: &Light, lit: &LightWeights, seen: &Mask) {
-        let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
-        for axis in 0..3 {
-            for i in 0..LANES {
-                let sent = diffuse[axis] * lit.diffuse[i] + specular[axis] * lit.specular[i];
-                let sent = if seen.0[i] != 0 { sent } else { 0.0 };
-                self.light[axis][i] += f64::from(sent);
-            }
-        }
+        let (d, s) = (light.diffuse, light.specular);
+        // Not a loop: the compiler would make vectors of axes instead of lanes.
+        let [x, y, z] = &mut self.light;
+        add_seen(x, (d.x, s.x), lit, seen);
+        add_seen(y, (d.y, s.y), lit, seen);
+        add_seen(z, (d.z, s.z), lit, seen);
         if R::ON {
             for i in (0..LANES).filter(|&i| seen.0[i] != 0) {
                 self.split.add(i, light, lit.diffuse[i], lit.specular[i]);
@@ -562,6 +560,20 @@ impl Sums {
         if R::ON {
             self.split.add_part(&part.split, factor);
         }
+    }
+}
+
+/// Adds the light that the lanes of `seen` receive along one colour axis.
+#[inline(always)]
+fn add_seen(
+    sum: &mut [f64; LANES],
+    (diffuse, specular): (f32, f32),
+    lit: &LightWeights,
+    seen: &Mask,
+) {
+    for i in 0..LANES {
+        let light = diffuse * lit.diffuse[i] + specular * lit.specular[i];
+        sum[i] += f64::from(if seen.0[i] != 0 { light } else { 0.0 });
     }
 }
 
