@@ -157,7 +157,7 @@ pub struct OutputKeys {
     /// Writes the object names of cryptomattes to files beside the EXR instead of its header.
     pub cryptosidecar: bool,
     /// Bits per channel of the PNG: 8 or 16.
-    #[schemars(range(min = 8, max = 16))]
+    #[schemars(extend("enum" = [8, 16, null]))]
     pub pngbits: Option<u8>,
     /// Frame rate for the EXR header in frames per second, as a text such as "24" or "24000/1001".
     pub fps: Option<Name>,

@@ -1,7 +1,7 @@
 //! Expands paths, folders and patterns to files.
 
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeSet, HashMap},
     path::{Path, PathBuf},
 };
 
@@ -42,18 +42,39 @@ pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     };
     let matches = matches(&pattern)
         .map_err(|error| nothing(&format!("which is not a valid pattern: {error}")))?;
-    let files: Vec<PathBuf> = matches.into_iter().filter(|path| path.is_file()).collect();
+    let files = once(matches.into_iter().filter(|path| path.is_file()));
     match files.is_empty() {
         true => Err(nothing("a pattern that matches no file")),
         false => Ok(files),
     }
 }
 
+/// Keeps one path of those that reach the same file through links to folders: the shortest. A link
+/// to a file is a file of its own.
+fn once(paths: impl Iterator<Item = PathBuf>) -> Vec<PathBuf> {
+    let mut found: HashMap<PathBuf, PathBuf> = HashMap::new();
+    for path in paths {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new(".")).canonicalize().unwrap_or_default();
+        let file = folder.join(path.file_name().unwrap_or_default());
+        let shown = found.entry(file).or_insert_with(|| path.clone());
+        if path.components().count() < shown.components().count() {
+            *shown = path;
+        }
+    }
+    let mut files: Vec<PathBuf> = found.into_values().collect();
+    files.sort();
+    files
+}
+
 /// Returns all paths that match a pattern, each once.
 ///
 /// `**` matches folders at any depth, but follows no links: a link may lead to a parent folder, and
-/// then the paths through it have no end.
+/// then the paths through it have no end. At the end of a pattern it matches no file.
 fn matches(pattern: &str) -> std::result::Result<BTreeSet<PathBuf>, glob::PatternError> {
+    if pattern == "**" || pattern.ends_with("/**") {
+        return Ok(BTreeSet::new());
+    }
     let (above, below) = match pattern.split_once("**/") {
         // `**` that is only part of a name also goes to `glob`, which reports an error.
         Some((above, below)) if above.is_empty() || above.ends_with('/') => (above, below),

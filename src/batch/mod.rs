@@ -28,7 +28,7 @@ pub use description::{
 pub use job::{Flags, Input, Job};
 pub use journal::{FrameRecord, MeshRecord, Record};
 pub use names::Pattern;
-pub use outputs::refuse_sheet;
+pub use outputs::{refuse_files, refuse_sheet};
 pub use plan::{Task, index, tasks};
 pub use scene::predict;
 pub use status::{Event, Status};

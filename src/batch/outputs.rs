@@ -21,12 +21,13 @@ use super::{
     scene, sheet,
 };
 
-/// Returns all files that a job reads: its own files, its inputs, and the files that these name.
+/// Returns all files that a job reads: its own files, the texture for its meshes, its inputs, and
+/// the files that these name.
 ///
 /// Reads scenes and mesh headers on the threads of the current rayon pool.
 pub fn inputs(job: &Job) -> Files {
     let named = job.inputs.par_iter().map(|input| named(job, input)).collect::<Vec<_>>();
-    job.files.iter().chain(named.iter().flatten()).collect()
+    job.files.iter().chain(&job.looks.texture).chain(named.iter().flatten()).collect()
 }
 
 /// Returns an input's path and the paths of the files that it names, as far as these can be found
@@ -58,8 +59,16 @@ pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &Files) -> Resu
 /// # Errors
 /// The first such file.
 pub fn refuse_sheet(job: &Job) -> Result<()> {
+    refuse_files(job, sheet::paths(job))
+}
+
+/// Refuses files beside the frames that would overwrite an input.
+///
+/// # Errors
+/// The first such file.
+pub fn refuse_files(job: &Job, mut outputs: impl Iterator<Item = PathBuf>) -> Result<()> {
     let inputs = inputs(job);
-    sheet::paths(job).try_for_each(|output| refuse_if_input(&output, &inputs))
+    outputs.try_for_each(|output| refuse_if_input(&output, &inputs))
 }
 
 fn refuse_if_input(output: &Path, inputs: &Files) -> Result<()> {

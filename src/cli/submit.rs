@@ -14,7 +14,7 @@ use crate::{
     batch::{self, Job, Record},
     error::{Error, Kind, Problem, Result},
     farm::{self, Chunks, Slurm},
-    output::atomic::TextFile,
+    output::atomic::Part,
     paths,
     scene::{Light, LightKind},
     units::{self, parse_bytes},
@@ -107,10 +107,13 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
     let job = load(args)?;
     let slurm = plan(args, &job)?;
     let folder = job.folder.join("slurm");
+    let scripts = [("frames.sh", farm::FRAMES_SCRIPT), ("sheet.sh", farm::SHEET_SCRIPT)]
+        .map(|(name, text)| (folder.join(name), text));
+    batch::refuse_files(&job, scripts.iter().map(|(path, _)| path.clone()))?;
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, "create", &error))?;
     let mut written = Vec::new();
-    for (name, text) in [("frames.sh", farm::FRAMES_SCRIPT), ("sheet.sh", farm::SHEET_SCRIPT)] {
-        written.push(TextFile::create(&folder.join(name))?.finish(text)?);
+    for (path, text) in &scripts {
+        written.push(Part::create(path)?.finish(text)?);
     }
     let Chunks { frames, per_task } = slurm.chunks;
     print::note(&format!(

@@ -130,6 +130,15 @@ impl Part {
         self.sync()
     }
 
+    /// Writes the whole text and gives the file its final name.
+    ///
+    /// # Errors
+    /// `Retry` if the disk is full. The target is unchanged then.
+    pub fn finish(mut self, text: &str) -> Result<PathBuf> {
+        self.fill(text)?;
+        self.commit()
+    }
+
     /// Waits until the data is on the disk.
     ///
     /// # Errors
@@ -181,7 +190,9 @@ impl Sweep {
 fn parts_in(folder: &Path) -> HashMap<OsString, Vec<PathBuf>> {
     let mut parts: HashMap<OsString, Vec<PathBuf>> = HashMap::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        if let Some(target) = target_of(&entry.file_name()) {
+        // To open a pipe of this name would wait for its writer.
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if let Some(target) = target_of(&entry.file_name()).filter(|_| is_file) {
             parts.entry(target.to_owned()).or_default().push(entry.path());
         }
     }
@@ -262,10 +273,7 @@ impl TextFile {
     /// `Retry` if the disk is full. The target is unchanged then.
     pub fn finish(self, text: &str) -> Result<PathBuf> {
         match self {
-            Self::Part(mut part) => {
-                part.fill(text)?;
-                part.commit()
-            }
+            Self::Part(part) => part.finish(text),
             Self::Device(path, mut file) => {
                 let written = file.write_all(text.as_bytes());
                 written.map_err(|error| Error::io(&path, "write", &error))?;

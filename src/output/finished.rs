@@ -15,7 +15,7 @@ use super::{FINGERPRINT, exr::read_sorted};
 pub enum FileState {
     /// There is no file.
     Missing,
-    /// The file is truncated, or it has another format.
+    /// The file is truncated, it has another format, or it is no regular file.
     Broken,
     /// The file is complete. The fingerprint states the inputs of the render, if the file has one.
     Whole(Option<String>),
@@ -77,6 +77,10 @@ pub fn png(path: &Path) -> FileState {
 }
 
 fn inspect(path: &Path, read: impl FnOnce(&mut File) -> Option<Option<String>>) -> FileState {
+    // To open a pipe waits for its writer.
+    if std::fs::metadata(path).is_ok_and(|data| !data.is_file()) {
+        return FileState::Broken;
+    }
     match File::open(path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => FileState::Missing,
         Err(_) => FileState::Broken,

@@ -75,7 +75,9 @@ impl Origin {
         if !nearest.is_finite() {
             return Self { position, at_camera, extent, nearest, rounding: 0.0, pixels: 0.0 };
         }
-        let rounding = SINGLE * (away + nearest) + 4.0 * DOUBLE * largest;
+        // The scene's numbers are doubles: camera and shape are each off by half an ulp.
+        let written = 2.0 * DOUBLE * camera.position.abs().max_element();
+        let rounding = SINGLE * (away + nearest) + 4.0 * DOUBLE * largest + written;
         let pixel = 2.0 * (camera.fov_deg.to_radians() / 2.0).tan() / f64::from(camera.height);
         let pixels = rounding / nearest / pixel;
         Self { position, at_camera, extent, nearest, rounding, pixels }
@@ -88,7 +90,7 @@ impl Origin {
             "the scene is {extent:.1e} wide and its nearest shape {nearest:.1e} from the camera: \
              there, positions are rounded to {rounding:.1e}, {pixels:.2} of a pixel"
         );
-        let help = "leave out what is so far away, or choose smaller spheres";
+        let help = "leave out what is so far away, choose smaller spheres, or move all closer to 0";
         (pixels > MAX_PIXELS).then(|| Problem::new("scene", message).help(help))
     }
 }
@@ -142,6 +144,16 @@ mod tests {
         let origin = choose(DVec3::new(0.5, 1.7, 4.0), &[sphere(1e14), sphere(1.0)]);
         let warning = origin.warning().unwrap().to_string();
         assert!(warning.contains("of a pixel"), "{warning}");
+    }
+
+    #[test]
+    fn a_scene_too_far_from_zero_for_doubles_causes_a_warning() {
+        for (far, warned) in [(1e6, false), (1e12, false), (1e14, true), (1e16, true)] {
+            let center = DVec3::new(far, 0.0, 0.0);
+            let ball = ShapeKind::Sphere { center, radius: 1.0, pole: 2 };
+            let origin = choose(center + DVec3::new(0.0, 0.0, 5.0), &[ball]);
+            assert_eq!(origin.warning().is_some(), warned, "{far:e}: {origin:?}");
+        }
     }
 
     #[test]

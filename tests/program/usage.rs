@@ -131,6 +131,10 @@ fn help_version_schema_completions_man() {
     let schema = lightpath(&["schema"]).stdout();
     let schema: serde_json::Value = serde_json::from_str(&schema).unwrap();
     assert!(schema["properties"]["camera"].is_object());
+    let job = lightpath(&["schema", "job"]).stdout();
+    let job: serde_json::Value = serde_json::from_str(&job).unwrap();
+    let bits = &job["$defs"]["OutputKeys"]["properties"]["pngbits"];
+    assert_eq!(bits["enum"], serde_json::json!([8, 16, null]), "{bits}");
     for shell in ["bash", "zsh", "fish"] {
         let output = lightpath(&["completions", shell]);
         assert!(output.stdout().contains("light-samples"), "{shell}");

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use crate::{
     error::Result,
-    output::atomic::{Sweep, TextFile},
+    output::atomic::{Part, Sweep},
     threads,
 };
 
@@ -74,5 +74,5 @@ pub fn write(job: &Job, threads: usize) -> Result<Vec<PathBuf>> {
 
 fn write_text(sweep: &Sweep, path: &Path, text: &str) -> Result<PathBuf> {
     sweep.target(path);
-    TextFile::create(path)?.finish(text)
+    Part::create(path)?.finish(text)
 }

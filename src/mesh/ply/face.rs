@@ -40,7 +40,7 @@ pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) ->
     }
     let mut all = Faces::default();
     let read = |reader: &mut Reader| {
-        let mut part = BlockFaces::new(plan, positions);
+        let mut part = BlockFaces::new(plan, table.job, positions);
         reader.feed(&mut part)?;
         Ok(part.finish())
     };
@@ -148,9 +148,27 @@ fn copy<T: Native + Into<i64>, P: Point>(
     Ok(Faces { triangles, uvs: None, tally })
 }
 
+/// Number of corners from which a polygon's memory is reserved before it is split.
+const LARGE_POLYGON: usize = 1 << 16;
+/// Bytes per corner while a polygon is split: its vertex, three versions of its point, a triangle.
+const SPLIT_BYTES: u64 = 4 + 24 + 24 + 16 + 12;
+
+/// Appends to a list whose length comes from the file.
+#[inline]
+fn push<T>(all: &mut Vec<T>, value: T, job: ReadContext) -> RowResult<()> {
+    if all.len() == all.capacity() {
+        let bytes = 2 * size_of_val(all.as_slice()) as u64;
+        let lack = |_| Fault::Memory(Box::new(reserve::lack(bytes, job.name)));
+        all.try_reserve(1).map_err(lack)?;
+    }
+    all.push(value);
+    Ok(())
+}
+
 /// Reads the faces of one block of rows.
 struct BlockFaces<'a, P> {
     plan: &'a FacePlan,
+    job: ReadContext<'a>,
     checker: Checker<'a, P>,
     triangles: Vec<[u32; 3]>,
     uvs: Vec<[[f32; 2]; 3]>,
@@ -164,10 +182,11 @@ struct BlockFaces<'a, P> {
 }
 
 impl<'a, P: Point> BlockFaces<'a, P> {
-    fn new(plan: &'a FacePlan, positions: &'a [P]) -> Self {
+    fn new(plan: &'a FacePlan, job: ReadContext<'a>, positions: &'a [P]) -> Self {
         let element = if plan.strips { "tristrips" } else { "face" };
         Self {
             plan,
+            job,
             checker: Checker::new(positions, element),
             triangles: Vec::new(),
             uvs: Vec::new(),
@@ -211,8 +230,26 @@ impl<'a, P: Point> BlockFaces<'a, P> {
         Ok(())
     }
 
+    /// Reserves the memory in which a polygon of `count` corners is split. That of small polygons
+    /// is not worth a question to the system.
+    fn reserve_split(&mut self, count: usize) -> RowResult<()> {
+        if count < LARGE_POLYGON {
+            return Ok(());
+        }
+        let bytes = SPLIT_BYTES * count as u64;
+        let ready = self.job.fits(bytes).and_then(|()| {
+            reserve::growing(&mut self.triangles, count, self.job.name)?;
+            if self.plan.texcoords {
+                reserve::growing(&mut self.uvs, count, self.job.name)?;
+            }
+            reserve::probe(bytes, self.job.name)
+        });
+        ready.map_err(|error| Fault::Memory(Box::new(error)))
+    }
+
     fn polygon(&mut self, row: u64) -> RowResult<()> {
         let count = self.corners.len();
+        self.reserve_split(count)?;
         let vertices: Vec<u32> = self.corners.iter().flatten().copied().collect();
         let finite = self.checker.all_finite(row, &vertices);
         if !finite || vertices.len() < count {
@@ -279,7 +316,9 @@ impl<'a, P: Point> BlockFaces<'a, P> {
             if seen >= 2 {
                 let [a, b] = if seen % 2 == 0 { before } else { [before[1], before[0]] };
                 self.checker.tally.faces += 1;
-                self.triangles.extend(self.checker.triangle(row, [a, b, vertex]));
+                if let Some(triangle) = self.checker.triangle(row, [a, b, vertex]) {
+                    push(&mut self.triangles, triangle, self.job)?;
+                }
             }
             before = [before[1], vertex];
             seen += 1;
@@ -305,15 +344,16 @@ impl<P: Point> RowConsumer for BlockFaces<'_, P> {
                         let value = values.number(item)? as i64;
                         // A face with fewer than three corners is skipped, so its indices are not
                         // checked.
-                        self.corners.push(match count {
+                        let corner = match count {
                             0..3 => None,
                             _ => self.checker.vertex(row, value),
-                        });
+                        };
+                        push(&mut self.corners, corner, self.job)?;
                     }
                 }
                 Step::Texcoords { count, item } => {
                     for _ in 0..values.count(count)? {
-                        self.texcoords.push(values.number(item)? as f32);
+                        push(&mut self.texcoords, values.number(item)? as f32, self.job)?;
                     }
                 }
                 Step::Texnumber(kind) => self.texture = Some(values.number(kind)? as i64),

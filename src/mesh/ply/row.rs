@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::block::Block;
 use super::scalar::{Native, Scalar};
+use crate::error::Error;
 
 /// An error in a row.
 #[derive(Debug)]
@@ -19,6 +20,8 @@ pub(super) enum Fault {
     NegativeCount(f64),
     /// The values do not form a valid face.
     Bad(String),
+    /// The row needs more memory than there is.
+    Memory(Box<Error>),
 }
 
 impl fmt::Display for Fault {
@@ -30,6 +33,7 @@ impl fmt::Display for Fault {
             Self::DoesNotFit(word, kind) => write!(f, "'{word}' does not fit type {}", kind.name()),
             Self::NegativeCount(count) => write!(f, "a list of {count} values"),
             Self::Bad(message) => f.write_str(message),
+            Self::Memory(error) => error.fmt(f),
         }
     }
 }

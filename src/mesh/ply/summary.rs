@@ -15,11 +15,12 @@ use crate::error::Result;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TriangleCount {
-    /// Exact for what the file declares, computed from the sizes of file and rows. Includes the
-    /// triangles that the reader will drop.
+    /// Exact if every face has three corners or more, computed from the sizes of file and rows.
+    /// Includes the triangles that the reader will drop. If some faces have fewer corners, the mesh
+    /// has more triangles, but fewer than three times as many.
     Exact,
-    /// An upper bound for triangle strips, which may have restarts. Too small for a file that has
-    /// faces with fewer than three corners.
+    /// An upper bound: for triangle strips, which may have restarts, and for files in which some
+    /// faces must have fewer than three corners.
     AtMost,
     /// An estimate that takes every face for one triangle.
     Estimate,
@@ -195,7 +196,9 @@ fn triangles(header: &Header, plan: &MeshPlan, data_bytes: u64) -> (u64, Triangl
     let corners = data_bytes.saturating_sub(fixed) / item.size() as u64;
     let triangles = corners.saturating_sub(faces.saturating_mul(2));
     // Strips may have restarts, which the sizes do not show. Fewer triangles than faces prove that
-    // some faces have fewer than three corners. Such faces beside large polygons are not noticed.
-    let exact = !face.strips && triangles >= faces;
-    (triangles, if exact { TriangleCount::Exact } else { TriangleCount::AtMost })
+    // some faces have fewer than three corners. Then one face may have nearly all corners.
+    match !face.strips && triangles >= faces {
+        true => (triangles, TriangleCount::Exact),
+        false => (corners.saturating_sub(2), TriangleCount::AtMost),
+    }
 }

@@ -51,6 +51,7 @@ impl Table<'_> {
                 let have = "its last line is incomplete";
                 too_short(self.element, row, have, &self.job)
             }
+            (Fault::Memory(error), _) => *error,
             (fault, Some(line)) => {
                 let values = expected(self.element);
                 Error::invalid(format!("{name}:{line}"), format!("{element} {row}: {fault}"))

@@ -485,6 +485,43 @@ fn summaries() {
     }
 }
 
+/// Polygons with many corners beside faces with none, and strips of different lengths.
+#[test]
+fn no_mesh_has_more_triangles_than_its_summary_promises() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    let write = |element: &str, rows: &[&[i32]]| {
+        let header = format!(
+            "ply\nformat binary_little_endian 1.0\nelement vertex 6\nproperty float x\n\
+             property float y\nproperty float z\nelement {element} {}\n\
+             property list uchar int vertex_indices\nend_header\n",
+            rows.len()
+        );
+        let mut bytes = header.into_bytes();
+        for (x, y) in [(0, 0), (2, 0), (3, 1), (2, 2), (0, 2), (-1, 1)] {
+            [x, y, x * y].iter().for_each(|&v| bytes.extend((v as f32).to_le_bytes()));
+        }
+        for row in rows {
+            bytes.push(row.len() as u8);
+            row.iter().for_each(|index| bytes.extend(index.to_le_bytes()));
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        let summary = inspect_ply(&path).unwrap();
+        let mesh = read_ply_bytes(&bytes, "a.ply", ReadOptions::default()).unwrap();
+        (summary.triangles, summary.triangles_are, mesh.triangles.len() as u64)
+    };
+    let hexagon: &[i32] = &[0, 1, 2, 3, 4, 5];
+    for short in 1..9 {
+        let rows = [&[hexagon][..], &vec![&[][..]; short]].concat();
+        let (promised, reliable, triangles) = write("face", &rows);
+        let bound = if reliable == TriangleCount::Exact { 3 * promised - 1 } else { promised };
+        assert!(triangles == 4 && bound >= 4, "{short}: {promised}");
+        let (promised, _, triangles) = write("tristrips", &rows);
+        assert!(promised >= triangles && triangles > 0, "{short}: {promised}, {triangles}");
+    }
+    assert_eq!(write("face", &[hexagon]), (4, TriangleCount::Exact, 4));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 

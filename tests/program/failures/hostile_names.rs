@@ -154,6 +154,42 @@ fn no_name_leads_out_of_the_folder() {
     }
 }
 
+/// Returns the exit code of a run that must not hang.
+fn run_in_time(scratch: &Scratch, args: &[&str]) -> Option<i32> {
+    let mut child = scratch.command(args);
+    let mut child = child.stdout(std::process::Stdio::null()).spawn().unwrap();
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(20) {
+        if let Some(status) = child.try_wait().unwrap() {
+            return status.code();
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    panic!("it hangs: {args:?}");
+}
+
+/// Pipes under the names of frames, of the page and of part files have no writer.
+#[test]
+fn pipes_in_the_output_folder_are_never_opened() {
+    let _timed = crate::timed();
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    let args = [&["batch", "a.ply", "-o", "out"], &SMALL[..]].concat();
+    let names = ["out/a.exr", "out/a.png", "out/a.exr.abcdef.part", "out/index.html"];
+    for (name, codes) in names.into_iter().zip([[1, 1], [1, 1], [0, 0], [2, 2]]) {
+        fs::create_dir(scratch.path("out")).unwrap();
+        scratch.pipe(name);
+        for (more, code) in [&[][..], &["--resume"]].into_iter().zip(codes) {
+            assert_eq!(run_in_time(&scratch, &[&args[..], more].concat()), Some(code), "{name}");
+        }
+        let code = run_in_time(&scratch, &[&args[..], &["--sheet-only"]].concat());
+        assert_eq!(code, Some(codes[0]), "{name}");
+        fs::remove_dir_all(scratch.path("out")).unwrap();
+    }
+}
+
 #[test]
 fn a_journal_is_a_file_of_its_folder() {
     let _timed = crate::timed();
@@ -162,20 +198,7 @@ fn a_journal_is_a_file_of_its_folder() {
     scratch.write("precious", "mine\n");
     fs::create_dir(scratch.path("out")).unwrap();
     let args = [&["batch", "a.ply", "-o", "out"], &SMALL[..]].concat();
-    let run = |args: &[&str]| {
-        let mut child = scratch.command(args);
-        let mut child = child.stdout(std::process::Stdio::null()).spawn().unwrap();
-        let start = Instant::now();
-        while start.elapsed() < Duration::from_secs(20) {
-            if let Some(status) = child.try_wait().unwrap() {
-                return status.code();
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        child.kill().unwrap();
-        child.wait().unwrap();
-        panic!("it hangs: {args:?}");
-    };
+    let run = |args: &[&str]| run_in_time(&scratch, args);
     symlink("../precious", scratch.path("out/batch.jsonl")).unwrap();
     assert_eq!(run(&args), Some(2));
     assert_eq!(scratch.read("precious"), b"mine\n");
@@ -227,12 +250,15 @@ fn patterns_terminate_and_list_each_mesh_once_despite_links() {
     symlink("..", scratch.path("scans/d/up")).unwrap();
     symlink("../..", scratch.path("scans/d/e/up")).unwrap();
     symlink("..", scratch.path("scans/d/e/up2")).unwrap();
-    let listed = |pattern: &str| {
+    let run = |pattern: &str| {
         let job = format!(r#"{{ "inputs": ["{pattern}"], "output": {{ "name": "{{input}}" }} }}"#);
         scratch.write("job.json", &job);
         let mut limited = Command::new("timeout");
         limited.args(["20", env!("CARGO_BIN_EXE_lightpath"), "batch", "job.json", "--dry-run"]);
-        let done = Done::of(limited.current_dir(scratch.path("")));
+        Done::of(limited.current_dir(scratch.path("")))
+    };
+    let listed = |pattern: &str| {
+        let done = run(pattern);
         assert_eq!(done.code(), 0, "{pattern}: {}", done.stderr());
         let input = |line: &str| {
             let line: serde_json::Value = serde_json::from_str(line).unwrap();
@@ -246,4 +272,16 @@ fn patterns_terminate_and_list_each_mesh_once_despite_links() {
     assert_eq!(listed("**/**/**/*.ply"), all);
     assert_eq!(listed("s*/**/e/**/*.ply"), all[1..]);
     assert_eq!(listed("scans/*/*/b.ply"), all[1..]);
+    // `*` follows links to folders. A file that several paths reach counts once.
+    assert_eq!(listed("scans/*/*/*/*.ply"), ["scans/d/e/up/a.ply"]);
+    assert_eq!(listed("scans/**/*/**/*/**/*.ply"), ["scans/d/e/b.ply", "scans/d/up/a.ply"]);
+    // Other names of a mesh are meshes of their own.
+    symlink("a.ply", scratch.path("scans/c.ply")).unwrap();
+    assert_eq!(listed("scans/*.ply"), ["scans/a.ply", "scans/c.ply"]);
+    // Folders alone are no meshes.
+    for pattern in ["scans/**", "**"] {
+        let done = run(pattern);
+        assert_eq!(done.code(), 2, "{pattern}: {}", done.stderr());
+        assert!(done.stderr().contains("matches no file"), "{pattern}: {}", done.stderr());
+    }
 }

@@ -119,6 +119,16 @@ fn batch_never_overwrites_textures_of_its_inputs() {
     scratch.write("c.json", &scene);
     refused(&batch(&scratch, &["scans", "c.json", "-o", "out"]));
     untouched();
+    // The texture that the job gives to its meshes, which a scene before them would overwrite.
+    let no_texture = scene.replace("out/a.png", "scans/none.png");
+    scratch.write("a.json", &no_texture);
+    let both = ["a.json", "scans/b.ply", "-o", "out", "--texture", "out/a.png"];
+    refused(&batch(&scratch, &both));
+    untouched();
+    let job = r#"{ "inputs": ["a.json", "scans/b.ply"], "texture": "out/a.png" }"#;
+    scratch.write("job.json", job);
+    refused(&batch(&scratch, &["job.json", "-o", "out"]));
+    untouched();
     // A file that the first input would write and the second one would read.
     names("../out/c/../a.png");
     fs::remove_file(scratch.path("out/a.png")).unwrap();
@@ -136,6 +146,16 @@ fn contact_sheets_never_overwrite_inputs() {
     refused(&batch(&scratch, &["a.ply", "-o", "out", "--sheet-only"]));
     assert!(scratch.read("out/sheet.png") == texture);
     assert_eq!(program::names_in(&scratch.path("out")), ["sheet.png"]);
+}
+
+#[test]
+fn scripts_of_a_farm_never_overwrite_inputs() {
+    let scratch = Scratch::new();
+    scratch.write("out/slurm/sheet.sh", PYRAMID);
+    scratch.write("job.json", r#"{ "inputs": ["out/slurm/sheet.sh"] }"#);
+    refused(&scratch.run(&["submit", "slurm", "job.json", "-o", "out", "--dry-run"]));
+    assert_eq!(scratch.read("out/slurm/sheet.sh"), PYRAMID.as_bytes());
+    assert_eq!(program::names_in(&scratch.path("out/slurm")), ["sheet.sh"]);
 }
 
 #[test]

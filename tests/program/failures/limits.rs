@@ -25,22 +25,31 @@ fn ended(done: &Done, allowed: &[i32], what: &str) -> i32 {
     code
 }
 
+/// A header of `vertices` vertices and one face.
+fn header(vertices: u64, count: &str) -> String {
+    format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\n\
+         property float y\nproperty float z\nelement face 1\n\
+         property list {count} uint vertex_indices\nend_header\n"
+    )
+}
+
 /// A zstd frame of blocks that each stand for 128 KiB of zeros, after a header that promises as
 /// many: some 4 bytes for each 128 KiB.
 fn bomb(vertices: u64) -> Vec<u8> {
-    let header = format!(
-        "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\n\
-         property float y\nproperty float z\nelement face 1\n\
-         property list uchar uint vertex_indices\nend_header\n"
-    );
+    zeros(header(vertices, "uchar").as_bytes(), 12 * vertices)
+}
+
+/// A zstd frame of `start`, and at least `zeros` zeros.
+fn zeros(start: &[u8], zeros: u64) -> Vec<u8> {
     let block = |kind: u32, last: bool, size: usize| {
         ((size as u32) << 3 | kind << 1 | u32::from(last)).to_le_bytes()[..3].to_vec()
     };
     // Magic number, no checksum, a window of 1 MiB.
     let mut bytes = vec![0x28, 0xb5, 0x2f, 0xfd, 0, 0x50];
-    bytes.extend(block(0, false, header.len()));
-    bytes.extend(header.as_bytes());
-    for _ in 0..(12 * vertices).div_ceil(1 << 17) {
+    bytes.extend(block(0, false, start.len()));
+    bytes.extend(start);
+    for _ in 0..zeros.div_ceil(1 << 17) {
         bytes.extend(block(1, false, 1 << 17));
         bytes.push(0);
     }
@@ -104,6 +113,32 @@ fn a_packed_file_larger_than_memory_is_refused() {
         ended(&done, &[if more.is_empty() { 3 } else { 1 }], "batch");
         let names = names_in(&scratch.path("out"));
         assert_eq!(names, ["a.exr", "a.png", "batch.jsonl", "z.exr", "z.png"], "{}", done.stderr());
+        fs::remove_dir_all(scratch.path("out")).unwrap();
+    }
+}
+
+/// A small file with one polygon of so many corners that its triangles do not fit.
+#[test]
+fn a_polygon_larger_than_memory_costs_only_itself() {
+    let scratch = Scratch::new();
+    let corners = 60_000_000u32;
+    let start = [header(3, "uint").as_bytes(), &[0; 36], &corners.to_le_bytes()].concat();
+    let bytes = zeros(&start, 4 * u64::from(corners));
+    assert!(bytes.len() < 10_000);
+    fs::write(scratch.path("p.ply.zst"), bytes).unwrap();
+    scratch.write("a.ply", PYRAMID);
+    scratch.write("z.ply", PYRAMID);
+    for (limit, more, code) in
+        [("-v 1200000", &[][..], 3), ("-v unlimited", &["--max-memory", "900M"], 1)]
+    {
+        let args = ["batch", "a.ply", "p.ply.zst", "z.ply", "-o", "out", "--no-sheet"];
+        let done = limited(&scratch, limit, &[&args[..], more].concat());
+        ended(&done, &[code], limit);
+        let said = done.stderr();
+        assert!(said.contains("1 of 3 inputs failed") && said.contains("p.ply.zst: "), "{said}");
+        assert!(!said.contains("memory allocation of"), "{said}");
+        let names = names_in(&scratch.path("out"));
+        assert_eq!(names, ["a.exr", "a.png", "batch.jsonl", "z.exr", "z.png"], "{said}");
         fs::remove_dir_all(scratch.path("out")).unwrap();
     }
 }

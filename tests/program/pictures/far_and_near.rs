@@ -133,5 +133,24 @@ on_both! {
         for (name, eye, shape) in scenes {
             assert_right(backend, name, &still_life(eye, &[shape]));
         }
+        let wall = |corners: [[f64; 3]; 4]| {
+            let [v0, v1, v2, v3] = corners;
+            json!({ "type": "plane", "v0": v0, "v1": v1, "v2": v2, "v3": v3, "material": {} })
+        };
+        let walls = [
+            floor(0.0),
+            wall([[2.0, -1.0, -2.0], [2.0, -1.0, 4.0], [2.0, 2.0, 4.0], [2.0, 2.0, -2.0]]),
+            wall([[-2.0, -1.0, 3.5], [2.5, -1.0, 3.5], [2.5, 2.0, 3.5], [-2.0, 2.0, 3.5]]),
+        ];
+        assert_right(backend, "in a corner of three walls", &still_life([2.0, 0.0, 3.5], &walls));
+        let touching = [-1.0, 1.0].map(|x| {
+            json!({ "type": "sphere", "center": [x, 0.25, 3.5], "radius": 1, "material": {} })
+        });
+        let scene = still_life([0.0, 0.25, 3.5], &touching);
+        assert_right(backend, "where two spheres touch", &scene);
+        let planet = json!({ "type": "sphere", "center": [0, 6.371e6, 0], "radius": 6.371e6,
+                             "material": { "diffusecolor": [0.8, 0.8, 0.8], "ka": 1 } });
+        let scene = still_life([0.0, 0.0, 0.0], &[planet]);
+        assert_right(backend, "on a planet, from inside", &scene);
     }
 }
