@@ -20,23 +20,14 @@
 use glam::{BVec3, DVec3};
 
 use super::lane::{Hit, Ray, lanes};
-use super::{Accelerator, BuildInfo, BuildOptions, Visits};
-use crate::error::{Error, Kind, Problem, Result};
+use super::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
+use crate::error::Result;
 use crate::geometry::{Geometry, GeometryKind, Nearby, Sphere};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
 /// Number of times that a failed split is tried again before the set becomes a leaf.
 const MAX_ATTEMPTS: u32 = 1;
-
-/// Rule that chooses the axis of a split.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SplitAxis {
-    /// The axis of the longest side of the bounds.
-    Longest,
-    /// A random axis from this seed: the report's other experiment.
-    Random(u64),
-}
 
 /// The coursework's trees over a scene: the accelerator of the backend `coursework`.
 pub struct Coursework<'g> {
@@ -60,7 +51,7 @@ enum Shape {
 }
 
 impl<'g> Coursework<'g> {
-    /// Builds all trees with [`SplitAxis::Longest`], the rule of the report.
+    /// Builds all trees. Every split is across the longest side, the rule of the report.
     ///
     /// # Errors
     /// See [`super::build`].
@@ -69,21 +60,8 @@ impl<'g> Coursework<'g> {
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
-        Self::with_axis(geometry, options, monitor, SplitAxis::Longest)
-    }
-
-    /// Builds all trees with the given split rule.
-    ///
-    /// # Errors
-    /// See [`super::build`].
-    pub fn with_axis(
-        geometry: &'g Geometry,
-        options: &BuildOptions,
-        monitor: &Monitor,
-        axis: SplitAxis,
-    ) -> Result<Self> {
         let limit = options.max_bytes.unwrap_or(u64::MAX);
-        let mut builder = Builder { axis, limit, bytes: 0, peak_bytes: 0, monitor };
+        let mut builder = Builder { limit, bytes: 0, peak_bytes: 0, monitor };
         let (mut shapes, mut bounds) = (Vec::new(), Vec::new());
         let mut meshes = Vec::new();
         for (geom, mesh) in (0..).zip(&geometry.meshes) {
@@ -470,7 +448,6 @@ struct Task {
 
 /// State shared by the builds of all trees of a scene.
 struct Builder<'m> {
-    axis: SplitAxis,
     /// Most bytes that all trees together may hold.
     limit: u64,
     /// Bytes of the finished trees.
@@ -504,7 +481,7 @@ impl Builder<'_> {
             if set.len() <= 1 || attempts > MAX_ATTEMPTS {
                 continue;
             }
-            let axis = self.choose(&all);
+            let axis = longest_axis(&all);
             let middle = |b: &Bounds| (b.min[axis] + b.max[axis]) / 2.0;
             let split = middle(&all);
             let left = partition(set, |shape| middle(&bounds[shape as usize]) < split);
@@ -526,32 +503,17 @@ impl Builder<'_> {
         Ok(tree)
     }
 
-    /// Chooses the axis of a split: 0, 1 or 2.
-    fn choose(&mut self, bounds: &Bounds) -> usize {
-        match &mut self.axis {
-            SplitAxis::Longest => {
-                let side = bounds.max - bounds.min;
-                let longest: BVec3 = side.cmpeq(DVec3::splat(side.max_element()));
-                longest.bitmask().trailing_zeros().min(2) as usize
-            }
-            SplitAxis::Random(state) => {
-                // SplitMix64 (Steele et al. 2014).
-                *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-                let x = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-                let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-                ((x ^ (x >> 31)) % 3) as usize
-            }
-        }
-    }
-
     fn check_room(&self, nodes: usize) -> Result<()> {
-        let limit = self.limit;
-        if self.bytes + (nodes * size_of::<Node>()) as u64 <= limit {
-            return Ok(());
-        }
-        let message = format!("the accelerator would hold more than the {limit} bytes left to it");
-        Err(Error::new(Kind::Limit, Problem::new("--max-memory", message)))
+        let bytes = self.bytes + (nodes * size_of::<Node>()) as u64;
+        if bytes <= self.limit { Ok(()) } else { Err(over_limit(self.limit)) }
     }
+}
+
+/// The axis of the longest side: 0, 1 or 2. The lowest of equal ones.
+fn longest_axis(bounds: &Bounds) -> usize {
+    let side = bounds.max - bounds.min;
+    let longest: BVec3 = side.cmpeq(DVec3::splat(side.max_element()));
+    longest.bitmask().trailing_zeros().min(2) as usize
 }
 
 /// Moves the shapes that go left to the front and returns their number.
@@ -569,6 +531,7 @@ fn partition(set: &mut [u32], left: impl Fn(u32) -> bool) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Kind;
     use crate::geometry::{NONE, TriangleMesh};
     use crate::ray::LANES;
     use proptest::prelude::*;
@@ -635,7 +598,6 @@ mod tests {
             quads in prop::collection::vec((point(), point(), point()), 0..5),
             spheres in prop::collection::vec((point(), 0.01f64..2.0), 0..9),
             rays in prop::collection::vec((point(), direction(), 0u32..80), 60),
-            axis in prop_oneof![Just(SplitAxis::Longest), any::<u64>().prop_map(SplitAxis::Random)],
         ) {
             let add = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|k| a[k] + b[k]);
             let quads = quads.into_iter().map(|(o, a, b)| [o, add(o, a), add(add(o, a), b), add(o, b)]);
@@ -643,7 +605,7 @@ mod tests {
             let meshes = vec![soup(&triangles, false), soup(&looped, true)];
             let geometry = Geometry::new(DVec3::ZERO, meshes, quads.collect(), spheres.collect());
             let geometry = geometry.unwrap();
-            let trees = Coursework::with_axis(&geometry, &OPTIONS, &Monitor::default(), axis).unwrap();
+            let trees = build(&geometry);
             for (origin, direction, leaving) in rays {
                 let ray = Ray { leaving, ..ray(origin, direction) };
                 let found = trees.closest_hit(&ray, &mut Visits::default());

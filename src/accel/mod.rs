@@ -10,9 +10,7 @@ pub mod lane;
 
 pub use footprint::Footprint;
 
-use crate::error::Result;
-#[cfg(not(feature = "embree"))]
-use crate::error::{Error, Kind, Problem};
+use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, Nearby, is_near};
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
@@ -150,6 +148,12 @@ pub fn build<'g>(
         }
         Backend::Brute => Ok(Box::new(brute::Brute::build(geometry, options, monitor)?)),
     }
+}
+
+/// Error of a build that would need more than `limit` bytes.
+fn over_limit(limit: u64) -> Error {
+    let message = format!("the accelerator would hold more than the {limit} bytes left to it");
+    Error::new(Kind::Limit, Problem::new("--max-memory", message))
 }
 
 #[cfg(feature = "embree")]

@@ -23,8 +23,8 @@ use rayon::prelude::*;
 use self::blocks::{Blocks, Box3, ROUNDING};
 use self::triangle::{compare, crossing};
 use super::lane::{Hit, Ray, lanes};
-use super::{Accelerator, BuildInfo, BuildOptions};
-use crate::error::{Error, Kind, Problem, Result};
+use super::{Accelerator, BuildInfo, BuildOptions, over_limit};
+use crate::error::Result;
 use crate::geometry::{Geometry, GeometryKind};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
@@ -58,9 +58,7 @@ impl<'g> Brute<'g> {
         let count = *geometry.bases().last().unwrap_or(&0);
         let peak_bytes = u64::from(count) * (size_of::<Box3>() as u64 + 28);
         if let Some(limit) = options.max_bytes.filter(|&limit| peak_bytes > limit) {
-            let message =
-                format!("the accelerator would hold more than the {limit} bytes left to it");
-            return Err(Error::new(Kind::Limit, Problem::new("--max-memory", message)));
+            return Err(over_limit(limit));
         }
         let boxes: Vec<Box3> =
             (0..count).into_par_iter().map(|primitive| bounds(geometry, primitive)).collect();

@@ -1,6 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::error::Kind;
 use crate::geometry::{NONE, Sphere, TriangleMesh};
 use crate::ray::LANES;
 
