@@ -22,7 +22,7 @@ use glam::{BVec3, DVec3};
 use super::lane::{Hit, Ray, lanes};
 use super::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
 use crate::error::Result;
-use crate::geometry::{Geometry, GeometryKind, Nearby, Sphere};
+use crate::geometry::{Geometry, GeometryKind, Nearby, Sphere, doubles, quad_halves};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
@@ -65,7 +65,7 @@ impl<'g> Coursework<'g> {
         let (mut shapes, mut bounds) = (Vec::new(), Vec::new());
         let mut meshes = Vec::new();
         for (geom, mesh) in (0..).zip(&geometry.meshes) {
-            let corners = |prim| mesh.corners(prim).map(corner);
+            let corners = |prim| mesh.corners(prim).map(doubles);
             let triangles = 0..mesh.triangles().len() as u32;
             let triangles: Vec<Bounds> = triangles.map(|p| Bounds::of(&corners(p))).collect();
             bounds.push(triangles.iter().fold(Bounds::EMPTY, |all, &b| all.union(b)));
@@ -75,7 +75,7 @@ impl<'g> Coursework<'g> {
         }
         for (prim, quad) in (0..).zip(&geometry.quads) {
             shapes.push(Shape::Quad(prim));
-            bounds.push(Bounds::of(&quad.map(corner)));
+            bounds.push(Bounds::of(&quad.map(doubles)));
         }
         for (prim, sphere) in (0..).zip(&geometry.spheres) {
             shapes.push(Shape::Sphere(prim));
@@ -157,7 +157,7 @@ impl<'g> Coursework<'g> {
             }
             _ if leaving => None,
             GeometryKind::Mesh(mesh) => {
-                let corners = self.geometry.meshes[mesh].corners(prim).map(corner);
+                let corners = self.geometry.meshes[mesh].corners(prim).map(doubles);
                 let [v0, v1, v2] = corners;
                 let normal = (v1 - v0).cross(v2 - v0);
                 let t = planar_hit(ray, &corners, normal)?;
@@ -165,23 +165,20 @@ impl<'g> Coursework<'g> {
                 hit(t, u, v, normal)
             }
             GeometryKind::Quads => {
-                let corners = self.geometry.quads[prim as usize].map(corner);
+                let corners = self.geometry.quads[prim as usize].map(doubles);
                 let [v0, v1, v2, v3] = corners;
+                let [first, second] = quad_halves(corners);
                 let normal = (v2 - v0).cross(v3 - v1);
                 let t = planar_hit(ray, &corners, normal)?;
-                let (u, v) = weights([v0, v1, v3], normal, ray.at(t));
+                let (u, v) = weights(first, normal, ray.at(t));
                 if u + v <= 1.0 {
                     return hit(t, u, v, normal);
                 }
-                let (u, v) = weights([v2, v3, v1], normal, ray.at(t));
+                let (u, v) = weights(second, normal, ray.at(t));
                 hit(t, 1.0 - u, 1.0 - v, normal)
             }
         }
     }
-}
-
-fn corner(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
 }
 
 /// Returns t where the ray hits a convex polygon: intersects its plane, then tests the point
@@ -265,7 +262,7 @@ impl Accelerator for Coursework<'_> {
     }
 
     fn near(&self, geometry: &Geometry, [low, high]: &Nearby, found: &mut dyn FnMut(u32)) {
-        let nearby = Bounds { min: corner(*low), max: corner(*high) };
+        let nearby = Bounds { min: doubles(*low), max: doubles(*high) };
         self.scene.near(&nearby, &mut |shape| match self.shapes[shape as usize] {
             Shape::Quad(prim) => found(geometry.primitive(geometry.quads_id(), prim)),
             Shape::Sphere(_) => {}
@@ -553,8 +550,8 @@ mod tests {
 
     fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
         Ray {
-            origin: corner(origin),
-            direction: corner(direction),
+            origin: doubles(origin),
+            direction: doubles(direction),
             tnear: 0.0,
             tfar: f64::INFINITY,
             leaving: NONE,
@@ -601,7 +598,7 @@ mod tests {
         ) {
             let add = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|k| a[k] + b[k]);
             let quads = quads.into_iter().map(|(o, a, b)| [o, add(o, a), add(add(o, a), b), add(o, b)]);
-            let spheres = spheres.into_iter().map(|(c, radius)| Sphere { center: corner(c), radius });
+            let spheres = spheres.into_iter().map(|(c, radius)| Sphere { center: doubles(c), radius });
             let meshes = vec![soup(&triangles, false), soup(&looped, true)];
             let geometry = Geometry::new(DVec3::ZERO, meshes, quads.collect(), spheres.collect());
             let geometry = geometry.unwrap();

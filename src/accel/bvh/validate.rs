@@ -6,7 +6,7 @@ use super::Bvh;
 use super::bounds::Bounds3;
 use super::node::{Child, Kind, Node, SECOND_HALF, WIDTH};
 use super::simd::MAX_DEPTH;
-use crate::geometry::{Geometry, GeometryKind};
+use crate::geometry::{Geometry, GeometryKind, quad_halves};
 use crate::ray::NONE;
 
 /// Size and shape of a tree.
@@ -239,8 +239,7 @@ fn triangle(
     match (geometry.kind(geom), second_half) {
         (GeometryKind::Mesh(mesh), false) => Ok(geometry.meshes[mesh].corners(prim)),
         (GeometryKind::Quads, half) => {
-            let [v0, v1, v2, v3] = geometry.quads[prim as usize];
-            Ok(if half { [v2, v3, v1] } else { [v0, v1, v3] })
+            Ok(quad_halves(geometry.quads[prim as usize])[usize::from(half)])
         }
         (kind, half) => Err(format!("primitive {primitive} is of {kind:?}, second half: {half}")),
     }

@@ -310,18 +310,12 @@ fn stack(solid: Solid, place: &Place, gap: f64) -> Vec<Value> {
 
 /// Primitive number of the occluder, and its triangles with their f32 corners.
 fn planes(geometry: &Geometry, solid: Solid) -> (u32, Vec<[DVec3; 3]>) {
-    let f64s = |v: [f32; 3]| DVec3::from(v.map(f64::from));
-    match solid {
-        Solid::Triangles => {
-            let corners = geometry.meshes[0].corners(1).map(f64s);
-            (geometry.primitive(0, 1), vec![corners])
-        }
-        Solid::Quads | Solid::Spheres => {
-            let prim = geometry.quads.len() as u32 - 1;
-            let [a, b, c, d] = geometry.quads[prim as usize].map(f64s);
-            (geometry.primitive(geometry.quads_id(), prim), vec![[a, b, d], [c, d, b]])
-        }
-    }
+    let (geom, prim) = match solid {
+        Solid::Triangles => (0, 1),
+        Solid::Quads | Solid::Spheres => (geometry.quads_id(), geometry.quads.len() as u32 - 1),
+    };
+    let triangles = geometry.triangles(geom, prim).map(|(corners, _)| corners);
+    (geometry.primitive(geom, prim), triangles.collect())
 }
 
 /// The largest coordinate of any vertex.

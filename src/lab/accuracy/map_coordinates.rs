@@ -1,6 +1,7 @@
 //! Cases with meshes in map coordinates. A mesh of large double coordinates must give the same
 //! picture as the same mesh at the origin.
 
+use crate::geometry::doubles;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -154,11 +155,11 @@ fn apart(run: &mut CaseRun) -> Result<()> {
     for (mesh, place) in geometry.meshes.iter().zip(places) {
         for (stored, v) in mesh.vertices().iter().zip(&shape.vertices) {
             let exact = (*v + place) - geometry.origin;
-            let error = (DVec3::from(stored.map(f64::from)) - exact).abs();
+            let error = (doubles(*stored) - exact).abs();
             tally.rays += 1;
             let bound = exact.to_array().map(|x| 0.5001 * ulp(x));
             if !error.cmple(DVec3::from(bound)).all() {
-                tally.fail(Kind::WrongDistance, DVec3::from(stored.map(f64::from)));
+                tally.fail(Kind::WrongDistance, doubles(*stored));
             }
             off = off.max(error.max_element());
         }

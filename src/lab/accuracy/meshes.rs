@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
-use crate::geometry::{Geometry, Sphere, TriangleMesh};
+use crate::geometry::{Geometry, Sphere, TriangleMesh, doubles};
 use crate::lab::random::Random;
 
 /// A generated mesh around the origin, in f64.
@@ -212,7 +212,7 @@ pub fn geometry(
 
 /// Corners of triangle number `triangle`, in f64.
 pub fn corners(mesh: &TriangleMesh, triangle: u32) -> [DVec3; 3] {
-    mesh.corners(triangle).map(|v| Vec3::from(v).as_dvec3())
+    mesh.corners(triangle).map(doubles)
 }
 
 /// A uniformly distributed point in a triangle.

@@ -1,6 +1,7 @@
 //! Cases with quads: rays parallel to them, in their plane, at their corners and grazing; quads
 //! that are not quite flat.
 
+use crate::geometry::doubles;
 use glam::DVec3;
 
 use super::case::{Amount, Case, PassCriterion};
@@ -42,8 +43,7 @@ fn case(name: &'static str, what: &'static str, mark: PassCriterion, bend: f64, 
         let f32s = quads.iter().map(|quad| quad.map(|v| v.as_vec3().to_array())).collect();
         let geometry = geometry(vec![], f32s, vec![]);
         // The corners after rounding to f32.
-        let rounded: Vec<Quad> =
-            geometry.quads.iter().map(|quad| quad.map(|v| DVec3::from(v.map(f64::from)))).collect();
+        let rounded: Vec<Quad> = geometry.quads.iter().map(|quad| quad.map(doubles)).collect();
         run.shoot(&geometry, Amount { packets: 200, slow: 4, truth: 1 }, |random| {
             let mut shot = AimedPacket::new(Expect::Oracle);
             for i in 0..LANES {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::source::Source;
-use crate::geometry::{Geometry, GeometryKind};
+use crate::geometry::{Geometry, GeometryKind, doubles};
 use crate::lab::random::Random;
 use crate::lab::rays::Recorded;
 use crate::ray::{LANES, Mask, Rays};
@@ -133,10 +133,9 @@ impl<'g> Aim<'g> {
 fn corners(geometry: &Geometry, primitive: u32) -> Vec<DVec3> {
     let geom = geometry.bases().partition_point(|&base| base <= primitive) - 1;
     let prim = primitive - geometry.bases()[geom];
-    let corner = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     match geometry.kind(geom as u32) {
-        GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim).map(corner).to_vec(),
-        GeometryKind::Quads => geometry.quads[prim as usize].map(corner).to_vec(),
+        GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim).map(doubles).to_vec(),
+        GeometryKind::Quads => geometry.quads[prim as usize].map(doubles).to_vec(),
         GeometryKind::Spheres => {
             let sphere = &geometry.spheres[prim as usize];
             let axes = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
