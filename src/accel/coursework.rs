@@ -14,7 +14,7 @@
 //! - Recursion is a loop with its own stack. Nested shapes that share a corner are split off one by
 //!   one, so the tree may be as deep as there are shapes.
 //! - A hit must lie within the bounds of its shape, up to `PreparedRay::slack`. So a box test never
-//!   loses a hit (proof at `Bounds::may_hit`): the trees find exactly the hits of
+//!   loses a hit (proof at `Box3::may_hit`): the trees find exactly the hits of
 //!   [`Coursework::plain_loop`].
 
 use glam::{BVec3, DVec3};
@@ -22,7 +22,9 @@ use glam::{BVec3, DVec3};
 use super::lane::{Hit, Ray, lanes};
 use super::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
 use crate::error::Result;
-use crate::geometry::{Geometry, GeometryKind, Nearby, Sphere, doubles, quad_halves};
+use crate::geometry::{
+    Box3, Geometry, GeometryKind, Nearby, Sphere, doubles, quad_halves, slabs_meet,
+};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
@@ -67,21 +69,21 @@ impl<'g> Coursework<'g> {
         for (geom, mesh) in (0..).zip(&geometry.meshes) {
             let corners = |prim| mesh.corners(prim).map(doubles);
             let triangles = 0..mesh.triangles().len() as u32;
-            let triangles: Vec<Bounds> = triangles.map(|p| Bounds::of(&corners(p))).collect();
-            bounds.push(triangles.iter().fold(Bounds::EMPTY, |all, &b| all.union(b)));
+            let triangles: Vec<Box3> = triangles.map(|p| Box3::of(&corners(p))).collect();
+            bounds.push(Box3::around(triangles.iter().copied()));
             shapes.push(Shape::Mesh(geom));
             let tree = if mesh.loop_only { None } else { Some(builder.tree(&triangles)?) };
             meshes.push(tree);
         }
         for (prim, quad) in (0..).zip(&geometry.quads) {
             shapes.push(Shape::Quad(prim));
-            bounds.push(Bounds::of(&quad.map(doubles)));
+            bounds.push(Box3::of(&quad.map(doubles)));
         }
         for (prim, sphere) in (0..).zip(&geometry.spheres) {
             shapes.push(Shape::Sphere(prim));
-            bounds.push(Bounds::of_sphere(sphere));
+            bounds.push(Box3::of_sphere(sphere.center, sphere.radius));
         }
-        let all = bounds.iter().fold(Bounds::EMPTY, |all, &b| all.union(b));
+        let all = Box3::around(bounds.iter().copied());
         let scene = builder.tree(&bounds)?;
         // The bounds of an empty scene are infinite.
         let reach = all.min.abs().max(all.max.abs());
@@ -193,7 +195,7 @@ fn planar_hit<const N: usize>(
         return None;
     }
     let t = normal.dot(corners[0] - ray.ray.origin) / facing;
-    if !(t > ray.ray.tnear) || !ray.is_in(&Bounds::of(corners), t) {
+    if !(t > ray.ray.tnear) || !ray.is_in(&Box3::of(corners), t) {
         return None;
     }
     let point = ray.at(t);
@@ -225,7 +227,7 @@ fn sphere_hit(ray: &PreparedRay, sphere: &Sphere, leaving: bool) -> Option<f64> 
         true => [f64::NAN, (-b + root.copysign(-b)) / (2.0 * a)],
         false => [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)],
     };
-    let bounds = Bounds::of_sphere(sphere);
+    let bounds = Box3::of_sphere(sphere.center, sphere.radius);
     roots.into_iter().find(|&t| t > tnear && ray.is_in(&bounds, t))
 }
 
@@ -262,7 +264,7 @@ impl Accelerator for Coursework<'_> {
     }
 
     fn near(&self, geometry: &Geometry, [low, high]: &Nearby, found: &mut dyn FnMut(u32)) {
-        let nearby = Bounds { min: doubles(*low), max: doubles(*high) };
+        let nearby = Box3 { min: doubles(*low), max: doubles(*high) };
         self.scene.near(&nearby, &mut |shape| match self.shapes[shape as usize] {
             Shape::Quad(prim) => found(geometry.primitive(geometry.quads_id(), prim)),
             Shape::Sphere(_) => {}
@@ -307,34 +309,6 @@ impl PreparedRay {
         self.ray.origin + self.ray.direction * t
     }
 
-    /// Returns whether the ray's point at t lies within the bounds, up to the slack.
-    fn is_in(&self, bounds: &Bounds, t: f64) -> bool {
-        let point = self.at(t);
-        (bounds.min - self.slack).cmple(point).all() && point.cmple(bounds.max + self.slack).all()
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Bounds {
-    min: DVec3,
-    max: DVec3,
-}
-
-impl Bounds {
-    const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
-
-    fn of(points: &[DVec3]) -> Self {
-        points.iter().fold(Self::EMPTY, |b, &p| Self { min: b.min.min(p), max: b.max.max(p) })
-    }
-
-    fn of_sphere(sphere: &Sphere) -> Self {
-        Self { min: sphere.center - sphere.radius, max: sphere.center + sphere.radius }
-    }
-
-    fn union(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
     /// Returns whether the ray may hit the box, by its six planes moved outwards by 3 slacks.
     ///
     /// The test never loses a hit within the box. Let u = 2^-53, M = |origin| + reach, and s = 8uM
@@ -343,16 +317,17 @@ impl Bounds {
     /// min - o - 3s + 6uM < min - o - 2s, five roundings included: not above t d of the hit. The
     /// same holds for max. A NaN (0/0, all coordinates zero) is dropped by `min` and `max` and
     /// rejects no box.
-    fn may_hit(&self, ray: &PreparedRay) -> bool {
-        let slack = 3.0 * ray.slack;
-        let first = ((self.min - (ray.ray.origin + slack)) * ray.inverse).to_array();
-        let second = ((self.max - (ray.ray.origin - slack)) * ray.inverse).to_array();
-        let (mut near, mut far) = (ray.ray.tnear, f64::INFINITY);
-        for (a, b) in first.into_iter().zip(second) {
-            near = near.max(a.min(b));
-            far = far.min(a.max(b));
-        }
-        near <= far
+    fn may_hit(&self, bounds: &Box3) -> bool {
+        let slack = 3.0 * self.slack;
+        let first = (bounds.min - (self.ray.origin + slack)) * self.inverse;
+        let second = (bounds.max - (self.ray.origin - slack)) * self.inverse;
+        slabs_meet(first, second, [self.ray.tnear, f64::INFINITY])
+    }
+
+    /// Returns whether the ray's point at t lies within the bounds, up to the slack.
+    fn is_in(&self, bounds: &Box3, t: f64) -> bool {
+        let point = self.at(t);
+        (bounds.min - self.slack).cmple(point).all() && point.cmple(bounds.max + self.slack).all()
     }
 }
 
@@ -364,7 +339,7 @@ struct Tree {
 }
 
 struct Node {
-    bounds: Bounds,
+    bounds: Box3,
     content: Content,
 }
 
@@ -401,7 +376,7 @@ impl Tree {
                 Content::Inner(children) => {
                     for child in children.into_iter().filter(|&child| child != EMPTY) {
                         visits.nodes += 1;
-                        if self.nodes[child as usize].bounds.may_hit(ray) {
+                        if ray.may_hit(&self.nodes[child as usize].bounds) {
                             stack.push(child);
                         }
                     }
@@ -411,7 +386,7 @@ impl Tree {
     }
 
     /// Calls `found` for the shapes of every leaf whose box overlaps `nearby`.
-    fn near(&self, nearby: &Bounds, found: &mut dyn FnMut(u32)) {
+    fn near(&self, nearby: &Box3, found: &mut dyn FnMut(u32)) {
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {
             let Node { bounds, content } = &self.nodes[node as usize];
@@ -455,7 +430,7 @@ struct Builder<'m> {
 }
 
 impl Builder<'_> {
-    fn tree(&mut self, bounds: &[Bounds]) -> Result<Tree> {
+    fn tree(&mut self, bounds: &[Box3]) -> Result<Tree> {
         let mut order: Vec<u32> = (0..bounds.len() as u32).collect();
         let mut nodes = vec![];
         let mut tasks = vec![];
@@ -465,7 +440,7 @@ impl Builder<'_> {
             }
             let content = Content::Leaf { first: first as u32, end: end as u32 };
             tasks.push(Task { node: nodes.len(), first, end, attempts });
-            nodes.push(Node { bounds: Bounds::EMPTY, content });
+            nodes.push(Node { bounds: Box3::EMPTY, content });
             nodes.len() as u32 - 1
         };
         add(&mut nodes, &mut tasks, 0, bounds.len(), 0);
@@ -473,13 +448,13 @@ impl Builder<'_> {
             self.monitor.check()?;
             self.check_room(nodes.len())?;
             let set = &mut order[first..end];
-            let all = set.iter().fold(Bounds::EMPTY, |all, &s| all.union(bounds[s as usize]));
+            let all = Box3::around(set.iter().map(|&s| bounds[s as usize]));
             nodes[node].bounds = all;
             if set.len() <= 1 || attempts > MAX_ATTEMPTS {
                 continue;
             }
             let axis = longest_axis(&all);
-            let middle = |b: &Bounds| (b.min[axis] + b.max[axis]) / 2.0;
+            let middle = |b: &Box3| (b.min[axis] + b.max[axis]) / 2.0;
             let split = middle(&all);
             let left = partition(set, |shape| middle(&bounds[shape as usize]) < split);
             let failed = left == 0 || left == set.len();
@@ -491,7 +466,7 @@ impl Builder<'_> {
         }
         if nodes.is_empty() {
             let content = Content::Leaf { first: 0, end: 0 };
-            nodes.push(Node { bounds: Bounds::EMPTY, content });
+            nodes.push(Node { bounds: Box3::EMPTY, content });
         }
         let tree = Tree { nodes, order };
         let building = tree.nodes.capacity() * size_of::<Node>() + size_of_val(bounds);
@@ -507,7 +482,7 @@ impl Builder<'_> {
 }
 
 /// The axis of the longest side: 0, 1 or 2. The lowest of equal ones.
-fn longest_axis(bounds: &Bounds) -> usize {
+fn longest_axis(bounds: &Box3) -> usize {
     let side = bounds.max - bounds.min;
     let longest: BVec3 = side.cmpeq(DVec3::splat(side.max_element()));
     longest.bitmask().trailing_zeros().min(2) as usize

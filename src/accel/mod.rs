@@ -117,8 +117,9 @@ pub trait Accelerator: Send + Sync {
 
 /// Answers [`Accelerator::near`] by a loop over all primitives.
 fn near_by_all(geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
-    let count = geometry.bases().last().copied().unwrap_or(0);
-    (0..count).filter(|&primitive| is_near(geometry, primitive, nearby)).for_each(found);
+    (0..geometry.count() as u32)
+        .filter(|&primitive| is_near(geometry, primitive, nearby))
+        .for_each(found);
 }
 
 /// Builds the accelerator of `backend` over `geometry`.

@@ -3,6 +3,7 @@
 
 mod ahead;
 mod behind;
+mod box3;
 mod crevice;
 mod double_double;
 mod exact;
@@ -17,6 +18,7 @@ use glam::DVec3;
 
 pub use crate::ray::NONE;
 pub use ahead::{NEAR_START, is_after_start};
+pub use box3::{Box3, slabs_meet};
 pub use crevice::{Crevice, Nearby, WallHit, hides, is_near};
 pub use exact::exact_position;
 pub use gather::{prefetch_indices, prefetch_vertices};

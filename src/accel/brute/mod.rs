@@ -20,12 +20,12 @@ use std::cmp::Ordering;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use self::blocks::{Blocks, Box3, ROUNDING};
+use self::blocks::{Blocks, ROUNDING};
 use self::triangle::{compare, crossing};
 use super::lane::{Hit, Ray, lanes};
 use super::{Accelerator, BuildInfo, BuildOptions, over_limit};
 use crate::error::Result;
-use crate::geometry::{Geometry, GeometryKind, doubles};
+use crate::geometry::{Box3, Geometry, GeometryKind, doubles};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
@@ -55,13 +55,14 @@ impl<'g> Brute<'g> {
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let count = *geometry.bases().last().unwrap_or(&0);
-        let peak_bytes = u64::from(count) * (size_of::<Box3>() as u64 + 28);
+        let peak_bytes = geometry.count() * (size_of::<Box3>() as u64 + 28);
         if let Some(limit) = options.max_bytes.filter(|&limit| peak_bytes > limit) {
             return Err(over_limit(limit));
         }
-        let boxes: Vec<Box3> =
-            (0..count).into_par_iter().map(|primitive| bounds(geometry, primitive)).collect();
+        let boxes: Vec<Box3> = (0..geometry.count() as u32)
+            .into_par_iter()
+            .map(|primitive| bounds(geometry, primitive))
+            .collect();
         monitor.check()?;
         let blocks = Blocks::new(&boxes);
         monitor.check()?;
@@ -151,7 +152,7 @@ fn bounds(geometry: &Geometry, primitive: u32) -> Box3 {
             // Wider by more than the error of the sphere test for rays that start within the scene.
             let radius =
                 sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * 1e-12;
-            Box3 { min: sphere.center - radius, max: sphere.center + radius }
+            Box3::of_sphere(sphere.center, radius)
         }
     }
 }

@@ -73,7 +73,7 @@ impl Bvh<'_> {
     /// # Errors
     /// Describes the first violation.
     pub fn validate(&self) -> Result<Stats, String> {
-        let total = self.geometry.bases().last().map_or(0, |&n| n as usize);
+        let total = self.geometry.count() as usize;
         let mut validator = Validator { bvh: self, seen: vec![0; total], stats: Stats::default() };
         let bounds = validator.node(0, 1)?;
         same(&bounds, &self.tree.bounds).map_err(|e| format!("the scene's box: {e}"))?;
@@ -232,7 +232,7 @@ fn triangle(
     primitive: u32,
     second_half: bool,
 ) -> Result<[[f32; 3]; 3], String> {
-    if geometry.bases().last().is_none_or(|&total| primitive >= total) {
+    if u64::from(primitive) >= geometry.count() {
         return Err(format!("there is no primitive {primitive}"));
     }
     let (geom, prim) = geometry.place(primitive);

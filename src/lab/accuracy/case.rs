@@ -185,8 +185,7 @@ impl CaseRun<'_> {
     /// # Errors
     /// The errors of the builds.
     pub(super) fn build<'g>(&'g self, geometry: &'g Geometry) -> Result<Built<'g>> {
-        let small = *geometry.bases().last().unwrap_or(&0) < 1000;
-        let threads = if small { 1 } else { rayon::current_num_threads() };
+        let threads = if geometry.count() < 1000 { 1 } else { rayon::current_num_threads() };
         let tested = &self.settings.tested_backends;
         let accelerators = build_all(tested, geometry, threads, self.monitor)?;
         Ok(Built { geometry, tested, accelerators, oracle: oracle(geometry, self.monitor)? })

@@ -7,7 +7,7 @@ use super::tally::Kind;
 use crate::accel::bvh::Bvh;
 use crate::accel::{Accelerator, BuildOptions};
 use crate::error::Result;
-use crate::geometry::{Geometry, Surfaces, refine};
+use crate::geometry::{Box3, Geometry, Surfaces, TriangleMesh, doubles, refine};
 use crate::lab::png;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket};
@@ -38,8 +38,8 @@ impl View {
     /// # Errors
     /// The errors of [`Bvh::build`].
     pub fn new(geometry: &Geometry, monitor: &Monitor) -> Result<Self> {
-        let (low, high) = bounds(geometry);
-        let (center, half) = ((low + high) / 2.0, (high - low) / 2.0);
+        let bounds = bounds(geometry);
+        let (center, half) = (bounds.center(), (bounds.max - bounds.min) / 2.0);
         // Flat geometry is seen from above, other geometry from a corner.
         let thin = half.to_array().iter().position(|&h| h < 0.1 * half.max_element());
         let forward = match thin {
@@ -128,16 +128,11 @@ fn shade(light: f64) -> u8 {
     ((grey * SHADES).round() / SHADES * 240.0) as u8
 }
 
-fn bounds(geometry: &Geometry) -> (DVec3, DVec3) {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut add = |p: DVec3| (low, high) = (low.min(p), high.max(p));
-    for mesh in &geometry.meshes {
-        mesh.vertices().iter().for_each(|v| add(DVec3::from(v.map(f64::from))));
-    }
-    geometry.quads.iter().flatten().for_each(|v| add(DVec3::from(v.map(f64::from))));
-    for sphere in &geometry.spheres {
-        add(sphere.center - sphere.radius);
-        add(sphere.center + sphere.radius);
-    }
-    if low.is_finite() { (low, high) } else { (DVec3::NEG_ONE, DVec3::ONE) }
+fn bounds(geometry: &Geometry) -> Box3 {
+    let meshes = geometry.meshes.iter().flat_map(TriangleMesh::vertices);
+    let points = meshes.chain(geometry.quads.iter().flatten());
+    let points = points.map(|&v| Box3::of(&[doubles(v)]));
+    let spheres = geometry.spheres.iter().map(|s| Box3::of_sphere(s.center, s.radius));
+    let all = Box3::around(points.chain(spheres));
+    if all.min.is_finite() { all } else { Box3 { min: DVec3::NEG_ONE, max: DVec3::ONE } }
 }

@@ -69,7 +69,7 @@ pub struct Check<'a> {
 /// `Interrupted` after a signal.
 pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<CrosscheckReport> {
     let plan = CheckPackets::new(check, monitor)?;
-    let primitives = u64::from(*check.world.geometry.bases().last().unwrap_or(&0));
+    let primitives = check.world.geometry.count();
     let loops = (PLAIN_LOOP_TESTS / primitives.max(1)).max(1);
     // The plain loop traces one packet in `stride`.
     let stride = (plan.packets() as u64 * LANES as u64).div_ceil(loops).max(1);

@@ -300,7 +300,7 @@ impl CrosscheckReport {
         Self {
             seed: check.seed,
             rays: 0,
-            primitives: u64::from(*check.world.geometry.bases().last().unwrap_or(&0)),
+            primitives: check.world.geometry.count(),
             backends: backends.collect(),
             tree: None,
             plain_loop: check.coursework.map(|_| PlainLoop::default()),
