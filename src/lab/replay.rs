@@ -10,6 +10,7 @@ use super::answer::Answer;
 use super::query::answers;
 use super::rays::{Class, Recorded};
 use crate::accel::{Accelerator, Visits};
+use crate::lab::named::named;
 use crate::ray::{Coherence, LANES, RayPacket, Rays};
 
 /// Number of packets between two readings of the clock.
@@ -17,26 +18,15 @@ use crate::ray::{Coherence, LANES, RayPacket, Rays};
 /// Their copies stay in the cache, and reading the clock costs a thousandth of the fastest queries.
 const BATCH: usize = 32;
 
-/// How rays are traced: single or in packets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Mode {
-    /// Single rays, one query for each lane.
-    Single,
-    /// Packets of 16 rays, with the coherence of their class.
-    Packets,
-}
-
-impl Mode {
-    /// Both modes, in the order of reports.
-    pub const ALL: [Self; 2] = [Self::Single, Self::Packets];
-
-    /// Name of the mode in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Single => "single",
-            Self::Packets => "packets",
-        }
+named! {
+    /// How rays are traced: single or in packets.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Mode {
+        /// Single rays, one query for each lane.
+        Single = "single",
+        /// Packets of 16 rays, with the coherence of their class.
+        Packets = "packets",
     }
 }
 

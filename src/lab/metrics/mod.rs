@@ -15,78 +15,44 @@ mod ssim;
 pub use errors::Errors;
 pub use ssim::ssim;
 
-/// A measure of how far a picture is from a reference.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Metric {
-    /// Mean squared error over all values.
-    Mse,
-    /// Root of the mean squared error.
-    Rmse,
-    /// Mean absolute error over all values.
-    Mae,
-    /// Relative squared error with epsilon outside the square (relMSE).
-    Relmse,
-    /// Relative squared error with epsilon inside the square (MRSE).
-    Mrse,
-    /// Symmetric mean absolute error (SMAPE).
-    Smape,
-    /// Mean signed difference; > 0 where the picture is brighter.
-    Bias,
-    /// Largest absolute difference of a value.
-    Max,
-    /// 99th percentile of the absolute differences.
-    P99,
-    /// Share of values that are not equal.
-    Differ,
-    /// Peak signal-to-noise ratio of the 8-bit pictures.
-    Psnr,
-    /// Structural similarity of the 8-bit pictures.
-    Ssim,
-    /// LDR-FLIP of the 8-bit pictures.
-    Flip,
-    /// HDR-FLIP of linear light, over several exposures.
-    HdrFlip,
+use crate::lab::named::named;
+
+named! {
+    /// A measure of how far a picture is from a reference.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Metric {
+        /// Mean squared error over all values.
+        Mse = "mse",
+        /// Root of the mean squared error.
+        Rmse = "rmse",
+        /// Mean absolute error over all values.
+        Mae = "mae",
+        /// Relative squared error with epsilon outside the square (relMSE).
+        Relmse = "relmse",
+        /// Relative squared error with epsilon inside the square (MRSE).
+        Mrse = "mrse",
+        /// Symmetric mean absolute error (SMAPE).
+        Smape = "smape",
+        /// Mean signed difference; > 0 where the picture is brighter.
+        Bias = "bias",
+        /// Largest absolute difference of a value.
+        Max = "max",
+        /// 99th percentile of the absolute differences.
+        P99 = "p99",
+        /// Share of values that are not equal.
+        Differ = "differ",
+        /// Peak signal-to-noise ratio of the 8-bit pictures.
+        Psnr = "psnr",
+        /// Structural similarity of the 8-bit pictures.
+        Ssim = "ssim",
+        /// LDR-FLIP of the 8-bit pictures.
+        Flip = "flip",
+        /// HDR-FLIP of linear light, over several exposures.
+        HdrFlip = "hdrflip",
+    }
 }
 
 impl Metric {
-    /// All metrics, in the order of tables.
-    pub const ALL: [Self; 14] = [
-        Self::Mse,
-        Self::Rmse,
-        Self::Mae,
-        Self::Relmse,
-        Self::Mrse,
-        Self::Smape,
-        Self::Bias,
-        Self::Max,
-        Self::P99,
-        Self::Differ,
-        Self::Psnr,
-        Self::Ssim,
-        Self::Flip,
-        Self::HdrFlip,
-    ];
-
-    /// Name of the metric in flags and JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Mse => "mse",
-            Self::Rmse => "rmse",
-            Self::Mae => "mae",
-            Self::Relmse => "relmse",
-            Self::Mrse => "mrse",
-            Self::Smape => "smape",
-            Self::Bias => "bias",
-            Self::Max => "max",
-            Self::P99 => "p99",
-            Self::Differ => "differ",
-            Self::Psnr => "psnr",
-            Self::Ssim => "ssim",
-            Self::Flip => "flip",
-            Self::HdrFlip => "hdrflip",
-        }
-    }
-
     /// Formula of the metric, with x, r and d as in the module's documentation.
     pub fn formula(self) -> &'static str {
         match self {
