@@ -1,6 +1,7 @@
 //! Packets of 16 rays and their hits, as structures of arrays. The layout is exactly
 //! Embree's `RTCRay16` and `RTCRayHit16` (Embree >= 4.3), so that nothing is copied.
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// Id of no primitive and no geometry (Embree's `RTC_INVALID_GEOMETRY_ID`).
@@ -92,6 +93,15 @@ impl Rays {
         leaving: [NONE; LANES],
         flags: [0; LANES],
     };
+
+    /// Sets origin and direction of ray `i`.
+    #[inline(always)]
+    pub fn set(&mut self, i: usize, origin: Vec3, direction: Vec3) {
+        for axis in 0..3 {
+            self.org[axis][i] = origin[axis];
+            self.dir[axis][i] = direction[axis];
+        }
+    }
 
     /// The active lanes whose rays can hit anything: finite origin and direction, direction neither
     /// zero nor denormal, `tnear <= tfar`. A NaN in one lane can make a packet's bounds useless for

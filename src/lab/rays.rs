@@ -17,7 +17,7 @@ use crate::lab::named::named;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 use crate::sampler::{Sampler, disk};
-use crate::shading::{Emitter, lane, set_lane};
+use crate::shading::{Emitter, lane};
 use crate::simd::{self, Isa};
 use crate::world::World;
 
@@ -233,8 +233,7 @@ impl Recorder<'_> {
             let (tangent, bitangent) = normal.any_orthonormal_pair();
             let up = (1.0 - x * x - y * y).max(0.0).sqrt();
             let direction = (tangent * x + bitangent * y + normal * up).normalize();
-            set_lane(&mut rays.org, i, lane(&state.surfaces.outside, i));
-            set_lane(&mut rays.dir, i, direction);
+            rays.set(i, lane(&state.surfaces.outside, i), direction);
             rays.leaving[i] = state.surfaces.primitive[i];
         }
         state.push(Class::Diffuse, hit, &rays);

@@ -5,10 +5,9 @@ use glam::DVec3;
 
 use super::case::{Amount, Case, PassCriterion};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{corners, geometry, inside, soup};
+use super::meshes::{corners, geometry, point_on, soup};
 use crate::geometry::{Geometry, Sphere};
 use crate::lab::random::Random;
-use crate::ray::LANES;
 
 const GROUP: &str = "conservative";
 
@@ -73,24 +72,19 @@ pub fn cases() -> Vec<Case> {
                 let mesh = &geometry.meshes[0];
                 let amount = Amount { packets, slow: 4, truth: 1 };
                 run.shoot(&geometry, amount, |random| {
-                    let mut shot = AimedPacket::new(Expect::Oracle);
                     let one = (random.below(2) == 0).then(|| wide_point(random));
-                    for i in 0..LANES {
+                    AimedPacket::each(Expect::Oracle, |shot, i| {
                         let origin = one.unwrap_or_else(|| wide_point(random));
                         if aimed {
-                            let [a, b, c] = corners(mesh, random.below(96));
-                            let goal = match random.below(4) {
-                                0 => a,
-                                1 => a.lerp(b, random.unit()),
-                                _ => inside(random, [a, b, c]),
-                            };
+                            let triangle = corners(mesh, random.below(96));
+                            let which = random.below(4);
+                            let goal = point_on(random, triangle, which);
                             shot.through(i, origin, goal);
                         } else {
                             let direction = random.direction();
                             shot.put(i, origin, direction);
                         }
-                    }
-                    shot
+                    })
                 })?;
             }
             Ok(())

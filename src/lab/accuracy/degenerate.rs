@@ -4,10 +4,9 @@ use glam::DVec3;
 
 use super::case::{Amount, Case, PassCriterion};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{corners, inside, scene, soup};
+use super::meshes::{any_triangle, inside, point_on, scene, soup};
 use crate::geometry::TriangleMesh;
 use crate::lab::random::Random;
-use crate::ray::LANES;
 
 const GROUP: &str = "degenerate";
 
@@ -15,23 +14,20 @@ const AMOUNT: Amount = Amount { packets: 160, slow: 4, truth: 1 };
 
 /// Rays from a sphere of radius `distance` at corners, edges and insides of triangles.
 fn aim(random: &mut Random, mesh: &TriangleMesh, distance: f64, expect: Expect) -> AimedPacket {
-    let count = mesh.triangles().len() as u32;
-    let mut shot = AimedPacket::new(expect);
     let together = random.below(2) == 0;
     let mut from = DVec3::ZERO;
-    for i in 0..LANES {
+    AimedPacket::each(expect, |shot, i| {
         if i == 0 || !together {
             from = random.direction() * distance;
         }
-        let [a, b, c] = corners(mesh, random.below(count));
-        let goal = match random.below(4) {
-            0 if matches!(expect, Expect::Oracle) => a,
-            1 if matches!(expect, Expect::Oracle) => a.lerp(b, random.unit()),
-            _ => inside(random, [a, b, c]),
+        let triangle = any_triangle(random, mesh);
+        let which = random.below(4);
+        let goal = match expect {
+            Expect::Oracle => point_on(random, triangle, which),
+            _ => inside(random, triangle),
         };
         shot.through(i, from, goal);
-    }
-    shot
+    })
 }
 
 fn case(

@@ -4,10 +4,9 @@ use glam::DVec3;
 
 use super::case::{Amount, Case, PassCriterion};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{corners, inside, scene, soup};
+use super::meshes::{any_triangle, inside, scene, soup};
 use crate::geometry::TriangleMesh;
 use crate::lab::random::Random;
-use crate::ray::LANES;
 
 const GROUP: &str = "nearly parallel";
 
@@ -26,9 +25,8 @@ fn strips(random: &mut Random, width: f64) -> TriangleMesh {
 
 /// Rays at `degrees` to the plane of the triangle that they are aimed at, from 1 to 8 away.
 fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> AimedPacket {
-    let mut shot = AimedPacket::new(Expect::Oracle);
-    for i in 0..LANES {
-        let [a, b, c] = corners(mesh, random.below(mesh.triangles().len() as u32));
+    AimedPacket::each(Expect::Oracle, |shot, i| {
+        let [a, b, c] = any_triangle(random, mesh);
         let goal = match random.below(3) {
             0 => a.lerp(b, random.unit()),
             _ => inside(random, [a, b, c]),
@@ -38,8 +36,7 @@ fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> AimedPacket {
         let angle = degrees.to_radians() * random.sign();
         let away = side * angle.cos() + normal * angle.sin();
         shot.through(i, goal + away * random.within(1.0, 8.0), goal);
-    }
-    shot
+    })
 }
 
 /// All cases of this group.

@@ -1,5 +1,6 @@
 //! Traces one packet on every column and judges the answers.
 
+use crate::shading::lane;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -50,6 +51,13 @@ impl AimedPacket {
         Self { rays: Rays::EMPTY, goals: [DVec3::ZERO; LANES], expect }
     }
 
+    /// Creates a packet and aims its rays one by one with `aim`.
+    pub fn each(expect: Expect, mut aim: impl FnMut(&mut Self, usize)) -> Self {
+        let mut packet = Self::new(expect);
+        (0..LANES).for_each(|i| aim(&mut packet, i));
+        packet
+    }
+
     /// Sets ray `i` from `origin` through `goal`, where t = 1 before rounding.
     pub fn through(&mut self, i: usize, origin: DVec3, goal: DVec3) {
         let origin = origin.as_vec3().as_dvec3();
@@ -59,10 +67,7 @@ impl AimedPacket {
 
     /// Sets ray `i` from `origin` along `direction`, both rounded to f32.
     pub fn put(&mut self, i: usize, origin: DVec3, direction: DVec3) {
-        for axis in 0..3 {
-            self.rays.org[axis][i] = origin[axis] as f32;
-            self.rays.dir[axis][i] = direction[axis] as f32;
-        }
+        self.rays.set(i, origin.as_vec3(), direction.as_vec3());
         self.goals[i] = origin;
     }
 }
@@ -282,7 +287,7 @@ pub fn measure_hits(
         let ray = Ray::of(&packet.rays, i);
         let way = ray.direction * exact.t;
         let point = ray.origin + way;
-        let refined = DVec3::from([0, 1, 2].map(|k| f64::from(surfaces.position[k][i])));
+        let refined = lane(&surfaces.position, i).as_dvec3();
         let scale = point.abs().max_element().max(way.length()).max(size(geometry, &exact));
         let relative = (refined - point).abs().max_element() / scale;
         if relative.is_finite() {

@@ -10,7 +10,7 @@ use serde_json::json;
 
 use super::case::{Amount, Case, CaseRun, PassCriterion};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{TestMesh, corners, icosphere, inside, scan};
+use super::meshes::{TestMesh, any_triangle, icosphere, point_on, scan};
 use super::tally::{CaseCounts, Kind, ulp};
 use crate::error::{Error, Result};
 use crate::film::{Film, Window};
@@ -171,20 +171,15 @@ fn apart(run: &mut CaseRun) -> Result<()> {
     run.keep(geometry, sums)?;
     let amount = Amount { packets: 600, slow: 8, truth: 8 };
     run.shoot(geometry, amount, |random| {
-        let mut shot = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
         let which = random.below(2) as usize;
         let mesh = &geometry.meshes[which];
         let center = places[which] - geometry.origin;
-        for i in 0..LANES {
-            let [a, b, c] = corners(mesh, random.below(mesh.triangles().len() as u32));
-            let goal = match random.below(3) {
-                0 => a,
-                1 => a.lerp(b, random.unit()),
-                _ => inside(random, [a, b, c]),
-            };
+        AimedPacket::each(Expect::Closed([f64::INFINITY; LANES]), |shot, i| {
+            let triangle = any_triangle(random, mesh);
+            let which = random.below(3);
+            let goal = point_on(random, triangle, which);
             shot.through(i, center + random.cube() * 15.0, goal);
-        }
-        shot
+        })
     })
 }
 

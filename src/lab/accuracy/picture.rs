@@ -1,5 +1,6 @@
 //! Draws a small picture of a geometry with a dot at each failure, coloured by its kind.
 
+use crate::shading::lane;
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 
@@ -84,10 +85,7 @@ impl View {
                 let x = (x / f64::from(SIZE[0]) * 2.0 - 1.0) * self.half[0];
                 let y = (y / f64::from(SIZE[1]) * 2.0 - 1.0) * self.half[1];
                 let origin = self.center + right * x + down * y - forward * distance;
-                for k in 0..3 {
-                    packet.rays.org[k][i] = origin[k] as f32;
-                    packet.rays.dir[k][i] = forward[k] as f32;
-                }
+                packet.rays.set(i, origin.as_vec3(), forward.as_vec3());
             }
             let active = packet.rays.possible(&Mask::ALL);
             tree.closest(&active, &mut packet, Coherence::Coherent);
@@ -95,7 +93,7 @@ impl View {
             for i in 0..LANES {
                 let [x, y] = pixel(i);
                 let seen = packet.hits.geom[i] != NONE;
-                let normal = DVec3::from([0, 1, 2].map(|k| f64::from(surfaces.ng[k][i])));
+                let normal = lane(&surfaces.ng, i).as_dvec3();
                 // The light comes from above and a little from the right.
                 let light = normal.dot((right * 0.35 - down * 0.6 - forward * 0.75).normalize());
                 let shade = if seen { shade(light) } else { 250 };

@@ -8,7 +8,6 @@ use super::case::{Amount, Case, PassCriterion};
 use super::judge::{AimedPacket, Expect};
 use super::meshes::geometry;
 use crate::lab::random::Random;
-use crate::ray::LANES;
 
 const GROUP: &str = "quads";
 
@@ -45,12 +44,10 @@ fn case(name: &'static str, what: &'static str, mark: PassCriterion, bend: f64, 
         // The corners after rounding to f32.
         let rounded: Vec<Quad> = geometry.quads.iter().map(|quad| quad.map(doubles)).collect();
         run.shoot(&geometry, Amount { packets: 200, slow: 4, truth: 1 }, |random| {
-            let mut shot = AimedPacket::new(Expect::Oracle);
-            for i in 0..LANES {
+            AimedPacket::each(Expect::Oracle, |shot, i| {
                 let quad = &rounded[random.below(rounded.len() as u32) as usize];
-                aim(random, quad, &mut shot, i);
-            }
-            shot
+                aim(random, quad, shot, i);
+            })
         })
     })
 }

@@ -1,17 +1,18 @@
 //! Cases with extreme rays: directions with zeros or of extreme lengths, ends on surfaces, NaN.
 
+use crate::shading::{lane, set_lane};
 use glam::DVec3;
 
 use super::Built;
 use super::case::{Amount, Case, CaseRun, PassCriterion};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{corners, inside, scan, scene};
+use super::meshes::{any_triangle, inside, point_on, scan, scene};
 use super::tally::{CaseCounts, Kind};
 use crate::error::Result;
 use crate::geometry::{Sphere, TriangleMesh};
 use crate::lab::query::trace;
 use crate::lab::random::Random;
-use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
 const GROUP: &str = "rays";
 
@@ -34,22 +35,20 @@ fn case(name: &'static str, what: &'static str, mark: PassCriterion, change: Cha
 
 /// Rays from around the mesh at its points, each changed by `change`.
 fn shot(random: &mut Random, mesh: &TriangleMesh, change: Change) -> AimedPacket {
-    let mut shot = AimedPacket::new(Expect::Oracle);
-    for i in 0..LANES {
+    AimedPacket::each(Expect::Oracle, |shot, i| {
         let goal = point(random, mesh);
         shot.through(i, random.direction() * 3.0, goal);
-        change(random, mesh, &mut shot, i);
-    }
-    shot
+        change(random, mesh, shot, i);
+    })
 }
 
 fn point(random: &mut Random, mesh: &TriangleMesh) -> DVec3 {
-    let triangle = random.below(mesh.triangles().len() as u32);
-    inside(random, corners(mesh, triangle))
+    let triangle = any_triangle(random, mesh);
+    inside(random, triangle)
 }
 
 fn vertex(random: &mut Random, mesh: &TriangleMesh) -> DVec3 {
-    corners(mesh, random.below(mesh.triangles().len() as u32))[0]
+    any_triangle(random, mesh)[0]
 }
 
 /// Replaces one or two components of the direction by values of `small`. The origin moves along, so
@@ -66,11 +65,8 @@ fn flatten(random: &mut Random, shot: &mut AimedPacket, i: usize, small: fn(&mut
 }
 
 fn stretch(shot: &mut AimedPacket, i: usize, by: f64) {
-    let direction = DVec3::from([0, 1, 2].map(|k| f64::from(shot.rays.dir[k][i])));
-    let stretched = direction.normalize_or(DVec3::X) * by;
-    for k in 0..3 {
-        shot.rays.dir[k][i] = stretched[k] as f32;
-    }
+    let direction = lane(&shot.rays.dir, i).as_dvec3();
+    set_lane(&mut shot.rays.dir, i, (direction.normalize_or(DVec3::X) * by).as_vec3());
 }
 
 /// Sets ray `i` from `origin` in a random direction.
@@ -197,11 +193,9 @@ pub fn cases() -> Vec<Case> {
             "from points on the mesh, rounded to f32, in any direction",
             PassCriterion::Coarse(1e-3, "from points on the mesh t is next to 0"),
             |random, mesh, shot, i| {
-                let [a, b, c] = corners(mesh, random.below(mesh.triangles().len() as u32));
-                let origin = match random.below(2) {
-                    0 => a.lerp(b, random.unit()),
-                    _ => inside(random, [a, b, c]),
-                };
+                let triangle = any_triangle(random, mesh);
+                let which = 1 + random.below(2);
+                let origin = point_on(random, triangle, which);
                 start(random, shot, i, origin);
             },
         ),
@@ -270,8 +264,7 @@ fn on_a_surface() -> Case {
             let ball = Sphere { center: DVec3::new(-4.0, 0.0, 0.0), radius: 1.0 };
             let geometry = super::meshes::geometry(vec![mesh], vec![quad], vec![ball]);
             run.shoot(&geometry, Amount { packets: 100, slow: 5, truth: 1 }, |random| {
-                let mut shot = AimedPacket::new(Expect::Primitive);
-                for i in 0..LANES {
+                AimedPacket::each(Expect::Primitive, |shot, i| {
                     let share = f64::from(random.below(5)) / 4.0;
                     let origin = match random.below(5) {
                         0 => at(
@@ -283,9 +276,8 @@ fn on_a_surface() -> Case {
                         3 => at(3.0 + 2.0 * share, f64::from(random.below(33)) / 32.0 - 0.5),
                         _ => ball.center + DVec3::AXES[random.below(3) as usize] * random.sign(),
                     };
-                    start(random, &mut shot, i, origin);
-                }
-                shot
+                    start(random, shot, i, origin);
+                })
             })?;
         }
         Ok(())
@@ -305,8 +297,7 @@ fn ends() -> Case {
         };
         let geometry = scene(super::meshes::soup(&[corners(4.0), corners(8.0)].concat()));
         run.shoot(&geometry, Amount { packets: 60, ..AMOUNT }, |random| {
-            let mut shot = AimedPacket::new(Expect::Oracle);
-            for i in 0..LANES {
+            AimedPacket::each(Expect::Oracle, |shot, i| {
                 let mut origin = (random.cube() * 512.0).round() / 128.0;
                 origin.z = 0.0;
                 let step = f64::from(1 << random.below(3));
@@ -317,8 +308,7 @@ fn ends() -> Case {
                     0 => shot.rays.tfar[i] = near,
                     _ => shot.rays.tnear[i] = near,
                 }
-            }
-            shot
+            })
         })
     })
 }

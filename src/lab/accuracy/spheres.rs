@@ -1,6 +1,7 @@
 //! Cases with spheres: tiny and far, huge and near, from inside, from their surface, along their
 //! outline. The right answers are roots computed in integers.
 
+use crate::shading::lane;
 use glam::DVec3;
 use num_bigint::BigInt;
 
@@ -124,10 +125,7 @@ fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<Ca
     let mut truths = [(None, false); LANES];
     for i in 0..LANES {
         let (origin, direction, leaving) = (setup.aim)(random, &setup.sphere);
-        for k in 0..3 {
-            rays.org[k][i] = origin[k] as f32;
-            rays.dir[k][i] = direction[k] as f32;
-        }
+        rays.set(i, origin.as_vec3(), direction.as_vec3());
         rays.leaving[i] = if leaving { 0 } else { NONE };
         let (roots, unsure) = roots(&Ray::of(&rays, i), &setup.sphere);
         // For a ray that leaves the sphere, the root nearer to 0 is its origin.
@@ -179,7 +177,7 @@ fn judge(
             (Some(exact), true) if !leaving => {
                 tally.measure((ray.tfar - exact).abs() / ulp(exact));
                 let point = ray.origin + ray.direction * exact;
-                let refined = DVec3::from([0, 1, 2].map(|k| f64::from(surfaces.position[k][i])));
+                let refined = lane(&surfaces.position, i).as_dvec3();
                 let way = (ray.direction * exact).length();
                 let scale = point.abs().max_element().max(way);
                 let relative = (refined - point).abs().max_element() / scale;

@@ -5,7 +5,10 @@ use glam::DVec3;
 
 use super::case::{Amount, Case, PassCriterion};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{TestMesh, cells, corners, cube, icosphere, inside, scan, scene, spiky_ball};
+use super::meshes::{
+    TestMesh, any_triangle, cells, corners, cube, icosphere, inside, point_on, scan, scene,
+    spiky_ball,
+};
 use crate::geometry::TriangleMesh;
 use crate::lab::random::Random;
 use crate::ray::LANES;
@@ -36,18 +39,14 @@ impl Target {
         }
     }
 
-    fn point(self, random: &mut Random, [a, b, c]: [DVec3; 3]) -> DVec3 {
+    fn point(self, random: &mut Random, triangle: [DVec3; 3]) -> DVec3 {
         let which = match self {
             Self::Vertices => 0,
             Self::Edges => 1,
             Self::Faces => 2,
             Self::Any => random.below(3),
         };
-        match which {
-            0 => a,
-            1 => a.lerp(b, random.unit()),
-            _ => inside(random, [a, b, c]),
-        }
+        point_on(random, triangle, which)
     }
 }
 
@@ -154,15 +153,12 @@ fn crossings(name: &str, shape: fn() -> TestMesh) -> Case {
         let geometry = scene(place(&shape(), DVec3::ZERO, 1.0).mesh);
         let amount = Amount { packets: 80, slow: 4, truth: 1 };
         run.shoot(&geometry, amount, |random| {
-            let mut shot = AimedPacket::new(Expect::Crossings);
-            let count = at.mesh.triangles().len() as u32;
-            for i in 0..LANES {
-                let triangle = corners(&at.mesh, random.below(count));
+            AimedPacket::each(Expect::Crossings, |shot, i| {
+                let triangle = any_triangle(random, &at.mesh);
                 let goal = inside(random, triangle);
                 let origin = random.direction() * random.within(2.0, 8.0);
                 shot.through(i, origin, goal);
-            }
-            shot
+            })
         })
     })
 }

@@ -40,10 +40,7 @@ impl<'g> Aim<'g> {
             let (origin, direction, target) = self.ray(source, random);
             let ends = [0.5, 0.999, 1.5, f64::INFINITY];
             let end = ends[random.below(4) as usize];
-            for axis in 0..3 {
-                rays.org[axis][i] = origin[axis] as f32;
-                rays.dir[axis][i] = direction[axis] as f32;
-            }
+            rays.set(i, origin.as_vec3(), direction.as_vec3());
             if shadow {
                 rays.tfar[i] = (target * end) as f32;
             }

@@ -216,10 +216,7 @@ impl Finding {
                 return Err(format!("found lane {i}, expected 0 to {}", LANES - 1));
             }
             active.0[i] = -1;
-            for axis in 0..3 {
-                rays.org[axis][i] = ray.origin[axis];
-                rays.dir[axis][i] = ray.direction[axis];
-            }
+            rays.set(i, ray.origin.into(), ray.direction.into());
             rays.tnear[i] = ray.tnear;
             rays.tfar[i] = ray.tfar.unwrap_or(f32::INFINITY);
             rays.leaving[i] = ray.leaving.unwrap_or(NONE);
