@@ -55,12 +55,12 @@ fn scene(random: &mut Random) -> Geometry {
 
 /// All cases of this group.
 pub fn cases() -> Vec<Case> {
-    let row = |name: &'static str, what: &'static str, aimed: bool, packets: u64| {
-        let mark = PassCriterion::Coarse(
+    let row = |name: &'static str, what: &'static str, at_triangles: bool, packets: u64| {
+        let criterion = PassCriterion::Coarse(
             0.01,
             "needles 16 decades long: f64 has too few digits for their planes",
         );
-        Case::new(GROUP, name, what, mark, move |run| {
+        Case::new(GROUP, name, what, criterion, move |run| {
             // A longer run has more soups, not only more rays.
             let times = run.settings.times;
             let soups = SOUPS * times.min(64);
@@ -71,18 +71,18 @@ pub fn cases() -> Vec<Case> {
                 let geometry = scene(&mut run.random(u64::MAX - k));
                 let mesh = &geometry.meshes[0];
                 let amount = Amount { packets, slow: 4, truth: 1 };
-                run.shoot(&geometry, amount, |random| {
+                run.trace(&geometry, amount, |random| {
                     let one = (random.below(2) == 0).then(|| wide_point(random));
-                    AimedPacket::each(Expect::Oracle, |shot, i| {
+                    AimedPacket::each(Expect::Oracle, |aimed, i| {
                         let origin = one.unwrap_or_else(|| wide_point(random));
-                        if aimed {
+                        if at_triangles {
                             let triangle = corners(mesh, random.below(96));
                             let which = random.below(4);
                             let goal = point_on(random, triangle, which);
-                            shot.through(i, origin, goal);
+                            aimed.through(i, origin, goal);
                         } else {
                             let direction = random.direction();
-                            shot.put(i, origin, direction);
+                            aimed.put(i, origin, direction);
                         }
                     })
                 })?;

@@ -11,8 +11,8 @@ use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
 use super::case::{Case, CaseRun, PassCriterion};
+use super::counts::{CaseCounts, Kind, ulp};
 use super::shadow::Points;
-use super::tally::{CaseCounts, Kind, ulp};
 use crate::accel::Accelerator;
 use crate::accel::lane::lanes;
 use crate::error::Result;
@@ -183,16 +183,16 @@ pub(super) fn check(
 ) -> Result<()> {
     run.check_packets(geometry, PACKETS * run.settings.times, |run, built, index| {
         let first = first_rays(&mut run.random(salt << 40 | index << 1));
-        built.counts(index % SLOW == 0, |BuiltBackend { tested, accelerator }, tally| {
+        built.counts(index % SLOW == 0, |BuiltBackend { tested, accelerator }, counts| {
             // The same random numbers, and so the same lights, for all columns.
             let mut random = run.random(salt << 40 | index << 1 | 1);
             let mut packet = first.clone();
             let all = Mask::ALL;
             let time = trace(accelerator, &all, &mut packet, false, Coherence::Coherent);
-            tally.nanoseconds += time.as_nanos() as u64;
+            counts.nanoseconds += time.as_nanos() as u64;
             let points = Points::new((geometry, accelerator), &packet.hit(&all), &mut packet);
             let seen = ColumnHits { geometry, tested, accelerator, packet: &packet, points };
-            judge(&mut random, &seen, tally);
+            judge(&mut random, &seen, counts);
         })
     })
 }
@@ -213,7 +213,7 @@ impl ColumnHits<'_> {
         &self,
         lights: &[DVec3; LANES],
         area: Option<&Area>,
-        tally: &mut CaseCounts,
+        counts: &mut CaseCounts,
     ) -> Vec<(usize, bool)> {
         let mut q = [[0.0; LANES]; 3];
         for (i, light) in lights.iter().enumerate() {
@@ -225,7 +225,7 @@ impl ColumnHits<'_> {
         ways.flat_map(|way| {
             let (mut rays, started) = (rays.clone(), Instant::now());
             self.points.trace(backend, self.scene(), &aimed, &mut rays, way);
-            tally.nanoseconds += started.elapsed().as_nanos() as u64;
+            counts.nanoseconds += started.elapsed().as_nanos() as u64;
             let tfar = rays.tfar;
             lanes(&aimed.active).map(move |i| (i, tfar[i] == f32::NEG_INFINITY)).collect::<Vec<_>>()
         })
@@ -240,10 +240,10 @@ impl ColumnHits<'_> {
     }
 
     /// Counts a ray from lane `i`, and an error of this kind unless it is `right`.
-    pub fn expect(&self, i: usize, right: bool, kind: Kind, tally: &mut CaseCounts) {
-        tally.rays += 1;
+    pub fn expect(&self, i: usize, right: bool, kind: Kind, counts: &mut CaseCounts) {
+        counts.rays += 1;
         if !right {
-            tally.fail(kind, self.points.position(i));
+            counts.fail(kind, self.points.position(i));
         }
     }
 
@@ -272,8 +272,8 @@ fn self_shadow(scale: f64) -> Case {
         "an octahedron, a cube of quads, a sphere of size {scale:e}, at 0, 1e3 and 1e7 times that from \
          the world's origin: lights above the surface must reach it. `coursework` with its offset of 1e-4"
     );
-    let mark = PassCriterion::Zero("shadow rays have no t");
-    Case::new(GROUP, name, what, mark, move |run| {
+    let criterion = PassCriterion::Zero("shadow rays have no t");
+    Case::new(GROUP, name, what, criterion, move |run| {
         let mut salt = 0;
         for solid in SOLIDS {
             for offset in OFFSETS {
@@ -288,21 +288,21 @@ fn self_shadow(scale: f64) -> Case {
                         let from = random.direction() * random.within(2.0, 6.0) * scale;
                         towards(|| [from, random.cube() * 0.55 * scale])
                     },
-                    |random, seen, tally| {
+                    |random, seen, counts| {
                         let lights = std::array::from_fn(|i| {
                             let distance = 10f64.powf(random.within(-1.0, 3.0)) * scale;
                             let normal = seen.points.normal(i);
                             seen.points.position(i) + above(random, normal, 0.01) * distance
                         });
-                        for (i, occluded) in seen.occluded(&lights, None, tally) {
-                            tally.rays += 1;
+                        for (i, occluded) in seen.occluded(&lights, None, counts) {
+                            counts.rays += 1;
                             let (at, normal) = (seen.points.position(i), seen.points.normal(i));
                             // The normal points inwards: the ray has leaked through the side
                             // that faces it.
                             if normal.dot(at) < 0.0 {
-                                tally.fail(Kind::Leak, at);
+                                counts.fail(Kind::Leak, at);
                             } else if occluded {
-                                tally.fail(Kind::SelfShadow, at);
+                                counts.fail(Kind::SelfShadow, at);
                             }
                         }
                     },
@@ -348,8 +348,8 @@ fn largest(geometry: &Geometry) -> f64 {
 
 /// A case with occluders `ulps` above a surface. From [`CONTACT`] ulp on they must shadow it.
 fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case {
-    let mark = PassCriterion::Zero("occluders nearer than 4 ulp are counted, not failed");
-    Case::new(GROUP, name, what, mark, move |run| {
+    let criterion = PassCriterion::Zero("occluders nearer than 4 ulp are counted, not failed");
+    Case::new(GROUP, name, what, criterion, move |run| {
         let mut salt = 0;
         for (&scale, &ulps) in scales.iter().flat_map(|s| ulps.iter().map(move |u| (s, u))) {
             for (solid, offset) in SOLIDS.into_iter().flat_map(|m| OFFSETS.map(|o| (m, o))) {
@@ -398,16 +398,16 @@ fn in_contact(
             packet.rays.leaving = [occluder; LANES];
             packet
         },
-        |random, seen, tally| {
+        |random, seen, counts| {
             let lights = std::array::from_fn(|i| {
                 let distance = 10f64.powf(random.within(-0.5, 2.0)) * scale;
                 seen.points.position(i) + above(random, up, 0.05) * distance
             });
-            for (i, occluded) in seen.occluded(&lights, None, tally) {
-                tally.rays += 1;
+            for (i, occluded) in seen.occluded(&lights, None, counts) {
+                counts.rays += 1;
                 let point = seen.points.position(i);
                 if seen.primitive(i).is_none_or(|hit| hit == occluder) {
-                    tally.fail(Kind::Leak, point);
+                    counts.fail(Kind::Leak, point);
                     continue;
                 }
                 // Gap between occluder and point. The point itself is rounded by half an ulp.
@@ -416,8 +416,8 @@ fn in_contact(
                     .map(|&[a, b, c]| (a - point).dot((b - a).cross(c - a).normalize()).abs())
                     .fold(f64::INFINITY, f64::min);
                 match (gap >= CONTACT * unit, occluded) {
-                    (true, false) => tally.fail(Kind::LightLeak, point),
-                    (false, false) => tally.counted += 1,
+                    (true, false) => counts.fail(Kind::LightLeak, point),
+                    (false, false) => counts.counted += 1,
                     _ => {}
                 }
             }

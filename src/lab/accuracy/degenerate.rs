@@ -16,7 +16,7 @@ const AMOUNT: Amount = Amount { packets: 160, slow: 4, truth: 1 };
 fn aim(random: &mut Random, mesh: &TriangleMesh, distance: f64, expect: Expect) -> AimedPacket {
     let together = random.below(2) == 0;
     let mut from = DVec3::ZERO;
-    AimedPacket::each(expect, |shot, i| {
+    AimedPacket::each(expect, |aimed, i| {
         if i == 0 || !together {
             from = random.direction() * distance;
         }
@@ -26,21 +26,21 @@ fn aim(random: &mut Random, mesh: &TriangleMesh, distance: f64, expect: Expect) 
             Expect::Oracle => point_on(random, triangle, which),
             _ => inside(random, triangle),
         };
-        shot.through(i, from, goal);
+        aimed.through(i, from, goal);
     })
 }
 
 fn case(
     name: &'static str,
     what: &'static str,
-    mark: PassCriterion,
+    criterion: PassCriterion,
     distance: f64,
     expect: Expect,
     make: fn(&mut Random) -> TriangleMesh,
 ) -> Case {
-    Case::new(GROUP, name, what, mark, move |run| {
+    Case::new(GROUP, name, what, criterion, move |run| {
         let geometry = scene(make(&mut run.random(u64::MAX)));
-        run.shoot(&geometry, AMOUNT, |random| aim(random, &geometry.meshes[0], distance, expect))
+        run.trace(&geometry, AMOUNT, |random| aim(random, &geometry.meshes[0], distance, expect))
     })
 }
 

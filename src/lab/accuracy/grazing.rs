@@ -25,7 +25,7 @@ fn strips(random: &mut Random, width: f64) -> TriangleMesh {
 
 /// Rays at `degrees` to the plane of the triangle that they are aimed at, from 1 to 8 away.
 fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> AimedPacket {
-    AimedPacket::each(Expect::Oracle, |shot, i| {
+    AimedPacket::each(Expect::Oracle, |aimed, i| {
         let [a, b, c] = any_triangle(random, mesh);
         let goal = match random.below(3) {
             0 => a.lerp(b, random.unit()),
@@ -35,7 +35,7 @@ fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> AimedPacket {
         let side = random.direction().cross(normal).normalize_or(DVec3::X);
         let angle = degrees.to_radians() * random.sign();
         let away = side * angle.cos() + normal * angle.sin();
-        shot.through(i, goal + away * random.within(1.0, 8.0), goal);
+        aimed.through(i, goal + away * random.within(1.0, 8.0), goal);
     })
 }
 
@@ -50,7 +50,7 @@ pub fn cases() -> Vec<Case> {
             Case::new(GROUP, name, what, PassCriterion::Exact, move |run| {
                 let geometry = scene(strips(&mut run.random(u64::MAX), width));
                 let amount = Amount { packets: 200, slow: 4, truth: 1 };
-                run.shoot(&geometry, amount, |random| aim(random, &geometry.meshes[0], degrees))
+                run.trace(&geometry, amount, |random| aim(random, &geometry.meshes[0], degrees))
             })
         })
         .collect()

@@ -4,7 +4,7 @@ use crate::shading::lane;
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 
-use super::tally::Kind;
+use super::counts::Kind;
 use crate::accel::bvh::Bvh;
 use crate::accel::{Accelerator, BuildOptions};
 use crate::error::Result;

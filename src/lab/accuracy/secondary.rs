@@ -5,8 +5,8 @@ use glam::{DMat3, DVec3, Vec3};
 
 use super::case::{Case, PassCriterion};
 use super::contact::{CUBE_SIDES, Place, above, check, corner, towards};
+use super::counts::Kind;
 use super::meshes::{self, geometry, scene};
-use super::tally::Kind;
 use crate::geometry::{Geometry, TriangleMesh};
 use crate::lab::random::Random;
 use crate::ray::{Coherence, RayPacket};
@@ -108,8 +108,8 @@ fn closed(room: Room, name: &str) -> Case {
          and corners, exactly and a little beside. Shadow rays from there to lights outside must be stopped, mirrored \
          rays must hit; where the room is convex, lights inside must be seen"
     );
-    let mark = PassCriterion::Zero("shadow rays have no t");
-    Case::new(GROUP, format!("closed room, {name}"), what, mark, move |run| {
+    let criterion = PassCriterion::Zero("shadow rays have no t");
+    Case::new(GROUP, format!("closed room, {name}"), what, criterion, move |run| {
         let turns = if room == Room::Scan { 1 } else { 3 };
         let cases = PLACES.iter().flat_map(|&place| (0..turns).map(move |k| (place, k)));
         for (salt, ((scale, distance), k)) in cases.enumerate() {
@@ -123,24 +123,24 @@ fn closed(room: Room, name: &str) -> Case {
                     let from = place.at(random.cube() * room.within());
                     at_edges(random, from, &edges)
                 },
-                |random, seen, tally| {
+                |random, seen, counts| {
                     let outside = std::array::from_fn(|i| {
                         let normal = seen.points.normal(i);
                         let far = 10f64.powf(random.within(1.0, 3.0)) * scale;
                         seen.points.position(i) + above(random, normal, MIN_COSINE) * far
                     });
-                    for (i, occluded) in seen.occluded(&outside, None, tally) {
-                        seen.expect(i, occluded, Kind::Leak, tally);
+                    for (i, occluded) in seen.occluded(&outside, None, counts) {
+                        seen.expect(i, occluded, Kind::Leak, counts);
                     }
                     for (i, hit) in seen.mirrored(Coherence::Coherent) {
-                        seen.expect(i, hit, Kind::Leak, tally);
+                        seen.expect(i, hit, Kind::Leak, counts);
                     }
                     if !room.is_convex() {
                         return;
                     }
                     let inside = std::array::from_fn(|_| place.at(random.cube() * room.within()));
-                    for (i, occluded) in seen.occluded(&inside, None, tally) {
-                        seen.expect(i, !occluded, Kind::SelfShadow, tally);
+                    for (i, occluded) in seen.occluded(&inside, None, counts) {
+                        seen.expect(i, !occluded, Kind::SelfShadow, counts);
                     }
                 },
             )?;
@@ -226,19 +226,19 @@ fn flush(side: Side, what: &str) -> Case {
                     &geometry,
                     salt,
                     |random| at_room(random, &place),
-                    |random, seen, tally| {
+                    |random, seen, counts| {
                         let lights = std::array::from_fn(|_| {
                             let (s, t) = (random.unit() as f32, random.unit() as f32);
                             let q: Vec3 = area.corner + area.edge * s + area.height * t;
                             q.as_dvec3()
                         });
-                        for (i, occluded) in seen.occluded(&lights, Some(&area), tally) {
+                        for (i, occluded) in seen.occluded(&lights, Some(&area), counts) {
                             // Points on the ceiling itself are not judged.
                             if seen.is_off_plane(&area, i) {
                                 let right = occluded == (side == Side::Behind);
                                 let kind =
                                     if occluded { Kind::SelfShadow } else { Kind::LightLeak };
-                                seen.expect(i, right, kind, tally);
+                                seen.expect(i, right, kind, counts);
                             }
                         }
                     },
@@ -267,8 +267,8 @@ fn at_room(random: &mut Random, place: &Place) -> RayPacket {
 fn mirrors() -> Case {
     let what = "a floor of coplanar triangles, turned, mirrors rays that come at 1e-6 to 0.1 of a right angle: there is \
                 nothing above it to be hit";
-    let mark = PassCriterion::Zero("mirrored rays that hit nothing have no t");
-    Case::new(GROUP, "grazing mirrors", what, mark, move |run| {
+    let criterion = PassCriterion::Zero("mirrored rays that hit nothing have no t");
+    Case::new(GROUP, "grazing mirrors", what, criterion, move |run| {
         for k in 0..6 {
             let turn = turn(k);
             // Multiples of 1/4096, so that the rotated floor is exactly flat in f32.
@@ -293,10 +293,10 @@ fn mirrors() -> Case {
                         [goal + (side + up * slope) * random.within(0.5, 3.0), goal]
                     })
                 },
-                |_, seen, tally| {
+                |_, seen, counts| {
                     for way in seen.tested.coherences(Coherence::Coherent) {
                         for (i, hit) in seen.mirrored(way) {
-                            seen.expect(i, !hit, Kind::SelfShadow, tally);
+                            seen.expect(i, !hit, Kind::SelfShadow, counts);
                         }
                     }
                 },

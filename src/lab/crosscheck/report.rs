@@ -101,15 +101,15 @@ impl BackendReport {
         if self.sources.last().is_none_or(|(last, _)| last != source) {
             self.sources.push((source.into(), VerdictCounts::default()));
         }
-        if let Some((_, tally)) = self.sources.last_mut() {
-            tally.count(verdict);
+        if let Some((_, counts)) = self.sources.last_mut() {
+            counts.count(verdict);
         }
     }
 
     /// Sets `allowed` from the known rates of the backend.
     fn allow(&mut self, backend: Backend) {
-        let most = |(source, tally): &(String, VerdictCounts)| {
-            known::rate(backend, source).map(|rate| known::most(rate, tally.rays).min(tally.rays))
+        let most = |(source, counts): &(String, VerdictCounts)| {
+            known::rate(backend, source).map(|rate| known::most(rate, counts.rays).min(counts.rays))
         };
         self.allowed = self.sources.iter().filter_map(most).collect();
     }
@@ -121,9 +121,9 @@ impl BackendReport {
             return (wrong > 0).then(failure).into_iter().collect();
         }
         let sources = self.sources.iter().zip(&self.allowed);
-        let above = sources.filter(|((_, tally), most)| tally.wrong() > **most);
-        let failure = |((source, tally), most): (&(String, VerdictCounts), &u64)| {
-            let (wrong, rays) = (tally.wrong(), tally.rays);
+        let above = sources.filter(|((_, counts), most)| counts.wrong() > **most);
+        let failure = |((source, counts), most): (&(String, VerdictCounts), &u64)| {
+            let (wrong, rays) = (counts.wrong(), counts.rays);
             format!(
                 "`{name}` gives wrong answers to {wrong} of {rays} {source} rays, more than the known {most}"
             )
