@@ -15,61 +15,32 @@ use crate::lab::verdict::Verdict;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::scene::Backend;
 
-/// Number of answers by verdict.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+/// Numbers of answers by verdict.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct VerdictCounts {
-    /// Number of answers that were judged.
+    /// Number of answers.
     pub rays: u64,
-    /// Number of answers with [`Verdict::Agree`].
-    pub agree: u64,
-    /// Number of answers with [`Verdict::Tie`].
-    pub tie: u64,
-    /// Number of answers with [`Verdict::Edge`].
-    pub edge: u64,
-    /// Number of answers with [`Verdict::Crowd`].
-    pub crowd: u64,
-    /// Number of answers with [`Verdict::Leak`].
-    pub leak: u64,
-    /// Number of answers with [`Verdict::FalseHit`].
-    pub false_hit: u64,
-    /// Number of answers with [`Verdict::WrongPrimitive`].
-    pub wrong_primitive: u64,
-    /// Number of answers with [`Verdict::WrongDistance`].
-    pub wrong_distance: u64,
+    /// Number of answers of each verdict.
+    #[serde(flatten)]
+    pub of: BTreeMap<Verdict, u64>,
+}
+
+impl Default for VerdictCounts {
+    fn default() -> Self {
+        Self { rays: 0, of: Verdict::ALL.map(|verdict| (verdict, 0)).into() }
+    }
 }
 
 impl VerdictCounts {
-    /// Counts the verdict on one answer.
+    /// Counts an answer.
     pub fn count(&mut self, verdict: Verdict) {
         self.rays += 1;
-        *match verdict {
-            Verdict::Agree => &mut self.agree,
-            Verdict::Tie => &mut self.tie,
-            Verdict::Edge => &mut self.edge,
-            Verdict::Crowd => &mut self.crowd,
-            Verdict::Leak => &mut self.leak,
-            Verdict::FalseHit => &mut self.false_hit,
-            Verdict::WrongPrimitive => &mut self.wrong_primitive,
-            Verdict::WrongDistance => &mut self.wrong_distance,
-        } += 1;
+        *self.of.entry(verdict).or_default() += 1;
     }
 
-    /// Adds all counts of `other`.
-    pub fn add(&mut self, other: &Self) {
-        self.rays += other.rays;
-        self.agree += other.agree;
-        self.tie += other.tie;
-        self.edge += other.edge;
-        self.crowd += other.crowd;
-        self.leak += other.leak;
-        self.false_hit += other.false_hit;
-        self.wrong_primitive += other.wrong_primitive;
-        self.wrong_distance += other.wrong_distance;
-    }
-
-    /// Number of wrong answers: [`Verdict::is_wrong`].
+    /// Number of wrong answers.
     pub fn wrong(&self) -> u64 {
-        self.leak + self.false_hit + self.wrong_primitive + self.wrong_distance
+        self.of.iter().filter(|(verdict, _)| verdict.is_wrong()).map(|(_, count)| count).sum()
     }
 }
 
