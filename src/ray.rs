@@ -56,6 +56,18 @@ impl Mask {
     }
 }
 
+/// The vector of lane `i`.
+#[inline(always)]
+pub fn lane(v: &[[f32; LANES]; 3], i: usize) -> Vec3 {
+    Vec3::new(v[0][i], v[1][i], v[2][i])
+}
+
+/// Sets the vector of lane `i`.
+#[inline(always)]
+pub fn set_lane(v: &mut [[f32; LANES]; 3], i: usize, value: Vec3) {
+    (v[0][i], v[1][i], v[2][i]) = (value.x, value.y, value.z);
+}
+
 /// 16 rays `org + t dir`, t in (`tnear`, `tfar`), with coordinates relative to the scene's origin.
 ///
 /// Directions need not have unit length. An occluded ray gets `tfar` = -inf.
@@ -97,10 +109,8 @@ impl Rays {
     /// Sets origin and direction of ray `i`.
     #[inline(always)]
     pub fn set(&mut self, i: usize, origin: Vec3, direction: Vec3) {
-        for axis in 0..3 {
-            self.org[axis][i] = origin[axis];
-            self.dir[axis][i] = direction[axis];
-        }
+        set_lane(&mut self.org, i, origin);
+        set_lane(&mut self.dir, i, direction);
     }
 
     /// The active lanes whose rays can hit anything: finite origin and direction, direction neither

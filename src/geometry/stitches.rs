@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use super::triangle::clamp_barycentrics;
 use super::{Geometry, GeometryKind, TriangleMesh, doubles};
-use crate::ray::{LANES, Mask, RayPacket};
+use crate::ray::{LANES, Mask, RayPacket, lane};
 
 impl TriangleMesh {
     /// Appends those `candidates` that lie along an edge of a triangle of the mesh. Indices must be
@@ -134,9 +134,9 @@ impl Geometry {
             let GeometryKind::Mesh(mesh) = self.kind(packet.hits.geom[i]) else { continue };
             let mesh = &self.meshes[mesh];
             let Some(prim) = mesh.beside_stitch(packet.hits.prim[i]) else { continue };
-            let vector = |v: &[[f32; LANES]; 3]| doubles([v[0][i], v[1][i], v[2][i]]);
             let t = f64::from(packet.rays.tfar[i]);
-            let point = vector(&packet.rays.org) + vector(&packet.rays.dir) * t;
+            let point =
+                lane(&packet.rays.org, i).as_dvec3() + lane(&packet.rays.dir, i).as_dvec3() * t;
             let (u, v) = weights(point, mesh.corners(prim).map(doubles));
             packet.hits.prim[i] = prim;
             (packet.hits.u[i], packet.hits.v[i]) = (u as f32, v as f32);

@@ -171,11 +171,7 @@ impl One<'_> {
             }
         }
         let truth = self.truths?[i];
-        let exact = match (truth, shadow) {
-            (None, _) => Answer::Miss,
-            (Some(_), true) => Answer::Occluded,
-            (Some(hit), false) => hit.into(),
-        };
+        let exact = Answer::of_hit(truth, shadow);
         if matches!(self.aimed.expect, Expect::Primitive) {
             return match (exact, answer) {
                 (Answer::Miss, Answer::Miss) | (Answer::Occluded, Answer::Occluded) => None,

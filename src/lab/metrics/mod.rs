@@ -16,6 +16,7 @@ pub use errors::Errors;
 pub use ssim::ssim;
 
 use crate::lab::named::named;
+use crate::shading::linear_from_srgb;
 
 named! {
     /// A measure of how far a picture is from a reference.
@@ -118,16 +119,9 @@ impl Values {
 
     /// Errors of data such as depths and normals, without the relative errors of light.
     pub fn of_data(test: &[f32], reference: &[f32]) -> Self {
-        let e = Errors::of(test, reference);
-        Self(vec![
-            (Metric::Mse, e.mse),
-            (Metric::Rmse, e.mse.sqrt()),
-            (Metric::Mae, e.mae),
-            (Metric::Bias, e.bias),
-            (Metric::Max, e.max),
-            (Metric::P99, e.p99),
-            (Metric::Differ, e.differ),
-        ])
+        let mut errors = Self::of_light(test, reference);
+        errors.0.retain(|(m, _)| !matches!(m, Metric::Relmse | Metric::Mrse | Metric::Smape));
+        errors
     }
 
     /// Errors of linear light.
@@ -164,11 +158,6 @@ impl Values {
         values.push((Metric::Flip, mean(&map)));
         (Self(values), map)
     }
-}
-
-/// Converts an sRGB value in [0, 1] to linear light (IEC 61966-2-1).
-pub fn linear_from_srgb(x: f64) -> f64 {
-    if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 /// The mean of `values`; 0 if there are none.
