@@ -18,7 +18,7 @@ use crate::scene::Backend;
 /// Numbers of answers by verdict.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct VerdictCounts {
-    /// Number of answers.
+    /// Number of answers that were judged.
     pub rays: u64,
     /// Number of answers of each verdict.
     #[serde(flatten)]
@@ -32,7 +32,7 @@ impl Default for VerdictCounts {
 }
 
 impl VerdictCounts {
-    /// Counts an answer.
+    /// Counts the verdict on one answer.
     pub fn count(&mut self, verdict: Verdict) {
         self.rays += 1;
         *self.of.entry(verdict).or_default() += 1;
