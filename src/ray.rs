@@ -1,6 +1,7 @@
 //! Packets of 16 rays and their hits, as structures of arrays. The layout is exactly
 //! Embree's `RTCRay16` and `RTCRayHit16` (Embree >= 4.3), so that nothing is copied.
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// Id of no primitive and no geometry (Embree's `RTC_INVALID_GEOMETRY_ID`).
@@ -55,6 +56,18 @@ impl Mask {
     }
 }
 
+/// The vector of lane `i`.
+#[inline(always)]
+pub fn lane(v: &[[f32; LANES]; 3], i: usize) -> Vec3 {
+    Vec3::new(v[0][i], v[1][i], v[2][i])
+}
+
+/// Sets the vector of lane `i`.
+#[inline(always)]
+pub fn set_lane(v: &mut [[f32; LANES]; 3], i: usize, value: Vec3) {
+    (v[0][i], v[1][i], v[2][i]) = (value.x, value.y, value.z);
+}
+
 /// 16 rays `org + t dir`, t in (`tnear`, `tfar`), with coordinates relative to the scene's origin.
 ///
 /// Directions need not have unit length. An occluded ray gets `tfar` = -inf.
@@ -92,6 +105,13 @@ impl Rays {
         leaving: [NONE; LANES],
         flags: [0; LANES],
     };
+
+    /// Sets origin and direction of ray `i`.
+    #[inline(always)]
+    pub fn set(&mut self, i: usize, origin: Vec3, direction: Vec3) {
+        set_lane(&mut self.org, i, origin);
+        set_lane(&mut self.dir, i, direction);
+    }
 
     /// The active lanes whose rays can hit anything: finite origin and direction, direction neither
     /// zero nor denormal, `tnear <= tfar`. A NaN in one lane can make a packet's bounds useless for

@@ -14,29 +14,22 @@
 //! - Recursion is a loop with its own stack. Nested shapes that share a corner are split off one by
 //!   one, so the tree may be as deep as there are shapes.
 //! - A hit must lie within the bounds of its shape, up to `PreparedRay::slack`. So a box test never
-//!   loses a hit (proof at `Bounds::may_hit`): the trees find exactly the hits of
+//!   loses a hit (proof at `Box3::may_hit`): the trees find exactly the hits of
 //!   [`Coursework::plain_loop`].
 
 use glam::{BVec3, DVec3};
 
 use super::lane::{Hit, Ray, lanes};
-use super::{Accelerator, BuildInfo, BuildOptions, Visits};
-use crate::error::{Error, Kind, Problem, Result};
-use crate::geometry::{Geometry, GeometryKind, Nearby, Sphere};
+use super::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
+use crate::error::Result;
+use crate::geometry::{
+    Box3, Geometry, GeometryKind, Nearby, Sphere, doubles, quad_halves, slabs_meet,
+};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
 /// Number of times that a failed split is tried again before the set becomes a leaf.
 const MAX_ATTEMPTS: u32 = 1;
-
-/// Rule that chooses the axis of a split.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SplitAxis {
-    /// The axis of the longest side of the bounds.
-    Longest,
-    /// A random axis from this seed: the report's other experiment.
-    Random(u64),
-}
 
 /// The coursework's trees over a scene: the accelerator of the backend `coursework`.
 pub struct Coursework<'g> {
@@ -60,7 +53,7 @@ enum Shape {
 }
 
 impl<'g> Coursework<'g> {
-    /// Builds all trees with [`SplitAxis::Longest`], the rule of the report.
+    /// Builds all trees. Every split is across the longest side, the rule of the report.
     ///
     /// # Errors
     /// See [`super::build`].
@@ -69,41 +62,28 @@ impl<'g> Coursework<'g> {
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
-        Self::with_axis(geometry, options, monitor, SplitAxis::Longest)
-    }
-
-    /// Builds all trees with the given split rule.
-    ///
-    /// # Errors
-    /// See [`super::build`].
-    pub fn with_axis(
-        geometry: &'g Geometry,
-        options: &BuildOptions,
-        monitor: &Monitor,
-        axis: SplitAxis,
-    ) -> Result<Self> {
         let limit = options.max_bytes.unwrap_or(u64::MAX);
-        let mut builder = Builder { axis, limit, bytes: 0, peak_bytes: 0, monitor };
+        let mut builder = Builder { limit, bytes: 0, peak_bytes: 0, monitor };
         let (mut shapes, mut bounds) = (Vec::new(), Vec::new());
         let mut meshes = Vec::new();
         for (geom, mesh) in (0..).zip(&geometry.meshes) {
-            let corners = |prim| mesh.corners(prim).map(corner);
+            let corners = |prim| mesh.corners(prim).map(doubles);
             let triangles = 0..mesh.triangles().len() as u32;
-            let triangles: Vec<Bounds> = triangles.map(|p| Bounds::of(&corners(p))).collect();
-            bounds.push(triangles.iter().fold(Bounds::EMPTY, |all, &b| all.union(b)));
+            let triangles: Vec<Box3> = triangles.map(|p| Box3::of(&corners(p))).collect();
+            bounds.push(Box3::around(triangles.iter().copied()));
             shapes.push(Shape::Mesh(geom));
             let tree = if mesh.loop_only { None } else { Some(builder.tree(&triangles)?) };
             meshes.push(tree);
         }
         for (prim, quad) in (0..).zip(&geometry.quads) {
             shapes.push(Shape::Quad(prim));
-            bounds.push(Bounds::of(&quad.map(corner)));
+            bounds.push(Box3::of(&quad.map(doubles)));
         }
         for (prim, sphere) in (0..).zip(&geometry.spheres) {
             shapes.push(Shape::Sphere(prim));
-            bounds.push(Bounds::of_sphere(sphere));
+            bounds.push(Box3::of_sphere(sphere.center, sphere.radius));
         }
-        let all = bounds.iter().fold(Bounds::EMPTY, |all, &b| all.union(b));
+        let all = Box3::around(bounds.iter().copied());
         let scene = builder.tree(&bounds)?;
         // The bounds of an empty scene are infinite.
         let reach = all.min.abs().max(all.max.abs());
@@ -179,7 +159,7 @@ impl<'g> Coursework<'g> {
             }
             _ if leaving => None,
             GeometryKind::Mesh(mesh) => {
-                let corners = self.geometry.meshes[mesh].corners(prim).map(corner);
+                let corners = self.geometry.meshes[mesh].corners(prim).map(doubles);
                 let [v0, v1, v2] = corners;
                 let normal = (v1 - v0).cross(v2 - v0);
                 let t = planar_hit(ray, &corners, normal)?;
@@ -187,23 +167,20 @@ impl<'g> Coursework<'g> {
                 hit(t, u, v, normal)
             }
             GeometryKind::Quads => {
-                let corners = self.geometry.quads[prim as usize].map(corner);
+                let corners = self.geometry.quads[prim as usize].map(doubles);
                 let [v0, v1, v2, v3] = corners;
+                let [first, second] = quad_halves(corners);
                 let normal = (v2 - v0).cross(v3 - v1);
                 let t = planar_hit(ray, &corners, normal)?;
-                let (u, v) = weights([v0, v1, v3], normal, ray.at(t));
+                let (u, v) = weights(first, normal, ray.at(t));
                 if u + v <= 1.0 {
                     return hit(t, u, v, normal);
                 }
-                let (u, v) = weights([v2, v3, v1], normal, ray.at(t));
+                let (u, v) = weights(second, normal, ray.at(t));
                 hit(t, 1.0 - u, 1.0 - v, normal)
             }
         }
     }
-}
-
-fn corner(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
 }
 
 /// Returns t where the ray hits a convex polygon: intersects its plane, then tests the point
@@ -218,7 +195,7 @@ fn planar_hit<const N: usize>(
         return None;
     }
     let t = normal.dot(corners[0] - ray.ray.origin) / facing;
-    if !(t > ray.ray.tnear) || !ray.is_in(&Bounds::of(corners), t) {
+    if !(t > ray.ray.tnear) || !ray.is_in(&Box3::of(corners), t) {
         return None;
     }
     let point = ray.at(t);
@@ -250,7 +227,7 @@ fn sphere_hit(ray: &PreparedRay, sphere: &Sphere, leaving: bool) -> Option<f64> 
         true => [f64::NAN, (-b + root.copysign(-b)) / (2.0 * a)],
         false => [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)],
     };
-    let bounds = Bounds::of_sphere(sphere);
+    let bounds = Box3::of_sphere(sphere.center, sphere.radius);
     roots.into_iter().find(|&t| t > tnear && ray.is_in(&bounds, t))
 }
 
@@ -287,7 +264,7 @@ impl Accelerator for Coursework<'_> {
     }
 
     fn near(&self, geometry: &Geometry, [low, high]: &Nearby, found: &mut dyn FnMut(u32)) {
-        let nearby = Bounds { min: corner(*low), max: corner(*high) };
+        let nearby = Box3 { min: doubles(*low), max: doubles(*high) };
         self.scene.near(&nearby, &mut |shape| match self.shapes[shape as usize] {
             Shape::Quad(prim) => found(geometry.primitive(geometry.quads_id(), prim)),
             Shape::Sphere(_) => {}
@@ -332,34 +309,6 @@ impl PreparedRay {
         self.ray.origin + self.ray.direction * t
     }
 
-    /// Returns whether the ray's point at t lies within the bounds, up to the slack.
-    fn is_in(&self, bounds: &Bounds, t: f64) -> bool {
-        let point = self.at(t);
-        (bounds.min - self.slack).cmple(point).all() && point.cmple(bounds.max + self.slack).all()
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Bounds {
-    min: DVec3,
-    max: DVec3,
-}
-
-impl Bounds {
-    const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
-
-    fn of(points: &[DVec3]) -> Self {
-        points.iter().fold(Self::EMPTY, |b, &p| Self { min: b.min.min(p), max: b.max.max(p) })
-    }
-
-    fn of_sphere(sphere: &Sphere) -> Self {
-        Self { min: sphere.center - sphere.radius, max: sphere.center + sphere.radius }
-    }
-
-    fn union(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
     /// Returns whether the ray may hit the box, by its six planes moved outwards by 3 slacks.
     ///
     /// The test never loses a hit within the box. Let u = 2^-53, M = |origin| + reach, and s = 8uM
@@ -368,16 +317,17 @@ impl Bounds {
     /// min - o - 3s + 6uM < min - o - 2s, five roundings included: not above t d of the hit. The
     /// same holds for max. A NaN (0/0, all coordinates zero) is dropped by `min` and `max` and
     /// rejects no box.
-    fn may_hit(&self, ray: &PreparedRay) -> bool {
-        let slack = 3.0 * ray.slack;
-        let first = ((self.min - (ray.ray.origin + slack)) * ray.inverse).to_array();
-        let second = ((self.max - (ray.ray.origin - slack)) * ray.inverse).to_array();
-        let (mut near, mut far) = (ray.ray.tnear, f64::INFINITY);
-        for (a, b) in first.into_iter().zip(second) {
-            near = near.max(a.min(b));
-            far = far.min(a.max(b));
-        }
-        near <= far
+    fn may_hit(&self, bounds: &Box3) -> bool {
+        let slack = 3.0 * self.slack;
+        let first = (bounds.min - (self.ray.origin + slack)) * self.inverse;
+        let second = (bounds.max - (self.ray.origin - slack)) * self.inverse;
+        slabs_meet(first, second, [self.ray.tnear, f64::INFINITY])
+    }
+
+    /// Returns whether the ray's point at t lies within the bounds, up to the slack.
+    fn is_in(&self, bounds: &Box3, t: f64) -> bool {
+        let point = self.at(t);
+        (bounds.min - self.slack).cmple(point).all() && point.cmple(bounds.max + self.slack).all()
     }
 }
 
@@ -389,7 +339,7 @@ struct Tree {
 }
 
 struct Node {
-    bounds: Bounds,
+    bounds: Box3,
     content: Content,
 }
 
@@ -426,7 +376,7 @@ impl Tree {
                 Content::Inner(children) => {
                     for child in children.into_iter().filter(|&child| child != EMPTY) {
                         visits.nodes += 1;
-                        if self.nodes[child as usize].bounds.may_hit(ray) {
+                        if ray.may_hit(&self.nodes[child as usize].bounds) {
                             stack.push(child);
                         }
                     }
@@ -436,7 +386,7 @@ impl Tree {
     }
 
     /// Calls `found` for the shapes of every leaf whose box overlaps `nearby`.
-    fn near(&self, nearby: &Bounds, found: &mut dyn FnMut(u32)) {
+    fn near(&self, nearby: &Box3, found: &mut dyn FnMut(u32)) {
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {
             let Node { bounds, content } = &self.nodes[node as usize];
@@ -470,7 +420,6 @@ struct Task {
 
 /// State shared by the builds of all trees of a scene.
 struct Builder<'m> {
-    axis: SplitAxis,
     /// Most bytes that all trees together may hold.
     limit: u64,
     /// Bytes of the finished trees.
@@ -481,7 +430,7 @@ struct Builder<'m> {
 }
 
 impl Builder<'_> {
-    fn tree(&mut self, bounds: &[Bounds]) -> Result<Tree> {
+    fn tree(&mut self, bounds: &[Box3]) -> Result<Tree> {
         let mut order: Vec<u32> = (0..bounds.len() as u32).collect();
         let mut nodes = vec![];
         let mut tasks = vec![];
@@ -491,7 +440,7 @@ impl Builder<'_> {
             }
             let content = Content::Leaf { first: first as u32, end: end as u32 };
             tasks.push(Task { node: nodes.len(), first, end, attempts });
-            nodes.push(Node { bounds: Bounds::EMPTY, content });
+            nodes.push(Node { bounds: Box3::EMPTY, content });
             nodes.len() as u32 - 1
         };
         add(&mut nodes, &mut tasks, 0, bounds.len(), 0);
@@ -499,13 +448,13 @@ impl Builder<'_> {
             self.monitor.check()?;
             self.check_room(nodes.len())?;
             let set = &mut order[first..end];
-            let all = set.iter().fold(Bounds::EMPTY, |all, &s| all.union(bounds[s as usize]));
+            let all = Box3::around(set.iter().map(|&s| bounds[s as usize]));
             nodes[node].bounds = all;
             if set.len() <= 1 || attempts > MAX_ATTEMPTS {
                 continue;
             }
-            let axis = self.choose(&all);
-            let middle = |b: &Bounds| (b.min[axis] + b.max[axis]) / 2.0;
+            let axis = longest_axis(&all);
+            let middle = |b: &Box3| (b.min[axis] + b.max[axis]) / 2.0;
             let split = middle(&all);
             let left = partition(set, |shape| middle(&bounds[shape as usize]) < split);
             let failed = left == 0 || left == set.len();
@@ -517,7 +466,7 @@ impl Builder<'_> {
         }
         if nodes.is_empty() {
             let content = Content::Leaf { first: 0, end: 0 };
-            nodes.push(Node { bounds: Bounds::EMPTY, content });
+            nodes.push(Node { bounds: Box3::EMPTY, content });
         }
         let tree = Tree { nodes, order };
         let building = tree.nodes.capacity() * size_of::<Node>() + size_of_val(bounds);
@@ -526,32 +475,17 @@ impl Builder<'_> {
         Ok(tree)
     }
 
-    /// Chooses the axis of a split: 0, 1 or 2.
-    fn choose(&mut self, bounds: &Bounds) -> usize {
-        match &mut self.axis {
-            SplitAxis::Longest => {
-                let side = bounds.max - bounds.min;
-                let longest: BVec3 = side.cmpeq(DVec3::splat(side.max_element()));
-                longest.bitmask().trailing_zeros().min(2) as usize
-            }
-            SplitAxis::Random(state) => {
-                // SplitMix64 (Steele et al. 2014).
-                *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-                let x = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-                let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-                ((x ^ (x >> 31)) % 3) as usize
-            }
-        }
-    }
-
     fn check_room(&self, nodes: usize) -> Result<()> {
-        let limit = self.limit;
-        if self.bytes + (nodes * size_of::<Node>()) as u64 <= limit {
-            return Ok(());
-        }
-        let message = format!("the accelerator would hold more than the {limit} bytes left to it");
-        Err(Error::new(Kind::Limit, Problem::new("--max-memory", message)))
+        let bytes = self.bytes + (nodes * size_of::<Node>()) as u64;
+        if bytes <= self.limit { Ok(()) } else { Err(over_limit(self.limit)) }
     }
+}
+
+/// The axis of the longest side: 0, 1 or 2. The lowest of equal ones.
+fn longest_axis(bounds: &Box3) -> usize {
+    let side = bounds.max - bounds.min;
+    let longest: BVec3 = side.cmpeq(DVec3::splat(side.max_element()));
+    longest.bitmask().trailing_zeros().min(2) as usize
 }
 
 /// Moves the shapes that go left to the front and returns their number.
@@ -569,6 +503,7 @@ fn partition(set: &mut [u32], left: impl Fn(u32) -> bool) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Kind;
     use crate::geometry::{NONE, TriangleMesh};
     use crate::ray::LANES;
     use proptest::prelude::*;
@@ -590,8 +525,8 @@ mod tests {
 
     fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
         Ray {
-            origin: corner(origin),
-            direction: corner(direction),
+            origin: doubles(origin),
+            direction: doubles(direction),
             tnear: 0.0,
             tfar: f64::INFINITY,
             leaving: NONE,
@@ -635,15 +570,14 @@ mod tests {
             quads in prop::collection::vec((point(), point(), point()), 0..5),
             spheres in prop::collection::vec((point(), 0.01f64..2.0), 0..9),
             rays in prop::collection::vec((point(), direction(), 0u32..80), 60),
-            axis in prop_oneof![Just(SplitAxis::Longest), any::<u64>().prop_map(SplitAxis::Random)],
         ) {
             let add = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|k| a[k] + b[k]);
             let quads = quads.into_iter().map(|(o, a, b)| [o, add(o, a), add(add(o, a), b), add(o, b)]);
-            let spheres = spheres.into_iter().map(|(c, radius)| Sphere { center: corner(c), radius });
+            let spheres = spheres.into_iter().map(|(c, radius)| Sphere { center: doubles(c), radius });
             let meshes = vec![soup(&triangles, false), soup(&looped, true)];
             let geometry = Geometry::new(DVec3::ZERO, meshes, quads.collect(), spheres.collect());
             let geometry = geometry.unwrap();
-            let trees = Coursework::with_axis(&geometry, &OPTIONS, &Monitor::default(), axis).unwrap();
+            let trees = build(&geometry);
             for (origin, direction, leaving) in rays {
                 let ray = Ray { leaving, ..ray(origin, direction) };
                 let found = trees.closest_hit(&ray, &mut Visits::default());

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::ray::{LANES, Mask, RayPacket, Rays};
+use crate::ray::{LANES, Mask, RayPacket, Rays, lane};
 
 /// The ray `origin + t direction`, t in (`tnear`, `tfar`). All values are f32 values of a packet.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,11 +22,9 @@ pub struct Ray {
 impl Ray {
     /// The ray in lane `i` of `rays`.
     pub fn of(rays: &Rays, i: usize) -> Self {
-        let vector =
-            |v: &[[f32; LANES]; 3]| DVec3::from([v[0][i], v[1][i], v[2][i]].map(f64::from));
         Self {
-            origin: vector(&rays.org),
-            direction: vector(&rays.dir),
+            origin: lane(&rays.org, i).as_dvec3(),
+            direction: lane(&rays.dir, i).as_dvec3(),
             tnear: rays.tnear[i].into(),
             tfar: rays.tfar[i].into(),
             leaving: rays.leaving[i],

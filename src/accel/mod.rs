@@ -12,9 +12,7 @@ mod shaft;
 pub use footprint::Footprint;
 pub use shaft::Shaft;
 
-use crate::error::Result;
-#[cfg(not(feature = "embree"))]
-use crate::error::{Error, Kind, Problem};
+use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, Nearby, is_near};
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
@@ -129,8 +127,9 @@ pub trait Accelerator: Send + Sync {
 
 /// Answers [`Accelerator::near`] by a loop over all primitives.
 fn near_by_all(geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
-    let count = geometry.bases().last().copied().unwrap_or(0);
-    (0..count).filter(|&primitive| is_near(geometry, primitive, nearby)).for_each(found);
+    (0..geometry.count() as u32)
+        .filter(|&primitive| is_near(geometry, primitive, nearby))
+        .for_each(found);
 }
 
 /// Builds the accelerator of `backend` over `geometry`.
@@ -160,6 +159,12 @@ pub fn build<'g>(
         }
         Backend::Brute => Ok(Box::new(brute::Brute::build(geometry, options, monitor)?)),
     }
+}
+
+/// Error of a build that would need more than `limit` bytes.
+fn over_limit(limit: u64) -> Error {
+    let message = format!("the accelerator would hold more than the {limit} bytes left to it");
+    Error::new(Kind::Limit, Problem::new("--max-memory", message))
 }
 
 #[cfg(feature = "embree")]

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Geometry, GeometryKind, NONE};
+use super::{Geometry, GeometryKind, NONE, doubles, quad_halves};
 
 impl Geometry {
     /// Whether a triangle lies behind the tangent plane of the primitive that a ray leaves, or in
@@ -24,10 +24,7 @@ impl Geometry {
         let behind = |plane| is_behind(plane, origin, direction, corners);
         match self.kind(geom) {
             GeometryKind::Mesh(mesh) => behind(self.meshes[mesh].corners(prim)),
-            GeometryKind::Quads => {
-                let [v0, v1, v2, v3] = self.quads[prim as usize];
-                behind([v0, v1, v3]) && behind([v2, v3, v1])
-            }
+            GeometryKind::Quads => quad_halves(self.quads[prim as usize]).into_iter().all(behind),
             GeometryKind::Spheres => false,
         }
     }
@@ -36,7 +33,7 @@ impl Geometry {
 /// [`Geometry::is_behind_leaving`] for one plane through three points. The tolerance is one ulp of
 /// the largest coordinate.
 fn is_behind(plane: [[f32; 3]; 3], origin: DVec3, direction: DVec3, corners: [DVec3; 3]) -> bool {
-    let [a, b, c] = plane.map(|v| DVec3::from(v.map(f64::from)));
+    let [a, b, c] = plane.map(doubles);
     let normal = (b - a).cross(c - a).normalize_or_zero();
     let facing = normal.dot(direction.normalize_or_zero());
     if facing.abs() < f64::from(f32::EPSILON) {

@@ -10,7 +10,7 @@
 
 use glam::DVec3;
 
-use super::{Geometry, GeometryKind};
+use super::{Geometry, doubles};
 
 /// Largest rounding near an edge, for two errors. The triangle test moves a corner by up to 8.5u of
 /// its distance; rounding moves a point by up to 5.2u of its coordinate (u = 2^-24). Both are
@@ -180,10 +180,6 @@ fn around(point: DVec3) -> impl Iterator<Item = [f32; 3]> {
     pairs.flat_map(move |(i, j)| steps().map(move |k| [step(x, i), step(y, j), step(z, k)]))
 }
 
-fn doubles(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
-}
-
 impl Triangle {
     /// Whether the triangle's bounding box overlaps a box.
     fn reaches(&self, [low, high]: &Nearby) -> bool {
@@ -220,20 +216,10 @@ impl Triangle {
 /// The triangles of a primitive: one, two for a quad, none for a sphere.
 fn triangles(geometry: &Geometry, primitive: u32) -> impl Iterator<Item = Triangle> {
     let (geom, prim) = geometry.place(primitive);
-    let one = |corners: [[f32; 3]; 3], second_half: bool| {
-        let corners = corners.map(doubles);
+    geometry.triangles(geom, prim).map(move |(corners, second_half)| {
         let [a, b, c] = corners;
         Triangle { primitive, corners, normal: (b - a).cross(c - a), second_half }
-    };
-    let parts = match geometry.kind(geom) {
-        GeometryKind::Mesh(mesh) => [Some(one(geometry.meshes[mesh].corners(prim), false)), None],
-        GeometryKind::Quads => {
-            let [v0, v1, v2, v3] = geometry.quads[prim as usize];
-            [Some(one([v0, v1, v3], false)), Some(one([v2, v3, v1], true))]
-        }
-        GeometryKind::Spheres => [None, None],
-    };
-    parts.into_iter().flatten()
+    })
 }
 
 /// Whether a primitive is a triangle or quad whose bounding box overlaps `nearby`.

@@ -3,6 +3,7 @@
 
 mod ahead;
 mod behind;
+mod box3;
 mod crevice;
 mod double_double;
 mod exact;
@@ -17,6 +18,7 @@ use glam::DVec3;
 
 pub use crate::ray::NONE;
 pub use ahead::{NEAR_START, is_after_start};
+pub use box3::{Box3, slabs_meet};
 pub use crevice::{Crevice, Nearby, WallHit, hides, is_near};
 pub use exact::exact_position;
 pub use gather::{prefetch_indices, prefetch_vertices};
@@ -106,6 +108,18 @@ pub enum GeometryKind {
     Spheres,
 }
 
+/// Splits a quad into its two triangles.
+#[inline(always)]
+pub fn quad_halves<T: Copy>([v0, v1, v2, v3]: [T; 4]) -> [[T; 3]; 2] {
+    [[v0, v1, v3], [v2, v3, v1]]
+}
+
+/// Converts a point to f64.
+#[inline(always)]
+pub fn doubles(v: [f32; 3]) -> DVec3 {
+    DVec3::from(v.map(f64::from))
+}
+
 impl Geometry {
     /// Numbers the primitives of all geometries.
     ///
@@ -182,8 +196,20 @@ impl Geometry {
     /// with 1 - u, 1 - v.
     #[inline(always)]
     pub fn quad_half(&self, prim: u32, u: f32, v: f32) -> ([[f32; 3]; 3], f32, f32) {
-        let [v0, v1, v2, v3] = self.quads[prim as usize];
-        if u + v <= 1.0 { ([v0, v1, v3], u, v) } else { ([v2, v3, v1], 1.0 - u, 1.0 - v) }
+        let [first, second] = quad_halves(self.quads[prim as usize]);
+        if u + v <= 1.0 { (first, u, v) } else { (second, 1.0 - u, 1.0 - v) }
+    }
+
+    /// Triangles of a primitive in f64: one, the two halves of a quad, or none for a sphere. The
+    /// second value is true for the second half.
+    pub fn triangles(&self, geom: u32, prim: u32) -> impl Iterator<Item = ([DVec3; 3], bool)> {
+        let [first, second] = match self.kind(geom) {
+            GeometryKind::Mesh(mesh) => [Some(self.meshes[mesh].corners(prim)), None],
+            GeometryKind::Quads => quad_halves(self.quads[prim as usize]).map(Some),
+            GeometryKind::Spheres => [None, None],
+        };
+        let parts = [first.zip(Some(false)), second.zip(Some(true))].into_iter().flatten();
+        parts.map(|(corners, is_second)| (corners.map(doubles), is_second))
     }
 
     /// Memory of the primitive arrays, in bytes.

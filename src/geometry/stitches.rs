@@ -11,8 +11,8 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::triangle::clamp_barycentrics;
-use super::{Geometry, GeometryKind, TriangleMesh};
-use crate::ray::{LANES, Mask, RayPacket};
+use super::{Geometry, GeometryKind, TriangleMesh, doubles};
+use crate::ray::{LANES, Mask, RayPacket, lane};
 
 impl TriangleMesh {
     /// Appends those `candidates` that lie along an edge of a triangle of the mesh. Indices must be
@@ -78,7 +78,7 @@ impl TriangleMesh {
     }
 
     fn squared_length(&self, [a, b]: [u32; 2]) -> f64 {
-        let [a, b] = [a, b].map(|v| exact(self.vertices[v as usize]));
+        let [a, b] = [a, b].map(|v| doubles(self.vertices[v as usize]));
         a.distance_squared(b)
     }
 }
@@ -117,10 +117,6 @@ fn edges([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
     [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
 }
 
-fn exact(vertex: [f32; 3]) -> DVec3 {
-    DVec3::from(vertex.map(f64::from))
-}
-
 impl Geometry {
     /// Moves hits on stitches to the triangles beside them. They are no farther away than the
     /// rounding of coordinates. Call it before [`super::refine`]; it costs nothing in a scene
@@ -138,10 +134,10 @@ impl Geometry {
             let GeometryKind::Mesh(mesh) = self.kind(packet.hits.geom[i]) else { continue };
             let mesh = &self.meshes[mesh];
             let Some(prim) = mesh.beside_stitch(packet.hits.prim[i]) else { continue };
-            let vector = |v: &[[f32; LANES]; 3]| exact([v[0][i], v[1][i], v[2][i]]);
             let t = f64::from(packet.rays.tfar[i]);
-            let point = vector(&packet.rays.org) + vector(&packet.rays.dir) * t;
-            let (u, v) = weights(point, mesh.corners(prim).map(exact));
+            let point =
+                lane(&packet.rays.org, i).as_dvec3() + lane(&packet.rays.dir, i).as_dvec3() * t;
+            let (u, v) = weights(point, mesh.corners(prim).map(doubles));
             packet.hits.prim[i] = prim;
             (packet.hits.u[i], packet.hits.v[i]) = (u as f32, v as f32);
         }

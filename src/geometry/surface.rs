@@ -9,7 +9,7 @@ use super::ahead::is_after_start;
 use super::gather::gather;
 use super::passing::passing;
 use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle, triangle_error};
-use super::{Geometry, GeometryKind, NONE, Sphere};
+use super::{Geometry, GeometryKind, NONE, Sphere, doubles};
 use crate::ray::{LANES, Mask, RayPacket};
 
 /// 16 surface points, relative to the scene's origin.
@@ -113,7 +113,7 @@ pub(super) fn hit_corners(
         GeometryKind::Quads => geometry.quad_half(prim, u, v),
         GeometryKind::Spheres => return None,
     };
-    let corners = corners.map(|corner| DVec3::from(corner.map(f64::from)));
+    let corners = corners.map(doubles);
     Some((corners, (f64::from(u), f64::from(v))))
 }
 

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::accel::Accelerator;
 use crate::geometry::{Crevice, Geometry, Surfaces, TrianglePoint, hides, hit_triangle, refine};
-use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
+use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays, lane, set_lane};
 
 /// Largest number of rejected hits along one ray; the search stops after that.
 const MAX_PASSED: usize = 64;
@@ -58,14 +58,14 @@ impl Crevices {
         }
         for i in (0..LANES).filter(at) {
             let Some((corners, point)) = near(scene, packet, i, &mut neighbours) else { continue };
-            let lane = |v: &[[f32; LANES]; 3]| DVec3::from([0, 1, 2].map(|k| f64::from(v[k][i])));
-            let (origin, ng) = ([0, 1, 2].map(|k| surfaces.outside[k][i]), lane(&surfaces.ng));
+            let origin = lane(&surfaces.outside, i).to_array();
+            let ng = lane(&surfaces.ng, i).as_dvec3();
             // Turned to the viewer, like the rounded normal.
             let normal = if point.normal.dot(ng) < 0.0 { -point.normal } else { point.normal };
             let own = (corners, normal, surfaces.primitive[i]);
             let crevice = Crevice::new(geometry, (point.position, origin), own, &neighbours);
             if let Some(crevice) = crevice {
-                (0..3).for_each(|k| surfaces.outside[k][i] = crevice.origin[k]);
+                set_lane(&mut surfaces.outside, i, crevice.origin.into());
                 self.by_lane.push((i, crevice));
             }
         }
@@ -231,5 +231,5 @@ fn closest_not_passed(
 }
 
 fn direction(rays: &Rays, i: usize) -> DVec3 {
-    DVec3::from([0, 1, 2].map(|k| f64::from(rays.dir[k][i])))
+    lane(&rays.dir, i).as_dvec3()
 }

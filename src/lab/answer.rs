@@ -51,13 +51,18 @@ impl Answer {
         if shadow { Self::occluded(&packet.rays, i) } else { Self::closest(packet, i) }
     }
 
-    /// The oracle's answer: occlusion if `shadow`, else the closest hit.
-    pub fn truth(oracle: &Brute, ray: &Ray, shadow: bool) -> Self {
-        match oracle.closest_hit(ray) {
+    /// Answer of a query whose closest hit is `hit`.
+    pub fn of_hit(hit: Option<Hit>, shadow: bool) -> Self {
+        match hit {
             None => Self::Miss,
             Some(_) if shadow => Self::Occluded,
-            Some(hit) => hit.into(),
+            Some(Hit { geom, prim, t, .. }) => Self::Hit { geom, prim, t },
         }
+    }
+
+    /// The oracle's answer: occlusion if `shadow`, else the closest hit.
+    pub fn truth(oracle: &Brute, ray: &Ray, shadow: bool) -> Self {
+        Self::of_hit(oracle.closest_hit(ray), shadow)
     }
 
     /// Returns whether the ray hits anything or is occluded.
@@ -79,11 +84,5 @@ impl Answer {
             Self::Hit { geom, prim, .. } => Some([*geom, *prim]),
             Self::Miss | Self::Occluded => None,
         }
-    }
-}
-
-impl From<Hit> for Answer {
-    fn from(Hit { geom, prim, t, .. }: Hit) -> Self {
-        Self::Hit { geom, prim, t }
     }
 }

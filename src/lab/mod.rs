@@ -17,6 +17,7 @@ pub mod crosscheck;
 mod faulty;
 pub mod growth;
 pub mod metrics;
+mod named;
 mod parallel;
 mod png;
 pub mod query;

@@ -13,44 +13,33 @@ use crate::error::Result;
 use crate::film::Window;
 use crate::geometry::{Geometry, Nearby, Surfaces, refine};
 use crate::integrate::{Pattern, RenderContext, TILE, TileKernel};
+use crate::lab::named::named;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 use crate::sampler::{Sampler, disk};
-use crate::shading::{Emitter, lane, set_lane};
+use crate::shading::{Emitter, lane};
 use crate::simd::{self, Isa};
 use crate::world::World;
 
-/// Class of rays by their purpose. It decides which way they run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Class {
-    /// Rays from the camera.
-    Primary,
-    /// Shadow rays from camera hits to point lights.
-    ShadowPoint,
-    /// Shadow rays from camera hits to area lights.
-    ShadowArea,
-    /// Mirrored rays from camera hits on mirrors.
-    Mirror,
-    /// Rays from camera hits in random directions, cosine-distributed around the geometric normal.
-    Diffuse,
+named! {
+    /// Class of rays by their purpose. It decides which way they run.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum Class {
+        /// Rays from the camera.
+        Primary = "primary",
+        /// Shadow rays from camera hits to point lights.
+        ShadowPoint = "shadow-point",
+        /// Shadow rays from camera hits to area lights.
+        ShadowArea = "shadow-area",
+        /// Mirrored rays from camera hits on mirrors.
+        Mirror = "mirror",
+        /// Rays from camera hits in random directions, cosine-distributed around the geometric
+        /// normal.
+        Diffuse = "diffuse",
+    }
 }
 
 impl Class {
-    /// All classes, in the order of reports.
-    pub const ALL: [Self; 5] =
-        [Self::Primary, Self::ShadowPoint, Self::ShadowArea, Self::Mirror, Self::Diffuse];
-
-    /// Name of the class in flags and reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Primary => "primary",
-            Self::ShadowPoint => "shadow-point",
-            Self::ShadowArea => "shadow-area",
-            Self::Mirror => "mirror",
-            Self::Diffuse => "diffuse",
-        }
-    }
-
     /// Returns whether the query of these rays is [`Accelerator::occluded`], not
     /// [`Accelerator::closest`].
     pub fn is_shadow(self) -> bool {
@@ -244,8 +233,7 @@ impl Recorder<'_> {
             let (tangent, bitangent) = normal.any_orthonormal_pair();
             let up = (1.0 - x * x - y * y).max(0.0).sqrt();
             let direction = (tangent * x + bitangent * y + normal * up).normalize();
-            set_lane(&mut rays.org, i, lane(&state.surfaces.outside, i));
-            set_lane(&mut rays.dir, i, direction);
+            rays.set(i, lane(&state.surfaces.outside, i), direction);
             rays.leaving[i] = state.surfaces.primitive[i];
         }
         state.push(Class::Diffuse, hit, &rays);

@@ -10,33 +10,23 @@ use super::answer::Answer;
 use super::query::answers;
 use super::rays::{Class, Recorded};
 use crate::accel::{Accelerator, Visits};
-use crate::ray::{Coherence, LANES, RayPacket, Rays};
+use crate::lab::named::named;
+use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 
 /// Number of packets between two readings of the clock.
 ///
 /// Their copies stay in the cache, and reading the clock costs a thousandth of the fastest queries.
 const BATCH: usize = 32;
 
-/// How rays are traced: single or in packets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Mode {
-    /// Single rays, one query for each lane.
-    Single,
-    /// Packets of 16 rays, with the coherence of their class.
-    Packets,
-}
-
-impl Mode {
-    /// Both modes, in the order of reports.
-    pub const ALL: [Self; 2] = [Self::Single, Self::Packets];
-
-    /// Name of the mode in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Single => "single",
-            Self::Packets => "packets",
-        }
+named! {
+    /// How rays are traced: single or in packets.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Mode {
+        /// Single rays, one query for each lane.
+        Single = "single",
+        /// Packets of 16 rays, with the coherence of their class.
+        Packets = "packets",
     }
 }
 
@@ -67,48 +57,47 @@ impl Replay<'_> {
     /// the backend's own answer ([`Accelerator::closest_unfiltered`]).
     pub fn seconds(&self, accelerator: &dyn Accelerator) -> f64 {
         let coherence = self.coherence();
-        let spent: Duration = match self.class.is_shadow() {
-            true => self
-                .packets
-                .par_chunks(BATCH)
-                .map_init(
-                    || vec![Rays::EMPTY; BATCH],
-                    |scratch, batch| {
-                        for (rays, packet) in scratch.iter_mut().zip(batch) {
-                            rays.clone_from(&packet.rays);
-                        }
-                        let started = Instant::now();
-                        for (rays, packet) in scratch.iter_mut().zip(batch) {
-                            accelerator.occluded_unfiltered(&packet.active, rays, coherence);
-                        }
-                        let spent = started.elapsed();
-                        black_box(&scratch);
-                        spent
-                    },
-                )
-                .sum(),
-            false => self
-                .packets
-                .par_chunks(BATCH)
-                .map_init(
-                    || vec![RayPacket::EMPTY; BATCH],
-                    |scratch, batch| {
-                        for (to, packet) in scratch.iter_mut().zip(batch) {
-                            to.rays.clone_from(&packet.rays);
-                            to.clear_hits();
-                        }
-                        let started = Instant::now();
-                        for (to, packet) in scratch.iter_mut().zip(batch) {
-                            accelerator.closest_unfiltered(&packet.active, to, coherence);
-                        }
-                        let spent = started.elapsed();
-                        black_box(&scratch);
-                        spent
-                    },
-                )
-                .sum(),
+        let spent = match self.class.is_shadow() {
+            true => self.spent(&Rays::EMPTY, Rays::clone_from, |rays, active| {
+                accelerator.occluded_unfiltered(active, rays, coherence);
+            }),
+            false => {
+                let copy = |to: &mut RayPacket, rays: &Rays| {
+                    to.rays.clone_from(rays);
+                    to.clear_hits();
+                };
+                self.spent(&RayPacket::EMPTY, copy, |packet, active| {
+                    accelerator.closest_unfiltered(active, packet, coherence);
+                })
+            }
         };
         spent.as_secs_f64() / rayon::current_num_threads() as f64
+    }
+
+    /// Sum of the times of `query`, which gets a copy of each packet, made by `copy`.
+    fn spent<T: Clone + Send + Sync>(
+        &self,
+        empty: &T,
+        copy: impl Fn(&mut T, &Rays) + Sync,
+        query: impl Fn(&mut T, &Mask) + Sync,
+    ) -> Duration {
+        let batches = self.packets.par_chunks(BATCH);
+        let times = batches.map_init(
+            || vec![empty.clone(); BATCH],
+            |scratch, batch| {
+                for (to, packet) in scratch.iter_mut().zip(batch) {
+                    copy(to, &packet.rays);
+                }
+                let started = Instant::now();
+                for (to, packet) in scratch.iter_mut().zip(batch) {
+                    query(to, &packet.active);
+                }
+                let spent = started.elapsed();
+                black_box(&scratch);
+                spent
+            },
+        );
+        times.sum()
     }
 
     /// Answers of every lane of every packet, computed on the current rayon pool.

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::light::Area;
 use super::points::{ShadowPoints, lane};
-use crate::geometry::{Geometry, GeometryKind};
+use crate::geometry::{Geometry, GeometryKind, doubles};
 use crate::ray::{LANES, Mask, Rays};
 
 /// Unit roundoff u of f32: half an ulp of 1.
@@ -43,7 +43,7 @@ impl Area {
         let (geom, prim) = geometry.place(primitive);
         let corner = self.corner.as_dvec3();
         let gap = |corners: &[[f32; 3]]| {
-            let corners = corners.iter().map(|v| DVec3::from(v.map(f64::from)));
+            let corners = corners.iter().copied().map(doubles);
             let (gap, largest) = corners.fold((0.0f64, 0.0f64), |(gap, largest), v| {
                 let off = (v - corner).dot(self.plane).abs();
                 (gap.max(off), largest.max(v.abs().max_element()))
@@ -72,7 +72,7 @@ impl Area {
         let reaches = |corners: &[[f32; 3]]| {
             let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
             let [below, above] = corners.iter().fold(none, |[below, above], v| {
-                let v = DVec3::from(v.map(f64::from));
+                let v = doubles(*v);
                 [below.min(v), above.max(v)]
             });
             let far = below.abs().max(above.abs()).max_element().max(largest);

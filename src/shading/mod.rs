@@ -15,5 +15,5 @@ pub use image_file::TextureSize;
 pub use light::{Area, Emitter, Falloff, Light, LightWeights, light_rays};
 pub use look::{Material, Owner, Shape, Shapes, VertexColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
-pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture};
+pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture, linear_from_srgb};
 pub use uv::{UvFrame, UvSource};

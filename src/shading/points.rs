@@ -1,27 +1,14 @@
 //! 16 shading points as structures of arrays.
 
-use glam::Vec3;
-
 use crate::geometry::NONE;
 use crate::ray::{LANES, Mask, Rays};
+pub use crate::ray::{lane, set_lane};
 
 /// One float per lane.
 pub type Lanes = [f32; LANES];
 
 /// One vector per lane.
 pub type Lanes3 = [Lanes; 3];
-
-/// The vector of lane `i`.
-#[inline(always)]
-pub fn lane(v: &Lanes3, i: usize) -> Vec3 {
-    Vec3::new(v[0][i], v[1][i], v[2][i])
-}
-
-/// Sets the vector of lane `i`.
-#[inline(always)]
-pub fn set_lane(v: &mut Lanes3, i: usize, value: Vec3) {
-    (v[0][i], v[1][i], v[2][i]) = (value.x, value.y, value.z);
-}
 
 /// The part of 16 shading points that light sampling reads.
 #[derive(Debug, Clone)]
@@ -147,6 +134,7 @@ pub fn reflect(points: &Points, outside: &Lanes3, rays: &mut Rays) -> Mask {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     #[test]
     fn mirrored_rays_leave_the_surface() {

@@ -284,7 +284,7 @@ fn mix(a: Vec3, b: Vec3, t: f32) -> Vec3 {
 
 /// Decodes sRGB to linear (IEC 61966-2-1). An odd function, so that negative values of float images
 /// survive.
-pub(super) fn linear_from_srgb(value: f64) -> f64 {
+pub fn linear_from_srgb(value: f64) -> f64 {
     let x = value.abs();
     let linear = if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
     linear.copysign(value)

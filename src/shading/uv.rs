@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::geometry::{Geometry, GeometryKind, Surfaces, exact_position};
+use crate::geometry::{Geometry, GeometryKind, Surfaces, doubles, exact_position};
 use crate::ray::RayPacket;
 use crate::scene::Wrap;
 
@@ -44,11 +44,11 @@ impl UvSource {
             }
             (Self::Linear(frame), _) => Some(frame.at(position())),
             (Self::Corners, GeometryKind::Quads) => {
-                let corners = geometry.quads[prim as usize].map(exact);
+                let corners = geometry.quads[prim as usize].map(doubles);
                 Some(UvFrame::from_quad(&corners).at(position()))
             }
             (Self::Corners, GeometryKind::Mesh(mesh)) => {
-                let corners = geometry.meshes[mesh].corners(prim).map(exact);
+                let corners = geometry.meshes[mesh].corners(prim).map(doubles);
                 Some(UvFrame::from_triangle(&corners).at(position()))
             }
             (Self::PerVertex(uv), GeometryKind::Mesh(mesh)) => {
@@ -78,10 +78,6 @@ impl UvSource {
             Self::None | Self::Sphere { .. } | Self::Corners => 0,
         }
     }
-}
-
-fn exact(vertex: [f32; 3]) -> DVec3 {
-    DVec3::from(vertex.map(f64::from))
 }
 
 /// Interpolates coordinates of a file, and flips v to point down.

@@ -10,6 +10,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::accel::lane::Ray;
+use crate::geometry::{Box3, slabs_meet};
 
 /// Number of neighbouring items, or of neighbouring boxes of one level, that share a box.
 const BLOCK: usize = 8;
@@ -17,54 +18,6 @@ const BLOCK: usize = 8;
 /// Minimum widening of a box, in units of max |corner - ray origin| over its corners and axes. It
 /// is far above the rounding error of the box test. Callers must not pass less.
 pub const ROUNDING: f64 = 1.0 / (1u64 << 40) as f64;
-
-#[derive(Debug, Clone, Copy)]
-pub struct Box3 {
-    pub min: DVec3,
-    pub max: DVec3,
-}
-
-impl Box3 {
-    const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
-
-    /// The bounding box of `points`.
-    pub fn of(points: &[DVec3]) -> Self {
-        points.iter().fold(Self::EMPTY, |b, &p| Self { min: b.min.min(p), max: b.max.max(p) })
-    }
-
-    fn union(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
-    fn center(&self) -> DVec3 {
-        (self.min + self.max) / 2.0
-    }
-
-    /// Returns whether the ray may hit the widened box at a t between `near` and `far`.
-    ///
-    /// Let M be the largest |corner - ray origin| over all corners and axes. Every plane of the box
-    /// moves outwards by w = `widen` M. The difference, the reciprocal and the product have
-    /// rounding errors. Together they are equivalent to a shift of the plane by less than 4u(M +
-    /// w), u = 2^-53. That is far below w for `widen` >= [`ROUNDING`].
-    ///
-    /// 0 times infinity gives NaN: the ray runs parallel to a widened plane and lies in it. `min`
-    /// and `max` drop the NaN, and the other plane may then reject the box. That is right, because
-    /// the ray passes the box itself at a distance of w. If w is 0, both values are NaN and reject
-    /// nothing.
-    #[inline(always)]
-    fn may_hit(&self, ray: &Ray, inverse: DVec3, widen: f64, [near, far]: [f64; 2]) -> bool {
-        let (min, max) = (self.min - ray.origin, self.max - ray.origin);
-        let w = min.abs().max(max.abs()).max_element() * widen;
-        let first = ((min - w) * inverse).to_array();
-        let second = ((max + w) * inverse).to_array();
-        let (mut near, mut far) = (near, far);
-        for (a, b) in first.into_iter().zip(second) {
-            near = near.max(a.min(b));
-            far = far.min(a.max(b));
-        }
-        near <= far
-    }
-}
 
 /// A tree of boxes over items in Morton order. The lowest level has a box around every [`BLOCK`]
 /// items, each further level a box around every [`BLOCK`] boxes of the level below.
@@ -78,7 +31,7 @@ pub struct Blocks {
 impl Blocks {
     /// Builds the tree over items with these boxes.
     pub fn new(boxes: &[Box3]) -> Self {
-        let all = boxes.iter().fold(Box3::EMPTY, |all, &b| all.union(b));
+        let all = Box3::around(boxes.iter().copied());
         // Along an axis without extent, infinity times 0 gives NaN, which casts to 0. A centre on
         // the upper bound wraps to 0 in `morton`. The order affects only speed.
         let scale = (DVec3::ONE / (all.max - all.min)).max(DVec3::ZERO) * f64::from(1 << 21);
@@ -88,14 +41,11 @@ impl Blocks {
             .collect();
         order.par_sort_unstable();
         let order: Vec<u32> = order.into_iter().map(|(_, item)| item).collect();
-        let items = |block: &[u32]| {
-            block.iter().fold(Box3::EMPTY, |all, &item| all.union(boxes[item as usize]))
-        };
+        let items = |block: &[u32]| Box3::around(block.iter().map(|&item| boxes[item as usize]));
         let mut levels = vec![order.chunks(BLOCK).map(items).collect::<Vec<_>>()];
         while levels[levels.len() - 1].len() > BLOCK {
             let below = levels[levels.len() - 1].chunks(BLOCK);
-            let level = below.map(|block| block.iter().fold(Box3::EMPTY, |all, &b| all.union(b)));
-            levels.push(level.collect());
+            levels.push(below.map(|block| Box3::around(block.iter().copied())).collect());
         }
         Self { order, levels }
     }
@@ -121,12 +71,7 @@ impl Blocks {
         candidate: &mut impl FnMut(u32),
     ) {
         for index in boxes {
-            if !self.levels[level][index].may_hit(
-                query.ray,
-                query.inverse,
-                query.widen,
-                query.range,
-            ) {
+            if !query.may_hit(&self.levels[level][index]) {
                 continue;
             }
             let first = index * BLOCK;
@@ -155,6 +100,26 @@ struct Query<'a> {
     inverse: DVec3,
     widen: f64,
     range: [f64; 2],
+}
+
+impl Query<'_> {
+    /// Returns whether the ray may hit the widened box at a t in the range.
+    ///
+    /// Let M be the largest |corner - ray origin| over all corners and axes. Every plane of the box
+    /// moves outwards by w = `widen` M. The difference, the reciprocal and the product have
+    /// rounding errors. Together they are equivalent to a shift of the plane by less than 4u(M +
+    /// w), u = 2^-53. That is far below w for `widen` >= [`ROUNDING`].
+    ///
+    /// 0 times infinity gives NaN: the ray runs parallel to a widened plane and lies in it. `min`
+    /// and `max` drop the NaN, and the other plane may then reject the box. That is right, because
+    /// the ray passes the box itself at a distance of w. If w is 0, both values are NaN and reject
+    /// nothing.
+    #[inline(always)]
+    fn may_hit(&self, bounds: &Box3) -> bool {
+        let (min, max) = (bounds.min - self.ray.origin, bounds.max - self.ray.origin);
+        let w = min.abs().max(max.abs()).max_element() * self.widen;
+        slabs_meet((min - w) * self.inverse, (max + w) * self.inverse, self.range)
+    }
 }
 
 /// Morton code of a point: interleaves the low 21 bits of each coordinate's integer part.

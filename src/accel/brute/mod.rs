@@ -20,12 +20,12 @@ use std::cmp::Ordering;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use self::blocks::{Blocks, Box3, ROUNDING};
+use self::blocks::{Blocks, ROUNDING};
 use self::triangle::{compare, crossing};
 use super::lane::{Hit, Ray, lanes};
-use super::{Accelerator, BuildInfo, BuildOptions};
-use crate::error::{Error, Kind, Problem, Result};
-use crate::geometry::{Geometry, GeometryKind};
+use super::{Accelerator, BuildInfo, BuildOptions, over_limit};
+use crate::error::Result;
+use crate::geometry::{Box3, Geometry, GeometryKind, doubles};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
@@ -55,15 +55,14 @@ impl<'g> Brute<'g> {
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let count = *geometry.bases().last().unwrap_or(&0);
-        let peak_bytes = u64::from(count) * (size_of::<Box3>() as u64 + 28);
+        let peak_bytes = geometry.count() * (size_of::<Box3>() as u64 + 28);
         if let Some(limit) = options.max_bytes.filter(|&limit| peak_bytes > limit) {
-            let message =
-                format!("the accelerator would hold more than the {limit} bytes left to it");
-            return Err(Error::new(Kind::Limit, Problem::new("--max-memory", message)));
+            return Err(over_limit(limit));
         }
-        let boxes: Vec<Box3> =
-            (0..count).into_par_iter().map(|primitive| bounds(geometry, primitive)).collect();
+        let boxes: Vec<Box3> = (0..geometry.count() as u32)
+            .into_par_iter()
+            .map(|primitive| bounds(geometry, primitive))
+            .collect();
         monitor.check()?;
         let blocks = Blocks::new(&boxes);
         monitor.check()?;
@@ -108,7 +107,7 @@ impl<'g> Brute<'g> {
     fn test(&self, ray: &Ray, primitive: u32) -> Option<ExactHit> {
         let (geom, prim) = self.geometry.place(primitive);
         let leaving = primitive == ray.leaving;
-        let on_triangle = |corners: [DVec3; 3], turned: bool| {
+        let on_triangle = |(corners, turned): ([DVec3; 3], bool)| {
             let at = crossing(ray, &corners)?;
             let (u, v) = if turned { (1.0 - at.u, 1.0 - at.v) } else { (at.u, at.v) };
             let hit = Hit { geom, prim, t: at.t, u, v, ng: at.ng };
@@ -124,16 +123,9 @@ impl<'g> Brute<'g> {
                 (!t.is_nan()).then_some(ExactHit { hit, t_error: 0.0, corners: None })
             }
             _ if leaving => None,
-            GeometryKind::Mesh(mesh) => {
-                on_triangle(self.geometry.meshes[mesh].corners(prim).map(corner), false)
-            }
-            GeometryKind::Quads => {
-                let [first, second] = halves(&self.geometry.quads[prim as usize]);
-                let (first, second) = (on_triangle(first, false), on_triangle(second, true));
-                match (first, second) {
-                    (Some(a), Some(b)) if self.order(ray, &b, &a) == Ordering::Less => Some(b),
-                    (a, b) => a.or(b),
-                }
+            _ => {
+                let hits = self.geometry.triangles(geom, prim).filter_map(on_triangle);
+                hits.reduce(|a, b| if self.order(ray, &b, &a) == Ordering::Less { b } else { a })
             }
         }
     }
@@ -150,27 +142,17 @@ impl<'g> Brute<'g> {
     }
 }
 
-fn corner(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
-}
-
-/// The two triangles of a quad, split as in [`Geometry::quad_half`].
-fn halves(quad: &[[f32; 3]; 4]) -> [[DVec3; 3]; 2] {
-    let [v0, v1, v2, v3] = quad.map(corner);
-    [[v0, v1, v3], [v2, v3, v1]]
-}
-
 fn bounds(geometry: &Geometry, primitive: u32) -> Box3 {
     let (geom, prim) = geometry.place(primitive);
     match geometry.kind(geom) {
-        GeometryKind::Mesh(mesh) => Box3::of(&geometry.meshes[mesh].corners(prim).map(corner)),
-        GeometryKind::Quads => Box3::of(&geometry.quads[prim as usize].map(corner)),
+        GeometryKind::Mesh(mesh) => Box3::of(&geometry.meshes[mesh].corners(prim).map(doubles)),
+        GeometryKind::Quads => Box3::of(&geometry.quads[prim as usize].map(doubles)),
         GeometryKind::Spheres => {
             let sphere = &geometry.spheres[prim as usize];
             // Wider by more than the error of the sphere test for rays that start within the scene.
             let radius =
                 sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * 1e-12;
-            Box3 { min: sphere.center - radius, max: sphere.center + radius }
+            Box3::of_sphere(sphere.center, radius)
         }
     }
 }

@@ -8,8 +8,8 @@
 
 use glam::{DVec2, DVec3};
 
+use super::Brute;
 use super::blocks::ROUNDING;
-use super::{Brute, corner, halves};
 use crate::accel::lane::Ray;
 use crate::geometry::{Geometry, GeometryKind, Sphere};
 
@@ -108,8 +108,7 @@ fn add_near(
             });
         }
         _ if leaving => {}
-        GeometryKind::Mesh(mesh) => add(geometry.meshes[mesh].corners(prim).map(corner)),
-        GeometryKind::Quads => halves(&geometry.quads[prim as usize]).into_iter().for_each(add),
+        _ => geometry.triangles(geom, prim).for_each(|(corners, _)| add(corners)),
     }
 }
 

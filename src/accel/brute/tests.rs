@@ -1,6 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::error::Kind;
 use crate::geometry::{NONE, Sphere, TriangleMesh};
 use crate::ray::LANES;
 
@@ -21,7 +22,7 @@ fn soup(triangles: &[[[f32; 3]; 3]]) -> Geometry {
 }
 
 fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
-    let (origin, direction) = (corner(origin), corner(direction));
+    let (origin, direction) = (doubles(origin), doubles(direction));
     Ray { origin, direction, tnear: 0.0, tfar: f64::INFINITY, leaving: NONE }
 }
 
@@ -34,7 +35,7 @@ fn ball(depth: u32) -> Geometry {
         })
         .collect();
     let middle = |a: [f32; 3], b: [f32; 3]| {
-        let m = corner(a) + corner(b);
+        let m = doubles(a) + doubles(b);
         m.normalize().as_vec3().to_array()
     };
     for _ in 0..depth {
@@ -161,10 +162,10 @@ fn a_closed_mesh_has_no_holes_at_vertices_edges_and_anywhere() {
     let origins = [[0.013f32, -0.027, 0.009], [0.0; 3], [0.1, 0.1, 0.1]];
     let mut shared = 0;
     for prim in 0..mesh.triangles().len() as u32 {
-        let [a, b, c] = mesh.corners(prim).map(corner);
+        let [a, b, c] = mesh.corners(prim).map(doubles);
         for target in [a, (a + b) / 2.0, (a + b + c) / 3.0, a * 0.3 + b * 0.7] {
             for origin in origins {
-                let direction = (target - corner(origin)).as_vec3().to_array();
+                let direction = (target - doubles(origin)).as_vec3().to_array();
                 let hits = brute.all_hits(&ray(origin, direction));
                 assert!(!hits.is_empty(), "{origin:?} {direction:?}");
                 shared += usize::from(hits.len() > 1);
@@ -274,7 +275,7 @@ proptest! {
     #[test]
     fn the_f64_filter_agrees_with_integers((triangle, origin, direction) in triangle_and_ray()) {
         prop_assume!(direction != [0.0; 3]);
-        let (ray, corners) = (ray(origin, direction), triangle.map(corner));
+        let (ray, corners) = (ray(origin, direction), triangle.map(doubles));
         let found = crossing(&ray, &corners);
         prop_assert_eq!(found.map(|at| at.t).is_some(), triangle::integers_only(&ray, &corners).is_some());
         if let (Some(at), Some(exact)) = (found, triangle::integers_only(&ray, &corners)) {

@@ -6,7 +6,7 @@ use super::Bvh;
 use super::bounds::Bounds3;
 use super::node::{Child, Kind, Node, SECOND_HALF, WIDTH};
 use super::simd::MAX_DEPTH;
-use crate::geometry::{Geometry, GeometryKind};
+use crate::geometry::{Geometry, GeometryKind, quad_halves};
 use crate::ray::NONE;
 
 /// Size and shape of a tree.
@@ -73,7 +73,7 @@ impl Bvh<'_> {
     /// # Errors
     /// Describes the first violation.
     pub fn validate(&self) -> Result<Stats, String> {
-        let total = self.geometry.bases().last().map_or(0, |&n| n as usize);
+        let total = self.geometry.count() as usize;
         let mut validator = Validator { bvh: self, seen: vec![0; total], stats: Stats::default() };
         let bounds = validator.node(0, 1)?;
         same(&bounds, &self.tree.bounds).map_err(|e| format!("the scene's box: {e}"))?;
@@ -232,15 +232,14 @@ fn triangle(
     primitive: u32,
     second_half: bool,
 ) -> Result<[[f32; 3]; 3], String> {
-    if geometry.bases().last().is_none_or(|&total| primitive >= total) {
+    if u64::from(primitive) >= geometry.count() {
         return Err(format!("there is no primitive {primitive}"));
     }
     let (geom, prim) = geometry.place(primitive);
     match (geometry.kind(geom), second_half) {
         (GeometryKind::Mesh(mesh), false) => Ok(geometry.meshes[mesh].corners(prim)),
         (GeometryKind::Quads, half) => {
-            let [v0, v1, v2, v3] = geometry.quads[prim as usize];
-            Ok(if half { [v2, v3, v1] } else { [v0, v1, v3] })
+            Ok(quad_halves(geometry.quads[prim as usize])[usize::from(half)])
         }
         (kind, half) => Err(format!("primitive {primitive} is of {kind:?}, second half: {half}")),
     }

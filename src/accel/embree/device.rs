@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::PinnedBox;
+use crate::accel::over_limit;
 use crate::error::{Error, Kind, Problem, Result};
 
 /// Memory counters and errors of a device. Embree's callbacks write them, the wrapper reads them.
@@ -213,14 +214,7 @@ impl Device {
             (_, Some(logged)) => logged,
         };
         if self.watch.limit_hit.load(Relaxed) {
-            let limit = self.watch.limit_bytes;
-            return Err(Error::new(
-                Kind::Limit,
-                Problem::new(
-                    "--max-memory",
-                    format!("the accelerator would hold more than the {limit} bytes left to it"),
-                ),
-            ));
+            return Err(over_limit(self.watch.limit_bytes.unsigned_abs()));
         }
         let kind =
             if code == ffi::RTC_ERROR_OUT_OF_MEMORY { Kind::Retry } else { Kind::Unsupported };

@@ -5,7 +5,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
-use crate::geometry::TriangleMesh;
+use crate::geometry::{TriangleMesh, doubles};
 
 /// Number of triangles that share one bound on their longest edge.
 const BLOCK: usize = 256;
@@ -30,9 +30,9 @@ impl Extent {
         let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let [low, high] = vertices
             .par_chunks(1 << 14)
-            .map(|part| part.iter().fold(none, |bounds, v| widen(bounds, dvec(*v))))
+            .map(|part| part.iter().fold(none, |bounds, v| widen(bounds, doubles(*v))))
             .reduce(|| none, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-        let corner = |i: u32| dvec(vertices[i as usize]);
+        let corner = |i: u32| doubles(vertices[i as usize]);
         let longest = |part: &[[u32; 3]]| {
             let square = part.iter().fold(0.0f64, |most, &[a, b, c]| {
                 let (a, b, c) = (corner(a), corner(b), corner(c));
@@ -89,10 +89,6 @@ impl Extent {
             & (candidate.t - slack > candidate.tnear)
             & (candidate.t + slack < candidate.tfar)
     }
-}
-
-fn dvec(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
 }
 
 /// Upper bound on the length of `v`: the sum of its magnitudes, at most 3^0.5 times the length.
@@ -154,16 +150,16 @@ mod tests {
             let from = point(4.0).as_vec3().to_array();
             // Weights below and above 0 lie on both sides of the edges.
             let (u, v) = (within(-0.01, 1.0), within(-0.01, 1.0));
-            let [p, q, r] = corners.map(dvec);
+            let [p, q, r] = corners.map(doubles);
             let to = p + (q - p) * u + (r - p) * v * (1.0 - u);
-            let direction = (to - dvec(from)) * within(0.1, 10.0);
+            let direction = (to - doubles(from)) * within(0.1, 10.0);
             let toward = direction.as_vec3().to_array();
             let Some(([u, v, t], normal)) = robust(corners, from, toward) else { continue };
             let mesh = TriangleMesh::new(corners.to_vec(), vec![[0, 1, 2]], false);
             let candidate = Candidate {
-                origin: dvec(from),
-                direction: dvec(toward),
-                normal: dvec(normal),
+                origin: doubles(from),
+                direction: doubles(toward),
+                normal: doubles(normal),
                 tnear: 0.0,
                 tfar: f64::from(t) * within(1.0 - 1e-5, 1.0 + 1e-3),
                 t: t.into(),

@@ -11,7 +11,7 @@
 use std::ffi::{c_char, c_int, c_uint, c_void};
 use std::mem::{align_of, offset_of, size_of};
 
-use crate::ray::{Mask, RayPacket, Rays};
+use crate::ray::{Hits, Mask, RayPacket, Rays};
 
 /// A C enumeration or a set of flags (4 bytes).
 pub type Enum = c_int;
@@ -260,191 +260,71 @@ api! {
 /// Layout of one declared structure: `(C name, size, alignment, [(C member, offset)])`.
 pub type Layout = (&'static str, usize, usize, &'static [(&'static str, usize)]);
 
+macro_rules! layouts {
+    ($($c_type:literal $type:ty { $($c_member:literal $member:ident),* })*) => {
+        &[$((
+            $c_type,
+            size_of::<$type>(),
+            align_of::<$type>(),
+            &[$(($c_member, offset_of!($type, $member))),*],
+        )),*]
+    };
+}
+
 /// Rust's layouts of the structures declared here, for the test that compares them with the C
 /// headers. `QueryContext` is missing, because it is longer than its C counterpart.
 /// `RTCOccludedFunctionNArguments` has only its last members: the others are those of
-/// `RTCIntersectFunctionNArguments`.
-pub const LAYOUTS: &[Layout] = &[
-    (
-        "RTCRay",
-        size_of::<Ray>(),
-        align_of::<Ray>(),
-        &[
-            ("org_x", offset_of!(Ray, org)),
-            ("tnear", offset_of!(Ray, tnear)),
-            ("dir_x", offset_of!(Ray, dir)),
-            ("time", offset_of!(Ray, time)),
-            ("tfar", offset_of!(Ray, tfar)),
-            ("mask", offset_of!(Ray, mask)),
-            ("id", offset_of!(Ray, id)),
-            ("flags", offset_of!(Ray, flags)),
-        ],
-    ),
-    (
-        "RTCHit",
-        size_of::<Hit>(),
-        align_of::<Hit>(),
-        &[
-            ("Ng_x", offset_of!(Hit, ng)),
-            ("u", offset_of!(Hit, u)),
-            ("v", offset_of!(Hit, v)),
-            ("primID", offset_of!(Hit, prim_id)),
-            ("geomID", offset_of!(Hit, geom_id)),
-            ("instID", offset_of!(Hit, inst_id)),
-            ("instPrimID", offset_of!(Hit, inst_prim_id)),
-        ],
-    ),
-    ("RTCRayHit", size_of::<RayHit>(), align_of::<RayHit>(), &[("hit", offset_of!(RayHit, hit))]),
-    (
-        "RTCRay16",
-        size_of::<Rays>(),
-        align_of::<Rays>(),
-        &[
-            ("org_x", offset_of!(Rays, org)),
-            ("tnear", offset_of!(Rays, tnear)),
-            ("dir_x", offset_of!(Rays, dir)),
-            ("time", offset_of!(Rays, time)),
-            ("tfar", offset_of!(Rays, tfar)),
-            ("mask", offset_of!(Rays, mask)),
-            // Embree only stores the id. Ours is the primitive that the ray leaves.
-            ("id", offset_of!(Rays, leaving)),
-            ("flags", offset_of!(Rays, flags)),
-        ],
-    ),
-    (
-        "RTCRayHit16",
-        size_of::<RayPacket>(),
-        align_of::<RayPacket>(),
-        &[("hit", offset_of!(RayPacket, hits))],
-    ),
-    (
-        "RTCHit16",
-        size_of::<crate::ray::Hits>(),
-        align_of::<crate::ray::Hits>(),
-        &[
-            ("Ng_x", offset_of!(crate::ray::Hits, ng)),
-            ("u", offset_of!(crate::ray::Hits, u)),
-            ("v", offset_of!(crate::ray::Hits, v)),
-            ("primID", offset_of!(crate::ray::Hits, prim)),
-            ("geomID", offset_of!(crate::ray::Hits, geom)),
-            ("instID", offset_of!(crate::ray::Hits, instance)),
-            ("instPrimID", offset_of!(crate::ray::Hits, instance_prim)),
-        ],
-    ),
-    (
-        "RTCBounds",
-        size_of::<Bounds>(),
-        align_of::<Bounds>(),
-        &[("lower_x", offset_of!(Bounds, lower)), ("upper_x", offset_of!(Bounds, upper))],
-    ),
-    (
-        "RTCIntersectArguments",
-        size_of::<QueryArguments>(),
-        align_of::<QueryArguments>(),
-        &[
-            ("flags", offset_of!(QueryArguments, flags)),
-            ("feature_mask", offset_of!(QueryArguments, feature_mask)),
-            ("context", offset_of!(QueryArguments, context)),
-            ("filter", offset_of!(QueryArguments, filter)),
-            ("intersect", offset_of!(QueryArguments, user_geometry)),
-        ],
-    ),
-    (
-        "RTCOccludedArguments",
-        size_of::<QueryArguments>(),
-        align_of::<QueryArguments>(),
-        &[
-            ("flags", offset_of!(QueryArguments, flags)),
-            ("feature_mask", offset_of!(QueryArguments, feature_mask)),
-            ("context", offset_of!(QueryArguments, context)),
-            ("filter", offset_of!(QueryArguments, filter)),
-            ("occluded", offset_of!(QueryArguments, user_geometry)),
-        ],
-    ),
-    (
-        "RTCBoundsFunctionArguments",
-        size_of::<BoundsArguments>(),
-        align_of::<BoundsArguments>(),
-        &[
-            ("geometryUserPtr", offset_of!(BoundsArguments, user)),
-            ("primID", offset_of!(BoundsArguments, prim_id)),
-            ("timeStep", offset_of!(BoundsArguments, time_step)),
-            ("bounds_o", offset_of!(BoundsArguments, bounds)),
-        ],
-    ),
-    (
-        "RTCIntersectFunctionNArguments",
-        size_of::<UserArguments>(),
-        align_of::<UserArguments>(),
-        &[
-            ("valid", offset_of!(UserArguments, valid)),
-            ("geometryUserPtr", offset_of!(UserArguments, user)),
-            ("primID", offset_of!(UserArguments, prim_id)),
-            ("context", offset_of!(UserArguments, context)),
-            ("rayhit", offset_of!(UserArguments, rays)),
-            ("N", offset_of!(UserArguments, n)),
-            ("geomID", offset_of!(UserArguments, geom_id)),
-        ],
-    ),
-    (
-        "RTCOccludedFunctionNArguments",
-        size_of::<UserArguments>(),
-        align_of::<UserArguments>(),
-        &[
-            ("ray", offset_of!(UserArguments, rays)),
-            ("N", offset_of!(UserArguments, n)),
-            ("geomID", offset_of!(UserArguments, geom_id)),
-        ],
-    ),
-    (
-        "RTCFilterFunctionNArguments",
-        size_of::<FilterArguments>(),
-        align_of::<FilterArguments>(),
-        &[
-            ("valid", offset_of!(FilterArguments, valid)),
-            ("geometryUserPtr", offset_of!(FilterArguments, user)),
-            ("context", offset_of!(FilterArguments, context)),
-            ("ray", offset_of!(FilterArguments, ray)),
-            ("hit", offset_of!(FilterArguments, hit)),
-            ("N", offset_of!(FilterArguments, n)),
-        ],
-    ),
-    (
-        "RTCPointQuery",
-        size_of::<PointQuery>(),
-        align_of::<PointQuery>(),
-        &[
-            ("x", offset_of!(PointQuery, point)),
-            ("time", offset_of!(PointQuery, time)),
-            ("radius", offset_of!(PointQuery, radius)),
-        ],
-    ),
-    (
-        "RTCPointQueryContext",
-        size_of::<PointQueryContext>(),
-        align_of::<PointQueryContext>(),
-        &[
-            ("world2inst", offset_of!(PointQueryContext, world2inst)),
-            ("inst2world", offset_of!(PointQueryContext, inst2world)),
-            ("instID", offset_of!(PointQueryContext, inst_id)),
-            ("instPrimID", offset_of!(PointQueryContext, inst_prim_id)),
-            ("instStackSize", offset_of!(PointQueryContext, inst_stack_size)),
-        ],
-    ),
-    (
-        "RTCPointQueryFunctionArguments",
-        size_of::<PointQueryArguments>(),
-        align_of::<PointQueryArguments>(),
-        &[
-            ("query", offset_of!(PointQueryArguments, query)),
-            ("userPtr", offset_of!(PointQueryArguments, user)),
-            ("primID", offset_of!(PointQueryArguments, prim_id)),
-            ("geomID", offset_of!(PointQueryArguments, geom_id)),
-            ("context", offset_of!(PointQueryArguments, context)),
-            ("similarityScale", offset_of!(PointQueryArguments, similarity_scale)),
-        ],
-    ),
-];
+/// `RTCIntersectFunctionNArguments`. Embree only stores the id of a ray: ours is the primitive that
+/// the ray leaves.
+pub const LAYOUTS: &[Layout] = layouts! {
+    "RTCRay" Ray {
+        "org_x" org, "tnear" tnear, "dir_x" dir, "time" time, "tfar" tfar, "mask" mask, "id" id,
+        "flags" flags
+    }
+    "RTCHit" Hit {
+        "Ng_x" ng, "u" u, "v" v, "primID" prim_id, "geomID" geom_id, "instID" inst_id,
+        "instPrimID" inst_prim_id
+    }
+    "RTCRayHit" RayHit { "hit" hit }
+    "RTCRay16" Rays {
+        "org_x" org, "tnear" tnear, "dir_x" dir, "time" time, "tfar" tfar, "mask" mask,
+        "id" leaving, "flags" flags
+    }
+    "RTCRayHit16" RayPacket { "hit" hits }
+    "RTCHit16" Hits {
+        "Ng_x" ng, "u" u, "v" v, "primID" prim, "geomID" geom, "instID" instance,
+        "instPrimID" instance_prim
+    }
+    "RTCBounds" Bounds { "lower_x" lower, "upper_x" upper }
+    "RTCIntersectArguments" QueryArguments {
+        "flags" flags, "feature_mask" feature_mask, "context" context, "filter" filter,
+        "intersect" user_geometry
+    }
+    "RTCOccludedArguments" QueryArguments {
+        "flags" flags, "feature_mask" feature_mask, "context" context, "filter" filter,
+        "occluded" user_geometry
+    }
+    "RTCBoundsFunctionArguments" BoundsArguments {
+        "geometryUserPtr" user, "primID" prim_id, "timeStep" time_step, "bounds_o" bounds
+    }
+    "RTCIntersectFunctionNArguments" UserArguments {
+        "valid" valid, "geometryUserPtr" user, "primID" prim_id, "context" context, "rayhit" rays,
+        "N" n, "geomID" geom_id
+    }
+    "RTCOccludedFunctionNArguments" UserArguments { "ray" rays, "N" n, "geomID" geom_id }
+    "RTCFilterFunctionNArguments" FilterArguments {
+        "valid" valid, "geometryUserPtr" user, "context" context, "ray" ray, "hit" hit, "N" n
+    }
+    "RTCPointQuery" PointQuery { "x" point, "time" time, "radius" radius }
+    "RTCPointQueryContext" PointQueryContext {
+        "world2inst" world2inst, "inst2world" inst2world, "instID" inst_id,
+        "instPrimID" inst_prim_id, "instStackSize" inst_stack_size
+    }
+    "RTCPointQueryFunctionArguments" PointQueryArguments {
+        "query" query, "userPtr" user, "primID" prim_id, "geomID" geom_id, "context" context,
+        "similarityScale" similarity_scale
+    }
+};
 
 const _: () = {
     assert!(size_of::<Ray>() == 48 && size_of::<Hit>() == 48 && size_of::<RayHit>() == 96);

@@ -16,7 +16,9 @@ use glam::DVec3;
 use super::candidate::Candidate;
 use super::extent::Extent;
 use super::ffi::FilterArguments;
-use crate::geometry::{Geometry, GeometryKind, Passing, is_after_start, passing, refine_triangle};
+use crate::geometry::{
+    Geometry, GeometryKind, Passing, doubles, is_after_start, passing, refine_triangle,
+};
 
 /// Decides which candidates are true hits, and counts the false ones.
 pub struct HitValidator<'g> {
@@ -77,25 +79,13 @@ impl<'g> HitValidator<'g> {
     /// quad, the half that the ray passes first is returned.
     #[cold]
     pub fn passing(&self, candidate: &Candidate) -> Option<PassedTriangle> {
-        let at = |corners: [[f32; 3]; 3], turned: bool| {
-            let corners = corners.map(|v| DVec3::from(v.map(f64::from)));
+        // Our own callback tests spheres and calls no filter.
+        let triangles = self.geometry.triangles(candidate.geom, candidate.prim);
+        let passed = triangles.filter_map(|(corners, turned)| {
             let passing = passing(corners, candidate.origin, candidate.direction)?;
             Some(PassedTriangle { passing, corners, turned })
-        };
-        let found = match self.geometry.kind(candidate.geom) {
-            GeometryKind::Mesh(mesh) => {
-                at(self.geometry.meshes[mesh].corners(candidate.prim), false)
-            }
-            GeometryKind::Quads => {
-                let [v0, v1, v2, v3] = self.geometry.quads[candidate.prim as usize];
-                match (at([v0, v1, v3], false), at([v2, v3, v1], true)) {
-                    (Some(a), Some(b)) => Some(if b.passing.t < a.passing.t { b } else { a }),
-                    (a, b) => a.or(b),
-                }
-            }
-            // Our own callback tests spheres and calls no filter.
-            GeometryKind::Spheres => None,
-        };
+        });
+        let found = passed.reduce(|a, b| if b.passing.t < a.passing.t { b } else { a });
         let Candidate { leaving, origin, direction, .. } = *candidate;
         let behind = |f: &PassedTriangle| {
             self.geometry.is_behind_leaving(leaving, origin, direction, f.corners)
@@ -121,7 +111,7 @@ impl<'g> HitValidator<'g> {
             GeometryKind::Mesh(mesh) => self.geometry.meshes[mesh].corners(candidate.prim),
             _ => self.geometry.quad_half(candidate.prim, candidate.u, candidate.v).0,
         };
-        let corners = triangle.map(|v| DVec3::from(v.map(f64::from)));
+        let corners = triangle.map(doubles);
         let Candidate { origin, direction, tnear, tfar, .. } = *candidate;
         let point = refine_triangle(corners, origin, direction, (0.0, 0.0));
         let within = |t: f64| (t > tnear) & (t < tfar);

@@ -265,7 +265,7 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
         let ray = Ray::of(&case.packet.rays, finding.lane);
         results.push(match (&built.coursework, finding.against.as_str()) {
             (Some(coursework), "plain loop") => {
-                let of = |hit: Option<_>| hit.map_or(Answer::Miss, Answer::from);
+                let of = |hit| Answer::of_hit(hit, false);
                 let answer = of(coursework.closest_hit(&ray, &mut Visits::default()));
                 let truth = of(coursework.plain_loop(&ray));
                 let verdict = if answer == truth { Verdict::Agree } else { finding.verdict };

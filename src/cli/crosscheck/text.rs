@@ -31,16 +31,17 @@ pub fn report(report: &CrosscheckReport) -> String {
             "\n{} ({}, {}; {bound})\n{}",
             backend.backend, backend.version, backend.isa, HEADING
         );
-        for (i, (source, tally)) in backend.sources.iter().enumerate() {
-            out += &row(source, tally, backend.allowed.get(i).copied());
+        for (i, (source, counts)) in backend.sources.iter().enumerate() {
+            out += &row(source, counts, backend.allowed.get(i).copied());
         }
         out += &row("all", &backend.total, None);
-        if backend.total.crowd > 0 {
+        let crowd = backend.total.of[&Verdict::Crowd];
+        if crowd > 0 {
             let _ = writeln!(
                 out,
                 "  {} answers differ from the oracle's but are not judged: the ray passes within the bound of more \
                  than {MAX_NEAR} primitives",
-                units::count(backend.total.crowd)
+                units::count(crowd)
             );
         }
     }
@@ -88,15 +89,15 @@ pub fn report(report: &CrosscheckReport) -> String {
 const HEADING: &str = "  rays                 all      agree       tie      edge     crowd      leak \
                        false hit  wrong prim  wrong dist  wrong / known";
 
-fn row(name: &str, tally: &VerdictCounts, known: Option<u64>) -> String {
-    let VerdictCounts { rays, agree, tie, edge, crowd, .. } = tally;
-    let VerdictCounts { leak, false_hit, wrong_primitive, wrong_distance, .. } = tally;
-    let known = known.map_or(String::new(), |most| format!("{:>6} / {most}", tally.wrong()));
-    let line = format!(
-        "  {name:<14}{rays:>10} {agree:>10} {tie:>9} {edge:>9} {crowd:>9} {leak:>9} {false_hit:>9} \
-         {wrong_primitive:>11} {wrong_distance:>11} {known}"
-    );
-    format!("{}\n", line.trim_end())
+fn row(name: &str, counts: &VerdictCounts, known: Option<u64>) -> String {
+    let mut line = format!("  {name:<14}{:>10}", counts.rays);
+    for (verdict, width) in Verdict::ALL.into_iter().zip([10, 9, 9, 9, 9, 9, 11, 11]) {
+        line += &format!(" {:>width$}", counts.of[&verdict]);
+    }
+    if let Some(most) = known {
+        line += &format!(" {:>6} / {most}", counts.wrong());
+    }
+    line + "\n"
 }
 
 /// Formats one wrong answer, or the result of its replay.

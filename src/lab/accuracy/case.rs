@@ -3,10 +3,10 @@
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
+use super::counts::{CaseCounts, Kind};
 use super::judge::{AimedPacket, Judge};
 use super::picture;
 use super::report::{BackendCounts, CaseResult, FailurePicture};
-use super::tally::{CaseCounts, Kind};
 use super::{AccuracySettings, Built};
 use crate::accel::BuildOptions;
 use crate::accel::brute::Brute;
@@ -50,8 +50,8 @@ impl PassCriterion {
     }
 
     /// Returns why the counts do not meet the criterion, or `None` if they do.
-    pub fn missed(&self, tally: &CaseCounts) -> Option<String> {
-        let (failed, rays) = (tally.failed(), tally.rays);
+    pub fn missed(&self, counts: &CaseCounts) -> Option<String> {
+        let (failed, rays) = (counts.failed(), counts.rays);
         if failed > 0 {
             return Some(format!("{failed} of {rays} answers fail, expected at most 0"));
         }
@@ -63,14 +63,14 @@ impl PassCriterion {
             Self::Coarse(share, _) => *share,
             Self::Zero(_) => return None,
         };
-        let (coarse, hits) = (tally.beyond_2, tally.measured);
-        if *self == Self::Exact && tally.beyond_8 > 0 {
-            return Some(format!("t is off by {:.1} ulp, expected at most 8", tally.worst_ulp));
+        let (coarse, hits) = (counts.beyond_2, counts.measured);
+        if *self == Self::Exact && counts.beyond_8 > 0 {
+            return Some(format!("t is off by {:.1} ulp, expected at most 8", counts.worst_ulp));
         }
         if coarse as f64 > share * hits as f64 {
             return Some(format!("{coarse} of {hits} hits have t more than 2 ulp off"));
         }
-        let weight = tally.worst_weight;
+        let weight = counts.worst_weight;
         (weight > WEIGHT).then(|| format!("a weight is off by {weight:.1e}, expected 1e-6"))
     }
 }
@@ -87,7 +87,7 @@ pub struct Case {
     /// Description of the rays and of the right answers.
     pub what: String,
     /// Criterion that a backend must meet to pass.
-    pub mark: PassCriterion,
+    pub criterion: PassCriterion,
     work: Work,
 }
 
@@ -97,10 +97,10 @@ impl Case {
         group: &'static str,
         name: impl Into<String>,
         what: impl Into<String>,
-        mark: PassCriterion,
+        criterion: PassCriterion,
         work: impl Fn(&mut CaseRun) -> Result<()> + Send + Sync + 'static,
     ) -> Self {
-        Self { group, name: name.into(), what: what.into(), mark, work: Box::new(work) }
+        Self { group, name: name.into(), what: what.into(), criterion, work: Box::new(work) }
     }
 
     /// Runs the case on every column and returns its row of results.
@@ -111,21 +111,21 @@ impl Case {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
         });
         let columns = &settings.tested_backends;
-        let tallies = vec![CaseCounts::default(); columns.len()];
-        let mut run = CaseRun { settings, monitor, salt, tallies, pictures: vec![], note: None };
+        let counts = vec![CaseCounts::default(); columns.len()];
+        let mut run = CaseRun { settings, monitor, salt, counts, pictures: vec![], note: None };
         (self.work)(&mut run)?;
-        let CaseRun { tallies, pictures, note, .. } = run;
-        let entries = columns.iter().zip(&tallies).map(|(column, tally)| {
-            let missed = self.mark.missed(tally).filter(|_| column.must_be_right());
-            BackendCounts::new(tally, missed.or_else(|| tally.has_any(forbidden(column.backend))))
+        let CaseRun { counts, pictures, note, .. } = run;
+        let entries = columns.iter().zip(&counts).map(|(column, counts)| {
+            let missed = self.criterion.missed(counts).filter(|_| column.must_be_right());
+            BackendCounts::new(counts, missed.or_else(|| counts.has_any(forbidden(column.backend))))
         });
         Ok(CaseResult {
             group: self.group.into(),
             name: self.name.clone(),
             what: self.what.clone(),
-            mark: self.mark.text(),
+            mark: self.criterion.text(),
             note,
-            rays: tallies.iter().map(|tally| tally.rays).max().unwrap_or(0),
+            rays: counts.iter().map(|counts| counts.rays).max().unwrap_or(0),
             entries: entries.collect(),
             seconds: started.elapsed().as_secs_f64(),
             pictures,
@@ -155,7 +155,7 @@ pub struct CaseRun<'a> {
     /// Seed of the random numbers of this case.
     salt: u64,
     /// Counts of each column so far.
-    pub tallies: Vec<CaseCounts>,
+    pub counts: Vec<CaseCounts>,
     /// Pictures of failures, at most one for each column.
     pictures: Vec<FailurePicture>,
     /// Remark for the table of results.
@@ -185,8 +185,7 @@ impl CaseRun<'_> {
     /// # Errors
     /// The errors of the builds.
     pub(super) fn build<'g>(&'g self, geometry: &'g Geometry) -> Result<Built<'g>> {
-        let small = *geometry.bases().last().unwrap_or(&0) < 1000;
-        let threads = if small { 1 } else { rayon::current_num_threads() };
+        let threads = if geometry.count() < 1000 { 1 } else { rayon::current_num_threads() };
         let tested = &self.settings.tested_backends;
         let accelerators = build_all(tested, geometry, threads, self.monitor)?;
         Ok(Built { geometry, tested, accelerators, oracle: oracle(geometry, self.monitor)? })
@@ -196,7 +195,7 @@ impl CaseRun<'_> {
     ///
     /// # Errors
     /// The errors of the builds; `Interrupted` after a signal.
-    pub fn shoot(
+    pub fn trace(
         &mut self,
         geometry: &Geometry,
         amount: Amount,
@@ -206,9 +205,9 @@ impl CaseRun<'_> {
         // In a long run the slow columns trace at most 16 times the rays of the quick run.
         let slow = amount.slow * times.div_ceil(16);
         self.check_packets(geometry, amount.packets * times, |run, built, index| {
-            let shot = aim(&mut run.random(index));
+            let aimed = aim(&mut run.random(index));
             let known = index % amount.truth == 0;
-            Judge { built }.shot(&shot, index, known, index % slow == 0)
+            Judge { built }.packet(&aimed, index, known, index % slow == 0)
         })
     }
 
@@ -225,7 +224,7 @@ impl CaseRun<'_> {
         packets: u64,
         judge: impl Fn(&CaseRun, &Built, u64) -> Vec<CaseCounts> + Sync,
     ) -> Result<()> {
-        let mut sums = vec![CaseCounts::default(); self.tallies.len()];
+        let mut sums = vec![CaseCounts::default(); self.counts.len()];
         {
             let run = &*self;
             let built = run.build(geometry)?;
@@ -234,8 +233,8 @@ impl CaseRun<'_> {
                 run.monitor,
                 |index| judge(run, &built, index),
                 |portion: Vec<Vec<CaseCounts>>| {
-                    for tallies in &portion {
-                        sums.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
+                    for counts in &portion {
+                        sums.iter_mut().zip(counts).for_each(|(sum, counts)| sum.add(counts));
                     }
                     run.monitor.rays.fetch_add((portion.len() * LANES) as u64, Relaxed);
                 },
@@ -264,8 +263,8 @@ impl CaseRun<'_> {
                 });
             }
         }
-        for (tally, sum) in self.tallies.iter_mut().zip(&sums) {
-            tally.add(sum);
+        for (counts, sum) in self.counts.iter_mut().zip(&sums) {
+            counts.add(sum);
         }
         Ok(())
     }

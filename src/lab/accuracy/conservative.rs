@@ -5,10 +5,9 @@ use glam::DVec3;
 
 use super::case::{Amount, Case, PassCriterion};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{corners, geometry, inside, soup};
+use super::meshes::{corners, geometry, point_on, soup};
 use crate::geometry::{Geometry, Sphere};
 use crate::lab::random::Random;
-use crate::ray::LANES;
 
 const GROUP: &str = "conservative";
 
@@ -56,12 +55,12 @@ fn scene(random: &mut Random) -> Geometry {
 
 /// All cases of this group.
 pub fn cases() -> Vec<Case> {
-    let row = |name: &'static str, what: &'static str, aimed: bool, packets: u64| {
-        let mark = PassCriterion::Coarse(
+    let row = |name: &'static str, what: &'static str, at_triangles: bool, packets: u64| {
+        let criterion = PassCriterion::Coarse(
             0.01,
             "needles 16 decades long: f64 has too few digits for their planes",
         );
-        Case::new(GROUP, name, what, mark, move |run| {
+        Case::new(GROUP, name, what, criterion, move |run| {
             // A longer run has more soups, not only more rays.
             let times = run.settings.times;
             let soups = SOUPS * times.min(64);
@@ -72,25 +71,20 @@ pub fn cases() -> Vec<Case> {
                 let geometry = scene(&mut run.random(u64::MAX - k));
                 let mesh = &geometry.meshes[0];
                 let amount = Amount { packets, slow: 4, truth: 1 };
-                run.shoot(&geometry, amount, |random| {
-                    let mut shot = AimedPacket::new(Expect::Oracle);
+                run.trace(&geometry, amount, |random| {
                     let one = (random.below(2) == 0).then(|| wide_point(random));
-                    for i in 0..LANES {
+                    AimedPacket::each(Expect::Oracle, |aimed, i| {
                         let origin = one.unwrap_or_else(|| wide_point(random));
-                        if aimed {
-                            let [a, b, c] = corners(mesh, random.below(96));
-                            let goal = match random.below(4) {
-                                0 => a,
-                                1 => a.lerp(b, random.unit()),
-                                _ => inside(random, [a, b, c]),
-                            };
-                            shot.through(i, origin, goal);
+                        if at_triangles {
+                            let triangle = corners(mesh, random.below(96));
+                            let which = random.below(4);
+                            let goal = point_on(random, triangle, which);
+                            aimed.through(i, origin, goal);
                         } else {
                             let direction = random.direction();
-                            shot.put(i, origin, direction);
+                            aimed.put(i, origin, direction);
                         }
-                    }
-                    shot
+                    })
                 })?;
             }
             Ok(())

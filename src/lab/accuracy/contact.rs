@@ -11,8 +11,8 @@ use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
 use super::case::{Case, CaseRun, PassCriterion};
+use super::counts::{CaseCounts, Kind, ulp};
 use super::shadow::Points;
-use super::tally::{CaseCounts, Kind, ulp};
 use crate::accel::Accelerator;
 use crate::accel::lane::lanes;
 use crate::error::Result;
@@ -62,17 +62,32 @@ pub(super) struct Place {
 }
 
 impl Place {
-    fn new(scale: f64, offset: f64, tilted: bool) -> Self {
-        let turn = match tilted {
-            true => DMat3::from_rotation_x(0.7) * DMat3::from_rotation_y(0.6),
-            false => DMat3::IDENTITY,
+    /// A place `offset` sizes from the world's origin.
+    pub(super) fn new(scale: f64, offset: f64, turn: DMat3) -> Self {
+        Self { scale, offset: DVec3::new(0.6, -0.5, 0.62) * scale * offset, turn }
+    }
+
+    /// As [`Place::new`]; every other place is tilted.
+    fn numbered(scale: f64, offset: f64, number: u64) -> Self {
+        let turn = match number % 2 {
+            0 => DMat3::from_rotation_x(0.7) * DMat3::from_rotation_y(0.6),
+            _ => DMat3::IDENTITY,
         };
-        let offset = DVec3::new(0.6, -0.5, 0.62) * scale * offset;
-        Self { scale, offset, turn }
+        Self::new(scale, offset, turn)
+    }
+
+    /// Where a point of the object comes to lie.
+    pub(super) fn at(&self, v: DVec3) -> DVec3 {
+        self.offset + self.turn * v * self.scale
+    }
+
+    /// As [`Place::at`] for a displacement.
+    pub(super) fn vector(&self, v: DVec3) -> DVec3 {
+        self.turn * v * self.scale
     }
 
     fn point(&self, v: [f64; 3]) -> Value {
-        json!((self.offset + self.turn * DVec3::from(v) * self.scale).to_array())
+        json!(self.at(v.into()).to_array())
     }
 
     fn sphere(&self, center: [f64; 3], radius: f64) -> Value {
@@ -112,17 +127,19 @@ pub(super) fn world(shapes: &[Value], offset: &DVec3, scale: f64) -> Result<Worl
 }
 
 /// Corner `k` of a cube from -1 to 1; bit i of `k` selects the sign of axis i.
-fn corner(k: usize) -> [f64; 3] {
+pub(super) fn corner(k: usize) -> [f64; 3] {
     [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -1.0 } else { 1.0 })
 }
 
+/// Corners of the sides of a cube.
+pub(super) const CUBE_SIDES: [[usize; 4]; 6] =
+    [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+
 /// Scene shapes of a convex object around the origin.
 fn convex(solid: Solid, place: &Place) -> Vec<Value> {
-    let sides =
-        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     match solid {
         Solid::Spheres => vec![place.sphere([0.0; 3], 1.0)],
-        Solid::Quads => sides.map(|side| place.plane(side.map(corner))).to_vec(),
+        Solid::Quads => CUBE_SIDES.map(|side| place.plane(side.map(corner))).to_vec(),
         Solid::Triangles => {
             // An octahedron.
             let tip = |axis: usize, k: usize| {
@@ -142,24 +159,13 @@ pub(super) fn above(random: &mut Random, normal: DVec3, least: f64) -> DVec3 {
     normal * cosine + side * (1.0 - cosine * cosine).sqrt()
 }
 
-/// 16 rays from one point around the object, of size `scale`, to its targets.
-fn rays_at_object(
-    random: &mut Random,
-    scale: f64,
-    target: impl Fn(&mut Random) -> DVec3,
-    down: bool,
-) -> RayPacket {
+/// 16 rays from points to goals, which `ray` returns. Origins are rounded first.
+pub(super) fn towards(mut ray: impl FnMut() -> [DVec3; 2]) -> RayPacket {
     let mut packet = RayPacket::EMPTY;
-    let from = random.direction() * random.within(2.0, 6.0);
     for i in 0..LANES {
-        let mut from = from;
-        if down {
-            from.z = from.z.abs().max(1.0);
-        }
-        let origin = (from * scale).as_vec3();
-        set_lane(&mut packet.rays.org, i, origin);
-        let direction = (target(random) - origin.as_dvec3()).as_vec3();
-        set_lane(&mut packet.rays.dir, i, direction);
+        let [from, goal] = ray();
+        let origin = from.as_vec3();
+        packet.rays.set(i, origin, (goal - origin.as_dvec3()).as_vec3());
     }
     packet
 }
@@ -177,16 +183,16 @@ pub(super) fn check(
 ) -> Result<()> {
     run.check_packets(geometry, PACKETS * run.settings.times, |run, built, index| {
         let first = first_rays(&mut run.random(salt << 40 | index << 1));
-        built.counts(index % SLOW == 0, |BuiltBackend { tested, accelerator }, tally| {
+        built.counts(index % SLOW == 0, |BuiltBackend { tested, accelerator }, counts| {
             // The same random numbers, and so the same lights, for all columns.
             let mut random = run.random(salt << 40 | index << 1 | 1);
             let mut packet = first.clone();
             let all = Mask::ALL;
             let time = trace(accelerator, &all, &mut packet, false, Coherence::Coherent);
-            tally.nanoseconds += time.as_nanos() as u64;
+            counts.nanoseconds += time.as_nanos() as u64;
             let points = Points::new((geometry, accelerator), &packet.hit(&all), &mut packet);
             let seen = ColumnHits { geometry, tested, accelerator, packet: &packet, points };
-            judge(&mut random, &seen, tally);
+            judge(&mut random, &seen, counts);
         })
     })
 }
@@ -202,13 +208,13 @@ pub(super) struct ColumnHits<'a> {
 
 impl ColumnHits<'_> {
     /// Traces shadow rays to `lights`. Returns, for each way to trace them, the lanes that have a
-    /// shadow ray, and which of these are occluded.
+    /// shadow ray, and whether each is occluded.
     pub fn occluded(
         &self,
         lights: &[DVec3; LANES],
         area: Option<&Area>,
-        tally: &mut CaseCounts,
-    ) -> Vec<(Mask, [bool; LANES])> {
+        counts: &mut CaseCounts,
+    ) -> Vec<(usize, bool)> {
         let mut q = [[0.0; LANES]; 3];
         for (i, light) in lights.iter().enumerate() {
             set_lane(&mut q, i, light.as_vec3());
@@ -216,30 +222,44 @@ impl ColumnHits<'_> {
         let backend = self.tested.backend;
         let (aimed, rays) = self.points.shadow_rays(backend, (&q, area));
         let ways = self.tested.coherences(Coherence::Coherent).into_iter();
-        ways.map(|way| {
+        ways.flat_map(|way| {
             let (mut rays, started) = (rays.clone(), Instant::now());
             self.points.trace(backend, self.scene(), &aimed, &mut rays, way);
-            tally.nanoseconds += started.elapsed().as_nanos() as u64;
-            (aimed.active, rays.tfar.map(|tfar| tfar == f32::NEG_INFINITY))
+            counts.nanoseconds += started.elapsed().as_nanos() as u64;
+            let tfar = rays.tfar;
+            lanes(&aimed.active).map(move |i| (i, tfar[i] == f32::NEG_INFINITY)).collect::<Vec<_>>()
         })
         .collect()
     }
 
+    /// Traces mirrored rays. Returns the lanes that have one, and whether each hits anything.
+    pub fn mirrored(&self, way: Coherence) -> Vec<(usize, bool)> {
+        let (active, packet) = self.points.mirrored(self.scene(), way);
+        let lanes = lanes(&active).filter(|&i| self.primitive(i).is_some());
+        lanes.map(|i| (i, packet.hits.geom[i] != NONE)).collect()
+    }
+
+    /// Counts a ray from lane `i`, and an error of this kind unless it is `right`.
+    pub fn expect(&self, i: usize, right: bool, kind: Kind, counts: &mut CaseCounts) {
+        counts.rays += 1;
+        if !right {
+            counts.fail(kind, self.points.position(i));
+        }
+    }
+
     /// Geometry and accelerator that rays are traced in.
-    pub fn scene(&self) -> (&Geometry, &dyn Accelerator) {
+    fn scene(&self) -> (&Geometry, &dyn Accelerator) {
         (self.geometry, self.accelerator)
     }
 
-    /// Returns which points are off an area light's plane by more than rounding.
-    pub fn is_off_plane(&self, area: &Area) -> [bool; LANES] {
-        std::array::from_fn(|i| {
-            let at = self.points.position(i) - area.corner.as_dvec3();
-            at.dot(area.plane).abs() > 1e-4 * at.length()
-        })
+    /// Returns whether point `i` is off an area light's plane by more than rounding.
+    pub fn is_off_plane(&self, area: &Area, i: usize) -> bool {
+        let at = self.points.position(i) - area.corner.as_dvec3();
+        at.dot(area.plane).abs() > 1e-4 * at.length()
     }
 
     /// Primitive number that lane `i` hit, if any.
-    pub fn primitive(&self, i: usize) -> Option<u32> {
+    fn primitive(&self, i: usize) -> Option<u32> {
         let hits = &self.packet.hits;
         (hits.geom[i] != NONE).then(|| self.geometry.primitive(hits.geom[i], hits.prim[i]))
     }
@@ -252,37 +272,37 @@ fn self_shadow(scale: f64) -> Case {
         "an octahedron, a cube of quads, a sphere of size {scale:e}, at 0, 1e3 and 1e7 times that from \
          the world's origin: lights above the surface must reach it. `coursework` with its offset of 1e-4"
     );
-    let mark = PassCriterion::Zero("shadow rays have no t");
-    Case::new(GROUP, name, what, mark, move |run| {
+    let criterion = PassCriterion::Zero("shadow rays have no t");
+    Case::new(GROUP, name, what, criterion, move |run| {
         let mut salt = 0;
         for solid in SOLIDS {
             for offset in OFFSETS {
                 salt += 1;
-                let place = Place::new(scale, offset, salt % 2 == 0);
+                let place = Place::numbered(scale, offset, salt);
                 let world = place.world(&convex(solid, &place))?;
-                let target = |random: &mut Random| random.cube() * 0.55 * scale;
                 check(
                     run,
                     &world.geometry,
                     salt,
-                    |random| rays_at_object(random, scale, target, false),
-                    |random, seen, tally| {
+                    |random| {
+                        let from = random.direction() * random.within(2.0, 6.0) * scale;
+                        towards(|| [from, random.cube() * 0.55 * scale])
+                    },
+                    |random, seen, counts| {
                         let lights = std::array::from_fn(|i| {
                             let distance = 10f64.powf(random.within(-1.0, 3.0)) * scale;
                             let normal = seen.points.normal(i);
                             seen.points.position(i) + above(random, normal, 0.01) * distance
                         });
-                        for (active, occluded) in seen.occluded(&lights, None, tally) {
-                            for i in lanes(&active) {
-                                tally.rays += 1;
-                                let (at, normal) = (seen.points.position(i), seen.points.normal(i));
-                                // The normal points inwards: the ray has leaked through the side
-                                // that faces it.
-                                if normal.dot(at) < 0.0 {
-                                    tally.fail(Kind::Leak, at);
-                                } else if occluded[i] {
-                                    tally.fail(Kind::SelfShadow, at);
-                                }
+                        for (i, occluded) in seen.occluded(&lights, None, counts) {
+                            counts.rays += 1;
+                            let (at, normal) = (seen.points.position(i), seen.points.normal(i));
+                            // The normal points inwards: the ray has leaked through the side
+                            // that faces it.
+                            if normal.dot(at) < 0.0 {
+                                counts.fail(Kind::Leak, at);
+                            } else if occluded {
+                                counts.fail(Kind::SelfShadow, at);
                             }
                         }
                     },
@@ -310,18 +330,12 @@ fn stack(solid: Solid, place: &Place, gap: f64) -> Vec<Value> {
 
 /// Primitive number of the occluder, and its triangles with their f32 corners.
 fn planes(geometry: &Geometry, solid: Solid) -> (u32, Vec<[DVec3; 3]>) {
-    let f64s = |v: [f32; 3]| DVec3::from(v.map(f64::from));
-    match solid {
-        Solid::Triangles => {
-            let corners = geometry.meshes[0].corners(1).map(f64s);
-            (geometry.primitive(0, 1), vec![corners])
-        }
-        Solid::Quads | Solid::Spheres => {
-            let prim = geometry.quads.len() as u32 - 1;
-            let [a, b, c, d] = geometry.quads[prim as usize].map(f64s);
-            (geometry.primitive(geometry.quads_id(), prim), vec![[a, b, d], [c, d, b]])
-        }
-    }
+    let (geom, prim) = match solid {
+        Solid::Triangles => (0, 1),
+        Solid::Quads | Solid::Spheres => (geometry.quads_id(), geometry.quads.len() as u32 - 1),
+    };
+    let triangles = geometry.triangles(geom, prim).map(|(corners, _)| corners);
+    (geometry.primitive(geom, prim), triangles.collect())
 }
 
 /// The largest coordinate of any vertex.
@@ -334,13 +348,13 @@ fn largest(geometry: &Geometry) -> f64 {
 
 /// A case with occluders `ulps` above a surface. From [`CONTACT`] ulp on they must shadow it.
 fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case {
-    let mark = PassCriterion::Zero("occluders nearer than 4 ulp are counted, not failed");
-    Case::new(GROUP, name, what, mark, move |run| {
+    let criterion = PassCriterion::Zero("occluders nearer than 4 ulp are counted, not failed");
+    Case::new(GROUP, name, what, criterion, move |run| {
         let mut salt = 0;
         for (&scale, &ulps) in scales.iter().flat_map(|s| ulps.iter().map(move |u| (s, u))) {
             for (solid, offset) in SOLIDS.into_iter().flat_map(|m| OFFSETS.map(|o| (m, o))) {
                 salt += 1;
-                let place = Place::new(scale, offset, salt % 2 == 0);
+                let place = Place::numbered(scale, offset, salt);
                 // The scene's origin does not depend on so small a gap.
                 let flat = place.world(&stack(solid, &place, 0.125))?;
                 let unit = ulp(largest(&flat.geometry));
@@ -375,42 +389,36 @@ fn in_contact(
         geometry,
         salt,
         |random| {
-            let mut packet = RayPacket::EMPTY;
-            for i in 0..LANES {
+            let mut packet = towards(|| {
                 let side = random.direction().cross(up);
                 let goal = middle + side * random.unit() * reach * scale;
-                let origin =
-                    (goal + above(random, up, 0.3) * random.within(1.0, 4.0) * scale).as_vec3();
-                set_lane(&mut packet.rays.org, i, origin);
-                set_lane(&mut packet.rays.dir, i, (goal - origin.as_dvec3()).as_vec3());
-                // The occluder lies between, so the ray passes through it.
-                packet.rays.leaving[i] = occluder;
-            }
+                [goal + above(random, up, 0.3) * random.within(1.0, 4.0) * scale, goal]
+            });
+            // The occluder lies between, so the rays pass through it.
+            packet.rays.leaving = [occluder; LANES];
             packet
         },
-        |random, seen, tally| {
+        |random, seen, counts| {
             let lights = std::array::from_fn(|i| {
                 let distance = 10f64.powf(random.within(-0.5, 2.0)) * scale;
                 seen.points.position(i) + above(random, up, 0.05) * distance
             });
-            for (active, occluded) in seen.occluded(&lights, None, tally) {
-                for i in lanes(&active) {
-                    tally.rays += 1;
-                    let point = seen.points.position(i);
-                    if seen.primitive(i).is_none_or(|hit| hit == occluder) {
-                        tally.fail(Kind::Leak, point);
-                        continue;
-                    }
-                    // Gap between occluder and point. The point itself is rounded by half an ulp.
-                    let gap = planes
-                        .iter()
-                        .map(|&[a, b, c]| (a - point).dot((b - a).cross(c - a).normalize()).abs())
-                        .fold(f64::INFINITY, f64::min);
-                    match (gap >= CONTACT * unit, occluded[i]) {
-                        (true, false) => tally.fail(Kind::LightLeak, point),
-                        (false, false) => tally.counted += 1,
-                        _ => {}
-                    }
+            for (i, occluded) in seen.occluded(&lights, None, counts) {
+                counts.rays += 1;
+                let point = seen.points.position(i);
+                if seen.primitive(i).is_none_or(|hit| hit == occluder) {
+                    counts.fail(Kind::Leak, point);
+                    continue;
+                }
+                // Gap between occluder and point. The point itself is rounded by half an ulp.
+                let gap = planes
+                    .iter()
+                    .map(|&[a, b, c]| (a - point).dot((b - a).cross(c - a).normalize()).abs())
+                    .fold(f64::INFINITY, f64::min);
+                match (gap >= CONTACT * unit, occluded) {
+                    (true, false) => counts.fail(Kind::LightLeak, point),
+                    (false, false) => counts.counted += 1,
+                    _ => {}
                 }
             }
         },

@@ -4,10 +4,9 @@ use glam::DVec3;
 
 use super::case::{Amount, Case, PassCriterion};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{corners, inside, scene, soup};
+use super::meshes::{any_triangle, inside, scene, soup};
 use crate::geometry::TriangleMesh;
 use crate::lab::random::Random;
-use crate::ray::LANES;
 
 const GROUP: &str = "nearly parallel";
 
@@ -26,9 +25,8 @@ fn strips(random: &mut Random, width: f64) -> TriangleMesh {
 
 /// Rays at `degrees` to the plane of the triangle that they are aimed at, from 1 to 8 away.
 fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> AimedPacket {
-    let mut shot = AimedPacket::new(Expect::Oracle);
-    for i in 0..LANES {
-        let [a, b, c] = corners(mesh, random.below(mesh.triangles().len() as u32));
+    AimedPacket::each(Expect::Oracle, |aimed, i| {
+        let [a, b, c] = any_triangle(random, mesh);
         let goal = match random.below(3) {
             0 => a.lerp(b, random.unit()),
             _ => inside(random, [a, b, c]),
@@ -37,9 +35,8 @@ fn aim(random: &mut Random, mesh: &TriangleMesh, degrees: f64) -> AimedPacket {
         let side = random.direction().cross(normal).normalize_or(DVec3::X);
         let angle = degrees.to_radians() * random.sign();
         let away = side * angle.cos() + normal * angle.sin();
-        shot.through(i, goal + away * random.within(1.0, 8.0), goal);
-    }
-    shot
+        aimed.through(i, goal + away * random.within(1.0, 8.0), goal);
+    })
 }
 
 /// All cases of this group.
@@ -53,7 +50,7 @@ pub fn cases() -> Vec<Case> {
             Case::new(GROUP, name, what, PassCriterion::Exact, move |run| {
                 let geometry = scene(strips(&mut run.random(u64::MAX), width));
                 let amount = Amount { packets: 200, slow: 4, truth: 1 };
-                run.shoot(&geometry, amount, |random| aim(random, &geometry.meshes[0], degrees))
+                run.trace(&geometry, amount, |random| aim(random, &geometry.meshes[0], degrees))
             })
         })
         .collect()

@@ -1,11 +1,12 @@
 //! Traces one packet on every column and judges the answers.
 
+use crate::shading::lane;
 use std::time::Instant;
 
 use glam::DVec3;
 
 use super::Built;
-use super::tally::{CaseCounts, Kind, kind_of, ulp};
+use super::counts::{CaseCounts, Kind, kind_of, ulp};
 use crate::accel::Accelerator;
 use crate::accel::brute::Brute;
 use crate::accel::lane::{Hit, Ray, lanes};
@@ -50,6 +51,13 @@ impl AimedPacket {
         Self { rays: Rays::EMPTY, goals: [DVec3::ZERO; LANES], expect }
     }
 
+    /// Creates a packet and aims its rays one by one with `aim`.
+    pub fn each(expect: Expect, mut aim: impl FnMut(&mut Self, usize)) -> Self {
+        let mut packet = Self::new(expect);
+        (0..LANES).for_each(|i| aim(&mut packet, i));
+        packet
+    }
+
     /// Sets ray `i` from `origin` through `goal`, where t = 1 before rounding.
     pub fn through(&mut self, i: usize, origin: DVec3, goal: DVec3) {
         let origin = origin.as_vec3().as_dvec3();
@@ -59,10 +67,7 @@ impl AimedPacket {
 
     /// Sets ray `i` from `origin` along `direction`, both rounded to f32.
     pub fn put(&mut self, i: usize, origin: DVec3, direction: DVec3) {
-        for axis in 0..3 {
-            self.rays.org[axis][i] = origin[axis] as f32;
-            self.rays.dir[axis][i] = direction[axis] as f32;
-        }
+        self.rays.set(i, origin.as_vec3(), direction.as_vec3());
         self.goals[i] = origin;
     }
 }
@@ -78,25 +83,31 @@ impl Judge<'_> {
     ///
     /// If `known`, answers are compared with the oracle. Otherwise [`Expect::Closed`] is judged
     /// without it. If `slow`, slow columns trace the packet too.
-    pub fn shot(&self, shot: &AimedPacket, index: u64, known: bool, slow: bool) -> Vec<CaseCounts> {
+    pub fn packet(
+        &self,
+        aimed: &AimedPacket,
+        index: u64,
+        known: bool,
+        slow: bool,
+    ) -> Vec<CaseCounts> {
         let oracle = &self.built.oracle;
-        let active = shot.rays.possible(&Mask::ALL);
-        let exact = known || !matches!(shot.expect, Expect::Closed(_));
+        let active = aimed.rays.possible(&Mask::ALL);
+        let exact = known || !matches!(aimed.expect, Expect::Closed(_));
         let mut truths: [Option<Hit>; LANES] = [None; LANES];
         for i in lanes(&active).filter(|_| exact) {
-            truths[i] = oracle.closest_hit(&Ray::of(&shot.rays, i));
+            truths[i] = oracle.closest_hit(&Ray::of(&aimed.rays, i));
         }
         let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Incoherent };
         // One packet in four is an occlusion query.
         let shadow = index % 4 == 3;
-        self.built.counts(slow, |BuiltBackend { tested, accelerator }, tally| {
-            let one = One { shot, active, truths: exact.then_some(&truths), tested, oracle };
+        self.built.counts(slow, |BuiltBackend { tested, accelerator }, counts| {
+            let one = One { aimed, active, truths: exact.then_some(&truths), tested, oracle };
             let geometry = self.built.geometry;
-            if matches!(shot.expect, Expect::Crossings) {
-                return one.crossings(accelerator, geometry, tally);
+            if matches!(aimed.expect, Expect::Crossings) {
+                return one.crossings(accelerator, geometry, counts);
             }
             for (nth, way) in tested.coherences(packets).into_iter().enumerate() {
-                one.answers(accelerator, shadow, way, nth == 0, geometry, tally);
+                one.answers(accelerator, shadow, way, nth == 0, geometry, counts);
             }
         })
     }
@@ -104,7 +115,7 @@ impl Judge<'_> {
 
 /// One packet traced on one column.
 struct One<'a> {
-    shot: &'a AimedPacket,
+    aimed: &'a AimedPacket,
     active: Mask,
     truths: Option<&'a [Option<Hit>; LANES]>,
     tested: &'a TestedBackend,
@@ -119,20 +130,20 @@ impl One<'_> {
         way: Coherence,
         measure: bool,
         geometry: &Geometry,
-        tally: &mut CaseCounts,
+        counts: &mut CaseCounts,
     ) {
-        let mut packet = RayPacket { rays: self.shot.rays.clone(), ..RayPacket::EMPTY };
-        tally.nanoseconds +=
+        let mut packet = RayPacket { rays: self.aimed.rays.clone(), ..RayPacket::EMPTY };
+        counts.nanoseconds +=
             trace(accelerator, &self.active, &mut packet, shadow, way).as_nanos() as u64;
         for i in 0..LANES {
-            tally.rays += 1;
-            let kind = self.judge(i, &packet, shadow, tally);
+            counts.rays += 1;
+            let kind = self.judge(i, &packet, shadow, counts);
             if let Some(kind) = kind {
-                tally.fail(kind, self.shot.goals[i]);
+                counts.fail(kind, self.aimed.goals[i]);
             }
         }
         if let Some(truths) = self.truths.filter(|_| measure && !shadow) {
-            measure_hits(geometry, &self.active, &packet, truths, tally);
+            measure_hits(geometry, &self.active, &packet, truths, counts);
         }
     }
 
@@ -142,14 +153,14 @@ impl One<'_> {
         i: usize,
         packet: &RayPacket,
         shadow: bool,
-        tally: &mut CaseCounts,
+        counts: &mut CaseCounts,
     ) -> Option<Kind> {
         let answer = Answer::in_lane(packet, i, shadow);
         if self.active.0[i] == 0 {
-            let same = packet.rays.tfar[i].to_bits() == self.shot.rays.tfar[i].to_bits();
+            let same = packet.rays.tfar[i].to_bits() == self.aimed.rays.tfar[i].to_bits();
             return (!same || packet.hits.geom[i] != NONE).then_some(Kind::FalseHit);
         }
-        if let Expect::Closed(before) = &self.shot.expect {
+        if let Expect::Closed(before) = &self.aimed.expect {
             let leaks = match answer {
                 Answer::Miss => true,
                 Answer::Hit { t, .. } => t >= before[i],
@@ -160,12 +171,8 @@ impl One<'_> {
             }
         }
         let truth = self.truths?[i];
-        let exact = match (truth, shadow) {
-            (None, _) => Answer::Miss,
-            (Some(_), true) => Answer::Occluded,
-            (Some(hit), false) => hit.into(),
-        };
-        if matches!(self.shot.expect, Expect::Primitive) {
+        let exact = Answer::of_hit(truth, shadow);
+        if matches!(self.aimed.expect, Expect::Primitive) {
             return match (exact, answer) {
                 (Answer::Miss, Answer::Miss) | (Answer::Occluded, Answer::Occluded) => None,
                 (Answer::Hit { .. }, Answer::Hit { .. }) => {
@@ -176,12 +183,12 @@ impl One<'_> {
                 _ => Some(Kind::FalseHit),
             };
         }
-        let ray = Ray::of(&self.shot.rays, i);
+        let ray = Ray::of(&self.aimed.rays, i);
         let verdict = judge(self.oracle, &ray, exact, answer, self.tested.error_factor());
-        if matches!((self.shot.expect, verdict), (Expect::Lowest, Verdict::Tie)) {
+        if matches!((self.aimed.expect, verdict), (Expect::Lowest, Verdict::Tie)) {
             return Some(Kind::Tie);
         }
-        tally.within_bound += u64::from(matches!(verdict, Verdict::Tie | Verdict::Edge));
+        counts.within_bound += u64::from(matches!(verdict, Verdict::Tie | Verdict::Edge));
         kind_of(verdict)
     }
 
@@ -193,20 +200,20 @@ impl One<'_> {
         &self,
         accelerator: &dyn Accelerator,
         geometry: &Geometry,
-        tally: &mut CaseCounts,
+        counts: &mut CaseCounts,
     ) {
         for i in lanes(&self.active) {
-            let ray = Ray::of(&self.shot.rays, i);
+            let ray = Ray::of(&self.aimed.rays, i);
             if !self.clear(&ray) {
                 continue;
             }
             let expected = self.oracle.all_hits(&ray).len();
             let started = Instant::now();
-            let found = crossings(accelerator, geometry, &self.shot.rays, i);
-            tally.nanoseconds += started.elapsed().as_nanos() as u64;
-            tally.rays += 1;
+            let found = crossings(accelerator, geometry, &self.aimed.rays, i);
+            counts.nanoseconds += started.elapsed().as_nanos() as u64;
+            counts.rays += 1;
             if found != expected || found % 2 != 0 {
-                tally.fail(Kind::Crossings, self.shot.goals[i]);
+                counts.fail(Kind::Crossings, self.aimed.goals[i]);
             }
         }
     }
@@ -265,7 +272,7 @@ pub fn measure_hits(
     active: &Mask,
     packet: &RayPacket,
     truths: &[Option<Hit>; LANES],
-    tally: &mut CaseCounts,
+    counts: &mut CaseCounts,
 ) {
     let mut surfaces = Surfaces::EMPTY;
     let hit = packet.hit(active);
@@ -277,21 +284,21 @@ pub fn measure_hits(
         let same = |h: &Hit| (h.geom, h.prim) == (packet.hits.geom[i], packet.hits.prim[i]);
         let Some(exact) = truths[i].filter(same) else { continue };
         if exact.t < f64::from(f32::MAX) {
-            tally.measure((f64::from(packet.rays.tfar[i]) - exact.t).abs() / ulp(exact.t));
+            counts.measure((f64::from(packet.rays.tfar[i]) - exact.t).abs() / ulp(exact.t));
         }
         let ray = Ray::of(&packet.rays, i);
         let way = ray.direction * exact.t;
         let point = ray.origin + way;
-        let refined = DVec3::from([0, 1, 2].map(|k| f64::from(surfaces.position[k][i])));
+        let refined = lane(&surfaces.position, i).as_dvec3();
         let scale = point.abs().max_element().max(way.length()).max(size(geometry, &exact));
         let relative = (refined - point).abs().max_element() / scale;
         if relative.is_finite() {
-            tally.worst_relative = tally.worst_relative.max(relative);
+            counts.worst_relative = counts.worst_relative.max(relative);
         }
         if let GeometryKind::Mesh(_) = geometry.kind(exact.geom) {
             let error = (surfaces.u[i] - exact.u).abs();
             let error = error.max((surfaces.v[i] - exact.v).abs());
-            tally.worst_weight = tally.worst_weight.max(error);
+            counts.worst_weight = counts.worst_weight.max(error);
         }
     }
 }

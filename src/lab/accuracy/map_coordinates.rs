@@ -1,6 +1,7 @@
 //! Cases with meshes in map coordinates. A mesh of large double coordinates must give the same
 //! picture as the same mesh at the origin.
 
+use crate::geometry::doubles;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -8,9 +9,9 @@ use glam::{DVec2, DVec3};
 use serde_json::json;
 
 use super::case::{Amount, Case, CaseRun, PassCriterion};
+use super::counts::{CaseCounts, Kind, ulp};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{TestMesh, corners, icosphere, inside, scan};
-use super::tally::{CaseCounts, Kind, ulp};
+use super::meshes::{TestMesh, any_triangle, icosphere, point_on, scan};
 use crate::error::{Error, Result};
 use crate::film::{Film, Window};
 use crate::monitor::Monitor;
@@ -111,7 +112,7 @@ fn moved(
         let mut sums = Vec::new();
         for (one, other) in a.backends().zip(b.backends()) {
             let isa = one.tested.backend.isa();
-            let mut tally = CaseCounts::default();
+            let mut counts = CaseCounts::default();
             let started = std::time::Instant::now();
             let mut pictures = Vec::new();
             for (world, backend) in [(&here, one), (&there, other)] {
@@ -120,17 +121,17 @@ fn moved(
                 pictures.push(film.pixels);
             }
             run.monitor.check()?;
-            tally.nanoseconds = started.elapsed().as_nanos() as u64;
+            counts.nanoseconds = started.elapsed().as_nanos() as u64;
             for (index, (p, q)) in pictures[0].iter().zip(&pictures[1]).enumerate() {
-                tally.rays += 1;
+                counts.rays += 1;
                 if !p.iter().zip(q).all(|(&p, &q)| same(p, q)) {
                     let pixel = [index as u32 % frame[0], index as u32 / frame[0]];
                     let at = DVec2::new(pixel[0].into(), pixel[1].into());
                     let [x, y] = (at / f64::from(frame[0]) * 2.0 - 1.0).to_array();
-                    tally.fail(Kind::Pixel, DVec3::new(x, -y, 0.0));
+                    counts.fail(Kind::Pixel, DVec3::new(x, -y, 0.0));
                 }
             }
-            sums.push(tally);
+            sums.push(counts);
         }
         sums
     };
@@ -150,15 +151,15 @@ fn apart(run: &mut CaseRun) -> Result<()> {
     let world = load(folder.path(), &names, places[0].lerp(places[1], 0.5), FRAME)?;
     let geometry = &world.geometry;
     let mut off: f64 = 0.0;
-    let mut tally = CaseCounts::default();
+    let mut counts = CaseCounts::default();
     for (mesh, place) in geometry.meshes.iter().zip(places) {
         for (stored, v) in mesh.vertices().iter().zip(&shape.vertices) {
             let exact = (*v + place) - geometry.origin;
-            let error = (DVec3::from(stored.map(f64::from)) - exact).abs();
-            tally.rays += 1;
+            let error = (doubles(*stored) - exact).abs();
+            counts.rays += 1;
             let bound = exact.to_array().map(|x| 0.5001 * ulp(x));
             if !error.cmple(DVec3::from(bound)).all() {
-                tally.fail(Kind::WrongDistance, DVec3::from(stored.map(f64::from)));
+                counts.fail(Kind::WrongDistance, doubles(*stored));
             }
             off = off.max(error.max_element());
         }
@@ -166,24 +167,19 @@ fn apart(run: &mut CaseRun) -> Result<()> {
     run.note = Some(format!(
         "vertices within {off:.3} of the file's doubles, half an f32 ulp at 5e5 from the scene's origin"
     ));
-    let sums = vec![tally; run.tallies.len()];
+    let sums = vec![counts; run.counts.len()];
     run.keep(geometry, sums)?;
     let amount = Amount { packets: 600, slow: 8, truth: 8 };
-    run.shoot(geometry, amount, |random| {
-        let mut shot = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
+    run.trace(geometry, amount, |random| {
         let which = random.below(2) as usize;
         let mesh = &geometry.meshes[which];
         let center = places[which] - geometry.origin;
-        for i in 0..LANES {
-            let [a, b, c] = corners(mesh, random.below(mesh.triangles().len() as u32));
-            let goal = match random.below(3) {
-                0 => a,
-                1 => a.lerp(b, random.unit()),
-                _ => inside(random, [a, b, c]),
-            };
-            shot.through(i, center + random.cube() * 15.0, goal);
-        }
-        shot
+        AimedPacket::each(Expect::Closed([f64::INFINITY; LANES]), |aimed, i| {
+            let triangle = any_triangle(random, mesh);
+            let which = random.below(3);
+            let goal = point_on(random, triangle, which);
+            aimed.through(i, center + random.cube() * 15.0, goal);
+        })
     })
 }
 

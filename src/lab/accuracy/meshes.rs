@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
-use crate::geometry::{Geometry, Sphere, TriangleMesh};
+use crate::geometry::{Geometry, Sphere, TriangleMesh, doubles};
 use crate::lab::random::Random;
 
 /// A generated mesh around the origin, in f64.
@@ -212,13 +212,28 @@ pub fn geometry(
 
 /// Corners of triangle number `triangle`, in f64.
 pub fn corners(mesh: &TriangleMesh, triangle: u32) -> [DVec3; 3] {
-    mesh.corners(triangle).map(|v| Vec3::from(v).as_dvec3())
+    mesh.corners(triangle).map(doubles)
+}
+
+/// Corners of a random triangle of a mesh.
+pub fn any_triangle(random: &mut Random, mesh: &TriangleMesh) -> [DVec3; 3] {
+    corners(mesh, random.below(mesh.triangles().len() as u32))
 }
 
 /// A uniformly distributed point in a triangle.
 pub fn inside(random: &mut Random, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (u, v) = (random.unit().sqrt(), random.unit());
     a * (1.0 - u) + b * (u * (1.0 - v)) + c * (u * v)
+}
+
+/// A point of a triangle: its first corner (0), a random point of its first edge (1), or a random
+/// point inside (any other number).
+pub fn point_on(random: &mut Random, [a, b, c]: [DVec3; 3], which: u32) -> DVec3 {
+    match which {
+        0 => a,
+        1 => a.lerp(b, random.unit()),
+        _ => inside(random, [a, b, c]),
+    }
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@
 mod case;
 mod conservative;
 mod contact;
+mod counts;
 mod degenerate;
 mod grazing;
 mod judge;
@@ -21,16 +22,15 @@ mod report;
 mod secondary;
 mod shadow;
 mod spheres;
-mod tally;
 #[cfg(test)]
 mod tests;
 mod watertight;
 
 pub use self::case::{Case, CaseRun, PassCriterion};
+pub use self::counts::{CaseCounts, Kind};
 pub use self::report::{
     AccuracyReport, BackendCounts, CaseResult, ColumnReport, FailurePicture, VERSION,
 };
-pub use self::tally::{CaseCounts, Kind};
 
 use super::backend::{BuiltBackend, TestedBackend};
 use crate::accel::Accelerator;
@@ -79,11 +79,11 @@ impl Built<'_> {
         mut judge: impl FnMut(BuiltBackend, &mut CaseCounts),
     ) -> Vec<CaseCounts> {
         let count = |backend: BuiltBackend| {
-            let mut tally = CaseCounts::default();
+            let mut counts = CaseCounts::default();
             if with_slow || !backend.tested.is_slow() {
-                judge(backend, &mut tally);
+                judge(backend, &mut counts);
             }
-            tally
+            counts
         };
         self.backends().map(count).collect()
     }

@@ -1,13 +1,14 @@
 //! Draws a small picture of a geometry with a dot at each failure, coloured by its kind.
 
+use crate::shading::lane;
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 
-use super::tally::Kind;
+use super::counts::Kind;
 use crate::accel::bvh::Bvh;
 use crate::accel::{Accelerator, BuildOptions};
 use crate::error::Result;
-use crate::geometry::{Geometry, Surfaces, refine};
+use crate::geometry::{Box3, Geometry, Surfaces, TriangleMesh, doubles, refine};
 use crate::lab::png;
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket};
@@ -38,8 +39,8 @@ impl View {
     /// # Errors
     /// The errors of [`Bvh::build`].
     pub fn new(geometry: &Geometry, monitor: &Monitor) -> Result<Self> {
-        let (low, high) = bounds(geometry);
-        let (center, half) = ((low + high) / 2.0, (high - low) / 2.0);
+        let bounds = bounds(geometry);
+        let (center, half) = (bounds.center(), (bounds.max - bounds.min) / 2.0);
         // Flat geometry is seen from above, other geometry from a corner.
         let thin = half.to_array().iter().position(|&h| h < 0.1 * half.max_element());
         let forward = match thin {
@@ -84,10 +85,7 @@ impl View {
                 let x = (x / f64::from(SIZE[0]) * 2.0 - 1.0) * self.half[0];
                 let y = (y / f64::from(SIZE[1]) * 2.0 - 1.0) * self.half[1];
                 let origin = self.center + right * x + down * y - forward * distance;
-                for k in 0..3 {
-                    packet.rays.org[k][i] = origin[k] as f32;
-                    packet.rays.dir[k][i] = forward[k] as f32;
-                }
+                packet.rays.set(i, origin.as_vec3(), forward.as_vec3());
             }
             let active = packet.rays.possible(&Mask::ALL);
             tree.closest(&active, &mut packet, Coherence::Coherent);
@@ -95,7 +93,7 @@ impl View {
             for i in 0..LANES {
                 let [x, y] = pixel(i);
                 let seen = packet.hits.geom[i] != NONE;
-                let normal = DVec3::from([0, 1, 2].map(|k| f64::from(surfaces.ng[k][i])));
+                let normal = lane(&surfaces.ng, i).as_dvec3();
                 // The light comes from above and a little from the right.
                 let light = normal.dot((right * 0.35 - down * 0.6 - forward * 0.75).normalize());
                 let shade = if seen { shade(light) } else { 250 };
@@ -128,16 +126,11 @@ fn shade(light: f64) -> u8 {
     ((grey * SHADES).round() / SHADES * 240.0) as u8
 }
 
-fn bounds(geometry: &Geometry) -> (DVec3, DVec3) {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut add = |p: DVec3| (low, high) = (low.min(p), high.max(p));
-    for mesh in &geometry.meshes {
-        mesh.vertices().iter().for_each(|v| add(DVec3::from(v.map(f64::from))));
-    }
-    geometry.quads.iter().flatten().for_each(|v| add(DVec3::from(v.map(f64::from))));
-    for sphere in &geometry.spheres {
-        add(sphere.center - sphere.radius);
-        add(sphere.center + sphere.radius);
-    }
-    if low.is_finite() { (low, high) } else { (DVec3::NEG_ONE, DVec3::ONE) }
+fn bounds(geometry: &Geometry) -> Box3 {
+    let meshes = geometry.meshes.iter().flat_map(TriangleMesh::vertices);
+    let points = meshes.chain(geometry.quads.iter().flatten());
+    let points = points.map(|&v| Box3::of(&[doubles(v)]));
+    let spheres = geometry.spheres.iter().map(|s| Box3::of_sphere(s.center, s.radius));
+    let all = Box3::around(points.chain(spheres));
+    if all.min.is_finite() { all } else { Box3 { min: DVec3::NEG_ONE, max: DVec3::ONE } }
 }

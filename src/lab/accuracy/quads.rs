@@ -1,13 +1,13 @@
 //! Cases with quads: rays parallel to them, in their plane, at their corners and grazing; quads
 //! that are not quite flat.
 
+use crate::geometry::doubles;
 use glam::DVec3;
 
 use super::case::{Amount, Case, PassCriterion};
 use super::judge::{AimedPacket, Expect};
 use super::meshes::geometry;
 use crate::lab::random::Random;
-use crate::ray::LANES;
 
 const GROUP: &str = "quads";
 
@@ -36,21 +36,24 @@ fn quads(random: &mut Random, bend: f64) -> Vec<Quad> {
 
 type Aim = fn(&mut Random, &Quad, &mut AimedPacket, usize);
 
-fn case(name: &'static str, what: &'static str, mark: PassCriterion, bend: f64, aim: Aim) -> Case {
-    Case::new(GROUP, name, what, mark, move |run| {
+fn case(
+    name: &'static str,
+    what: &'static str,
+    criterion: PassCriterion,
+    bend: f64,
+    aim: Aim,
+) -> Case {
+    Case::new(GROUP, name, what, criterion, move |run| {
         let quads = quads(&mut run.random(u64::MAX), bend);
         let f32s = quads.iter().map(|quad| quad.map(|v| v.as_vec3().to_array())).collect();
         let geometry = geometry(vec![], f32s, vec![]);
         // The corners after rounding to f32.
-        let rounded: Vec<Quad> =
-            geometry.quads.iter().map(|quad| quad.map(|v| DVec3::from(v.map(f64::from)))).collect();
-        run.shoot(&geometry, Amount { packets: 200, slow: 4, truth: 1 }, |random| {
-            let mut shot = AimedPacket::new(Expect::Oracle);
-            for i in 0..LANES {
+        let rounded: Vec<Quad> = geometry.quads.iter().map(|quad| quad.map(doubles)).collect();
+        run.trace(&geometry, Amount { packets: 200, slow: 4, truth: 1 }, |random| {
+            AimedPacket::each(Expect::Oracle, |aimed, i| {
                 let quad = &rounded[random.below(rounded.len() as u32) as usize];
-                aim(random, quad, &mut shot, i);
-            }
-            shot
+                aim(random, quad, aimed, i);
+            })
         })
     })
 }
@@ -60,14 +63,14 @@ fn within(random: &mut Random, [a, b, _, d]: &Quad) -> DVec3 {
 }
 
 /// Sets a ray at `angle` radians to the plane, through a point of the quad.
-fn at_angle(random: &mut Random, quad: &Quad, angle: f64, shot: &mut AimedPacket, i: usize) {
+fn at_angle(random: &mut Random, quad: &Quad, angle: f64, aimed: &mut AimedPacket, i: usize) {
     let [a, b, _, d] = *quad;
     let normal = (b - a).cross(d - a).normalize_or(DVec3::Z);
     let turn = random.within(0.0, std::f64::consts::TAU);
     let side = (b - a).normalize() * turn.cos() + (d - a).normalize() * turn.sin();
     let away = side * angle.cos() + normal * angle.sin();
     let goal = within(random, quad);
-    shot.through(i, goal + away * random.within(1.0, 4.0), goal);
+    aimed.through(i, goal + away * random.within(1.0, 4.0), goal);
 }
 
 /// All cases of this group.
@@ -79,14 +82,14 @@ pub fn cases() -> Vec<Case> {
             "rays parallel to a quad's plane, beside it",
             PassCriterion::Exact,
             0.0,
-            |random, quad, shot, i| {
+            |random, quad, aimed, i| {
                 let [a, b, _, d] = *quad;
                 let normal = (b - a).cross(d - a).normalize_or(DVec3::Z);
                 let direction =
                     (b - a) * random.within(-1.0, 1.0) + (d - a) * random.within(-1.0, 1.0);
                 let beside = within(random, quad) + normal * random.within(-0.1, 0.1);
-                shot.put(i, beside - direction * 4.0, direction);
-                shot.goals[i] = beside;
+                aimed.put(i, beside - direction * 4.0, direction);
+                aimed.goals[i] = beside;
             },
         ),
         case(
@@ -94,7 +97,7 @@ pub fn cases() -> Vec<Case> {
             "rays in a quad's own plane: not hit where that is exact, at most at its edges elsewhere",
             seen_edge_on,
             0.0,
-            |random, quad, shot, i| {
+            |random, quad, aimed, i| {
                 let [a, b, _, d] = *quad;
                 // The direction is a side or a small integer combination of both sides.
                 let turns = [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (-1.0, 2.0)];
@@ -102,8 +105,8 @@ pub fn cases() -> Vec<Case> {
                 let direction = (b - a) * x + (d - a) * y;
                 let steps = f64::from(random.below(9)) / 8.0;
                 let goal = a + (b - a) * steps + (d - a) * steps;
-                shot.put(i, goal - direction * 4.0, direction);
-                shot.goals[i] = goal;
+                aimed.put(i, goal - direction * 4.0, direction);
+                aimed.goals[i] = goal;
             },
         ),
         case(
@@ -111,14 +114,14 @@ pub fn cases() -> Vec<Case> {
             "rays at corners, edges and the diagonal where the two halves meet",
             PassCriterion::Exact,
             0.0,
-            |random, quad, shot, i| {
+            |random, quad, aimed, i| {
                 let [a, b, c, d] = *quad;
                 let goal = match random.below(4) {
                     0 | 1 => quad[random.below(4) as usize],
                     2 => b.lerp(d, random.unit()),
                     _ => a.lerp(if random.below(2) == 0 { b } else { c }, random.unit()),
                 };
-                shot.through(i, random.direction() * random.within(2.0, 6.0), goal);
+                aimed.through(i, random.direction() * random.within(2.0, 6.0), goal);
             },
         ),
         case(
@@ -126,23 +129,23 @@ pub fn cases() -> Vec<Case> {
             "rays at 0.1 degrees to a quad's plane",
             PassCriterion::Exact,
             0.0,
-            |random, quad, shot, i| at_angle(random, quad, 0.1f64.to_radians(), shot, i),
+            |random, quad, aimed, i| at_angle(random, quad, 0.1f64.to_radians(), aimed, i),
         ),
         case(
             "grazing at 0.01 degrees",
             "rays at 0.01 degrees to a quad's plane",
             PassCriterion::Exact,
             0.0,
-            |random, quad, shot, i| at_angle(random, quad, 0.01f64.to_radians(), shot, i),
+            |random, quad, aimed, i| at_angle(random, quad, 0.01f64.to_radians(), aimed, i),
         ),
         case(
             "not quite flat",
             "one corner 1e-6 off the plane of the others: two triangles",
             PassCriterion::Exact,
             1e-6,
-            |random, quad, shot, i| {
+            |random, quad, aimed, i| {
                 let goal = within(random, quad);
-                shot.through(i, random.direction() * random.within(2.0, 6.0), goal);
+                aimed.through(i, random.direction() * random.within(2.0, 6.0), goal);
             },
         ),
     ]

@@ -1,17 +1,18 @@
 //! Cases with extreme rays: directions with zeros or of extreme lengths, ends on surfaces, NaN.
 
+use crate::shading::{lane, set_lane};
 use glam::DVec3;
 
 use super::Built;
 use super::case::{Amount, Case, CaseRun, PassCriterion};
+use super::counts::{CaseCounts, Kind};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{corners, inside, scan, scene};
-use super::tally::{CaseCounts, Kind};
+use super::meshes::{any_triangle, inside, point_on, scan, scene};
 use crate::error::Result;
 use crate::geometry::{Sphere, TriangleMesh};
 use crate::lab::query::trace;
 use crate::lab::random::Random;
-use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
 const GROUP: &str = "rays";
 
@@ -25,68 +26,63 @@ const ROUNDS: usize = 7;
 
 type Change = fn(&mut Random, &TriangleMesh, &mut AimedPacket, usize);
 
-fn case(name: &'static str, what: &'static str, mark: PassCriterion, change: Change) -> Case {
-    Case::new(GROUP, name, what, mark, move |run| {
+fn case(name: &'static str, what: &'static str, criterion: PassCriterion, change: Change) -> Case {
+    Case::new(GROUP, name, what, criterion, move |run| {
         let geometry = scene(scan().placed(DVec3::ZERO, 1.0));
-        run.shoot(&geometry, AMOUNT, |random| shot(random, &geometry.meshes[0], change))
+        run.trace(&geometry, AMOUNT, |random| aimed_packet(random, &geometry.meshes[0], change))
     })
 }
 
 /// Rays from around the mesh at its points, each changed by `change`.
-fn shot(random: &mut Random, mesh: &TriangleMesh, change: Change) -> AimedPacket {
-    let mut shot = AimedPacket::new(Expect::Oracle);
-    for i in 0..LANES {
+fn aimed_packet(random: &mut Random, mesh: &TriangleMesh, change: Change) -> AimedPacket {
+    AimedPacket::each(Expect::Oracle, |aimed, i| {
         let goal = point(random, mesh);
-        shot.through(i, random.direction() * 3.0, goal);
-        change(random, mesh, &mut shot, i);
-    }
-    shot
+        aimed.through(i, random.direction() * 3.0, goal);
+        change(random, mesh, aimed, i);
+    })
 }
 
 fn point(random: &mut Random, mesh: &TriangleMesh) -> DVec3 {
-    let triangle = random.below(mesh.triangles().len() as u32);
-    inside(random, corners(mesh, triangle))
+    let triangle = any_triangle(random, mesh);
+    inside(random, triangle)
 }
 
 fn vertex(random: &mut Random, mesh: &TriangleMesh) -> DVec3 {
-    corners(mesh, random.below(mesh.triangles().len() as u32))[0]
+    any_triangle(random, mesh)[0]
 }
 
 /// Replaces one or two components of the direction by values of `small`. The origin moves along, so
 /// the ray still passes near its goal.
-fn flatten(random: &mut Random, shot: &mut AimedPacket, i: usize, small: fn(&mut Random) -> f32) {
+fn flatten(random: &mut Random, aimed: &mut AimedPacket, i: usize, small: fn(&mut Random) -> f32) {
     let axis = random.below(3) as usize;
-    let goal = shot.goals[i];
+    let goal = aimed.goals[i];
     // One component, or two, which gives a ray along an axis.
     let both = random.below(2) == 0;
     for k in (0..3).filter(|&k| k == axis || (both && k == (axis + 1) % 3)) {
-        shot.rays.org[k][i] = goal[k] as f32;
-        shot.rays.dir[k][i] = small(random);
+        aimed.rays.org[k][i] = goal[k] as f32;
+        aimed.rays.dir[k][i] = small(random);
     }
 }
 
-fn stretch(shot: &mut AimedPacket, i: usize, by: f64) {
-    let direction = DVec3::from([0, 1, 2].map(|k| f64::from(shot.rays.dir[k][i])));
-    let stretched = direction.normalize_or(DVec3::X) * by;
-    for k in 0..3 {
-        shot.rays.dir[k][i] = stretched[k] as f32;
-    }
+fn stretch(aimed: &mut AimedPacket, i: usize, by: f64) {
+    let direction = lane(&aimed.rays.dir, i).as_dvec3();
+    set_lane(&mut aimed.rays.dir, i, (direction.normalize_or(DVec3::X) * by).as_vec3());
 }
 
 /// Sets ray `i` from `origin` in a random direction.
-fn start(random: &mut Random, shot: &mut AimedPacket, i: usize, origin: DVec3) {
+fn start(random: &mut Random, aimed: &mut AimedPacket, i: usize, origin: DVec3) {
     let direction = random.direction();
-    shot.put(i, origin, direction);
+    aimed.put(i, origin, direction);
 }
 
-fn impossible(random: &mut Random, _: &TriangleMesh, shot: &mut AimedPacket, i: usize) {
+fn impossible(random: &mut Random, _: &TriangleMesh, aimed: &mut AimedPacket, i: usize) {
     let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
     let value = bad[random.below(3) as usize];
     let axis = random.below(3) as usize;
     match random.below(6) {
-        0 | 1 => shot.rays.org[axis][i] = value,
-        2 | 3 => shot.rays.dir[axis][i] = value,
-        4 => (0..3).for_each(|k| shot.rays.dir[k][i] = value),
+        0 | 1 => aimed.rays.org[axis][i] = value,
+        2 | 3 => aimed.rays.dir[axis][i] = value,
+        4 => (0..3).for_each(|k| aimed.rays.dir[k][i] = value),
         // The other rays stay as they are.
         _ => {}
     }
@@ -96,11 +92,11 @@ fn impossible(random: &mut Random, _: &TriangleMesh, shot: &mut AimedPacket, i: 
 /// [`SLOW`] times as long.
 fn quickly(run: &mut CaseRun) -> Result<()> {
     let geometry = scene(scan().placed(DVec3::ZERO, 1.0));
-    run.shoot(&geometry, AMOUNT, |random| shot(random, &geometry.meshes[0], impossible))?;
+    run.trace(&geometry, AMOUNT, |random| aimed_packet(random, &geometry.meshes[0], impossible))?;
     let (sums, note) = {
         let packets = |change: Change| -> Vec<Rays> {
             let mesh = &geometry.meshes[0];
-            (0..64).map(|k| shot(&mut run.random(k), mesh, change).rays).collect()
+            (0..64).map(|k| aimed_packet(&mut run.random(k), mesh, change).rays).collect()
         };
         let (clean, bad) = (packets(|_, _, _, _| {}), packets(impossible));
         let built = run.build(&geometry)?;
@@ -112,7 +108,7 @@ fn quickly(run: &mut CaseRun) -> Result<()> {
 
 fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<CaseCounts>, String) {
     let mut worst: f64 = 0.0;
-    let sums = built.counts(true, |backend, tally| {
+    let sums = built.counts(true, |backend, counts| {
         for way in backend.tested.coherences(Coherence::Coherent) {
             let mut least = [u64::MAX; 2];
             for _ in 0..ROUNDS {
@@ -132,9 +128,9 @@ fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<CaseCounts>, String) {
             }
             let ratio = least[1] as f64 / least[0].max(1) as f64;
             worst = worst.max(ratio);
-            tally.rays += 1;
+            counts.rays += 1;
             if ratio > SLOW {
-                tally.fail(Kind::Slow, DVec3::ZERO);
+                counts.fail(Kind::Slow, DVec3::ZERO);
             }
         }
     });
@@ -153,16 +149,16 @@ pub fn cases() -> Vec<Case> {
             "components 0 and -0",
             "directions with one or two components 0 or -0",
             PassCriterion::Exact,
-            |random, _, shot, i| {
-                flatten(random, shot, i, |random| 0f32.copysign(random.sign() as f32));
+            |random, _, aimed, i| {
+                flatten(random, aimed, i, |random| 0f32.copysign(random.sign() as f32));
             },
         ),
         case(
             "denormal components",
             "directions with one or two denormal components",
             PassCriterion::Exact,
-            |random, _, shot, i| {
-                flatten(random, shot, i, |random| {
+            |random, _, aimed, i| {
+                flatten(random, aimed, i, |random| {
                     f32::from_bits(1 + random.below(0x7f_fffe)).copysign(random.sign() as f32)
                 });
             },
@@ -171,49 +167,47 @@ pub fn cases() -> Vec<Case> {
             "direction of length 1e-30",
             "t is around 1e30",
             PassCriterion::Exact,
-            |_, _, shot, i| {
-                stretch(shot, i, 1e-30);
+            |_, _, aimed, i| {
+                stretch(aimed, i, 1e-30);
             },
         ),
         case(
             "direction of length 1e30",
             "t is around 1e-30",
             PassCriterion::Exact,
-            |_, _, shot, i| {
-                stretch(shot, i, 1e30);
+            |_, _, aimed, i| {
+                stretch(aimed, i, 1e30);
             },
         ),
         case(
             "origins on vertices",
             "from vertices of the mesh in any direction",
             PassCriterion::Exact,
-            |random, mesh, shot, i| {
+            |random, mesh, aimed, i| {
                 let origin = vertex(random, mesh);
-                start(random, shot, i, origin);
+                start(random, aimed, i, origin);
             },
         ),
         case(
             "origins on edges and faces",
             "from points on the mesh, rounded to f32, in any direction",
             PassCriterion::Coarse(1e-3, "from points on the mesh t is next to 0"),
-            |random, mesh, shot, i| {
-                let [a, b, c] = corners(mesh, random.below(mesh.triangles().len() as u32));
-                let origin = match random.below(2) {
-                    0 => a.lerp(b, random.unit()),
-                    _ => inside(random, [a, b, c]),
-                };
-                start(random, shot, i, origin);
+            |random, mesh, aimed, i| {
+                let triangle = any_triangle(random, mesh);
+                let which = 1 + random.below(2);
+                let origin = point_on(random, triangle, which);
+                start(random, aimed, i, origin);
             },
         ),
         case(
             "origins on box planes",
             "from within a plane of a primitive's box, often along that plane",
             PassCriterion::Exact,
-            |random, mesh, shot, i| {
+            |random, mesh, aimed, i| {
                 let axis = random.below(3) as usize;
-                shot.rays.org[axis][i] = vertex(random, mesh)[axis] as f32;
+                aimed.rays.org[axis][i] = vertex(random, mesh)[axis] as f32;
                 if random.below(2) == 0 {
-                    shot.rays.dir[axis][i] = 0.0;
+                    aimed.rays.dir[axis][i] = 0.0;
                 }
             },
         ),
@@ -229,9 +223,9 @@ pub fn cases() -> Vec<Case> {
             "tnear beyond tfar",
             "empty segments miss",
             PassCriterion::Exact,
-            |random, _, shot, i| {
+            |random, _, aimed, i| {
                 if random.below(4) > 0 {
-                    (shot.rays.tnear[i], shot.rays.tfar[i]) = (2.0, random.unit() as f32);
+                    (aimed.rays.tnear[i], aimed.rays.tfar[i]) = (2.0, random.unit() as f32);
                 }
             },
         ),
@@ -239,10 +233,10 @@ pub fn cases() -> Vec<Case> {
             "zero direction",
             "rays without direction miss",
             PassCriterion::Exact,
-            |random, _, shot, i| {
+            |random, _, aimed, i| {
                 if random.below(4) > 0 {
                     let zero = 0f32.copysign(random.sign() as f32);
-                    (0..3).for_each(|k| shot.rays.dir[k][i] = zero);
+                    (0..3).for_each(|k| aimed.rays.dir[k][i] = zero);
                 }
             },
         ),
@@ -256,8 +250,8 @@ fn on_a_surface() -> Case {
     let what = "from points that a floor holds exactly - within a triangle, on its edge, on its corner, within a quad, on \
                 a sphere, axis-parallel and tilted - in any direction: the floor is not met there, what is behind it is. \
                 Whatever the bound of a backend's test, the primitive must be right";
-    let mark = PassCriterion::Coarse(1e-3, "a sphere may be met again just behind its start");
-    Case::new(GROUP, "origin on a surface", what, mark, |run| {
+    let criterion = PassCriterion::Coarse(1e-3, "a sphere may be met again just behind its start");
+    Case::new(GROUP, "origin on a surface", what, criterion, |run| {
         for slope in [0.0, 0.25, 0.625] {
             // Multiples of 1/64, so that points of the plane are exact in f32.
             let at = |x: f64, y: f64| DVec3::new(x, y, slope * x - 0.5 * slope * y);
@@ -269,9 +263,8 @@ fn on_a_surface() -> Case {
             let quad = quad.map(|v| v.as_vec3().to_array());
             let ball = Sphere { center: DVec3::new(-4.0, 0.0, 0.0), radius: 1.0 };
             let geometry = super::meshes::geometry(vec![mesh], vec![quad], vec![ball]);
-            run.shoot(&geometry, Amount { packets: 100, slow: 5, truth: 1 }, |random| {
-                let mut shot = AimedPacket::new(Expect::Primitive);
-                for i in 0..LANES {
+            run.trace(&geometry, Amount { packets: 100, slow: 5, truth: 1 }, |random| {
+                AimedPacket::each(Expect::Primitive, |aimed, i| {
                     let share = f64::from(random.below(5)) / 4.0;
                     let origin = match random.below(5) {
                         0 => at(
@@ -283,9 +276,8 @@ fn on_a_surface() -> Case {
                         3 => at(3.0 + 2.0 * share, f64::from(random.below(33)) / 32.0 - 0.5),
                         _ => ball.center + DVec3::AXES[random.below(3) as usize] * random.sign(),
                     };
-                    start(random, &mut shot, i, origin);
-                }
-                shot
+                    start(random, aimed, i, origin);
+                })
             })?;
         }
         Ok(())
@@ -304,21 +296,19 @@ fn ends() -> Case {
             [[a, b, c], [a, c, d]]
         };
         let geometry = scene(super::meshes::soup(&[corners(4.0), corners(8.0)].concat()));
-        run.shoot(&geometry, Amount { packets: 60, ..AMOUNT }, |random| {
-            let mut shot = AimedPacket::new(Expect::Oracle);
-            for i in 0..LANES {
+        run.trace(&geometry, Amount { packets: 60, ..AMOUNT }, |random| {
+            AimedPacket::each(Expect::Oracle, |aimed, i| {
                 let mut origin = (random.cube() * 512.0).round() / 128.0;
                 origin.z = 0.0;
                 let step = f64::from(1 << random.below(3));
-                shot.put(i, origin, DVec3::Z / step);
+                aimed.put(i, origin, DVec3::Z / step);
                 let t = (4.0 * step) as f32;
                 let near = f32::from_bits(t.to_bits() + random.below(3) - 1);
                 match random.below(2) {
-                    0 => shot.rays.tfar[i] = near,
-                    _ => shot.rays.tnear[i] = near,
+                    0 => aimed.rays.tfar[i] = near,
+                    _ => aimed.rays.tnear[i] = near,
                 }
-            }
-            shot
+            })
         })
     })
 }

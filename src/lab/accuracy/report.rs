@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::AccuracySettings;
-use super::tally::CaseCounts;
+use super::counts::CaseCounts;
 use crate::error::Result;
 use crate::lab::backend::empty_geometry;
 use crate::lab::result::Machine;
@@ -106,21 +106,21 @@ pub struct BackendCounts {
 }
 
 impl BackendCounts {
-    pub(super) fn new(tally: &CaseCounts, missed: Option<String>) -> Self {
-        let measured = tally.measured > 0;
+    pub(super) fn new(counts: &CaseCounts, missed: Option<String>) -> Self {
+        let measured = counts.measured > 0;
         Self {
-            rays: tally.rays,
-            failed: tally.failed(),
-            failures: tally.failures.iter().map(|(kind, n)| (kind.name().into(), *n)).collect(),
-            within_bound: tally.within_bound,
-            counted: tally.counted,
-            measured: tally.measured,
-            beyond_2_ulp: tally.beyond_2,
-            beyond_8_ulp: tally.beyond_8,
-            worst_ulp: Some(tally.worst_ulp).filter(|_| measured),
-            worst_relative: Some(tally.worst_relative).filter(|_| measured),
-            worst_weight: Some(tally.worst_weight).filter(|_| measured),
-            seconds: tally.nanoseconds as f64 * 1e-9,
+            rays: counts.rays,
+            failed: counts.failed(),
+            failures: counts.failures.iter().map(|(kind, n)| (kind.name().into(), *n)).collect(),
+            within_bound: counts.within_bound,
+            counted: counts.counted,
+            measured: counts.measured,
+            beyond_2_ulp: counts.beyond_2,
+            beyond_8_ulp: counts.beyond_8,
+            worst_ulp: Some(counts.worst_ulp).filter(|_| measured),
+            worst_relative: Some(counts.worst_relative).filter(|_| measured),
+            worst_weight: Some(counts.worst_weight).filter(|_| measured),
+            seconds: counts.nanoseconds as f64 * 1e-9,
             missed,
         }
     }

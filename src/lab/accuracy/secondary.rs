@@ -4,14 +4,13 @@
 use glam::{DMat3, DVec3, Vec3};
 
 use super::case::{Case, PassCriterion};
-use super::contact::{above, check};
-use super::meshes::{self, geometry};
-use super::tally::Kind;
-use crate::accel::lane::lanes;
-use crate::geometry::Geometry;
+use super::contact::{CUBE_SIDES, Place, above, check, corner, towards};
+use super::counts::Kind;
+use super::meshes::{self, geometry, scene};
+use crate::geometry::{Geometry, TriangleMesh};
 use crate::lab::random::Random;
-use crate::ray::{Coherence, LANES, NONE, RayPacket};
-use crate::shading::{Area, set_lane};
+use crate::ray::{Coherence, RayPacket};
+use crate::shading::Area;
 
 const GROUP: &str = "secondary rays";
 
@@ -48,27 +47,16 @@ const ROOMS: [Room; 5] = [Room::Quads, Room::Triangles, Room::Ball, Room::Scan, 
 
 impl Room {
     /// The geometry and the edges of the room, transformed by `place` and rounded to f32.
-    fn place(self, place: &dyn Fn(DVec3) -> DVec3) -> (Geometry, Vec<[DVec3; 2]>) {
-        let rounded = |v: DVec3| place(v).as_vec3();
+    fn place(self, place: &Place) -> (Geometry, Vec<[DVec3; 2]>) {
+        let rounded = |v: DVec3| place.at(v).as_vec3();
         let shape = match self {
             Self::Quads => {
-                let corner = |k: usize| {
-                    DVec3::from([0, 1, 2].map(|a| f64::from(k as u32 >> a & 1) * 2.0 - 1.0))
-                };
-                let sides = [
-                    [0, 2, 3, 1],
-                    [4, 5, 7, 6],
-                    [0, 1, 5, 4],
-                    [2, 6, 7, 3],
-                    [0, 4, 6, 2],
-                    [1, 3, 7, 5],
-                ];
-                let quads = sides.map(|side| side.map(|k| rounded(corner(k)).to_array()));
-                let edge = |side: [usize; 4], k: usize| {
-                    [side[k], side[(k + 1) % 4]].map(|k| rounded(corner(k)).as_dvec3())
-                };
+                let sides = CUBE_SIDES.map(|side| side.map(|k| rounded(corner(k).into())));
+                let quads = sides.iter().map(|side| side.map(|v| v.to_array())).collect();
+                let edge = |side: [Vec3; 4], k: usize| [side[k], side[(k + 1) % 4]];
                 let edges = sides.iter().flat_map(|&side| (0..4).map(move |k| edge(side, k)));
-                return (geometry(vec![], quads.to_vec(), vec![]), edges.collect());
+                let edges = edges.map(|edge| edge.map(|v| v.as_dvec3())).collect();
+                return (geometry(vec![], quads, vec![]), edges);
             }
             Self::Triangles => meshes::cube(2),
             Self::Ball => meshes::icosphere(2),
@@ -83,8 +71,7 @@ impl Room {
         };
         let edges = aimed.iter().flat_map(of).collect();
         let vertices = shape.vertices.iter().map(|&v| rounded(v).to_array()).collect();
-        let mesh = crate::geometry::TriangleMesh::new(vertices, shape.triangles.clone(), false);
-        (geometry(vec![mesh], vec![], vec![]), edges)
+        (scene(TriangleMesh::new(vertices, shape.triangles, false)), edges)
     }
 
     /// Half the sides of a box around the middle that lies well inside the room.
@@ -100,9 +87,7 @@ impl Room {
 
 /// 16 rays from one point at edges: at their ends, at points on them, and slightly beside.
 fn at_edges(random: &mut Random, from: DVec3, edges: &[[DVec3; 2]]) -> RayPacket {
-    let mut packet = RayPacket::EMPTY;
-    let from = from.as_vec3();
-    for i in 0..LANES {
+    towards(|| {
         let [a, b] = edges[random.below(edges.len() as u32) as usize];
         let goal = match random.below(4) {
             0 => a,
@@ -112,10 +97,8 @@ fn at_edges(random: &mut Random, from: DVec3, edges: &[[DVec3; 2]]) -> RayPacket
             0 => DVec3::ZERO,
             _ => random.direction() * (b - a).length() * 10f64.powf(random.within(-9.0, -3.0)),
         };
-        set_lane(&mut packet.rays.org, i, from);
-        set_lane(&mut packet.rays.dir, i, (goal + beside - from.as_dvec3()).as_vec3());
-    }
-    packet
+        [from, goal + beside]
+    })
 }
 
 /// A case with a closed room: no ray from its inner edges escapes, and lights inside reach them.
@@ -125,54 +108,39 @@ fn closed(room: Room, name: &str) -> Case {
          and corners, exactly and a little beside. Shadow rays from there to lights outside must be stopped, mirrored \
          rays must hit; where the room is convex, lights inside must be seen"
     );
-    let mark = PassCriterion::Zero("shadow rays have no t");
-    Case::new(GROUP, format!("closed room, {name}"), what, mark, move |run| {
+    let criterion = PassCriterion::Zero("shadow rays have no t");
+    Case::new(GROUP, format!("closed room, {name}"), what, criterion, move |run| {
         let turns = if room == Room::Scan { 1 } else { 3 };
         let cases = PLACES.iter().flat_map(|&place| (0..turns).map(move |k| (place, k)));
         for (salt, ((scale, distance), k)) in cases.enumerate() {
-            let (turn, offset) = (turn(k), DVec3::new(0.6, -0.5, 0.62) * scale * distance);
-            let place = move |v: DVec3| offset + turn * v * scale;
+            let place = Place::new(scale, distance, turn(k));
             let (geometry, edges) = room.place(&place);
             check(
                 run,
                 &geometry,
                 salt as u64,
                 |random| {
-                    let from = place(random.cube() * room.within());
+                    let from = place.at(random.cube() * room.within());
                     at_edges(random, from, &edges)
                 },
-                |random, seen, tally| {
+                |random, seen, counts| {
                     let outside = std::array::from_fn(|i| {
                         let normal = seen.points.normal(i);
                         let far = 10f64.powf(random.within(1.0, 3.0)) * scale;
                         seen.points.position(i) + above(random, normal, MIN_COSINE) * far
                     });
-                    for (active, occluded) in seen.occluded(&outside, None, tally) {
-                        for i in lanes(&active) {
-                            tally.rays += 1;
-                            if !occluded[i] {
-                                tally.fail(Kind::Leak, seen.points.position(i));
-                            }
-                        }
+                    for (i, occluded) in seen.occluded(&outside, None, counts) {
+                        seen.expect(i, occluded, Kind::Leak, counts);
                     }
-                    let (active, packet) = seen.points.mirrored(seen.scene(), Coherence::Coherent);
-                    for i in lanes(&active).filter(|&i| seen.primitive(i).is_some()) {
-                        tally.rays += 1;
-                        if packet.hits.geom[i] == NONE {
-                            tally.fail(Kind::Leak, seen.points.position(i));
-                        }
+                    for (i, hit) in seen.mirrored(Coherence::Coherent) {
+                        seen.expect(i, hit, Kind::Leak, counts);
                     }
                     if !room.is_convex() {
                         return;
                     }
-                    let inside = std::array::from_fn(|_| place(random.cube() * room.within()));
-                    for (active, occluded) in seen.occluded(&inside, None, tally) {
-                        for i in lanes(&active) {
-                            tally.rays += 1;
-                            if occluded[i] {
-                                tally.fail(Kind::SelfShadow, seen.points.position(i));
-                            }
-                        }
+                    let inside = std::array::from_fn(|_| place.at(random.cube() * room.within()));
+                    for (i, occluded) in seen.occluded(&inside, None, counts) {
+                        seen.expect(i, !occluded, Kind::SelfShadow, counts);
                     }
                 },
             )?;
@@ -195,27 +163,36 @@ enum Side {
 /// Distance of a light from its wall: far above the rounding of corners, far below visibility.
 const HAIR: f64 = 1e-5;
 
+/// A mesh of n x n cells. Vertices are numbered row by row, and `split` gets the first of a cell.
+fn grid(
+    n: u32,
+    vertex: impl Fn(u32, u32) -> [f32; 3],
+    split: impl Fn(u32) -> [[u32; 3]; 2],
+) -> TriangleMesh {
+    let square = |n: u32| (0..n).flat_map(move |j| (0..n).map(move |i| (i, j)));
+    let vertices = square(n + 1).map(|(i, j)| vertex(i, j)).collect();
+    let triangles = square(n).flat_map(|(i, j)| split(j * (n + 1) + i)).collect();
+    TriangleMesh::new(vertices, triangles, false)
+}
+
 /// A floor, a side wall and a ceiling at z = 1, transformed by `place`. The ceiling is a quad or a
 /// grid of small triangles.
-fn wall(quads: bool, place: &dyn Fn(DVec3) -> DVec3) -> Geometry {
-    let rounded = |x: f64, y: f64| place(DVec3::new(x, y, 1.0)).as_vec3().to_array();
-    let floor = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]]
-        .map(|[x, y]: [f64; 2]| place(DVec3::new(x, y, -1.0)).as_vec3().to_array());
-    let side = [[-2.0, -1.0], [-2.0, 1.0], [2.0, 1.0], [2.0, -1.0]]
-        .map(|[y, z]: [f64; 2]| place(DVec3::new(2.0, y, z)).as_vec3().to_array());
+fn wall(quads: bool, place: &Place) -> Geometry {
+    let rounded = |x: f64, y: f64, z: f64| place.at(DVec3::new(x, y, z)).as_vec3().to_array();
+    let floor = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]];
+    let floor = floor.map(|[x, y]| rounded(x, y, -1.0));
+    let side = [[-2.0, -1.0], [-2.0, 1.0], [2.0, 1.0], [2.0, -1.0]];
+    let side = side.map(|[y, z]| rounded(2.0, y, z));
     if quads {
-        let ceiling = [[-2.0, -2.0], [-2.0, 2.0], [2.0, 2.0], [2.0, -2.0]]
-            .map(|[x, y]: [f64; 2]| rounded(x, y));
+        let ceiling = [[-2.0, -2.0], [-2.0, 2.0], [2.0, 2.0], [2.0, -2.0]];
+        let ceiling = ceiling.map(|[x, y]| rounded(x, y, 1.0));
         return geometry(vec![], vec![floor, side, ceiling], vec![]);
     }
     let n = 16;
     let at = |i: u32| f64::from(i) / f64::from(n) * 4.0 - 2.0;
-    let vertices =
-        (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j))).map(|(i, j)| rounded(at(i), at(j)));
-    let cells = (0..n).flat_map(|j| (0..n).map(move |i| j * (n + 1) + i));
-    let triangles = cells.flat_map(|k| [[k, k + n + 1, k + 1], [k + 1, k + n + 1, k + n + 2]]);
-    let mesh = crate::geometry::TriangleMesh::new(vertices.collect(), triangles.collect(), false);
-    geometry(vec![mesh], vec![floor, side], vec![])
+    let vertex = |i, j| rounded(at(i), at(j), 1.0);
+    let split = |k| [[k, k + n + 1, k + 1], [k + 1, k + n + 1, k + n + 2]];
+    geometry(vec![grid(n, vertex, split)], vec![floor, side], vec![])
 }
 
 /// A case with an area light at a wall: the wall must shadow it only if the light lies behind.
@@ -231,8 +208,7 @@ fn flush(side: Side, what: &str) -> Case {
         for (scale, distance) in PLACES {
             for (k, quads) in (0..6).map(|k| (k / 2, k % 2 == 0)) {
                 salt += 1;
-                let (turn, offset) = (turn(k), DVec3::new(0.6, -0.5, 0.62) * scale * distance);
-                let place = move |v: DVec3| offset + turn * v * scale;
+                let place = Place::new(scale, distance, turn(k));
                 let geometry = wall(quads, &place);
                 // Far from the origin f32 is coarser, so the distance grows with it.
                 let hair = HAIR * (1.0 + distance);
@@ -241,33 +217,28 @@ fn flush(side: Side, what: &str) -> Case {
                     Side::Before => 1.0 - hair,
                     Side::Behind => 1.0 + hair,
                 };
-                let corner = DVec3::new(-0.5, -0.4, z);
-                let (edge, height) = (DVec3::new(1.0, 0.0, 0.0), DVec3::new(0.0, 0.7, 0.0));
-                let [edge, height] = [edge, height].map(|v| turn * v * scale);
-                let mut area = Area::new(place(corner).as_vec3(), edge, height, false, 1);
+                let corner = place.at(DVec3::new(-0.5, -0.4, z)).as_vec3();
+                let [edge, height] = [DVec3::X, DVec3::new(0.0, 0.7, 0.0)].map(|v| place.vector(v));
+                let mut area = Area::new(corner, edge, height, false, 1);
                 area.set_plane_gap(&geometry);
                 check(
                     run,
                     &geometry,
                     salt,
                     |random| at_room(random, &place),
-                    |random, seen, tally| {
+                    |random, seen, counts| {
                         let lights = std::array::from_fn(|_| {
                             let (s, t) = (random.unit() as f32, random.unit() as f32);
                             let q: Vec3 = area.corner + area.edge * s + area.height * t;
                             q.as_dvec3()
                         });
-                        for (active, occluded) in seen.occluded(&lights, Some(&area), tally) {
+                        for (i, occluded) in seen.occluded(&lights, Some(&area), counts) {
                             // Points on the ceiling itself are not judged.
-                            let last = seen.is_off_plane(&area);
-                            for i in lanes(&active).filter(|&i| last[i]) {
-                                tally.rays += 1;
-                                let wrong = occluded[i] != (side == Side::Behind);
+                            if seen.is_off_plane(&area, i) {
+                                let right = occluded == (side == Side::Behind);
                                 let kind =
-                                    if occluded[i] { Kind::SelfShadow } else { Kind::LightLeak };
-                                if wrong {
-                                    tally.fail(kind, seen.points.position(i));
-                                }
+                                    if occluded { Kind::SelfShadow } else { Kind::LightLeak };
+                                seen.expect(i, right, kind, counts);
                             }
                         }
                     },
@@ -279,70 +250,53 @@ fn flush(side: Side, what: &str) -> Case {
 }
 
 /// 16 rays from the middle of the room to its floor, and to the side wall up to the ceiling.
-fn at_room(random: &mut Random, place: &dyn Fn(DVec3) -> DVec3) -> RayPacket {
-    let mut packet = RayPacket::EMPTY;
-    let from = place(random.cube() * 0.5).as_vec3();
-    for i in 0..LANES {
+fn at_room(random: &mut Random, place: &Place) -> RayPacket {
+    let from = place.at(random.cube() * 0.5);
+    towards(|| {
         let (x, y) = (random.within(-1.9, 1.9), random.within(-1.9, 1.9));
         let goal = match random.below(2) {
             0 => DVec3::new(x, y, -1.0),
             // At least 0.003 below the light's plane.
             _ => DVec3::new(2.0, y, 1.0 - 10f64.powf(random.within(-2.5, 0.2))),
         };
-        set_lane(&mut packet.rays.org, i, from);
-        set_lane(&mut packet.rays.dir, i, (place(goal) - from.as_dvec3()).as_vec3());
-    }
-    packet
+        [from, place.at(goal)]
+    })
 }
 
 /// A case with mirrored rays at a small angle: they must not hit the mirror itself.
 fn mirrors() -> Case {
     let what = "a floor of coplanar triangles, turned, mirrors rays that come at 1e-6 to 0.1 of a right angle: there is \
                 nothing above it to be hit";
-    let mark = PassCriterion::Zero("mirrored rays that hit nothing have no t");
-    Case::new(GROUP, "grazing mirrors", what, mark, move |run| {
+    let criterion = PassCriterion::Zero("mirrored rays that hit nothing have no t");
+    Case::new(GROUP, "grazing mirrors", what, criterion, move |run| {
         for k in 0..6 {
             let turn = turn(k);
             // Multiples of 1/4096, so that the rotated floor is exactly flat in f32.
             let lattice = |v: DVec3| (v * 4096.0).round() / 4096.0;
             let (x, y) = (lattice(turn * DVec3::X * 0.125), lattice(turn * DVec3::Y * 0.125));
             let n = 16u32;
-            let at = |i: u32, j: u32| {
-                (x * (f64::from(i) - 8.0) + y * (f64::from(j) - 8.0)).as_vec3().to_array()
-            };
-            let vertices = (0..=n).flat_map(|j| (0..=n).map(move |i| at(i, j))).collect();
-            let cells = (0..n).flat_map(|j| (0..n).map(move |i| j * (n + 1) + i));
-            let triangles =
-                cells.flat_map(|k| [[k, k + 1, k + n + 1], [k + 1, k + n + 2, k + n + 1]]);
-            let mesh = crate::geometry::TriangleMesh::new(vertices, triangles.collect(), false);
-            let geometry = geometry(vec![mesh], vec![], vec![]);
+            let vertex =
+                |i, j| (x * (f64::from(i) - 8.0) + y * (f64::from(j) - 8.0)).as_vec3().to_array();
+            let split = |k| [[k, k + 1, k + n + 1], [k + 1, k + n + 2, k + n + 1]];
+            let geometry = scene(grid(n, vertex, split));
             let up = x.cross(y).normalize();
             check(
                 run,
                 &geometry,
                 k as u64,
                 |random| {
-                    let mut packet = RayPacket::EMPTY;
-                    for i in 0..LANES {
+                    towards(|| {
                         let goal = x * random.within(-8.0, 8.0) + y * random.within(-8.0, 8.0);
                         let side =
                             up.cross(random.direction()).normalize_or(up.any_orthonormal_vector());
                         let slope = 10f64.powf(random.within(-6.0, -1.0));
-                        let origin =
-                            (goal + (side + up * slope) * random.within(0.5, 3.0)).as_vec3();
-                        set_lane(&mut packet.rays.org, i, origin);
-                        set_lane(&mut packet.rays.dir, i, (goal - origin.as_dvec3()).as_vec3());
-                    }
-                    packet
+                        [goal + (side + up * slope) * random.within(0.5, 3.0), goal]
+                    })
                 },
-                |_, seen, tally| {
+                |_, seen, counts| {
                     for way in seen.tested.coherences(Coherence::Coherent) {
-                        let (active, packet) = seen.points.mirrored(seen.scene(), way);
-                        for i in lanes(&active).filter(|&i| seen.primitive(i).is_some()) {
-                            tally.rays += 1;
-                            if packet.hits.geom[i] != NONE {
-                                tally.fail(Kind::SelfShadow, seen.points.position(i));
-                            }
+                        for (i, hit) in seen.mirrored(way) {
+                            seen.expect(i, !hit, Kind::SelfShadow, counts);
                         }
                     }
                 },

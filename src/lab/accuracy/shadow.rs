@@ -47,7 +47,7 @@ impl Points {
         points.primitive = surfaces.primitive;
         points.kd = [1.0; LANES];
         for i in lanes(hit) {
-            let direction = Vec3::from([0, 1, 2].map(|k| packet.rays.dir[k][i]));
+            let direction = lane(&packet.rays.dir, i);
             set_lane(&mut points.view, i, -direction.normalize_or(Vec3::X));
         }
         Self { surfaces, points, crevices }
@@ -73,10 +73,8 @@ impl Points {
         let aimed = ShadowRays::aim(&self.points, light, Falloff::None, false, &mut rays, &mut lit);
         if backend == Backend::Coursework {
             for i in lanes(&aimed.active) {
-                let origin = self.position(i) + self.normal(i) * COURSEWORK_OFFSET;
-                let origin = origin.as_vec3();
-                set_lane(&mut rays.org, i, origin);
-                set_lane(&mut rays.dir, i, lane(light.0, i) - origin);
+                let origin = (self.position(i) + self.normal(i) * COURSEWORK_OFFSET).as_vec3();
+                rays.set(i, origin, lane(light.0, i) - origin);
                 (rays.tfar[i], rays.leaving[i]) = (1.0, NONE);
             }
         }

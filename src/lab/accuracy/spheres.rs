@@ -1,13 +1,14 @@
 //! Cases with spheres: tiny and far, huge and near, from inside, from their surface, along their
 //! outline. The right answers are roots computed in integers.
 
+use crate::shading::lane;
 use glam::DVec3;
 use num_bigint::BigInt;
 
 use super::Built;
 use super::case::{Case, PassCriterion};
+use super::counts::{CaseCounts, Kind, ulp};
 use super::meshes::geometry;
-use super::tally::{CaseCounts, Kind, ulp};
 use crate::accel::brute::Fraction;
 use crate::accel::lane::Ray;
 use crate::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
@@ -105,13 +106,18 @@ struct Setup {
     aim: Aim,
 }
 
-fn case(name: &'static str, what: &'static str, mark: PassCriterion, setups: Vec<Setup>) -> Case {
-    Case::new(GROUP, name, what, mark, move |run| {
+fn case(
+    name: &'static str,
+    what: &'static str,
+    criterion: PassCriterion,
+    setups: Vec<Setup>,
+) -> Case {
+    Case::new(GROUP, name, what, criterion, move |run| {
         for (k, setup) in setups.iter().enumerate() {
             let geometry = geometry(vec![], vec![], vec![setup.sphere]);
             let first = (k as u64) << 40;
             run.check_packets(&geometry, PACKETS * run.settings.times, |run, built, index| {
-                shot(built, setup, &mut run.random(first + index), index)
+                trace_packet(built, setup, &mut run.random(first + index), index)
             })?;
         }
         Ok(())
@@ -119,15 +125,12 @@ fn case(name: &'static str, what: &'static str, mark: PassCriterion, setups: Vec
 }
 
 /// Traces one packet on every column and judges it by the roots in integers.
-fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<CaseCounts> {
+fn trace_packet(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<CaseCounts> {
     let mut rays = Rays::EMPTY;
     let mut truths = [(None, false); LANES];
     for i in 0..LANES {
         let (origin, direction, leaving) = (setup.aim)(random, &setup.sphere);
-        for k in 0..3 {
-            rays.org[k][i] = origin[k] as f32;
-            rays.dir[k][i] = direction[k] as f32;
-        }
+        rays.set(i, origin.as_vec3(), direction.as_vec3());
         rays.leaving[i] = if leaving { 0 } else { NONE };
         let (roots, unsure) = roots(&Ray::of(&rays, i), &setup.sphere);
         // For a ray that leaves the sphere, the root nearer to 0 is its origin.
@@ -145,12 +148,12 @@ fn shot(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<Ca
         };
     }
     let active = Mask::ALL;
-    built.counts(index % SLOW == 0, |backend, tally| {
+    built.counts(index % SLOW == 0, |backend, counts| {
         for way in backend.tested.coherences(Coherence::Incoherent) {
             let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
             let time = trace(backend.accelerator, &active, &mut packet, false, way);
-            tally.nanoseconds += time.as_nanos() as u64;
-            judge(built.geometry, setup, &packet, &truths, tally);
+            counts.nanoseconds += time.as_nanos() as u64;
+            judge(built.geometry, setup, &packet, &truths, counts);
         }
     })
 }
@@ -160,30 +163,30 @@ fn judge(
     setup: &Setup,
     packet: &RayPacket,
     truths: &[(Option<f64>, bool); LANES],
-    tally: &mut CaseCounts,
+    counts: &mut CaseCounts,
 ) {
     let hit = packet.hit(&Mask::ALL);
     let mut surfaces = Surfaces::EMPTY;
     refine(geometry, &hit, packet, &mut surfaces);
     for i in 0..LANES {
-        tally.rays += 1;
+        counts.rays += 1;
         let ray = Ray::of(&packet.rays, i);
         let (truth, unsure) = truths[i];
         let leaving = packet.rays.leaving[i] != NONE;
         match (truth, hit.0[i] != 0) {
             (None, false) => {}
-            (Some(_), false) | (None, true) if unsure => tally.within_bound += 1,
-            (Some(_), false) => tally.fail(Kind::Leak, setup.sphere.center),
-            (None, true) => tally.fail(Kind::FalseHit, setup.sphere.center),
+            (Some(_), false) | (None, true) if unsure => counts.within_bound += 1,
+            (Some(_), false) => counts.fail(Kind::Leak, setup.sphere.center),
+            (None, true) => counts.fail(Kind::FalseHit, setup.sphere.center),
             // A leaving ray is judged below: its far root is as uncertain as its origin.
             (Some(exact), true) if !leaving => {
-                tally.measure((ray.tfar - exact).abs() / ulp(exact));
+                counts.measure((ray.tfar - exact).abs() / ulp(exact));
                 let point = ray.origin + ray.direction * exact;
-                let refined = DVec3::from([0, 1, 2].map(|k| f64::from(surfaces.position[k][i])));
+                let refined = lane(&surfaces.position, i).as_dvec3();
                 let way = (ray.direction * exact).length();
                 let scale = point.abs().max_element().max(way);
                 let relative = (refined - point).abs().max_element() / scale;
-                tally.worst_relative = tally.worst_relative.max(relative);
+                counts.worst_relative = counts.worst_relative.max(relative);
             }
             (Some(exact), true) => {
                 let off = (ray.tfar - exact).abs() * ray.direction.length();
@@ -192,7 +195,7 @@ fn judge(
                 // On a chord of length l, the rounding of the origin moves the far end 2 r / l
                 // times as far.
                 if off > slack * (1.0 + 2.0 * setup.sphere.radius / flat) {
-                    tally.fail(Kind::WrongDistance, setup.sphere.center);
+                    counts.fail(Kind::WrongDistance, setup.sphere.center);
                 }
             }
         }

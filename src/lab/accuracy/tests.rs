@@ -5,9 +5,9 @@ use std::collections::HashSet;
 use glam::DVec3;
 
 use super::case::{PassCriterion, forbidden, oracle};
+use super::counts::{CaseCounts, Kind};
 use super::judge::{AimedPacket, Expect, Judge};
 use super::meshes::{corners, icosphere, inside, scene};
-use super::tally::{CaseCounts, Kind};
 use super::{AccuracySettings, Built, catalogue};
 use crate::accel::Accelerator;
 use crate::lab::backend::TestedBackend;
@@ -19,7 +19,7 @@ use crate::scene::Backend;
 use crate::simd::Isa;
 
 /// Counts of `brute` with a fault, on a sphere. If `closed`, all rays start at its centre.
-fn tally(fault: Fault, closed: bool) -> CaseCounts {
+fn counts(fault: Fault, closed: bool) -> CaseCounts {
     let geometry = scene(icosphere(2).placed(DVec3::ZERO, 1.0));
     let monitor = Monitor::default();
     let backend = TestedBackend::new("brute", Backend::Brute);
@@ -36,16 +36,16 @@ fn tally(fault: Fault, closed: bool) -> CaseCounts {
             true => Expect::Closed([f64::INFINITY; LANES]),
             false => Expect::Oracle,
         };
-        let mut shot = AimedPacket::new(expect);
+        let mut aimed = AimedPacket::new(expect);
         for i in 0..LANES {
             let goal = inside(&mut random, corners(&geometry.meshes[0], i as u32 * 3));
             let origin = if closed { DVec3::ZERO } else { random.direction() * 3.0 };
-            shot.through(i, origin, goal);
+            aimed.through(i, origin, goal);
         }
         if fault == Fault::WritesLane7 {
-            shot.rays.dir[1][7] = f32::NAN;
+            aimed.rays.dir[1][7] = f32::NAN;
         }
-        sum.add(&judge.shot(&shot, index, !closed, true)[0]);
+        sum.add(&judge.packet(&aimed, index, !closed, true)[0]);
     }
     sum
 }
@@ -53,9 +53,9 @@ fn tally(fault: Fault, closed: bool) -> CaseCounts {
 #[test]
 fn a_backend_without_fault_passes() {
     for closed in [false, true] {
-        let tally = tally(Fault::None, closed);
-        assert_eq!(tally.rays, 64 * LANES as u64);
-        assert_eq!(PassCriterion::Exact.missed(&tally), None);
+        let counts = counts(Fault::None, closed);
+        assert_eq!(counts.rays, 64 * LANES as u64);
+        assert_eq!(PassCriterion::Exact.missed(&counts), None);
     }
 }
 
@@ -69,11 +69,11 @@ fn every_fault_is_found_with_its_kind() {
         (Fault::WritesLane7, false, Kind::FalseHit),
     ];
     for (fault, closed, kind) in cases {
-        let tally = tally(fault, closed);
-        assert!(tally.failures.contains_key(&kind), "{kind:?}: {:?}", tally.failures);
-        assert!(PassCriterion::Exact.missed(&tally).is_some(), "{kind:?}");
-        assert!(PassCriterion::Zero("").missed(&tally).is_some(), "{kind:?}");
-        assert!(!tally.places.is_empty());
+        let counts = counts(fault, closed);
+        assert!(counts.failures.contains_key(&kind), "{kind:?}: {:?}", counts.failures);
+        assert!(PassCriterion::Exact.missed(&counts).is_some(), "{kind:?}");
+        assert!(PassCriterion::Zero("").missed(&counts).is_some(), "{kind:?}");
+        assert!(!counts.places.is_empty());
     }
 }
 
@@ -82,23 +82,23 @@ fn an_inaccurate_t_does_not_meet_the_exact_mark() {
     // 4, then 16 times 2^-23, relative. The error bound of a test in f32 would allow the first.
     for (ulps, says) in [(4.0, "more than 2 ulp"), (16.0, "expected at most 8")] {
         let off = 1.0 + ulps * f64::from(f32::EPSILON);
-        let tally = tally(Fault::ScalesT(off), false);
-        let missed = PassCriterion::Exact.missed(&tally).unwrap_or_default();
-        let failed = tally.failed() > 0;
+        let counts = counts(Fault::ScalesT(off), false);
+        let missed = PassCriterion::Exact.missed(&counts).unwrap_or_default();
+        let failed = counts.failed() > 0;
         assert!(missed.contains(says) || failed, "{missed}");
-        assert!(tally.beyond_2 > 0);
+        assert!(counts.beyond_2 > 0);
     }
 }
 
 #[test]
 fn marks_allow_as_many_failures_as_documented() {
-    let mut tally = CaseCounts { rays: 1_000_000, ..CaseCounts::default() };
-    assert_eq!(PassCriterion::Exact.missed(&tally), None);
+    let mut counts = CaseCounts { rays: 1_000_000, ..CaseCounts::default() };
+    assert_eq!(PassCriterion::Exact.missed(&counts), None);
     for _ in 0..3 {
-        tally.fail(Kind::Leak, DVec3::ZERO);
+        counts.fail(Kind::Leak, DVec3::ZERO);
     }
-    assert!(PassCriterion::Exact.missed(&tally).is_some());
-    assert!(PassCriterion::Exact.missed(&CaseCounts::default()).is_some(), "no rays, no mark");
+    assert!(PassCriterion::Exact.missed(&counts).is_some());
+    assert!(PassCriterion::Exact.missed(&CaseCounts::default()).is_some(), "no rays, no criterion");
     let coarse = CaseCounts { rays: 1000, measured: 1000, beyond_2: 5, ..CaseCounts::default() };
     assert!(PassCriterion::Exact.missed(&coarse).is_some());
     assert!(PassCriterion::Coarse(0.004, "why").missed(&coarse).is_some());
@@ -119,13 +119,13 @@ fn names_are_unique_and_the_catalogue_has_all_groups() {
 #[test]
 fn robust_embree_may_leak_but_not_report_false_hits_or_self_shadows() {
     let named = |name: &str| TestedBackend::parse("", name, Isa::detect()).unwrap();
-    let tally =
+    let counts =
         |kind| CaseCounts { rays: 9, failures: [(kind, 1)].into(), ..CaseCounts::default() };
     let of_embree = forbidden(named("embree").backend);
-    assert!(tally(Kind::FalseHit).has_any(of_embree).is_some_and(|why| why.contains("false hit")));
-    assert!(tally(Kind::SelfShadow).has_any(of_embree).is_some());
-    assert_eq!(tally(Kind::Leak).has_any(of_embree), None);
-    assert_eq!(tally(Kind::FalseHit).has_any(forbidden(named("embree-fast").backend)), None);
+    assert!(counts(Kind::FalseHit).has_any(of_embree).is_some_and(|why| why.contains("false hit")));
+    assert!(counts(Kind::SelfShadow).has_any(of_embree).is_some());
+    assert_eq!(counts(Kind::Leak).has_any(of_embree), None);
+    assert_eq!(counts(Kind::FalseHit).has_any(forbidden(named("embree-fast").backend)), None);
     assert!(named("brute").must_be_right() && !named("embree").must_be_right());
 }
 

@@ -5,7 +5,10 @@ use glam::DVec3;
 
 use super::case::{Amount, Case, PassCriterion};
 use super::judge::{AimedPacket, Expect};
-use super::meshes::{TestMesh, cells, corners, cube, icosphere, inside, scan, scene, spiky_ball};
+use super::meshes::{
+    TestMesh, any_triangle, cells, corners, cube, icosphere, inside, point_on, scan, scene,
+    spiky_ball,
+};
 use crate::geometry::TriangleMesh;
 use crate::lab::random::Random;
 use crate::ray::LANES;
@@ -36,18 +39,14 @@ impl Target {
         }
     }
 
-    fn point(self, random: &mut Random, [a, b, c]: [DVec3; 3]) -> DVec3 {
+    fn point(self, random: &mut Random, triangle: [DVec3; 3]) -> DVec3 {
         let which = match self {
             Self::Vertices => 0,
             Self::Edges => 1,
             Self::Faces => 2,
             Self::Any => random.below(3),
         };
-        match which {
-            0 => a,
-            1 => a.lerp(b, random.unit()),
-            _ => inside(random, [a, b, c]),
-        }
+        point_on(random, triangle, which)
     }
 }
 
@@ -68,7 +67,7 @@ fn place(shape: &TestMesh, center: DVec3, scale: f64) -> Place {
 /// through their goals at a point well inside.
 fn aim(random: &mut Random, target: Target, at: &Place) -> AimedPacket {
     let count = at.mesh.triangles().len() as u32;
-    let mut shot = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
+    let mut aimed = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
     let mut before = [f64::INFINITY; LANES];
     let outside = random.below(2) == 0;
     // Half of the packets have one origin and neighbouring goals.
@@ -83,14 +82,14 @@ fn aim(random: &mut Random, target: Target, at: &Place) -> AimedPacket {
         let triangle = if together { (start + i as u32) % count } else { random.below(count) };
         let goal = target.point(random, corners(&at.mesh, triangle));
         let origin = if outside { goal + (goal - inner) * steps } else { inner };
-        shot.through(i, origin, goal);
+        aimed.through(i, origin, goal);
         // The hit must lie before the point inside; the far side lies behind it.
         if outside {
             before[i] = 1.0 + 0.9 / steps;
         }
     }
-    shot.expect = Expect::Closed(before);
-    shot
+    aimed.expect = Expect::Closed(before);
+    aimed
 }
 
 fn closed(
@@ -107,7 +106,7 @@ fn closed(
     Case::new(GROUP, name, what, PassCriterion::Exact, move |run| {
         let at = place(&shape(), center, scale);
         let geometry = scene(place(&shape(), center, scale).mesh);
-        run.shoot(&geometry, AMOUNT, |random| aim(random, target, &at))
+        run.trace(&geometry, AMOUNT, |random| aim(random, target, &at))
     })
 }
 
@@ -119,8 +118,8 @@ fn grid_lines() -> Case {
         let n = 32;
         let mesh = cube(n).placed(DVec3::ZERO, 1.0);
         let geometry = scene(mesh);
-        run.shoot(&geometry, AMOUNT, |random| {
-            let mut shot = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
+        run.trace(&geometry, AMOUNT, |random| {
+            let mut aimed = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
             let axis = random.below(3) as usize;
             let from = [0.0, 0.5, 2.0][random.below(3) as usize] * random.sign();
             let line =
@@ -134,13 +133,13 @@ fn grid_lines() -> Case {
                 let mut direction = DVec3::ZERO;
                 let inwards = if from == 0.0 { random.sign() } else { -from.signum() };
                 direction[axis] = inwards;
-                shot.put(i, origin, direction);
-                shot.goals[i][axis] = if from.abs() > 1.0 { -inwards } else { inwards };
+                aimed.put(i, origin, direction);
+                aimed.goals[i][axis] = if from.abs() > 1.0 { -inwards } else { inwards };
             }
             // From 2, the near side is at t = 1 and the far side at t = 3.
             let before = if from.abs() > 1.0 { 2.0 } else { f64::INFINITY };
-            shot.expect = Expect::Closed([before; LANES]);
-            shot
+            aimed.expect = Expect::Closed([before; LANES]);
+            aimed
         })
     })
 }
@@ -148,21 +147,18 @@ fn grid_lines() -> Case {
 fn crossings(name: &str, shape: fn() -> TestMesh) -> Case {
     let what = "hits along lines from outside, one behind the other: as many as there are, an even \
                 number; lines that pass no edge within the error bound";
-    let mark = PassCriterion::Zero("t is held to its bound in the other rows");
-    Case::new(GROUP, format!("{name}, crossings along lines"), what, mark, move |run| {
+    let criterion = PassCriterion::Zero("t is held to its bound in the other rows");
+    Case::new(GROUP, format!("{name}, crossings along lines"), what, criterion, move |run| {
         let at = place(&shape(), DVec3::ZERO, 1.0);
         let geometry = scene(place(&shape(), DVec3::ZERO, 1.0).mesh);
         let amount = Amount { packets: 80, slow: 4, truth: 1 };
-        run.shoot(&geometry, amount, |random| {
-            let mut shot = AimedPacket::new(Expect::Crossings);
-            let count = at.mesh.triangles().len() as u32;
-            for i in 0..LANES {
-                let triangle = corners(&at.mesh, random.below(count));
+        run.trace(&geometry, amount, |random| {
+            AimedPacket::each(Expect::Crossings, |aimed, i| {
+                let triangle = any_triangle(random, &at.mesh);
                 let goal = inside(random, triangle);
                 let origin = random.direction() * random.within(2.0, 8.0);
-                shot.through(i, origin, goal);
-            }
-            shot
+                aimed.through(i, origin, goal);
+            })
         })
     })
 }

@@ -8,7 +8,7 @@ use png::{BitDepth, ColorType, Decoder, DecodingError, Info, Limits, Transformat
 
 use crate::{
     error::{Error, Kind, Problem, Result},
-    lab::metrics::linear_from_srgb,
+    shading::linear_from_srgb,
 };
 
 use super::layer::{Layer, MAX_BYTES, Meaning, fits};

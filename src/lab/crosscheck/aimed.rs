@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::source::Source;
-use crate::geometry::{Geometry, GeometryKind};
+use crate::geometry::{Box3, Geometry, GeometryKind, doubles};
 use crate::lab::random::Random;
 use crate::lab::rays::Recorded;
 use crate::ray::{LANES, Mask, Rays};
@@ -21,18 +21,15 @@ pub struct Aim<'g> {
 impl<'g> Aim<'g> {
     /// Measures the geometry. Returns `None` if it has no primitive.
     pub fn new(geometry: &'g Geometry) -> Option<Self> {
-        let bases = geometry.bases();
-        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let mut sizes = Vec::new();
-        for range in bases.windows(2) {
-            let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-            for p in (range[0]..range[1]).flat_map(|primitive| corners(geometry, primitive)) {
-                (low, high) = (low.min(p), high.max(p));
-            }
-            sizes.push((high - low).max_element() / 2.0);
-            (min, max) = (min.min(low), max.max(high));
-        }
-        let (center, half) = ((min + max) / 2.0, (max - min) / 2.0);
+        let of = |range: &[u32]| {
+            Box3::around(
+                (range[0]..range[1]).map(|primitive| Box3::of(&corners(geometry, primitive))),
+            )
+        };
+        let boxes: Vec<Box3> = geometry.bases().windows(2).map(of).collect();
+        let sizes = boxes.iter().map(|b| (b.max - b.min).max_element() / 2.0).collect();
+        let all = Box3::around(boxes);
+        let (center, half) = (all.center(), (all.max - all.min) / 2.0);
         center.is_finite().then_some(Self { geometry, center, half, sizes })
     }
 
@@ -43,10 +40,7 @@ impl<'g> Aim<'g> {
             let (origin, direction, target) = self.ray(source, random);
             let ends = [0.5, 0.999, 1.5, f64::INFINITY];
             let end = ends[random.below(4) as usize];
-            for axis in 0..3 {
-                rays.org[axis][i] = origin[axis] as f32;
-                rays.dir[axis][i] = direction[axis] as f32;
-            }
+            rays.set(i, origin.as_vec3(), direction.as_vec3());
             if shadow {
                 rays.tfar[i] = (target * end) as f32;
             }
@@ -133,10 +127,9 @@ impl<'g> Aim<'g> {
 fn corners(geometry: &Geometry, primitive: u32) -> Vec<DVec3> {
     let geom = geometry.bases().partition_point(|&base| base <= primitive) - 1;
     let prim = primitive - geometry.bases()[geom];
-    let corner = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     match geometry.kind(geom as u32) {
-        GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim).map(corner).to_vec(),
-        GeometryKind::Quads => geometry.quads[prim as usize].map(corner).to_vec(),
+        GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim).map(doubles).to_vec(),
+        GeometryKind::Quads => geometry.quads[prim as usize].map(doubles).to_vec(),
         GeometryKind::Spheres => {
             let sphere = &geometry.spheres[prim as usize];
             let axes = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];

@@ -31,7 +31,7 @@ use super::verdict::{Verdict, judge};
 use crate::accel::Visits;
 use crate::accel::brute::Brute;
 use crate::accel::coursework::Coursework;
-use crate::accel::lane::{Hit, Ray, lanes};
+use crate::accel::lane::{Ray, lanes};
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, LANES};
@@ -69,7 +69,7 @@ pub struct Check<'a> {
 /// `Interrupted` after a signal.
 pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<CrosscheckReport> {
     let plan = CheckPackets::new(check, monitor)?;
-    let primitives = u64::from(*check.world.geometry.bases().last().unwrap_or(&0));
+    let primitives = check.world.geometry.count();
     let loops = (PLAIN_LOOP_TESTS / primitives.max(1)).max(1);
     // The plain loop traces one packet in `stride`.
     let stride = (plan.packets() as u64 * LANES as u64).div_ceil(loops).max(1);
@@ -131,8 +131,8 @@ pub fn check_packet(check: &Check, case: &QueryPacket, with_loop: bool) -> Packe
             let all = coursework.plain_loop(&ray);
             part.looped += 1;
             if tree != all {
-                let answer = |hit: Option<Hit>| hit.map_or(Answer::Miss, Answer::from);
-                part.unlike_loop.push((i, answer(tree), answer(all)));
+                let [tree, all] = [tree, all].map(|hit| Answer::of_hit(hit, false));
+                part.unlike_loop.push((i, tree, all));
             }
         }
     }

@@ -15,61 +15,32 @@ use crate::lab::verdict::Verdict;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::scene::Backend;
 
-/// Number of answers by verdict.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+/// Numbers of answers by verdict.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct VerdictCounts {
     /// Number of answers that were judged.
     pub rays: u64,
-    /// Number of answers with [`Verdict::Agree`].
-    pub agree: u64,
-    /// Number of answers with [`Verdict::Tie`].
-    pub tie: u64,
-    /// Number of answers with [`Verdict::Edge`].
-    pub edge: u64,
-    /// Number of answers with [`Verdict::Crowd`].
-    pub crowd: u64,
-    /// Number of answers with [`Verdict::Leak`].
-    pub leak: u64,
-    /// Number of answers with [`Verdict::FalseHit`].
-    pub false_hit: u64,
-    /// Number of answers with [`Verdict::WrongPrimitive`].
-    pub wrong_primitive: u64,
-    /// Number of answers with [`Verdict::WrongDistance`].
-    pub wrong_distance: u64,
+    /// Number of answers of each verdict.
+    #[serde(flatten)]
+    pub of: BTreeMap<Verdict, u64>,
+}
+
+impl Default for VerdictCounts {
+    fn default() -> Self {
+        Self { rays: 0, of: Verdict::ALL.map(|verdict| (verdict, 0)).into() }
+    }
 }
 
 impl VerdictCounts {
     /// Counts the verdict on one answer.
     pub fn count(&mut self, verdict: Verdict) {
         self.rays += 1;
-        *match verdict {
-            Verdict::Agree => &mut self.agree,
-            Verdict::Tie => &mut self.tie,
-            Verdict::Edge => &mut self.edge,
-            Verdict::Crowd => &mut self.crowd,
-            Verdict::Leak => &mut self.leak,
-            Verdict::FalseHit => &mut self.false_hit,
-            Verdict::WrongPrimitive => &mut self.wrong_primitive,
-            Verdict::WrongDistance => &mut self.wrong_distance,
-        } += 1;
+        *self.of.entry(verdict).or_default() += 1;
     }
 
-    /// Adds all counts of `other`.
-    pub fn add(&mut self, other: &Self) {
-        self.rays += other.rays;
-        self.agree += other.agree;
-        self.tie += other.tie;
-        self.edge += other.edge;
-        self.crowd += other.crowd;
-        self.leak += other.leak;
-        self.false_hit += other.false_hit;
-        self.wrong_primitive += other.wrong_primitive;
-        self.wrong_distance += other.wrong_distance;
-    }
-
-    /// Number of wrong answers: [`Verdict::is_wrong`].
+    /// Number of wrong answers.
     pub fn wrong(&self) -> u64 {
-        self.leak + self.false_hit + self.wrong_primitive + self.wrong_distance
+        self.of.iter().filter(|(verdict, _)| verdict.is_wrong()).map(|(_, count)| count).sum()
     }
 }
 
@@ -101,15 +72,15 @@ impl BackendReport {
         if self.sources.last().is_none_or(|(last, _)| last != source) {
             self.sources.push((source.into(), VerdictCounts::default()));
         }
-        if let Some((_, tally)) = self.sources.last_mut() {
-            tally.count(verdict);
+        if let Some((_, counts)) = self.sources.last_mut() {
+            counts.count(verdict);
         }
     }
 
     /// Sets `allowed` from the known rates of the backend.
     fn allow(&mut self, backend: Backend) {
-        let most = |(source, tally): &(String, VerdictCounts)| {
-            known::rate(backend, source).map(|rate| known::most(rate, tally.rays).min(tally.rays))
+        let most = |(source, counts): &(String, VerdictCounts)| {
+            known::rate(backend, source).map(|rate| known::most(rate, counts.rays).min(counts.rays))
         };
         self.allowed = self.sources.iter().filter_map(most).collect();
     }
@@ -121,9 +92,9 @@ impl BackendReport {
             return (wrong > 0).then(failure).into_iter().collect();
         }
         let sources = self.sources.iter().zip(&self.allowed);
-        let above = sources.filter(|((_, tally), most)| tally.wrong() > **most);
-        let failure = |((source, tally), most): (&(String, VerdictCounts), &u64)| {
-            let (wrong, rays) = (tally.wrong(), tally.rays);
+        let above = sources.filter(|((_, counts), most)| counts.wrong() > **most);
+        let failure = |((source, counts), most): (&(String, VerdictCounts), &u64)| {
+            let (wrong, rays) = (counts.wrong(), counts.rays);
             format!(
                 "`{name}` gives wrong answers to {wrong} of {rays} {source} rays, more than the known {most}"
             )
@@ -216,10 +187,7 @@ impl Finding {
                 return Err(format!("found lane {i}, expected 0 to {}", LANES - 1));
             }
             active.0[i] = -1;
-            for axis in 0..3 {
-                rays.org[axis][i] = ray.origin[axis];
-                rays.dir[axis][i] = ray.direction[axis];
-            }
+            rays.set(i, ray.origin.into(), ray.direction.into());
             rays.tnear[i] = ray.tnear;
             rays.tfar[i] = ray.tfar.unwrap_or(f32::INFINITY);
             rays.leaving[i] = ray.leaving.unwrap_or(NONE);
@@ -300,7 +268,7 @@ impl CrosscheckReport {
         Self {
             seed: check.seed,
             rays: 0,
-            primitives: u64::from(*check.world.geometry.bases().last().unwrap_or(&0)),
+            primitives: check.world.geometry.count(),
             backends: backends.collect(),
             tree: None,
             plain_loop: check.coursework.map(|_| PlainLoop::default()),

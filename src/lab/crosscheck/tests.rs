@@ -68,8 +68,11 @@ fn report_on(backend: Backend, fault: Fault) -> CrosscheckReport {
 fn a_backend_without_fault_passes() {
     let report = report(Fault::None);
     assert_eq!(report.failures(), Vec::<String>::new());
-    let total = report.backends[1].total;
-    assert_eq!((total.rays, total.rays), (total.agree, 2 * report.backends[0].total.rays));
+    let total = &report.backends[1].total;
+    assert_eq!(
+        (total.rays, total.rays),
+        (total.of[&Verdict::Agree], 2 * report.backends[0].total.rays)
+    );
     assert_eq!(report.pictures[0].same, 32 * 24);
     // Every source of rays that the scene has.
     let sources: Vec<&str> = report.backends[0].sources.iter().map(|(s, _)| s.as_str()).collect();
@@ -91,6 +94,7 @@ fn a_backend_without_fault_passes() {
 
 #[test]
 fn every_fault_is_found_with_its_verdict() {
+    use Verdict::{FalseHit, Leak, WrongDistance, WrongPrimitive};
     let wrong = |fault| {
         let report = report(fault);
         assert_eq!(
@@ -102,18 +106,18 @@ fn every_fault_is_found_with_its_verdict() {
         report
     };
     let leaky = wrong(Fault::Misses(0, 0));
-    let t = leaky.backends[1].total;
-    assert!(t.leak > 100 && t.false_hit + t.wrong_distance == 0, "{t:?}");
+    let t = leaky.backends[1].total.of.clone();
+    assert!(t[&Leak] > 100 && t[&FalseHit] + t[&WrongDistance] == 0, "{t:?}");
     // The picture has a hole, and wrong rays explain it.
     let picture = &leaky.pictures[0];
     assert!(picture.wrong[1] > 10 && picture.wrong[0] == 0 && picture.unexplained == 0);
     assert!(picture.failure().is_some());
-    let t = wrong(Fault::HitsNothing).backends[1].total;
-    assert!(t.false_hit > 100 && t.leak + t.wrong_distance + t.wrong_primitive == 0, "{t:?}");
-    let t = wrong(Fault::OtherPrimitive).backends[1].total;
-    assert!(t.wrong_primitive > 100 && t.leak + t.false_hit == 0, "{t:?}");
-    let t = wrong(Fault::ScalesT(1.0 + 1e-3)).backends[1].total;
-    assert!(t.wrong_distance > 100 && t.leak + t.wrong_primitive == 0, "{t:?}");
+    let t = wrong(Fault::HitsNothing).backends.remove(1).total.of;
+    assert!(t[&FalseHit] > 100 && t[&Leak] + t[&WrongDistance] + t[&WrongPrimitive] == 0, "{t:?}");
+    let t = wrong(Fault::OtherPrimitive).backends.remove(1).total.of;
+    assert!(t[&WrongPrimitive] > 100 && t[&Leak] + t[&FalseHit] == 0, "{t:?}");
+    let t = wrong(Fault::ScalesT(1.0 + 1e-3)).backends.remove(1).total.of;
+    assert!(t[&WrongDistance] > 100 && t[&Leak] + t[&WrongPrimitive] == 0, "{t:?}");
 }
 
 #[test]
@@ -200,10 +204,10 @@ fn a_ray_through_a_crowd_is_not_judged() {
 #[test]
 fn the_error_bound_of_t_is_tight() {
     // An error of one or two roundings passes. An error of a hundred fails.
-    let t = report(Fault::ScalesT(1.0 + 1.2e-7)).backends[1].total;
+    let t = report(Fault::ScalesT(1.0 + 1.2e-7)).backends.remove(1).total;
     assert_eq!(t.wrong(), 0, "{t:?}");
-    let t = report(Fault::ScalesT(1.0 + 1e-5)).backends[1].total;
-    assert!(t.wrong_distance > t.rays / 10, "{t:?}");
+    let t = report(Fault::ScalesT(1.0 + 1e-5)).backends.remove(1).total;
+    assert!(t.of[&Verdict::WrongDistance] > t.rays / 10, "{t:?}");
 }
 
 #[test]

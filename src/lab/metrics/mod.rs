@@ -15,78 +15,45 @@ mod ssim;
 pub use errors::Errors;
 pub use ssim::ssim;
 
-/// A measure of how far a picture is from a reference.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Metric {
-    /// Mean squared error over all values.
-    Mse,
-    /// Root of the mean squared error.
-    Rmse,
-    /// Mean absolute error over all values.
-    Mae,
-    /// Relative squared error with epsilon outside the square (relMSE).
-    Relmse,
-    /// Relative squared error with epsilon inside the square (MRSE).
-    Mrse,
-    /// Symmetric mean absolute error (SMAPE).
-    Smape,
-    /// Mean signed difference; > 0 where the picture is brighter.
-    Bias,
-    /// Largest absolute difference of a value.
-    Max,
-    /// 99th percentile of the absolute differences.
-    P99,
-    /// Share of values that are not equal.
-    Differ,
-    /// Peak signal-to-noise ratio of the 8-bit pictures.
-    Psnr,
-    /// Structural similarity of the 8-bit pictures.
-    Ssim,
-    /// LDR-FLIP of the 8-bit pictures.
-    Flip,
-    /// HDR-FLIP of linear light, over several exposures.
-    HdrFlip,
+use crate::lab::named::named;
+use crate::shading::linear_from_srgb;
+
+named! {
+    /// A measure of how far a picture is from a reference.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Metric {
+        /// Mean squared error over all values.
+        Mse = "mse",
+        /// Root of the mean squared error.
+        Rmse = "rmse",
+        /// Mean absolute error over all values.
+        Mae = "mae",
+        /// Relative squared error with epsilon outside the square (relMSE).
+        Relmse = "relmse",
+        /// Relative squared error with epsilon inside the square (MRSE).
+        Mrse = "mrse",
+        /// Symmetric mean absolute error (SMAPE).
+        Smape = "smape",
+        /// Mean signed difference; > 0 where the picture is brighter.
+        Bias = "bias",
+        /// Largest absolute difference of a value.
+        Max = "max",
+        /// 99th percentile of the absolute differences.
+        P99 = "p99",
+        /// Share of values that are not equal.
+        Differ = "differ",
+        /// Peak signal-to-noise ratio of the 8-bit pictures.
+        Psnr = "psnr",
+        /// Structural similarity of the 8-bit pictures.
+        Ssim = "ssim",
+        /// LDR-FLIP of the 8-bit pictures.
+        Flip = "flip",
+        /// HDR-FLIP of linear light, over several exposures.
+        HdrFlip = "hdrflip",
+    }
 }
 
 impl Metric {
-    /// All metrics, in the order of tables.
-    pub const ALL: [Self; 14] = [
-        Self::Mse,
-        Self::Rmse,
-        Self::Mae,
-        Self::Relmse,
-        Self::Mrse,
-        Self::Smape,
-        Self::Bias,
-        Self::Max,
-        Self::P99,
-        Self::Differ,
-        Self::Psnr,
-        Self::Ssim,
-        Self::Flip,
-        Self::HdrFlip,
-    ];
-
-    /// Name of the metric in flags and JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Mse => "mse",
-            Self::Rmse => "rmse",
-            Self::Mae => "mae",
-            Self::Relmse => "relmse",
-            Self::Mrse => "mrse",
-            Self::Smape => "smape",
-            Self::Bias => "bias",
-            Self::Max => "max",
-            Self::P99 => "p99",
-            Self::Differ => "differ",
-            Self::Psnr => "psnr",
-            Self::Ssim => "ssim",
-            Self::Flip => "flip",
-            Self::HdrFlip => "hdrflip",
-        }
-    }
-
     /// Formula of the metric, with x, r and d as in the module's documentation.
     pub fn formula(self) -> &'static str {
         match self {
@@ -152,16 +119,9 @@ impl Values {
 
     /// Errors of data such as depths and normals, without the relative errors of light.
     pub fn of_data(test: &[f32], reference: &[f32]) -> Self {
-        let e = Errors::of(test, reference);
-        Self(vec![
-            (Metric::Mse, e.mse),
-            (Metric::Rmse, e.mse.sqrt()),
-            (Metric::Mae, e.mae),
-            (Metric::Bias, e.bias),
-            (Metric::Max, e.max),
-            (Metric::P99, e.p99),
-            (Metric::Differ, e.differ),
-        ])
+        let mut errors = Self::of_light(test, reference);
+        errors.0.retain(|(m, _)| !matches!(m, Metric::Relmse | Metric::Mrse | Metric::Smape));
+        errors
     }
 
     /// Errors of linear light.
@@ -198,11 +158,6 @@ impl Values {
         values.push((Metric::Flip, mean(&map)));
         (Self(values), map)
     }
-}
-
-/// Converts an sRGB value in [0, 1] to linear light (IEC 61966-2-1).
-pub fn linear_from_srgb(x: f64) -> f64 {
-    if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 /// The mean of `values`; 0 if there are none.

@@ -15,59 +15,36 @@ use self::layers::layers;
 use super::answer::Answer;
 use crate::accel::brute::{Brute, Near, near_primitive};
 use crate::accel::lane::Ray;
+use crate::lab::named::named;
 
-/// Result of comparing an answer with the oracle's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// The same primitive at the same t, within the backend's own error. Or both miss, or both are
-    /// occluded.
-    Agree,
-    /// A different primitive at the same t, within the errors. The ray hits both within the error
-    /// bound.
-    Tie,
-    /// A different depth: the ray passes an outline within the error bound.
-    Edge,
-    /// Not judged: more than a thousand primitives lie within the error bound, because the ray
-    /// comes from far away.
-    Crowd,
-    /// The answer misses a surface, and no error within the bound explains it.
-    Leak,
-    /// A hit of a primitive that the ray passes by more than the error bound.
-    FalseHit,
-    /// The right t, but on a primitive that the ray passes by more than the error bound.
-    WrongPrimitive,
-    /// The right primitive at a wrong t.
-    WrongDistance,
+named! {
+    /// Result of comparing an answer with the oracle's.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Verdict {
+        /// The same primitive at the same t, within the backend's own error. Or both miss, or both
+        /// are occluded.
+        Agree = "agree",
+        /// A different primitive at the same t, within the errors. The ray hits both within the
+        /// error bound.
+        Tie = "tie",
+        /// A different depth: the ray passes an outline within the error bound.
+        Edge = "edge",
+        /// Not judged: more than a thousand primitives lie within the error bound, because the ray
+        /// comes from far away.
+        Crowd = "crowd",
+        /// The answer misses a surface, and no error within the bound explains it.
+        Leak = "leak",
+        /// A hit of a primitive that the ray passes by more than the error bound.
+        FalseHit = "false hit",
+        /// The right t, but on a primitive that the ray passes by more than the error bound.
+        WrongPrimitive = "wrong primitive",
+        /// The right primitive at a wrong t.
+        WrongDistance = "wrong distance",
+    }
 }
 
 impl Verdict {
-    /// All verdicts, in the order of reports.
-    pub const ALL: [Self; 8] = [
-        Self::Agree,
-        Self::Tie,
-        Self::Edge,
-        Self::Crowd,
-        Self::Leak,
-        Self::FalseHit,
-        Self::WrongPrimitive,
-        Self::WrongDistance,
-    ];
-
-    /// Name of the verdict in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Agree => "agree",
-            Self::Tie => "tie",
-            Self::Edge => "edge",
-            Self::Crowd => "crowd",
-            Self::Leak => "leak",
-            Self::FalseHit => "false hit",
-            Self::WrongPrimitive => "wrong primitive",
-            Self::WrongDistance => "wrong distance",
-        }
-    }
-
     /// Returns whether the answer is wrong: no error within the bound explains it.
     pub fn is_wrong(self) -> bool {
         self >= Self::Leak

@@ -14,6 +14,7 @@ use self::binary::Leaf;
 use self::block::MakeBlock;
 use super::Bounds3;
 use super::node::{Block, Child, SphereLeaf};
+use crate::accel::over_limit;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
@@ -39,11 +40,7 @@ pub fn build(
     monitor: &Monitor,
 ) -> Result<(Tree, u64)> {
     let within = |bytes: u64| match max_bytes {
-        Some(limit) if bytes > limit => {
-            let message =
-                format!("the accelerator would hold more than the {limit} bytes left to it");
-            Err(Error::new(Kind::Limit, Problem::new("--max-memory", message)))
-        }
+        Some(limit) if bytes > limit => Err(over_limit(limit)),
         _ => Ok(bytes),
     };
     within((reference::count(geometry) * size_of::<reference::Reference>()) as u64)?;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
 use crate::error::Result;
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, quad_halves};
 use crate::reserve;
 
 const SECOND_HALF: u32 = 1 << 31;
@@ -51,8 +51,8 @@ impl Reference {
             return Some(mesh.corners(prim));
         }
         (geom == geometry.quads_id()).then(|| {
-            let [v0, v1, v2, v3] = geometry.quads[prim as usize];
-            if self.is_second_half() { [v2, v3, v1] } else { [v0, v1, v3] }
+            let [first, second] = quad_halves(geometry.quads[prim as usize]);
+            if self.is_second_half() { second } else { first }
         })
     }
 }
@@ -75,8 +75,8 @@ pub fn references(geometry: &Geometry) -> Result<Vec<Reference>> {
             Reference::new(Bounds3::from_points(&mesh.corners(prim)), geom as u32, prim, false)
         }));
     }
-    for (prim, &[v0, v1, v2, v3]) in geometry.quads.iter().enumerate() {
-        for (half, corners) in [[v0, v1, v3], [v2, v3, v1]].iter().enumerate() {
+    for (prim, &quad) in geometry.quads.iter().enumerate() {
+        for (half, corners) in quad_halves(quad).iter().enumerate() {
             let (geom, prim) = (geometry.quads_id(), prim as u32);
             references.push(Reference::new(Bounds3::from_points(corners), geom, prim, half == 1));
         }

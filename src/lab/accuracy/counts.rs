@@ -5,68 +5,41 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::lab::named::named;
 use crate::lab::verdict::Verdict;
 
 /// Largest number of failures whose places are kept for the pictures.
 const PLACES: usize = 400;
 
-/// Kind of a wrong answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// The ray passed through a surface.
-    Leak,
-    /// A hit of a primitive that the ray passes by more than the error bound.
-    FalseHit,
-    /// The right t, but on a primitive that the ray passes by more than the error bound.
-    WrongPrimitive,
-    /// The right primitive at a wrong t, or a vertex or point at a wrong place.
-    WrongDistance,
-    /// A tie that did not go to the lowest primitive.
-    Tie,
-    /// A line crosses a closed mesh an odd number of times, or misses a crossing.
-    Crossings,
-    /// A surface shadows itself although nothing lies in the way.
-    SelfShadow,
-    /// Light passes through an occluder.
-    LightLeak,
-    /// A pixel of the picture differs.
-    Pixel,
-    /// Packets with impossible rays take too long.
-    Slow,
+named! {
+    /// Kind of a wrong answer.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Kind {
+        /// The ray passed through a surface.
+        Leak = "leak",
+        /// A hit of a primitive that the ray passes by more than the error bound.
+        FalseHit = "false hit",
+        /// The right t, but on a primitive that the ray passes by more than the error bound.
+        WrongPrimitive = "wrong primitive",
+        /// The right primitive at a wrong t, or a vertex or point at a wrong place.
+        WrongDistance = "wrong distance",
+        /// A tie that did not go to the lowest primitive.
+        Tie = "not the lowest primitive",
+        /// A line crosses a closed mesh an odd number of times, or misses a crossing.
+        Crossings = "odd or missing crossing",
+        /// A surface shadows itself although nothing lies in the way.
+        SelfShadow = "self-shadow",
+        /// Light passes through an occluder.
+        LightLeak = "light leak",
+        /// A pixel of the picture differs.
+        Pixel = "pixel differs",
+        /// Packets with impossible rays take too long.
+        Slow = "slow",
+    }
 }
 
 impl Kind {
-    /// All kinds, in the order of reports.
-    pub const ALL: [Self; 10] = [
-        Self::Leak,
-        Self::FalseHit,
-        Self::WrongPrimitive,
-        Self::WrongDistance,
-        Self::Tie,
-        Self::Crossings,
-        Self::SelfShadow,
-        Self::LightLeak,
-        Self::Pixel,
-        Self::Slow,
-    ];
-
-    /// Name of the kind in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Leak => "leak",
-            Self::FalseHit => "false hit",
-            Self::WrongPrimitive => "wrong primitive",
-            Self::WrongDistance => "wrong distance",
-            Self::Tie => "not the lowest primitive",
-            Self::Crossings => "odd or missing crossing",
-            Self::SelfShadow => "self-shadow",
-            Self::LightLeak => "light leak",
-            Self::Pixel => "pixel differs",
-            Self::Slow => "slow",
-        }
-    }
-
     /// Colour of the dots in pictures: R, G, B.
     pub fn color(self) -> [u8; 3] {
         match self {

@@ -1,0 +1,55 @@
+//! Axis-aligned boxes in f64.
+
+use glam::DVec3;
+
+/// An axis-aligned box between two corners.
+#[derive(Debug, Clone, Copy)]
+pub struct Box3 {
+    /// Corner of the smallest coordinates.
+    pub min: DVec3,
+    /// Corner of the largest coordinates.
+    pub max: DVec3,
+}
+
+impl Box3 {
+    /// The box without points, neutral for [`Self::union`].
+    pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
+
+    /// Returns the smallest box around points.
+    pub fn of(points: &[DVec3]) -> Self {
+        points.iter().fold(Self::EMPTY, |b, &p| b.union(Self { min: p, max: p }))
+    }
+
+    /// Returns the box around a sphere.
+    pub fn of_sphere(center: DVec3, radius: f64) -> Self {
+        Self { min: center - radius, max: center + radius }
+    }
+
+    /// Returns the smallest box around both boxes.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// Returns the smallest box around all boxes.
+    pub fn around(boxes: impl IntoIterator<Item = Self>) -> Self {
+        boxes.into_iter().fold(Self::EMPTY, Self::union)
+    }
+
+    /// Middle of the box.
+    pub fn center(&self) -> DVec3 {
+        (self.min + self.max) / 2.0
+    }
+}
+
+/// Returns whether a ray is in all three slabs of a box at once, at a t between `near` and `far`.
+///
+/// It crosses the planes of each axis at these two t, in any order. NaN bounds nothing.
+#[inline(always)]
+pub fn slabs_meet(first: DVec3, second: DVec3, [mut near, mut far]: [f64; 2]) -> bool {
+    for (a, b) in first.to_array().into_iter().zip(second.to_array()) {
+        near = near.max(a.min(b));
+        far = far.min(a.max(b));
+    }
+    near <= far
+}
