@@ -117,7 +117,7 @@ pub enum Wrap {
 }
 
 /// Encoding of stored colour values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ColorSpace {
     /// values are encoded as sRGB

@@ -20,6 +20,8 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::sampler;
+
 /// A lightpath scene. Vectors are [x, y, z] in world units, right-handed; colours are linear RGB
 /// and may exceed 1; angles are degrees.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -42,7 +44,7 @@ pub struct Description {
     pub seed: i64,
     /// Sampler that chooses the sample points.
     #[serde(default)]
-    pub sampler: Sampler,
+    pub sampler: sampler::Kind,
     /// The camera that takes the picture.
     pub camera: Camera,
     /// Lights, shapes and materials.
@@ -53,17 +55,6 @@ pub struct Description {
     /// Contents of the output files.
     #[serde(default)]
     pub output: Output,
-}
-
-/// Sampler that chooses the points on pixels, the lens and area lights.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Sampler {
-    /// Owen-scrambled Sobol points: stratified
-    #[default]
-    Sobol,
-    /// uniform and independent points, as in the coursework: the baseline
-    Random,
 }
 
 /// The camera. It has exactly one of `lookat` and `target`.
@@ -128,7 +119,7 @@ pub struct Contents {
     pub ambient: Color,
     /// How light falls off with distance.
     #[serde(default)]
-    pub attenuation: Attenuation,
+    pub attenuation: Falloff,
     /// Backend that finds the hits; `--backend` overrides it.
     #[serde(default)]
     pub accelerator: Accelerator,
@@ -145,7 +136,8 @@ pub struct Contents {
 /// Divisor of a light's contribution at distance d.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Attenuation {
+#[schemars(rename = "Attenuation")]
+pub enum Falloff {
     /// divide by 1: no falloff
     None,
     /// divide by d, as the coursework does
@@ -175,7 +167,7 @@ pub enum Accelerator {
 #[serde(default)]
 pub struct Tonemap {
     /// Tone curve that is applied.
-    pub operator: Operator,
+    pub operator: ToneOperator,
     /// Exposure in stops: x * 2^exposure. Applied after the division of `max`, and before the other
     /// operators.
     #[schemars(range(min = -100.0, max = 100.0))]
@@ -187,7 +179,8 @@ pub struct Tonemap {
 /// Tone curve of the PNG.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Operator {
+#[schemars(rename = "Operator")]
+pub enum ToneOperator {
     /// divide by the largest channel value of the whole frame
     #[default]
     Max,
