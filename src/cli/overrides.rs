@@ -32,10 +32,8 @@ fn scene_overrides(args: &SceneArgs) -> Overrides {
     all.flag("--exposure", "/tonemap/exposure", args.exposure.map(number));
     all.flag("--tonemap", "/tonemap/operator", args.tonemap.map(|operator| json!(operator)));
     all.flag("--backend", "/scene/accelerator", args.backend.map(|backend| json!(backend)));
-    let transparent = args.transparent.then_some(true);
-    all.flag("--transparent", "/output/transparent", transparent);
-    let shadows = args.adaptive_shadows.then_some(true);
-    all.flag("--adaptive-shadows", "/adaptiveshadows", shadows);
+    all.flag("--transparent", "/output/transparent", args.transparent.then_some(true));
+    all.flag("--adaptive-shadows", "/adaptiveshadows", args.adaptive_shadows.then_some(true));
     all.flag("--aov", "/output/layers", args.aov.clone());
     all.flag("--crypto-ranks", "/output/cryptoranks", args.crypto_ranks);
     add_sets(&mut all, &args.set);
@@ -44,19 +42,13 @@ fn scene_overrides(args: &SceneArgs) -> Overrides {
 
 /// Adds the overrides of `--size`.
 pub fn add_size(all: &mut Overrides, size: Option<[u32; 2]>) {
-    let [width, height] = match size {
-        Some([w, h]) => [Some(w), Some(h)],
-        None => [None; 2],
-    };
-    all.flag("--size", "/camera/width", width);
-    all.flag("--size", "/camera/height", height);
+    all.flag("--size", "/camera/width", size.map(|[width, _]| width));
+    all.flag("--size", "/camera/height", size.map(|[_, height]| height));
 }
 
 /// Adds the overrides of `--set`.
 pub fn add_sets(all: &mut Overrides, sets: &[String]) {
-    for set in sets {
-        all.set(set);
-    }
+    sets.iter().for_each(|set| all.set(set));
 }
 
 /// Converts a number to JSON. A number that JSON cannot hold (NaN) becomes a string, so that the

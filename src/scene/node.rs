@@ -79,6 +79,14 @@ impl Node {
         }
     }
 
+    /// Returns the string that the node holds.
+    pub fn text(&self) -> Option<&str> {
+        match &self.kind {
+            NodeKind::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+
     /// Follows one unescaped step of a JSON pointer.
     pub(super) fn step(&self, token: &str) -> Option<&Node> {
         match &self.kind {

@@ -81,19 +81,15 @@ pub struct Camera {
     /// Position in world units.
     pub position: Point,
     /// The view DIRECTION, not a point; of any length.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub lookat: Option<Direction>,
     /// A point to look at, other than `position`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<Point>,
     /// Up direction, of any length, not parallel to the view.
     pub up: Direction,
     /// `thinlens` only: diameter of the lens in world units; 0 is the same as `pinhole`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e18))]
     pub aperture: Option<f64>,
     /// `thinlens` only: distance of the plane in focus, along the view direction, in world units.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
     pub focaldistance: Option<f64>,
 }
@@ -112,10 +108,10 @@ pub enum CameraType {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Contents {
     /// Radiance of every ray that misses, including reflected rays.
-    #[serde(default = "black")]
+    #[serde(default)]
     pub backgroundcolor: Color,
     /// Ambient light. A material's `ka` multiplies it.
-    #[serde(default = "black")]
+    #[serde(default)]
     pub ambient: Color,
     /// How light falls off with distance.
     #[serde(default)]
@@ -226,8 +222,4 @@ impl Default for Output {
 
 fn one_u32() -> u32 {
     1
-}
-
-fn black() -> Color {
-    Color([0.0; 3])
 }
