@@ -136,9 +136,7 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
             ShapeKind::Plane { .. } => sum.primitives += 2,
         }
     }
-    if !problems.is_empty() {
-        return Err(Error { kind: Kind::Invalid, problems });
-    }
+    Error::check(Kind::Invalid, problems)?;
     textures(scene, &mut sum);
     Ok(sum.with_peak())
 }

@@ -6,7 +6,7 @@ use std::{path::PathBuf, sync::Arc, time::Instant};
 use clap::{Args, ValueHint};
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Result},
     merge::Parts,
     monitor::{Monitor, Phase},
     output::{Outputs, WriteOptions, exr},
@@ -116,12 +116,5 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let seconds = start.elapsed().as_secs_f64();
     args.messages.note(&format!("{} parts merged in {seconds:.2} s", args.parts.len()));
     print::paths(&paths)?;
-    match &oddities.first_non_finite {
-        Some(spot) if args.files.strict => {
-            let count = oddities.non_finite;
-            let message = format!("{count} pixels are NaN or infinite, the first {spot}");
-            Err(Error::new(Kind::Check, Problem::new("--strict", message)))
-        }
-        _ => Ok(()),
-    }
+    args.files.check(&oddities)
 }

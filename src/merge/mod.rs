@@ -66,26 +66,20 @@ impl Parts {
         let Some(first) = open.first() else {
             return Err(Error::invalid("", "found no parts to merge"));
         };
-        let problems: Vec<Problem> =
-            open[1..].iter().filter_map(|other| first.difference(other)).collect();
-        if !problems.is_empty() {
-            return Err(Error { kind: Kind::Invalid, problems });
-        }
+        let differences = open[1..].iter().filter_map(|other| first.difference(other));
+        Error::check(Kind::Invalid, differences.collect())?;
         let part = first.part.clone();
         let pieces = open
             .iter()
             .map(|o| CoveredRegion { window: o.reader.window, samples: o.part.samples() });
         let faults = cover::faults(&pieces.collect::<Vec<_>>(), part.whole(), part.of);
-        if !faults.is_empty() {
-            let named =
-                faults.iter().take(MAX_NAMED_FAULTS).map(|fault| describe(fault, &open, &part));
-            let mut problems: Vec<Problem> = named.collect();
-            if faults.len() > MAX_NAMED_FAULTS {
-                let message = format!("and {} more", faults.len() - MAX_NAMED_FAULTS);
-                problems.push(Problem::new("parts", message));
-            }
-            return Err(Error { kind: Kind::Invalid, problems });
+        let named = faults.iter().take(MAX_NAMED_FAULTS).map(|fault| describe(fault, &open, &part));
+        let mut problems: Vec<Problem> = named.collect();
+        if faults.len() > MAX_NAMED_FAULTS {
+            let message = format!("and {} more", faults.len() - MAX_NAMED_FAULTS);
+            problems.push(Problem::new("parts", message));
         }
+        Error::check(Kind::Invalid, problems)?;
         Ok(Self { open, part })
     }
 

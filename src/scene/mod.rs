@@ -121,11 +121,7 @@ pub fn from_description(
 pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<T> {
     let mut problems = problems::Problems::new(document);
     structure::check(&schema_of::<T>(""), &mut problems);
-    let (problems, _) = problems.finish();
-    if !problems.is_empty() {
-        let kind = Kind::Invalid;
-        return Err(Error { kind, problems });
-    }
+    Error::check(Kind::Invalid, problems.finish().0)?;
     serde_json::from_value(document.root.to_value())
         .map_err(|e| Error::invalid(&document.name, e.to_string()))
 }
@@ -166,11 +162,7 @@ fn read(path: &Path) -> Result<Vec<u8>> {
         _ => {
             let missing = error.kind() == std::io::ErrorKind::NotFound;
             let near = check::near_file(path).filter(|_| missing);
-            let failed = Error::io(path, "read", &error);
-            match near {
-                Some(near) => failed.help(near),
-                None => failed,
-            }
+            Error::io(path, "read", &error).maybe_help(near)
         }
     };
     let mut bytes = Vec::new();

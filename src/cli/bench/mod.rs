@@ -211,8 +211,5 @@ fn check_answers(report: &BenchReport, settings: &BenchSettings) -> Result<()> {
             }
         }
     }
-    match problems.is_empty() {
-        true => Ok(()),
-        false => Err(Error { kind: Kind::Check, problems }),
-    }
+    Error::check(Kind::Check, problems)
 }

@@ -13,7 +13,7 @@ use crate::{
         Accelerator, BuildOptions, Visits, brute::Brute, bvh::Bvh, coursework::Coursework,
         lane::Ray,
     },
-    error::{Error, Kind, Problem, Result, printable},
+    error::{Error, Kind, Result, printable},
     lab::{
         answer::Answer,
         backend::{BuiltBackend, TestedBackend},
@@ -27,6 +27,7 @@ use crate::{
 };
 
 use super::{
+    failed,
     load::{self, SceneRequest},
     names::ProgressMode,
     outputs::OutputFlags,
@@ -209,17 +210,7 @@ fn check(
     } else {
         print::text(&text::report(&report))?;
     }
-    failed(report.failures())
-}
-
-/// Returns an error (exit code 1) that lists all failures, if there are any.
-fn failed(failures: Vec<String>) -> Result<()> {
-    let problems: Vec<Problem> =
-        failures.into_iter().map(|failure| Problem::new("crosscheck", failure)).collect();
-    if problems.is_empty() {
-        return Ok(());
-    }
-    Err(Error { kind: Kind::Check, problems })
+    failed("crosscheck", report.failures())
 }
 
 /// A finding that was traced again.
@@ -288,12 +279,8 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     }
     let still = results.iter().filter(|r| r.verdict.is_wrong() && r.finding.fails()).count();
     let all = results.len();
-    failed(
-        (still > 0)
-            .then(|| format!("{still} of {all} answers are still wrong"))
-            .into_iter()
-            .collect(),
-    )
+    let failure = (still > 0).then(|| format!("{still} of {all} answers are still wrong"));
+    failed("crosscheck", failure)
 }
 
 fn read(file: &Path) -> Result<Saved> {

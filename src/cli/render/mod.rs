@@ -14,7 +14,7 @@ use serde_json::json;
 
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
-    error::{Error, Kind, Problem, Result},
+    error::{Problem, Result},
     film::{Film, ReservedFilm},
     layers::LayerPlan,
     memory::{self, Budget},
@@ -90,14 +90,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     };
     let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
     report(&args.report, &stats, &paths)?;
-    match &oddities.first_non_finite {
-        Some(spot) if args.files.prefix.strict => {
-            let message =
-                format!("{} pixels are NaN or infinite, the first {spot}", oddities.non_finite);
-            Err(Error::new(Kind::Check, Problem::new("--strict", message)))
-        }
-        _ => Ok(()),
-    }
+    args.files.prefix.check(&oddities)
 }
 
 /// State shared by the stages of a render.

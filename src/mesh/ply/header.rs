@@ -318,9 +318,6 @@ fn not_a_ply(bytes: &[u8], name: &str) -> Error {
         (b"<", "it looks like HTML or XML, perhaps a failed download"),
         (b"{", "it looks like JSON"),
     ];
-    let error = Error::invalid(name, "is not a PLY file: its first line is not 'ply'");
-    match known.iter().find(|(start, _)| bytes.starts_with(start)) {
-        Some((_, help)) => error.help(*help),
-        None => error,
-    }
+    let help = known.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, help)| *help);
+    Error::invalid(name, "is not a PLY file: its first line is not 'ply'").maybe_help(help)
 }
