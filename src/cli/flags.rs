@@ -278,7 +278,10 @@ impl PrefixArgs {
     pub fn check(&self, values: &ValueCounts) -> Result<()> {
         let problem = values.first_non_finite.as_ref().filter(|_| self.strict).map(|spot| {
             let count = values.non_finite;
-            Problem::new("--strict", format!("{count} pixels are NaN or infinite, the first {spot}"))
+            Problem::new(
+                "--strict",
+                format!("{count} pixels are NaN or infinite, the first {spot}"),
+            )
         });
         Error::check(Kind::Check, problem.into_iter().collect())
     }

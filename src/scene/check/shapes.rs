@@ -32,11 +32,9 @@ impl Check<'_, '_> {
 
     fn shape_kind(&mut self, pointer: &str, shape: &description::Shape) -> ShapeKind {
         match shape {
-            description::Shape::Sphere(s) => ShapeKind::Sphere {
-                center: s.center.vec(),
-                radius: s.radius,
-                pole: s.pole as u8,
-            },
+            description::Shape::Sphere(s) => {
+                ShapeKind::Sphere { center: s.center.vec(), radius: s.radius, pole: s.pole as u8 }
+            }
             description::Shape::Plane(s) => {
                 let corners = [s.v0.vec(), s.v1.vec(), s.v2.vec(), s.v3.vec()];
                 self.quad(pointer, &corners);
