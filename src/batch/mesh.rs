@@ -176,7 +176,6 @@ impl Run<'_> {
         drop(turn);
         let written = counts.map(|counts| {
             let says = PictureHeader {
-                plan: &plan,
                 more: &[],
                 info: &built.info,
                 scene_hash: frame.hash.as_deref(),

@@ -16,7 +16,6 @@ use crate::{
     accel::{self, BuildInfo, BuildOptions},
     error::{Problem, Result},
     film::{Film, ReservedFilm},
-    layers::LayerPlan,
     memory::{self, Budget},
     mesh::Mesh,
     monitor::Monitor,
@@ -205,8 +204,7 @@ impl Run<'_> {
             render: rendered - built,
             ..Seconds::default()
         };
-        let (paths, oddities) =
-            self.write(files, film, plan, &info, hash.as_deref(), &mut stats)?;
+        let (paths, oddities) = self.write(files, film, &info, hash.as_deref(), &mut stats)?;
         Ok((stats, paths, oddities))
     }
 
@@ -234,7 +232,6 @@ impl Run<'_> {
         &self,
         files: Files,
         film: &Film,
-        plan: &LayerPlan,
         info: &BuildInfo,
         hash: Option<&str>,
         stats: &mut Stats,
@@ -246,7 +243,6 @@ impl Run<'_> {
         more.extend(options.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
         let spp = sampling::spp(options.adaptive.as_ref(), scene);
         let says = PictureHeader {
-            plan,
             more: &more,
             info,
             scene_hash: hash,
