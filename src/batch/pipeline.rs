@@ -8,7 +8,7 @@ use std::{
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
     sync::{
-        Mutex, MutexGuard, PoisonError,
+        Mutex, PoisonError,
         atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed},
     },
 };
@@ -25,7 +25,7 @@ use crate::{
     render::RayCounts,
     reserve::MemoryLimit,
     scene::Backend,
-    threads,
+    threads::{self, lock},
     world::Read,
 };
 
@@ -144,10 +144,6 @@ pub fn together(count: usize, work: impl Fn() + Sync) {
         }
         work();
     });
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Number of frames to render at a time: one if a frame keeps all threads busy, more if frames are

@@ -12,14 +12,14 @@ use std::{
     fs::{File, OpenOptions},
     io::Write,
     path::{Path, PathBuf},
-    sync::{Mutex, PoisonError},
+    sync::Mutex,
 };
 
 use tempfile::NamedTempFile;
 
 use crate::{
     error::{Error, Kind, Problem, Result},
-    paths,
+    paths, threads,
 };
 
 /// File name ending of incomplete files.
@@ -52,14 +52,14 @@ struct Live(PathBuf);
 
 impl Live {
     fn new(path: &Path) -> Self {
-        LIVE.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_owned());
+        threads::lock(&LIVE).push(path.to_owned());
         Self(path.to_owned())
     }
 }
 
 impl Drop for Live {
     fn drop(&mut self) {
-        let mut live = LIVE.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut live = threads::lock(&LIVE);
         if let Some(at) = live.iter().position(|path| *path == self.0) {
             live.swap_remove(at);
         }
@@ -167,7 +167,7 @@ impl Sweep {
     /// Removes part files of `target` that existed when its folder was listed, if their writers
     /// have died. Files that another process is writing stay. Returns the number removed.
     pub fn target(&self, target: &Path) -> usize {
-        let mut folders = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut folders = threads::lock(&self.0);
         let folder = folder_of(target);
         let parts = folders.entry(folder.to_owned()).or_insert_with(|| parts_in(folder));
         let parts = target.file_name().and_then(|name| parts.remove(name)).unwrap_or_default();

@@ -21,7 +21,7 @@ use crate::{
     monitor::Monitor,
     output::{ValueCounts, atomic::Part},
     picture::{self, PictureHeader},
-    render::{self as renderer, SampleCounts},
+    render as renderer,
     world::{Contents, LoadOptions, World, fingerprint},
 };
 
@@ -38,7 +38,7 @@ use super::{
 use self::{
     args::{RenderArgs, ReportArgs},
     options::RenderOptions,
-    stats::{Memory, Rays, Samples, Seconds, Stats},
+    stats::{Memory, Rays, Seconds, Stats},
 };
 
 /// Flags that name output files.
@@ -196,8 +196,7 @@ impl Run<'_> {
             reflection: counts.reflection,
             false_hits: accelerator.false_hits(),
         };
-        stats.samples =
-            taken.map(|SampleCounts { least, most, mean }| Samples { least, most, mean });
+        stats.samples = taken;
         stats.seconds = Seconds {
             load: loaded,
             build: built - loaded,
