@@ -29,7 +29,7 @@ pub use self::bounds::Bounds;
 pub use self::fingerprint::{Contents, fingerprint};
 pub use self::origin::Origin;
 pub use self::place::placement;
-pub use self::resolution::{Resolution, ulp};
+pub use self::resolution::{Detail, Resolution, ulp};
 pub use self::sources::{Read, mesh_sources, own_texture, sources};
 pub use self::textures::several_textures_warning;
 

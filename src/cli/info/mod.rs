@@ -27,14 +27,14 @@ use crate::{
     scene::{Backend, Overrides},
     studio::{self, Points, Subject, Template},
     units,
-    world::{Bounds, Resolution, ulp},
+    world::{Bounds, Detail},
 };
 
 use super::print;
 
 use self::{
     args::InfoArgs,
-    facts::{Extent, Facts},
+    facts::{Facts, resolution_line},
 };
 
 /// Describes every file, then reports all errors.
@@ -160,10 +160,9 @@ fn resolution(mesh: &mesh::Mesh, bounds: Bounds, facts: &mut Facts) {
     let origin = bounds.origin();
     let exact = |i: u32| mesh.positions.get(i as usize);
     let rounded = |p: glam::DVec3| (p - origin).as_vec3().to_array();
-    let (edge, collapsed) = Resolution::edges(&mesh.triangles, 1.0, exact, rounded);
     let farthest = (bounds.min - origin).abs().max((bounds.max - origin).abs()).max_element();
-    let one = Extent { ulp: ulp(farthest), edge, collapsed };
-    facts.add("resolution", one.json(), one.line(" around its middle"));
+    let one = Detail::new(farthest, &mesh.triangles, 1.0, exact, rounded);
+    facts.add("resolution", json!(one), resolution_line(&one, " around its middle"));
 }
 
 /// Predicts the memory of a render in the built-in studio from the header alone.
