@@ -8,7 +8,7 @@ use crate::{
     mesh::Mesh,
     monitor::Monitor,
     paths::seen_from,
-    scene::{Description, Loaded, Overrides, Source, written},
+    scene::{Loaded, Overrides, Source},
     studio::{self, MeshScene, Subject, Template},
     world::{own_texture, sources},
 };
@@ -112,23 +112,9 @@ fn load_mesh(request: SceneRequest) -> Result<Job> {
 /// A path that is not UTF-8.
 pub fn saved(job: &Job, target: &Path) -> Result<String> {
     let to = target.parent().unwrap_or(Path::new(""));
-    let mut description: Description = job.loaded.description.clone();
-    let move_path = |path: &mut String| -> Result<()> {
-        *path = seen_from(&job.folder.join(&*path), to)?;
-        Ok(())
-    };
-    let material = |material: &mut written::Material| match &mut material.texture_path {
-        Some(path) => move_path(&mut path.0),
-        None => Ok(()),
-    };
-    description.scene.materials.values_mut().try_for_each(material)?;
-    for shape in &mut description.scene.shapes {
-        if let written::Shape::TriMesh(mesh) = shape {
-            move_path(&mut mesh.path.0)?;
-        }
-        if let written::MaterialUse::Inline(inline) = shape.material_mut() {
-            material(inline)?;
-        }
+    let mut description = job.loaded.description.clone();
+    for path in description.paths_mut() {
+        path.0 = seen_from(&job.folder.join(&path.0), to)?;
     }
     Ok(description.to_text())
 }

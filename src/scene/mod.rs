@@ -37,6 +37,7 @@ pub use layers::{Layer, LightGroups};
 pub use nearest::{did_you_mean, list, nearest};
 pub use node::{Member, Node, NodeKind, Place};
 pub use schema::{schema, schema_of};
+pub use write::hexadecimal;
 
 /// The types of the format as written, for scenes made by code.
 pub mod written {
@@ -47,7 +48,6 @@ use std::{fs::File, io::Read, path::Path};
 
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
-use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Kind, Problem, Result};
 
@@ -136,16 +136,10 @@ fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -
     errors.extend(bad_overrides);
     match checked {
         Some((description, scene)) if errors.is_empty() => {
-            Ok(Loaded { scene, hash: hash(&description), description, warnings })
+            Ok(Loaded { scene, hash: description.hash(), description, warnings })
         }
         _ => Err(Error { kind: Kind::Invalid, problems: errors }),
     }
-}
-
-fn hash(description: &Description) -> String {
-    let canonical = description.to_json().to_string();
-    let digest = Sha256::digest(canonical.as_bytes());
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// File name extensions of mesh formats that cannot be read.

@@ -57,6 +57,22 @@ pub struct Description {
     pub output: Output,
 }
 
+impl Description {
+    /// Returns mutable references to the paths of all textures and meshes.
+    pub fn paths_mut(&mut self) -> Vec<&mut Name> {
+        let Contents { materials, shapes, .. } = &mut self.scene;
+        let mut paths: Vec<_> =
+            materials.values_mut().filter_map(|material| material.texture_path.as_mut()).collect();
+        for (path, material) in shapes.iter_mut().map(Shape::parts_mut) {
+            paths.extend(path);
+            if let MaterialUse::Inline(material) = material {
+                paths.extend(&mut material.texture_path);
+            }
+        }
+        paths
+    }
+}
+
 /// The camera. It has exactly one of `lookat` and `target`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(extend(

@@ -30,13 +30,13 @@ impl Shape {
         }
     }
 
-    /// Returns a mutable reference to the material of the shape.
-    pub fn material_mut(&mut self) -> &mut MaterialUse {
+    /// Returns mutable references to the path of the mesh, if it is one, and to the material.
+    pub fn parts_mut(&mut self) -> (Option<&mut Name>, &mut MaterialUse) {
         match self {
-            Self::Sphere(s) => &mut s.material,
-            Self::Plane(s) => &mut s.material,
-            Self::Triangle(s) => &mut s.material,
-            Self::TriMesh(s) => &mut s.material,
+            Self::Sphere(s) => (None, &mut s.material),
+            Self::Plane(s) => (None, &mut s.material),
+            Self::Triangle(s) => (None, &mut s.material),
+            Self::TriMesh(s) => (Some(&mut s.path), &mut s.material),
         }
     }
 }
