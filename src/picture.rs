@@ -110,7 +110,7 @@ impl Manifest {
     /// # Errors
     /// `Retry` if the disk is full.
     pub fn write((mut file, text): (Part, String), outputs: &mut Outputs) -> Result<PathBuf> {
-        file.fill(&(text + "\n"))?;
+        file.fill((text + "\n").as_bytes())?;
         Ok(outputs.add(file))
     }
 }

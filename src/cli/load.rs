@@ -10,7 +10,7 @@ use crate::{
     paths::seen_from,
     scene::{Loaded, Overrides, Source},
     studio::{self, MeshScene, Subject, Template},
-    world::{own_texture, sources},
+    world::{LoadOptions, World, own_texture, sources},
 };
 
 /// A checked scene, ready to be rendered.
@@ -32,6 +32,20 @@ impl Job {
         let own = self.ready.iter().filter_map(|(path, mesh)| own_texture(path, mesh));
         let named = sources(&self.loaded.scene).into_iter().chain(own);
         [input.to_owned()].into_iter().chain(named).collect()
+    }
+
+    /// Loads the world. `note` prints the warnings of the scene and of its files.
+    ///
+    /// # Errors
+    /// As for [`World::load`].
+    pub fn world(&mut self, monitor: &Monitor, note: impl Fn(&str)) -> Result<World> {
+        let ready = std::mem::take(&mut self.ready);
+        let options = LoadOptions { ready, ..LoadOptions::default() };
+        let (world, more) = World::load(&self.loaded.scene, options, monitor)?;
+        for warning in self.warnings.iter().chain(&more) {
+            note(&format!("warning: {warning}"));
+        }
+        Ok(world)
     }
 }
 

@@ -124,8 +124,8 @@ impl Part {
     ///
     /// # Errors
     /// `Retry` if the disk is full or fails.
-    pub fn fill(&mut self, text: &str) -> Result<()> {
-        let written = self.file().write_all(text.as_bytes());
+    pub fn fill(&mut self, bytes: &[u8]) -> Result<()> {
+        let written = self.file().write_all(bytes);
         written.map_err(|error| Error::io(&self.target, "write", &error))?;
         self.sync()
     }
@@ -263,7 +263,7 @@ impl TextFile {
     pub fn finish(self, text: &str) -> Result<PathBuf> {
         match self {
             Self::Part(mut part) => {
-                part.fill(text)?;
+                part.fill(text.as_bytes())?;
                 part.commit()
             }
             Self::Device(path, mut file) => {

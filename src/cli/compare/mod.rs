@@ -5,7 +5,7 @@ pub mod args;
 pub mod page;
 mod text;
 
-use std::{io::Write, path::PathBuf};
+use std::path::PathBuf;
 
 use crate::{
     error::{Error, Failures, Result},
@@ -170,8 +170,6 @@ fn check_outputs(args: &CompareArgs) -> Result<()> {
 
 /// Writes the error map of a layer to its file and returns the path.
 fn write_error_map(mut part: Part, layer: &Compared) -> Result<PathBuf> {
-    let wrote = part.file().write_all(&page::error_map(layer));
-    wrote.map_err(|error| Error::io(part.target(), "write", &error))?;
-    part.sync()?;
+    part.fill(&page::error_map(layer))?;
     part.commit()
 }

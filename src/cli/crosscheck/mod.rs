@@ -175,13 +175,7 @@ fn check(
     signals::watch(monitor)?;
     let progress = Progress::start(ProgressMode::Auto, render_progress::meter(monitor));
     let mut outputs = outputs.create()?;
-    let ready = std::mem::take(&mut job.ready);
-    let scene = &job.loaded.scene;
-    let (world, warnings) =
-        World::load(scene, LoadOptions { ready, ..LoadOptions::default() }, monitor)?;
-    for warning in job.warnings.iter().chain(&warnings) {
-        progress.message(&format!("warning: {warning}"));
-    }
+    let world = job.world(monitor, |text| progress.message(text))?;
     let built = Built::new(&world, backends, isa, monitor)?;
     let built_backends = built.built_backends();
     let check = Check {
@@ -190,7 +184,7 @@ fn check(
         built_backends: &built_backends,
         coursework: built.coursework.as_ref(),
         rays: args.rays,
-        seed: scene.seed,
+        seed: job.loaded.scene.seed,
     };
     let mut report = check_rays(&check, monitor)?;
     report.tree = built.bvh.as_ref().map(|bvh| Tree::from(bvh.validate()));

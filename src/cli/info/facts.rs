@@ -38,6 +38,13 @@ impl Facts {
         }
     }
 
+    /// Adds a number of things. The text leaves out zeros.
+    pub fn add_count(&mut self, key: &str, count: u64, what: &str) {
+        let line =
+            if count == 0 { String::new() } else { format!("{} {what}", units::count(count)) };
+        self.add(key, count.into(), line);
+    }
+
     /// Takes the lines collected so far, preceded by the file's name the first time.
     pub fn begin(&mut self, path: &Path) -> String {
         let lines = std::mem::take(&mut self.lines);
