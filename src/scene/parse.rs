@@ -133,7 +133,7 @@ impl Parser<'_> {
         let kind = match self.peek() {
             Some(b'{') => self.nested(Self::object)?,
             Some(b'[') => self.nested(Self::list)?,
-            Some(b'"') => NodeKind::Text(self.string()?),
+            Some(b'"') => NodeKind::String(self.string()?),
             Some(b'-' | b'0'..=b'9') => NodeKind::Number(self.number()?),
             _ => self.word()?,
         };

@@ -54,7 +54,7 @@ impl<'a> Walk<'a, '_> {
                 self.object(schema, node, members, pointer)
             }
             (Some("array"), NodeKind::List(items)) => self.list(schema, node, items, pointer),
-            (Some("string"), NodeKind::Text(text)) => {
+            (Some("string"), NodeKind::String(text)) => {
                 if text.is_empty() && schema["minLength"] == 1 {
                     let message = "found \"\", expected a string that is not empty";
                     self.problems.error(pointer, message, None);
@@ -217,7 +217,7 @@ fn is_type(schema: &Value, node: &Node) -> bool {
         NodeKind::Null => "null",
         NodeKind::Bool(_) => "boolean",
         NodeKind::Number(_) => "number",
-        NodeKind::Text(_) => "string",
+        NodeKind::String(_) => "string",
         NodeKind::List(_) => "array",
         NodeKind::Object(_) => "object",
     };

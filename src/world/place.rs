@@ -120,7 +120,7 @@ impl PlacedMesh {
     ///
     /// Every f64 file is a suspect. An f32 file is one if the f32 grid at the mesh's largest
     /// coordinate relative to `origin` is more than two bits coarser than in the file.
-    pub fn doubt(&self, origin: DVec3) -> Option<CollapseSuspect> {
+    pub fn collapse_suspect(&self, origin: DVec3) -> Option<CollapseSuspect> {
         let Trimesh { place, path, center, .. } = &self.spec;
         let scale = self.linear.x_axis.length();
         // The largest coordinate in the file, in world units: relative to where the zero of the

@@ -133,8 +133,8 @@ fn ratios(scene: &SceneResult, threads: usize, other: usize) -> String {
         Some(Ratio { label: row.label(), value: r.value, interval, wrong: wrong(entry) })
     });
     let title = format!("{name} against {first}, {}", count(threads));
-    let unit = format!("how many times as fast as {first}");
-    Ratios { title, unit, rows: rows.collect() }.svg()
+    let subtitle = format!("how many times as fast as {first}");
+    Ratios { title, subtitle, rows: rows.collect() }.svg()
 }
 
 fn names(scene: &SceneResult) -> Vec<String> {
@@ -248,7 +248,8 @@ fn baseline(since: &BaselineComparison) -> Option<Section> {
             wrong: None,
         });
         let title = format!("{scene}, {}", count(threads));
-        Ratios { title, unit: "how many times as fast as then".into(), rows: rows.collect() }.svg()
+        let subtitle = "how many times as fast as then".into();
+        Ratios { title, subtitle, rows: rows.collect() }.svg()
     });
     let charts: Vec<String> = charts.collect();
     (!charts.is_empty()).then(|| Section {
