@@ -58,7 +58,7 @@ pub(super) trait Row {
         if count < 0.0 { Err(Fault::NegativeCount(count)) } else { Ok(count as u64) }
     }
 
-    /// Skips a property.
+    /// Skips the value or the list of one property.
     #[inline]
     fn skip_property(&mut self, shape: PropertyType) -> RowResult<()> {
         match shape {
