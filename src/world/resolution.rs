@@ -33,8 +33,8 @@ pub struct Detail {
 
 impl Detail {
     /// Measures the edges of `triangles`, in parallel. `farthest` is the largest coordinate.
-    /// `exact` is a vertex in a space whose lengths are `1 / scale` of the world's; `rounded` is the
-    /// same vertex in f32.
+    /// `exact` is a vertex in a space whose lengths are `1 / scale` of the world's; `rounded` is
+    /// the same vertex in f32.
     pub fn new(
         farthest: f64,
         triangles: &[[u32; 3]],
