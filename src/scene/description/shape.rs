@@ -159,6 +159,7 @@ pub struct Crease {
     pub angle: f64,
     /// Maximum angle of a smooth edge between flat parts. It applies at a vertex where its creases
     /// form at most three parts, and all faces of each part lie within 5 degrees. Default: `angle`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
     pub flat: Option<f64>,
 }
